@@ -1,0 +1,1 @@
+//! The pegfit command line as a library.

@@ -1,0 +1,2 @@
+//! The `pegfit` command.
+fn main() {}

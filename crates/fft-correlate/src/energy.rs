@@ -1,0 +1,34 @@
+//! What the haptic loop and every scorer ask: the energy and wrench at a pose.
+
+use crate::{Pose, Wrench};
+
+/// Energy, its negative gradient, and how far the pose is covered by the source.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Response {
+    /// `E = -gamma Re f`, joules (eq_6).
+    pub energy: f64,
+    /// Force and torque on the moving part, about its origin, fixed frame (eq_9a, eq_9b).
+    pub wrench: Wrench,
+    /// 1 inside the source's domain, falling smoothly to 0 outside, where the energy has gone to
+    /// the source's far value and the wrench to zero. 0 ..= 1.
+    pub coverage: f64,
+}
+
+/// Working memory of one thread for one source; made once, reused for every evaluation.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Single-precision work space; its layout belongs to the source that made it.
+    pub f32s: Vec<f32>,
+}
+
+/// Anything that gives energy and wrench at a pose: a table, a direct evaluator, a sum of several.
+///
+/// The wrench is minus the gradient of the energy under [`Pose::perturbed`]. `evaluate` allocates
+/// nothing, takes no lock, and returns finite numbers for every valid pose.
+pub trait EnergySource: Send + Sync {
+    /// Working memory for [`EnergySource::evaluate`], one per thread.
+    fn scratch(&self) -> Scratch;
+
+    /// Energy, wrench and coverage at `pose`.
+    fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response;
+}

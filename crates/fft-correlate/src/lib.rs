@@ -1,0 +1,14 @@
+//! Scores, energies and wrenches of a rigid pair over SE(3), by FFT correlation and by direct
+//! quadrature, and tables that interpolate them.
+//!
+//! Formulas, signs, FFT normalization and quaternion order are fixed in `docs/conventions.md`.
+
+pub mod energy;
+pub mod model;
+pub mod pair;
+pub mod se3;
+
+pub use energy::{EnergySource, Response, Scratch};
+pub use model::{ModelError, ScoreModel};
+pub use pair::Pair;
+pub use se3::{Pose, Twist, Wrench};

@@ -1,0 +1,1 @@
+//! 1 kHz haptic rendering of an assembly energy.

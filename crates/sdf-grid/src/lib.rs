@@ -1,0 +1,18 @@
+//! Complex skeletal density and signed distance of triangle meshes on a lattice.
+//!
+//! The crate name keeps the paper's abbreviation (skeletal density function); in the code the two
+//! quantities are always called [`density`] and `signed_distance`.
+//!
+//! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
+
+pub mod density;
+pub mod kernel;
+pub mod lattice;
+pub mod mesh;
+pub mod monitor;
+
+pub use density::{DensityError, DensityField, DensityOptions, Sampling};
+pub use kernel::DensityKernel;
+pub use lattice::{Lattice, LatticeError};
+pub use mesh::{Aabb, HygieneReport, MeshError, TriangleMesh};
+pub use monitor::{Monitor, Silent};

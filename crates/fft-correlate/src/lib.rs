@@ -10,5 +10,5 @@ pub mod se3;
 
 pub use energy::{EnergySource, Response, Scratch};
 pub use model::{ModelError, ScoreModel};
-pub use pair::Pair;
+pub use pair::{Pair, PairError};
 pub use se3::{Pose, Twist, Wrench};

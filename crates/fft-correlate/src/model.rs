@@ -57,11 +57,34 @@ impl ScoreModel {
     pub fn validate(&self) -> Result<(), ModelError> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let check = |name, expected, found, ok: bool| {
-            if ok { Ok(()) } else { Err(ModelError { name, expected, found }) }
+            if ok {
+                Ok(())
+            } else {
+                Err(ModelError {
+                    name,
+                    expected,
+                    found,
+                })
+            }
         };
-        check("sigma", "in 0.03..=0.5", self.sigma, (0.03..=0.5).contains(&self.sigma))?;
-        check("lambda_exterior", "> 0", self.lambda_exterior, positive(self.lambda_exterior))?;
-        check("lambda_interior", "> 0", self.lambda_interior, positive(self.lambda_interior))?;
+        check(
+            "sigma",
+            "in 0.03..=0.5",
+            self.sigma,
+            (0.03..=0.5).contains(&self.sigma),
+        )?;
+        check(
+            "lambda_exterior",
+            "> 0",
+            self.lambda_exterior,
+            positive(self.lambda_exterior),
+        )?;
+        check(
+            "lambda_interior",
+            "> 0",
+            self.lambda_interior,
+            positive(self.lambda_interior),
+        )?;
         let w = self.separation_weight;
         check("separation_weight", "in 0..=1", w, (0.0..=1.0).contains(&w))?;
         check("gamma", "> 0", self.gamma, positive(self.gamma))

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use sdf_grid::DensityField;
 
-use crate::ScoreModel;
+use crate::{ModelError, Pose, ScoreModel};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///
@@ -15,13 +15,137 @@ use crate::ScoreModel;
 /// an interior factor and the integral runs over the two solids only.
 #[derive(Debug, Clone)]
 pub struct Pair {
+    fixed: Arc<DensityField>,
+    moving: Arc<DensityField>,
+    model: ScoreModel,
+    pivot: DVec3,
+}
+
+/// Why two fields do not make a pair.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PairError {
+    /// A model parameter is out of range.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The two fields, or a field and the model, disagree on a number they must share.
+    #[error("{name} must be the same for both parts and the model: {expected} and {found}")]
+    Mismatch {
+        /// What differs.
+        name: &'static str,
+        /// Its value for the fixed part or the model.
+        expected: f64,
+        /// Its value for the moving part.
+        found: f64,
+    },
+    /// The pivot is not finite.
+    #[error("pivot must be finite, found {found}")]
+    Pivot {
+        /// What was given, metres.
+        found: DVec3,
+    },
+}
+
+impl Pair {
+    /// Joins two fields. `pivot` is the point of the moving part (metres, its frame) whose
+    /// displacement the translation lattices of correlators and tables count: choose the middle of
+    /// the moving part, so that a rotation about it moves the part least.
+    ///
+    /// # Errors
+    /// If the model is out of range, the fields differ in spacing, sigma or sampling, or the
+    /// pivot is not finite.
+    pub fn new(
+        fixed: Arc<DensityField>,
+        moving: Arc<DensityField>,
+        model: ScoreModel,
+        pivot: DVec3,
+    ) -> Result<Self, PairError> {
+        model.validate()?;
+        let same = |name, expected: f64, found: f64| {
+            if (expected - found).abs() <= 1e-12 * expected.abs() {
+                Ok(())
+            } else {
+                Err(PairError::Mismatch {
+                    name,
+                    expected,
+                    found,
+                })
+            }
+        };
+        same(
+            "lattice spacing",
+            fixed.lattice.spacing(),
+            moving.lattice.spacing(),
+        )?;
+        same("sigma", model.sigma, fixed.sigma)?;
+        same("sigma", model.sigma, moving.sigma)?;
+        same(
+            "sampling",
+            fixed.sampling as u8 as f64,
+            moving.sampling as u8 as f64,
+        )?;
+        if !pivot.is_finite() {
+            return Err(PairError::Pivot { found: pivot });
+        }
+        Ok(Self {
+            fixed,
+            moving,
+            model,
+            pivot,
+        })
+    }
+
     /// Density of the fixed part in its own frame.
-    pub fixed: Arc<DensityField>,
+    pub fn fixed(&self) -> &DensityField {
+        &self.fixed
+    }
+
     /// Density of the moving part in its own frame.
-    pub moving: Arc<DensityField>,
+    pub fn moving(&self) -> &DensityField {
+        &self.moving
+    }
+
     /// Weights and scale.
-    pub model: ScoreModel,
-    /// The point of the moving part, metres in its frame, whose displacement the translation
-    /// lattices of correlators and tables count: a rotation about it moves the part least.
-    pub pivot: DVec3,
+    pub fn model(&self) -> &ScoreModel {
+        &self.model
+    }
+
+    /// The same pair with another energy scale (eq_6's gamma, joules per cubic metre).
+    ///
+    /// # Errors
+    /// If gamma is not positive and finite.
+    pub fn with_gamma(&self, gamma: f64) -> Result<Self, PairError> {
+        let model = ScoreModel {
+            gamma,
+            ..self.model
+        };
+        model.validate()?;
+        Ok(Self {
+            model,
+            ..self.clone()
+        })
+    }
+
+    /// The moving part's pivot, metres in its own frame.
+    pub fn pivot(&self) -> DVec3 {
+        self.pivot
+    }
+
+    /// The lattice spacing both fields share, metres.
+    pub fn spacing(&self) -> f64 {
+        self.fixed.lattice.spacing()
+    }
+
+    /// The pose with this rotation whose pivot is displaced by `displacement` metres (fixed frame)
+    /// from where the identity pose has it: `t = pivot + displacement - R pivot`.
+    pub fn pose(&self, rotation: DQuat, displacement: DVec3) -> Pose {
+        Pose {
+            rotation,
+            translation: self.pivot + displacement - rotation * self.pivot,
+        }
+    }
+
+    /// The pivot's displacement at `pose`, metres in the fixed frame; undoes [`Pair::pose`].
+    pub fn displacement(&self, pose: &Pose) -> DVec3 {
+        pose.apply(self.pivot) - self.pivot
+    }
 }

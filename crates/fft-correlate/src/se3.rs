@@ -41,16 +41,25 @@ impl Default for Pose {
 
 impl Pose {
     /// The assembled pose of parts modelled in place.
-    pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+    pub const IDENTITY: Self = Self {
+        rotation: DQuat::IDENTITY,
+        translation: DVec3::ZERO,
+    };
 
     /// A pose from its two parts; the quaternion is normalized.
     pub fn new(rotation: DQuat, translation: DVec3) -> Self {
-        Self { rotation: rotation.normalize(), translation }
+        Self {
+            rotation: rotation.normalize(),
+            translation,
+        }
     }
 
     /// A pure translation, metres.
     pub fn from_translation(translation: DVec3) -> Self {
-        Self { rotation: DQuat::IDENTITY, translation }
+        Self {
+            rotation: DQuat::IDENTITY,
+            translation,
+        }
     }
 
     /// Maps a point of the moving part into the fixed frame.
@@ -62,7 +71,10 @@ impl Pose {
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
-        Self { rotation, translation: -(rotation * self.translation) }
+        Self {
+            rotation,
+            translation: -(rotation * self.translation),
+        }
     }
 
     /// This motion after `twist`, both about the moving part's origin in the fixed frame: the
@@ -82,7 +94,10 @@ impl Pose {
         if q.w < 0.0 {
             q = -q;
         }
-        Twist { angular: q.to_scaled_axis(), linear: other.translation - self.translation }
+        Twist {
+            angular: q.to_scaled_axis(),
+            linear: other.translation - self.translation,
+        }
     }
 
     /// Angle of the rotation between two poses, radians, 0..=pi.
@@ -111,12 +126,18 @@ impl Mul for Pose {
 
 impl Wrench {
     /// No torque, no force.
-    pub const ZERO: Self = Self { torque: DVec3::ZERO, force: DVec3::ZERO };
+    pub const ZERO: Self = Self {
+        torque: DVec3::ZERO,
+        force: DVec3::ZERO,
+    };
 
     /// The same load with the torque taken about a point `offset` metres from the present one.
     #[must_use]
     pub fn about(&self, offset: DVec3) -> Self {
-        Self { torque: self.torque - offset.cross(self.force), force: self.force }
+        Self {
+            torque: self.torque - offset.cross(self.force),
+            force: self.force,
+        }
     }
 
     /// Power, watts, against a velocity twist (or work, joules, against a small twist).
@@ -135,7 +156,10 @@ macro_rules! linear {
         impl Add for $t {
             type Output = Self;
             fn add(self, rhs: Self) -> Self {
-                Self { $a: self.$a + rhs.$a, $b: self.$b + rhs.$b }
+                Self {
+                    $a: self.$a + rhs.$a,
+                    $b: self.$b + rhs.$b,
+                }
             }
         }
         impl AddAssign for $t {
@@ -146,19 +170,28 @@ macro_rules! linear {
         impl Sub for $t {
             type Output = Self;
             fn sub(self, rhs: Self) -> Self {
-                Self { $a: self.$a - rhs.$a, $b: self.$b - rhs.$b }
+                Self {
+                    $a: self.$a - rhs.$a,
+                    $b: self.$b - rhs.$b,
+                }
             }
         }
         impl Neg for $t {
             type Output = Self;
             fn neg(self) -> Self {
-                Self { $a: -self.$a, $b: -self.$b }
+                Self {
+                    $a: -self.$a,
+                    $b: -self.$b,
+                }
             }
         }
         impl Mul<f64> for $t {
             type Output = Self;
             fn mul(self, rhs: f64) -> Self {
-                Self { $a: self.$a * rhs, $b: self.$b * rhs }
+                Self {
+                    $a: self.$a * rhs,
+                    $b: self.$b * rhs,
+                }
             }
         }
     };

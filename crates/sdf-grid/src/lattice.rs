@@ -60,9 +60,11 @@ impl Lattice {
         }
         let nodes = shape.iter().try_fold(1u64, |n, &s| n.checked_mul(s as u64));
         match nodes {
-            Some(n) if n > 0 && n <= Self::MAX_NODES => {
-                Ok(Self { origin: origin.to_array(), spacing, shape })
-            }
+            Some(n) if n > 0 && n <= Self::MAX_NODES => Ok(Self {
+                origin: origin.to_array(),
+                spacing,
+                shape,
+            }),
             _ => Err(LatticeError::Size {
                 shape: shape.map(|s| s as f64),
                 limit: Self::MAX_NODES,
@@ -90,9 +92,16 @@ impl Lattice {
         let last = (hi / spacing - 1e-9).ceil();
         let cells = (last - first).max(DVec3::ONE);
         if cells.x * cells.y * cells.z > Self::MAX_NODES as f64 {
-            return Err(LatticeError::Size { shape: cells.to_array(), limit: Self::MAX_NODES });
+            return Err(LatticeError::Size {
+                shape: cells.to_array(),
+                limit: Self::MAX_NODES,
+            });
         }
-        Self::new((first + 0.5) * spacing, spacing, cells.to_array().map(|c| c as usize))
+        Self::new(
+            (first + 0.5) * spacing,
+            spacing,
+            cells.to_array().map(|c| c as usize),
+        )
     }
 
     /// Position of node `[0, 0, 0]`, metres.
@@ -144,6 +153,9 @@ impl Lattice {
     /// The box of node positions (half a cell smaller on each side than the cells), metres.
     pub fn node_bounds(&self) -> Aabb {
         let last = UVec3::from_array(self.shape.map(|s| s as u32)).as_dvec3() - 1.0;
-        Aabb { min: self.origin(), max: self.origin() + self.spacing * last }
+        Aabb {
+            min: self.origin(),
+            max: self.origin() + self.spacing * last,
+        }
     }
 }

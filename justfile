@@ -1,0 +1,14 @@
+# One command for contributors: `just` runs what continuous integration runs.
+default: check
+
+# Formatting, lints with warnings denied, all tests.
+check:
+    .ci/run
+
+# The pictures and tables of the paper's three examples, in ./out.
+demo:
+    cargo run --release -- demo --out out
+
+# The public documentation, warnings denied.
+doc:
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps

@@ -6,13 +6,21 @@
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
 pub mod density;
+pub mod hygiene;
 pub mod kernel;
 pub mod lattice;
 pub mod mesh;
+pub mod mesh_error;
+pub mod mesh_io;
 pub mod monitor;
+mod polygon;
+pub mod shapes;
 
 pub use density::{DensityError, DensityField, DensityOptions, Sampling};
+pub use hygiene::{HygieneOptions, HygieneReport};
 pub use kernel::DensityKernel;
 pub use lattice::{Lattice, LatticeError};
-pub use mesh::{Aabb, HygieneReport, MeshError, TriangleMesh};
+pub use mesh::{Aabb, TriangleMesh};
+pub use mesh_error::MeshError;
+pub use mesh_io::LengthUnit;
 pub use monitor::{Monitor, Silent};

@@ -1,9 +1,13 @@
-//! Validated closed oriented triangle meshes and the hygiene that makes them.
+//! Triangle meshes that have passed hygiene, and boxes around them.
 
 use glam::{DQuat, DVec3};
+use serde::Serialize;
+
+use crate::hygiene::{self, HygieneOptions, HygieneReport};
+use crate::mesh_error::MeshError;
 
 /// An axis-aligned box, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Aabb {
     /// Lowest corner.
     pub min: DVec3,
@@ -11,61 +15,219 @@ pub struct Aabb {
     pub max: DVec3,
 }
 
+impl Aabb {
+    /// The box that holds nothing: the neutral element of [`Aabb::union`].
+    pub const EMPTY: Self = Self {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+
+    /// The smallest box around `points`; [`Aabb::EMPTY`] if there are none.
+    pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |b, p| Self {
+            min: b.min.min(p),
+            max: b.max.max(p),
+        })
+    }
+
+    /// Edge lengths, metres; negative infinity for the empty box.
+    pub fn size(&self) -> DVec3 {
+        self.max - self.min
+    }
+
+    /// Length of the space diagonal, metres; 0 for the empty box.
+    pub fn diagonal(&self) -> f64 {
+        if self.min.cmple(self.max).all() {
+            self.size().length()
+        } else {
+            0.0
+        }
+    }
+
+    /// Midpoint, metres.
+    pub fn center(&self) -> DVec3 {
+        0.5 * (self.min + self.max)
+    }
+
+    /// The smallest box around both boxes.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// The box moved outwards by `margin` metres on every side.
+    #[must_use]
+    pub fn grown(&self, margin: f64) -> Self {
+        Self {
+            min: self.min - margin,
+            max: self.max + margin,
+        }
+    }
+
+    /// True if `point` lies inside or on the box.
+    pub fn contains(&self, point: DVec3) -> bool {
+        self.min.cmple(point).all() && point.cmple(self.max).all()
+    }
+
+    /// True if the boxes share at least a point.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+}
+
 /// A triangle mesh that has passed hygiene: finite vertices, indices in range, no zero-area or
-/// duplicate faces, components oriented outwards. Vertices are metres.
+/// duplicate faces, components oriented outwards (cavities inwards). Vertices are metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriangleMesh {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
 }
 
-/// What hygiene found and changed.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct HygieneReport {}
-
-/// Why a mesh cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum MeshError {
-    /// placeholder
-    #[error("placeholder")]
-    Placeholder,
-}
-
 impl TriangleMesh {
-    /// Vertex positions, metres.
+    /// Runs the hygiene pipeline of [`crate::hygiene`] on raw triangles and keeps what is left.
+    ///
+    /// `name` (a file or part name) appears in every error.
+    ///
+    /// # Errors
+    /// If an option is out of range, there is no face with an area, a vertex is not finite, an
+    /// index is out of range, or more of the surface is missing than the options allow.
+    pub fn clean(
+        name: &str,
+        vertices: Vec<DVec3>,
+        triangles: Vec<[u32; 3]>,
+        options: &HygieneOptions,
+    ) -> Result<(Self, HygieneReport), MeshError> {
+        let (vertices, triangles, report) = hygiene::run(name, vertices, triangles, options)?;
+        let mesh = Self {
+            vertices,
+            triangles,
+        };
+        Ok((mesh, report))
+    }
+
+    /// Vertex positions, metres. Each is used by at least one triangle.
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
 
-    /// Vertex indices of each triangle, counter-clockwise seen from outside.
+    /// Vertex indices of each triangle, counter-clockwise seen from outside. Never empty.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
     /// Corner positions of triangle `index`, metres.
+    ///
+    /// # Panics
+    /// If `index` is not below the number of triangles.
     pub fn corners(&self, index: usize) -> [DVec3; 3] {
         self.triangles[index].map(|v| self.vertices[v as usize])
     }
 
-    /// The smallest box around all vertices.
-    pub fn bounds(&self) -> Aabb {
-        todo!()
+    /// Corner positions of all triangles in order, metres.
+    pub fn faces(&self) -> impl ExactSizeIterator<Item = [DVec3; 3]> + '_ {
+        (0..self.triangles.len()).map(|i| self.corners(i))
     }
 
-    /// Enclosed volume, cubic metres.
+    /// The smallest box around all vertices.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.vertices.iter().copied())
+    }
+
+    /// Enclosed volume, cubic metres; of an open mesh, the volume enclosed once fans about the
+    /// centre of the bounds close it.
     pub fn volume(&self) -> f64 {
-        todo!()
+        volume(&self.vertices, &self.triangles)
+    }
+
+    /// Surface area, square metres.
+    pub fn area(&self) -> f64 {
+        self.faces().map(face_area).sum()
+    }
+
+    /// Centroid of the enclosed solid, metres; of the surface if the solid is flat or open enough
+    /// to have no volume.
+    pub fn centroid(&self) -> DVec3 {
+        let bounds = self.bounds();
+        let reference = bounds.center();
+        let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+        let (mut area, mut area_moment) = (0.0, DVec3::ZERO);
+        for [a, b, c] in self.faces().map(|f| f.map(|p| p - reference)) {
+            let v = a.dot(b.cross(c)) / 6.0;
+            volume += v;
+            moment += v * 0.25 * (a + b + c);
+            let s = face_area([a, b, c]);
+            area += s;
+            area_moment += s * (a + b + c) / 3.0;
+        }
+        if volume.abs() > 1e-9 * area * bounds.diagonal() {
+            reference + moment / volume
+        } else {
+            reference + area_moment / area
+        }
+    }
+
+    /// Largest distance of a vertex from `center`, metres.
+    pub fn radius_about(&self, center: DVec3) -> f64 {
+        self.vertices
+            .iter()
+            .map(|v| v.distance_squared(center))
+            .fold(0.0, f64::max)
+            .sqrt()
     }
 
     /// BLAKE3 hash of the vertices and triangles: the key of caches and tables.
+    ///
+    /// It depends on the order of both and on every bit of the coordinates (-0 counts as 0).
     pub fn hash(&self) -> [u8; 32] {
-        todo!()
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(b"pegfit triangle mesh 1");
+        hasher.update(&(self.vertices.len() as u64).to_le_bytes());
+        hasher.update(&(self.triangles.len() as u64).to_le_bytes());
+        for v in &self.vertices {
+            for x in v.to_array() {
+                hasher.update(&(x + 0.0).to_le_bytes());
+            }
+        }
+        for t in &self.triangles {
+            for i in t {
+                hasher.update(&i.to_le_bytes());
+            }
+        }
+        *hasher.finalize().as_bytes()
     }
 
-    /// The mesh moved by `p -> rotation * p + translation`.
+    /// The mesh moved by `p -> rotation * p + translation` (unit quaternion, metres).
     #[must_use]
     pub fn transformed(&self, rotation: DQuat, translation: DVec3) -> Self {
-        let _ = (rotation, translation);
-        todo!()
+        Self {
+            vertices: self
+                .vertices
+                .iter()
+                .map(|&v| rotation * v + translation)
+                .collect(),
+            triangles: self.triangles.clone(),
+        }
     }
+}
+
+/// Area of a triangle, in the squared unit of its corners.
+pub(crate) fn face_area([a, b, c]: [DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// Volume enclosed by `triangles`, seen from the centre of their bounds so that a part far from
+/// the origin loses no digits.
+pub(crate) fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+    let corners = |t: &[u32; 3]| t.map(|v| vertices[v as usize]);
+    let center = Aabb::around(triangles.iter().flat_map(corners)).center();
+    triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = corners(t).map(|p| p - center);
+            a.dot(b.cross(c)) / 6.0
+        })
+        .sum()
 }

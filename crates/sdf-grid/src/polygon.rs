@@ -1,0 +1,125 @@
+//! Cutting polygons into triangles.
+
+use earcut::Earcut;
+use glam::{DVec2, DVec3};
+
+/// Cuts a polygon with holes (each listed either way round, no corner repeated at the end) into
+/// triangles of indices into outline and holes chained together, counter-clockwise. Every corner
+/// is used. `None` if the polygon crosses itself or has no area.
+pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec<[u32; 3]>> {
+    let mut points: Vec<[f64; 2]> = outline.iter().map(|p| p.to_array()).collect();
+    let mut starts = Vec::with_capacity(holes.len());
+    for hole in holes {
+        starts.push(points.len() as u32);
+        points.extend(hole.iter().map(|p| p.to_array()));
+    }
+    let mut indices: Vec<u32> = Vec::new();
+    Earcut::new().earcut(points.iter().copied(), &starts, &mut indices);
+    // Cutting a polygon of n corners and h holes leaves n + 2h - 2 triangles; fewer means that
+    // corners were skipped.
+    if indices.len() != 3 * (points.len() + 2 * holes.len() - 2) {
+        return None;
+    }
+    let (cuts, _) = indices.as_chunks::<3>();
+    let corner = |i: u32| DVec2::from_array(points[i as usize]);
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(corner);
+        0.5 * (b - a).perp_dot(c - a)
+    };
+    let expected =
+        signed_area(outline).abs() - holes.iter().map(|h| signed_area(h).abs()).sum::<f64>();
+    let covered: f64 = cuts.iter().map(|t| area(t).abs()).sum();
+    if !(expected > 0.0 && (covered - expected).abs() <= 1e-9 * expected) {
+        return None;
+    }
+    let upward = |&[a, b, c]: &[u32; 3]| {
+        if area(&[a, b, c]) < 0.0 {
+            [a, c, b]
+        } else {
+            [a, b, c]
+        }
+    };
+    Some(cuts.iter().map(upward).collect())
+}
+
+/// Area of a polygon, positive if its corners run counter-clockwise.
+pub(crate) fn signed_area(polygon: &[DVec2]) -> f64 {
+    let Some(&first) = polygon.first() else {
+        return 0.0;
+    };
+    polygon
+        .windows(2)
+        .map(|w| 0.5 * (w[0] - first).perp_dot(w[1] - first))
+        .sum()
+}
+
+/// Cuts a polygon in space into triangles of indices into `points`, running as the polygon does.
+/// A convex one becomes a fan, so that corners in the middle of a straight side are kept.
+/// `None` if it crosses itself or has no area.
+pub(crate) fn triangulate_in_space(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
+    let first = *points.first()?;
+    let normal: DVec3 = points
+        .windows(2)
+        .map(|w| (w[0] - first).cross(w[1] - first))
+        .sum();
+    let fan: Vec<[u32; 3]> = (2..points.len() as u32).map(|i| [0, i - 1, i]).collect();
+    let convex = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| points[i as usize]);
+        (b - a).cross(c - a).dot(normal) >= 0.0
+    };
+    if fan.len() < 2 || fan.iter().all(convex) {
+        return Some(fan);
+    }
+    let (u, v) = normal.try_normalize()?.any_orthonormal_pair();
+    let flat: Vec<DVec2> = points
+        .iter()
+        .map(|&p| DVec2::new((p - first).dot(u), (p - first).dot(v)))
+        .collect();
+    triangulate(&flat, &[])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(half: f64) -> Vec<DVec2> {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| half * DVec2::new(x, y))
+            .to_vec()
+    }
+
+    #[test]
+    fn square_with_square_hole_has_eight_triangles() {
+        let cut = triangulate(&square(2.0), &[square(1.0)]).expect("simple polygon");
+        assert_eq!(cut.len(), 8);
+    }
+
+    #[test]
+    fn a_bow_tie_is_refused() {
+        let tie = [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)].map(|(x, y)| DVec2::new(x, y));
+        assert_eq!(triangulate(&tie, &[]), None);
+    }
+
+    #[test]
+    fn a_concave_polygon_in_space_keeps_its_area_and_direction() {
+        // An L in the plane x = 3, corners running clockwise seen from +x.
+        let outline = [
+            (0.0, 0.0),
+            (0.0, 2.0),
+            (1.0, 2.0),
+            (1.0, 1.0),
+            (3.0, 1.0),
+            (3.0, 0.0),
+        ];
+        let points = outline.map(|(y, z)| DVec3::new(3.0, y, z));
+        let cut = triangulate_in_space(&points).expect("simple polygon");
+        let area: DVec3 = cut
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|i| points[i as usize]);
+                0.5 * (b - a).cross(c - a)
+            })
+            .sum();
+        approx::assert_relative_eq!(area.x, -4.0, max_relative = 1e-12);
+    }
+}

@@ -3,11 +3,13 @@
 //!
 //! Formulas, signs, FFT normalization and quaternion order are fixed in `docs/conventions.md`.
 
+pub mod direct;
 pub mod energy;
 pub mod model;
 pub mod pair;
 pub mod se3;
 
+pub use direct::{DirectError, DirectEvaluator, DirectOptions};
 pub use energy::{EnergySource, Response, Scratch};
 pub use model::{ModelError, ScoreModel};
 pub use pair::{Pair, PairError};

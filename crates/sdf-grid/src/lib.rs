@@ -5,6 +5,7 @@
 //!
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
+pub mod bvh;
 pub mod density;
 pub mod hygiene;
 pub mod kernel;
@@ -12,13 +13,20 @@ pub mod lattice;
 pub mod mesh;
 pub mod mesh_error;
 pub mod mesh_io;
+mod moments;
 pub mod monitor;
 mod polygon;
+mod quadrature;
 pub mod shapes;
+mod triangle;
+mod winding;
 
-pub use density::{DensityError, DensityField, DensityOptions, Sampling};
+pub use bvh::{Bvh, Nearest};
+pub use density::{
+    DensityError, DensityField, DensityOptions, ReferenceDensity, Sampling, UnitDensity,
+};
 pub use hygiene::{HygieneOptions, HygieneReport};
-pub use kernel::DensityKernel;
+pub use kernel::{DensityKernel, KernelError};
 pub use lattice::{Lattice, LatticeError};
 pub use mesh::{Aabb, TriangleMesh};
 pub use mesh_error::MeshError;

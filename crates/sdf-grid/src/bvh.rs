@@ -1,0 +1,323 @@
+//! One bounding volume hierarchy for nearest distance, winding number and density.
+//!
+//! Inside, coordinates are normalized in f64: `q = (p - centre) * scale` with `scale` a power of
+//! two that brings the part's largest extent into `(1, 2]`. All public functions speak metres.
+
+use glam::DVec3;
+
+use crate::TriangleMesh;
+use crate::mesh::Aabb;
+use crate::moments::Moments;
+use crate::triangle::Triangle;
+
+/// A bounding volume hierarchy over the triangles of one mesh.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    pub(crate) nodes: Vec<Node>,
+    /// Triangles in leaf order, normalized coordinates.
+    pub(crate) triangles: Vec<Triangle>,
+    centre: DVec3,
+    scale: f64,
+}
+
+/// A node: its box and moments cover `triangles[first..first + count]`.
+#[derive(Debug, Clone)]
+pub(crate) struct Node {
+    pub(crate) bounds: Aabb,
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+    /// Index of the second child (the first follows its parent); 0 for a leaf.
+    pub(crate) second: u32,
+    pub(crate) moments: Moments,
+}
+
+/// The boundary point closest to a query point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Nearest {
+    /// Its distance from the query point, metres.
+    pub distance: f64,
+    /// The point, metres.
+    pub point: DVec3,
+    /// The triangle it lies on, as an index into [`TriangleMesh::triangles`].
+    pub triangle: usize,
+}
+
+/// Depth of the tree at most: [`MAX_SAH_DEPTH`] levels of any balance, then halving of at most
+/// 2^32 triangles. Fixed stacks rely on it.
+pub(crate) const MAX_DEPTH: usize = MAX_SAH_DEPTH + 32;
+const MAX_SAH_DEPTH: usize = 64;
+const LEAF_SIZE: usize = 4;
+const BINS: usize = 16;
+/// Subtrees of more triangles than this are built in parallel.
+const PARALLEL_SIZE: usize = 2048;
+
+impl Bvh {
+    /// Builds the hierarchy by binned surface area heuristic, in parallel; the result does not
+    /// depend on the number of threads. Zero-area triangles are left out.
+    pub fn build(mesh: &TriangleMesh) -> Self {
+        let (centre, scale) = normalization(mesh);
+        let corner = |p: DVec3| (p - centre) * scale;
+        let mut triangles: Vec<Triangle> = (0..mesh.triangles().len())
+            .filter_map(|i| Triangle::new(mesh.corners(i).map(corner), i as u32))
+            .collect();
+        let nodes = if triangles.is_empty() {
+            Vec::new()
+        } else {
+            build_nodes(&mut triangles, 0, 0)
+        };
+        Self {
+            nodes,
+            triangles,
+            centre,
+            scale,
+        }
+    }
+
+    /// A position in normalized coordinates.
+    pub(crate) fn normalized(&self, p: DVec3) -> DVec3 {
+        (p - self.centre) * self.scale
+    }
+
+    /// Normalized length of a metre.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The boundary point closest to `p` (metres); at infinite distance if the mesh has no area.
+    pub fn nearest(&self, p: DVec3) -> Nearest {
+        let q = self.normalized(p);
+        let (index, squared) = self.nearest_normalized(q);
+        let Some(triangle) = self.triangles.get(index) else {
+            return Nearest {
+                distance: f64::INFINITY,
+                point: p,
+                triangle: 0,
+            };
+        };
+        Nearest {
+            distance: squared.sqrt() / self.scale,
+            point: triangle.closest(q) / self.scale + self.centre,
+            triangle: triangle.source as usize,
+        }
+    }
+
+    /// Distance of `p` (metres) from the boundary, metres, negative where the winding number
+    /// exceeds 1/2.
+    pub fn signed_distance(&self, p: DVec3) -> f64 {
+        let q = self.normalized(p);
+        let distance = self.nearest_normalized(q).1.sqrt() / self.scale;
+        if self.inside_normalized(q) {
+            -distance
+        } else {
+            distance
+        }
+    }
+
+    /// Leaf-order index and squared distance of the nearest triangle.
+    pub(crate) fn nearest_normalized(&self, q: DVec3) -> (usize, f64) {
+        let mut best = (usize::MAX, f64::INFINITY);
+        let mut stack = Stack::new();
+        if !self.nodes.is_empty() {
+            stack.push((0, 0.0));
+        }
+        while let Some((id, squared)) = stack.pop() {
+            if squared >= best.1 {
+                continue;
+            }
+            let node = &self.nodes[id as usize];
+            if node.is_leaf() {
+                for i in node.range() {
+                    let d = self.triangles[i].distance_squared(q);
+                    if d < best.1 {
+                        best = (i, d);
+                    }
+                }
+                continue;
+            }
+            let children = [id + 1, node.second];
+            let near = children.map(|c| (c, self.nodes[c as usize].distance_squared(q)));
+            let (far, close) = if near[0].1 < near[1].1 {
+                (near[1], near[0])
+            } else {
+                (near[0], near[1])
+            };
+            stack.push(far);
+            stack.push(close);
+        }
+        best
+    }
+}
+
+impl Node {
+    pub(crate) fn is_leaf(&self) -> bool {
+        self.second == 0
+    }
+
+    pub(crate) fn range(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+
+    /// Squared distance of `q` from the box, zero inside.
+    pub(crate) fn distance_squared(&self, q: DVec3) -> f64 {
+        let gap = (self.bounds.min - q).max(q - self.bounds.max);
+        gap.max(DVec3::ZERO).length_squared()
+    }
+}
+
+/// A fixed stack for depth-first walks: every level leaves at most one node waiting.
+pub(crate) struct Stack<T> {
+    items: [T; MAX_DEPTH + 2],
+    len: usize,
+}
+
+impl<T: Copy + Default> Stack<T> {
+    pub(crate) fn new() -> Self {
+        Self {
+            items: [T::default(); MAX_DEPTH + 2],
+            len: 0,
+        }
+    }
+
+    pub(crate) fn push(&mut self, item: T) {
+        self.items[self.len] = item;
+        self.len += 1;
+    }
+
+    pub(crate) fn pop(&mut self) -> Option<T> {
+        self.len = self.len.checked_sub(1)?;
+        Some(self.items[self.len])
+    }
+}
+
+/// Centre of the mesh's box and a power-of-two scale for its largest extent.
+fn normalization(mesh: &TriangleMesh) -> (DVec3, f64) {
+    let corners = || (0..mesh.triangles().len()).flat_map(|i| mesh.corners(i));
+    let lo = corners().fold(DVec3::INFINITY, DVec3::min);
+    let hi = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let extent = (hi - lo).max_element();
+    if !(extent > 0.0 && extent.is_finite()) {
+        return (DVec3::ZERO, 1.0);
+    }
+    (0.5 * (lo + hi), (1.0 - extent.log2().ceil()).exp2())
+}
+
+/// Nodes of the subtree over `triangles`, which start at `first` in leaf order; reorders them.
+fn build_nodes(triangles: &mut [Triangle], first: usize, depth: usize) -> Vec<Node> {
+    let mut nodes = vec![Node {
+        bounds: bounds_of(triangles.iter().flat_map(|t| t.corners)),
+        first: first as u32,
+        count: triangles.len() as u32,
+        second: 0,
+        moments: Moments::of(triangles),
+    }];
+    if triangles.len() <= LEAF_SIZE {
+        return nodes;
+    }
+    let middle = split(triangles, depth);
+    let parallel = triangles.len() > PARALLEL_SIZE;
+    let (a, b) = triangles.split_at_mut(middle);
+    let mut left = || build_nodes(a, first, depth + 1);
+    let mut right = || build_nodes(b, first + middle, depth + 1);
+    let (left, right) = if parallel {
+        rayon::join(left, right)
+    } else {
+        (left(), right())
+    };
+    let shift = |mut node: Node, by: u32| {
+        if node.second != 0 {
+            node.second += by;
+        }
+        node
+    };
+    let second = 1 + left.len() as u32;
+    nodes[0].second = second;
+    nodes.extend(left.into_iter().map(|n| shift(n, 1)));
+    nodes.extend(right.into_iter().map(|n| shift(n, second)));
+    nodes
+}
+
+/// Reorders `triangles` into two non-empty halves and returns where the second begins.
+fn split(triangles: &mut [Triangle], depth: usize) -> usize {
+    let bounds = bounds_of(triangles.iter().map(|t| t.centroid));
+    let extent = bounds.max - bounds.min;
+    let axis = (0..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a });
+    if depth < MAX_SAH_DEPTH && extent[axis] > 0.0 {
+        let middle = split_by_area(triangles, axis, bounds.min[axis], extent[axis]);
+        if 0 < middle && middle < triangles.len() {
+            return middle;
+        }
+    }
+    let middle = triangles.len() / 2;
+    let order = |a: &Triangle, b: &Triangle| a.centroid[axis].total_cmp(&b.centroid[axis]);
+    triangles.select_nth_unstable_by(middle, order);
+    middle
+}
+
+/// Partitions at the bin boundary with the least surface area heuristic; 0 if there is none.
+fn split_by_area(triangles: &mut [Triangle], axis: usize, low: f64, extent: f64) -> usize {
+    let bin = |t: &Triangle| {
+        let f = (t.centroid[axis] - low) / extent * BINS as f64;
+        (f as usize).min(BINS - 1)
+    };
+    let empty = Aabb {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+    let (mut boxes, mut counts) = ([empty; BINS], [0usize; BINS]);
+    for t in triangles.iter() {
+        let b = bin(t);
+        counts[b] += 1;
+        boxes[b] = union(boxes[b], bounds_of(t.corners));
+    }
+    let side = |range: std::ops::Range<usize>| {
+        let bounds = boxes[range.clone()].iter().fold(empty, |a, b| union(a, *b));
+        let count: usize = counts[range].iter().sum();
+        if count == 0 {
+            f64::INFINITY
+        } else {
+            half_area(&bounds) * count as f64
+        }
+    };
+    let cost = |s: usize| side(0..s) + side(s..BINS);
+    let best = (1..BINS).fold(1, |a, s| if cost(s) < cost(a) { s } else { a });
+    if !cost(best).is_finite() {
+        return 0;
+    }
+    partition(triangles, |t| bin(t) < best)
+}
+
+/// Moves the triangles that satisfy `keep` to the front and returns how many there are.
+fn partition(triangles: &mut [Triangle], keep: impl Fn(&Triangle) -> bool) -> usize {
+    let mut front = 0;
+    for i in 0..triangles.len() {
+        if keep(&triangles[i]) {
+            triangles.swap(i, front);
+            front += 1;
+        }
+    }
+    front
+}
+
+fn bounds_of(points: impl IntoIterator<Item = DVec3>) -> Aabb {
+    let empty = Aabb {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+    let grow = |b: Aabb, p: DVec3| Aabb {
+        min: b.min.min(p),
+        max: b.max.max(p),
+    };
+    points.into_iter().fold(empty, grow)
+}
+
+fn union(a: Aabb, b: Aabb) -> Aabb {
+    Aabb {
+        min: a.min.min(b.min),
+        max: a.max.max(b.max),
+    }
+}
+
+fn half_area(b: &Aabb) -> f64 {
+    let d = b.max - b.min;
+    d.x * d.y + d.y * d.z + d.z * d.x
+}

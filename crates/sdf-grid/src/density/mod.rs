@@ -1,0 +1,188 @@
+//! The complex skeletal density of a mesh on a lattice.
+//!
+//! - [`reference`]: brute force over all triangles in f64, the measure of everything else;
+//! - `edge_integral`: the exact reduction of a triangle to integrals along its edges;
+//! - `point`: the tree code at single points in f64;
+//! - `sampling`: from points to lattice values (halo, boundary, cell averages).
+
+mod boundary;
+mod edge_integral;
+mod point;
+pub mod reference;
+mod sampling;
+
+use ndarray::{Array3, Zip};
+use num_complex::Complex32;
+use serde::{Deserialize, Serialize};
+
+use crate::{DensityKernel, Lattice, Monitor, TriangleMesh};
+pub use reference::{ReferenceDensity, UnitDensity};
+
+/// How a lattice value represents the density around its node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// The value at the node.
+    Point,
+    /// The mean over the node's cubic cell, by 4 x 4 x 4 sub-points in the cells that the boundary
+    /// may cut; the value at the node elsewhere. Exterior and interior are averaged separately, so
+    /// in a cut cell both are non-zero.
+    CellAverage,
+}
+
+/// How accurate a field must be and how it is sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DensityOptions {
+    /// Relative L2 error against the f64 reference that the field must meet, 1e-5 .. 1e-2.
+    pub tolerance: f64,
+    /// How a lattice value represents its cell.
+    pub sampling: Sampling,
+    /// Distance outside the part, metres, at which the exterior density has faded to zero
+    /// (smooth cut-off from 70 % of it); infinite for none.
+    pub halo: f64,
+}
+
+impl Default for DensityOptions {
+    /// Tolerance 1e-3, cell averages, no halo.
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            sampling: Sampling::CellAverage,
+            halo: f64::INFINITY,
+        }
+    }
+}
+
+impl DensityOptions {
+    /// Checks every option against its range.
+    ///
+    /// # Errors
+    /// Names the first option out of range.
+    pub fn validate(&self) -> Result<(), DensityError> {
+        let refuse = |name, expected, found| DensityError::Option {
+            name,
+            expected,
+            found,
+        };
+        if !(1e-5..=1e-2).contains(&self.tolerance) {
+            return Err(refuse("tolerance", "in 1e-5..=1e-2", self.tolerance));
+        }
+        if self.halo.is_nan() || self.halo <= 0.0 {
+            return Err(refuse("halo", "> 0 metres", self.halo));
+        }
+        Ok(())
+    }
+}
+
+/// The density of one part on a lattice, as two unit parts: `rho = l1 * exterior + l2 * interior`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DensityField {
+    /// Where the values sit, in the part's own frame.
+    pub lattice: Lattice,
+    /// Unit exterior density `O` (dimensionless), zero inside the part; includes the halo cut-off.
+    pub exterior: Array3<Complex32>,
+    /// Unit interior density `I` (dimensionless), zero outside the part.
+    pub interior: Array3<Complex32>,
+    /// Distance to the boundary at the node, metres, negative inside.
+    pub signed_distance: Array3<f32>,
+    /// Kernel thickness the field was computed with.
+    pub sigma: f64,
+    /// Halo the field was computed with, metres.
+    pub halo: f64,
+    /// How values represent cells.
+    pub sampling: Sampling,
+    /// [`TriangleMesh::hash`] of the part.
+    pub mesh_hash: [u8; 32],
+}
+
+/// Why a field cannot be computed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DensityError {
+    /// The caller's monitor asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+    /// An option is out of its range.
+    #[error("density option {name} must be {expected}, found {found}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its accepted range.
+        expected: &'static str,
+        /// What was given.
+        found: f64,
+    },
+    /// The mesh has no triangle with an area.
+    #[error("a density needs a mesh with at least one triangle of non-zero area, found none")]
+    EmptyMesh,
+    /// The field's arrays cannot be allocated.
+    #[error("density field needs {bytes} bytes of memory, which cannot be had")]
+    Memory {
+        /// What the field needs, see [`DensityField::memory_bytes`].
+        bytes: u64,
+    },
+}
+
+impl DensityField {
+    /// Computes the density of `mesh` at every node of `lattice` (eq_3, exact edge-integral form)
+    /// on rayon's current thread pool. The result does not depend on the number of threads.
+    ///
+    /// On the boundary itself the density is the mean of its limits from both sides: the exterior
+    /// part holds half the outer limit, the interior part half the inner one.
+    ///
+    /// # Errors
+    /// If an option is out of range, the mesh is empty, the memory cannot be had, or the monitor
+    /// cancels.
+    pub fn compute(
+        mesh: &TriangleMesh,
+        kernel: &DensityKernel,
+        lattice: &Lattice,
+        options: &DensityOptions,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, DensityError> {
+        options.validate()?;
+        let mut field = Self::allocate(mesh, kernel, lattice, options)?;
+        sampling::fill(&mut field, mesh, kernel, options.tolerance, monitor)?;
+        Ok(field)
+    }
+
+    /// Memory that [`DensityField::compute`] needs for the values on `lattice`, bytes.
+    pub fn memory_bytes(lattice: &Lattice) -> u64 {
+        let node = 2 * size_of::<Complex32>() + size_of::<f32>();
+        lattice.len() as u64 * node as u64
+    }
+
+    /// `l1 * exterior + l2 * interior` at every node.
+    pub fn combined(&self, lambda_exterior: f32, lambda_interior: f32) -> Array3<Complex32> {
+        Zip::from(&self.exterior)
+            .and(&self.interior)
+            .par_map_collect(|o, i| o * lambda_exterior + i * lambda_interior)
+    }
+
+    /// A field of zeros.
+    fn allocate(
+        mesh: &TriangleMesh,
+        kernel: &DensityKernel,
+        lattice: &Lattice,
+        options: &DensityOptions,
+    ) -> Result<Self, DensityError> {
+        let bytes = Self::memory_bytes(lattice);
+        Ok(Self {
+            lattice: *lattice,
+            exterior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            interior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            signed_distance: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            sigma: kernel.sigma(),
+            halo: options.halo,
+            sampling: options.sampling,
+            mesh_hash: mesh.hash(),
+        })
+    }
+}
+
+/// An array of zeros on `lattice`, or none if the memory cannot be had.
+fn zeros<T: Clone + Default>(lattice: &Lattice) -> Option<Array3<T>> {
+    let mut values = Vec::new();
+    values.try_reserve_exact(lattice.len()).ok()?;
+    values.resize(lattice.len(), T::default());
+    Array3::from_shape_vec(lattice.shape(), values).ok()
+}

@@ -6,8 +6,8 @@ use common::{cuboid, random_star, relative_l2};
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use sdf_grid::{
-    DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Monitor, ReferenceDensity,
-    Sampling, Silent, TriangleMesh,
+    DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
+    TriangleMesh,
 };
 
 fn options(tolerance: f64, sampling: Sampling) -> DensityOptions {

@@ -74,8 +74,8 @@ pub struct HygieneReport {
     pub components: usize,
     /// Components that lie inside another one and therefore point inwards.
     pub cavities: usize,
-    /// Components that cut through another one or coincide with it; the solid is their union,
-    /// but the surface inside it still counts in areas and volumes.
+    /// Components that cut through one at least as large or coincide with it; the solid is their
+    /// union, but the surface inside it still counts in areas and volumes.
     pub overlapping_components: usize,
     /// Edges with only one face.
     pub open_edges: usize,

@@ -22,7 +22,7 @@ pub(super) struct Oriented {
     pub(super) components: usize,
     /// Components inside another one.
     pub(super) cavities: usize,
-    /// Components that cut through or coincide with another one.
+    /// Components that cut through or coincide with one at least as large.
     pub(super) overlapping: usize,
 }
 
@@ -153,7 +153,7 @@ fn outward(
 struct Nesting {
     /// Number of components it lies inside.
     depth: usize,
-    /// It cuts through another one or coincides with it.
+    /// It cuts through one at least as large, or coincides with it.
     overlaps: bool,
 }
 
@@ -168,15 +168,16 @@ fn nesting(components: &[Component], index: usize) -> Nesting {
     }
     let witnesses = inner.witnesses();
     for (k, outer) in components.iter().enumerate() {
-        if k == index || outer.volume == 0.0 || !outer.bounds.overlaps(&inner.bounds) {
+        // A shell cannot lie inside one of a smaller volume; one of the same it may coincide with.
+        let larger = inner.volume > outer.volume * (1.0 + 1e-6);
+        let smaller = inner.volume < outer.volume * (1.0 - 1e-6);
+        if k == index || outer.volume == 0.0 || larger || !outer.bounds.overlaps(&inner.bounds) {
             continue;
         }
         let inside = witnesses
             .iter()
             .filter(|&&p| outer.winding_number(p) > 0.5)
             .count();
-        // A shell cannot lie inside one of the same or a smaller volume: it coincides with it.
-        let smaller = inner.volume < outer.volume * (1.0 - 1e-6);
         if inside == witnesses.len() && smaller {
             result.depth += 1;
         } else if inside > 0 {

@@ -1,0 +1,453 @@
+//! Hygiene: what it repairs, what it reports, what it refuses.
+
+use approx::assert_relative_eq;
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use rand::SeedableRng;
+use rand::rngs::SmallRng;
+use rand::seq::SliceRandom;
+use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh, shapes};
+
+fn clean(
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    TriangleMesh::clean("part", vertices, triangles, &HygieneOptions::default())
+}
+
+fn raw(mesh: &TriangleMesh) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    (mesh.vertices().to_vec(), mesh.triangles().to_vec())
+}
+
+fn reversed(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    triangles.iter().map(|&[a, b, c]| [a, c, b]).collect()
+}
+
+fn unit_cube() -> TriangleMesh {
+    shapes::cuboid(DVec3::ONE).expect("valid size")
+}
+
+/// Vertices and triangles of several meshes in one.
+fn joined(meshes: &[&TriangleMesh]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for mesh in meshes {
+        let first = vertices.len() as u32;
+        vertices.extend_from_slice(mesh.vertices());
+        triangles.extend(mesh.triangles().iter().map(|t| t.map(|i| i + first)));
+    }
+    (vertices, triangles)
+}
+
+fn moved(mesh: &TriangleMesh, offset: DVec3) -> TriangleMesh {
+    mesh.transformed(DQuat::IDENTITY, offset)
+}
+
+fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
+    let vertices = mesh.vertices().iter().map(|v| factor * *v).collect();
+    clean(vertices, mesh.triangles().to_vec())
+        .expect("a clean mesh")
+        .0
+}
+
+#[test]
+fn empty_meshes_are_refused() {
+    assert!(matches!(
+        clean(Vec::new(), Vec::new()),
+        Err(MeshError::Empty {
+            vertices: 0,
+            triangles: 0,
+            ..
+        })
+    ));
+    let line = vec![DVec3::ZERO, DVec3::X, 2.0 * DVec3::X];
+    let error = clean(line, vec![[0, 1, 2], [0, 0, 1]]).expect_err("no area");
+    assert!(matches!(
+        error,
+        MeshError::Empty {
+            vertices: 3,
+            triangles: 2,
+            zero_area: 2,
+            ..
+        }
+    ));
+    assert!(
+        error
+            .to_string()
+            .starts_with("part: expected at least one triangle")
+    );
+}
+
+#[test]
+fn non_finite_vertices_are_refused_by_index() {
+    let (vertices, triangles) = raw(&unit_cube());
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e13] {
+        let mut vertices = vertices.clone();
+        vertices[5].y = bad;
+        let error = clean(vertices, triangles.clone()).expect_err("not finite");
+        assert!(
+            matches!(error, MeshError::NonFiniteVertex { vertex: 5, .. }),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn indices_out_of_range_are_refused_with_the_triangle() {
+    let (vertices, mut triangles) = raw(&unit_cube());
+    triangles[7][1] = 8;
+    assert!(matches!(
+        clean(vertices, triangles),
+        Err(MeshError::IndexOutOfRange {
+            triangle: 7,
+            expected: 8,
+            found: 8,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let (vertices, triangles) = raw(&unit_cube());
+    for (weld_tolerance, max_open_fraction, name) in [
+        (-1e-9, 0.1, "weld-tolerance"),
+        (0.5, 0.1, "weld-tolerance"),
+        (f64::NAN, 0.1, "weld-tolerance"),
+        (1e-6, 1.5, "max-open-fraction"),
+    ] {
+        let options = HygieneOptions {
+            weld_tolerance,
+            max_open_fraction,
+        };
+        let result = TriangleMesh::clean("part", vertices.clone(), triangles.clone(), &options);
+        assert!(matches!(result, Err(MeshError::OutOfRange { item, .. }) if item == name));
+    }
+}
+
+#[test]
+fn an_open_mesh_is_warned_about_or_refused_by_its_missing_area() {
+    let sphere = shapes::icosphere(1.0, 8).expect("valid size");
+    let (vertices, triangles) = raw(&sphere);
+    let area = sphere.area();
+    // Every 100th face away: about 1 % of the area.
+    let few: Vec<_> = triangles
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| i % 100 != 0)
+        .map(|(_, t)| *t)
+        .collect();
+    let gone = triangles.len() - few.len();
+    let (mesh, report) = clean(vertices.clone(), few).expect("1 % is accepted");
+    assert_eq!(report.open_edges, 3 * gone);
+    assert!(!report.watertight);
+    // Single triangles are missing, so the fans have exactly their area.
+    let missing = area - mesh.area();
+    assert_relative_eq!(
+        report.open_area_fraction,
+        missing / area,
+        max_relative = 1e-9
+    );
+    assert!(
+        report
+            .warnings()
+            .iter()
+            .any(|w| w.contains("39 open edges")),
+        "{:?}",
+        report.warnings()
+    );
+
+    let half: Vec<_> = triangles
+        .iter()
+        .copied()
+        .filter(|t| t.iter().map(|&v| vertices[v as usize].z).sum::<f64>() < 1.5)
+        .collect();
+    let error = clean(vertices, half).expect_err("a large hole is refused");
+    assert!(
+        matches!(error, MeshError::Open { limit: 0.1, found, .. } if found > 0.1),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_box_without_its_lid_misses_a_sixth() {
+    let (vertices, triangles) = raw(&unit_cube());
+    let open: Vec<_> = triangles
+        .into_iter()
+        .filter(|t| t.iter().any(|&v| vertices[v as usize].z < 0.0))
+        .collect();
+    let error = clean(vertices.clone(), open.clone()).expect_err("a sixth is over a tenth");
+    assert!(
+        matches!(error, MeshError::Open { open_edges: 4, found, .. } if (found - 1.0 / 6.0).abs() < 1e-12)
+    );
+    let lenient = HygieneOptions {
+        max_open_fraction: 0.2,
+        ..HygieneOptions::default()
+    };
+    let inside_out = reversed(&open);
+    let (_, report) = TriangleMesh::clean("part", vertices, inside_out, &lenient).expect("allowed");
+    assert_eq!(
+        report.flipped_faces, 10,
+        "an open shell, too, is turned outwards"
+    );
+}
+
+#[test]
+fn an_inverted_mesh_is_turned_and_said() {
+    let cube = unit_cube();
+    let (vertices, triangles) = raw(&cube);
+    let (mesh, report) = clean(vertices, reversed(&triangles)).expect("repairable");
+    assert_eq!(report.flipped_faces, 12);
+    assert!(mesh.volume() > 0.0);
+    assert_eq!(
+        report.warnings(),
+        ["part: 12 faces pointed the wrong way: reversed"]
+    );
+}
+
+#[test]
+fn randomly_flipped_faces_are_made_consistent() {
+    let sphere = shapes::icosphere(1.0, 6).expect("valid size");
+    let (vertices, mut triangles) = raw(&sphere);
+    let mut count = 0;
+    for (i, t) in triangles.iter_mut().enumerate() {
+        if i * 7919 % 13 < 5 {
+            t.swap(1, 2);
+            count += 1;
+        }
+    }
+    let (mesh, report) = clean(vertices, triangles).expect("repairable");
+    assert_eq!(report.flipped_faces, count);
+    assert!(report.watertight);
+    assert_relative_eq!(mesh.volume(), sphere.volume(), max_relative = 1e-12);
+}
+
+#[test]
+fn duplicate_and_zero_area_faces_are_dropped_and_said() {
+    let cube = unit_cube();
+    let (vertices, mut triangles) = raw(&cube);
+    let [a, b, c] = triangles[3];
+    triangles.extend([[b, c, a], [a, b, c], [a, a, b]]);
+    let (mesh, report) = clean(vertices, triangles).expect("repairable");
+    assert_eq!((report.duplicate_faces, report.zero_area_faces), (2, 1));
+    assert_eq!(mesh, cube);
+    assert_eq!(report.warnings().len(), 2);
+}
+
+#[test]
+fn a_triangle_soup_is_welded() {
+    let torus = shapes::torus(0.03, 0.01, 24, 12).expect("valid size");
+    let mut rng = SmallRng::seed_from_u64(3);
+    let mut vertices = Vec::new();
+    for corner in torus.faces().flatten() {
+        // Jitter far below the tolerance of 1e-6 of the diagonal, 0.11 m.
+        let jitter = DVec3::from_array(std::array::from_fn(|_| {
+            rand::Rng::random_range(&mut rng, -1e-9..1e-9)
+        }));
+        vertices.push(corner + jitter);
+    }
+    let triangles = (0..vertices.len() as u32 / 3)
+        .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+        .collect();
+    let (mesh, report) = clean(vertices, triangles).expect("repairable");
+    assert_eq!(report.vertices, torus.vertices().len());
+    assert_eq!(
+        report.welded_vertices,
+        report.input_vertices - report.vertices
+    );
+    assert!(report.watertight);
+    // Jitter of 1e-9 m on a tube of 1e-2 m.
+    assert_relative_eq!(mesh.volume(), torus.volume(), max_relative = 1e-6);
+}
+
+#[test]
+fn a_cavity_points_inwards_and_a_body_in_it_outwards() {
+    let cube = unit_cube();
+    let shells = [scaled(&cube, 4.0), scaled(&cube, 2.0), cube];
+    let (vertices, triangles) = joined(&[&shells[0], &shells[1], &shells[2]]);
+    let (mesh, report) = clean(vertices, triangles).expect("nested shells");
+    assert_eq!(
+        (report.components, report.cavities, report.flipped_faces),
+        (3, 1, 12)
+    );
+    assert_relative_eq!(mesh.volume(), 64.0 - 8.0 + 1.0, max_relative = 1e-12);
+    let (_, again) = clean(raw(&mesh).0, raw(&mesh).1).expect("still nested");
+    assert_eq!(again.flipped_faces, 0);
+}
+
+#[test]
+fn touching_shells_are_not_nested() {
+    let cube = unit_cube();
+    // Faces touch over a part of their area, so that no vertices weld.
+    let small = moved(&scaled(&cube, 0.5), DVec3::new(0.75, 0.1, 0.05));
+    let (vertices, triangles) = joined(&[&cube, &small]);
+    let (mesh, report) = clean(vertices, triangles).expect("two bodies");
+    assert_eq!((report.cavities, report.overlapping_components), (0, 0));
+    assert_relative_eq!(mesh.volume(), 1.125, max_relative = 1e-12);
+    // The same from inside: a cavity that reaches a wall.
+    let niche = moved(&scaled(&cube, 0.5), DVec3::new(0.25, 0.1, 0.05));
+    let (vertices, triangles) = joined(&[&cube, &niche]);
+    let (mesh, report) = clean(vertices, triangles).expect("a body with a cavity");
+    assert_eq!((report.cavities, report.overlapping_components), (1, 0));
+    assert_relative_eq!(mesh.volume(), 0.875, max_relative = 1e-12);
+}
+
+#[test]
+fn a_doubled_shell_stays_outward_and_is_said() {
+    let sphere = shapes::icosphere(1.0, 4).expect("valid size");
+    let turned = sphere.transformed(DQuat::from_rotation_x(0.2), DVec3::ZERO);
+    let (vertices, triangles) = joined(&[&sphere, &turned]);
+    let (mesh, report) = clean(vertices, triangles).expect("a doubled shell");
+    assert_eq!((report.cavities, report.overlapping_components), (0, 2));
+    assert_relative_eq!(mesh.volume(), 2.0 * sphere.volume(), max_relative = 1e-12);
+    // Shell for shell the same faces: one of each is left.
+    let (vertices, triangles) = joined(&[&sphere, &sphere]);
+    let (mesh, report) = clean(vertices, triangles).expect("a doubled shell");
+    assert_eq!(mesh, sphere);
+    assert_eq!(report.duplicate_faces, sphere.triangles().len());
+}
+
+#[test]
+fn bodies_that_cut_through_each_other_stay_outward_and_are_said() {
+    let cube = unit_cube();
+    let (vertices, triangles) = joined(&[&cube, &moved(&cube, DVec3::new(0.31, 0.47, 0.23))]);
+    let (mesh, report) = clean(vertices, triangles).expect("two bodies");
+    assert_eq!((report.cavities, report.overlapping_components), (0, 2));
+    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
+}
+
+#[test]
+fn a_one_sided_surface_is_said() {
+    // A Moebius strip of 12 quads.
+    let n = 12;
+    let mut vertices = Vec::new();
+    for i in 0..n {
+        let angle = 2.0 * std::f64::consts::PI * f64::from(i) / f64::from(n);
+        let radial = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        let across = 0.3 * ((0.5 * angle).cos() * radial + (0.5 * angle).sin() * DVec3::Z);
+        vertices.extend([radial - across, radial + across]);
+    }
+    let mut triangles = Vec::new();
+    for i in 0..n as u32 {
+        let (a, b) = (2 * i, 2 * i + 1);
+        let (c, d) = if i + 1 < n as u32 {
+            (a + 2, b + 2)
+        } else {
+            (1, 0)
+        };
+        triangles.extend([[a, b, d], [a, d, c]]);
+    }
+    let options = HygieneOptions {
+        max_open_fraction: 1.0,
+        ..HygieneOptions::default()
+    };
+    let (_, report) = TriangleMesh::clean("strip", vertices, triangles, &options).expect("allowed");
+    assert!(report.inconsistent_edges > 0);
+    assert!(report.warnings().iter().any(|w| w.contains("one-sided")));
+}
+
+/// Faces as sorted sets of positions, each running from its lowest corner.
+fn face_set(mesh: &TriangleMesh) -> Vec<[[u64; 3]; 3]> {
+    let mut faces: Vec<_> = mesh
+        .faces()
+        .map(|f| {
+            let ring = f.map(|p| p.to_array().map(f64::to_bits));
+            let first = (0..3).min_by_key(|&i| ring[i]).unwrap_or(0);
+            std::array::from_fn(|i| ring[(first + i) % 3])
+        })
+        .collect();
+    faces.sort_unstable();
+    faces
+}
+
+/// A mesh with several of the faults that hygiene repairs.
+fn faulty(seed: u64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut rng = SmallRng::seed_from_u64(seed);
+    let sphere = shapes::icosphere(1.0, 4).expect("valid size");
+    let torus = shapes::torus(3.0, 0.8, 9, 7).expect("valid size");
+    let inner = scaled(&sphere, 0.4);
+    let (vertices, triangles) = joined(&[&sphere, &torus, &inner]);
+    let mut soup = Vec::new();
+    let mut faces = Vec::new();
+    for (i, t) in triangles.iter().enumerate() {
+        let first = soup.len() as u32;
+        soup.extend(t.map(|v| vertices[v as usize]));
+        let flip = rand::Rng::random_bool(&mut rng, 0.3);
+        faces.push(if flip {
+            [first, first + 2, first + 1]
+        } else {
+            [first, first + 1, first + 2]
+        });
+        if i % 17 == 0 {
+            faces.push([first + 1, first + 2, first]);
+        }
+        if i % 23 == 0 {
+            faces.push([first, first, first + 1]);
+        }
+    }
+    (soup, faces)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn hygiene_is_idempotent(seed in any::<u64>()) {
+        let (vertices, triangles) = faulty(seed);
+        let (once, _) = clean(vertices, triangles).expect("repairable");
+        let (twice, report) = clean(raw(&once).0, raw(&once).1).expect("clean");
+        prop_assert_eq!(&once, &twice);
+        prop_assert_eq!(report.flipped_faces + report.duplicate_faces + report.zero_area_faces, 0);
+        prop_assert_eq!(report.welded_vertices, 0);
+        prop_assert_eq!(once.hash(), twice.hash());
+    }
+
+    #[test]
+    fn the_order_of_triangles_does_not_matter(seed in any::<u64>()) {
+        let (vertices, triangles) = faulty(seed);
+        let mut shuffled = triangles.clone();
+        shuffled.shuffle(&mut SmallRng::seed_from_u64(!seed));
+        let (a, report_a) = clean(vertices.clone(), triangles).expect("repairable");
+        let (b, report_b) = clean(vertices, shuffled).expect("repairable");
+        prop_assert_eq!(face_set(&a), face_set(&b));
+        prop_assert_eq!(report_a.cavities, report_b.cavities);
+    }
+
+    #[test]
+    fn rigid_motion_keeps_volume_area_and_report(
+        axis in prop::array::uniform3(-1.0f64..1.0),
+        angle in -3.0f64..3.0,
+        offset in prop::array::uniform3(-100.0f64..100.0),
+    ) {
+        let (vertices, triangles) = faulty(1);
+        let (mesh, report) = clean(vertices.clone(), triangles.clone()).expect("repairable");
+        let axis = DVec3::from_array(axis).try_normalize().unwrap_or(DVec3::X);
+        let (rotation, offset) = (DQuat::from_axis_angle(axis, angle), DVec3::from_array(offset));
+        let elsewhere = vertices.iter().map(|&v| rotation * v + offset).collect();
+        let (moved, moved_report) = clean(elsewhere, triangles).expect("repairable");
+        prop_assert_eq!(moved_report.flipped_faces, report.flipped_faces);
+        prop_assert_eq!(moved_report.cavities, report.cavities);
+        // Coordinates near 100 hold 1e-14 of absolute rounding on a part of size 8.
+        prop_assert!((moved.volume() / mesh.volume() - 1.0).abs() < 1e-11);
+        prop_assert!((moved.area() / mesh.area() - 1.0).abs() < 1e-11);
+        let carried = mesh.transformed(rotation, offset);
+        prop_assert!((carried.volume() / mesh.volume() - 1.0).abs() < 1e-11);
+        prop_assert!(carried.centroid().distance(rotation * mesh.centroid() + offset) < 1e-11);
+        prop_assert_ne!(carried.hash(), mesh.hash());
+    }
+
+    #[test]
+    fn any_soup_is_cleaned_or_refused(
+        coordinates in prop::collection::vec(prop::array::uniform3(-2i8..=2), 1..12),
+        faces in prop::collection::vec(prop::array::uniform3(0u32..12), 0..30),
+    ) {
+        let vertices: Vec<_> = coordinates.iter().map(|c| DVec3::from_array(c.map(f64::from))).collect();
+        let options = HygieneOptions { max_open_fraction: 1.0, ..HygieneOptions::default() };
+        if let Ok((mesh, report)) = TriangleMesh::clean("soup", vertices, faces, &options) {
+            prop_assert!((0.0..=1.0).contains(&report.open_area_fraction));
+            prop_assert!(!report.watertight || report.open_edges == 0);
+            let (again, _) = TriangleMesh::clean("soup", raw(&mesh).0, raw(&mesh).1, &options)
+                .expect("what hygiene made is accepted");
+            prop_assert_eq!(mesh, again);
+        }
+    }
+}

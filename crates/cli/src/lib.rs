@@ -1,1 +1,18 @@
-//! The pegfit command line as a library.
+//! The pegfit command line as a library: scene files, the commands, and the pictures they draw.
+//!
+//! The binary only parses arguments and turns a [`CommandError`] into text and an exit code.
+
+pub mod args;
+pub mod atomic;
+pub mod command;
+pub mod error;
+pub mod exit;
+pub mod memory;
+pub mod picture;
+pub mod poses;
+pub mod progress;
+pub mod scene;
+
+pub use error::CommandError;
+pub use exit::Exit;
+pub use scene::Scene;

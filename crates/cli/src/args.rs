@@ -1,0 +1,242 @@
+//! The command line as typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::scene::LengthUnit;
+
+/// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// What every command understands.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 success, 1 failure, 2 unusable arguments or input, 3 unusable mesh (check), \
+130 interrupted.
+PEGFIT_LOG=debug (or info, trace) prints what the libraries are doing.";
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub struct Global {
+    /// Worker threads [default: one per core]
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<usize>,
+    /// No progress bars and no remarks
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Print the result as JSON on standard output
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// See it all: three pegs find their holes, with pictures and a page that explains them
+    Demo(DemoArgs),
+    /// Say whether meshes can be used, and what had to be repaired
+    Check(CheckArgs),
+    /// Compute the density field of one mesh and write it for ParaView
+    Field(FieldArgs),
+    /// Tabulate a scene's energy over its whole domain
+    Bake(BakeArgs),
+    /// Score, energy, force and torque at listed poses
+    Score(ScoreArgs),
+    /// Search a scene's whole domain for the best poses
+    Dock(DockArgs),
+    /// Run the 1 kHz haptic loop
+    Feel(FeelArgs),
+    /// Draw one of the paper's figures for a scene
+    Plot(PlotArgs),
+}
+
+/// Arguments of `pegfit demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Folder to write to; made if absent
+    #[arg(long, default_value = "pegfit-demo")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `pegfit check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Mesh files: OBJ, STL or PLY
+    #[arg(required = true)]
+    pub meshes: Vec<PathBuf>,
+    /// Length unit of the files
+    #[arg(long, default_value = "mm")]
+    pub unit: LengthUnit,
+}
+
+/// Arguments of `pegfit field`.
+#[derive(Debug, Args)]
+pub struct FieldArgs {
+    /// Mesh file: OBJ, STL or PLY
+    pub mesh: PathBuf,
+    /// Length unit of the file and of the lengths below
+    #[arg(long, default_value = "mm")]
+    pub unit: LengthUnit,
+    /// Distance between lattice nodes [default: the longest side / 48]
+    #[arg(long)]
+    pub spacing: Option<f64>,
+    /// Lattice margin around the mesh [default: a quarter of the longest side]
+    #[arg(long)]
+    pub margin: Option<f64>,
+    /// Kernel thickness, 0.03 to 0.5
+    #[arg(long, default_value_t = 0.1)]
+    pub sigma: f64,
+    /// Relative L2 error allowed, 1e-5 to 1e-2
+    #[arg(long, default_value_t = 1e-3)]
+    pub tolerance: f64,
+    /// VTK image file to write
+    #[arg(short, long, value_name = "FIELD.vti")]
+    pub output: Option<PathBuf>,
+    /// Plane of the picture, such as y=0, in the length unit
+    #[arg(long, value_name = "AXIS=VALUE")]
+    pub slice: Option<String>,
+    /// Picture of the slice to write
+    #[arg(long, value_name = "P.png")]
+    pub png: Option<PathBuf>,
+}
+
+/// Arguments of `pegfit bake`.
+#[derive(Debug, Args)]
+pub struct BakeArgs {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Table to write, a Zarr folder
+    #[arg(short, long, value_name = "TABLE.zarr")]
+    pub output: PathBuf,
+    /// Go on with a table that was interrupted
+    #[arg(long)]
+    pub resume: bool,
+    /// Which of --size workers this is, from 0 [default: from the launcher's environment]
+    #[arg(long, value_name = "R")]
+    pub rank: Option<usize>,
+    /// How many workers share the table
+    #[arg(long, value_name = "N")]
+    pub size: Option<usize>,
+    /// Only say how much of the table is there
+    #[arg(long)]
+    pub status: bool,
+}
+
+/// Arguments of `pegfit score`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("source").required(true).args(["scene", "table"]))]
+pub struct ScoreArgs {
+    /// Evaluate directly, from this scene's meshes
+    #[arg(long, value_name = "SCENE.toml")]
+    pub scene: Option<PathBuf>,
+    /// Interpolate this table
+    #[arg(long, value_name = "TABLE.zarr")]
+    pub table: Option<PathBuf>,
+    /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
+    #[arg(long, value_name = "IN.csv")]
+    pub poses: PathBuf,
+    /// Scores; - is standard output
+    #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// Arguments of `pegfit dock`.
+#[derive(Debug, Args)]
+pub struct DockArgs {
+    /// Scene file
+    pub scene: PathBuf,
+    /// How many poses to keep
+    #[arg(long, default_value_t = 10, value_name = "K")]
+    pub top: usize,
+    /// Poses found, best first; - is standard output
+    #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// Arguments of `pegfit feel`.
+#[derive(Debug, Args)]
+pub struct FeelArgs {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Interpolate this table instead of evaluating directly
+    #[arg(long, value_name = "TABLE.zarr")]
+    pub table: Option<PathBuf>,
+    /// The device that holds the moving part
+    #[arg(long, value_enum, default_value_t = DeviceChoice::Simulated)]
+    pub device: DeviceChoice,
+    /// What the simulated hand does
+    #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
+    pub script: ScriptChoice,
+    /// How long, seconds
+    #[arg(long, default_value_t = 5.0)]
+    pub seconds: f64,
+    /// Write every tick
+    #[arg(long, value_name = "LOG.csv")]
+    pub log: Option<PathBuf>,
+    /// Draw force against time
+    #[arg(long, value_name = "P.png")]
+    pub png: Option<PathBuf>,
+}
+
+/// Devices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DeviceChoice {
+    /// A mass, spring and damper that follows a script: no hardware needed.
+    Simulated,
+}
+
+/// Scripts of the simulated hand, after the paper's two tests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ScriptChoice {
+    /// Push the part into the rim beside the fit.
+    Collision,
+    /// Bring the part near the fit and let go.
+    Snap,
+    /// Hold the part and let the forces move it.
+    Free,
+}
+
+/// Arguments of `pegfit plot`.
+#[derive(Debug, Args)]
+pub struct PlotArgs {
+    /// Which figure
+    #[arg(value_enum)]
+    pub kind: PlotKind,
+    /// Scene file
+    pub scene: PathBuf,
+    /// Picture to write (not for `well`, which prints numbers)
+    #[arg(short, long, value_name = "P.png")]
+    pub output: Option<PathBuf>,
+    /// Plane of a slice, such as y=0, in the scene's unit [default: y through the fit]
+    #[arg(long, value_name = "AXIS=VALUE")]
+    pub slice: Option<String>,
+    /// The two translations of a score surface, such as xz, or the motion of a curve: x, y, z for
+    /// translations, rx, ry, rz for rotations
+    #[arg(long)]
+    pub along: Option<String>,
+}
+
+/// The paper's figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PlotKind {
+    /// Both parts' densities on a plane (figures 4b, 4c)
+    Density,
+    /// The product of the densities at the assembled pose (figure 4d)
+    Overlap,
+    /// The score over two translations (figure 5)
+    Score,
+    /// The energy along one translation or rotation (figure 6)
+    Energy,
+    /// Force against time in the collision and snap tests (figure 7)
+    Force,
+    /// Depth, stiffness, diameter and barriers of the well, in numbers
+    Well,
+}

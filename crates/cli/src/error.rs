@@ -1,0 +1,179 @@
+//! What can go wrong in a command, and the exit code each case maps to.
+
+use std::path::{Path, PathBuf};
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+
+use crate::exit::Exit;
+
+/// Every failure of a command.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub enum CommandError {
+    /// A value in an argument or an input file is not acceptable.
+    #[error("{file}: {item}: expected {expected}, found {found}")]
+    Input {
+        /// The file, or `command line`.
+        file: String,
+        /// The key, column, row or option.
+        item: String,
+        /// What would have been accepted.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// The scene file cannot be used; carries the text so that the line can be shown.
+    #[error("{file}, line {line}: {message}")]
+    Scene {
+        /// The scene file.
+        file: String,
+        /// Line of the trouble, counted from 1.
+        line: usize,
+        /// What is wrong, with expected and found.
+        message: String,
+        /// The whole scene file.
+        #[source_code]
+        text: NamedSource<String>,
+        /// The offending bytes.
+        #[label("here")]
+        span: SourceSpan,
+    },
+    /// A mesh file cannot be used.
+    #[error(transparent)]
+    Mesh(#[from] sdf_grid::MeshError),
+    /// The computation would need more memory than the machine has free.
+    #[error(
+        "{what} needs about {} but only {} is available: coarsen the lattice or shrink the \
+         translation window",
+        crate::memory::display_bytes(*.needed), crate::memory::display_bytes(*.available)
+    )]
+    Memory {
+        /// The computation.
+        what: String,
+        /// Its estimate, bytes.
+        needed: u64,
+        /// What the system reports as available, bytes.
+        available: u64,
+    },
+    /// The operating system refused to read or write a file.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// `read` or `write`.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// `pegfit check` found unusable meshes; the report has been printed.
+    #[error("{count} of {total} meshes cannot be used")]
+    UnusableMeshes {
+        /// How many.
+        count: usize,
+        /// Of how many examined.
+        total: usize,
+    },
+    /// A library refused or failed for a reason not listed above.
+    #[error("{context}: {source}")]
+    Library {
+        /// What was being done, and to which file.
+        context: String,
+        /// The library's error.
+        source: Box<dyn std::error::Error + Send + Sync>,
+        /// True if the input is at fault, false if the machine is.
+        input: bool,
+    },
+    /// A picture could not be drawn.
+    #[error("cannot draw {what}: {reason}")]
+    Picture {
+        /// Which picture.
+        what: String,
+        /// The drawing library's reason.
+        reason: String,
+    },
+    /// The user asked to stop.
+    #[error("interrupted; finished results are kept")]
+    Interrupted,
+}
+
+impl CommandError {
+    /// An unacceptable value in `file`.
+    pub fn input(
+        file: impl Into<String>,
+        item: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl ToString,
+    ) -> Self {
+        Self::Input {
+            file: file.into(),
+            item: item.into(),
+            expected: expected.into(),
+            found: found.to_string(),
+        }
+    }
+
+    /// An unacceptable command-line option.
+    pub fn option(
+        item: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl ToString,
+    ) -> Self {
+        Self::input("command line", item, expected, found)
+    }
+
+    /// A file that cannot be read.
+    pub fn read(path: &Path, source: std::io::Error) -> Self {
+        Self::Io {
+            action: "read",
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// A file that cannot be written.
+    pub fn write(path: &Path, source: std::io::Error) -> Self {
+        Self::Io {
+            action: "write",
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// A library error that the input is to blame for.
+    pub fn bad_input(
+        context: impl Into<String>,
+        source: impl std::error::Error + Send + Sync + 'static,
+    ) -> Self {
+        Self::Library {
+            context: context.into(),
+            source: Box::new(source),
+            input: true,
+        }
+    }
+
+    /// A library error that is nobody's fault.
+    pub fn failure(
+        context: impl Into<String>,
+        source: impl std::error::Error + Send + Sync + 'static,
+    ) -> Self {
+        Self::Library {
+            context: context.into(),
+            source: Box::new(source),
+            input: false,
+        }
+    }
+
+    /// The exit code of a run that ended with this error.
+    pub fn exit(&self) -> Exit {
+        match self {
+            Self::Input { .. } | Self::Scene { .. } | Self::Mesh(_) | Self::Memory { .. } => {
+                Exit::BadInput
+            }
+            Self::Library { input: true, .. } => Exit::BadInput,
+            // A file that is missing is a wrong argument; one that cannot be written is not.
+            Self::Io { action: "read", .. } => Exit::BadInput,
+            Self::Io { .. } | Self::Library { .. } | Self::Picture { .. } => Exit::Failure,
+            Self::UnusableMeshes { .. } => Exit::UnusableMesh,
+            Self::Interrupted => Exit::Interrupted,
+        }
+    }
+}

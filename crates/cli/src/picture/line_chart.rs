@@ -1,0 +1,145 @@
+//! Curves over a common axis.
+
+use plotters::prelude::*;
+
+use super::canvas::{Drawing, FAINT, INK, PAPER, Panel, number, stroke, text, text_size, titled};
+use super::colour::SERIES;
+use super::heat_map::MESH;
+
+/// Curves over a common axis.
+#[derive(Debug, Clone, Default)]
+pub struct LineChart {
+    /// Above the chart.
+    pub title: String,
+    /// Under the horizontal axis, with its unit.
+    pub horizontal: String,
+    /// Beside the vertical axis, with its unit.
+    pub vertical: String,
+    /// The curves.
+    pub series: Vec<Series>,
+    /// Vertical lines with a word each.
+    pub marks: Vec<Mark>,
+    /// Least vertical value shown, if the curves reach below it.
+    pub floor: Option<f64>,
+}
+
+/// One curve.
+#[derive(Debug, Clone, Default)]
+pub struct Series {
+    /// For the legend; no entry if empty.
+    pub label: String,
+    /// Points in drawing order.
+    pub points: Vec<(f64, f64)>,
+    /// Draw it dashed.
+    pub dashed: bool,
+    /// Draw the points as dots, not joined.
+    pub dots: bool,
+}
+
+/// A vertical line that says what happens there.
+#[derive(Debug, Clone)]
+pub struct Mark {
+    /// Where.
+    pub at: f64,
+    /// What.
+    pub label: String,
+}
+
+impl LineChart {
+    /// Draws the chart into a panel.
+    ///
+    /// # Errors
+    /// If the drawing library refuses.
+    pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
+        let size = text_size(panel);
+        let rest = titled(panel, &self.title)?;
+        let ([x0, x1], [y0, y1]) = self.ranges();
+        let mut chart = ChartBuilder::on(&rest)
+            .margin(size)
+            .margin_top(size / 2)
+            .x_label_area_size(3 * size)
+            .y_label_area_size(4 * size + size / 2)
+            .build_cartesian_2d(x0..x1, y0..y1)?;
+        chart
+            .configure_mesh()
+            .light_line_style(PAPER)
+            .bold_line_style(MESH)
+            .axis_style(FAINT)
+            .x_desc(&self.horizontal)
+            .y_desc(&self.vertical)
+            .x_labels(9)
+            .y_labels(8)
+            .x_label_formatter(&|v| number(*v, 4))
+            .y_label_formatter(&|v| number(*v, 4))
+            .label_style(text(size, INK))
+            .axis_desc_style(text(size, INK))
+            .draw()?;
+        for mark in &self.marks {
+            let line = vec![(mark.at, y0), (mark.at, y1)];
+            chart.draw_series(DashedLineSeries::new(
+                line,
+                stroke(4),
+                stroke(5),
+                FAINT.stroke_width(stroke(1)),
+            ))?;
+            let label = text(size, FAINT);
+            let place = (mark.at + 0.005 * (x1 - x0), y1 - 0.01 * (y1 - y0));
+            chart.draw_series([Text::new(mark.label.clone(), place, label)])?;
+        }
+        let mut named = false;
+        for (index, series) in self.series.iter().enumerate() {
+            let colour = SERIES[index % SERIES.len()];
+            let style = colour.stroke_width(stroke(2) + 1);
+            let points = series.points.iter().copied();
+            let drawn = if series.dots {
+                chart.draw_series(points.map(|p| Circle::new(p, stroke(2), colour.filled())))?
+            } else if series.dashed {
+                chart.draw_series(DashedLineSeries::new(points, stroke(9), stroke(6), style))?
+            } else {
+                chart.draw_series(LineSeries::new(points, style))?
+            };
+            if !series.label.is_empty() {
+                named = true;
+                drawn.label(&series.label).legend(move |(x, y)| {
+                    PathElement::new(vec![(x, y), (x + stroke(22) as i32, y)], style)
+                });
+            }
+        }
+        if named {
+            chart
+                .configure_series_labels()
+                .background_style(PAPER.mix(0.85))
+                .border_style(MESH)
+                .legend_area_size(stroke(32))
+                .label_font(text(size, INK))
+                .position(SeriesLabelPosition::UpperRight)
+                .draw()?;
+        }
+        Ok(())
+    }
+
+    fn ranges(&self) -> ([f64; 2], [f64; 2]) {
+        let points = || {
+            self.series
+                .iter()
+                .flat_map(|s| s.points.iter().copied())
+                .filter(|(x, y)| x.is_finite() && y.is_finite())
+        };
+        let [y0, y1] = spread(points().map(|p| p.1));
+        let y0 = self.floor.map_or(y0, |f| y0.max(f));
+        let margin = 0.06 * (y1 - y0);
+        (spread(points().map(|p| p.0)), [y0 - margin, y1 + margin])
+    }
+}
+
+/// Least and greatest value; a range of some width if there is none.
+fn spread(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
+        (a.min(v), b.max(v))
+    });
+    match () {
+        () if low < high => [low, high],
+        () if low == high => [low - 0.5, low + 0.5],
+        () => [0.0, 1.0],
+    }
+}

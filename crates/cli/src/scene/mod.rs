@@ -1,0 +1,175 @@
+//! Scene files: two parts, how finely to compute, and how to feel them.
+//!
+//! A scene is TOML. Three lines suffice: the unit and the two meshes. Every key is described in
+//! `docs/scene.md`.
+
+mod check;
+mod raw;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use fft_correlate::{Pose, ScoreModel};
+use glam::{DQuat, DVec3};
+use miette::{NamedSource, SourceSpan};
+use sdf_grid::Sampling;
+
+use crate::error::CommandError;
+pub(crate) use check::quaternion;
+pub use raw::LengthUnit;
+
+/// A scene whose every value has been checked. Lengths are metres.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The file it was read from.
+    pub path: PathBuf,
+    /// Unit of the meshes and of the lengths in the file.
+    pub unit: LengthUnit,
+    /// The part that stays.
+    pub fixed: Part,
+    /// The part that moves.
+    pub moving: Part,
+    /// Weights and kernel thickness; gamma is 1 unless the scene gives one.
+    pub model: ScoreModel,
+    /// What fixes the energy scale.
+    pub energy: EnergyScale,
+    /// How finely the densities are computed.
+    pub lattice: LatticeChoice,
+    /// Which translations are searched and tabulated.
+    pub window: WindowChoice,
+    /// Which rotations are searched and tabulated.
+    pub rotations: Rotations,
+    /// Folder where fields are kept between runs.
+    pub cache: PathBuf,
+}
+
+/// One part of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// What to call it in reports.
+    pub name: String,
+    /// Its mesh file.
+    pub mesh: PathBuf,
+    /// Where the mesh is placed in the scene before anything is computed (metres).
+    pub pose: Pose,
+}
+
+/// What fixes the energy scale gamma.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EnergyScale {
+    /// Joules per cubic metre.
+    Gamma(f64),
+    /// The largest force, newtons, met while the parts are pushed or pulled near the fit.
+    PeakForce(f64),
+}
+
+/// How finely the densities are computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LatticeChoice {
+    /// The lattice step.
+    pub step: LatticeStep,
+    /// Distance outside the parts at which densities end, metres; chosen from the parts if absent.
+    pub halo: Option<f64>,
+    /// Relative L2 error allowed in a field.
+    pub field_tolerance: f64,
+    /// How a lattice value stands for its cell.
+    pub sampling: Sampling,
+}
+
+/// The distance between lattice nodes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LatticeStep {
+    /// Metres.
+    Spacing(f64),
+    /// Nodes along the longest side of the larger part.
+    Points(u32),
+}
+
+/// A box of displacements of the moving part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindowChoice {
+    /// Middle of the box, metres.
+    pub center: DVec3,
+    /// Half its sides, metres; chosen from the parts if absent.
+    pub half_extent: Option<DVec3>,
+}
+
+/// A set of rotations.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Rotations {
+    /// Exactly these.
+    List(Vec<DQuat>),
+    /// Turns about one axis of the fixed frame, after `center`.
+    Spin {
+        /// Unit axis.
+        axis: DVec3,
+        /// Half the range, radians; pi is the whole turn.
+        angle: f64,
+        /// Largest step between neighbours, radians.
+        step: f64,
+        /// The rotation in the middle.
+        center: DQuat,
+    },
+    /// Every rotation within an angle of `center`.
+    Ball {
+        /// Radius, radians.
+        angle: f64,
+        /// Largest step between neighbours, radians.
+        step: f64,
+        /// The rotation in the middle.
+        center: DQuat,
+    },
+    /// All rotations.
+    Full {
+        /// Largest step between neighbours, radians.
+        step: f64,
+    },
+}
+
+impl Scene {
+    /// Reads and checks a scene file.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is not TOML, has an unknown key, or a value is out of range;
+    /// the error carries the line.
+    pub fn read(path: &Path) -> Result<Self, CommandError> {
+        let text = std::fs::read_to_string(path).map_err(|e| CommandError::read(path, e))?;
+        Self::parse(path, &text)
+    }
+
+    /// Checks the text of a scene file; `path` is where meshes are relative to.
+    ///
+    /// # Errors
+    /// As [`Scene::read`], but for reading.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, CommandError> {
+        let source = Source { path, text };
+        let raw: raw::RawScene = toml::from_str(text)
+            .map_err(|e| source.error(e.span().unwrap_or(0..text.len()), e.message()))?;
+        check::scene(raw, &source)
+    }
+}
+
+/// The text of a scene file, for errors that show the line.
+pub(crate) struct Source<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+impl Source<'_> {
+    /// An error at a byte range of the text.
+    pub(crate) fn error(&self, span: Range<usize>, message: impl Into<String>) -> CommandError {
+        let start = span.start.min(self.text.len());
+        let line = self.text.as_bytes()[..start]
+            .iter()
+            .filter(|&&b| b == b'\n')
+            .count()
+            + 1;
+        CommandError::Scene {
+            file: self.path.display().to_string(),
+            line,
+            message: message.into(),
+            text: NamedSource::new(self.path.display().to_string(), self.text.to_owned()),
+            span: SourceSpan::from(start..span.end.min(self.text.len())),
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! The scene file as written: TOML keys, with their places in the text, before any check.
+
+use std::fmt;
+
+use serde::Deserialize;
+use serde::de::{MapAccess, Visitor, value::MapAccessDeserializer};
+use toml::Spanned;
+
+/// A whole scene file. Documented key by key in `docs/scene.md`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawScene {
+    pub(crate) unit: LengthUnit,
+    pub(crate) fixed: Spanned<RawPart>,
+    pub(crate) moving: Spanned<RawPart>,
+    pub(crate) cache: Option<String>,
+    #[serde(default)]
+    pub(crate) model: RawModel,
+    #[serde(default)]
+    pub(crate) lattice: RawLattice,
+    #[serde(default)]
+    pub(crate) window: RawWindow,
+    #[serde(default)]
+    pub(crate) rotations: RawRotations,
+    #[serde(default)]
+    pub(crate) energy: RawEnergy,
+    #[serde(default)]
+    pub(crate) device: Option<Spanned<toml::Table>>,
+}
+
+/// Length unit of a scene and of the meshes it names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+pub enum LengthUnit {
+    /// Metres.
+    #[serde(rename = "m")]
+    #[value(name = "m")]
+    Metre,
+    /// Centimetres.
+    #[serde(rename = "cm")]
+    #[value(name = "cm")]
+    Centimetre,
+    /// Millimetres.
+    #[serde(rename = "mm")]
+    #[value(name = "mm")]
+    Millimetre,
+    /// Inches.
+    #[serde(rename = "in")]
+    #[value(name = "in")]
+    Inch,
+}
+
+impl LengthUnit {
+    /// Metres in one unit.
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 1e-2,
+            Self::Millimetre => 1e-3,
+            Self::Inch => 0.0254,
+        }
+    }
+
+    /// The unit's sign: `mm`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+            Self::Inch => "in",
+        }
+    }
+}
+
+/// A part: a mesh path alone, or a table with more to say.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct RawPart {
+    pub(crate) mesh: String,
+    pub(crate) name: Option<String>,
+    pub(crate) position: Option<Spanned<[f64; 3]>>,
+    pub(crate) rotation: Option<Spanned<[f64; 4]>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartTable {
+    mesh: String,
+    name: Option<String>,
+    position: Option<Spanned<[f64; 3]>>,
+    rotation: Option<Spanned<[f64; 4]>>,
+}
+
+impl<'de> Deserialize<'de> for RawPart {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct PartVisitor;
+        impl<'de> Visitor<'de> for PartVisitor {
+            type Value = RawPart;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a mesh path, or a table with `mesh` and optionally `name`, `position`, `rotation`")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, mesh: &str) -> Result<RawPart, E> {
+                Ok(RawPart {
+                    mesh: mesh.to_owned(),
+                    ..RawPart::default()
+                })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<RawPart, A::Error> {
+                let table = PartTable::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(RawPart {
+                    mesh: table.mesh,
+                    name: table.name,
+                    position: table.position,
+                    rotation: table.rotation,
+                })
+            }
+        }
+        deserializer.deserialize_any(PartVisitor)
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Preset {
+    Paper,
+    #[default]
+    Guided,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawModel {
+    #[serde(default)]
+    pub(crate) preset: Preset,
+    pub(crate) sigma: Option<Spanned<f64>>,
+    pub(crate) lambda_exterior: Option<Spanned<f64>>,
+    pub(crate) lambda_interior: Option<Spanned<f64>>,
+    pub(crate) separation_weight: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum RawSampling {
+    Point,
+    CellAverage,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawLattice {
+    pub(crate) spacing: Option<Spanned<f64>>,
+    pub(crate) points: Option<Spanned<u32>>,
+    pub(crate) halo: Option<Spanned<f64>>,
+    pub(crate) field_tolerance: Option<Spanned<f64>>,
+    pub(crate) sampling: Option<RawSampling>,
+}
+
+/// One number for all axes, or one per axis.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "expected a number or three numbers")]
+pub(crate) enum PerAxis {
+    Same(f64),
+    Each([f64; 3]),
+}
+
+impl PerAxis {
+    pub(crate) fn to_array(self) -> [f64; 3] {
+        match self {
+            Self::Same(v) => [v; 3],
+            Self::Each(v) => v,
+        }
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawWindow {
+    pub(crate) center: Option<Spanned<[f64; 3]>>,
+    pub(crate) half_extent: Option<Spanned<PerAxis>>,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum DomainKind {
+    List,
+    Spin,
+    #[default]
+    Ball,
+    Full,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawRotations {
+    #[serde(default)]
+    pub(crate) domain: Option<Spanned<DomainKind>>,
+    pub(crate) angle: Option<Spanned<f64>>,
+    pub(crate) step: Option<Spanned<f64>>,
+    pub(crate) axis: Option<Spanned<[f64; 3]>>,
+    pub(crate) center: Option<Spanned<[f64; 4]>>,
+    pub(crate) quaternions: Option<Spanned<Vec<[f64; 4]>>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawEnergy {
+    pub(crate) gamma: Option<Spanned<f64>>,
+    pub(crate) peak_force: Option<Spanned<f64>>,
+}

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-
-use crate::scene::LengthUnit;
+use sdf_grid::LengthUnit;
 
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]
@@ -40,22 +39,8 @@ pub struct Global {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// See it all: three pegs find their holes, with pictures and a page that explains them
-    Demo(DemoArgs),
     /// Say whether meshes can be used, and what had to be repaired
     Check(CheckArgs),
-    /// Compute the density field of one mesh and write it for ParaView
-    Field(FieldArgs),
-    /// Tabulate a scene's energy over its whole domain
-    Bake(BakeArgs),
-    /// Score, energy, force and torque at listed poses
-    Score(ScoreArgs),
-    /// Search a scene's whole domain for the best poses
-    Dock(DockArgs),
-    /// Run the 1 kHz haptic loop
-    Feel(FeelArgs),
-    /// Draw one of the paper's figures for a scene
-    Plot(PlotArgs),
 }
 
 /// Arguments of `pegfit demo`.
@@ -72,7 +57,7 @@ pub struct CheckArgs {
     /// Mesh files: OBJ, STL or PLY
     #[arg(required = true)]
     pub meshes: Vec<PathBuf>,
-    /// Length unit of the files
+    /// Length unit of the files: m, cm, mm, um, inch or foot
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
 }
@@ -82,7 +67,7 @@ pub struct CheckArgs {
 pub struct FieldArgs {
     /// Mesh file: OBJ, STL or PLY
     pub mesh: PathBuf,
-    /// Length unit of the file and of the lengths below
+    /// Length unit of the file and of the lengths below: m, cm, mm, um, inch or foot
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
     /// Distance between lattice nodes [default: the longest side / 48]

@@ -1,10 +1,10 @@
 //! The commands: from parsed arguments through validation to library calls and printed results.
 
-use std::path::Path;
-
 use crate::args::{Arguments, Command, Global};
 use crate::error::CommandError;
 use crate::progress::Progress;
+
+mod check;
 
 /// What every command gets besides its own arguments.
 #[derive(Debug)]
@@ -23,14 +23,13 @@ pub struct Context {
 /// Whatever stopped it; [`CommandError::exit`] has the exit code.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     start_threads(&arguments.global)?;
-    let _context = Context {
+    let context = Context {
         progress: Progress::new(arguments.global.quiet),
         json: arguments.global.json,
         quiet: arguments.global.quiet,
     };
     match &arguments.command {
-        Command::Check(_) => todo!(),
-        _ => todo!(),
+        Command::Check(args) => check::run(args, &context),
     }
 }
 
@@ -47,17 +46,10 @@ fn start_threads(global: &Global) -> Result<(), CommandError> {
         .map_err(|e| CommandError::failure("starting worker threads", e))
 }
 
-/// Refuses an output folder that does not exist before anything is computed.
-fn require_folder(output: &Path) -> Result<(), CommandError> {
-    match output.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-            Err(CommandError::input(
-                output.display().to_string(),
-                "folder",
-                "an existing folder",
-                folder.display(),
-            ))
-        }
-        _ => Ok(()),
-    }
+/// Prints a result for programs.
+fn print_json(value: &impl serde::Serialize) -> Result<(), CommandError> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|e| CommandError::failure("writing JSON", e))?;
+    println!("{text}");
+    Ok(())
 }

@@ -8,12 +8,9 @@ use sdf_grid::Sampling;
 use toml::Spanned;
 
 use super::raw::{
-    DomainKind, Preset, RawEnergy, RawLattice, RawModel, RawPart, RawRotations, RawSampling,
-    RawScene, RawWindow,
+    Preset, RawEnergy, RawLattice, RawModel, RawPart, RawSampling, RawScene, RawWindow,
 };
-use super::{
-    EnergyScale, LatticeChoice, LatticeStep, Part, Rotations, Scene, Source, WindowChoice,
-};
+use super::{EnergyScale, LatticeChoice, LatticeStep, Part, Scene, Source, WindowChoice};
 use crate::error::CommandError;
 
 /// Force that a scene without an energy scale peaks at, newtons: what a desktop device renders.
@@ -25,18 +22,12 @@ const DEFAULT_TOLERANCE: f64 = 1e-3;
 /// Lattice nodes along the longest side of the larger part, unless the scene says.
 const DEFAULT_POINTS: u32 = 48;
 
-/// Radius of the ball of rotations of a scene that names no domain, degrees.
-const DEFAULT_BALL: f64 = 30.0;
-
-/// Step between rotations unless the scene says, degrees.
-const DEFAULT_STEP: f64 = 7.5;
-
 /// How far a quaternion may be from unit length and still be taken as a rotation.
 pub(crate) const QUATERNION_SLACK: f64 = 1e-3;
 
 pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, CommandError> {
     let folder = source.path.parent().unwrap_or(Path::new("")).to_owned();
-    let metres = raw.unit.metres();
+    let metres = raw.unit.in_metres();
     Ok(Scene {
         path: source.path.to_owned(),
         unit: raw.unit,
@@ -46,7 +37,6 @@ pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, Command
         energy: energy(&raw.energy, source)?,
         lattice: lattice(&raw.lattice, metres, source)?,
         window: window(&raw.window, metres, source)?,
-        rotations: rotations(&raw.rotations, source)?,
         cache: folder.join(raw.cache.as_deref().unwrap_or(".pegfit-cache")),
     })
 }
@@ -199,116 +189,6 @@ fn window(raw: &RawWindow, metres: f64, source: &Source<'_>) -> Result<WindowCho
         center,
         half_extent,
     })
-}
-
-fn rotations(raw: &RawRotations, source: &Source<'_>) -> Result<Rotations, CommandError> {
-    let kind = raw
-        .domain
-        .as_ref()
-        .map_or(DomainKind::Ball, |d| *d.get_ref());
-    refuse_unused_keys(raw, kind, source)?;
-    let degrees = |value: &Option<Spanned<f64>>, name, limit: f64, default: f64| match value {
-        None => Ok(default.to_radians()),
-        Some(v) if *v.get_ref() > 0.0 && *v.get_ref() <= limit => Ok(v.get_ref().to_radians()),
-        Some(v) => Err(source.error(
-            v.span(),
-            format!(
-                "{name}: expected degrees above 0 and up to {limit}, found {}",
-                v.get_ref()
-            ),
-        )),
-    };
-    let step = degrees(&raw.step, "step", 90.0, DEFAULT_STEP)?;
-    let center = match &raw.center {
-        Some(q) => quaternion(*q.get_ref())
-            .map_err(|found| source.error(q.span(), not_a_rotation("center", &found)))?,
-        None => DQuat::IDENTITY,
-    };
-    Ok(match kind {
-        DomainKind::Full => Rotations::Full { step },
-        DomainKind::Ball => Rotations::Ball {
-            angle: degrees(&raw.angle, "angle", 180.0, DEFAULT_BALL)?,
-            step,
-            center,
-        },
-        DomainKind::Spin => Rotations::Spin {
-            axis: spin_axis(raw, source)?,
-            angle: degrees(&raw.angle, "angle", 180.0, 180.0)?,
-            step,
-            center,
-        },
-        DomainKind::List => Rotations::List(listed(raw, source)?),
-    })
-}
-
-/// A key that the chosen domain would ignore is a mistake to report.
-fn refuse_unused_keys(
-    raw: &RawRotations,
-    kind: DomainKind,
-    source: &Source<'_>,
-) -> Result<(), CommandError> {
-    use DomainKind::{Ball, Full, List, Spin};
-    let uses = |kinds: &[DomainKind]| kinds.contains(&kind);
-    let keys = [
-        (
-            "angle",
-            raw.angle.as_ref().map(Spanned::span),
-            uses(&[Ball, Spin]),
-        ),
-        (
-            "step",
-            raw.step.as_ref().map(Spanned::span),
-            uses(&[Ball, Spin, Full]),
-        ),
-        ("axis", raw.axis.as_ref().map(Spanned::span), uses(&[Spin])),
-        (
-            "center",
-            raw.center.as_ref().map(Spanned::span),
-            uses(&[Ball, Spin]),
-        ),
-        (
-            "quaternions",
-            raw.quaternions.as_ref().map(Spanned::span),
-            uses(&[List]),
-        ),
-    ];
-    for (name, span, used) in keys {
-        if let (Some(span), false) = (span, used) {
-            return Err(source.error(
-                span,
-                format!("rotations: expected no `{name}` for the domain {kind:?}, found one"),
-            ));
-        }
-    }
-    Ok(())
-}
-
-fn spin_axis(raw: &RawRotations, source: &Source<'_>) -> Result<DVec3, CommandError> {
-    let Some(axis) = &raw.axis else {
-        return Ok(DVec3::Z);
-    };
-    let v = finite(axis, "axis", source)?;
-    v.try_normalize()
-        .ok_or_else(|| source.error(axis.span(), "axis: expected a direction, found zero"))
-}
-
-fn listed(raw: &RawRotations, source: &Source<'_>) -> Result<Vec<DQuat>, CommandError> {
-    let Some(list) = &raw.quaternions else {
-        return Ok(vec![DQuat::IDENTITY]);
-    };
-    if list.get_ref().is_empty() {
-        return Err(source.error(
-            list.span(),
-            "quaternions: expected at least one, found none",
-        ));
-    }
-    list.get_ref()
-        .iter()
-        .map(|&q| {
-            quaternion(q)
-                .map_err(|found| source.error(list.span(), not_a_rotation("quaternions", &found)))
-        })
-        .collect()
 }
 
 fn positive(value: &Spanned<f64>, name: &str, source: &Source<'_>) -> Result<f64, CommandError> {

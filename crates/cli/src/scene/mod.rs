@@ -5,18 +5,19 @@
 
 mod check;
 mod raw;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fft_correlate::{Pose, ScoreModel};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use miette::{NamedSource, SourceSpan};
-use sdf_grid::Sampling;
+use sdf_grid::{LengthUnit, Sampling};
 
 use crate::error::CommandError;
 pub(crate) use check::quaternion;
-pub use raw::LengthUnit;
 
 /// A scene whose every value has been checked. Lengths are metres.
 #[derive(Debug, Clone)]
@@ -37,8 +38,6 @@ pub struct Scene {
     pub lattice: LatticeChoice,
     /// Which translations are searched and tabulated.
     pub window: WindowChoice,
-    /// Which rotations are searched and tabulated.
-    pub rotations: Rotations,
     /// Folder where fields are kept between runs.
     pub cache: PathBuf,
 }
@@ -92,38 +91,6 @@ pub struct WindowChoice {
     pub center: DVec3,
     /// Half its sides, metres; chosen from the parts if absent.
     pub half_extent: Option<DVec3>,
-}
-
-/// A set of rotations.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Rotations {
-    /// Exactly these.
-    List(Vec<DQuat>),
-    /// Turns about one axis of the fixed frame, after `center`.
-    Spin {
-        /// Unit axis.
-        axis: DVec3,
-        /// Half the range, radians; pi is the whole turn.
-        angle: f64,
-        /// Largest step between neighbours, radians.
-        step: f64,
-        /// The rotation in the middle.
-        center: DQuat,
-    },
-    /// Every rotation within an angle of `center`.
-    Ball {
-        /// Radius, radians.
-        angle: f64,
-        /// Largest step between neighbours, radians.
-        step: f64,
-        /// The rotation in the middle.
-        center: DQuat,
-    },
-    /// All rotations.
-    Full {
-        /// Largest step between neighbours, radians.
-        step: f64,
-    },
 }
 
 impl Scene {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use sdf_grid::LengthUnit;
 use serde::Deserialize;
 use serde::de::{MapAccess, Visitor, value::MapAccessDeserializer};
 use toml::Spanned;
@@ -21,54 +22,7 @@ pub(crate) struct RawScene {
     #[serde(default)]
     pub(crate) window: RawWindow,
     #[serde(default)]
-    pub(crate) rotations: RawRotations,
-    #[serde(default)]
     pub(crate) energy: RawEnergy,
-    #[serde(default)]
-    pub(crate) device: Option<Spanned<toml::Table>>,
-}
-
-/// Length unit of a scene and of the meshes it names.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, clap::ValueEnum)]
-pub enum LengthUnit {
-    /// Metres.
-    #[serde(rename = "m")]
-    #[value(name = "m")]
-    Metre,
-    /// Centimetres.
-    #[serde(rename = "cm")]
-    #[value(name = "cm")]
-    Centimetre,
-    /// Millimetres.
-    #[serde(rename = "mm")]
-    #[value(name = "mm")]
-    Millimetre,
-    /// Inches.
-    #[serde(rename = "in")]
-    #[value(name = "in")]
-    Inch,
-}
-
-impl LengthUnit {
-    /// Metres in one unit.
-    pub fn metres(self) -> f64 {
-        match self {
-            Self::Metre => 1.0,
-            Self::Centimetre => 1e-2,
-            Self::Millimetre => 1e-3,
-            Self::Inch => 0.0254,
-        }
-    }
-
-    /// The unit's sign: `mm`.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Metre => "m",
-            Self::Centimetre => "cm",
-            Self::Millimetre => "mm",
-            Self::Inch => "in",
-        }
-    }
 }
 
 /// A part: a mesh path alone, or a table with more to say.
@@ -178,28 +132,6 @@ impl PerAxis {
 pub(crate) struct RawWindow {
     pub(crate) center: Option<Spanned<[f64; 3]>>,
     pub(crate) half_extent: Option<Spanned<PerAxis>>,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum DomainKind {
-    List,
-    Spin,
-    #[default]
-    Ball,
-    Full,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct RawRotations {
-    #[serde(default)]
-    pub(crate) domain: Option<Spanned<DomainKind>>,
-    pub(crate) angle: Option<Spanned<f64>>,
-    pub(crate) step: Option<Spanned<f64>>,
-    pub(crate) axis: Option<Spanned<[f64; 3]>>,
-    pub(crate) center: Option<Spanned<[f64; 4]>>,
-    pub(crate) quaternions: Option<Spanned<Vec<[f64; 4]>>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -1,0 +1,110 @@
+//! `pegfit check`: can these meshes be used, and what had to be repaired?
+
+use std::path::Path;
+
+use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, mesh_io};
+use serde::Serialize;
+
+use super::{Context, print_json};
+use crate::args::CheckArgs;
+use crate::error::CommandError;
+
+/// What is said about one file.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Verdict {
+    Usable {
+        #[serde(flatten)]
+        report: Box<HygieneReport>,
+        warnings: Vec<String>,
+        usable: bool,
+    },
+    Unusable {
+        name: String,
+        error: String,
+        usable: bool,
+    },
+}
+
+pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
+    let verdicts: Vec<Verdict> = args
+        .meshes
+        .iter()
+        .map(|path| examine(path, args.unit))
+        .collect();
+    if context.json {
+        print_json(&verdicts)?;
+    } else {
+        for verdict in &verdicts {
+            print(verdict, args.unit);
+        }
+    }
+    let unusable = verdicts
+        .iter()
+        .filter(|v| matches!(v, Verdict::Unusable { .. }))
+        .count();
+    match unusable {
+        0 => Ok(()),
+        count => Err(CommandError::UnusableMeshes {
+            count,
+            total: verdicts.len(),
+        }),
+    }
+}
+
+fn examine(path: &Path, unit: LengthUnit) -> Verdict {
+    match mesh_io::read(path, unit, &HygieneOptions::default()) {
+        Ok((_mesh, report)) => Verdict::Usable {
+            warnings: report.warnings(),
+            report: Box::new(report),
+            usable: true,
+        },
+        Err(error) => Verdict::Unusable {
+            name: path.display().to_string(),
+            error: error.to_string(),
+            usable: false,
+        },
+    }
+}
+
+fn print(verdict: &Verdict, unit: LengthUnit) {
+    let (report, warnings) = match verdict {
+        Verdict::Usable {
+            report, warnings, ..
+        } => (report, warnings),
+        Verdict::Unusable { name, error, .. } => {
+            println!("{name}: cannot be used");
+            println!("  {error}");
+            return;
+        }
+    };
+    let metre = unit.in_metres();
+    let size = report.bounds.size() / metre;
+    let low = report.bounds.min / metre;
+    println!("{}: usable", report.name);
+    println!("  triangles    {}", report.triangles);
+    println!("  components   {}", report.components);
+    match report.open_edges {
+        0 => println!(
+            "  watertight   {}",
+            if report.watertight { "yes" } else { "no" }
+        ),
+        n => println!("  watertight   no, {n} open edges"),
+    }
+    match report.flipped_faces {
+        0 => println!("  orientation  outwards"),
+        n => println!("  orientation  outwards, after {n} faces were reversed"),
+    }
+    println!(
+        "  volume       {:.6} {unit}³",
+        report.volume / metre.powi(3)
+    );
+    println!("  area         {:.6} {unit}²", report.area / metre.powi(2));
+    println!(
+        "  bounds       {:.6} x {:.6} x {:.6} {unit}, from ({:.6}, {:.6}, {:.6})",
+        size.x, size.y, size.z, low.x, low.y, low.z
+    );
+    for warning in warnings {
+        println!("  note         {warning}");
+    }
+}

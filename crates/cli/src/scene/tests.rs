@@ -1,0 +1,160 @@
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::*;
+
+const SHORT: &str = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\n";
+
+fn parse(text: &str) -> Result<Scene, CommandError> {
+    Scene::parse(Path::new("scenes/a.toml"), text)
+}
+
+fn refusal(extra: &str) -> String {
+    let error = parse(&format!("{SHORT}{extra}")).unwrap_err();
+    assert_eq!(error.exit(), crate::Exit::BadInput);
+    error.to_string()
+}
+
+#[test]
+fn three_lines_are_a_scene() {
+    let scene = parse(SHORT).unwrap();
+    assert_eq!(scene.fixed.mesh, Path::new("scenes/hole.obj"));
+    assert_eq!(scene.moving.name, "peg");
+    assert_eq!(scene.model, ScoreModel::GUIDED);
+    assert_eq!(scene.energy, EnergyScale::PeakForce(5.0));
+    assert_eq!(scene.window.half_extent, None);
+}
+
+#[test]
+fn every_key_is_read_in_the_scene_unit() {
+    let scene = parse(
+        r#"
+        unit = "mm"
+        cache = "fields"
+        moving = "peg.obj"
+        [fixed]
+        mesh = "/parts/hole.obj"
+        name = "block"
+        position = [1, 2, 3]
+        rotation = [0, 0, 0.7071068, 0.7071068]
+        [model]
+        preset = "paper"
+        sigma = 0.15
+        lambda_interior = 8
+        [lattice]
+        spacing = 0.5
+        halo = 6
+        field_tolerance = 1e-4
+        sampling = "point"
+        [window]
+        center = [0, 0, 5]
+        half_extent = [1, 2, 3]
+        [energy]
+        gamma = 2e6
+        "#,
+    )
+    .unwrap();
+    assert_eq!(scene.fixed.name, "block");
+    assert_eq!(scene.fixed.mesh, Path::new("/parts/hole.obj"));
+    assert!((scene.fixed.pose.translation - DVec3::new(1e-3, 2e-3, 3e-3)).length() < 1e-15);
+    assert!((scene.fixed.pose.rotation * DVec3::X - DVec3::Y).length() < 1e-6);
+    assert_eq!(
+        (scene.model.sigma, scene.model.separation_weight),
+        (0.15, 1.0)
+    );
+    assert_eq!(scene.model.lambda_interior, 8.0);
+    assert_eq!(scene.lattice.step, LatticeStep::Spacing(0.5e-3));
+    assert_eq!(scene.lattice.halo, Some(6e-3));
+    assert_eq!(scene.lattice.sampling, Sampling::Point);
+    assert_eq!(scene.window.half_extent, Some(DVec3::new(1e-3, 2e-3, 3e-3)));
+    assert_eq!(scene.energy, EnergyScale::Gamma(2e6));
+    assert_eq!(scene.cache, Path::new("scenes/fields"));
+}
+
+#[test]
+fn mistakes_are_shown_with_their_line() {
+    let cases = [
+        (
+            "[latice]\nspacing = 1\n",
+            "line 4",
+            "unknown field `latice`",
+        ),
+        (
+            "[lattice]\nspacing = 0\n",
+            "line 5",
+            "expected a positive number, found 0",
+        ),
+        ("[lattice]\nspacing = nan\n", "line 5", "found NaN"),
+        (
+            "[lattice]\nspacing = 1\npoints = 20\n",
+            "line 6",
+            "found both",
+        ),
+        ("[lattice]\npoints = 2\n", "line 5", "at least 4, found 2"),
+        (
+            "[lattice]\nfield_tolerance = 0.5\n",
+            "line 5",
+            "1e-5 to 1e-2, found 0.5",
+        ),
+        (
+            "[model]\nsigma = 0.9\n",
+            "line 5",
+            "sigma must be in 0.03..=0.5, found 0.9",
+        ),
+        (
+            "[model]\nlambda_exterior = -1\n",
+            "line 5",
+            "lambda_exterior must be > 0, found -1",
+        ),
+        (
+            "[model]\npreset = \"best\"\n",
+            "line 5",
+            "unknown variant `best`",
+        ),
+        (
+            "[window]\nhalf_extent = [1, -2, 3]\n",
+            "line 5",
+            "half_extent",
+        ),
+        (
+            "[energy]\ngamma = 1\npeak_force = 1\n",
+            "line 6",
+            "found both",
+        ),
+        ("[energy]\npeak_force = -1\n", "line 5", "found -1"),
+        ("name = 3\n", "line 4", "unknown field `name`"),
+    ];
+    for (extra, line, message) in cases {
+        let text = refusal(extra);
+        assert!(text.starts_with("scenes/a.toml"), "{text}");
+        assert!(text.contains(line), "{extra}: {text}");
+        assert!(text.contains(message), "{extra}: {text}");
+    }
+}
+
+#[test]
+fn parts_are_checked() {
+    let with = |fixed: &str| {
+        parse(&format!("unit = \"mm\"\nmoving = \"peg.obj\"\n{fixed}"))
+            .unwrap_err()
+            .to_string()
+    };
+    assert!(with("fixed = \"\"\n").contains("expected a mesh path"));
+    assert!(with("fixed = 3\n").contains("a mesh path, or a table"));
+    assert!(with("[fixed]\nname = \"a\"\n").contains("missing field `mesh`"));
+    assert!(with("[fixed]\nmesh = \"a.obj\"\npose = 3\n").contains("unknown field `pose`"));
+    let text = with("[fixed]\nmesh = \"a.obj\"\nrotation = [0, 0, 0, 1.1]\n");
+    assert!(
+        text.contains("line 5") && text.contains("length 1.1"),
+        "{text}"
+    );
+    assert!(parse("unit = \"mm\"\nfixed = \"a.obj\"\n").is_err());
+    assert!(parse("unit = \"ell\"\nfixed = \"a.obj\"\nmoving = \"b.obj\"\n").is_err());
+    assert!(
+        parse("unit = \"mm\"\nfixed = \n")
+            .unwrap_err()
+            .to_string()
+            .contains("line 2")
+    );
+}

@@ -1,0 +1,95 @@
+//! `pegfit check` from the outside.
+
+mod common;
+
+use common::{cuboid_obj, pegfit, stderr, stdout};
+
+#[test]
+fn a_good_mesh_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("box.obj"), cuboid_obj([2.0, 3.0, 4.0])).unwrap();
+    let output = pegfit(folder.path(), &["check", "box.obj", "--unit", "mm"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = stdout(&output);
+    for part in [
+        "box.obj: usable",
+        "triangles    12",
+        "watertight   yes",
+        "24.000000 mm³",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn json_parses_and_repairs_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let inverted = cuboid_obj([2.0, 3.0, 4.0])
+        .lines()
+        .map(
+            |line| match line.split_whitespace().collect::<Vec<_>>()[..] {
+                ["f", a, b, c] => format!("f {a} {c} {b}\n"),
+                _ => format!("{line}\n"),
+            },
+        )
+        .collect::<String>();
+    std::fs::write(folder.path().join("box.obj"), inverted).unwrap();
+    let output = pegfit(folder.path(), &["check", "box.obj", "--json"]);
+    assert_eq!(output.status.code(), Some(0));
+    let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(value[0]["flipped_faces"], 12);
+    assert_eq!(value[0]["usable"], true);
+    assert!((value[0]["volume"].as_f64().unwrap() - 24e-9).abs() < 1e-20);
+    assert!(
+        value[0]["warnings"][0]
+            .as_str()
+            .unwrap()
+            .contains("reversed")
+    );
+}
+
+#[test]
+fn unusable_meshes_exit_with_three() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("good.obj", &cuboid_obj([1.0, 1.0, 1.0]));
+    write("empty.obj", "v 0 0 0\n");
+    write("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
+    write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let cases = [
+        ("missing.obj", "cannot read"),
+        ("empty.obj", "at least one triangle"),
+        ("nan.obj", "nan.obj"),
+        ("index.obj", "index.obj"),
+        ("open.obj", "open"),
+    ];
+    for (name, message) in cases {
+        let output = pegfit(folder.path(), &["check", "good.obj", name]);
+        assert_eq!(output.status.code(), Some(3), "{name}");
+        let text = stdout(&output);
+        assert!(text.contains("good.obj: usable"), "{text}");
+        assert!(text.contains(&format!("{name}: cannot be used")), "{text}");
+        assert!(text.contains(message), "{text}");
+        assert!(
+            stderr(&output).contains("1 of 2 meshes"),
+            "{}",
+            stderr(&output)
+        );
+    }
+}
+
+#[test]
+fn wrong_usage_exits_with_two() {
+    let folder = tempfile::tempdir().unwrap();
+    for args in [
+        &["check"][..],
+        &["chek", "a.obj"],
+        &["check", "a.obj", "--unit", "ell"],
+        &["check", "a.obj", "--threads", "0"],
+    ] {
+        let output = pegfit(folder.path(), args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(!stderr(&output).is_empty());
+    }
+}

@@ -21,25 +21,13 @@ pub enum CommandError {
         /// What was there.
         found: String,
     },
-    /// The scene file cannot be used; carries the text so that the line can be shown.
-    #[error("{file}, line {line}: {message}")]
-    Scene {
-        /// The scene file.
-        file: String,
-        /// Line of the trouble, counted from 1.
-        line: usize,
-        /// What is wrong, with expected and found.
-        message: String,
-        /// The whole scene file.
-        #[source_code]
-        text: NamedSource<String>,
-        /// The offending bytes.
-        #[label("here")]
-        span: SourceSpan,
-    },
+    /// The scene file cannot be used.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Scene(Box<SceneError>),
     /// A mesh file cannot be used.
     #[error(transparent)]
-    Mesh(#[from] sdf_grid::MeshError),
+    Mesh(Box<sdf_grid::MeshError>),
     /// The computation would need more memory than the machine has free.
     #[error(
         "{what} needs about {} but only {} is available: coarsen the lattice or shrink the \
@@ -93,6 +81,30 @@ pub enum CommandError {
     /// The user asked to stop.
     #[error("interrupted; finished results are kept")]
     Interrupted,
+}
+
+/// What is wrong with a scene file, and where; carries the text so that the line can be shown.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{file}, line {line}: {message}")]
+pub struct SceneError {
+    /// The scene file.
+    pub file: String,
+    /// Line of the trouble, counted from 1.
+    pub line: usize,
+    /// What is wrong, with expected and found.
+    pub message: String,
+    /// The whole scene file.
+    #[source_code]
+    pub text: NamedSource<String>,
+    /// The offending bytes.
+    #[label("here")]
+    pub span: SourceSpan,
+}
+
+impl From<sdf_grid::MeshError> for CommandError {
+    fn from(error: sdf_grid::MeshError) -> Self {
+        Self::Mesh(Box::new(error))
+    }
 }
 
 impl CommandError {
@@ -165,7 +177,7 @@ impl CommandError {
     /// The exit code of a run that ended with this error.
     pub fn exit(&self) -> Exit {
         match self {
-            Self::Input { .. } | Self::Scene { .. } | Self::Mesh(_) | Self::Memory { .. } => {
+            Self::Input { .. } | Self::Scene(_) | Self::Mesh(_) | Self::Memory { .. } => {
                 Exit::BadInput
             }
             Self::Library { input: true, .. } => Exit::BadInput,

@@ -16,7 +16,7 @@ use glam::DVec3;
 use miette::{NamedSource, SourceSpan};
 use sdf_grid::{LengthUnit, Sampling};
 
-use crate::error::CommandError;
+use crate::error::{CommandError, SceneError};
 pub(crate) use check::quaternion;
 
 /// A scene whose every value has been checked. Lengths are metres.
@@ -131,12 +131,12 @@ impl Source<'_> {
             .filter(|&&b| b == b'\n')
             .count()
             + 1;
-        CommandError::Scene {
+        CommandError::Scene(Box::new(SceneError {
             file: self.path.display().to_string(),
             line,
             message: message.into(),
             text: NamedSource::new(self.path.display().to_string(), self.text.to_owned()),
             span: SourceSpan::from(start..span.end.min(self.text.len())),
-        }
+        }))
     }
 }

@@ -7,10 +7,14 @@ pub mod direct;
 pub mod energy;
 pub mod model;
 pub mod pair;
+pub mod pair_builder;
 pub mod se3;
+pub mod well;
 
 pub use direct::{DirectError, DirectEvaluator, DirectOptions};
 pub use energy::{EnergySource, Response, Scratch};
 pub use model::{ModelError, ScoreModel};
 pub use pair::{Pair, PairError};
+pub use pair_builder::{PairBuildError, PairBuilder, PairPlan};
 pub use se3::{Pose, Twist, Wrench};
+pub use well::{Well, WellError, WellOptions};

@@ -1,0 +1,249 @@
+//! From two meshes to a pair: lattices, halo, pivot and what they cost, decided before anything
+//! is allocated.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use sdf_grid::{
+    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, KernelError, Lattice,
+    LatticeError, Monitor, Sampling, TriangleMesh,
+};
+
+use crate::{Pair, PairError, ScoreModel};
+
+/// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
+const DEFAULT_NODES: f64 = 6e6;
+/// Cells across the narrowest extent of the smaller part that [`default_spacing`] aims at.
+const DEFAULT_CELLS: f64 = 24.0;
+
+/// How two meshes become a pair; `None` picks the documented default.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairBuilder {
+    /// Lattice spacing of both parts, metres; default [`default_spacing`].
+    pub spacing: Option<f64>,
+    /// Distance at which exterior densities have faded to zero, metres; default [`default_halo`].
+    pub halo: Option<f64>,
+    /// Relative L2 error of the densities, 1e-5 .. 1e-2.
+    pub tolerance: f64,
+    /// How lattice values represent cells.
+    pub sampling: Sampling,
+    /// Refuse fields that need more than this many bytes together.
+    pub memory_limit: Option<u64>,
+}
+
+impl Default for PairBuilder {
+    /// Default spacing and halo, tolerance 1e-3, cell averages, no limit.
+    fn default() -> Self {
+        let density = DensityOptions::default();
+        Self {
+            spacing: None,
+            halo: None,
+            tolerance: density.tolerance,
+            sampling: density.sampling,
+            memory_limit: None,
+        }
+    }
+}
+
+/// What [`PairBuilder`] decided for two meshes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairPlan {
+    /// The model the pair will have.
+    pub model: ScoreModel,
+    /// The kernel of both densities.
+    pub kernel: DensityKernel,
+    /// Lattice of the fixed part: its bounds and the halo.
+    pub fixed_lattice: Lattice,
+    /// Lattice of the moving part: its bounds and the halo.
+    pub moving_lattice: Lattice,
+    /// How both densities are computed; holds the halo.
+    pub density: DensityOptions,
+    /// Middle of the moving part's bounds, on a corner of lattice cells: turns by 90 degrees about
+    /// it take nodes to nodes. Metres, the moving part's frame.
+    pub pivot: DVec3,
+    /// Bytes both fields need together.
+    pub bytes: u64,
+}
+
+/// Why two meshes do not become a pair.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PairBuildError {
+    /// The model, or two supplied fields, do not fit together.
+    #[error(transparent)]
+    Pair(#[from] PairError),
+    /// The kernel thickness is out of range.
+    #[error(transparent)]
+    Kernel(#[from] KernelError),
+    /// A part's lattice cannot be made.
+    #[error("{part} part: {source}")]
+    Lattice {
+        /// `fixed` or `moving`.
+        part: &'static str,
+        /// Why.
+        source: LatticeError,
+    },
+    /// A part's density cannot be computed.
+    #[error("{part} part: {source}")]
+    Density {
+        /// `fixed` or `moving`.
+        part: &'static str,
+        /// Why.
+        source: DensityError,
+    },
+    /// The fields would need more memory than is allowed.
+    #[error(
+        "density fields need {needed} bytes at a spacing of {spacing} m, expected at most {limit}"
+    )]
+    Memory {
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes allowed.
+        limit: u64,
+        /// The spacing, metres.
+        spacing: f64,
+    },
+}
+
+/// The lattice spacing that puts 24 cells across the narrowest extent of the smaller part, or the
+/// wider one at which both lattices together (bounds and `halo`) have 6 million nodes (120 MB);
+/// metres, rounded up to two digits. Clearances well below it are smoothed over.
+pub fn default_spacing(fixed: &Aabb, moving: &Aabb, halo: f64) -> f64 {
+    let smaller = smaller(fixed, moving).size().min_element();
+    let volume = |b: &Aabb| b.grown(halo).size().element_product();
+    let affordable = ((volume(fixed) + volume(moving)) / DEFAULT_NODES).cbrt();
+    round_up((smaller / DEFAULT_CELLS).max(affordable))
+}
+
+/// How far the exterior densities reach, metres. Without separation (`w = 0`): 0.75 of the
+/// bounding radius of the smaller part, beyond which a cut-off no longer changes the forces near
+/// the fit. With it: the largest extent of the larger part, because exterior-exterior overlap
+/// fades slowly (`docs/theory.md`). The halo is part of the model: it defines the far energy.
+pub fn default_halo(model: &ScoreModel, fixed: &Aabb, moving: &Aabb) -> f64 {
+    if model.separation_weight == 0.0 {
+        0.75 * 0.5 * smaller(fixed, moving).diagonal()
+    } else {
+        fixed.size().max(moving.size()).max_element()
+    }
+}
+
+fn smaller<'a>(a: &'a Aabb, b: &'a Aabb) -> &'a Aabb {
+    if a.diagonal() < b.diagonal() { a } else { b }
+}
+
+/// The next number with two significant digits: small changes of a part keep its lattice.
+fn round_up(value: f64) -> f64 {
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    let digits = (value / unit - 1e-9).ceil();
+    // Dividing by a whole number, when the unit is its inverse, gives the closest double.
+    if unit < 1.0 {
+        digits / (1.0 / unit).round()
+    } else {
+        digits * unit
+    }
+}
+
+impl PairBuilder {
+    /// Decides lattices, halo and pivot, and what they cost; allocates nothing of their size.
+    ///
+    /// # Errors
+    /// If the model or an option is out of range, a lattice cannot be made, or the memory limit
+    /// would be exceeded.
+    pub fn plan(
+        &self,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+        model: &ScoreModel,
+    ) -> Result<PairPlan, PairBuildError> {
+        model.validate().map_err(PairError::Model)?;
+        let kernel = DensityKernel::new(model.sigma)?;
+        let (a, b) = (fixed.bounds(), moving.bounds());
+        let halo = self.halo.unwrap_or_else(|| default_halo(model, &a, &b));
+        let spacing = self
+            .spacing
+            .unwrap_or_else(|| default_spacing(&a, &b, halo));
+        let density = DensityOptions {
+            tolerance: self.tolerance,
+            sampling: self.sampling,
+            halo,
+        };
+        density
+            .validate()
+            .map_err(|source| PairBuildError::Density {
+                part: "fixed",
+                source,
+            })?;
+        let lattice = |part, bounds| {
+            Lattice::covering(bounds, halo, spacing)
+                .map_err(|source| PairBuildError::Lattice { part, source })
+        };
+        let (fixed_lattice, moving_lattice) = (lattice("fixed", &a)?, lattice("moving", &b)?);
+        let needed = DensityField::memory_bytes(&fixed_lattice)
+            + DensityField::memory_bytes(&moving_lattice);
+        match self.memory_limit {
+            Some(limit) if needed > limit => Err(PairBuildError::Memory {
+                needed,
+                limit,
+                spacing,
+            }),
+            _ => Ok(PairPlan {
+                model: *model,
+                kernel,
+                fixed_lattice,
+                moving_lattice,
+                density,
+                pivot: spacing * (b.center() / spacing).round(),
+                bytes: needed,
+            }),
+        }
+    }
+
+    /// Plans and computes the pair.
+    ///
+    /// # Errors
+    /// As [`PairBuilder::plan`] and [`DensityField::compute`].
+    pub fn build(
+        &self,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+        model: &ScoreModel,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, PairBuildError> {
+        let plan = self.plan(fixed, moving, model)?;
+        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
+            DensityField::compute(mesh, kernel, lattice, options, monitor)
+        })
+    }
+}
+
+impl PairPlan {
+    /// The lattice spacing of both parts, metres.
+    pub fn spacing(&self) -> f64 {
+        self.fixed_lattice.spacing()
+    }
+
+    /// Computes both densities with `compute` (mesh, kernel, lattice, options), first the fixed
+    /// part's: the place for a cache.
+    ///
+    /// # Errors
+    /// What `compute` returns, with the part's name, or a mismatch of the fields it returned.
+    pub fn build_with(
+        &self,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+        mut compute: impl FnMut(
+            &TriangleMesh,
+            &DensityKernel,
+            &Lattice,
+            &DensityOptions,
+        ) -> Result<DensityField, DensityError>,
+    ) -> Result<Pair, PairBuildError> {
+        let mut field = |part, mesh, lattice| {
+            compute(mesh, &self.kernel, lattice, &self.density)
+                .map(Arc::new)
+                .map_err(|source| PairBuildError::Density { part, source })
+        };
+        let fixed = field("fixed", fixed, &self.fixed_lattice)?;
+        let moving = field("moving", moving, &self.moving_lattice)?;
+        Ok(Pair::new(fixed, moving, self.model, self.pivot)?)
+    }
+}

@@ -1,7 +1,8 @@
 //! What every mesh goes through before anything is computed from it.
 //!
 //! In order: vertices must be finite and indices in range; vertices closer than a tolerance are
-//! welded; faces without area and repeated faces are dropped; the faces of each component are
+//! welded; faces without area and repeated faces are dropped; open edges are cut where the vertices
+//! of others lie on them, so that faces which meet share vertices; the faces of each component are
 //! oriented alike, then outwards (a cavity inwards); what is still open is measured, and refused
 //! when it is too much. The result does not depend on the order of the input beyond the order of
 //! its own vertices and triangles, and a second run changes nothing.
@@ -10,6 +11,7 @@ mod edges;
 mod faces;
 mod holes;
 mod orient;
+mod stitch;
 mod weld;
 
 use glam::DVec3;
@@ -68,6 +70,8 @@ pub struct HygieneReport {
     /// Triangles dropped because another kept one has the same corners, or because they and an
     /// opposite copy form a wall between two solids that touch.
     pub duplicate_faces: usize,
+    /// Open edges cut at vertices that lie on them within the weld distance (T-junctions).
+    pub stitched_edges: usize,
     /// Kept triangles whose orientation was reversed.
     pub flipped_faces: usize,
     /// Parts of the surface connected through edges of exactly two faces.
@@ -109,6 +113,10 @@ impl HygieneReport {
         };
         say(self.zero_area_faces, "zero-area faces dropped");
         say(self.duplicate_faces, "duplicate faces dropped");
+        say(
+            self.stitched_edges,
+            "open edges cut at the vertices on them (T-junctions)",
+        );
         say(self.flipped_faces, "faces pointed the wrong way: reversed");
         say(
             self.cavities,
@@ -154,13 +162,22 @@ pub(crate) fn run(
     let diagonal = Aabb::around(vertices.iter().copied()).diagonal();
     let weld_distance = options.weld_tolerance * diagonal;
     let welded = weld::weld(&vertices, weld_distance);
-    let triangles: Vec<_> = triangles
+    let mut triangles: Vec<_> = triangles
         .iter()
         .map(|t| t.map(|v| welded.representative[v as usize]))
         .collect();
 
-    let (triangles, zero_area_faces) = faces::drop_zero_area(&vertices, triangles, diagonal);
-    let (triangles, duplicate_faces) = faces::drop_duplicates(triangles);
+    let (mut zero_area_faces, mut duplicate_faces, mut stitched_edges) = (0, 0, 0);
+    // Cutting faces can repeat one that exists; dropping that one can open an edge.
+    loop {
+        zero_area_faces += faces::drop_zero_area(&vertices, &mut triangles, diagonal);
+        duplicate_faces += faces::drop_duplicates(&mut triangles);
+        let cut = stitch::stitch(&vertices, &mut triangles, weld_distance);
+        stitched_edges += cut;
+        if cut == 0 {
+            break;
+        }
+    }
     if triangles.is_empty() {
         return Err(MeshError::Empty {
             part: name.to_owned(),
@@ -191,6 +208,7 @@ pub(crate) fn run(
         weld_distance,
         zero_area_faces,
         duplicate_faces,
+        stitched_edges,
         flipped_faces: oriented.flipped_faces,
         components: oriented.components,
         cavities: oriented.cavities,

@@ -1,6 +1,6 @@
 //! Faces that say nothing: without area, or said before.
 
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use glam::DVec3;
 
@@ -8,16 +8,15 @@ use glam::DVec3;
 /// rounding noise in single precision.
 const ZERO_HEIGHT: f64 = 1e-9;
 
-/// Drops faces with repeated corners or no height; also returns how many.
+/// Drops faces with repeated corners or no height; returns how many.
 pub(super) fn drop_zero_area(
     vertices: &[DVec3],
-    mut triangles: Vec<[u32; 3]>,
+    triangles: &mut Vec<[u32; 3]>,
     diagonal: f64,
-) -> (Vec<[u32; 3]>, usize) {
+) -> usize {
     let before = triangles.len();
     triangles.retain(|t| height(t.map(|v| vertices[v as usize])) > ZERO_HEIGHT * diagonal);
-    let dropped = before - triangles.len();
-    (triangles, dropped)
+    before - triangles.len()
 }
 
 /// Height of a triangle over its longest edge; 0 if its corners coincide.
@@ -32,15 +31,14 @@ fn height([a, b, c]: [DVec3; 3]) -> f64 {
     }
 }
 
-/// Keeps the first of all faces with the same three corners; also returns how many were dropped.
-pub(super) fn drop_duplicates(mut triangles: Vec<[u32; 3]>) -> (Vec<[u32; 3]>, usize) {
+/// Keeps the first of all faces with the same three corners; returns how many were dropped.
+pub(super) fn drop_duplicates(triangles: &mut Vec<[u32; 3]>) -> usize {
     let before = triangles.len();
-    let mut seen = HashMap::with_capacity(before);
+    let mut seen = HashSet::with_capacity(before);
     triangles.retain(|t| {
         let mut corners = *t;
         corners.sort_unstable();
-        seen.insert(corners, ()).is_none()
+        seen.insert(corners)
     });
-    let dropped = before - triangles.len();
-    (triangles, dropped)
+    before - triangles.len()
 }

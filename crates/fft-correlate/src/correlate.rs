@@ -19,7 +19,7 @@
 
 use glam::{DQuat, DVec3};
 use ndarray::{Array3, ArrayViewMut3, Zip};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 use sdf_grid::DensityField;
 use serde::Serialize;
 
@@ -33,7 +33,9 @@ use crate::{Pair, TranslationWindow};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CorrelateError {
     /// The window's spacing is not the pair's.
-    #[error("translation window: expected the pair's lattice spacing {expected} m, found {found} m")]
+    #[error(
+        "translation window: expected the pair's lattice spacing {expected} m, found {found} m"
+    )]
     Spacing {
         /// The pair's spacing, metres.
         expected: f64,
@@ -183,7 +185,7 @@ impl Correlator {
         let mut products = Vec::new();
         for (_, fixed, moving, met) in kept {
             terms.push(FixedTerm {
-                field: periodic(&fixed, &met, first, size, h.powi(3)),
+                field: periodic(&fixed, &met, first, size, h.powi(3) as f32),
                 moving_shape: met.moving.shape(),
             });
             products.push(Product {
@@ -321,8 +323,8 @@ pub(crate) fn periodic(
     met: &Overlap,
     window_first: [i64; 3],
     size: [usize; 3],
-    scale: f64,
-) -> Array3<Complex64> {
+    scale: f32,
+) -> Array3<Complex32> {
     let mut field = Array3::zeros(size);
     let IndexBox { lo, hi } = met.fixed;
     for i in lo[0]..hi[0] {
@@ -334,7 +336,7 @@ pub(crate) fn periodic(
                     from_start.rem_euclid(size[a] as i64) as usize
                 });
                 let v = fixed[at.map(|v| v as usize)];
-                field[to] = Complex64::new(v.re as f64, v.im as f64) * scale;
+                field[to] = v * scale;
             }
         }
     }

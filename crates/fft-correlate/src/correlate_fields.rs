@@ -182,7 +182,10 @@ mod tests {
             assert!(e < TOLERANCE, "{met:?}: {e}");
         }
         let primes = [7, 11, 13, 17, 19, 23, 29, 31];
-        assert!(primes.iter().filter(|p| seen.contains(p)).count() >= 5, "{seen:?}");
+        assert!(
+            primes.iter().filter(|p| seen.contains(p)).count() >= 5,
+            "{seen:?}"
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use num_complex::Complex64;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{Lattice, Sampling};
@@ -59,23 +60,28 @@ fn pair(w: f64, pivot: DVec3) -> Pair {
         separation_weight: w,
         ..ScoreModel::GUIDED
     };
-    Pair::new(Arc::new(fixed_part()), Arc::new(moving_part()), model, pivot).unwrap()
+    Pair::new(
+        Arc::new(fixed_part()),
+        Arc::new(moving_part()),
+        model,
+        pivot,
+    )
+    .unwrap()
 }
 
 fn window() -> TranslationWindow {
-    TranslationWindow::new(
-        DVec3::new(-0.4, -0.2, -0.9),
-        DVec3::new(0.2, 0.5, 0.3),
-        H,
-    )
-    .unwrap()
+    TranslationWindow::new(DVec3::new(-0.4, -0.2, -0.9), DVec3::new(0.2, 0.5, 0.3), H).unwrap()
 }
 
 /// The trilinear interpolant of a field in double precision, zero beyond the lattice.
 fn interpolate(values: &Array3<Complex32>, at: DVec3) -> Complex64 {
     let mut sum = Complex64::default();
     for corner in 0..8 {
-        let c = DVec3::new((corner & 1) as f64, (corner >> 1 & 1) as f64, (corner >> 2) as f64);
+        let c = DVec3::new(
+            (corner & 1) as f64,
+            (corner >> 1 & 1) as f64,
+            (corner >> 2) as f64,
+        );
         let node = at.floor() + c;
         let weight = (1.0 - (at - node).abs()).to_array().iter().product::<f64>();
         if node.min_element() >= 0.0
@@ -139,8 +145,11 @@ fn equals_the_direct_sum_for_every_separation_weight() {
     for w in [0.0, 0.3, 1.0] {
         for pivot in [DVec3::ZERO, DVec3::new(0.123, -0.04, 0.3)] {
             let pair = pair(w, pivot);
-            for rotation in [DQuat::IDENTITY, random_rotation(&mut rng), random_rotation(&mut rng)]
-            {
+            for rotation in [
+                DQuat::IDENTITY,
+                random_rotation(&mut rng),
+                random_rotation(&mut rng),
+            ] {
                 let found = score(&pair, rotation, &window);
                 let exact = Array3::from_shape_fn(window.shape(), |(i, j, k)| {
                     direct(&pair, rotation, window.displacement([i, j, k]))

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use ndarray::{Array3, ArrayViewMut1, Axis};
-use num_complex::{Complex, Complex32, Complex64};
+use num_complex::Complex32;
 use realfft::{ComplexToReal, RealFftPlanner};
 use rustfft::{Fft, FftDirection, FftPlanner};
 
@@ -74,23 +74,23 @@ impl RealLines {
     }
 }
 
-/// The negative-exponent transform of a complex field in double precision, in place.
-pub(crate) fn transform_negative(field: &mut Array3<Complex64>) {
+/// The negative-exponent transform of a complex field, in place.
+pub(crate) fn transform_negative(field: &mut Array3<Complex32>) {
     transform(field, FftDirection::Forward);
 }
 
-/// The positive-exponent transform of a complex field in double precision, in place.
-pub(crate) fn transform_positive(field: &mut Array3<Complex64>) {
+/// The positive-exponent transform of a complex field, in place.
+pub(crate) fn transform_positive(field: &mut Array3<Complex32>) {
     transform(field, FftDirection::Inverse);
 }
 
-fn transform(field: &mut Array3<Complex64>, direction: FftDirection) {
-    let mut planner = FftPlanner::<f64>::new();
+fn transform(field: &mut Array3<Complex32>, direction: FftDirection) {
+    let mut planner = FftPlanner::new();
     for axis in 0..3 {
         let fft = planner.plan_fft(field.len_of(Axis(axis)), direction);
-        let mut line = vec![Complex::default(); fft.len()];
-        let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
-        let each = |mut lane: ArrayViewMut1<Complex64>| {
+        let mut line = vec![Complex32::default(); fft.len()];
+        let mut scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
+        let each = |mut lane: ArrayViewMut1<Complex32>| {
             line.iter_mut().zip(&lane).for_each(|(a, b)| *a = *b);
             fft.process_with_scratch(&mut line, &mut scratch);
             lane.iter_mut().zip(&line).for_each(|(a, b)| *a = *b);
@@ -143,13 +143,13 @@ mod tests {
     #[test]
     fn transforms_undo_each_other_up_to_the_number_of_points() {
         let field = Array3::from_shape_fn((3, 4, 5), |(i, j, k)| {
-            Complex64::new((i * 7 + j * 3 + k) as f64, (i + j * k) as f64)
+            Complex32::new((i * 7 + j * 3 + k) as f32, (i + j * k) as f32)
         });
         let mut again = field.clone();
         transform_negative(&mut again);
         transform_positive(&mut again);
         for (a, b) in again.iter().zip(&field) {
-            assert!((a / 60.0 - b).norm() < 1e-12);
+            assert!((a / 60.0 - b).norm() < 1e-4);
         }
     }
 }

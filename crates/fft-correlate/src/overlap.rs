@@ -70,7 +70,10 @@ pub(crate) fn overlap(fixed: IndexBox, moving: IndexBox, window: IndexBox) -> Op
         return None;
     }
     let min_period = std::array::from_fn(|a| {
-        let (d0, d1) = (fixed.lo[a] - (moving.hi[a] - 1), fixed.hi[a] - 1 - moving.lo[a]);
+        let (d0, d1) = (
+            fixed.lo[a] - (moving.hi[a] - 1),
+            fixed.hi[a] - 1 - moving.lo[a],
+        );
         let above = d1 - window.lo[a] + 1;
         let below = window.hi[a] - 1 - d0 + 1;
         let sizes = [
@@ -119,8 +122,7 @@ mod tests {
             let wraps = |period: i64| {
                 (w.0..w.1).any(|n| {
                     (a.0..a.1).any(|i| {
-                        (b.0..b.1)
-                            .any(|j| kept(i, j) && i - j != n && (i - j - n) % period == 0)
+                        (b.0..b.1).any(|j| kept(i, j) && i - j != n && (i - j - n) % period == 0)
                     })
                 })
             };
@@ -132,7 +134,10 @@ mod tests {
             let period = o.min_period[0] as i64;
             assert!(!wraps(period), "{a:?} {b:?} {w:?} {o:?}");
             let floor = (w.1 - w.0).max(o.moving.hi[0] - o.moving.lo[0]);
-            assert!(period == floor || wraps(period - 1), "{a:?} {b:?} {w:?} {o:?}");
+            assert!(
+                period == floor || wraps(period - 1),
+                "{a:?} {b:?} {w:?} {o:?}"
+            );
         }
     }
 

@@ -32,7 +32,11 @@ impl MovingField {
         let mut cropped = Array3::zeros(shape);
         let mut radius = 0.0f64;
         for ((i, j, k), value) in cropped.indexed_iter_mut() {
-            let at = [i as i64 + offset[0], j as i64 + offset[1], k as i64 + offset[2]];
+            let at = [
+                i as i64 + offset[0],
+                j as i64 + offset[1],
+                k as i64 + offset[2],
+            ];
             if let Some(v) = get(values, at)
                 && *v != Complex32::default()
             {
@@ -114,7 +118,11 @@ impl MovingRows for Turned<'_> {
         let step = self.step.z_axis;
         let (nx, ny, nz) = self.field.values.dim();
         let inside = inside(start, step, [nx, ny, nz], self.bounds[2].clone());
-        let values = self.field.values.as_slice().expect("made in standard layout");
+        let values = self
+            .field
+            .values
+            .as_slice()
+            .expect("made in standard layout");
         for z in inside.clone() {
             row[z] = trilinear(values, [nx, ny, nz], start + step * z as f64);
         }
@@ -162,7 +170,10 @@ pub(crate) fn support(values: &Array3<Complex32>) -> Option<IndexBox> {
     for ((i, j, k), value) in values.indexed_iter() {
         if *value != Complex32::default() {
             let at = [i as i64, j as i64, k as i64];
-            let b = found.get_or_insert(IndexBox { lo: at, hi: at.map(|v| v + 1) });
+            let b = found.get_or_insert(IndexBox {
+                lo: at,
+                hi: at.map(|v| v + 1),
+            });
             b.lo = std::array::from_fn(|a| b.lo[a].min(at[a]));
             b.hi = std::array::from_fn(|a| b.hi[a].max(at[a] + 1));
         }

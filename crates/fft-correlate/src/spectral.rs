@@ -16,7 +16,7 @@
 use std::ops::Range;
 
 use ndarray::{Array3, ArrayViewMut3};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 
 use crate::fft3::{Lines, RealLines, transform_negative};
 
@@ -37,7 +37,7 @@ pub(crate) trait MovingRows {
 pub(crate) struct FixedTerm {
     /// `A` with `A[i]` at `i - i0` modulo the period, where `i0` is the first moving index plus the
     /// first window index; scaled by everything the result is to be multiplied with.
-    pub(crate) field: Array3<Complex64>,
+    pub(crate) field: Array3<Complex32>,
     /// Shape of the term's moving box.
     pub(crate) moving_shape: [usize; 3],
 }
@@ -263,7 +263,13 @@ impl Spectral {
                 continue;
             }
             gather(moving, column, self.plane, range.clone(), re);
-            gather(moving, column + self.half_padded, self.plane, range.clone(), im);
+            gather(
+                moving,
+                column + self.half_padded,
+                self.plane,
+                range.clone(),
+                im,
+            );
             self.x.process(re, &mut scratch.fft);
             self.x.process(im, &mut scratch.fft);
             let at = (y * self.half_padded / TILE + tile) * 2 * len;
@@ -273,23 +279,30 @@ impl Spectral {
             }
         }
         self.x.process(sum, &mut scratch.fft);
-        scatter(sum, 0..self.window[0], &mut scratch.spectra[0], column, self.plane);
+        scatter(
+            sum,
+            0..self.window[0],
+            &mut scratch.spectra[0],
+            column,
+            self.plane,
+        );
     }
 
     /// Stage 3: one x plane of the summed half spectrum to real values.
-    fn inverse_plane(
-        &self,
-        x: usize,
-        scratch: &mut SpectralScratch,
-        out: &mut ArrayViewMut3<f32>,
-    ) {
+    fn inverse_plane(&self, x: usize, scratch: &mut SpectralScratch, out: &mut ArrayViewMut3<f32>) {
         let ny = self.size[1];
         let from = &scratch.spectra[0][x * self.plane..][..self.plane];
         let tile = &mut scratch.tiles[0][..TILE * ny];
         for column in (0..self.half).step_by(TILE) {
             gather(from, column, self.row, 0..ny, tile);
             self.y.process(tile, &mut scratch.fft);
-            scatter(tile, 0..self.window[1], &mut scratch.plane, column, self.row);
+            scatter(
+                tile,
+                0..self.window[1],
+                &mut scratch.plane,
+                column,
+                self.row,
+            );
         }
         for y in 0..self.window[1] {
             let half = &mut scratch.plane[y * self.row..][..self.half];
@@ -342,10 +355,10 @@ fn scatter(
 
 /// The half spectra of a field's real and imaginary parts, divided by the number of points, in the
 /// order stage 2 reads them: `[y][tile][part][column][x]`.
-fn packed_half_spectra(mut field: Array3<Complex64>, half_padded: usize) -> Vec<Complex32> {
+fn packed_half_spectra(mut field: Array3<Complex32>, half_padded: usize) -> Vec<Complex32> {
     let (nx, ny, nz) = field.dim();
     transform_negative(&mut field);
-    let scale = 0.5 / (nx * ny * nz) as f64;
+    let scale = 0.5 / (nx * ny * nz) as f32;
     let mut packed = vec![Complex32::default(); 2 * half_padded * nx * ny];
     for x in 0..nx {
         for y in 0..ny {
@@ -353,11 +366,11 @@ fn packed_half_spectra(mut field: Array3<Complex64>, half_padded: usize) -> Vec<
                 let a = field[[x, y, z]];
                 let b = field[[(nx - x) % nx, (ny - y) % ny, (nz - z) % nz]].conj();
                 let re = (a + b) * scale;
-                let im = Complex64::new(a.im - b.im, b.re - a.re) * scale;
+                let im = Complex32::new(a.im - b.im, b.re - a.re) * scale;
                 let block = (y * half_padded + z) / TILE * 2 * TILE * nx;
                 let at = block + z % TILE * nx + x;
-                packed[at] = Complex32::new(re.re as f32, re.im as f32);
-                packed[at + TILE * nx] = Complex32::new(im.re as f32, im.im as f32);
+                packed[at] = re;
+                packed[at + TILE * nx] = im;
             }
         }
     }

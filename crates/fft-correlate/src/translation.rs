@@ -89,8 +89,9 @@ mod tests {
 
     #[test]
     fn nodes_are_multiples_of_the_spacing_and_cover_the_bounds() {
-        let w = TranslationWindow::new(DVec3::new(-0.25, 0.1, 0.0), DVec3::new(0.3, 0.39, 0.0), 0.1)
-            .unwrap();
+        let w =
+            TranslationWindow::new(DVec3::new(-0.25, 0.1, 0.0), DVec3::new(0.3, 0.39, 0.0), 0.1)
+                .unwrap();
         assert_eq!(w.first(), [-3, 1, 0]);
         assert_eq!(w.shape(), [7, 4, 1]);
         assert!((w.displacement([3, 0, 0]).x).abs() < 1e-15);
@@ -103,9 +104,18 @@ mod tests {
         let at = |min: f64, max: f64, h: f64| {
             TranslationWindow::new(DVec3::splat(min), DVec3::splat(max), h)
         };
-        assert!(matches!(at(0.0, 1.0, 0.0), Err(LatticeError::Spacing { .. })));
-        assert!(matches!(at(0.0, f64::NAN, 0.1), Err(LatticeError::Bounds { .. })));
-        assert!(matches!(at(1.0, 0.999_99, 0.1), Err(LatticeError::Size { .. })));
+        assert!(matches!(
+            at(0.0, 1.0, 0.0),
+            Err(LatticeError::Spacing { .. })
+        ));
+        assert!(matches!(
+            at(0.0, f64::NAN, 0.1),
+            Err(LatticeError::Bounds { .. })
+        ));
+        assert!(matches!(
+            at(1.0, 0.999_99, 0.1),
+            Err(LatticeError::Size { .. })
+        ));
         assert!(matches!(at(0.0, 1.0, 1e-9), Err(LatticeError::Size { .. })));
     }
 }

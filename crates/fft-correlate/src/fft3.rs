@@ -23,10 +23,6 @@ impl Lines {
         }
     }
 
-    pub(crate) fn len(&self) -> usize {
-        self.fft.len()
-    }
-
     /// Complex numbers of scratch that [`Lines::process`] needs.
     pub(crate) fn scratch_len(&self) -> usize {
         self.fft.get_inplace_scratch_len()

@@ -3,30 +3,28 @@
 //!
 //! Formulas, signs, FFT normalization and quaternion order are fixed in `docs/conventions.md`.
 
-pub mod direct;
 pub mod correlate;
 pub mod correlate_fields;
+pub mod direct;
 pub mod energy;
 mod fft3;
 pub mod model;
 mod overlap;
 pub mod pair;
 pub mod pair_builder;
-pub mod se3;
-pub mod well;
-
-pub use direct::{DirectError, DirectEvaluator, DirectOptions};
 mod resample;
 pub mod se3;
 mod spectral;
 pub mod translation;
+pub mod well;
 
 pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
 pub use correlate_fields::correlate_fields;
+pub use direct::{DirectError, DirectEvaluator, DirectOptions};
 pub use energy::{EnergySource, Response, Scratch};
 pub use model::{ModelError, ScoreModel};
 pub use pair::{Pair, PairError};
 pub use pair_builder::{PairBuildError, PairBuilder, PairPlan};
 pub use se3::{Pose, Twist, Wrench};
-pub use well::{Well, WellError, WellOptions};
 pub use translation::TranslationWindow;
+pub use well::{Well, WellError, WellOptions};

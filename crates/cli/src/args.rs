@@ -28,6 +28,9 @@ pub struct Global {
     /// Worker threads [default: one per core]
     #[arg(long, global = true, value_name = "N")]
     pub threads: Option<usize>,
+    /// Most memory to use, GiB [default: nine tenths of what is available]
+    #[arg(long, global = true, value_name = "GIB")]
+    pub memory: Option<f64>,
     /// No progress bars and no remarks
     #[arg(long, short, global = true)]
     pub quiet: bool,
@@ -41,6 +44,8 @@ pub struct Global {
 pub enum Command {
     /// Say whether meshes can be used, and what had to be repaired
     Check(CheckArgs),
+    /// Compute the density field of one mesh and write it for ParaView
+    Field(FieldArgs),
 }
 
 /// Arguments of `pegfit demo`.

@@ -30,17 +30,17 @@ pub enum CommandError {
     Mesh(Box<sdf_grid::MeshError>),
     /// The computation would need more memory than the machine has free.
     #[error(
-        "{what} needs about {} but only {} is available: coarsen the lattice or shrink the \
-         translation window",
-        crate::memory::display_bytes(*.needed), crate::memory::display_bytes(*.available)
+        "{what} needs about {} of memory but only {} can be used: coarsen the lattice, shrink the \
+         window, or raise --memory",
+        crate::memory::display_bytes(*.needed), crate::memory::display_bytes(*.budget)
     )]
     Memory {
         /// The computation.
         what: String,
         /// Its estimate, bytes.
         needed: u64,
-        /// What the system reports as available, bytes.
-        available: u64,
+        /// What it may use, bytes.
+        budget: u64,
     },
     /// The operating system refused to read or write a file.
     #[error("cannot {action} {}: {source}", path.display())]

@@ -7,11 +7,14 @@ pub mod atomic;
 pub mod command;
 pub mod error;
 pub mod exit;
+pub mod figure;
 pub mod memory;
 pub mod picture;
 pub mod poses;
 pub mod progress;
 pub mod scene;
+pub mod slice;
+pub mod vti;
 
 pub use error::CommandError;
 pub use exit::Exit;

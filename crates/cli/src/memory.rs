@@ -6,20 +6,22 @@ use crate::error::CommandError;
 /// estimate leaves out.
 const USABLE: f64 = 0.9;
 
-/// Bytes per lattice node of a density field: two complex singles and one single.
-pub const FIELD_BYTES_PER_NODE: u64 = 2 * 8 + 4;
+/// What a command may plan to use, bytes: `limit` if the user set one, else a share of what is
+/// [`available`].
+pub fn budget(limit: Option<u64>) -> u64 {
+    limit.unwrap_or_else(|| (USABLE * available() as f64) as u64)
+}
 
-/// Refuses if `needed` bytes are more than the machine has to give.
+/// Refuses if `needed` bytes are more than `budget`.
 ///
 /// # Errors
-/// Names the computation, its need and what is available.
-pub fn require(what: &str, needed: u64) -> Result<(), CommandError> {
-    let available = available();
-    if needed as f64 > USABLE * available as f64 {
+/// Names the computation, its need and the budget.
+pub fn require(what: &str, needed: u64, budget: u64) -> Result<(), CommandError> {
+    if needed > budget {
         return Err(CommandError::Memory {
             what: what.to_owned(),
             needed,
-            available,
+            budget,
         });
     }
     Ok(())
@@ -67,10 +69,14 @@ mod tests {
     }
 
     #[test]
-    fn an_impossible_need_is_refused_with_both_numbers() {
-        let error = require("a field", u64::MAX / 2).unwrap_err().to_string();
-        assert!(error.contains("a field needs about"), "{error}");
-        assert!(error.contains("is available"), "{error}");
-        assert!(require("a crumb", 1).is_ok());
+    fn a_need_beyond_the_budget_is_refused_with_both_numbers() {
+        let error = require("a field", 3 << 30, 2 << 30)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("a field needs about 3.0 GiB"), "{error}");
+        assert!(error.contains("only 2.0 GiB"), "{error}");
+        assert!(require("a crumb", 1, 1).is_ok());
+        assert_eq!(budget(Some(7)), 7);
+        assert!(budget(None) > 0);
     }
 }

@@ -1,10 +1,14 @@
 //! The commands: from parsed arguments through validation to library calls and printed results.
 
+use std::path::Path;
+
 use crate::args::{Arguments, Command, Global};
 use crate::error::CommandError;
+use crate::memory;
 use crate::progress::Progress;
 
 mod check;
+mod field;
 
 /// What every command gets besides its own arguments.
 #[derive(Debug)]
@@ -13,8 +17,8 @@ pub struct Context {
     pub progress: Progress,
     /// Print machine-readable results.
     pub json: bool,
-    /// No remarks.
-    pub quiet: bool,
+    /// Bytes that computations may plan to use.
+    pub memory: u64,
 }
 
 /// Runs the command that was asked for.
@@ -26,10 +30,25 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let context = Context {
         progress: Progress::new(arguments.global.quiet),
         json: arguments.global.json,
-        quiet: arguments.global.quiet,
+        memory: memory_budget(&arguments.global)?,
     };
     match &arguments.command {
         Command::Check(args) => check::run(args, &context),
+        Command::Field(args) => field::run(args, &context),
+    }
+}
+
+fn memory_budget(global: &Global) -> Result<u64, CommandError> {
+    match global.memory {
+        Some(gib) if gib.is_finite() && gib > 0.0 => {
+            Ok(memory::budget(Some((gib * f64::from(1 << 30)) as u64)))
+        }
+        Some(gib) => Err(CommandError::option(
+            "--memory",
+            "a positive number of GiB",
+            gib,
+        )),
+        None => Ok(memory::budget(None)),
     }
 }
 
@@ -44,6 +63,21 @@ fn start_threads(global: &Global) -> Result<(), CommandError> {
         .num_threads(threads)
         .build_global()
         .map_err(|e| CommandError::failure("starting worker threads", e))
+}
+
+/// Refuses an output whose folder does not exist before anything is computed.
+fn require_folder(output: &Path) -> Result<(), CommandError> {
+    match output.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            Err(CommandError::input(
+                output.display().to_string(),
+                "folder",
+                "an existing folder",
+                folder.display(),
+            ))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Prints a result for programs.

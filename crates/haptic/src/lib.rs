@@ -1,1 +1,41 @@
 //! 1 kHz haptic rendering of an assembly energy.
+//!
+//! ```text
+//! device -> gate -> virtual coupling <-> energy source
+//!                        |
+//!              passivity controller -> limits -> device
+//! ```
+//!
+//! [`Session`] runs that at a fixed rate on a thread of its own, or as fast as it can in simulated
+//! time; [`ForcePath`] is one tick of it as a plain struct. Forces are newtons on the handle,
+//! torques newton metres about it; poses are metres and unit quaternions.
+
+mod bundle;
+pub mod config;
+pub mod coupling;
+pub mod device;
+pub mod gate;
+pub mod limiter;
+pub mod passivity;
+pub mod path;
+pub mod realtime;
+pub mod record;
+pub mod replay;
+pub mod sample;
+pub mod script;
+pub mod servo;
+pub mod simulated;
+pub mod workspace;
+
+pub use config::{ConfigError, HapticConfig};
+pub use device::{Device, DeviceError, DeviceSpec, DeviceState};
+pub use limiter::Limiter;
+pub use passivity::EnergyAccount;
+pub use path::ForcePath;
+pub use record::RecordError;
+pub use replay::{Replay, read_log};
+pub use sample::{Sample, flags};
+pub use script::{Geometry, Script};
+pub use servo::{Clock, HapticError, LoopReport, Outcome, Session, Viewer};
+pub use simulated::{HandConfig, SimulatedHand};
+pub use workspace::Workspace;

@@ -1,0 +1,280 @@
+//! Settings of the haptic loop; the `[device]` table of a scene file.
+
+use serde::{Deserialize, Serialize};
+
+/// Settings of the loop, the coupling and the limits. Every key may be left out.
+///
+/// ```toml
+/// rate_hz = 1000.0          # ticks per second
+/// workspace_scale = 1.0     # scene metres per metre of device motion
+/// ramp_s = 0.5              # seconds from no force to full force
+/// [coupling]
+/// stiffness = 1000.0        # N/m at the device
+/// [limits]
+/// force = 5.0               # N
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HapticConfig {
+    /// Ticks per second, 50 ..= 10000. Default 1000.
+    pub rate_hz: f64,
+    /// Scene metres per metre of device motion, > 0. Default 1. The device feels the scene's force
+    /// times this number and the scene's torque unchanged, so that power is the same on both
+    /// sides.
+    pub workspace_scale: f64,
+    /// Seconds in which the force rises from nothing to full strength at the start and after any
+    /// fault, >= 0. Default 0.5.
+    pub ramp_s: f64,
+    /// Age of the newest input, seconds, from which the force is let go, > 0. Default 0.1.
+    pub stale_s: f64,
+    /// Time constant, seconds, with which the force is let go in a fault, > 0. Default 0.01.
+    pub decay_s: f64,
+    /// A gap of more than this many periods between two ticks is a fault. Default 20.
+    pub missed_ticks: u32,
+    /// Spin instead of sleeping for the last so many microseconds before a tick. Default 50.
+    pub spin_us: u32,
+    /// Ask the system for SCHED_FIFO and locked memory; without permission the loop runs on
+    /// without them and says so. Default true.
+    pub realtime: bool,
+    /// The spring between the device and the virtual object.
+    pub coupling: CouplingConfig,
+    /// What the device may be asked to do, whatever the energy says.
+    pub limits: LimitConfig,
+    /// The energy watchdog.
+    pub passivity: PassivityConfig,
+}
+
+/// The virtual coupling, in newtons and metres at the device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CouplingConfig {
+    /// N/m, > 0. Default 1000. Lowered to what the device is passive with at this rate.
+    pub stiffness: f64,
+    /// N·m/rad, > 0. Default 1. Lowered likewise.
+    pub rotational_stiffness: f64,
+    /// N·s/m, >= 0. Default 0.5. Lowered likewise.
+    pub damping: f64,
+    /// N·m·s/rad, >= 0. Default 0.0005. Lowered likewise.
+    pub rotational_damping: f64,
+    /// Greatest speed of the virtual object, m/s of device motion, > 0. Default 2.
+    pub max_speed: f64,
+    /// Greatest angular speed of the virtual object, rad/s, > 0. Default 20.
+    pub max_angular_speed: f64,
+    /// Most energy evaluations per tick, 1 ..= 16. Default 2. More of them follow a stiff contact
+    /// more closely; a direct evaluator has time for two at 1 kHz, a table for all.
+    pub evaluations: u32,
+    /// Hold the rotation of the virtual object to that of the device. Default false; always so
+    /// with a device that senses no rotation.
+    pub lock_rotation: bool,
+}
+
+/// Hard limits; a device's own limits apply as well.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LimitConfig {
+    /// Greatest force, N, >= 0. Default 5.
+    pub force: f64,
+    /// Greatest torque, N·m, >= 0. Default 0.3.
+    pub torque: f64,
+    /// Greatest rate of change of force, N/s, > 0. Default 2000.
+    pub force_rate: f64,
+    /// Greatest rate of change of torque, N·m/s, > 0. Default 100.
+    pub torque_rate: f64,
+    /// Device speed, m/s, beyond which an input is taken for a glitch, > 0. Default 5.
+    pub device_speed: f64,
+    /// Angular device speed, rad/s, beyond which an input is taken for a glitch, > 0. Default 60.
+    pub device_angular_speed: f64,
+}
+
+/// The passivity observer and controller.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PassivityConfig {
+    /// Whether the controller acts; the observer always counts. Default true.
+    pub control: bool,
+    /// Energy, joules, the loop may return beyond what it took in before the controller acts,
+    /// and the most that past dissipation is credited for, >= 0. Default 0.001.
+    pub credit: f64,
+    /// Greatest damping the controller adds, N·s/m, >= 0. Default 5.
+    pub max_damping: f64,
+}
+
+impl Default for HapticConfig {
+    fn default() -> Self {
+        Self {
+            rate_hz: 1000.0,
+            workspace_scale: 1.0,
+            ramp_s: 0.5,
+            stale_s: 0.1,
+            decay_s: 0.01,
+            missed_ticks: 20,
+            spin_us: 50,
+            realtime: true,
+            coupling: CouplingConfig::default(),
+            limits: LimitConfig::default(),
+            passivity: PassivityConfig::default(),
+        }
+    }
+}
+
+impl Default for CouplingConfig {
+    fn default() -> Self {
+        Self {
+            stiffness: 1000.0,
+            rotational_stiffness: 1.0,
+            damping: 0.5,
+            rotational_damping: 0.0005,
+            max_speed: 2.0,
+            max_angular_speed: 20.0,
+            evaluations: 2,
+            lock_rotation: false,
+        }
+    }
+}
+
+impl Default for LimitConfig {
+    fn default() -> Self {
+        Self {
+            force: 5.0,
+            torque: 0.3,
+            force_rate: 2000.0,
+            torque_rate: 100.0,
+            device_speed: 5.0,
+            device_angular_speed: 60.0,
+        }
+    }
+}
+
+impl Default for PassivityConfig {
+    fn default() -> Self {
+        Self {
+            control: true,
+            credit: 0.001,
+            max_damping: 5.0,
+        }
+    }
+}
+
+/// A setting out of range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("device setting {key}: expected {expected}, found {found}")]
+pub struct ConfigError {
+    /// The key, dotted as in the scene file.
+    pub key: &'static str,
+    /// The range it must lie in.
+    pub expected: &'static str,
+    /// What was given.
+    pub found: f64,
+}
+
+impl HapticConfig {
+    /// Seconds between two ticks.
+    pub fn period(&self) -> f64 {
+        1.0 / self.rate_hz
+    }
+
+    /// Checks every range stated above.
+    ///
+    /// # Errors
+    /// The first key out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let positive = |key, found: f64| check(key, found, "a number > 0", found > 0.0);
+        let natural = |key, found: f64| check(key, found, "a number >= 0", found >= 0.0);
+        check(
+            "rate_hz",
+            self.rate_hz,
+            "50 ..= 10000",
+            (50.0..=10_000.0).contains(&self.rate_hz),
+        )?;
+        let evaluations = self.coupling.evaluations;
+        check(
+            "coupling.evaluations",
+            evaluations.into(),
+            "1 ..= 16",
+            (1..=16).contains(&evaluations),
+        )?;
+        positive("workspace_scale", self.workspace_scale)?;
+        natural("ramp_s", self.ramp_s)?;
+        positive("stale_s", self.stale_s)?;
+        positive("decay_s", self.decay_s)?;
+        positive("coupling.stiffness", self.coupling.stiffness)?;
+        positive(
+            "coupling.rotational_stiffness",
+            self.coupling.rotational_stiffness,
+        )?;
+        natural("coupling.damping", self.coupling.damping)?;
+        natural(
+            "coupling.rotational_damping",
+            self.coupling.rotational_damping,
+        )?;
+        positive("coupling.max_speed", self.coupling.max_speed)?;
+        positive(
+            "coupling.max_angular_speed",
+            self.coupling.max_angular_speed,
+        )?;
+        natural("limits.force", self.limits.force)?;
+        natural("limits.torque", self.limits.torque)?;
+        positive("limits.force_rate", self.limits.force_rate)?;
+        positive("limits.torque_rate", self.limits.torque_rate)?;
+        positive("limits.device_speed", self.limits.device_speed)?;
+        positive(
+            "limits.device_angular_speed",
+            self.limits.device_angular_speed,
+        )?;
+        natural("passivity.credit", self.passivity.credit)?;
+        natural("passivity.max_damping", self.passivity.max_damping)
+    }
+}
+
+fn check(
+    key: &'static str,
+    found: f64,
+    expected: &'static str,
+    holds: bool,
+) -> Result<(), ConfigError> {
+    if holds && found.is_finite() {
+        Ok(())
+    } else {
+        Err(ConfigError {
+            key,
+            expected,
+            found,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_valid_and_partial_tables_keep_them() {
+        HapticConfig::default().validate().unwrap();
+        let read: HapticConfig = toml::from_str("[coupling]\nstiffness = 700.0").unwrap();
+        assert_eq!(read.coupling.stiffness, 700.0);
+        assert_eq!(read.limits, LimitConfig::default());
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_by_name() {
+        let error = toml::from_str::<HapticConfig>("[limits]\nforse = 1.0").unwrap_err();
+        assert!(error.to_string().contains("forse"), "{error}");
+    }
+
+    #[test]
+    fn every_range_is_checked() {
+        let broken: [(&str, fn(&mut HapticConfig)); 6] = [
+            ("rate_hz", |c| c.rate_hz = 0.0),
+            ("workspace_scale", |c| c.workspace_scale = -1.0),
+            ("coupling.evaluations", |c| c.coupling.evaluations = 0),
+            ("coupling.stiffness", |c| c.coupling.stiffness = f64::NAN),
+            ("limits.force", |c| c.limits.force = f64::INFINITY),
+            ("passivity.credit", |c| c.passivity.credit = -1.0),
+        ];
+        for (key, change) in broken {
+            let mut config = HapticConfig::default();
+            change(&mut config);
+            assert_eq!(config.validate().unwrap_err().key, key);
+        }
+    }
+}

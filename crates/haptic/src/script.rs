@@ -1,0 +1,239 @@
+//! What the simulated hand intends: the paper's two tests ("Haptic Experiments") and a free wander.
+
+use fft_correlate::Pose;
+use glam::{DQuat, DVec3};
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+
+/// Seconds from one push to the next.
+const PUSH_PERIOD: f64 = 2.0;
+
+/// Seconds from one release near the fit to the next.
+const SNAP_PERIOD: f64 = 1.0;
+
+/// Fractions of a snap period: wander until the first, approach until the second, then let go.
+const SNAP_PHASES: (f64, f64) = (0.35, 0.55);
+
+/// Strength of a hand that has let go.
+const LOOSE: f64 = 0.02;
+
+/// What the hand tries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Script {
+    /// Holds the part in the fit and pushes it about every two seconds in a random direction
+    /// against the walls.
+    Collision,
+    /// Moves carelessly around the entrance, brings the part near the fit about every second and
+    /// lets go. Stays let go after its last full second.
+    Snap,
+    /// Wanders around the entrance for ever.
+    Free,
+}
+
+/// Where the fit is, in the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    /// Pose of the moving part when assembled.
+    pub seated: Pose,
+    /// Unit direction in which the moving part travels to seat.
+    pub axis: DVec3,
+    /// Travel from the entrance to the seat, metres.
+    pub depth: f64,
+    /// Half width of the moving part across the axis, metres: how far the hand strays.
+    pub radius: f64,
+    /// How far the hand tilts the part when it is careless, radians.
+    pub tilt: f64,
+}
+
+/// Where the hand wants the moving part, and how firmly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Intent {
+    /// Wanted pose of the moving part, scene frame.
+    pub pose: Pose,
+    /// 1 is a firm grip, 0 none.
+    pub grip: f64,
+}
+
+impl Script {
+    /// The intent `time` seconds after the start; the same seed gives the same intents. `reach` is
+    /// how far the hand aims beyond a wall (metres, scene); `duration` is the script's length.
+    pub fn intent(
+        self,
+        geometry: &Geometry,
+        time: f64,
+        duration: f64,
+        reach: f64,
+        seed: u64,
+    ) -> Intent {
+        match self {
+            Self::Collision => collision(geometry, time, reach, seed),
+            Self::Snap => snap(geometry, time, duration, seed),
+            Self::Free => free(geometry, time, seed),
+        }
+    }
+}
+
+fn event(seed: u64, index: f64) -> SmallRng {
+    // A negative or huge index saturates; any value is a valid seed.
+    SmallRng::seed_from_u64(seed ^ (index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+}
+
+/// A random direction, uniform on the sphere.
+fn direction(rng: &mut SmallRng) -> DVec3 {
+    let z: f64 = rng.random_range(-1.0..1.0);
+    let angle: f64 = rng.random_range(0.0..std::f64::consts::TAU);
+    let flat = (1.0 - z * z).sqrt();
+    DVec3::new(flat * angle.cos(), flat * angle.sin(), z)
+}
+
+fn smooth(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    u * u * u * (u * (6.0 * u - 15.0) + 10.0)
+}
+
+fn collision(geometry: &Geometry, time: f64, reach: f64, seed: u64) -> Intent {
+    let index = (time / PUSH_PERIOD).floor();
+    let mut rng = event(seed, index);
+    let phase = time / PUSH_PERIOD - index;
+    // Pushes rise and fall over three quarters of the period, at rest before and after.
+    let push = (std::f64::consts::PI * ((phase - 0.2) / 0.75).clamp(0.0, 1.0)).sin();
+    let mut pose = geometry.seated;
+    pose.translation += direction(&mut rng) * (reach * push * push);
+    Intent { pose, grip: 1.0 }
+}
+
+/// A careless place about the entrance.
+fn astray(geometry: &Geometry, rng: &mut SmallRng) -> Pose {
+    place(geometry, rng, 0.7..1.1, 1.0)
+}
+
+fn place(
+    geometry: &Geometry,
+    rng: &mut SmallRng,
+    withdrawn: std::ops::Range<f64>,
+    careless: f64,
+) -> Pose {
+    let side = direction(rng).reject_from_normalized(geometry.axis) * geometry.radius;
+    let back = geometry.axis * (geometry.depth * rng.random_range(withdrawn));
+    let tilt = direction(rng) * (geometry.tilt * rng.random_range(0.0..1.0) * careless);
+    Pose {
+        rotation: DQuat::from_scaled_axis(tilt) * geometry.seated.rotation,
+        translation: geometry.seated.translation + side * careless - back,
+    }
+}
+
+fn snap(geometry: &Geometry, time: f64, duration: f64, seed: u64) -> Intent {
+    let last = ((duration / SNAP_PERIOD).floor() - 1.0).max(0.0);
+    let index = (time / SNAP_PERIOD).floor().clamp(0.0, last);
+    let phase = time / SNAP_PERIOD - index;
+    let near = |index| place(geometry, &mut event(seed, index), 0.05..0.3, 0.2);
+    let far = astray(geometry, &mut event(!seed, index));
+    let to = near(index);
+    let (wander, approach) = SNAP_PHASES;
+    if phase < wander {
+        let from = if index > 0.0 { near(index - 1.0) } else { far };
+        let share = smooth(phase / wander);
+        Intent {
+            pose: between(&from, &far, share),
+            grip: LOOSE + (1.0 - LOOSE) * smooth(2.0 * share),
+        }
+    } else {
+        let share = smooth((phase - wander) / (approach - wander));
+        let loose = smooth((phase - approach) / 0.05);
+        Intent {
+            pose: between(&far, &to, share),
+            grip: 1.0 - (1.0 - LOOSE) * loose,
+        }
+    }
+}
+
+fn free(geometry: &Geometry, time: f64, seed: u64) -> Intent {
+    let mut rng = event(seed, 0.0);
+    let mut wave = |amplitude: f64| -> f64 {
+        (0..3)
+            .map(|_| {
+                let rate: f64 = rng.random_range(0.1..0.7);
+                let start: f64 = rng.random_range(0.0..1.0);
+                (std::f64::consts::TAU * (rate * time + start)).sin() * amplitude / 3.0
+            })
+            .sum()
+    };
+    let side = geometry.axis.any_orthonormal_vector();
+    let other = geometry.axis.cross(side);
+    let offset = side * wave(geometry.radius)
+        + other * wave(geometry.radius)
+        + geometry.axis * (wave(geometry.depth) - 0.7 * geometry.depth);
+    let tilt = DVec3::new(
+        wave(geometry.tilt),
+        wave(geometry.tilt),
+        wave(geometry.tilt),
+    );
+    Intent {
+        pose: Pose {
+            rotation: DQuat::from_scaled_axis(tilt) * geometry.seated.rotation,
+            translation: geometry.seated.translation + offset,
+        },
+        grip: 1.0,
+    }
+}
+
+fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
+    from.perturbed(&(from.twist_to(to) * share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn geometry() -> Geometry {
+        Geometry {
+            seated: Pose::from_translation(DVec3::new(0.1, 0.0, 0.0)),
+            axis: DVec3::NEG_Z,
+            depth: 0.03,
+            radius: 0.01,
+            tilt: 0.05,
+        }
+    }
+
+    #[test]
+    fn intents_are_continuous_and_repeatable() {
+        for script in [Script::Collision, Script::Snap, Script::Free] {
+            let intent = |t: f64| script.intent(&geometry(), t, 10.0, 0.01, 7);
+            for tick in 1..12_000 {
+                let (a, b) = (intent((tick - 1) as f64 * 1e-3), intent(tick as f64 * 1e-3));
+                let step = (b.pose.translation - a.pose.translation).length();
+                // 0.6 m/s is a brisk hand.
+                assert!(step < 6e-4, "{script:?} {tick} {step}");
+                assert!((0.0..=1.0).contains(&a.grip));
+            }
+            assert_eq!(intent(3.3), intent(3.3));
+        }
+    }
+
+    #[test]
+    fn the_snap_script_ends_let_go_near_the_fit() {
+        let geometry = geometry();
+        for seed in 0..20 {
+            let end = Script::Snap.intent(&geometry, 10.9, 10.5, 0.0, seed);
+            assert!(end.grip <= LOOSE + 1e-12);
+            let away = end.pose.translation - geometry.seated.translation;
+            assert!(away.length() < 0.35 * geometry.depth);
+        }
+    }
+
+    #[test]
+    fn collision_pushes_go_every_way() {
+        let geometry = geometry();
+        let mut sum = DVec3::ZERO;
+        for k in 0..400 {
+            let top =
+                Script::Collision.intent(&geometry, PUSH_PERIOD * (k as f64 + 0.575), 1e9, 1.0, 3);
+            let push = top.pose.translation - geometry.seated.translation;
+            assert!((push.length() - 1.0).abs() < 1e-3);
+            sum += push;
+        }
+        // 400 unit vectors: the mean is within 4 standard deviations of zero.
+        assert!(sum.length() / 400.0 < 4.0 / 20.0);
+    }
+}

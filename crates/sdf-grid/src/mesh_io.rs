@@ -4,6 +4,8 @@
 //! that back it have been seen, and every mesh goes through [`crate::hygiene`].
 
 mod obj;
+mod ply;
+mod stl;
 mod unit;
 
 use std::fs::File;
@@ -19,7 +21,7 @@ use crate::mesh::TriangleMesh;
 use crate::mesh_error::MeshError;
 
 /// The file name endings that [`read`] understands.
-pub const FORMATS: &str = ".obj";
+pub const FORMATS: &str = ".obj, .stl or .ply";
 
 /// Vertices in the file's unit and triangles, as a file gives them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -29,7 +31,7 @@ struct Soup {
 }
 
 /// Reads a mesh file whose coordinates are in `unit` and cleans it; the mesh is in metres. All
-/// objects in the file become one mesh. The format follows from the name's ending.
+/// objects or solids in the file become one mesh. The format follows from the name's ending.
 ///
 /// # Errors
 /// If the file cannot be read, has an unknown ending or does not follow its format, or if
@@ -47,6 +49,8 @@ pub fn read(
         .unwrap_or_default();
     let parse = match ending.as_str() {
         "obj" => obj::parse,
+        "ply" => ply::parse,
+        "stl" => stl::parse,
         _ => {
             return Err(MeshError::Format {
                 path: path.to_owned(),

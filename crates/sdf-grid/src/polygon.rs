@@ -4,8 +4,8 @@ use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
 /// Cuts a polygon with holes (each listed either way round, no corner repeated at the end) into
-/// triangles of indices into outline and holes chained together, counter-clockwise. Every corner
-/// is used. `None` if the polygon crosses itself or has no area.
+/// triangles of indices into outline and holes chained together, counter-clockwise. Corners on a
+/// straight side may be left out. `None` if the polygon crosses itself or has no area.
 pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec<[u32; 3]>> {
     let mut points: Vec<[f64; 2]> = outline.iter().map(|p| p.to_array()).collect();
     let mut starts = Vec::with_capacity(holes.len());
@@ -15,11 +15,6 @@ pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec
     }
     let mut indices: Vec<u32> = Vec::new();
     Earcut::new().earcut(points.iter().copied(), &starts, &mut indices);
-    // Cutting a polygon of n corners and h holes leaves n + 2h - 2 triangles; fewer means that
-    // corners were skipped.
-    if indices.len() != 3 * (points.len() + 2 * holes.len() - 2) {
-        return None;
-    }
     let (cuts, _) = indices.as_chunks::<3>();
     let corner = |i: u32| DVec2::from_array(points[i as usize]);
     let area = |t: &[u32; 3]| {
@@ -54,8 +49,8 @@ pub(crate) fn signed_area(polygon: &[DVec2]) -> f64 {
 }
 
 /// Cuts a polygon in space into triangles of indices into `points`, running as the polygon does.
-/// A convex one becomes a fan, so that corners in the middle of a straight side are kept.
-/// `None` if it crosses itself or has no area.
+/// A convex one becomes a fan, and so does one with corners that are not finite, for hygiene to
+/// refuse. `None` if it crosses itself or has no area.
 pub(crate) fn triangulate_in_space(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     let first = *points.first()?;
     let normal: DVec3 = points
@@ -67,7 +62,7 @@ pub(crate) fn triangulate_in_space(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         let [a, b, c] = t.map(|i| points[i as usize]);
         (b - a).cross(c - a).dot(normal) >= 0.0
     };
-    if fan.len() < 2 || fan.iter().all(convex) {
+    if !normal.is_finite() || fan.iter().all(convex) {
         return Some(fan);
     }
     let (u, v) = normal.try_normalize()?.any_orthonormal_pair();

@@ -54,8 +54,8 @@ pub fn cylinder(radius: f64, height: f64, segments: u32) -> Result<TriangleMesh,
 /// A prism along z over a polygon with holes, each listed either way round.
 ///
 /// # Errors
-/// If the height is not positive and finite, or the polygon has fewer than 3 corners, crosses
-/// itself, has a corner on a straight side, or no area.
+/// If the height is not positive and finite, or the polygon has fewer than 3 corners, a corner that
+/// is not finite, crosses itself, or has no area.
 pub fn prism(
     outline: &[DVec2],
     holes: &[Vec<DVec2>],
@@ -170,12 +170,8 @@ fn named_prism(
             return Err(refuse(k, &format!("corner {p}")));
         }
     }
-    let caps = polygon::triangulate(outline, holes).ok_or_else(|| {
-        refuse(
-            0,
-            "one that crosses itself, is flat or has a corner on a straight side",
-        )
-    })?;
+    let caps = polygon::triangulate(outline, holes)
+        .ok_or_else(|| refuse(0, "one that crosses itself or its holes, or has no area"))?;
 
     let corners = rings.iter().map(|r| r.len()).sum::<usize>() as u32;
     let level = |z: f64| rings.iter().copied().flatten().map(move |p| p.extend(z));

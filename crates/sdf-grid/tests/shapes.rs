@@ -104,6 +104,27 @@ fn prism_with_a_hole_keeps_both_rings_whichever_way_they_run() {
     }
 }
 
+#[test]
+fn corners_on_straight_sides_leave_no_crack() {
+    let outline = [
+        (0, 0),
+        (1, 0),
+        (2, 0),
+        (3, 0),
+        (3, 1),
+        (1, 1),
+        (1, 2),
+        (1, 3),
+        (0, 3),
+        (0, 1),
+    ]
+    .map(|(x, y)| DVec2::new(f64::from(x), f64::from(y)));
+    let mesh = shapes::prism(&outline, &[], 2.0).expect("an L");
+    report(&mesh);
+    assert_relative_eq!(mesh.volume(), 2.0 * 5.0, max_relative = EXACT);
+    assert_relative_eq!(mesh.area(), 2.0 * 5.0 + 2.0 * 12.0, max_relative = EXACT);
+}
+
 /// Corner positions of a face with the lowest first, in the order that flips with orientation.
 fn facet(corners: [DVec3; 3], reverse: bool) -> [[u64; 3]; 3] {
     let [a, b, c] = corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()));

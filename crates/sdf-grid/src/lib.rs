@@ -18,6 +18,7 @@ pub mod monitor;
 mod polygon;
 mod quadrature;
 pub mod shapes;
+pub mod symmetry;
 mod triangle;
 mod winding;
 
@@ -32,3 +33,4 @@ pub use mesh::{Aabb, TriangleMesh};
 pub use mesh_error::MeshError;
 pub use mesh_io::LengthUnit;
 pub use monitor::{Monitor, Silent};
+pub use symmetry::{SymmetryAxis, SymmetryOrder};

@@ -1,0 +1,172 @@
+//! Rotational symmetry axes of a part.
+//!
+//! Every axis passes through the centroid. Candidates come from two sources, each of which covers
+//! what the other misses: the principal axes of inertia (all axes of a body with unequal moments,
+//! the main axis of one that is tessellated unevenly), and the rotations that carry one pair of
+//! far-out vertices to another (all axes of a body with equal moments, such as a cube). A candidate
+//! counts if it carries sample points of the surface to within a tolerance of the surface.
+
+mod candidates;
+mod samples;
+
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec3};
+use serde::Serialize;
+
+use crate::bvh::Bvh;
+use crate::mesh::TriangleMesh;
+use samples::Samples;
+
+/// The highest finite order looked for.
+const MAX_ORDER: u32 = 360;
+
+/// How often a turn about an axis brings a part onto itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SymmetryOrder {
+    /// Every turn by a multiple of `2 pi / n` does, n = 2 .. 360, and none between.
+    Finite(u32),
+    /// Every turn does, within the tolerance.
+    Continuous,
+}
+
+/// An axis about which a part can be turned onto itself.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SymmetryAxis {
+    /// The part's centroid, metres.
+    pub point: DVec3,
+    /// Unit vector along the axis; its largest component is positive.
+    pub direction: DVec3,
+    /// How often a turn brings the part onto itself.
+    pub order: SymmetryOrder,
+}
+
+/// The rotational symmetry axes of `mesh`, highest order first.
+///
+/// A turn counts if it carries every sample of the surface to within `tolerance` (metres) of the
+/// surface. So a cylinder of n facets is continuous for a tolerance above `r (1 - cos(pi / n))`,
+/// and of order n below it. A part with one continuous axis and a symmetric front and back has a
+/// twofold axis in every direction across it: one of them stands for all. A sphere's axes are
+/// represented by three.
+pub fn detect(mesh: &TriangleMesh, tolerance: f64) -> Vec<SymmetryAxis> {
+    let centroid = mesh.centroid();
+    let part = Part {
+        bvh: Bvh::build(mesh),
+        samples: Samples::of(mesh, centroid),
+        centroid,
+        tolerance,
+    };
+    let mut axes: Vec<SymmetryAxis> = Vec::new();
+    let principal = candidates::principal_axes(mesh, centroid);
+    for direction in principal {
+        part.add(&mut axes, direction);
+    }
+    if count_continuous(&axes) == 0 {
+        for direction in candidates::vertex_axes(mesh, centroid, tolerance) {
+            part.add(&mut axes, direction);
+            if count_continuous(&axes) > 0 {
+                break;
+            }
+        }
+    }
+    let continuous: Vec<DVec3> = continuous(&axes).collect();
+    if let &[direction] = continuous.as_slice() {
+        // Whatever else was found is a turn across the axis, like any other one.
+        axes.retain(|a| a.order == SymmetryOrder::Continuous);
+        part.add(&mut axes, direction.any_orthonormal_vector());
+    } else if continuous.len() > 1 {
+        axes = [DVec3::Z, DVec3::Y, DVec3::X]
+            .map(|d| part.axis(d, SymmetryOrder::Continuous))
+            .to_vec();
+    }
+    axes.sort_by_key(|a| match a.order {
+        SymmetryOrder::Continuous => 0,
+        SymmetryOrder::Finite(n) => u32::MAX - n,
+    });
+    axes
+}
+
+fn continuous(axes: &[SymmetryAxis]) -> impl Iterator<Item = DVec3> + '_ {
+    axes.iter()
+        .filter(|a| a.order == SymmetryOrder::Continuous)
+        .map(|a| a.direction)
+}
+
+fn count_continuous(axes: &[SymmetryAxis]) -> usize {
+    continuous(axes).count()
+}
+
+/// A part ready to be turned.
+struct Part {
+    bvh: Bvh,
+    samples: Samples,
+    centroid: DVec3,
+    tolerance: f64,
+}
+
+impl Part {
+    /// Adds the axis along `direction` if it is one and not there yet.
+    fn add(&self, axes: &mut Vec<SymmetryAxis>, direction: DVec3) {
+        if axes.iter().any(|a| self.same(a.direction, direction)) {
+            return;
+        }
+        if let Some(order) = self.order(direction) {
+            axes.push(self.axis(direction, order));
+        }
+    }
+
+    fn axis(&self, direction: DVec3, order: SymmetryOrder) -> SymmetryAxis {
+        let size = direction.abs();
+        let largest = (0..3).fold(0, |k, i| if size[i] > size[k] + 1e-9 { i } else { k });
+        SymmetryAxis {
+            point: self.centroid,
+            direction: if direction[largest] < 0.0 {
+                -direction
+            } else {
+                direction
+            },
+            order,
+        }
+    }
+
+    /// True if two directions are the same axis as far as the tolerance can tell.
+    fn same(&self, a: DVec3, b: DVec3) -> bool {
+        let blur = 2.0 * self.tolerance / self.samples.radius + 1e-9;
+        a.cross(b).length() <= blur.min(0.1)
+    }
+
+    /// How often a turn about `direction` brings the part onto itself; `None` if never.
+    fn order(&self, direction: DVec3) -> Option<SymmetryOrder> {
+        // No turn of a low order is near these angles, so that only round parts pass.
+        let odd_angles = [0.6180339887, 1.0, 2.0_f64.sqrt(), 2.2360679775, 3.0];
+        if odd_angles
+            .iter()
+            .all(|&a| self.maps_onto_itself(direction, a))
+        {
+            return Some(SymmetryOrder::Continuous);
+        }
+        (2..=MAX_ORDER)
+            .rev()
+            .find(|&n| {
+                self.maps_onto_itself(direction, 2.0 * PI / f64::from(n))
+                    && self.is_exact(direction, n)
+            })
+            .map(SymmetryOrder::Finite)
+    }
+
+    /// True if the turn of order `n` is a symmetry by itself and not only because it is too small
+    /// to leave the tolerance: its multiples must be symmetries too.
+    fn is_exact(&self, direction: DVec3, n: u32) -> bool {
+        (2..=n / 2)
+            .all(|k| self.maps_onto_itself(direction, 2.0 * PI * f64::from(k) / f64::from(n)))
+    }
+
+    fn maps_onto_itself(&self, direction: DVec3, angle: f64) -> bool {
+        let turn = DQuat::from_axis_angle(direction, angle);
+        self.samples
+            .offsets
+            .iter()
+            .all(|&q| self.bvh.nearest(self.centroid + turn * q).distance <= self.tolerance)
+    }
+}

@@ -535,3 +535,36 @@ fn needles_without_area_leave_no_crack() {
     assert!(report.watertight);
     assert_relative_eq!(mesh.volume(), 1.0, max_relative = 1e-12);
 }
+
+#[test]
+fn the_wall_between_solids_that_touch_is_dropped() {
+    let cube = unit_cube();
+    // Mirrored, so that the faces that touch are cut along the same diagonal.
+    let vertices = cube
+        .vertices()
+        .iter()
+        .map(|v| DVec3::new(1.0 - v.x, v.y, v.z))
+        .collect();
+    let (mirrored, _) = clean(vertices, cube.triangles().to_vec()).expect("a cube");
+    let (vertices, triangles) = joined(&[&cube, &mirrored]);
+    let (mesh, report) = clean(vertices, triangles).expect("two cubes");
+    assert_eq!((report.duplicate_faces, report.components), (4, 1));
+    assert!(report.watertight);
+    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
+    assert_relative_eq!(mesh.area(), 10.0, max_relative = 1e-12);
+}
+
+#[test]
+fn a_surface_listed_for_both_its_sides_is_kept_once() {
+    let sphere = shapes::icosphere(1.0, 3).expect("valid size");
+    let (vertices, triangles) = raw(&sphere);
+    let both = [triangles.clone(), reversed(&triangles)].concat();
+    let (mesh, report) = clean(vertices.clone(), both).expect("repairable");
+    assert_eq!(mesh, sphere);
+    assert_eq!(report.duplicate_faces, triangles.len());
+    // The same with only some of the faces listed twice.
+    let some = [triangles.clone(), reversed(&triangles[10..30])].concat();
+    let (mesh, report) = clean(vertices, some).expect("repairable");
+    assert_eq!(mesh, sphere);
+    assert_eq!(report.duplicate_faces, 20);
+}

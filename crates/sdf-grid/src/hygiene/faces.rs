@@ -1,8 +1,10 @@
 //! Faces that say nothing: without area, or said before.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 
 use glam::DVec3;
+
+use super::edges::Edges;
 
 /// A face whose height is below this fraction of the mesh's diagonal has no area: its normal is
 /// rounding noise in single precision.
@@ -31,14 +33,98 @@ fn height([a, b, c]: [DVec3; 3]) -> f64 {
     }
 }
 
-/// Keeps the first of all faces with the same three corners; returns how many were dropped.
+/// Keeps the first of all faces with the same three corners, and none of those that form a wall
+/// between two solids which touch; returns how many were dropped.
 pub(super) fn drop_duplicates(triangles: &mut Vec<[u32; 3]>) -> usize {
     let before = triangles.len();
-    let mut seen = HashSet::with_capacity(before);
-    triangles.retain(|t| {
-        let mut corners = *t;
-        corners.sort_unstable();
-        seen.insert(corners)
-    });
+    // For each set of corners the place of its first face and how much oftener its faces run one
+    // way round than the other.
+    let mut seen: HashMap<[u32; 3], (usize, i32)> = HashMap::with_capacity(before);
+    let mut kept = Vec::with_capacity(before);
+    for &t in triangles.iter() {
+        let (corners, sign) = sorted(t);
+        let place = kept.len();
+        let entry = seen.entry(corners).or_insert((place, 0));
+        entry.1 += sign;
+        if entry.0 == place {
+            kept.push(t);
+        }
+    }
+    if kept.len() < before {
+        let mut cancels = vec![false; kept.len()];
+        for (place, net) in seen.into_values() {
+            cancels[place] = net == 0;
+        }
+        drop_walls(&mut kept, &cancels);
+    }
+    *triangles = kept;
     before - triangles.len()
+}
+
+/// The corners in order of their index, and 1 if that is the way the face runs round, else -1.
+fn sorted(t: [u32; 3]) -> ([u32; 3], i32) {
+    let mut corners = t;
+    corners.sort_unstable();
+    let [a, b, _] = corners;
+    let forward = (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b);
+    (corners, if forward { 1 } else { -1 })
+}
+
+/// Drops patches of faces that had opposite copies (`cancels`) and that end where two other faces
+/// meet: both sides of a wall between solids that touch. Elsewhere opposite copies are a surface
+/// listed for both its sides, of which one stays.
+fn drop_walls(triangles: &mut Vec<[u32; 3]>, cancels: &[bool]) {
+    let edges = Edges::of(triangles);
+    let mut patches = Patches::new(triangles.len());
+    for uses in edges.iter() {
+        if let [a, b] = uses {
+            patches.join(a.face, b.face);
+        }
+    }
+    let mut wall = vec![true; triangles.len()];
+    let mut ends = vec![false; triangles.len()];
+    for (face, &cancels) in cancels.iter().enumerate() {
+        wall[patches.root(face as u32)] &= cancels;
+    }
+    for uses in edges.iter() {
+        for u in uses {
+            let root = patches.root(u.face);
+            wall[root] &= uses.len() > 1;
+            ends[root] |= uses.len() > 2;
+        }
+    }
+    let mut face = 0;
+    triangles.retain(|_| {
+        let root = patches.root(face);
+        face += 1;
+        !(wall[root] && ends[root])
+    });
+}
+
+/// Sets of faces that are merged until they are the patches (union-find).
+struct Patches {
+    parent: Vec<u32>,
+}
+
+impl Patches {
+    fn new(faces: usize) -> Self {
+        Self {
+            parent: (0..faces as u32).collect(),
+        }
+    }
+
+    fn root(&mut self, face: u32) -> usize {
+        let mut at = face as usize;
+        while self.parent[at] as usize != at {
+            let above = self.parent[self.parent[at] as usize];
+            self.parent[at] = above;
+            at = above as usize;
+        }
+        at
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parent[a.max(b)] = a.min(b) as u32;
+    }
 }

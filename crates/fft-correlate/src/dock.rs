@@ -1,0 +1,259 @@
+//! Docking: the best poses of a pair over many rotations and all translations of a window.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DQuat;
+use ndarray::Array3;
+use rayon::prelude::*;
+use sdf_grid::{DensityField, Monitor};
+
+use crate::peaks::{PoseSpacing, half_width, top_peaks};
+use crate::refine::Descent;
+use crate::{CorrelateError, Correlator, EnergySource, Pair, Pose, TranslationWindow};
+
+/// What docking keeps and how far it refines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DockOptions {
+    /// Poses to return, at most.
+    pub top: usize,
+    /// Local maxima taken from each rotation.
+    pub per_rotation: usize,
+    /// Poses closer than this count as one; the lowest is kept.
+    pub spacing: PoseSpacing,
+    /// Distinct poses to refine (the lowest ones); more than `top` lets refinement change the
+    /// order.
+    pub refined: usize,
+    /// Refinement, used when an energy source is given.
+    pub descent: Descent,
+}
+
+impl DockOptions {
+    /// The `top` poses of a pair, at least 10° or two lattice spacings apart.
+    pub fn new(pair: &Pair, top: usize) -> Self {
+        let h = pair.spacing();
+        Self {
+            top,
+            per_rotation: 4,
+            spacing: PoseSpacing {
+                angle: 10f64.to_radians(),
+                distance: 2.0 * h,
+                pivot: pair.pivot(),
+                symmetries: Vec::new(),
+            },
+            refined: 4 * top,
+            descent: Descent {
+                pivot: pair.pivot(),
+                radius: radius_about_pivot(pair.moving(), pair),
+                first_step: h,
+                last_step: 1e-3 * h,
+                max_steps: 60,
+            },
+        }
+    }
+}
+
+/// Largest distance of the moving part's interior nodes from the pivot, metres; at least one
+/// lattice spacing.
+fn radius_about_pivot(field: &DensityField, pair: &Pair) -> f64 {
+    let distance = |((i, j, k), d): ((usize, usize, usize), &f32)| {
+        (*d <= 0.0).then(|| (field.lattice.position([i, j, k]) - pair.pivot()).length())
+    };
+    field
+        .signed_distance
+        .indexed_iter()
+        .filter_map(distance)
+        .fold(pair.spacing(), f64::max)
+}
+
+/// One pose found by docking.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DockedPose {
+    /// Where the moving part is.
+    pub pose: Pose,
+    /// Energy there, joules: the source's if `refined`, else the correlator's. Far away it is 0, so
+    /// this is minus the depth.
+    pub energy: f64,
+    /// True if the pose was moved to the energy source's nearest minimum.
+    pub refined: bool,
+    /// The correlator's energy at the lattice displacement where the pose was found, joules.
+    pub lattice_energy: f64,
+    /// How far from there, along the lattice axis on which the energy rises fastest, the depth
+    /// halves, metres; infinite if it does not inside the window.
+    pub half_width: f64,
+    /// Index into the rotations docked.
+    pub rotation: usize,
+}
+
+/// What docking found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Docking {
+    /// Distinct poses, lowest energy first.
+    pub poses: Vec<DockedPose>,
+    /// Rotations scored; fewer than given if the monitor cancelled.
+    pub scored: usize,
+    /// Rotations given.
+    pub rotations: usize,
+}
+
+/// Why docking cannot start or found nothing.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DockError {
+    /// The correlator cannot be planned.
+    #[error(transparent)]
+    Correlate(#[from] CorrelateError),
+    /// No rotation was given.
+    #[error("docking needs at least one rotation, found none")]
+    NoRotations,
+    /// A rotation is not a unit quaternion.
+    #[error("rotation {index}: expected a unit quaternion, found {found}")]
+    Rotation {
+        /// Its place in the list.
+        index: usize,
+        /// What was given.
+        found: DQuat,
+    },
+    /// The monitor cancelled before any rotation was scored.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// A pose on the lattice, before refinement.
+struct Candidate {
+    pose: Pose,
+    rotation: usize,
+    energy: f64,
+    half_width: f64,
+}
+
+/// Scores every rotation over the window, keeps the best local maxima of each, and returns the
+/// lowest distinct poses, refined on `refine` if given. Rotations run in parallel on rayon's
+/// threads; the result does not depend on their number. When the monitor cancels, what was scored
+/// so far is returned, unrefined.
+///
+/// # Errors
+/// If the correlator cannot be planned, there is no rotation, a rotation is not a unit quaternion,
+/// or the monitor cancels before any rotation is scored.
+pub fn dock(
+    pair: &Pair,
+    rotations: &[DQuat],
+    window: &TranslationWindow,
+    options: &DockOptions,
+    refine: Option<&dyn EnergySource>,
+    monitor: &dyn Monitor,
+) -> Result<Docking, DockError> {
+    if rotations.is_empty() {
+        return Err(DockError::NoRotations);
+    }
+    let valid = |q: &DQuat| q.is_finite() && (q.length() - 1.0).abs() < 1e-6;
+    if let Some(index) = rotations.iter().position(|q| !valid(q)) {
+        let found = rotations[index];
+        return Err(DockError::Rotation { index, found });
+    }
+    let correlator = Correlator::plan(pair, window)?;
+    let (mut candidates, scored) = scan(pair, &correlator, rotations, window, options, monitor);
+    if scored == 0 {
+        return Err(DockError::Cancelled);
+    }
+    candidates.sort_by(|a, b| {
+        let place = |c: &Candidate| (c.rotation, c.pose.translation.to_array());
+        let place_order = || place(a).partial_cmp(&place(b)).expect("finite");
+        a.energy.total_cmp(&b.energy).then_with(place_order)
+    });
+    let refine = refine.filter(|_| !monitor.cancelled());
+    let wanted = if refine.is_some() {
+        options.refined.max(options.top)
+    } else {
+        options.top
+    };
+    let kept = options
+        .spacing
+        .distinct(candidates.iter().map(|c| &c.pose), wanted);
+    let mut poses: Vec<DockedPose> = kept.iter().map(|i| candidates[*i].docked()).collect();
+    if let Some(source) = refine {
+        monitor.begin("refining poses", poses.len() as u64);
+        poses.par_iter_mut().for_each(|p| {
+            if !monitor.cancelled() {
+                (p.pose, p.energy) = options.descent.run(source, &p.pose);
+                p.refined = true;
+                monitor.advance(1);
+            }
+        });
+        // Lattice and source energies differ a little: refined poses go first among themselves.
+        poses.sort_by(|a, b| {
+            let order = a.energy.total_cmp(&b.energy);
+            b.refined.cmp(&a.refined).then(order)
+        });
+        let kept = options
+            .spacing
+            .distinct(poses.iter().map(|p| &p.pose), options.top);
+        poses = kept.into_iter().map(|i| poses[i]).collect();
+    }
+    Ok(Docking {
+        poses,
+        scored,
+        rotations: rotations.len(),
+    })
+}
+
+impl Candidate {
+    fn docked(&self) -> DockedPose {
+        DockedPose {
+            pose: self.pose,
+            energy: self.energy,
+            refined: false,
+            lattice_energy: self.energy,
+            half_width: self.half_width,
+            rotation: self.rotation,
+        }
+    }
+}
+
+/// The best local maxima of every rotation, in no particular order, and how many rotations were
+/// scored.
+fn scan(
+    pair: &Pair,
+    correlator: &Correlator,
+    rotations: &[DQuat],
+    window: &TranslationWindow,
+    options: &DockOptions,
+    monitor: &dyn Monitor,
+) -> (Vec<Candidate>, usize) {
+    monitor.begin("scoring rotations", rotations.len() as u64);
+    let next = AtomicUsize::new(0);
+    let scored = AtomicUsize::new(0);
+    let found = Mutex::new(Vec::new());
+    let threads = rayon::current_num_threads().min(rotations.len());
+    // One scratch per thread, and rotations handed out one by one.
+    (0..threads).into_par_iter().for_each(|_| {
+        let mut scratch = correlator.scratch();
+        let mut score = Array3::zeros(window.shape());
+        let mut own = Vec::new();
+        while !monitor.cancelled() {
+            let rotation = next.fetch_add(1, Ordering::Relaxed);
+            let Some(q) = rotations.get(rotation) else {
+                break;
+            };
+            correlator.score(*q, &mut scratch, score.view_mut());
+            let radius = options.spacing.distance / pair.spacing();
+            for peak in top_peaks(score.view(), options.per_rotation, radius) {
+                let width = half_width(score.view(), &peak).unwrap_or(f64::INFINITY);
+                own.push(Candidate {
+                    pose: pair.pose(*q, window.displacement(peak.index)),
+                    rotation,
+                    energy: -pair.model().gamma * peak.score as f64,
+                    half_width: width * pair.spacing(),
+                });
+            }
+            scored.fetch_add(1, Ordering::Relaxed);
+            monitor.advance(1);
+        }
+        found.lock().expect("no thread panicked").append(&mut own);
+    });
+    let found = found.into_inner().expect("no thread panicked");
+    (found, scored.into_inner())
+}
+
+#[cfg(test)]
+#[path = "dock_tests.rs"]
+mod tests;

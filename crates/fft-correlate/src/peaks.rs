@@ -1,0 +1,227 @@
+//! The best places of a score: local maxima over translations, and distinct poses among many.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use ndarray::ArrayView3;
+
+use crate::Pose;
+
+/// A local maximum of a score over a translation window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// Node of the window.
+    pub index: [usize; 3],
+    /// Score there, cubic metres.
+    pub score: f32,
+}
+
+/// The `count` highest local maxima that lie more than `radius` nodes apart, highest first.
+///
+/// A local maximum is no lower than any of its 26 neighbours (of equal neighbours the first counts),
+/// so a slope that leaves the window counts where it leaves. Where two are closer than `radius`
+/// (Euclidean, in nodes) the lower one is left out.
+pub fn top_peaks(score: ArrayView3<f32>, count: usize, radius: f64) -> Vec<Peak> {
+    let mut found: Vec<Peak> = score
+        .indexed_iter()
+        .filter(|((i, j, k), _)| is_peak(&score, [*i, *j, *k]))
+        .map(|((i, j, k), score)| Peak {
+            index: [i, j, k],
+            score: *score,
+        })
+        .collect();
+    found.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.index.cmp(&b.index)));
+    let mut kept: Vec<Peak> = Vec::with_capacity(count.min(found.len()));
+    for peak in found {
+        if kept.len() == count {
+            break;
+        }
+        if kept
+            .iter()
+            .all(|k| node_distance(k.index, peak.index) > radius)
+        {
+            kept.push(peak);
+        }
+    }
+    kept
+}
+
+fn node_distance(a: [usize; 3], b: [usize; 3]) -> f64 {
+    let difference = |axis: usize| (a[axis] as f64 - b[axis] as f64).powi(2);
+    (0..3).map(difference).sum::<f64>().sqrt()
+}
+
+fn is_peak(score: &ArrayView3<f32>, at: [usize; 3]) -> bool {
+    let own = score[at];
+    let shape = score.shape();
+    let range = |a: usize| at[a].saturating_sub(1)..(at[a] + 2).min(shape[a]);
+    // Neighbours along z first: they decide most nodes and lie in the same cache line.
+    for i in [at[0]].into_iter().chain(range(0).filter(|i| *i != at[0])) {
+        for j in [at[1]].into_iter().chain(range(1).filter(|j| *j != at[1])) {
+            for k in range(2) {
+                let higher = match score[[i, j, k]].total_cmp(&own) {
+                    Ordering::Greater => true,
+                    Ordering::Equal => [i, j, k] < at,
+                    Ordering::Less => false,
+                };
+                if higher {
+                    return false;
+                }
+            }
+        }
+    }
+    true
+}
+
+/// Half width of a peak, nodes: how far, along the lattice axis and sense in which it falls
+/// fastest, the score takes to fall to half; `None` if it does not fall that far inside the window
+/// along any.
+pub fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
+    let half = 0.5 * peak.score;
+    let mut narrowest: Option<f64> = None;
+    for axis in 0..3 {
+        for sense in [-1i64, 1] {
+            let at = |n: i64| {
+                let mut index = peak.index;
+                index[axis] = usize::try_from(index[axis] as i64 + sense * n).ok()?;
+                score.get(index).copied()
+            };
+            let mut above = peak.score;
+            let mut n = 1;
+            while let Some(value) = at(n) {
+                if value <= half {
+                    let width = (n - 1) as f64 + ((above - half) / (above - value)) as f64;
+                    narrowest = Some(narrowest.map_or(width, |w| w.min(width)));
+                    break;
+                }
+                above = value;
+                n += 1;
+            }
+        }
+    }
+    narrowest
+}
+
+/// When two poses count as the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseSpacing {
+    /// Rotations up to this angle apart, radians.
+    pub angle: f64,
+    /// Pivots up to this distance apart, metres.
+    pub distance: f64,
+    /// Point of the moving part whose positions are compared, metres in its frame.
+    pub pivot: DVec3,
+    /// Motions that map the moving part onto itself, in its own frame; the identity need not be
+    /// among them.
+    pub symmetries: Vec<Pose>,
+}
+
+impl PoseSpacing {
+    /// True if the rotations and the pivots are both close, for the part as it is or under one of
+    /// its symmetries.
+    pub fn same(&self, a: &Pose, b: &Pose) -> bool {
+        let close = |b: &Pose| {
+            (a.apply(self.pivot) - b.apply(self.pivot)).length() <= self.distance
+                && a.angle_to(b) <= self.angle
+        };
+        close(b) || self.symmetries.iter().any(|s| close(&(*b * *s)))
+    }
+
+    /// Indices of at most `count` poses, taken in order, none of which is the same as one taken
+    /// before.
+    pub fn distinct<'a>(
+        &self,
+        poses: impl IntoIterator<Item = &'a Pose>,
+        count: usize,
+    ) -> Vec<usize> {
+        let mut kept: Vec<(usize, &Pose)> = Vec::new();
+        for (index, pose) in poses.into_iter().enumerate() {
+            if kept.len() == count {
+                break;
+            }
+            if !kept.iter().any(|(_, k)| self.same(k, pose)) {
+                kept.push((index, pose));
+            }
+        }
+        kept.into_iter().map(|(index, _)| index).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, TAU};
+
+    use glam::DQuat;
+    use ndarray::Array3;
+
+    use super::*;
+
+    fn hills(hills: &[([f64; 3], f64)]) -> Array3<f32> {
+        Array3::from_shape_fn((20, 21, 22), |(i, j, k)| {
+            let at = DVec3::new(i as f64, j as f64, k as f64);
+            let hill = |(c, h): &([f64; 3], f64)| {
+                h * (-(at - DVec3::from_array(*c)).length_squared() / 8.0).exp()
+            };
+            hills.iter().map(hill).sum::<f64>() as f32
+        })
+    }
+
+    #[test]
+    fn peaks_come_in_order_and_close_ones_are_left_out() {
+        let field = hills(&[
+            ([3.0, 4.0, 5.0], 1.0),
+            ([15.0, 15.0, 15.0], 2.0),
+            ([15.0, 15.0, 20.0], 1.5),
+            ([19.0, 0.0, 0.0], 0.5),
+        ]);
+        let all = top_peaks(field.view(), 10, 1.5);
+        let indices: Vec<_> = all.iter().map(|p| p.index).collect();
+        let expected = [[15, 15, 15], [15, 15, 20], [3, 4, 5], [19, 0, 0]];
+        assert_eq!(indices, expected);
+        let apart = top_peaks(field.view(), 2, 6.0);
+        assert_eq!(
+            apart.iter().map(|p| p.index).collect::<Vec<_>>(),
+            [[15, 15, 15], [3, 4, 5]]
+        );
+        assert!(top_peaks(field.view(), 0, 1.0).is_empty());
+    }
+
+    #[test]
+    fn a_plateau_is_one_peak() {
+        let flat = Array3::from_elem((4, 4, 4), 1.0f32);
+        assert_eq!(top_peaks(flat.view(), 9, 0.5).len(), 1);
+    }
+
+    #[test]
+    fn half_width_of_a_gaussian() {
+        let field = hills(&[([10.0, 10.0, 10.0], 1.0)]);
+        let peak = top_peaks(field.view(), 1, 1.0)[0];
+        let exact = (8.0 * 2f64.ln()).sqrt();
+        let width = half_width(field.view(), &peak).unwrap();
+        // Linear interpolation between nodes one apart.
+        assert!((width - exact).abs() < 0.05, "{width} {exact}");
+        let flat = Array3::from_elem((3, 3, 3), 1.0f32);
+        assert_eq!(
+            half_width(flat.view(), &top_peaks(flat.view(), 1, 0.0)[0]),
+            None
+        );
+    }
+
+    #[test]
+    fn poses_equal_under_a_symmetry_are_the_same() {
+        let turn = |angle| Pose::new(DQuat::from_rotation_z(angle), DVec3::ZERO);
+        let mut spacing = PoseSpacing {
+            angle: 0.1,
+            distance: 0.01,
+            pivot: DVec3::new(0.0, 0.0, 0.5),
+            symmetries: vec![],
+        };
+        let poses = [turn(0.0), turn(FRAC_PI_2), turn(0.05), turn(TAU / 8.0)];
+        assert_eq!(spacing.distinct(&poses, 9), [0, 1, 3]);
+        spacing.symmetries = (1..4).map(|n| turn(n as f64 * FRAC_PI_2)).collect();
+        assert_eq!(spacing.distinct(&poses, 9), [0, 3]);
+        assert_eq!(spacing.distinct(&poses, 1), [0]);
+        let shifted = Pose::from_translation(DVec3::new(0.02, 0.0, 0.0));
+        assert!(!spacing.same(&shifted, &poses[0]));
+    }
+}

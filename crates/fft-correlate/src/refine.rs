@@ -1,0 +1,218 @@
+//! Descent of an energy source to the nearest minimum.
+
+use glam::{DQuat, DVec3};
+
+use crate::{EnergySource, Pose, Scratch};
+
+/// How a pose is refined.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Descent {
+    /// Point of the moving part about which rotations turn, metres in its frame.
+    pub pivot: DVec3,
+    /// Lever that turns angles into lengths, metres: the part's radius about the pivot.
+    pub radius: f64,
+    /// Longest first trial step, metres (angle times radius for rotations).
+    pub first_step: f64,
+    /// A trial step shorter than this ends the descent, metres.
+    pub last_step: f64,
+    /// Most line searches.
+    pub max_steps: usize,
+}
+
+/// Turn about the pivot times the radius, then displacement of the pivot, metres.
+type Vec6 = [f64; 6];
+
+impl Descent {
+    /// The lowest pose reached from `start` and its energy, joules; never higher than at `start`.
+    ///
+    /// A quasi-Newton descent (BFGS) on the source's own wrench with a backtracking line search. At
+    /// zero clearance the energy is V-shaped; there the search still descends, and ends when no
+    /// step longer than `last_step` does.
+    pub fn run(&self, source: &dyn EnergySource, start: &Pose) -> (Pose, f64) {
+        let mut scratch = source.scratch();
+        let (mut pose, mut energy, mut slope) = self.at(source, *start, &mut scratch);
+        let mut metric = Metric::identity();
+        let mut reach = self.first_step;
+        let mut restarted = true;
+        for _ in 0..self.max_steps {
+            let mut direction = metric.apply(&slope).map(|d| -d);
+            if dot(&direction, &slope) >= 0.0 {
+                metric = Metric::identity();
+                direction = slope.map(|s| -s);
+            }
+            let length = dot(&direction, &direction).sqrt();
+            if length == 0.0 || !length.is_finite() {
+                break;
+            }
+            // The first step along a gradient has no natural length; later ones are near 1.
+            let mut t = if restarted {
+                reach / length
+            } else {
+                (4.0 * reach / length).min(1.0)
+            };
+            let descent = dot(&direction, &slope);
+            let next = loop {
+                if t * length < self.last_step {
+                    break None;
+                }
+                let trial = self.moved(&pose, &direction.map(|d| t * d));
+                let trial = self.at(source, trial, &mut scratch);
+                if trial.1 <= energy + 1e-4 * t * descent {
+                    break Some(trial);
+                }
+                t *= 0.4;
+            };
+            match next {
+                Some((p, e, s)) => {
+                    let step = direction.map(|d| t * d);
+                    metric.update(&step, &std::array::from_fn(|i| s[i] - slope[i]));
+                    reach = (2.0 * t * length).clamp(2.0 * self.last_step, self.first_step);
+                    (pose, energy, slope, restarted) = (p, e, s, false);
+                }
+                None if restarted => break,
+                None => {
+                    metric = Metric::identity();
+                    restarted = true;
+                }
+            }
+        }
+        (pose, energy)
+    }
+
+    /// Pose, energy, and its gradient along turns (per metre at the radius) and displacements.
+    fn at(
+        &self,
+        source: &dyn EnergySource,
+        pose: Pose,
+        scratch: &mut Scratch,
+    ) -> (Pose, f64, Vec6) {
+        let response = source.evaluate(&pose, scratch);
+        let arm = pose.rotation * self.pivot;
+        let wrench = response.wrench.about(arm);
+        let (t, f) = (wrench.torque / self.radius, wrench.force);
+        (pose, response.energy, [-t.x, -t.y, -t.z, -f.x, -f.y, -f.z])
+    }
+
+    fn moved(&self, pose: &Pose, step: &Vec6) -> Pose {
+        let turn = DVec3::new(step[0], step[1], step[2]) / self.radius;
+        let pivot = pose.apply(self.pivot) + DVec3::new(step[3], step[4], step[5]);
+        let rotation = (DQuat::from_scaled_axis(turn) * pose.rotation).normalize();
+        Pose::new(rotation, pivot - rotation * self.pivot)
+    }
+}
+
+fn dot(a: &Vec6, b: &Vec6) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Approximation of the inverse second derivatives.
+struct Metric([Vec6; 6]);
+
+impl Metric {
+    fn identity() -> Self {
+        Self(std::array::from_fn(|i| {
+            std::array::from_fn(|j| f64::from(i == j))
+        }))
+    }
+
+    fn apply(&self, v: &Vec6) -> Vec6 {
+        std::array::from_fn(|i| dot(&self.0[i], v))
+    }
+
+    /// The BFGS update for a step and the change of the gradient over it; skipped where the energy
+    /// curves downwards.
+    fn update(&mut self, step: &Vec6, change: &Vec6) {
+        let curvature = dot(step, change);
+        let floor = 1e-10 * (dot(step, step) * dot(change, change)).sqrt();
+        if curvature <= floor {
+            return;
+        }
+        let h = self.apply(change);
+        let a = (1.0 + dot(change, &h) / curvature) / curvature;
+        for i in 0..6 {
+            for j in 0..6 {
+                self.0[i][j] +=
+                    a * step[i] * step[j] - (h[i] * step[j] + step[i] * h[j]) / curvature;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Response, Wrench};
+
+    /// A valley about a known pose: quadratic, or V-shaped as at zero clearance, with unequal
+    /// stiffnesses.
+    struct Valley {
+        minimum: Pose,
+        sharp: bool,
+    }
+
+    impl Valley {
+        /// Gradient with respect to (turn about the origin, displacement).
+        fn value(&self, pose: &Pose) -> (f64, DVec3) {
+            let d = pose.translation - self.minimum.translation;
+            let k = DVec3::new(1.0, 30.0, 5.0);
+            if self.sharp {
+                ((k * d.abs()).element_sum(), k * d.signum())
+            } else {
+                (0.5 * (k * d * d).element_sum(), k * d)
+            }
+        }
+    }
+
+    impl EnergySource for Valley {
+        fn scratch(&self) -> Scratch {
+            Scratch::default()
+        }
+
+        fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+            let (energy, gradient) = self.value(pose);
+            // Turning towards the minimum: E = 1 - cos of the angle between the z axes and x axes.
+            let axes = [DVec3::X, DVec3::Z];
+            let mut torque = DVec3::ZERO;
+            let mut tilt = 0.0;
+            for axis in axes {
+                let (a, b) = (pose.rotation * axis, self.minimum.rotation * axis);
+                tilt += 0.01 * (1.0 - a.dot(b));
+                torque += 0.01 * a.cross(b);
+            }
+            Response {
+                energy: energy + tilt,
+                wrench: Wrench {
+                    torque,
+                    force: -gradient,
+                },
+                coverage: 1.0,
+            }
+        }
+    }
+
+    #[test]
+    fn finds_the_bottom_of_smooth_and_sharp_valleys() {
+        let minimum = Pose::new(
+            DQuat::from_scaled_axis(DVec3::new(0.2, -0.1, 0.3)),
+            DVec3::new(0.01, 0.02, -0.01),
+        );
+        for (sharp, tolerance) in [(false, 1e-4), (true, 2e-3)] {
+            let descent = Descent {
+                pivot: DVec3::new(0.0, 0.05, 0.0),
+                radius: 0.1,
+                first_step: 0.01,
+                last_step: 1e-7,
+                max_steps: 400,
+            };
+            let source = Valley { minimum, sharp };
+            let start = Pose::IDENTITY;
+            let before = source.evaluate(&start, &mut Scratch::default()).energy;
+            let (pose, energy) = descent.run(&source, &start);
+            assert!(energy < before);
+            let off = (pose.translation - minimum.translation).length();
+            assert!(off < tolerance, "sharp {sharp}: {off} m");
+            let angle = pose.angle_to(&minimum);
+            assert!(angle < 10.0 * tolerance, "sharp {sharp}: {angle} rad");
+        }
+    }
+}

@@ -1,4 +1,5 @@
 use std::f64::consts::{FRAC_PI_6, PI};
+use std::sync::LazyLock;
 use std::sync::atomic::AtomicU64;
 
 use glam::{DVec2, DVec3};
@@ -29,6 +30,12 @@ fn pair(off: Pose) -> Pair {
         .unwrap()
 }
 
+/// The pair modelled in place, computed once.
+fn seated() -> &'static Pair {
+    static PAIR: LazyLock<Pair> = LazyLock::new(|| pair(Pose::IDENTITY));
+    &PAIR
+}
+
 fn spins() -> Vec<DQuat> {
     (0..12)
         .map(|n| DQuat::from_rotation_z(n as f64 * FRAC_PI_6))
@@ -41,9 +48,9 @@ fn window() -> TranslationWindow {
 
 #[test]
 fn the_rod_finds_its_hole_and_its_half_turn() {
-    let pair = pair(Pose::IDENTITY);
-    let mut options = DockOptions::new(&pair, 2);
-    let found = dock(&pair, &spins(), &window(), &options, None, &Silent).unwrap();
+    let pair = seated();
+    let mut options = DockOptions::new(pair, 2);
+    let found = dock(pair, &spins(), &window(), &options, None, &Silent).unwrap();
     assert_eq!(
         (found.scored, found.rotations, found.poses.len()),
         (12, 12, 2)
@@ -58,7 +65,7 @@ fn the_rod_finds_its_hole_and_its_half_turn() {
     assert!((a - b).abs() < 1e-4 * a.abs(), "{a} {b}");
 
     options.spacing.symmetries = vec![Pose::new(DQuat::from_rotation_z(PI), DVec3::ZERO)];
-    let found = dock(&pair, &spins(), &window(), &options, None, &Silent).unwrap();
+    let found = dock(pair, &spins(), &window(), &options, None, &Silent).unwrap();
     assert!(
         found.poses[1].energy > 0.9 * a,
         "the half turn is the same pose: {found:?}"
@@ -68,10 +75,10 @@ fn the_rod_finds_its_hole_and_its_half_turn() {
 #[test]
 fn refinement_finds_a_pose_between_lattice_and_rotations() {
     let off = Pose::new(DQuat::from_rotation_z(0.07), DVec3::new(0.4, -0.3, 0.2) * H);
-    let pair = pair(off);
-    let source = DirectEvaluator::new(&pair, &DirectOptions::FULL).unwrap();
-    let options = DockOptions::new(&pair, 2);
-    let found = dock(&pair, &spins(), &window(), &options, Some(&source), &Silent).unwrap();
+    let pair = &pair(off);
+    let source = DirectEvaluator::new(pair, &DirectOptions::FULL).unwrap();
+    let options = DockOptions::new(pair, 2);
+    let found = dock(pair, &spins(), &window(), &options, Some(&source), &Silent).unwrap();
     let best = &found.poses[0];
     assert!(
         best.refined && best.energy <= best.lattice_energy * 0.95,
@@ -97,14 +104,14 @@ fn refinement_finds_a_pose_between_lattice_and_rotations() {
 
 #[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
-    let pair = pair(Pose::IDENTITY);
-    let options = DockOptions::new(&pair, 5);
+    let pair = seated();
+    let options = DockOptions::new(pair, 5);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| dock(&pair, &spins(), &window(), &options, None, &Silent).unwrap())
+        pool.install(|| dock(pair, &spins(), &window(), &options, None, &Silent).unwrap())
     };
     assert_eq!(with(1), with(3));
 }
@@ -127,14 +134,14 @@ impl Monitor for Impatient {
 
 #[test]
 fn a_cancelled_search_keeps_what_it_has() {
-    let pair = pair(Pose::IDENTITY);
-    let options = DockOptions::new(&pair, 3);
+    let pair = seated();
+    let options = DockOptions::new(pair, 3);
     let run = |after| {
         let monitor = Impatient {
             after,
             seen: AtomicU64::new(0),
         };
-        dock(&pair, &spins(), &window(), &options, None, &monitor)
+        dock(pair, &spins(), &window(), &options, None, &monitor)
     };
     assert_eq!(run(0), Err(DockError::Cancelled));
     let part = run(2).unwrap();
@@ -147,9 +154,9 @@ fn a_cancelled_search_keeps_what_it_has() {
 
 #[test]
 fn bad_rotations_are_named() {
-    let pair = pair(Pose::IDENTITY);
-    let options = DockOptions::new(&pair, 3);
-    let run = |rotations: &[DQuat]| dock(&pair, rotations, &window(), &options, None, &Silent);
+    let pair = seated();
+    let options = DockOptions::new(pair, 3);
+    let run = |rotations: &[DQuat]| dock(pair, rotations, &window(), &options, None, &Silent);
     assert_eq!(run(&[]), Err(DockError::NoRotations));
     let bad = DQuat::from_xyzw(0.0, 0.0, 0.0, 1.1);
     let refused = run(&[DQuat::IDENTITY, bad]);

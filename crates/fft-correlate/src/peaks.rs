@@ -171,14 +171,14 @@ mod tests {
         let field = hills(&[
             ([3.0, 4.0, 5.0], 1.0),
             ([15.0, 15.0, 15.0], 2.0),
-            ([15.0, 15.0, 20.0], 1.5),
+            ([15.0, 5.0, 15.0], 1.5),
             ([19.0, 0.0, 0.0], 0.5),
         ]);
         let all = top_peaks(field.view(), 10, 1.5);
         let indices: Vec<_> = all.iter().map(|p| p.index).collect();
-        let expected = [[15, 15, 15], [15, 15, 20], [3, 4, 5], [19, 0, 0]];
+        let expected = [[15, 15, 15], [15, 5, 15], [3, 4, 5], [19, 0, 0]];
         assert_eq!(indices, expected);
-        let apart = top_peaks(field.view(), 2, 6.0);
+        let apart = top_peaks(field.view(), 2, 10.0);
         assert_eq!(
             apart.iter().map(|p| p.index).collect::<Vec<_>>(),
             [[15, 15, 15], [3, 4, 5]]

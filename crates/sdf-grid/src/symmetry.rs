@@ -60,14 +60,21 @@ pub fn detect(mesh: &TriangleMesh, tolerance: f64) -> Vec<SymmetryAxis> {
     let mut axes: Vec<SymmetryAxis> = Vec::new();
     let principal = candidates::principal_axes(mesh, centroid);
     for direction in principal {
-        part.add(&mut axes, direction);
-    }
-    if count_continuous(&axes) == 0 {
-        for direction in candidates::vertex_axes(mesh, centroid, tolerance) {
+        if part.is_round(direction) {
             part.add(&mut axes, direction);
-            if count_continuous(&axes) > 0 {
-                break;
+        }
+    }
+    if axes.is_empty() {
+        for turn in candidates::vertex_turns(mesh, centroid, tolerance) {
+            // Most candidates fail here after a few samples; finding an order takes far longer.
+            if part.knows(&axes, turn.axis) || !part.maps_onto_itself(turn.axis, turn.angle) {
+                continue;
             }
+            part.add(&mut axes, turn.axis);
+        }
+        // Last, because principal axes of equal moments lie anywhere between the true ones.
+        for direction in principal {
+            part.add(&mut axes, direction);
         }
     }
     let continuous: Vec<DVec3> = continuous(&axes).collect();
@@ -93,10 +100,6 @@ fn continuous(axes: &[SymmetryAxis]) -> impl Iterator<Item = DVec3> + '_ {
         .map(|a| a.direction)
 }
 
-fn count_continuous(axes: &[SymmetryAxis]) -> usize {
-    continuous(axes).count()
-}
-
 /// A part ready to be turned.
 struct Part {
     bvh: Bvh,
@@ -108,12 +111,19 @@ struct Part {
 impl Part {
     /// Adds the axis along `direction` if it is one and not there yet.
     fn add(&self, axes: &mut Vec<SymmetryAxis>, direction: DVec3) {
-        if axes.iter().any(|a| self.same(a.direction, direction)) {
+        if self.knows(axes, direction) {
             return;
         }
         if let Some(order) = self.order(direction) {
             axes.push(self.axis(direction, order));
         }
+    }
+
+    /// True if `direction` is one of `axes` as far as the tolerance can tell.
+    fn knows(&self, axes: &[SymmetryAxis], direction: DVec3) -> bool {
+        let blur = (2.0 * self.tolerance / self.samples.radius + 1e-9).min(0.1);
+        axes.iter()
+            .any(|a| a.direction.cross(direction).length() <= blur)
     }
 
     fn axis(&self, direction: DVec3, order: SymmetryOrder) -> SymmetryAxis {
@@ -130,36 +140,34 @@ impl Part {
         }
     }
 
-    /// True if two directions are the same axis as far as the tolerance can tell.
-    fn same(&self, a: DVec3, b: DVec3) -> bool {
-        let blur = 2.0 * self.tolerance / self.samples.radius + 1e-9;
-        a.cross(b).length() <= blur.min(0.1)
-    }
-
     /// How often a turn about `direction` brings the part onto itself; `None` if never.
     fn order(&self, direction: DVec3) -> Option<SymmetryOrder> {
-        // No turn of a low order is near these angles, so that only round parts pass.
-        let odd_angles = [0.6180339887, 1.0, 2.0_f64.sqrt(), 2.2360679775, 3.0];
-        if odd_angles
-            .iter()
-            .all(|&a| self.maps_onto_itself(direction, a))
-        {
+        if self.is_round(direction) {
             return Some(SymmetryOrder::Continuous);
         }
         (2..=MAX_ORDER)
             .rev()
-            .find(|&n| {
-                self.maps_onto_itself(direction, 2.0 * PI / f64::from(n))
-                    && self.is_exact(direction, n)
-            })
+            .find(|&n| self.has_order(direction, n))
             .map(SymmetryOrder::Finite)
     }
 
-    /// True if the turn of order `n` is a symmetry by itself and not only because it is too small
-    /// to leave the tolerance: its multiples must be symmetries too.
-    fn is_exact(&self, direction: DVec3, n: u32) -> bool {
-        (2..=n / 2)
-            .all(|k| self.maps_onto_itself(direction, 2.0 * PI * f64::from(k) / f64::from(n)))
+    /// True if turns about `direction` by any angle are symmetries.
+    fn is_round(&self, direction: DVec3) -> bool {
+        // No turn of a low order is near these angles, so that only round parts pass.
+        [0.618, 1.0, 1.414, 2.236, 3.0]
+            .iter()
+            .all(|&angle| self.maps_onto_itself(direction, angle))
+    }
+
+    /// True if all multiples of the turn of order `n` are symmetries: the turn alone may just be
+    /// too small to leave the tolerance.
+    fn has_order(&self, direction: DVec3, n: u32) -> bool {
+        let maps = |k: u32| {
+            let angle = 2.0 * PI * f64::from(k) / f64::from(n);
+            self.maps_onto_itself(direction, angle)
+        };
+        // A multiple far from the turns of low order tells soonest.
+        maps((0.382 * f64::from(n)).ceil() as u32) && (1..=n / 2).all(maps)
     }
 
     fn maps_onto_itself(&self, direction: DVec3, angle: f64) -> bool {

@@ -568,3 +568,27 @@ fn a_surface_listed_for_both_its_sides_is_kept_once() {
     assert_eq!(mesh, sphere);
     assert_eq!(report.duplicate_faces, 20);
 }
+
+#[test]
+fn neither_scale_nor_place_changes_what_is_found() {
+    let (vertices, triangles) = faulty(5);
+    let (_, here) = clean(vertices.clone(), triangles.clone()).expect("repairable");
+    for (scale, offset) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6), (1e-6, 1.0)] {
+        let elsewhere = vertices.iter().map(|v| scale * *v + offset).collect();
+        let (mesh, report) = clean(elsewhere, triangles.clone()).expect("repairable");
+        let counts = |r: &HygieneReport| {
+            [
+                r.vertices,
+                r.triangles,
+                r.flipped_faces,
+                r.components,
+                r.cavities,
+                r.open_edges,
+            ]
+        };
+        assert_eq!(counts(&report), counts(&here));
+        // At 1e6 sizes from the origin a coordinate holds 1e-10 of the size.
+        let expected = here.volume * scale.powi(3);
+        assert_relative_eq!(mesh.volume(), expected, max_relative = 1e-8);
+    }
+}

@@ -439,3 +439,33 @@ fn writing_where_nothing_can_be_written_is_said() {
     assert!(matches!(error, MeshError::Write { .. }));
     assert!(error.to_string().contains("/no/such/folder/cube.obj"));
 }
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(200))]
+
+    /// Damaged files are read or refused; nothing panics and nothing large is allocated.
+    #[test]
+    fn damaged_files_are_read_or_refused(
+        format in 0usize..5,
+        damage in proptest::collection::vec((0.0f64..1.0, proptest::prelude::any::<u8>()), 0..6),
+        keep in 0.0f64..1.2,
+    ) {
+        let cube = shapes::cuboid(DVec3::ONE).expect("valid size");
+        let (name, mut bytes) = match format {
+            0 => ("damaged.obj", CUBE.as_bytes().to_vec()),
+            1 => ("damaged.stl", ascii_solid("cube", &cube).into_bytes()),
+            2 => ("damaged.stl", binary_stl(b"cube", &cube)),
+            3 => ("damaged.ply", ascii_ply(&cube).into_bytes()),
+            _ => ("damaged.ply", binary_ply(&cube, false)),
+        };
+        let length = bytes.len() as f64;
+        for (place, value) in damage {
+            bytes[(place * length) as usize] = value;
+        }
+        bytes.truncate((keep * length) as usize);
+        if let Ok((mesh, report)) = load(name, bytes) {
+            proptest::prop_assert!(mesh.area() > 0.0);
+            proptest::prop_assert_eq!(report.triangles, mesh.triangles().len());
+        }
+    }
+}

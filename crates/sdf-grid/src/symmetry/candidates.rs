@@ -1,12 +1,15 @@
 //! Directions in which a symmetry axis may lie.
 
+use std::f64::consts::PI;
+
 use glam::{DMat3, DQuat, DVec3};
 
+use super::MAX_ORDER;
 use crate::mesh::{TriangleMesh, face_area};
 
 /// Pairs of far-out vertices compared at most; beyond, the part is round or has so many equal
 /// corners that its principal axes have to do.
-const MAX_PAIRS: usize = 1 << 20;
+const MAX_PAIRS: usize = 1 << 16;
 
 /// The principal axes of the surface's second moments about `center`.
 pub(super) fn principal_axes(mesh: &TriangleMesh, center: DVec3) -> [DVec3; 3] {
@@ -53,9 +56,17 @@ fn eigenvectors(mut m: DMat3) -> [DVec3; 3] {
     [vectors.x_axis, vectors.y_axis, vectors.z_axis]
 }
 
-/// Axes of all rotations that carry two vertices to two others: the farthest one from the centre,
-/// and the one that spans the widest triangle with it.
-pub(super) fn vertex_axes(mesh: &TriangleMesh, center: DVec3, tolerance: f64) -> Vec<DVec3> {
+/// A rotation that may be a symmetry.
+pub(super) struct Turn {
+    /// Unit vector along the axis.
+    pub(super) axis: DVec3,
+    /// Angle, radians.
+    pub(super) angle: f64,
+}
+
+/// All rotations that carry two vertices to two others: the farthest one from the centre, and the
+/// one that spans the widest triangle with it.
+pub(super) fn vertex_turns(mesh: &TriangleMesh, center: DVec3, tolerance: f64) -> Vec<Turn> {
     let points: Vec<DVec3> = mesh.vertices().iter().map(|v| *v - center).collect();
     let Some(&first) = points
         .iter()
@@ -76,17 +87,15 @@ pub(super) fn vertex_axes(mesh: &TriangleMesh, center: DVec3, tolerance: f64) ->
         return Vec::new();
     }
     let distance = first.distance(second);
-    let mut axes: Vec<DVec3> = Vec::new();
+    let mut turns = Vec::new();
     for &a in &firsts {
         for &b in &seconds {
-            if (a.distance(b) - distance).abs() > 2.0 * tolerance {
-                continue;
+            if (a.distance(b) - distance).abs() <= 2.0 * tolerance {
+                turns.extend(rotation([first, second], [a, b]).and_then(turn));
             }
-            let axis = rotation([first, second], [a, b]).and_then(axis_of);
-            axes.extend(axis.filter(|d| axes.iter().all(|e| d.cross(*e).length() > 1e-6)));
         }
     }
-    axes
+    turns
 }
 
 /// The rotation that carries the frame of one pair of vectors to that of another.
@@ -99,9 +108,9 @@ fn rotation(from: [DVec3; 2], to: [DVec3; 2]) -> Option<DQuat> {
     Some(DQuat::from_mat3(&(frame(to)? * frame(from)?.transpose())))
 }
 
-/// The axis of a rotation; `None` for the identity.
-fn axis_of(rotation: DQuat) -> Option<DVec3> {
-    let direction = DVec3::new(rotation.x, rotation.y, rotation.z);
-    // Turns below 0.3 degrees are finer than the highest order looked for.
-    (direction.length() > 2.5e-3).then(|| direction.normalize())
+/// Axis and angle of a rotation; `None` below the turn of the highest order looked for.
+fn turn(rotation: DQuat) -> Option<Turn> {
+    let (axis, angle) = rotation.to_axis_angle();
+    let angle = angle.min(2.0 * PI - angle);
+    (angle > PI / f64::from(MAX_ORDER)).then_some(Turn { axis, angle })
 }

@@ -1,0 +1,254 @@
+//! Interpolation along one axis of nodes: which nodes, with which weights and slopes.
+
+use serde::{Deserialize, Serialize};
+
+/// How table energies are interpolated between nodes, along every translation and rotation axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// Cubic through the nodes with central-difference slopes: 4 nodes per axis, energy and wrench
+    /// continuous, energy error of third order in the spacing and wrench error of second.
+    #[default]
+    CatmullRom,
+    /// 2 nodes per axis: energy continuous, wrench piecewise smooth with jumps at cell faces.
+    Linear,
+}
+
+/// Four neighbouring nodes of one axis, the weights of their values, and the weights' derivatives
+/// by the coordinate (in units of the spacing). Absent nodes repeat the last one with weight 0.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Taps {
+    pub(crate) nodes: [usize; 4],
+    pub(crate) weights: [f64; 4],
+    pub(crate) slopes: [f64; 4],
+}
+
+impl Taps {
+    /// The only node of an axis along which nothing changes.
+    const SINGLE: Self = Self {
+        nodes: [0; 4],
+        weights: [1.0, 0.0, 0.0, 0.0],
+        slopes: [0.0; 4],
+    };
+
+    /// Taps at coordinate `x` (finite; node `i` lies at `x = i`) of an axis of `n` nodes.
+    ///
+    /// Beyond the first and last node the polynomial of the last cell continues. The cubic's ghost
+    /// nodes are quadratic extrapolations, so the order of the error holds up to the ends.
+    pub(crate) fn open(x: f64, n: usize, interpolation: Interpolation) -> Self {
+        if n == 1 {
+            return Self::SINGLE;
+        }
+        let cell = x.floor().clamp(0.0, (n - 2) as f64);
+        let cell_index = cell as usize;
+        let mut taps = basis(x - cell, interpolation);
+        // Slot s stands for node cell_index - 1 + s; fold the slots outside 0..n into the others.
+        if cell_index == 0 {
+            taps.fold_ghost([0, 1, 2, 3], n);
+        }
+        if cell_index + 2 == n {
+            taps.fold_ghost([3, 2, 1, 0], n);
+        }
+        // Rows of at least four nodes are read as four neighbours: slide the slots inside.
+        if cell_index == 0 {
+            taps.slide_left();
+        } else if cell_index + 2 == n && n >= 4 {
+            taps.slide_right();
+        }
+        let first = if cell_index == 0 {
+            0
+        } else if n >= 4 {
+            (cell_index - 1).min(n - 4)
+        } else {
+            cell_index - 1
+        };
+        taps.nodes = std::array::from_fn(|s| (first + s).min(n - 1));
+        taps
+    }
+
+    /// Taps of an axis of `n >= 2` nodes that closes on itself after `n` cells.
+    pub(crate) fn periodic(x: f64, n: usize, interpolation: Interpolation) -> Self {
+        let cell = x.floor();
+        let mut taps = basis(x - cell, interpolation);
+        let first = (cell - 1.0).rem_euclid(n as f64) as usize;
+        taps.nodes = std::array::from_fn(|s| (first + s) % n);
+        taps
+    }
+
+    /// Replaces the value of slot `order[0]`, a ghost, by its extrapolation from the next slots.
+    fn fold_ghost(&mut self, order: [usize; 4], n: usize) {
+        let coefficients: &[f64] = if n == 2 {
+            &[2.0, -1.0]
+        } else {
+            &[3.0, -3.0, 1.0]
+        };
+        for table in [&mut self.weights, &mut self.slopes] {
+            let ghost = std::mem::take(&mut table[order[0]]);
+            for (slot, c) in order[1..].iter().zip(coefficients) {
+                table[*slot] += c * ghost;
+            }
+        }
+    }
+
+    fn slide_left(&mut self) {
+        for table in [&mut self.weights, &mut self.slopes] {
+            table.rotate_left(1);
+        }
+    }
+
+    fn slide_right(&mut self) {
+        for table in [&mut self.weights, &mut self.slopes] {
+            table.rotate_right(1);
+        }
+    }
+}
+
+/// Weights of the nodes at -1, 0, 1, 2 for a value at `f`.
+fn basis(f: f64, interpolation: Interpolation) -> Taps {
+    let (weights, slopes) = match interpolation {
+        Interpolation::CatmullRom => (
+            [
+                f * (-0.5 + f * (1.0 - 0.5 * f)),
+                1.0 + f * f * (-2.5 + 1.5 * f),
+                f * (0.5 + f * (2.0 - 1.5 * f)),
+                f * f * (-0.5 + 0.5 * f),
+            ],
+            [
+                -0.5 + f * (2.0 - 1.5 * f),
+                f * (-5.0 + 4.5 * f),
+                0.5 + f * (4.0 - 4.5 * f),
+                f * (-1.0 + 1.5 * f),
+            ],
+        ),
+        Interpolation::Linear => ([0.0, 1.0 - f, f, 0.0], [0.0, -1.0, 1.0, 0.0]),
+    };
+    Taps {
+        nodes: [0; 4],
+        weights,
+        slopes,
+    }
+}
+
+/// 1 at `t <= 0`, 0 at `t >= 1`, with its derivative; once continuously differentiable.
+pub(crate) fn fade(t: f64) -> (f64, f64) {
+    let t = t.clamp(0.0, 1.0);
+    (1.0 - t * t * (3.0 - 2.0 * t), -6.0 * t * (1.0 - t))
+}
+
+/// Where an axis is read for a coordinate that may lie beyond its ends, and how far it is covered.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reach {
+    /// Coordinate to read at; beyond an end it comes to rest a quarter margin further out.
+    pub(crate) at: f64,
+    /// Derivative of `at` by the coordinate: 1 inside, falling to 0 over the margin.
+    pub(crate) slope: f64,
+    /// 1 inside, falling to 0 over the margin.
+    pub(crate) coverage: f64,
+    /// Derivative of `coverage` by the coordinate.
+    pub(crate) coverage_slope: f64,
+}
+
+impl Reach {
+    /// For an axis of `n` nodes and a margin in spacings; `None` beyond the margin (and for NaN).
+    pub(crate) fn new(x: f64, n: usize, margin: f64) -> Option<Self> {
+        let last = (n - 1) as f64;
+        let (end, outwards, beyond) = if x < 0.0 {
+            (0.0, -1.0, -x)
+        } else {
+            (last, 1.0, x - last)
+        };
+        if beyond <= 0.0 {
+            return Some(Self {
+                at: x,
+                slope: 1.0,
+                coverage: 1.0,
+                coverage_slope: 0.0,
+            });
+        }
+        let t = beyond / margin;
+        if t >= 1.0 || t.is_nan() {
+            return None;
+        }
+        let rest = 1.0 - t;
+        let (coverage, slope) = fade(t);
+        Some(Self {
+            at: end + outwards * 0.25 * margin * (1.0 - rest.powi(4)),
+            slope: rest.powi(3),
+            coverage,
+            coverage_slope: outwards * slope / margin,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(taps: &Taps, f: impl Fn(f64) -> f64) -> (f64, f64) {
+        let sum = |w: &[f64; 4]| (0..4).map(|s| w[s] * f(taps.nodes[s] as f64)).sum();
+        (sum(&taps.weights), sum(&taps.slopes))
+    }
+
+    /// A cubic convolution with extrapolated ghosts reproduces every quadratic on any axis long
+    /// enough to define it, inside and a little beyond; rounding is the only error.
+    #[test]
+    fn cubic_reproduces_the_polynomials_an_axis_can_hold() {
+        let f = |degree: usize, x: f64| [1.7, 1.7 - 0.3 * x, 1.7 - 0.3 * x + 0.21 * x * x][degree];
+        let df = |degree: usize, x: f64| [0.0, -0.3, -0.3 + 0.42 * x][degree];
+        for n in 1..9 {
+            let degree = (n - 1).min(2);
+            for k in 0..200 {
+                let x = -0.5 + (n as f64) * k as f64 / 199.0;
+                let taps = Taps::open(x, n, Interpolation::CatmullRom);
+                let (v, d) = value(&taps, |y| f(degree, y));
+                assert!((v - f(degree, x)).abs() < 1e-12 * 20.0, "n {n} x {x}: {v}");
+                assert!((d - df(degree, x)).abs() < 1e-12 * 20.0, "n {n} x {x}: {d}");
+            }
+        }
+    }
+
+    #[test]
+    fn linear_reproduces_lines_and_nodes_are_neighbours() {
+        for n in 2..9 {
+            for k in 0..100 {
+                let x = (n - 1) as f64 * k as f64 / 99.0;
+                let taps = Taps::open(x, n, Interpolation::Linear);
+                let (v, d) = value(&taps, |y| 2.0 - 3.0 * y);
+                assert!((v - (2.0 - 3.0 * x)).abs() < 1e-12 && (d + 3.0).abs() < 1e-12);
+                if n >= 4 {
+                    assert!((1..4).all(|s| taps.nodes[s] == taps.nodes[0] + s));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn periodic_axis_closes() {
+        let n = 12;
+        let f = |y: f64| (y * std::f64::consts::TAU / n as f64).sin();
+        for k in 0..300 {
+            let x = -20.0 + k as f64 * 0.17;
+            let (a, da) = value(&Taps::periodic(x, n, Interpolation::CatmullRom), f);
+            let (b, db) = value(&Taps::periodic(x + 36.0, n, Interpolation::CatmullRom), f);
+            assert!((a - b).abs() < 1e-12 && (da - db).abs() < 1e-12);
+            // Third order: (tau/12)^3/12 = 0.012.
+            assert!((a - f(x)).abs() < 0.012);
+        }
+    }
+
+    #[test]
+    fn reach_and_its_slopes_are_continuous_and_consistent() {
+        let (n, margin, step) = (7, 2.0, 1e-5);
+        for k in 0..2000 {
+            let x = -2.5 + k as f64 * 0.0055 + 1e-7;
+            let at = |x: f64| Reach::new(x, n, margin);
+            let (Some(a), Some(m), Some(b)) = (at(x - step), at(x), at(x + step)) else {
+                assert!(!(-1.9999..=7.9999).contains(&x));
+                continue;
+            };
+            assert!(((b.at - a.at) / (2.0 * step) - m.slope).abs() < 1e-4);
+            assert!(((b.coverage - a.coverage) / (2.0 * step) - m.coverage_slope).abs() < 1e-4);
+        }
+        assert!(Reach::new(f64::NAN, n, margin).is_none());
+    }
+}

@@ -1,0 +1,178 @@
+//! Closed-form energies of a pose, their exact wrenches, and random poses.
+#![allow(dead_code, missing_docs, unreachable_pub)]
+
+use fft_correlate::{
+    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, Part, Pose, Response, RotationDomain,
+    ScoreModel, Scratch, TableSpec, Wrench,
+};
+use glam::{DQuat, DVec3};
+use ndarray::ArrayViewMut3;
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+use sdf_grid::{Lattice, Silent};
+
+pub const PIVOT: DVec3 = DVec3::new(0.3, -0.2, 0.4);
+
+/// `E = sum of w exp(-|R y + t - z|^2 / (2 s^2))` over points y of the moving part and z of the
+/// fixed part; lengths of order one.
+#[derive(Clone)]
+pub struct Gaussians {
+    pub moving: Vec<DVec3>,
+    pub fixed: Vec<(DVec3, f64)>,
+    pub width: f64,
+}
+
+impl Gaussians {
+    pub fn random(seed: u64) -> Self {
+        let mut rng = SmallRng::seed_from_u64(seed);
+        let moving = (0..5).map(|_| PIVOT + vector(&mut rng)).collect();
+        let fixed = (0..6)
+            .map(|_| (PIVOT + vector(&mut rng), rng.random_range(-1.0..1.0)))
+            .collect();
+        Self {
+            moving,
+            fixed,
+            width: 0.8,
+        }
+    }
+
+    /// Made invariant under a symmetry of one part: of its points, all turned copies (for a body of
+    /// revolution, their projections to the axis).
+    pub fn symmetric(seed: u64, symmetry: &AxisSymmetry) -> Self {
+        let mut g = Self::random(seed);
+        let axis = DVec3::from_array(symmetry.axis).normalize();
+        let point = DVec3::from_array(symmetry.point);
+        let copies = |p: DVec3| -> Vec<DVec3> {
+            if symmetry.order == 0 {
+                return vec![point + 1.7 * (p - point).dot(axis) * axis];
+            }
+            (0..symmetry.order)
+                .map(|k| {
+                    let angle = std::f64::consts::TAU * f64::from(k) / f64::from(symmetry.order);
+                    point + DQuat::from_axis_angle(axis, angle) * (p - point)
+                })
+                .collect()
+        };
+        match symmetry.part {
+            Part::Moving => g.moving = g.moving.iter().flat_map(|&p| copies(p)).collect(),
+            Part::Fixed => {
+                g.fixed = g
+                    .fixed
+                    .iter()
+                    .flat_map(|&(p, w)| copies(p).into_iter().map(move |p| (p, w)))
+                    .collect();
+            }
+        }
+        g
+    }
+
+    pub fn exact(&self, pose: &Pose) -> Response {
+        let mut r = Response {
+            coverage: 1.0,
+            ..Response::default()
+        };
+        for y in &self.moving {
+            let arm = pose.rotation * *y;
+            for (z, w) in &self.fixed {
+                let d = arm + pose.translation - *z;
+                let e = w * (-d.length_squared() / (2.0 * self.width * self.width)).exp();
+                let force = e / (self.width * self.width) * d;
+                r.energy += e;
+                r.wrench += Wrench {
+                    torque: arm.cross(force),
+                    force,
+                };
+            }
+        }
+        r
+    }
+}
+
+impl EnergySource for Gaussians {
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+        self.exact(pose)
+    }
+}
+
+/// The closed form on the nodes of a window.
+pub struct OnWindow<'a>(pub &'a Gaussians, pub Lattice);
+
+impl NodeEnergies for OnWindow<'_> {
+    type Scratch = ();
+
+    fn scratch(&self) {}
+
+    fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
+        for ((i, j, k), e) in out.indexed_iter_mut() {
+            *e = self
+                .0
+                .exact(&pose(rotation, self.1.position([i, j, k])))
+                .energy as f32;
+        }
+    }
+}
+
+/// The pose whose pivot is displaced by `displacement`.
+pub fn pose(rotation: DQuat, displacement: DVec3) -> Pose {
+    Pose::new(rotation, PIVOT + displacement - rotation * PIVOT)
+}
+
+/// A cube of displacements about zero.
+pub fn window(half: f64, spacing: f64) -> Lattice {
+    let n = (half / spacing).round() as usize;
+    Lattice::new(DVec3::splat(-spacing * n as f64), spacing, [2 * n + 1; 3]).unwrap()
+}
+
+pub fn spec(window: Lattice, rotations: RotationDomain) -> TableSpec {
+    TableSpec {
+        model: ScoreModel::GUIDED,
+        pivot: PIVOT.to_array(),
+        window,
+        rotations,
+        symmetry: None,
+        far_energy: 0.0,
+        fixed_mesh: "aa".into(),
+        moving_mesh: "bb".into(),
+    }
+}
+
+pub fn table(energy: &Gaussians, spec: TableSpec) -> EnergyTable {
+    let window = spec.window;
+    EnergyTable::compute(spec, &OnWindow(energy, window), 1 << 30, &Silent).unwrap()
+}
+
+pub fn vector(rng: &mut SmallRng) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)))
+}
+
+pub fn rotation(rng: &mut SmallRng) -> DQuat {
+    loop {
+        let q = DQuat::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
+        if (0.01..1.0).contains(&q.length_squared()) {
+            return q.normalize();
+        }
+    }
+}
+
+/// A rotation within `angle` radians of the identity.
+pub fn rotation_within(rng: &mut SmallRng, angle: f64) -> DQuat {
+    loop {
+        let v = vector(rng) * angle;
+        if v.length() < angle {
+            return DQuat::from_scaled_axis(v);
+        }
+    }
+}
+
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut n, mut sum) = (0.0, 0.0);
+    for v in values {
+        n += 1.0;
+        sum += v * v;
+    }
+    f64::sqrt(sum / n)
+}

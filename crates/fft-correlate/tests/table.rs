@@ -1,0 +1,465 @@
+//! Tables of closed-form energies against the closed form, and against themselves where that says
+//! more: gradients, seams, symmetry, edges.
+
+mod common;
+
+use std::f64::consts::{FRAC_PI_4, TAU};
+
+use common::*;
+use fft_correlate::{
+    AxisSymmetry, EnergyTable, Interpolation, Part, Pose, RotationDomain, RotationError,
+    RotationGrid, TableError, Twist,
+};
+use glam::{DQuat, DVec3};
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+use sdf_grid::Silent;
+
+/// rms errors of energy, force and torque over random poses inside the table, relative to the rms
+/// of the exact values.
+fn errors(
+    energy: &Gaussians,
+    table: &EnergyTable,
+    half: f64,
+    mut rotation: impl FnMut(&mut SmallRng) -> DQuat,
+) -> [f64; 3] {
+    let mut rng = SmallRng::seed_from_u64(5);
+    let pairs: Vec<_> = (0..2000)
+        .map(|_| {
+            let pose = pose(rotation(&mut rng), vector(&mut rng) * half);
+            (energy.exact(&pose), table.respond(&pose))
+        })
+        .collect();
+    assert!(pairs.iter().all(|(_, t)| (t.coverage - 1.0).abs() < 1e-12));
+    [
+        rms(pairs.iter().map(|(e, t)| e.energy - t.energy)) / rms(pairs.iter().map(|p| p.0.energy)),
+        rms(pairs
+            .iter()
+            .map(|(e, t)| (e.wrench.force - t.wrench.force).length()))
+            / rms(pairs.iter().map(|p| p.0.wrench.force.length())),
+        rms(pairs
+            .iter()
+            .map(|(e, t)| (e.wrench.torque - t.wrench.torque).length()))
+            / rms(pairs.iter().map(|p| p.0.wrench.torque.length())),
+    ]
+}
+
+/// Catmull-Rom errs by the third power of the spacing in energy and the second in wrench, linear by
+/// the second and first; a little is left for the coarse step being outside the asymptote. Finer
+/// steps would meet the floor of half precision: 2.4e-4 of the energy, over a step in the wrench.
+#[test]
+fn error_shrinks_with_spacing_at_the_expected_order() {
+    let energy = Gaussians::random(1);
+    let within = |rng: &mut SmallRng| rotation_within(rng, 20f64.to_radians());
+    let at = |step: f64, interpolation| {
+        let spec = spec(window(0.5, step / 80.0), RotationDomain::ball(20.0, step));
+        let table = table(&energy, spec).with_interpolation(interpolation);
+        errors(&energy, &table, 0.5, within)
+    };
+    for (interpolation, orders) in [
+        (Interpolation::CatmullRom, [2.5, 1.5, 1.5]),
+        (Interpolation::Linear, [1.5, 0.7, 0.7]),
+    ] {
+        let (coarse, fine) = (at(20.0, interpolation), at(10.0, interpolation));
+        println!("{interpolation:?}: {coarse:?} -> {fine:?}");
+        for k in 0..3 {
+            let order = (coarse[k] / fine[k]).log2();
+            assert!(order > orders[k], "{interpolation:?} {k}: order {order}");
+        }
+    }
+}
+
+/// Difference between the wrench and fourth-order central differences of the energy over random
+/// poses, relative to the largest wrench met: 90th percentile and worst. Energies are sums in single
+/// precision, 1e-7 of the range, over steps of 2e-3: 5e-5. The second
+/// derivative jumps at cell faces, so the few differences taken across one err by that times the
+/// step.
+fn gradient_error(
+    table: &EnergyTable,
+    poses: usize,
+    mut sample: impl FnMut(&mut SmallRng) -> Pose,
+) -> [f64; 2] {
+    let mut rng = SmallRng::seed_from_u64(9);
+    let (mut errors, mut scale) = (Vec::new(), 0f64);
+    for _ in 0..poses {
+        let pose = sample(&mut rng);
+        let wrench = table.respond(&pose).wrench;
+        scale = scale.max(wrench.force.length()).max(wrench.torque.length());
+        let direction = Twist {
+            angular: vector(&mut rng),
+            linear: vector(&mut rng),
+        };
+        let at = |s: f64| table.respond(&pose.perturbed(&(direction * s))).energy;
+        let h = 2e-3;
+        let slope = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+        errors.push((wrench.dot(&direction) + slope).abs());
+    }
+    errors.sort_by(f64::total_cmp);
+    [errors[poses * 9 / 10] / scale, errors[poses - 1] / scale]
+}
+
+fn is_gradient([typical, worst]: [f64; 2]) -> bool {
+    typical < 1e-4 && worst < 5e-3
+}
+
+fn symmetry(part: Part, order: u32) -> AxisSymmetry {
+    AxisSymmetry {
+        part,
+        axis: [0.3, 0.2, 0.9],
+        // Not the pivot: folding then moves the displacement too.
+        point: [0.4, -0.15, 0.45],
+        order,
+    }
+}
+
+#[test]
+fn wrench_is_the_energys_gradient_inside_across_edges_and_seams() {
+    let energy = Gaussians::random(2);
+    let w = window(0.6, 0.15);
+    let domains = [
+        RotationDomain::ball(40.0, 8.0),
+        RotationDomain::ball(110.0, 15.0),
+        RotationDomain::full(22.5),
+        RotationDomain::Spin {
+            center: DQuat::from_rotation_x(0.4).to_array(),
+            axis: [0.1, 0.2, 0.7],
+            range_deg: None,
+            step_deg: 12.0,
+        },
+        RotationDomain::Spin {
+            center: [0.0, 0.0, 0.0, 1.0],
+            axis: [0.0, 0.0, 1.0],
+            range_deg: Some([-60.0, 20.0]),
+            step_deg: 10.0,
+        },
+    ];
+    for domain in domains {
+        let mut spec = spec(w, domain.clone());
+        spec.far_energy = 0.3;
+        let table = table(&energy, spec);
+        // Up to 2 nodes beyond every edge, so the fading margins are met too.
+        let error = gradient_error(&table, 1500, |rng| {
+            let q = match &domain {
+                RotationDomain::Spin { center, axis, .. } => {
+                    let axis = DVec3::from_array(*axis).normalize();
+                    rotation_within(rng, 0.3)
+                        * DQuat::from_axis_angle(axis, rng.random_range(0.0..TAU))
+                        * DQuat::from_array(*center)
+                }
+                RotationDomain::Ball { angle_deg, .. } => {
+                    rotation_within(rng, (angle_deg + 20.0).to_radians())
+                }
+                _ => rotation(rng),
+            };
+            pose(q, vector(rng) * 0.9)
+        });
+        println!("{domain:?}: {error:?}");
+        assert!(is_gradient(error), "{domain:?}: {error:?}");
+    }
+}
+
+#[test]
+fn symmetric_tables_agree_with_the_closed_form_everywhere_and_stay_conservative() {
+    for part in [Part::Moving, Part::Fixed] {
+        for order in [0, 3, 4] {
+            let symmetry = symmetry(part, order);
+            let energy = Gaussians::symmetric(3, &symmetry);
+            let half = 0.25;
+            for domain in [RotationDomain::ball(50.0, 10.0), RotationDomain::full(22.5)] {
+                let full_set = matches!(domain, RotationDomain::Full { .. });
+                let plain = RotationGrid::new(&domain, None).unwrap().nodes().len();
+                let mut spec = spec(window(0.75, 0.15), domain);
+                spec.symmetry = Some(symmetry);
+                let table = table(&energy, spec);
+                let turn = |rng: &mut SmallRng| {
+                    let angle = match order {
+                        0 => rng.random_range(0.0..TAU),
+                        n => TAU * f64::from(rng.random_range(0..n)) / f64::from(n),
+                    };
+                    DQuat::from_axis_angle(DVec3::from_array(symmetry.axis).normalize(), angle)
+                };
+                let images = |rng: &mut SmallRng| {
+                    let q = if full_set {
+                        rotation(rng)
+                    } else {
+                        rotation_within(rng, 0.85)
+                    };
+                    match part {
+                        Part::Moving => q * turn(rng),
+                        Part::Fixed => turn(rng) * q,
+                    }
+                };
+                // The fold moves the pivot by up to twice its distance from the axis, 0.13, and turns
+                // displacements of up to 0.43.
+                let error = errors(&energy, &table, half, images);
+                let slope = gradient_error(&table, 400, |rng| {
+                    let q = images(rng);
+                    pose(q, vector(rng) * half)
+                });
+                let nodes = table.grid().nodes().len();
+                println!(
+                    "{part:?} C{order} full {full_set}: {nodes} of {plain} nodes, \
+                     errors {error:?}, gradient {slope:?}"
+                );
+                // Steps of 10 and 22.5 degrees against energies 0.8 wide at radius 1.7: the plain
+                // table's own error at this step, measured 2 % in energy and 8 % in wrench.
+                assert!(error[0] < 0.03 && error[1] < 0.1 && error[2] < 0.15);
+                // Energies of all the copies add up while their wrenches mostly cancel, so rounding
+                // weighs three times as much as in the tables without symmetry.
+                assert!(is_gradient(slope.map(|s| s / 3.0)));
+            }
+        }
+    }
+}
+
+/// At a step as fine as contact needs, a symmetry of order n leaves about one node in n (nodes beyond
+/// the seams cost the rest), a body of revolution only a surface.
+#[test]
+fn symmetry_leaves_nodes_out() {
+    let nodes = |domain: RotationDomain, symmetry: Option<AxisSymmetry>| {
+        RotationGrid::new(&domain, symmetry.as_ref())
+            .unwrap()
+            .nodes()
+            .len() as f64
+    };
+    for domain in [RotationDomain::full(6.0), RotationDomain::ball(90.0, 6.0)] {
+        let plain = nodes(domain.clone(), None);
+        for part in [Part::Moving, Part::Fixed] {
+            for order in [4, 8] {
+                let share = nodes(domain.clone(), Some(symmetry(part, order))) / plain;
+                println!("{domain:?} {part:?} C{order}: {share:.2} of {plain}");
+                assert!(share < 0.35 + 1.0 / f64::from(order));
+            }
+            assert!(nodes(domain.clone(), Some(symmetry(part, 0))) < 0.04 * plain);
+        }
+    }
+}
+
+/// Energy and wrench do not jump: two poses 1e-9 apart, on both sides of every kind of face there
+/// is, differ by single-precision rounding (1e-7 of the range times the sum's condition).
+#[test]
+fn energy_and_wrench_are_continuous_across_seams_and_faces() {
+    let energy = Gaussians::random(4);
+    let table = table(
+        &energy,
+        spec(window(0.45, 0.15), RotationDomain::full(22.5)),
+    );
+    let mut rng = SmallRng::seed_from_u64(6);
+    let half_step = FRAC_PI_4 / 4.0;
+    let centers = [
+        DQuat::IDENTITY,
+        DQuat::from_rotation_x(TAU / 2.0),
+        DQuat::from_rotation_y(TAU / 2.0),
+        DQuat::from_rotation_z(TAU / 2.0),
+    ];
+    let (mut low, mut high, mut wrench, mut jump, mut turn) = (0f64, 0f64, 0f64, 0f64, 0f64);
+    for n in 0..100_000 {
+        // A face of a cell: a seam, an edge of its blending zone, or between two cells.
+        let faces = [4.0, 3.0, 5.0, rng.random_range(-4..=4) as f64];
+        let face = faces[n % 4] * half_step;
+        let axis = n % 3;
+        let mut x = [0f64; 3].map(|_| rng.random_range(-1.0..1.0) * FRAC_PI_4);
+        let center = centers[rng.random_range(0..4)];
+        let displacement = vector(&mut rng) * 0.5;
+        let mut at = |offset: f64| {
+            x[axis] = face + offset;
+            let u = x.map(f64::tan);
+            let q = DQuat::from_xyzw(u[0], u[1], u[2], 1.0).normalize() * center;
+            table.respond(&pose(q, displacement))
+        };
+        let (a, b) = (at(-1e-9), at(1e-9));
+        (low, high) = (low.min(a.energy), high.max(a.energy));
+        wrench = wrench.max(a.wrench.force.length().max(a.wrench.torque.length()));
+        jump = jump.max((a.energy - b.energy).abs());
+        let change = a.wrench - b.wrench;
+        turn = turn.max(change.force.length().max(change.torque.length()));
+    }
+    println!(
+        "jumps: energy {:.1e}, wrench {:.1e}",
+        jump / (high - low),
+        turn / wrench
+    );
+    assert!(jump < 1e-6 * (high - low));
+    assert!(turn < 1e-6 * wrench);
+}
+
+/// Work around closed loops through cells, seams and margins: the trapezoidal rule on a smooth loop
+/// with a once differentiable force errs by the square of the step, nothing else is left.
+#[test]
+fn work_around_closed_loops_vanishes() {
+    let energy = Gaussians::random(7);
+    let table = table(
+        &energy,
+        spec(window(0.45, 0.15), RotationDomain::ball(40.0, 8.0)),
+    );
+    let mut rng = SmallRng::seed_from_u64(8);
+    for _ in 0..10 {
+        let (a, b, c) = (vector(&mut rng), vector(&mut rng), vector(&mut rng));
+        let steps = 4000;
+        let at = |i: usize| {
+            let s = TAU * i as f64 / steps as f64;
+            let turn = 0.5 * (a * s.cos() + b * (2.0 * s).sin());
+            pose(
+                DQuat::from_scaled_axis(turn),
+                0.5 * (b * s.sin() + c * (s.cos() - 0.5)),
+            )
+        };
+        let (mut work, mut total) = (0.0, 0.0);
+        for i in 0..steps {
+            let (p, q) = (at(i), at(i + 1));
+            let mean = (table.respond(&p).wrench + table.respond(&q).wrench) * 0.5;
+            let part = mean.dot(&p.twist_to(&q));
+            work += part;
+            total += part.abs();
+        }
+        println!("loop work {work:.1e} of {total:.1e}");
+        assert!(work.abs() < 1e-5 * total);
+    }
+}
+
+#[test]
+fn opposite_quaternions_are_one_pose() {
+    let energy = Gaussians::random(10);
+    let mut symmetric = spec(window(0.3, 0.15), RotationDomain::full(30.0));
+    symmetric.symmetry = Some(symmetry(Part::Moving, 3));
+    let specs = [
+        spec(window(0.3, 0.15), RotationDomain::ball(60.0, 15.0)),
+        spec(window(0.3, 0.15), RotationDomain::full(30.0)),
+        symmetric,
+    ];
+    let mut rng = SmallRng::seed_from_u64(11);
+    for spec in specs {
+        let table = table(&energy, spec);
+        for _ in 0..2000 {
+            let p = pose(rotation(&mut rng), vector(&mut rng) * 0.4);
+            let opposite = Pose {
+                rotation: -p.rotation,
+                ..p
+            };
+            assert_eq!(table.respond(&p), table.respond(&opposite));
+        }
+    }
+}
+
+#[test]
+fn every_query_is_finite_and_far_ones_are_uncovered() {
+    let energy = Gaussians::random(12);
+    let thin = sdf_grid::Lattice::new(DVec3::new(-0.1, 0.0, 0.2), 0.1, [2, 1, 3]).unwrap();
+    let mut with_symmetry = spec(window(0.3, 0.15), RotationDomain::full(30.0));
+    with_symmetry.symmetry = Some(symmetry(Part::Fixed, 0));
+    let specs = [
+        spec(thin, RotationDomain::ball(30.0, 10.0)),
+        spec(window(0.3, 0.15), RotationDomain::ball(120.0, 25.0)),
+        with_symmetry,
+        spec(thin, RotationDomain::single(DQuat::from_rotation_y(0.3))),
+    ];
+    let mut rng = SmallRng::seed_from_u64(13);
+    for mut spec in specs {
+        spec.far_energy = -0.7;
+        let table = table(&energy, spec);
+        for n in 0..25_000 {
+            let reach = 10f64.powi(n % 9 - 4);
+            let r = table.respond(&pose(rotation(&mut rng), vector(&mut rng) * reach));
+            assert!(r.energy.is_finite() && r.wrench.is_finite());
+            assert!((-1e-12..=1.0 + 1e-12).contains(&r.coverage));
+        }
+        for bad in [f64::NAN, f64::INFINITY, 1e300, -1e308] {
+            let r = table.respond(&Pose::from_translation(DVec3::new(0.0, bad, 0.0)));
+            assert_eq!((r.energy, r.coverage), (-0.7, 0.0));
+            assert_eq!(r.wrench, fft_correlate::Wrench::ZERO);
+        }
+        let skewed = Pose {
+            rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0),
+            translation: DVec3::ZERO,
+        };
+        assert_eq!(table.respond(&skewed).coverage, 0.0);
+    }
+}
+
+#[test]
+fn a_list_answers_at_its_rotations_and_fades_away_from_them() {
+    let energy = Gaussians::random(14);
+    let rotations = [DQuat::IDENTITY, DQuat::from_rotation_x(1.0)];
+    let domain = RotationDomain::List {
+        rotations: rotations.map(|q| q.to_array()).to_vec(),
+        margin_deg: 10.0,
+    };
+    let table = table(&energy, spec(window(0.6, 0.1), domain));
+    for q in rotations {
+        let p = pose(q, DVec3::new(0.03, -0.12, 0.21));
+        let (exact, found) = (energy.exact(&p), table.respond(&p));
+        assert!((exact.energy - found.energy).abs() < 2e-3 * exact.energy.abs().max(1.0));
+        assert!((exact.wrench.force - found.wrench.force).length() < 0.02);
+        // No torque about the pivot: the nodes say nothing about turning.
+        let about_pivot = found.wrench.about(q * PIVOT);
+        assert!(about_pivot.torque.length() < 1e-9);
+        assert_eq!(found.coverage, 1.0);
+        let turned = pose(DQuat::from_rotation_z(5f64.to_radians()) * q, DVec3::ZERO);
+        assert!((table.respond(&turned).coverage - 0.5).abs() < 1e-9);
+    }
+    let error = gradient_error(&table, 500, |rng| {
+        pose(rotation_within(rng, 0.2), vector(rng) * 0.7)
+    });
+    assert!(is_gradient(error), "{error:?}");
+}
+
+#[test]
+fn batches_equal_single_queries() {
+    let energy = Gaussians::random(15);
+    let table = table(
+        &energy,
+        spec(window(0.3, 0.15), RotationDomain::ball(30.0, 10.0)),
+    );
+    let mut rng = SmallRng::seed_from_u64(16);
+    let poses: Vec<_> = (0..1000)
+        .map(|_| pose(rotation_within(&mut rng, 0.6), vector(&mut rng) * 0.5))
+        .collect();
+    let mut responses = vec![Default::default(); poses.len()];
+    table.respond_many(&poses, &mut responses);
+    for (pose, response) in poses.iter().zip(&responses) {
+        assert_eq!(*response, table.respond(pose));
+    }
+}
+
+#[test]
+fn bad_specifications_are_refused() {
+    let energy = Gaussians::random(17);
+    let try_spec = |change: &dyn Fn(&mut fft_correlate::TableSpec)| {
+        let mut s = spec(window(0.3, 0.15), RotationDomain::ball(30.0, 10.0));
+        change(&mut s);
+        let w = s.window;
+        EnergyTable::compute(s, &OnWindow(&energy, w), 1 << 20, &Silent)
+    };
+    let range = |e| matches!(e, Err(TableError::Rotations(RotationError::Range { .. })));
+    assert!(range(try_spec(
+        &|s| s.rotations = RotationDomain::ball(30.0, 0.0)
+    )));
+    assert!(range(try_spec(
+        &|s| s.rotations = RotationDomain::ball(f64::NAN, 5.0)
+    )));
+    assert!(range(try_spec(
+        &|s| s.rotations = RotationDomain::ball(200.0, 5.0)
+    )));
+    assert!(range(try_spec(&|s| {
+        s.symmetry = Some(symmetry(Part::Moving, 65));
+    })));
+    assert!(matches!(
+        try_spec(&|s| s.rotations = RotationDomain::full(1e-4)),
+        Err(TableError::Rotations(RotationError::Size { .. }))
+    ));
+    assert!(matches!(
+        try_spec(&|s| s.rotations = RotationDomain::full(5.0)),
+        Err(TableError::Memory { .. })
+    ));
+    assert!(matches!(
+        try_spec(&|s| {
+            s.rotations = RotationDomain::single(DQuat::IDENTITY);
+            s.symmetry = Some(symmetry(Part::Moving, 4));
+        }),
+        Err(TableError::Rotations(RotationError::Symmetry { order: 4 }))
+    ));
+    assert!(matches!(
+        try_spec(&|s| s.pivot[1] = f64::INFINITY),
+        Err(TableError::Spec { name: "pivot", .. })
+    ));
+}

@@ -3,21 +3,28 @@
 //!
 //! Formulas, signs, FFT normalization and quaternion order are fixed in `docs/conventions.md`.
 
+mod chart;
 pub mod correlate;
 pub mod correlate_fields;
 pub mod direct;
 pub mod dock;
 pub mod energy;
 mod fft3;
+mod fold;
 pub mod model;
 mod overlap;
 pub mod pair;
 pub mod pair_builder;
 pub mod peaks;
+pub mod query;
 pub mod refine;
 mod resample;
+pub mod rotation_domain;
+pub mod rotation_grid;
 pub mod se3;
 mod spectral;
+pub mod table;
+pub mod taps;
 pub mod translation;
 pub mod well;
 
@@ -31,6 +38,10 @@ pub use pair::{Pair, PairError};
 pub use pair_builder::{PairBuildError, PairBuilder, PairPlan};
 pub use peaks::{Peak, PoseSpacing, half_width, top_peaks};
 pub use refine::Descent;
+pub use rotation_domain::{AxisSymmetry, Part, RotationDomain, RotationError};
+pub use rotation_grid::RotationGrid;
 pub use se3::{Pose, Twist, Wrench};
+pub use table::{EnergyTable, NodeEnergies, TableError, TableSpec};
+pub use taps::Interpolation;
 pub use translation::TranslationWindow;
 pub use well::{Well, WellError, WellOptions};

@@ -34,6 +34,18 @@ pub enum MeshError {
         /// The ending found, in lower case; empty if there is none.
         found: String,
     },
+    /// The program that turns the file into triangles is missing or failed.
+    #[error("{}: converter {}: expected {expected}, found {found}", path.display(), converter.display())]
+    Converter {
+        /// The file.
+        path: PathBuf,
+        /// The program.
+        converter: PathBuf,
+        /// What it should have done.
+        expected: String,
+        /// What came of it.
+        found: String,
+    },
     /// The file does not follow its format.
     #[error("{file}: {place}: expected {expected}, found {found}")]
     Syntax {

@@ -5,6 +5,7 @@
 
 mod obj;
 mod ply;
+mod step;
 mod stl;
 mod unit;
 
@@ -14,6 +15,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
+pub use step::{StepOptions, read_step};
 pub use unit::LengthUnit;
 
 use crate::hygiene::{HygieneOptions, HygieneReport};
@@ -21,7 +23,7 @@ use crate::mesh::TriangleMesh;
 use crate::mesh_error::MeshError;
 
 /// The file name endings that [`read`] understands.
-pub const FORMATS: &str = ".obj, .stl or .ply";
+pub const FORMATS: &str = ".obj, .stl, .ply, .step or .stp";
 
 /// Vertices in the file's unit and triangles, as a file gives them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,10 +34,12 @@ struct Soup {
 
 /// Reads a mesh file whose coordinates are in `unit` and cleans it; the mesh is in metres. All
 /// objects or solids in the file become one mesh. The format follows from the name's ending.
+/// A STEP file states its own unit, whatever `unit` says, and needs a converter: see
+/// [`read_step`].
 ///
 /// # Errors
-/// If the file cannot be read, has an unknown ending or does not follow its format, or if
-/// [`TriangleMesh::clean`] refuses the mesh.
+/// If the file cannot be read, has an unknown ending or does not follow its format, if the
+/// converter of a STEP file fails, or if [`TriangleMesh::clean`] refuses the mesh.
 pub fn read(
     path: impl AsRef<Path>,
     unit: LengthUnit,
@@ -51,6 +55,7 @@ pub fn read(
         "obj" => obj::parse,
         "ply" => ply::parse,
         "stl" => stl::parse,
+        "step" | "stp" => return read_step(path, &StepOptions::default(), options),
         _ => {
             return Err(MeshError::Format {
                 path: path.to_owned(),

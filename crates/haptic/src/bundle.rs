@@ -14,11 +14,11 @@ use glam::DVec3;
 /// Cuts kept. Six dimensions need seven for one vertex; the rest is memory along edges.
 const CAPACITY: usize = 16;
 
-/// Pair steps of the dual solver per solve; it stops earlier nearly always.
-const MAX_STEPS: usize = 200;
+/// Cuts taken into use per solve; one to three nearly always.
+const MAX_STEPS: usize = 50;
 
-/// Duality gap, joules, at which a solve is done: 0.1 µm, 0.1 mN at 1 kN/m.
-const GAP: f64 = 5e-12;
+/// Duality gap, joules, at which a solve is done: 0.3 µm or 0.3 mN at 1 kN/m.
+const GAP: f64 = 5e-11;
 
 /// Scaled coordinates: angular part first.
 pub(crate) type Six = [f64; 6];
@@ -89,6 +89,13 @@ struct Cut {
     offset: Six,
     /// Value of the cut at the device.
     intercept: f64,
+}
+
+impl Cut {
+    /// Of the dual along this cut's weight, where the weighted gradients add up to `sum`.
+    fn slope(&self, sum: &Six) -> f64 {
+        self.intercept - dot(&self.gradient, sum)
+    }
 }
 
 /// The model: at most [`CAPACITY`] cuts, in place.
@@ -174,53 +181,129 @@ impl Bundle {
 
     /// The minimum of `model(y) + |y|²/2`: the origin while the model is empty.
     ///
-    /// The dual, over weights on the simplex, is climbed pair by pair (Mitchell, Demyanov,
-    /// Malozemov 1974) from the last solve's weights.
+    /// The dual, over weights on the simplex, is climbed from the last solve's weights by an active
+    /// set (Wolfe 1976): add the steepest cut, go to the best weights of the cuts in use, drop
+    /// those that would turn negative.
     pub(crate) fn proximal_point(&mut self) -> Six {
-        let mut sum = [0.0; 6];
-        for cut in &self.cuts {
-            sum = add_scaled(&sum, &cut.gradient, cut.weight);
-        }
         for _ in 0..MAX_STEPS {
-            let Some((up, down, gap)) = self.steepest_pair(&sum) else {
+            let sum = self.sum();
+            let Some((steepest, gap)) = self.steepest(&sum) else {
                 break;
             };
             if gap.is_nan() || gap <= GAP {
                 break;
             }
-            let (rise, fall) = (self.cuts[up], self.cuts[down]);
-            let change = add_scaled(&rise.gradient, &fall.gradient, -1.0);
-            let climb = (rise.intercept - dot(&rise.gradient, &sum))
-                - (fall.intercept - dot(&fall.gradient, &sum));
-            let curvature = dot(&change, &change);
-            let step = if curvature * fall.weight > climb {
-                climb / curvature
-            } else {
-                fall.weight
-            };
-            self.cuts[up].weight += step;
-            self.cuts[down].weight = (fall.weight - step).max(0.0);
-            sum = add_scaled(&sum, &change, step);
+            let mut used = [false; CAPACITY];
+            for (flag, cut) in used.iter_mut().zip(&self.cuts) {
+                *flag = cut.weight > 0.0;
+            }
+            used[steepest] = true;
+            self.settle(&mut used);
+            if self.cuts[steepest].weight <= 0.0 {
+                // Rounding: nothing more to gain.
+                break;
+            }
         }
-        sum.map(|s| -s)
+        self.sum().map(|s| -s)
     }
 
-    /// The cut whose weight should grow, the used one whose weight should shrink, and the duality
-    /// gap.
-    fn steepest_pair(&self, sum: &Six) -> Option<(usize, usize, f64)> {
-        let (mut up, mut down) = (None, None);
-        let (mut most, mut least, mut mean) = (f64::NEG_INFINITY, f64::INFINITY, 0.0);
+    fn sum(&self) -> Six {
+        let cuts = self.cuts.iter();
+        cuts.fold([0.0; 6], |sum, c| add_scaled(&sum, &c.gradient, c.weight))
+    }
+
+    /// The cut whose weight should grow most, and the duality gap.
+    fn steepest(&self, sum: &Six) -> Option<(usize, f64)> {
+        let (mut up, mut most, mut mean) = (None, f64::NEG_INFINITY, 0.0);
         for (i, cut) in self.cuts.iter().enumerate() {
-            let slope = cut.intercept - dot(&cut.gradient, sum);
+            let slope = cut.slope(sum);
             mean += cut.weight * slope;
             if slope > most {
                 (most, up) = (slope, Some(i));
             }
-            if cut.weight > 0.0 && slope < least {
-                (least, down) = (slope, Some(i));
-            }
         }
-        Some((up?, down?, most - mean))
+        Some((up?, most - mean))
+    }
+
+    /// Moves to the best weights of the cuts in use, one of them at a time leaving as its weight
+    /// runs out on the way.
+    fn settle(&mut self, used: &mut [bool; CAPACITY]) {
+        for _ in 0..CAPACITY {
+            let target = self.best_weights(used);
+            let mut share = 1.0;
+            let mut leaves = None;
+            for (i, cut) in self.cuts.iter().enumerate() {
+                if used[i] && target[i] < 0.0 {
+                    let until = cut.weight / (cut.weight - target[i]);
+                    if until < share {
+                        (share, leaves) = (until, Some(i));
+                    }
+                }
+            }
+            for (cut, goal) in self.cuts.iter_mut().zip(&target) {
+                cut.weight = (cut.weight + share * (goal - cut.weight)).max(0.0);
+            }
+            let Some(i) = leaves else {
+                return;
+            };
+            self.cuts[i].weight = 0.0;
+            used[i] = false;
+        }
+    }
+
+    /// Weights, of either sign, adding up to one, at which the dual of the used cuts is greatest.
+    fn best_weights(&self, used: &[bool; CAPACITY]) -> [f64; CAPACITY] {
+        let mut target = [0.0; CAPACITY];
+        let mut members = [0; CAPACITY];
+        let mut count = 0;
+        for i in (0..self.cuts.len()).filter(|i| used[*i]) {
+            members[count] = i;
+            count += 1;
+        }
+        // Relative to the first: |g0 + D m|²/2 - c·m is least where DᵀD m = c - Dᵀ g0.
+        let first = &self.cuts[members[0]];
+        let mut change = [[0.0; 6]; CAPACITY];
+        let mut right = [0.0; CAPACITY];
+        for k in 1..count {
+            let cut = &self.cuts[members[k]];
+            change[k] = add_scaled(&cut.gradient, &first.gradient, -1.0);
+            right[k] = cut.intercept - first.intercept - dot(&change[k], &first.gradient);
+        }
+        solve_gram(&change[1..count], &mut right[1..count]);
+        target[members[0]] = 1.0 - right[1..count].iter().sum::<f64>();
+        for k in 1..count {
+            target[members[k]] = right[k];
+        }
+        target
+    }
+}
+
+/// Solves `D Dᵀ m = right` in place by Cholesky, `D` the rows. More rows than dimensions leave the
+/// matrix singular; one part in 1e12 of its greatest entry on the diagonal makes the solution
+/// unique and the dual lower by as little.
+fn solve_gram(rows: &[Six], right: &mut [f64]) {
+    let n = rows.len();
+    let mut l = [[0.0; CAPACITY]; CAPACITY];
+    let largest = rows.iter().map(|r| dot(r, r)).fold(0.0, f64::max);
+    let shift = 1e-12 * largest + f64::MIN_POSITIVE;
+    for i in 0..n {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            let entry = dot(&rows[i], &rows[j]) - known;
+            l[i][j] = if i == j {
+                (entry + shift).max(shift).sqrt()
+            } else {
+                entry / l[j][j]
+            };
+        }
+    }
+    for i in 0..n {
+        let known: f64 = (0..i).map(|k| l[i][k] * right[k]).sum();
+        right[i] = (right[i] - known) / l[i][i];
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|k| l[k][i] * right[k]).sum();
+        right[i] = (right[i] - known) / l[i][i];
     }
 }
 
@@ -267,8 +350,8 @@ mod tests {
         let mut bundle = bundle(1000.0);
         fill(&mut bundle, &[0.0, 0.0025], kink);
         let twist = rest(&mut bundle);
-        // GAP allows 0.1 µm.
-        assert!((twist.linear.x - 0.001).abs() < 1e-7, "{}", twist.linear.x);
+        // GAP allows 0.3 µm.
+        assert!((twist.linear.x - 0.001).abs() < 3e-7, "{}", twist.linear.x);
     }
 
     #[test]
@@ -282,6 +365,69 @@ mod tests {
         assert!((twist.linear.x - newest).abs() < 1e-6, "{}", twist.linear.x);
     }
 
+    /// The dual climbed by small steps along the best pair, the slow way.
+    fn by_pairs(bundle: &Bundle) -> Six {
+        let mut cuts = bundle.cuts.clone();
+        for _ in 0..200_000 {
+            let sum = cuts
+                .iter()
+                .fold([0.0; 6], |s, c| add_scaled(&s, &c.gradient, c.weight));
+            let slopes: Vec<f64> = cuts.iter().map(|c| c.slope(&sum)).collect();
+            let up = (0..cuts.len()).max_by(|a, b| slopes[*a].total_cmp(&slopes[*b]));
+            let used = (0..cuts.len()).filter(|i| cuts[*i].weight > 0.0);
+            let down = used.min_by(|a, b| slopes[*a].total_cmp(&slopes[*b]));
+            let (up, down) = (up.unwrap(), down.unwrap());
+            let change = add_scaled(&cuts[up].gradient, &cuts[down].gradient, -1.0);
+            let climb = slopes[up] - slopes[down];
+            if climb < 1e-15 {
+                break;
+            }
+            let step = (climb / dot(&change, &change)).min(cuts[down].weight);
+            cuts[up].weight += step;
+            cuts[down].weight -= step;
+        }
+        cuts.iter()
+            .fold([0.0; 6], |s, c| add_scaled(&s, &c.gradient, -c.weight))
+    }
+
+    #[test]
+    fn the_active_set_finds_what_pair_steps_find() {
+        use rand::rngs::SmallRng;
+        use rand::{Rng, SeedableRng};
+        let mut rng = SmallRng::seed_from_u64(5);
+        for round in 0..60 {
+            let mut bundle = bundle(1000.0);
+            for _ in 0..rng.random_range(1..=CAPACITY) {
+                let mut random = |size: f64| {
+                    DVec3::new(
+                        rng.random_range(-size..size),
+                        rng.random_range(-size..size),
+                        rng.random_range(-size..size),
+                    )
+                };
+                let wrench = Wrench {
+                    torque: random(0.2),
+                    force: random(5.0),
+                };
+                let at = Pose::IDENTITY.perturbed(&Twist {
+                    angular: random(0.02),
+                    linear: random(0.001),
+                });
+                let y = bundle.metric.scaled(&Pose::IDENTITY.twist_to(&at));
+                let energy = -0.9 * wrench.force.dot(at.translation);
+                bundle.add(at, y, energy, &wrench);
+            }
+            let slow = by_pairs(&bundle);
+            let fast = bundle.proximal_point();
+            let apart = add_scaled(&slow, &fast, -1.0);
+            // Half the square of the distance is within the gap of either solve.
+            assert!(
+                dot(&apart, &apart).sqrt() < 2.0 * (2.0 * GAP).sqrt(),
+                "{round}"
+            );
+        }
+    }
+
     #[test]
     fn weights_stay_a_partition_when_cuts_are_dropped() {
         let bowl = |x: f64| (2000.0 * x * x, -4000.0 * x);
@@ -290,7 +436,7 @@ mod tests {
             fill(&mut bundle, &[0.004 * (k as f64 * 2.4).sin()], bowl);
             bundle.proximal_point();
             let total: f64 = bundle.cuts.iter().map(|c| c.weight).sum();
-            assert!((total - 1.0).abs() < 1e-12);
+            assert!((total - 1.0).abs() < 1e-9);
             assert!(bundle.cuts.len() <= CAPACITY);
         }
     }

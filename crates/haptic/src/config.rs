@@ -263,7 +263,8 @@ mod tests {
 
     #[test]
     fn every_range_is_checked() {
-        let broken: [(&str, fn(&mut HapticConfig)); 6] = [
+        type Change = fn(&mut HapticConfig);
+        let broken: [(&str, Change); 6] = [
             ("rate_hz", |c| c.rate_hz = 0.0),
             ("workspace_scale", |c| c.workspace_scale = -1.0),
             ("coupling.evaluations", |c| c.coupling.evaluations = 0),

@@ -11,9 +11,12 @@ pub struct DeviceSpec {
     pub name: String,
     /// Degrees of freedom sensed: 3 (translation only) or 6.
     pub input_dof: u8,
-    /// Degrees of freedom of the force: 0 (input only), 2, 3 (force only) or 6. A 2-DOF device
-    /// pushes along its x and y.
+    /// Degrees of freedom in which a force is shown: 0 (input only), 2, 3 (force only) or 6. A
+    /// 2-DOF device pushes along its x and y.
     pub output_dof: u8,
+    /// True if the handle steers a cursor by its rate rather than holding it in place. Such a
+    /// device shows forces by letting the cursor give way.
+    pub rate_controlled: bool,
     /// Greatest force \[N\].
     pub max_force: f64,
     /// Greatest torque \[N·m\].
@@ -87,7 +90,8 @@ pub enum DeviceError {
 
 /// A haptic device as the loop sees it.
 ///
-/// `poll`, `send` and `stop_all` are called from the loop thread: they neither block nor allocate. A device that needs slow input or output does it on threads of its own; see
+/// All calls come from the loop thread. `poll` and `send` neither block nor allocate; `stop_all`
+/// may wait for the device to confirm. A device that needs slow input or output does it on threads of its own; see
 /// [`crate::io_thread`].
 ///
 /// To write a device of your own: (1) state its numbers in a [`DeviceSpec`]; (2) in `poll`, give

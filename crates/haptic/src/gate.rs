@@ -37,9 +37,10 @@ pub struct Gate {
     pose: Option<Pose>,
     jumped_to: Option<Pose>,
     jump_ticks: u32,
-    since_new: f64,
+    stamp: f64,
     gain: f64,
     gone: bool,
+    fault_later: bool,
 }
 
 impl Gate {
@@ -57,9 +58,10 @@ impl Gate {
             pose: None,
             jumped_to: None,
             jump_ticks: 0,
-            since_new: 0.0,
+            stamp: 0.0,
             gain: 0.0,
             gone: false,
+            fault_later: false,
         }
     }
 
@@ -68,7 +70,6 @@ impl Gate {
     /// A missing, invalid, stale or jumping input, or a late tick, lets the force go with the decay
     /// time constant, at the last good pose; good input raises it again over the ramp.
     pub fn admit(&mut self, input: Option<&DeviceState>, now: f64, dt: f64) -> Admitted {
-        self.since_new += dt;
         let mut reseat = false;
         let mut flags = if dt > self.late { flags::LATE } else { 0 };
         match input.map(|state| (state, self.clean(state))) {
@@ -78,18 +79,20 @@ impl Gate {
             }
             Some((_, None)) => flags |= flags::BAD_INPUT,
             Some((state, Some(pose))) => {
-                let fresh = now - state.timestamp <= self.stale;
+                // A stamp from the future says as little as an old one.
+                let fresh = (now - state.timestamp).abs() <= self.stale;
                 if !fresh {
                     flags |= flags::STALE;
                 }
-                let (jump, seat) = self.follow(pose);
+                let (jump, seat) = self.follow(pose, state.timestamp);
                 reseat = seat;
                 if jump {
                     flags |= flags::JUMP;
                 }
             }
         }
-        self.strengthen(flags, reseat, dt);
+        let fault = flags != 0 || std::mem::take(&mut self.fault_later);
+        self.strengthen(fault, reseat, dt);
         Admitted {
             pose: self.pose,
             reseat,
@@ -115,39 +118,31 @@ impl Gate {
     }
 
     /// Takes the pose over unless it is a jump; gives (jump, reseat).
-    fn follow(&mut self, pose: Pose) -> (bool, bool) {
+    fn follow(&mut self, pose: Pose, stamp: f64) -> (bool, bool) {
+        // Between two measurements a hand moves so far, however often the loop asks.
+        let elapsed = (stamp - self.stamp).clamp(self.period, self.stale);
+        self.stamp = stamp;
         let Some(last) = self.pose.filter(|_| !self.gone) else {
             self.gone = false;
-            self.take(pose);
+            self.pose = Some(pose);
             return (false, true);
         };
-        let elapsed = self.since_new.clamp(self.period, self.stale);
         if self.near(&last, &pose, elapsed) {
-            if last != pose {
-                self.take(pose);
-            }
+            self.pose = Some(pose);
             self.jumped_to = None;
             return (false, false);
         }
-        // Elapsed time must not open the gate while a jump is being judged.
-        self.since_new = self.since_new.min(elapsed);
         let steady = self
             .jumped_to
-            .is_some_and(|j| self.near(&j, &pose, self.period));
+            .is_some_and(|j| self.near(&j, &pose, elapsed));
         self.jump_ticks = if steady { self.jump_ticks + 1 } else { 0 };
         self.jumped_to = Some(pose);
         if self.jump_ticks < JUMP_TICKS {
-            self.since_new = 0.0;
             return (true, false);
         }
         self.jumped_to = None;
-        self.take(pose);
-        (true, true)
-    }
-
-    fn take(&mut self, pose: Pose) {
         self.pose = Some(pose);
-        self.since_new = 0.0;
+        (true, true)
     }
 
     fn near(&self, a: &Pose, b: &Pose, elapsed: f64) -> bool {
@@ -156,10 +151,10 @@ impl Gate {
             && twist.angular.length() <= self.angular_speed * elapsed
     }
 
-    fn strengthen(&mut self, faults: u16, reseat: bool, dt: f64) {
+    fn strengthen(&mut self, fault: bool, reseat: bool, dt: f64) {
         if reseat || self.pose.is_none() {
             self.gain = 0.0;
-        } else if faults != 0 {
+        } else if fault {
             self.gain *= (-dt.max(0.0) / self.decay).exp();
             if self.gain < 1e-6 {
                 self.gain = 0.0;
@@ -172,9 +167,9 @@ impl Gate {
         }
     }
 
-    /// Lets the force go for a fault found later in the tick.
-    pub fn weaken(&mut self, dt: f64) {
-        self.strengthen(u16::MAX, false, dt);
+    /// Lets the force go in the next tick for a fault found later in this one.
+    pub fn fault(&mut self) {
+        self.fault_later = true;
     }
 }
 

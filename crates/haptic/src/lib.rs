@@ -12,12 +12,17 @@
 
 mod bundle;
 pub mod config;
+pub mod conformance;
 pub mod coupling;
 pub mod device;
 pub mod gate;
+pub mod hid;
+pub mod hid_report;
+pub mod io_thread;
 pub mod limiter;
 pub mod passivity;
 pub mod path;
+pub mod pid;
 pub mod realtime;
 pub mod record;
 pub mod replay;
@@ -25,6 +30,7 @@ pub mod sample;
 pub mod script;
 pub mod servo;
 pub mod simulated;
+pub mod spacemouse;
 pub mod workspace;
 
 pub use config::{ConfigError, HapticConfig};

@@ -139,7 +139,7 @@ impl ForcePath {
         });
         if out.bad_source {
             sample.flags |= flags::BAD_SOURCE;
-            self.gate.weaken(dt);
+            self.gate.fault();
         }
         self.passivity
             .observe(&grip, out.potential, sample.gain, &self.held, dt);

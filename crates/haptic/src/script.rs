@@ -143,7 +143,7 @@ fn snap(geometry: &Geometry, time: f64, duration: f64, seed: u64) -> Intent {
         let loose = smooth((phase - approach) / 0.05);
         Intent {
             pose: between(&far, &to, share),
-            grip: 1.0 - (1.0 - LOOSE) * loose,
+            grip: LOOSE + (1.0 - LOOSE) * (1.0 - loose),
         }
     }
 }
@@ -205,7 +205,7 @@ mod tests {
                 let step = (b.pose.translation - a.pose.translation).length();
                 // 0.6 m/s is a brisk hand.
                 assert!(step < 6e-4, "{script:?} {tick} {step}");
-                assert!((0.0..=1.0).contains(&a.grip));
+                assert!((0.0..=1.0 + 1e-12).contains(&a.grip));
             }
             assert_eq!(intent(3.3), intent(3.3));
         }

@@ -71,6 +71,7 @@ impl HandConfig {
             name: "simulated hand".into(),
             input_dof: 6,
             output_dof: 6,
+            rate_controlled: false,
             max_force: 10.0,
             max_torque: 1.0,
             max_stiffness: 3000.0,
@@ -264,6 +265,12 @@ mod tests {
             .count();
         let rate = crossings as f64 / 20.0;
         assert!((8.0..=12.0).contains(&rate), "{rate}");
+    }
+
+    #[test]
+    fn passes_the_conformance_suite() {
+        let mut hand = hand(HandConfig::default(), Script::Free);
+        crate::conformance::check(&mut hand).unwrap();
     }
 
     #[test]

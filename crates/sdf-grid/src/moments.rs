@@ -11,7 +11,6 @@ use crate::triangle::Triangle;
 /// Moments about the area centroid.
 #[derive(Debug, Clone)]
 pub(crate) struct Moments {
-    pub(crate) area: f64,
     /// Area centroid `c`.
     pub(crate) centre: DVec3,
     /// `N`, the integral of the normal.
@@ -50,7 +49,6 @@ impl Moments {
             1.0
         };
         Self {
-            area,
             centre,
             area_vector,
             covariance,

@@ -3,10 +3,14 @@
 //! - [`reference`]: brute force over all triangles in f64, the measure of everything else;
 //! - `edge_integral`: the exact reduction of a triangle to integrals along its edges;
 //! - `point`: the tree code at single points in f64;
-//! - `sampling`: from points to lattice values (halo, boundary, cell averages).
+//! - `fast`: the tree code on packets of sixteen points in f32;
+//! - `patch`: distances, signs and densities of a small regular patch;
+//! - `sampling`: from points to lattice values (blocks, halo, cell averages).
 
 mod boundary;
 mod edge_integral;
+mod fast;
+mod patch;
 mod point;
 pub mod reference;
 mod sampling;

@@ -1,10 +1,11 @@
 //! From points to lattice values: blocks, halo, boundary and cell averages.
 
-use glam::DVec3;
 use ndarray::{ArrayViewMut3, Axis};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+use super::fast::PacketDensity;
+use super::patch::{Anchor, Patch, PatchDensity, PatchValues};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
 use super::{DensityError, DensityField, Sampling, boundary};
@@ -26,7 +27,7 @@ pub(crate) fn fill(
     field: &mut DensityField,
     mesh: &TriangleMesh,
     kernel: &DensityKernel,
-    _tolerance: f64,
+    tolerance: f64,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
     let bvh = Bvh::build(mesh);
@@ -34,7 +35,14 @@ pub(crate) fn fill(
         return Err(DensityError::EmptyMesh);
     }
     let sampler = Sampler {
-        point: PointDensity::new(&bvh, kernel),
+        patches: PatchDensity::new(
+            &bvh,
+            PacketDensity::new(&bvh, kernel, tolerance),
+            PointDensity::new(&bvh, kernel),
+            field.halo * bvh.scale(),
+            boundary::STEP * field.lattice.spacing() * bvh.scale(),
+            tolerance,
+        ),
         bvh: &bvh,
         lattice: field.lattice,
         halo: field.halo,
@@ -45,11 +53,12 @@ pub(crate) fn fill(
     // Few enough reports for the monitor, whatever the lattice.
     let batch = blocks.len().div_ceil(2048);
     blocks.par_chunks_mut(batch).try_for_each(|batch| {
+        let mut scratch = Scratch::default();
         for block in batch.iter_mut() {
             if monitor.cancelled() {
                 return Err(DensityError::Cancelled);
             }
-            sampler.block(block);
+            sampler.block(block, &mut scratch);
         }
         monitor.advance(batch.len() as u64);
         Ok(())
@@ -114,71 +123,89 @@ fn cut_axis<T>(
 }
 
 struct Sampler<'a> {
-    point: PointDensity<'a>,
+    patches: PatchDensity<'a>,
     bvh: &'a Bvh,
     lattice: Lattice,
     halo: f64,
     sampling: Sampling,
 }
 
+/// Working memory of one batch of blocks.
+#[derive(Default)]
+struct Scratch {
+    nodes: PatchValues,
+    sub_points: PatchValues,
+}
+
 impl Sampler<'_> {
-    fn block(&self, block: &mut Block<'_>) {
-        let (nx, ny, nz) = block.exterior.dim();
-        for index in (0..nx * ny * nz).map(|f| [f / (ny * nz), f / nz % ny, f % nz]) {
-            let node = [0, 1, 2].map(|k| block.start[k] + index[k]);
-            let (distance, density) = self.node(self.lattice.position(node));
-            block.signed_distance[index] = distance as f32;
-            block.exterior[index] = single(density.exterior);
-            block.interior[index] = single(density.interior);
+    fn block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
+        let shape: [usize; 3] = block.exterior.dim().into();
+        let patch = Patch {
+            origin: self.bvh.normalized(self.lattice.position(block.start)),
+            spacing: self.lattice.spacing() * self.bvh.scale(),
+            shape,
+        };
+        // Started anew for every block: results must not depend on which thread took which block.
+        let mut hint = 0;
+        self.patches
+            .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
+        let outputs = block
+            .exterior
+            .iter_mut()
+            .zip(&mut block.interior)
+            .zip(&mut block.signed_distance);
+        for (flat, ((exterior, interior), signed_distance)) in outputs.enumerate() {
+            let distance = scratch.nodes.distance[flat];
+            let cut = f64::from(distance.abs()) < CUT * patch.spacing;
+            let density = if cut && self.sampling == Sampling::CellAverage {
+                let position = patch.position(patch.unravel(flat));
+                let node = Anchor { position, distance };
+                self.cell_average(node, patch.spacing, &mut hint, &mut scratch.sub_points)
+            } else {
+                self.tapered(distance, scratch.nodes.density[flat])
+            };
+            *signed_distance = (f64::from(distance) / self.bvh.scale()) as f32;
+            *exterior = single(density.exterior);
+            *interior = single(density.interior);
         }
     }
 
-    /// Signed distance (metres) at the node and the density its cell stands for.
-    fn node(&self, p: DVec3) -> (f64, UnitDensity) {
-        let spacing = self.lattice.spacing();
-        let (distance, density) = self.at(p);
-        if self.sampling == Sampling::Point || distance.abs() >= CUT * spacing {
-            return (distance, density);
-        }
+    /// Mean density over the cell about `node`, whose edges are `spacing` long (normalized).
+    fn cell_average(
+        &self,
+        node: Anchor,
+        spacing: f64,
+        hint: &mut usize,
+        values: &mut PatchValues,
+    ) -> UnitDensity {
+        // Evenly spaced, so that no sub-point lies on a node plane or a cell face.
+        let patch = Patch {
+            origin: node.position - spacing * (0.5 - 0.5 / SUB as f64),
+            spacing: spacing / SUB as f64,
+            shape: [SUB; 3],
+        };
+        self.patches.evaluate(&patch, Some(node), hint, values);
         let mut sum = UnitDensity::default();
-        for sub in 0..SUB * SUB * SUB {
-            let density = self.at(p + sub_point(sub) * spacing).1;
+        for (distance, density) in values.distance.iter().zip(&values.density) {
+            let density = self.tapered(*distance, *density);
             sum.exterior += density.exterior;
             sum.interior += density.interior;
         }
-        let count = (SUB * SUB * SUB) as f64;
-        let mean = UnitDensity {
-            exterior: sum.exterior / count,
-            interior: sum.interior / count,
-        };
-        (distance, mean)
-    }
-
-    /// Signed distance (metres) and density with the halo's cut-off at `p` (metres).
-    fn at(&self, p: DVec3) -> (f64, UnitDensity) {
-        let q = self.bvh.normalized(p);
-        let scale = self.bvh.scale();
-        let far = self.bvh.nodes[0].distance_squared(q).sqrt() / scale >= self.halo;
-        if far {
-            return (self.bvh.signed_distance(p), UnitDensity::default());
+        let weight = 1.0 / values.density.len() as f64;
+        UnitDensity {
+            exterior: sum.exterior * weight,
+            interior: sum.interior * weight,
         }
-        let step = boundary::STEP * self.lattice.spacing() * scale;
-        let (distance, mut density) = self.point.at(q, step);
-        let distance = distance / scale;
-        density.exterior *= taper(distance, self.halo);
-        (distance, density)
     }
-}
 
-/// Place of sub-point `index` in a unit cell about its node. Even spacing, so that no sub-point
-/// lies on a node plane or cell face.
-fn sub_point(index: usize) -> DVec3 {
-    let place = |i: usize| (i as f64 + 0.5) / SUB as f64 - 0.5;
-    DVec3::new(
-        place(index / (SUB * SUB)),
-        place(index / SUB % SUB),
-        place(index % SUB),
-    )
+    /// `density` with the halo's cut-off at signed normalized `distance`.
+    fn tapered(&self, distance: f32, density: UnitDensity) -> UnitDensity {
+        let xi = f64::from(distance) / self.bvh.scale();
+        UnitDensity {
+            exterior: density.exterior * taper(xi, self.halo),
+            ..density
+        }
+    }
 }
 
 fn single(z: Complex64) -> Complex32 {

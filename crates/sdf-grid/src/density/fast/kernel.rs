@@ -1,0 +1,247 @@
+//! The kernel for packets: polynomials for the cumulative kernel, closed forms for the far field.
+
+use fearless_simd::{f32x16, i32x16, prelude::*};
+use num_complex::Complex64;
+
+use super::settings::Settings;
+use crate::kernel::{CumulativeKernel, DensityKernel};
+use crate::quadrature::GaussLegendre;
+
+/// Gauss points per edge at most; the most an edge can need is 15.
+pub(crate) const MAX_POINTS: usize = 20;
+
+/// The kernel truncated at the settings' reach and rescaled so that a half space stays exact.
+pub(crate) struct PacketKernel {
+    pub(crate) sigma: f32,
+    pub(crate) reach: f32,
+    /// Rescaling of the truncated kernel, real and imaginary.
+    gain: [f32; 2],
+    above: Rise,
+    below: Rise,
+    /// `K(reach) - K(0)`.
+    pub(crate) beyond: [f32; 2],
+    /// Nodes and weights by number of points.
+    pub(crate) rules: Vec<(Vec<f32>, Vec<f32>)>,
+}
+
+impl PacketKernel {
+    pub(crate) fn new(kernel: &DensityKernel, settings: &Settings, tolerance: f64) -> Self {
+        let table = CumulativeKernel::new(*kernel);
+        let sigma = kernel.sigma();
+        let zero = table.at(0.0);
+        let (whole, cut) = (table.total() - zero, table.at(settings.reach) - zero);
+        let gain = Complex64::new(whole.re / cut.re, whole.im / cut.im);
+        let scaled = |x: f64| {
+            let k = table.at(x) - zero;
+            Complex64::new(k.re * gain.re, k.im * gain.im)
+        };
+        let slope = kernel.cumulative_slope(0.0);
+        let slope = Complex64::new(slope.re * gain.re, slope.im * gain.im);
+        // Errors of the kernel pass into the density one to one; single precision is the floor.
+        let error = (0.05 * tolerance).max(2e-7) * whole.norm();
+        let deepest = -(1.0 / sigma).min(settings.reach + 0.5);
+        let rule = |n| {
+            let rule = GaussLegendre::new(n);
+            let single = |v: &[f64]| v.iter().map(|x| *x as f32).collect();
+            (single(&rule.nodes), single(&rule.weights))
+        };
+        Self {
+            sigma: sigma as f32,
+            reach: settings.reach as f32,
+            gain: [gain.re as f32, gain.im as f32],
+            above: Rise::fit(0.0, settings.reach, slope, error, scaled),
+            below: Rise::fit(deepest, 0.0, slope, error, scaled),
+            beyond: [whole.re as f32, whole.im as f32],
+            rules: (0..=MAX_POINTS).map(rule).collect(),
+        }
+    }
+
+    /// `K(x) - K(0)` for `x >= 0`.
+    #[inline(always)]
+    pub(crate) fn rise<S: Simd>(&self, x: f32x16<S>) -> [f32x16<S>; 2] {
+        self.above.at(x)
+    }
+
+    /// `K(x) - K(0)` for any `x`.
+    #[inline(always)]
+    pub(crate) fn rise_from_below<S: Simd>(&self, x: f32x16<S>) -> [f32x16<S>; 2] {
+        let (above, below) = (self.above.at(x), self.below.at(x));
+        let positive = x.simd_ge(0.0);
+        [
+            positive.select(above[0], below[0]),
+            positive.select(above[1], below[1]),
+        ]
+    }
+
+    /// `G(u)`, `G'(u)`, `G''(u)` of [`DensityKernel::radial`], each real and imaginary, given `u`
+    /// and `1 / u`.
+    #[inline(always)]
+    pub(crate) fn radial<S: Simd>(&self, u: f32x16<S>, iu: f32x16<S>) -> [[f32x16<S>; 2]; 3] {
+        let is = 1.0 / self.sigma;
+        let x = (u - 1.0) * is;
+        let e = exp(x * x * -0.5) * (is / (2.0 * std::f32::consts::PI));
+        let u2 = u * u;
+        let w = 1.0 / (u2 + 1.0);
+        let (w2, v) = (w * w, 1.0 - u2);
+        let (w3, w4) = (w2 * w, w2 * w2);
+        let iu2 = iu * iu;
+        let g = v * w2 * iu;
+        let g1 = -(w * iu2) - v * w3 * 4.0;
+        let g2 = (w * iu2 + w2) * iu * 2.0 + u * (w3 * 8.0 + v * w4 * 24.0);
+        let f = w2 * 2.0;
+        let f1 = u * w3 * -8.0;
+        let f2 = w3 * -8.0 + u2 * w4 * 48.0;
+        let e1 = x * -is;
+        let e2 = (x * x - 1.0) * (is * is);
+        let re = derivatives([g, g1, g2], [e1, e2], e * self.gain[0]);
+        let im = derivatives([f, f1, f2], [e1, e2], e * self.gain[1]);
+        [[re[0], im[0]], [re[1], im[1]], [re[2], im[2]]]
+    }
+}
+
+/// `c e` and its two derivatives, given `c, c', c''` and `e'/e, e''/e`.
+#[inline(always)]
+fn derivatives<S: Simd>(c: [f32x16<S>; 3], rate: [f32x16<S>; 2], e: f32x16<S>) -> [f32x16<S>; 3] {
+    let first = c[0].mul_add(rate[0], c[1]);
+    let second = c[0].mul_add(rate[1], c[1].mul_add(rate[0] * 2.0, c[2]));
+    [c[0] * e, first * e, second * e]
+}
+
+/// `x Q(x)` on an interval that begins or ends at zero, real and imaginary: exact at zero, so that
+/// small differences of the cumulative kernel near the foot of a perpendicular keep their digits.
+struct Rise {
+    start: f32,
+    end: f32,
+    middle: f32,
+    inverse_half: f32,
+    /// Powers of `(x - middle) / half`, highest first.
+    coefficients: Vec<[f32; 2]>,
+}
+
+impl Rise {
+    /// Fits `f`, which is zero with slope `slope` at zero, on `[start, end]` to `error`.
+    fn fit(
+        start: f64,
+        end: f64,
+        slope: Complex64,
+        error: f64,
+        f: impl Fn(f64) -> Complex64,
+    ) -> Self {
+        let (middle, half) = (0.5 * (start + end), 0.5 * (end - start));
+        let quotient = |t: f64| {
+            let x = middle + half * t;
+            if x.abs() < 1e-6 { slope } else { f(x) / x }
+        };
+        let chebyshev = chebyshev(32, quotient);
+        // The tail of the series bounds the error of leaving it out.
+        let reach = start.abs().max(end.abs());
+        let tail = |n: usize| chebyshev[n..].iter().map(|c| c.norm()).sum::<f64>() * reach;
+        let count = (4..32).find(|&n| tail(n) < error).unwrap_or(32);
+        let powers = powers(&chebyshev[..count]);
+        let single = |c: &Complex64| [c.re as f32, c.im as f32];
+        Self {
+            start: start as f32,
+            end: end as f32,
+            middle: middle as f32,
+            inverse_half: (1.0 / half) as f32,
+            coefficients: powers.iter().rev().map(single).collect(),
+        }
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, x: f32x16<S>) -> [f32x16<S>; 2] {
+        let x = x.max(self.start).min(self.end);
+        let t = (x - self.middle) * self.inverse_half;
+        let simd = x.token();
+        let zero = f32x16::splat(simd, 0.0);
+        let (mut re, mut im) = (zero, zero);
+        for c in &self.coefficients {
+            re = re.mul_add(t, f32x16::splat(simd, c[0]));
+            im = im.mul_add(t, f32x16::splat(simd, c[1]));
+        }
+        [re * x, im * x]
+    }
+}
+
+/// The first `n` Chebyshev coefficients of `f` on `[-1, 1]`.
+fn chebyshev(n: usize, f: impl Fn(f64) -> Complex64) -> Vec<Complex64> {
+    let m = 2 * n;
+    let angle = |i: usize| std::f64::consts::PI * (i as f64 + 0.5) / m as f64;
+    let values: Vec<Complex64> = (0..m).map(|i| f(angle(i).cos())).collect();
+    let coefficient = |k: usize| {
+        let terms = values
+            .iter()
+            .enumerate()
+            .map(|(i, v)| v * (k as f64 * angle(i)).cos());
+        terms.sum::<Complex64>() * (if k == 0 { 1.0 } else { 2.0 } / m as f64)
+    };
+    (0..n).map(coefficient).collect()
+}
+
+/// Coefficients of powers, lowest first, of a Chebyshev series.
+fn powers(series: &[Complex64]) -> Vec<Complex64> {
+    let n = series.len();
+    let (mut current, mut next) = (vec![0.0; n], vec![0.0; n]);
+    let mut sum = vec![Complex64::ZERO; n];
+    (current[0], next[1.min(n - 1)]) = (1.0, 1.0);
+    for c in series {
+        for (s, p) in sum.iter_mut().zip(&current) {
+            *s += c * *p;
+        }
+        // T(k + 2) = 2 t T(k + 1) - T(k).
+        let mut after: Vec<f64> = current.iter().map(|p| -p).collect();
+        for i in 1..n {
+            after[i] += 2.0 * next[i - 1];
+        }
+        (current, next) = (next, after);
+    }
+    sum
+}
+
+/// The exponential of a non-positive number to about 2e-7; zero below -80.
+#[inline(always)]
+fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
+    let simd = x.token();
+    let y = x.max(-80.0) * std::f32::consts::LOG2_E;
+    let n = y.round_ties_even();
+    let f = y - n;
+    let mut p = f32x16::splat(simd, 1.877_576_7e-3);
+    for c in [
+        8.989_34e-3,
+        5.582_632e-2,
+        2.401_536e-1,
+        6.931_531e-1,
+        0.999_999_94,
+    ] {
+        p = p.mul_add(f, f32x16::splat(simd, c));
+    }
+    // 2^n by its exponent bits.
+    let bits: i32x16<S> = ((n + 127.0) * 8_388_608.0).to_int();
+    p * bits.bitcast::<f32x16<S>>()
+}
+
+/// The angle of `(x, y)` to about 1e-6, in `-pi ..= pi`; zero at the origin.
+#[inline(always)]
+pub(crate) fn atan2<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
+    use std::f32::consts::{FRAC_PI_2, PI};
+    let simd = x.token();
+    let (ax, ay) = (x.abs(), y.abs());
+    let z = ax.min(ay) / ax.max(ay).max(1e-37);
+    let s = z * z;
+    let mut p = f32x16::splat(simd, -0.004_054_058);
+    for c in [
+        0.021_861_23,
+        -0.055_909_887,
+        0.096_420_04,
+        -0.139_085_33,
+        0.199_465_36,
+        -0.333_298_56,
+        0.999_999_35,
+    ] {
+        p = p.mul_add(s, f32x16::splat(simd, c));
+    }
+    let mut angle = p * z;
+    angle = ax.simd_lt(ay).select(FRAC_PI_2 - angle, angle);
+    angle = x.simd_lt(0.0).select(PI - angle, angle);
+    angle.copysign(y)
+}

@@ -1,0 +1,72 @@
+//! The tree code on packets of sixteen points, in single precision through SIMD.
+//!
+//! Positions are normalized ([`Bvh::normalized`]). Everything is taken relative to the packet's
+//! centre, subtracted in f64, so that single precision resolves lengths relative to the packet,
+//! not to the part. Instruction sets are chosen at run time.
+
+mod far;
+mod kernel;
+mod near;
+mod nearest;
+mod packet;
+mod settings;
+
+use fearless_simd::{Level, dispatch};
+use glam::DVec3;
+
+use self::far::Cluster;
+use self::kernel::PacketKernel;
+use self::packet::Facet;
+use self::settings::Settings;
+use crate::bvh::Bvh;
+use crate::kernel::DensityKernel;
+
+/// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
+pub(crate) const LANES: usize = 16;
+
+/// Sixteen normalized positions.
+pub(crate) type Points = [DVec3; LANES];
+
+/// One number per point.
+pub(crate) type Lanes = [f32; LANES];
+
+/// Distances and density integrals of packets.
+pub(crate) struct PacketDensity<'a> {
+    bvh: &'a Bvh,
+    facets: Vec<Facet>,
+    /// Far field of each node.
+    clusters: Vec<Cluster>,
+    /// Far field of each triangle.
+    singles: Vec<Cluster>,
+    kernel: PacketKernel,
+    settings: Settings,
+    level: Level,
+}
+
+impl<'a> PacketDensity<'a> {
+    /// Prepares for a relative L2 error of `tolerance`.
+    pub(crate) fn new(bvh: &'a Bvh, kernel: &DensityKernel, tolerance: f64) -> Self {
+        let settings = Settings::new(tolerance);
+        Self {
+            bvh,
+            facets: bvh.triangles.iter().map(Facet::new).collect(),
+            clusters: bvh.nodes.iter().map(|n| Cluster::new(&n.moments)).collect(),
+            singles: bvh.triangles.iter().map(Cluster::of_triangle).collect(),
+            kernel: PacketKernel::new(kernel, &settings, tolerance),
+            settings,
+            level: Level::new(),
+        }
+    }
+
+    /// Distances of `points` from the boundary. `hint` is a leaf-order triangle to look at first,
+    /// replaced by the nearest one found: it changes the time, not the result.
+    pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
+        dispatch!(self.level, simd => nearest::distances(simd, self, points, hint))
+    }
+
+    /// Real and imaginary part of the integral of the unit kernel over the solid angle, at points
+    /// with these distances. Points of distance zero are left out (zero).
+    pub(crate) fn integrals(&self, points: &Points, distances: &Lanes) -> [Lanes; 2] {
+        dispatch!(self.level, simd => far::integrals(simd, self, points, distances))
+    }
+}

@@ -1,0 +1,149 @@
+//! Edge integrals of one triangle for a packet; the formulas are those of
+//! [`crate::density::edge_integral`].
+
+use fearless_simd::{f32x16, mask32x16, prelude::*};
+
+use super::PacketDensity;
+use super::kernel::{MAX_POINTS, PacketKernel, atan2};
+use super::packet::{Packet, View};
+
+/// What all triangles share for one packet: distances and what follows from them.
+pub(crate) struct Query<S: Simd> {
+    /// Distances; zero in lanes to leave out.
+    pub(crate) xi: f32x16<S>,
+    /// `1 / xi`.
+    pub(crate) inverse: f32x16<S>,
+    /// The square of the distance within which boundary points count.
+    pub(crate) reach_squared: f32x16<S>,
+}
+
+/// Adds the integral over triangle `index` to `sum`.
+#[inline(always)]
+pub(crate) fn add_triangle<S: Simd>(
+    density: &PacketDensity<'_>,
+    packet: &Packet<S>,
+    query: &Query<S>,
+    index: usize,
+    sum: &mut [f32x16<S>; 2],
+) {
+    let facet = &density.facets[index];
+    let view = View::new(packet, &density.bvh.triangles[index], facet);
+    let active = view.distance_squared(packet).simd_lt(query.reach_squared);
+    if !active.any_true() {
+        return;
+    }
+    let kernel = &density.kernel;
+    let u0 = view.height.abs() * query.inverse;
+    let k0 = kernel.rise_from_below((u0 - 1.0) * (1.0 / kernel.sigma));
+    let plane = Plane {
+        active,
+        height_squared: view.height * view.height,
+        beyond: [kernel.beyond[0] - k0[0], kernel.beyond[1] - k0[1]],
+        k0,
+        density: density.settings.density as f32 / kernel.sigma.sqrt(),
+    };
+    let mut integral = [packet.splat(0.0); 2];
+    for k in 0..3 {
+        plane.add_edge(kernel, query, &view, k, &mut integral);
+    }
+    let factor = view.height * query.inverse;
+    for c in 0..2 {
+        // Lanes out of reach hold numbers without meaning.
+        sum[c] = active.select(integral[c].mul_add(factor, sum[c]), sum[c]);
+    }
+}
+
+/// What the edges of a triangle share.
+struct Plane<S: Simd> {
+    active: mask32x16<S>,
+    height_squared: f32x16<S>,
+    /// `K(|h| / xi) - K(0)`.
+    k0: [f32x16<S>; 2],
+    /// `K(infinity) - K(|h| / xi)`.
+    beyond: [f32x16<S>; 2],
+    /// Gauss points per half length in units of `xi`.
+    density: f32,
+}
+
+impl<S: Simd> Plane<S> {
+    #[inline(always)]
+    fn add_edge(
+        &self,
+        kernel: &PacketKernel,
+        query: &Query<S>,
+        view: &View<S>,
+        k: usize,
+        sum: &mut [f32x16<S>; 2],
+    ) {
+        let (d, start, end) = (view.d[k], view.start[k], view.end[k]);
+        let zero = f32x16::splat(d.token(), 0.0);
+        let rest = query.reach_squared - self.height_squared;
+        let clip = (rest - d * d).max(zero).sqrt();
+        let (from, to) = (start.max(-clip).min(clip), end.max(-clip).min(clip));
+        let clipped = self.active & (start.simd_lt(-clip) | end.simd_gt(clip));
+        if clipped.any_true() {
+            let angle = outer_angle(d, [start, end], [from, to], clip);
+            sum[0] = angle.mul_add(self.beyond[0], sum[0]);
+            sum[1] = angle.mul_add(self.beyond[1], sum[1]);
+        }
+        let half = (to - from) * 0.5;
+        let longest = self.active.select(half * query.inverse, zero).reduce_max();
+        if longest > 0.0 {
+            let count = (1.5 + self.density * longest).ceil() as usize;
+            let integral = self.inner(kernel, query, d, [from, to], count.min(MAX_POINTS));
+            for c in 0..2 {
+                sum[c] = integral[c].mul_add(half * d, sum[c]);
+            }
+        }
+    }
+
+    /// The mean over the edge of `2 (K(u) - K0) / (d^2 + t^2)` between `ends`.
+    #[inline(always)]
+    fn inner(
+        &self,
+        kernel: &PacketKernel,
+        query: &Query<S>,
+        d: f32x16<S>,
+        ends: [f32x16<S>; 2],
+        count: usize,
+    ) -> [f32x16<S>; 2] {
+        let half = (ends[1] - ends[0]) * 0.5;
+        let middle = (ends[1] + ends[0]) * 0.5;
+        let inverse_sigma = 1.0 / kernel.sigma;
+        // Nearer to the foot than this, numerator and denominator are both rounding noise.
+        let least = query.xi * query.xi * (1e-4 * kernel.sigma);
+        let d2 = d * d;
+        let mut sum = [f32x16::splat(d.token(), 0.0); 2];
+        let (nodes, weights) = &kernel.rules[count];
+        for (node, weight) in nodes.iter().zip(weights) {
+            let t = half.mul_add(f32x16::splat(d.token(), *node), middle);
+            let r2 = t.mul_add(t, d2);
+            let u = (r2 + self.height_squared).sqrt() * query.inverse;
+            let rise = kernel.rise((u - 1.0) * inverse_sigma);
+            let w = *weight / r2.max(least);
+            for c in 0..2 {
+                sum[c] = (rise[c] - self.k0[c]).mul_add(w, sum[c]);
+            }
+        }
+        sum
+    }
+}
+
+/// The angle that the parts of an edge beyond the reach fill about the foot, with the sign of `d`.
+#[inline(always)]
+fn outer_angle<S: Simd>(
+    d: f32x16<S>,
+    whole: [f32x16<S>; 2],
+    inner: [f32x16<S>; 2],
+    clip: f32x16<S>,
+) -> f32x16<S> {
+    let d2 = d * d;
+    // The angle of an interval [a, b] is that of the complex number d^2 + a b + i d (b - a).
+    let (x1, y1) = (whole[0].mul_add(whole[1], d2), d * (whole[1] - whole[0]));
+    let (x2, y2) = (inner[0].mul_add(inner[1], d2), d * (inner[1] - inner[0]));
+    let none = clip.simd_le(0.0);
+    let x2 = none.select(f32x16::splat(d.token(), 1.0), x2);
+    let y2 = none.select(f32x16::splat(d.token(), 0.0), y2);
+    let (x, y) = (x1 * x2 + y1 * y2, y1 * x2 - x1 * y2);
+    atan2(y.abs(), x).copysign(d)
+}

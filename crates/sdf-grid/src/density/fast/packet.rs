@@ -1,0 +1,153 @@
+//! Sixteen points about a common centre, and a triangle as they see it.
+
+use fearless_simd::{f32x16, prelude::*};
+use glam::{DVec3, Vec3};
+
+use super::{LANES, Points};
+use crate::bvh::Node;
+use crate::triangle::Triangle;
+
+/// Points relative to the middle of their box.
+pub(crate) struct Packet<S: Simd> {
+    pub(crate) simd: S,
+    pub(crate) centre: DVec3,
+    pub(crate) x: f32x16<S>,
+    pub(crate) y: f32x16<S>,
+    pub(crate) z: f32x16<S>,
+    /// Half the size of the box of points.
+    pub(crate) half: Vec3,
+}
+
+impl<S: Simd> Packet<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, points: &Points) -> Self {
+        let lo = points.iter().fold(points[0], |a, p| a.min(*p));
+        let hi = points.iter().fold(points[0], |a, p| a.max(*p));
+        let centre = 0.5 * (lo + hi);
+        let mut place = [[0f32; LANES]; 3];
+        for (lane, p) in points.iter().enumerate() {
+            for k in 0..3 {
+                place[k][lane] = (p[k] - centre[k]) as f32;
+            }
+        }
+        Self {
+            simd,
+            centre,
+            x: f32x16::simd_from(simd, place[0]),
+            y: f32x16::simd_from(simd, place[1]),
+            z: f32x16::simd_from(simd, place[2]),
+            // A little more than half: rounding must not lose a point.
+            half: (0.5 * (hi - lo)).as_vec3() * 1.000_001,
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn splat(&self, value: f32) -> f32x16<S> {
+        f32x16::splat(self.simd, value)
+    }
+
+    /// `base + p . v` for every point `p`.
+    #[inline(always)]
+    pub(crate) fn dot_add(&self, v: Vec3, base: f32) -> f32x16<S> {
+        let z = self.z.mul_add(self.splat(v.z), self.splat(base));
+        self.x
+            .mul_add(self.splat(v.x), self.y.mul_add(self.splat(v.y), z))
+    }
+
+    /// A least squared distance between the box of points and the node's box.
+    #[inline(always)]
+    pub(crate) fn box_gap_squared(&self, node: &Node) -> f32 {
+        let lo = (node.bounds.min - self.centre).as_vec3() - self.half;
+        let hi = (self.centre - node.bounds.max).as_vec3() - self.half;
+        lo.max(hi).max(Vec3::ZERO).length_squared()
+    }
+
+    /// Distance of coordinates from an interval, zero in it.
+    #[inline(always)]
+    fn gap(&self, p: f32x16<S>, lo: f32, hi: f32) -> f32x16<S> {
+        (self.splat(lo) - p)
+            .max(p - self.splat(hi))
+            .max(self.splat(0.0))
+    }
+
+    /// Squared distance of every point from the node's box.
+    #[inline(always)]
+    pub(crate) fn box_distance_squared(&self, node: &Node) -> f32x16<S> {
+        let lo = (node.bounds.min - self.centre).as_vec3();
+        let hi = (node.bounds.max - self.centre).as_vec3();
+        let x = self.gap(self.x, lo.x, hi.x);
+        let y = self.gap(self.y, lo.y, hi.y);
+        let z = self.gap(self.z, lo.z, hi.z);
+        x.mul_add(x, y.mul_add(y, z * z))
+    }
+}
+
+/// Directions and edge lengths of a triangle in single precision.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Facet {
+    normal: Vec3,
+    along: [Vec3; 3],
+    outward: [Vec3; 3],
+}
+
+impl Facet {
+    pub(crate) fn new(t: &Triangle) -> Self {
+        Self {
+            normal: t.normal.as_vec3(),
+            along: t.along.map(DVec3::as_vec3),
+            outward: t.outward.map(DVec3::as_vec3),
+        }
+    }
+}
+
+/// A triangle seen from every point of a packet: signed height above the plane and, for each edge,
+/// the foot's distance `d` from its line (positive towards the triangle) and the places of its ends
+/// along the line, from the foot.
+pub(crate) struct View<S: Simd> {
+    pub(crate) height: f32x16<S>,
+    pub(crate) d: [f32x16<S>; 3],
+    pub(crate) start: [f32x16<S>; 3],
+    pub(crate) end: [f32x16<S>; 3],
+}
+
+impl<S: Simd> View<S> {
+    /// Offsets from the packet's centre are taken in f64: a point near a face, an edge or a corner
+    /// sees it to single precision of that small distance.
+    #[inline(always)]
+    pub(crate) fn new(packet: &Packet<S>, t: &Triangle, f: &Facet) -> Self {
+        let from = [
+            t.corners[0] - packet.centre,
+            t.corners[1] - packet.centre,
+            t.corners[2] - packet.centre,
+        ];
+        let zero = packet.splat(0.0);
+        let mut view = Self {
+            height: packet.dot_add(f.normal, -from[0].dot(t.normal) as f32),
+            d: [zero; 3],
+            start: [zero; 3],
+            end: [zero; 3],
+        };
+        for k in 0..3 {
+            let along = packet.dot_add(-f.along[k], 0.0);
+            view.d[k] = packet.dot_add(-f.outward[k], from[k].dot(t.outward[k]) as f32);
+            view.start[k] = along + from[k].dot(t.along[k]) as f32;
+            view.end[k] = along + from[(k + 1) % 3].dot(t.along[k]) as f32;
+        }
+        view
+    }
+
+    /// Squared distance of every point from the triangle.
+    #[inline(always)]
+    pub(crate) fn distance_squared(&self, packet: &Packet<S>) -> f32x16<S> {
+        let zero = packet.splat(0.0);
+        let mut best = packet.splat(f32::INFINITY);
+        let mut innermost = packet.splat(f32::INFINITY);
+        for k in 0..3 {
+            let beyond = self.start[k].max(-self.end[k]).max(zero);
+            best = best.min(self.d[k].mul_add(self.d[k], beyond * beyond));
+            innermost = innermost.min(self.d[k]);
+        }
+        let in_plane = innermost.simd_ge(zero).select(zero, best);
+        self.height.mul_add(self.height, in_plane)
+    }
+}

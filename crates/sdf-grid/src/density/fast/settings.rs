@@ -1,0 +1,59 @@
+//! What a tolerance means for the tree code.
+
+/// Truncation and acceptance, found by measuring the relative L2 error on parts and random solids.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settings {
+    /// Kernel widths beyond which a boundary point does not count.
+    pub(crate) reach: f64,
+    /// A cluster is far if its size in kernel widths is below this.
+    pub(crate) size: f64,
+    /// And that size times its spread of normals, seen from the point, below this.
+    pub(crate) bend: f64,
+    /// Gauss points per edge length `2 |xi| sqrt(sigma)`.
+    pub(crate) density: f64,
+}
+
+/// Settings for 1e-2, 1e-3, 1e-4 and 1e-5, interpolated between in the logarithm.
+const TABLE: [Settings; 4] = [
+    Settings {
+        reach: 2.7,
+        size: 1.1,
+        bend: 0.015,
+        density: 1.1,
+    },
+    Settings {
+        reach: 3.6,
+        size: 0.8,
+        bend: 0.006,
+        density: 1.6,
+    },
+    Settings {
+        reach: 4.5,
+        size: 0.4,
+        bend: 0.001,
+        density: 2.5,
+    },
+    Settings {
+        reach: 5.2,
+        size: 0.2,
+        bend: 0.0002,
+        density: 3.8,
+    },
+];
+
+impl Settings {
+    pub(crate) fn new(tolerance: f64) -> Self {
+        let place = (-tolerance.log10() - 2.0).clamp(0.0, 3.0);
+        let i = (place as usize).min(2);
+        let f = place - i as f64;
+        let (a, b) = (TABLE[i], TABLE[i + 1]);
+        let line = |a: f64, b: f64| a + (b - a) * f;
+        let power = |a: f64, b: f64| a * (b / a).powf(f);
+        Self {
+            reach: line(a.reach, b.reach),
+            size: power(a.size, b.size),
+            bend: power(a.bend, b.bend),
+            density: line(a.density, b.density),
+        }
+    }
+}

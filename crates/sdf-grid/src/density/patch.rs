@@ -1,0 +1,236 @@
+//! Signed distance and density on a small regular patch of points.
+//!
+//! Distances and density integrals go through packets of 2 x 2 x 4 points. Points so near to the
+//! boundary that single precision would show go through the f64 tree code one by one. The sign is
+//! found once and handed from point to point: two points whose distances to the boundary add up
+//! to more than the distance between them lie on the same side.
+
+use glam::DVec3;
+
+use super::fast::{LANES, Lanes, PacketDensity, Points};
+use super::point::PointDensity;
+use super::reference::UnitDensity;
+use crate::bvh::Bvh;
+
+/// A regular patch of `shape` points in normalized coordinates.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Patch {
+    pub(crate) origin: DVec3,
+    pub(crate) spacing: f64,
+    pub(crate) shape: [usize; 3],
+}
+
+/// A point whose side is known.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Anchor {
+    pub(crate) position: DVec3,
+    /// Signed, normalized.
+    pub(crate) distance: f32,
+}
+
+/// Values on a patch, C order. Reused from patch to patch.
+#[derive(Debug, Default)]
+pub(crate) struct PatchValues {
+    /// Signed distance, normalized.
+    pub(crate) distance: Vec<f32>,
+    pub(crate) density: Vec<UnitDensity>,
+    /// Which points already have sign and density.
+    done: Vec<bool>,
+}
+
+/// Evaluates patches.
+pub(crate) struct PatchDensity<'a> {
+    bvh: &'a Bvh,
+    packets: PacketDensity<'a>,
+    points: PointDensity<'a>,
+    /// Points nearer to the boundary than this, in units of half the packet's diagonal, are taken
+    /// in f64.
+    near: f64,
+    /// Outside, beyond this normalized distance, the density is not computed (zero).
+    horizon: f32,
+    /// Step to either side of the boundary for points on it, normalized.
+    step: f64,
+}
+
+impl Patch {
+    fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    pub(crate) fn position(&self, index: [usize; 3]) -> DVec3 {
+        self.origin + DVec3::from_array(index.map(|i| i as f64)) * self.spacing
+    }
+
+    fn flat(&self, index: [usize; 3]) -> usize {
+        (index[0] * self.shape[1] + index[1]) * self.shape[2] + index[2]
+    }
+
+    pub(crate) fn unravel(&self, flat: usize) -> [usize; 3] {
+        let [_, ny, nz] = self.shape;
+        [flat / (ny * nz), flat / nz % ny, flat % nz]
+    }
+
+    /// Bricks of 2 x 2 x 4 points: their flat indices, the last point repeated where the patch
+    /// ends.
+    fn bricks(&self) -> impl Iterator<Item = [usize; LANES]> + '_ {
+        let [bx, by, bz] = [2, 2, 4];
+        let counts = [
+            self.shape[0].div_ceil(bx),
+            self.shape[1].div_ceil(by),
+            self.shape[2].div_ceil(bz),
+        ];
+        (0..counts.iter().product()).map(move |b: usize| {
+            let brick = [
+                b / (counts[1] * counts[2]) * bx,
+                b / counts[2] % counts[1] * by,
+                b % counts[2] * bz,
+            ];
+            std::array::from_fn(|lane| {
+                let place = [lane / 8, lane / 4 % 2, lane % 4];
+                let last = |k: usize| (brick[k] + place[k]).min(self.shape[k] - 1);
+                self.flat([last(0), last(1), last(2)])
+            })
+        })
+    }
+
+    fn points(&self, brick: &[usize; LANES]) -> Points {
+        brick.map(|flat| self.position(self.unravel(flat)))
+    }
+}
+
+impl<'a> PatchDensity<'a> {
+    pub(crate) fn new(
+        bvh: &'a Bvh,
+        packets: PacketDensity<'a>,
+        points: PointDensity<'a>,
+        horizon: f64,
+        step: f64,
+        tolerance: f64,
+    ) -> Self {
+        let horizon = horizon as f32;
+        Self {
+            bvh,
+            packets,
+            points,
+            // Packet coordinates are rounded to 1e-7 of the half diagonal: so much of the distance
+            // may pass into the density at the few points that are this near.
+            near: (2e-7 / tolerance).max(1e-3),
+            horizon,
+            step,
+        }
+    }
+
+    /// Fills `values`. `hint` is a leaf-order triangle near the patch, updated.
+    pub(crate) fn evaluate(
+        &self,
+        patch: &Patch,
+        anchor: Option<Anchor>,
+        hint: &mut usize,
+        values: &mut PatchValues,
+    ) {
+        values.reset(patch.len());
+        for brick in patch.bricks() {
+            self.measure(&patch.points(&brick), &brick, hint, values);
+        }
+        self.give_signs(patch, anchor, values);
+        for brick in patch.bricks() {
+            self.integrate(&patch.points(&brick), &brick, values);
+        }
+    }
+
+    /// Unsigned distances of a brick; everything for points too near for packets.
+    fn measure(
+        &self,
+        points: &Points,
+        brick: &[usize; LANES],
+        hint: &mut usize,
+        values: &mut PatchValues,
+    ) {
+        let distances = self.packets.distances(points, hint);
+        let half = 0.5 * points[0].distance(points[LANES - 1]);
+        for lane in 0..LANES {
+            let flat = brick[lane];
+            if f64::from(distances[lane]) > self.near * half {
+                values.distance[flat] = distances[lane];
+            } else if !values.done[flat] {
+                let (distance, density) = self.points.at(points[lane], self.step);
+                values.distance[flat] = distance as f32;
+                values.density[flat] = density;
+                values.done[flat] = true;
+            }
+        }
+    }
+
+    fn give_signs(&self, patch: &Patch, anchor: Option<Anchor>, values: &mut PatchValues) {
+        for flat in 0..patch.len() {
+            if values.done[flat] {
+                continue;
+            }
+            let inside = self.inside(patch, anchor, flat, &values.distance);
+            if inside {
+                values.distance[flat] = -values.distance[flat];
+            }
+        }
+    }
+
+    /// The side of point `flat`, given the signed distances before it and its own distance.
+    fn inside(&self, patch: &Patch, anchor: Option<Anchor>, flat: usize, distance: &[f32]) -> bool {
+        let index = patch.unravel(flat);
+        let position = patch.position(index);
+        // Room for the rounding of single-precision distances.
+        let same_side = |other: f32, apart: f64| {
+            f64::from(other.abs() + distance[flat]) > apart * 1.0001 + 1e-6
+        };
+        if let Some(a) = anchor
+            && same_side(a.distance, a.position.distance(position))
+        {
+            return a.distance < 0.0;
+        }
+        for axis in [2, 1, 0] {
+            let mut before = index;
+            if index[axis] > 0 {
+                before[axis] -= 1;
+                let other = distance[patch.flat(before)];
+                if same_side(other, patch.spacing) {
+                    return other < 0.0;
+                }
+            }
+        }
+        self.bvh.inside_normalized(position)
+    }
+
+    /// Densities of a brick whose signed distances are known.
+    fn integrate(&self, points: &Points, brick: &[usize; LANES], values: &mut PatchValues) {
+        let wanted = |flat: usize| !values.done[flat] && values.distance[flat] < self.horizon;
+        let distances: Lanes = brick.map(|flat| {
+            if wanted(flat) {
+                values.distance[flat].abs()
+            } else {
+                0.0
+            }
+        });
+        if distances.iter().all(|d| *d == 0.0) {
+            return;
+        }
+        let [re, im] = self.packets.integrals(points, &distances);
+        for lane in 0..LANES {
+            let flat = brick[lane];
+            if distances[lane] > 0.0 {
+                let integral = num_complex::Complex64::new(re[lane].into(), im[lane].into());
+                let inside = values.distance[flat] < 0.0;
+                values.density[flat] = UnitDensity::from_integral(integral, inside);
+            }
+        }
+    }
+}
+
+impl PatchValues {
+    fn reset(&mut self, len: usize) {
+        self.distance.clear();
+        self.distance.resize(len, 0.0);
+        self.density.clear();
+        self.density.resize(len, UnitDensity::default());
+        self.done.clear();
+        self.done.resize(len, false);
+    }
+}

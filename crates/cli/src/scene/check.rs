@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use fft_correlate::{Pose, ScoreModel};
 use glam::{DQuat, DVec3};
+use haptic::HapticConfig;
 use sdf_grid::Sampling;
 use toml::Spanned;
 
-use super::raw::{
-    Preset, RawEnergy, RawLattice, RawModel, RawPart, RawSampling, RawScene, RawWindow,
-};
-use super::{EnergyScale, LatticeChoice, LatticeStep, Part, Scene, Source, WindowChoice};
+use super::raw::{Preset, RawEnergy, RawFit, RawLattice, RawModel, RawPart, RawSampling, RawScene, RawWindow};
+use super::{EnergyScale, FitChoice, LatticeChoice, LatticeStep, Part, Scene, Source, WindowChoice};
 use crate::error::CommandError;
 
 /// Force that a scene without an energy scale peaks at, newtons: what a desktop device renders.
@@ -18,9 +17,6 @@ const DEFAULT_PEAK_FORCE: f64 = 5.0;
 
 /// Relative L2 error of a field unless the scene asks for another.
 const DEFAULT_TOLERANCE: f64 = 1e-3;
-
-/// Lattice nodes along the longest side of the larger part, unless the scene says.
-const DEFAULT_POINTS: u32 = 48;
 
 /// How far a quaternion may be from unit length and still be taken as a rotation.
 pub(crate) const QUATERNION_SLACK: f64 = 1e-3;
@@ -37,6 +33,8 @@ pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, Command
         energy: energy(&raw.energy, source)?,
         lattice: lattice(&raw.lattice, metres, source)?,
         window: window(&raw.window, metres, source)?,
+        fit: fit(&raw.fit, metres, source)?,
+        device: device(raw.device, source)?,
         cache: folder.join(raw.cache.as_deref().unwrap_or(".pegfit-cache")),
     })
 }
@@ -57,20 +55,61 @@ fn part(
     }
     let mesh: PathBuf = folder.join(&table.mesh);
     let stem = mesh.file_stem().map(|s| s.to_string_lossy().into_owned());
-    let position = match &table.position {
+    Ok(Part {
+        name: table.name.clone().or(stem).unwrap_or(role.to_owned()),
+        mesh,
+        pose: pose(&table.position, &table.rotation, metres, source)?,
+    })
+}
+
+fn pose(
+    position: &Option<Spanned<[f64; 3]>>,
+    rotation: &Option<Spanned<[f64; 4]>>,
+    metres: f64,
+    source: &Source<'_>,
+) -> Result<Pose, CommandError> {
+    let translation = match position {
         Some(p) => finite(p, "position", source)? * metres,
         None => DVec3::ZERO,
     };
-    let rotation = match &table.rotation {
+    let rotation = match rotation {
         Some(q) => quaternion(*q.get_ref())
             .map_err(|found| source.error(q.span(), not_a_rotation("rotation", &found)))?,
         None => DQuat::IDENTITY,
     };
-    Ok(Part {
-        name: table.name.clone().or(stem).unwrap_or(role.to_owned()),
-        mesh,
-        pose: Pose::new(rotation, position),
+    Ok(Pose::new(rotation, translation))
+}
+
+fn fit(raw: &RawFit, metres: f64, source: &Source<'_>) -> Result<FitChoice, CommandError> {
+    let axis = match &raw.axis {
+        None => None,
+        Some(a) => Some(finite(a, "axis", source)?.try_normalize().ok_or_else(|| {
+            source.error(a.span(), "axis: expected a direction, found zero")
+        })?),
+    };
+    let depth = match &raw.depth {
+        None => None,
+        Some(d) => Some(positive(d, "depth", source)? * metres),
+    };
+    Ok(FitChoice {
+        assembled: pose(&raw.position, &raw.rotation, metres, source)?,
+        axis,
+        depth,
     })
+}
+
+fn device(
+    raw: Option<Spanned<HapticConfig>>,
+    source: &Source<'_>,
+) -> Result<HapticConfig, CommandError> {
+    let Some(table) = raw else {
+        return Ok(HapticConfig::default());
+    };
+    table
+        .get_ref()
+        .validate()
+        .map_err(|e| source.error(table.span(), format!("device: {e}")))?;
+    Ok(table.into_inner())
 }
 
 fn model(raw: &RawModel, source: &Source<'_>) -> Result<ScoreModel, CommandError> {
@@ -137,7 +176,7 @@ fn lattice(
             ));
         }
         (None, Some(n)) => LatticeStep::Points(*n.get_ref()),
-        (None, None) => LatticeStep::Points(DEFAULT_POINTS),
+        (None, None) => LatticeStep::Automatic,
     };
     let halo = match &raw.halo {
         Some(h) => Some(positive(h, "halo", source)? * metres),

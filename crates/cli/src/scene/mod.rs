@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use fft_correlate::{Pose, ScoreModel};
 use glam::DVec3;
+use haptic::HapticConfig;
 use miette::{NamedSource, SourceSpan};
 use sdf_grid::{LengthUnit, Sampling};
 
@@ -38,6 +39,10 @@ pub struct Scene {
     pub lattice: LatticeChoice,
     /// Which translations are searched and tabulated.
     pub window: WindowChoice,
+    /// Where the parts fit.
+    pub fit: FitChoice,
+    /// Settings of the haptic loop.
+    pub device: HapticConfig,
     /// Folder where fields are kept between runs.
     pub cache: PathBuf,
 }
@@ -82,6 +87,8 @@ pub enum LatticeStep {
     Spacing(f64),
     /// Nodes along the longest side of the larger part.
     Points(u32),
+    /// Chosen from the parts.
+    Automatic,
 }
 
 /// A box of displacements of the moving part.
@@ -91,6 +98,18 @@ pub struct WindowChoice {
     pub center: DVec3,
     /// Half its sides, metres; chosen from the parts if absent.
     pub half_extent: Option<DVec3>,
+}
+
+/// Where the parts fit, and the way in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitChoice {
+    /// Pose of the moving part when assembled.
+    pub assembled: Pose,
+    /// Unit direction, fixed frame, in which the moving part travels to seat; found by probing if
+    /// absent.
+    pub axis: Option<DVec3>,
+    /// Travel from the entrance to the seat, metres; the moving part's extent if absent.
+    pub depth: Option<f64>,
 }
 
 impl Scene {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use haptic::HapticConfig;
 use sdf_grid::LengthUnit;
 use serde::Deserialize;
 use serde::de::{MapAccess, Visitor, value::MapAccessDeserializer};
@@ -23,6 +24,9 @@ pub(crate) struct RawScene {
     pub(crate) window: RawWindow,
     #[serde(default)]
     pub(crate) energy: RawEnergy,
+    #[serde(default)]
+    pub(crate) fit: RawFit,
+    pub(crate) device: Option<Spanned<HapticConfig>>,
 }
 
 /// A part: a mesh path alone, or a table with more to say.
@@ -139,4 +143,13 @@ pub(crate) struct RawWindow {
 pub(crate) struct RawEnergy {
     pub(crate) gamma: Option<Spanned<f64>>,
     pub(crate) peak_force: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawFit {
+    pub(crate) position: Option<Spanned<[f64; 3]>>,
+    pub(crate) rotation: Option<Spanned<[f64; 4]>>,
+    pub(crate) axis: Option<Spanned<[f64; 3]>>,
+    pub(crate) depth: Option<Spanned<f64>>,
 }

@@ -1,0 +1,99 @@
+//! `pegfit score`: score, energy, force and torque at listed poses.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+
+use fft_correlate::{DirectEvaluator, DirectOptions, Pose};
+use rayon::prelude::*;
+
+use super::{Context, require_folder};
+use crate::args::ScoreArgs;
+use crate::assembly::Assembly;
+use crate::error::CommandError;
+use crate::poses::{PoseReader, ScoreWriter, ScoredPose};
+use crate::progress::check_interrupt;
+use crate::scene::Scene;
+use crate::atomic;
+
+/// Rows evaluated together.
+const CHUNK: usize = 1024;
+
+pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandError> {
+    let to_stdout = args.output == Path::new("-");
+    if !to_stdout {
+        require_folder(&args.output)?;
+    }
+    let poses = open(&args.poses)?;
+    let scorer = Scorer::new(args, context)?;
+    if to_stdout {
+        return stream(poses, &scorer, &mut std::io::stdout().lock(), "standard output");
+    }
+    let name = args.output.display().to_string();
+    atomic::write_with(&args.output, |out| stream(poses, &scorer, out, &name))
+}
+
+fn open(path: &Path) -> Result<PoseReader<Box<dyn Read>>, CommandError> {
+    if path == Path::new("-") {
+        return PoseReader::new("standard input", Box::new(std::io::stdin()));
+    }
+    let file = File::open(path).map_err(|e| CommandError::read(path, e))?;
+    PoseReader::new(&path.display().to_string(), Box::new(file))
+}
+
+/// Reads, evaluates and writes chunk by chunk, in order.
+fn stream(
+    mut poses: PoseReader<Box<dyn Read>>,
+    scorer: &Scorer,
+    out: &mut dyn Write,
+    name: &str,
+) -> Result<(), CommandError> {
+    let failed = |e: csv::Error| CommandError::failure(format!("writing {name}"), e);
+    let mut writer = ScoreWriter::new(out).map_err(failed)?;
+    loop {
+        check_interrupt()?;
+        let chunk: Vec<Pose> = poses.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
+        if chunk.is_empty() {
+            break;
+        }
+        for scored in scorer.score(&chunk) {
+            writer.write(&scored).map_err(failed)?;
+        }
+    }
+    writer
+        .flush()
+        .map_err(|e| CommandError::failure(format!("writing {name}"), e))
+}
+
+/// Where scores come from.
+enum Scorer {
+    Direct(Box<DirectEvaluator>),
+}
+
+impl Scorer {
+    fn new(args: &ScoreArgs, context: &Context) -> Result<Self, CommandError> {
+        let Some(scene) = &args.scene else {
+            unreachable!("clap requires --scene or --table")
+        };
+        let assembly = Assembly::load(Scene::read(scene)?, context)?;
+        let evaluator = assembly.direct(&DirectOptions::FULL)?;
+        Ok(Self::Direct(Box::new(evaluator)))
+    }
+
+    fn score(&self, poses: &[Pose]) -> Vec<ScoredPose> {
+        match self {
+            Self::Direct(evaluator) => poses
+                .par_iter()
+                .map(|pose| {
+                    let full = evaluator.evaluate_full(pose);
+                    ScoredPose {
+                        pose: *pose,
+                        score_re: full.score.re,
+                        score_im: Some(full.score.im),
+                        response: full.response,
+                    }
+                })
+                .collect(),
+        }
+    }
+}

@@ -46,6 +46,12 @@ pub enum Command {
     Check(CheckArgs),
     /// Compute the density field of one mesh and write it for ParaView
     Field(FieldArgs),
+    /// Score, energy, force and torque at listed poses
+    Score(ScoreArgs),
+    /// Run the 1 kHz haptic loop
+    Feel(FeelArgs),
+    /// Draw one of the paper's figures for a scene
+    Plot(PlotArgs),
 }
 
 /// Arguments of `pegfit demo`.
@@ -156,9 +162,6 @@ pub struct DockArgs {
 pub struct FeelArgs {
     /// Scene file
     pub scene: PathBuf,
-    /// Interpolate this table instead of evaluating directly
-    #[arg(long, value_name = "TABLE.zarr")]
-    pub table: Option<PathBuf>,
     /// The device that holds the moving part
     #[arg(long, value_enum, default_value_t = DeviceChoice::Simulated)]
     pub device: DeviceChoice,

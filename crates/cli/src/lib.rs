@@ -3,6 +3,7 @@
 //! The binary only parses arguments and turns a [`CommandError`] into text and an exit code.
 
 pub mod args;
+pub mod assembly;
 pub mod atomic;
 pub mod command;
 pub mod error;

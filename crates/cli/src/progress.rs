@@ -28,6 +28,11 @@ pub fn watch_for_interrupts() {
     }
 }
 
+/// The flag itself, for loops that watch one.
+pub fn cancel_flag() -> &'static AtomicBool {
+    &CANCELLED
+}
+
 /// True once a stop has been asked for.
 pub fn interrupted() -> bool {
     CANCELLED.load(Ordering::SeqCst)

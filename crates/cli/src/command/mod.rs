@@ -8,7 +8,11 @@ use crate::memory;
 use crate::progress::Progress;
 
 mod check;
+mod feel;
 mod field;
+mod hand;
+mod plot;
+mod score;
 
 /// What every command gets besides its own arguments.
 #[derive(Debug)]
@@ -35,6 +39,9 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     match &arguments.command {
         Command::Check(args) => check::run(args, &context),
         Command::Field(args) => field::run(args, &context),
+        Command::Score(args) => score::run(args, &context),
+        Command::Feel(args) => feel::run(args, &context),
+        Command::Plot(args) => plot::run(args, &context),
     }
 }
 

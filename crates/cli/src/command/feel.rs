@@ -1,0 +1,106 @@
+//! `pegfit feel`: the haptic loop.
+
+use std::path::Path;
+
+use fft_correlate::{DirectOptions, EnergySource};
+use haptic::{Clock, LoopReport, Outcome, Sample, Script, read_log};
+
+use super::plot::force_chart;
+use super::{Context, hand, print_json, require_folder};
+use crate::args::{DeviceChoice, FeelArgs, ScriptChoice};
+use crate::assembly::Assembly;
+use crate::error::CommandError;
+use crate::progress::interrupted;
+use crate::scene::Scene;
+use crate::{atomic, picture};
+
+pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
+    if !(args.seconds.is_finite() && args.seconds > 0.0) {
+        return Err(CommandError::option(
+            "--seconds",
+            "a positive number",
+            args.seconds,
+        ));
+    }
+    for output in [&args.log, &args.png].into_iter().flatten() {
+        require_folder(output)?;
+    }
+    let script = match args.script {
+        ScriptChoice::Collision => Script::Collision,
+        ScriptChoice::Snap => Script::Snap,
+        ScriptChoice::Free => Script::Free,
+    };
+    let assembly = Assembly::load(Scene::read(&args.scene)?, context)?;
+    let source = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let DeviceChoice::Simulated = args.device;
+    context.progress.note(&format!(
+        "the simulated hand holds {} for {} s",
+        assembly.scene.moving.name, args.seconds
+    ));
+    let outcome = hand::run_simulated(
+        &assembly,
+        &source as &dyn EnergySource,
+        script,
+        args.seconds,
+        Clock::Real,
+        args.log.as_deref(),
+    )?;
+    if let Some(path) = &args.png {
+        draw(path, args.log.as_deref(), &outcome, script)?;
+    }
+    if context.json {
+        print_json(&outcome.report)?;
+    } else {
+        print(&outcome.report);
+    }
+    // The log and the picture of an interrupted run are whole: it only ended early.
+    match interrupted() {
+        true => Err(CommandError::Interrupted),
+        false => Ok(()),
+    }
+}
+
+fn draw(
+    png: &Path,
+    log: Option<&Path>,
+    outcome: &Outcome,
+    script: Script,
+) -> Result<(), CommandError> {
+    let logged;
+    let samples: &[Sample] = match log {
+        Some(path) => {
+            logged = read_log(path).map_err(|e| CommandError::failure("reading the log", e))?;
+            &logged
+        }
+        None => &outcome.samples,
+    };
+    let chart = force_chart(format!("{script:?} test, simulated hand"), samples);
+    let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
+    atomic::write(png, &bytes)
+}
+
+fn print(report: &LoopReport) {
+    println!("device      {}", report.device);
+    println!(
+        "rate        {:.1} Hz over {:.2} s, {} ticks",
+        report.rate_hz, report.seconds, report.ticks
+    );
+    println!("                      p50       p99     p99.9       max");
+    for (name, q) in [("latency", report.latency_us), ("lateness", report.lateness_us)] {
+        println!(
+            "{name:<11} {:>10.1}{:>10.1}{:>10.1}{:>10.1} µs",
+            q.p50, q.p99, q.p999, q.max
+        );
+    }
+    println!(
+        "overruns    {} ({} ticks left out)",
+        report.overruns, report.missed
+    );
+    println!(
+        "peak force  {:.3} N, peak torque {:.4} N·m",
+        report.peak_force, report.peak_torque
+    );
+    for note in &report.granted.notes {
+        println!("note        {note}");
+    }
+}

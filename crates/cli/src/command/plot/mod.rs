@@ -1,0 +1,84 @@
+//! `pegfit plot`: the paper's figures for any scene.
+
+mod curve;
+mod density;
+mod force;
+mod surface;
+mod well;
+
+use std::path::Path;
+
+use super::{Context, require_folder};
+use crate::args::{PlotArgs, PlotKind};
+use crate::assembly::Assembly;
+use crate::error::CommandError;
+use crate::scene::Scene;
+use crate::slice::Slice;
+use crate::atomic;
+
+pub(super) use curve::{Motion, curve};
+pub(super) use density::{densities, overlap};
+pub(super) use force::force_chart;
+pub(super) use surface::score_surface;
+pub(super) use well::{analyse, print_well};
+
+pub(super) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
+    refuse_unused(args)?;
+    let scene = Scene::read(&args.scene)?;
+    let slice = match &args.slice {
+        Some(text) => Some(Slice::parse(text, scene.unit)?),
+        None => None,
+    };
+    let along = args.along.as_deref();
+    let plane = surface::parse_plane(along.filter(|_| args.kind == PlotKind::Score))?;
+    let motion = Motion::parse(along.filter(|_| args.kind == PlotKind::Energy))?;
+    let assembly = Assembly::load(scene, context)?;
+    let slice = slice.unwrap_or_else(|| middle(&assembly));
+    let picture = match args.kind {
+        PlotKind::Density => densities(&assembly, &slice, context)?,
+        PlotKind::Overlap => overlap(&assembly, &slice, context)?,
+        PlotKind::Score => score_surface(&assembly, plane)?,
+        PlotKind::Energy => curve(&assembly, motion)?,
+        PlotKind::Force => force::both_tests(&assembly, context)?,
+        PlotKind::Well => {
+            return print_well(&assembly, &analyse(&assembly)?, context);
+        }
+    };
+    let output = output(args)?;
+    atomic::write(output, &picture)?;
+    if !context.json {
+        println!("wrote {}", output.display());
+    }
+    Ok(())
+}
+
+fn output(args: &PlotArgs) -> Result<&Path, CommandError> {
+    args.output
+        .as_deref()
+        .ok_or_else(|| CommandError::option("--output", "a picture file", "none"))
+}
+
+/// Options that the kind would ignore are mistakes to report, before anything is computed.
+fn refuse_unused(args: &PlotArgs) -> Result<(), CommandError> {
+    let kind = args.kind;
+    let unused = |option: &str| CommandError::option(option, "no such option for this figure", "one");
+    if args.slice.is_some() && !matches!(kind, PlotKind::Density | PlotKind::Overlap) {
+        return Err(unused("--slice"));
+    }
+    if args.along.is_some() && !matches!(kind, PlotKind::Score | PlotKind::Energy) {
+        return Err(unused("--along"));
+    }
+    match (kind, &args.output) {
+        (PlotKind::Well, Some(_)) => Err(unused("--output")),
+        (PlotKind::Well, None) => Ok(()),
+        _ => require_folder(output(args)?),
+    }
+}
+
+/// The plane y = constant through the middle of the assembled moving part.
+fn middle(assembly: &Assembly) -> Slice {
+    Slice {
+        axis: 1,
+        at: assembly.assembled().apply(assembly.pair.pivot()).y,
+    }
+}

@@ -1,0 +1,72 @@
+//! The well about the fit in numbers: depth, stiffness, diameter, barriers.
+
+use fft_correlate::{DirectOptions, Well, WellOptions};
+use glam::DVec3;
+
+use crate::assembly::Assembly;
+use crate::command::{Context, print_json};
+use crate::error::CommandError;
+use crate::slice::AXES;
+
+pub(in crate::command) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {
+    let source = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let options = WellOptions {
+        length: assembly.pair.spacing(),
+        radius: assembly.radius(),
+        reach: assembly.half_extent.max_element(),
+        pivot: assembly.pair.pivot(),
+        directions: DVec3::AXES.into_iter().flat_map(|a| [a, -a]).collect(),
+    };
+    Well::analyse(&source, &assembly.assembled(), &options)
+        .map_err(|e| CommandError::bad_input(assembly.context("well"), e))
+}
+
+pub(in crate::command) fn print_well(
+    assembly: &Assembly,
+    well: &Well,
+    context: &Context,
+) -> Result<(), CommandError> {
+    if context.json {
+        return print_json(well);
+    }
+    let unit = assembly.scene.unit;
+    let metre = unit.in_metres();
+    println!("depth       {:.4} mJ", 1e3 * well.depth);
+    let offset = DVec3::from_array(well.offset) / metre;
+    let turn = DVec3::from_array(well.turn).length().to_degrees();
+    println!(
+        "minimum     ({:.4}, {:.4}, {:.4}) {unit} and {turn:.3} degrees from the fit",
+        offset.x, offset.y, offset.z
+    );
+    println!(
+        "stiffness is the second difference of the energy over {:.4} {unit} (and the angle that \
+         moves the rim by it)",
+        well.length / metre
+    );
+    println!("  axis     stiffness          diameter           peak");
+    for (name, axis) in AXES.iter().zip(&well.translations) {
+        println!(
+            "  {name:<4} {:>13.4} N/m  {:>10.4} {unit}  {:>10.4} N",
+            axis.stiffness,
+            (axis.sides[0].convex + axis.sides[1].convex) / metre,
+            axis.sides[0].peak.max(axis.sides[1].peak)
+        );
+    }
+    for (name, axis) in AXES.iter().zip(&well.rotations) {
+        println!(
+            "  r{name:<3} {:>13.6} N·m/rad {:>7.3} degrees {:>7.5} N·m",
+            axis.stiffness,
+            (axis.sides[0].convex + axis.sides[1].convex).to_degrees(),
+            axis.sides[0].peak.max(axis.sides[1].peak)
+        );
+    }
+    println!("barriers, as fractions of the depth: the climb on the way out and on the way in");
+    for barrier in &well.barriers {
+        let [x, y, z] = barrier.direction;
+        println!(
+            "  ({x:>2.0}, {y:>2.0}, {z:>2.0})  out {:>7.3}  in {:>7.3}  beyond {:>7.3}",
+            barrier.escape, barrier.entry, barrier.beyond
+        );
+    }
+    Ok(())
+}

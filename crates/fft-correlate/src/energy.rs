@@ -19,6 +19,8 @@ pub struct Response {
 pub struct Scratch {
     /// Single-precision work space; its layout belongs to the source that made it.
     pub f32s: Vec<f32>,
+    /// Work spaces of the members of a source that is made of several.
+    pub nested: Vec<Scratch>,
 }
 
 /// Anything that gives energy and wrench at a pose: a table, a direct evaluator, a sum of several.

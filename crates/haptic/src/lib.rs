@@ -31,6 +31,7 @@ pub mod script;
 pub mod servo;
 pub mod simulated;
 pub mod spacemouse;
+pub mod sum;
 pub mod workspace;
 
 pub use config::{ConfigError, HapticConfig};
@@ -44,4 +45,5 @@ pub use sample::{Sample, flags};
 pub use script::{Geometry, Script};
 pub use servo::{Clock, HapticError, LoopReport, Outcome, Session, Viewer};
 pub use simulated::{HandConfig, SimulatedHand};
+pub use sum::{Placed, SumSource};
 pub use workspace::Workspace;

@@ -156,3 +156,49 @@ fn fewer_evaluations_follow_the_wall_less_closely_but_hold() {
     }
     assert!(deepest[0] < 5e-4 && deepest[2] <= deepest[0], "{deepest:?}");
 }
+
+/// The well as a single-precision table would give it: numbers that tremble in their last digits.
+struct Noisy(Well);
+
+impl EnergySource for Noisy {
+    fn scratch(&self) -> fft_correlate::Scratch {
+        self.0.scratch()
+    }
+
+    fn evaluate(
+        &self,
+        pose: &Pose,
+        scratch: &mut fft_correlate::Scratch,
+    ) -> fft_correlate::Response {
+        let mut answer = self.0.evaluate(pose, scratch);
+        // 1e-7 J and 5 mN: f32 energies of order one joule, a wrench 0.1 % off; a function of the
+        // pose, as interpolation errors are.
+        let p = pose.translation * 3e5;
+        answer.energy += 1e-7 * (p.x + 2.0 * p.y + 3.0 * p.z).sin();
+        answer.wrench.force.x += 0.005 * (2.0 * p.x - p.y).cos();
+        answer
+    }
+}
+
+#[test]
+fn a_source_of_single_precision_does_not_make_it_buzz() {
+    let quiet = HandConfig {
+        push: 0.0,
+        ..HandConfig::default()
+    };
+    let mut device = hand(quiet, Script::Collision);
+    let outcome = Session::new(HapticConfig::default(), workspace())
+        .keep_samples()
+        .run(
+            &mut device,
+            &Noisy(Well::default()),
+            Clock::Simulated,
+            10.0,
+            &AtomicBool::new(false),
+        )
+        .unwrap();
+    let samples = outcome.samples[1000..].iter();
+    let felt: Vec<f64> = samples.map(|s| s.wrench.force.x).collect();
+    let buzz = rms_above(&felt, 1000.0, 50.0);
+    assert!(buzz < 0.01, "{buzz}");
+}

@@ -7,6 +7,7 @@
 
 pub mod bvh;
 pub mod density;
+pub mod field_cache;
 pub mod hygiene;
 pub mod kernel;
 pub mod lattice;
@@ -26,6 +27,7 @@ pub use bvh::{Bvh, Nearest};
 pub use density::{
     DensityError, DensityField, DensityOptions, ReferenceDensity, Sampling, UnitDensity,
 };
+pub use field_cache::{CacheError, FieldCache};
 pub use hygiene::{HygieneOptions, HygieneReport};
 pub use kernel::{DensityKernel, KernelError};
 pub use lattice::{Lattice, LatticeError};

@@ -163,7 +163,7 @@ impl DensityField {
     }
 
     /// A field of zeros.
-    fn allocate(
+    pub(crate) fn allocate(
         mesh: &TriangleMesh,
         kernel: &DensityKernel,
         lattice: &Lattice,

@@ -27,24 +27,28 @@ use quadrature::{Blocks, merge_limit};
 /// How many points a [`DirectEvaluator`] uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectOptions {
-    /// Blocks of cells merge into one point when `side <= merge_ratio * distance to the boundary`.
-    /// 0 keeps every cell. Dimensionless, >= 0.
-    pub merge_ratio: f64,
-    /// At most this many points in all; more blocks merge, those with the smallest ratio first,
-    /// until it is met. Merging moves weight, it never drops any. None sets no limit.
+    /// Blocks of cells merge into one point where the density varies by no more than this within
+    /// the block (standard deviation over the part's root mean square) and the block is no wider
+    /// than ten times this times its distance to the boundary. 0 keeps every cell that differs
+    /// from its neighbours. Dimensionless, >= 0. Force errors near the fit are a few times its
+    /// square.
+    pub merge_tolerance: f64,
+    /// At most this many points in all, as far as blocks of 16 cells per side allow; more blocks
+    /// merge, the smoothest first, until it is met. Merging moves weight, it never drops any. None
+    /// sets no limit.
     pub max_points: Option<usize>,
 }
 
 impl DirectOptions {
     /// Every cell its own point: for scoring, refinement and as a reference.
     pub const FULL: Self = Self {
-        merge_ratio: 0.0,
+        merge_tolerance: 0.0,
         max_points: None,
     };
 
     /// Few enough points for a 1 kHz loop on one core. The default.
     pub const REAL_TIME: Self = Self {
-        merge_ratio: 0.25,
+        merge_tolerance: 0.1,
         max_points: Some(20_000),
     };
 }
@@ -103,9 +107,9 @@ pub enum DirectError {
 pub struct DirectDescription {
     /// Per product: what it multiplies, its cells, and its points after merging.
     pub terms: Vec<TermDescription>,
-    /// Blocks merged up to this `side / distance`; above about 4, blocks cut by the boundary had
-    /// to merge to meet the limit.
-    pub merge_ratio: f64,
+    /// Blocks merged up to this cost (see [`DirectOptions::merge_tolerance`]); from about 0.4 on,
+    /// blocks at the boundary had to merge to meet the limit on points.
+    pub merge_tolerance: f64,
     /// Bytes of points and looked-up lattices.
     pub bytes: u64,
 }
@@ -139,8 +143,8 @@ impl std::fmt::Display for DirectDescription {
         }
         write!(
             f,
-            "merged up to {:.2} of the distance to the boundary, {:.1} MiB",
-            self.merge_ratio,
+            "merged up to a variation of {:.2}, {:.1} MiB",
+            self.merge_tolerance,
             self.bytes as f64 / f64::from(1 << 20)
         )
     }
@@ -154,7 +158,7 @@ pub struct DirectEvaluator {
     description: DirectDescription,
 }
 
-/// One term, ready to evaluate.
+/// The points of one term that stand for equally large blocks, and the density they see.
 struct Product {
     points_of: Side,
     points: PointSet,
@@ -191,36 +195,39 @@ impl DirectEvaluator {
             .iter()
             .map(|t| Blocks::new(field(t.points), t.weights))
             .collect();
-        let limit = merge_limit(&blocks, options.merge_ratio as f32, options.max_points);
+        let limit = merge_limit(&blocks, options.merge_tolerance as f32, options.max_points);
         let mut products = Vec::new();
         let mut description = DirectDescription {
             terms: Vec::new(),
-            merge_ratio: limit.into(),
+            merge_tolerance: limit.into(),
             bytes: 0,
         };
         for (term, blocks) in terms.iter().zip(&blocks) {
+            let points = blocks.points(limit);
+            let coarsest = points.iter().rposition(|p| !p.is_empty());
             let looked_up = term.points.other();
-            let grid = LookupGrid::new(field(looked_up), term.lookup).map_err(|found| {
-                DirectError::Size {
+            let grids =
+                LookupGrid::pyramid(field(looked_up), term.lookup, coarsest.map_or(0, |l| l + 1))
+                    .map_err(|found| DirectError::Size {
                     side: looked_up,
                     limit: LookupGrid::MAX_NODES,
                     found,
-                }
-            })?;
-            // A density without exterior (no room on its lattice) leaves nothing to look up.
-            let Some(grid) = grid else { continue };
-            let points = PointSet::new(&blocks.points(limit), pair.spacing());
-            description.bytes += points.bytes() + grid.bytes();
+                })?;
             description.terms.push(TermDescription {
                 term: *term,
                 cells: blocks.cells(),
-                points: points.len(),
+                points: points.iter().map(Vec::len).sum(),
             });
-            products.push(Product {
-                points_of: term.points,
-                points,
-                grid,
-            });
+            // A density without exterior (no room on its lattice) leaves nothing to look up.
+            for (points, grid) in points.iter().zip(grids).filter(|(p, _)| !p.is_empty()) {
+                let points = PointSet::new(points, pair.spacing());
+                description.bytes += points.bytes() + grid.bytes();
+                products.push(Product {
+                    points_of: term.points,
+                    points,
+                    grid,
+                });
+            }
         }
         Ok(Self {
             products,
@@ -307,12 +314,12 @@ impl EnergySource for DirectEvaluator {
 }
 
 fn validate(options: &DirectOptions) -> Result<(), DirectError> {
-    let ratio = options.merge_ratio;
-    if !(ratio.is_finite() && ratio >= 0.0) {
+    let tolerance = options.merge_tolerance;
+    if !(tolerance.is_finite() && tolerance >= 0.0) {
         return Err(DirectError::Option {
-            name: "merge_ratio",
+            name: "merge_tolerance",
             expected: "finite and >= 0",
-            found: ratio,
+            found: tolerance,
         });
     }
     if options.max_points == Some(0) {

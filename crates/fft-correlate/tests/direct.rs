@@ -236,12 +236,12 @@ fn bad_input_is_refused_with_what_was_found() {
         Err(e) => e,
         Ok(_) => panic!("accepted {options:?}"),
     };
-    let bad_ratio = refuse(DirectOptions {
-        merge_ratio: -1.0,
+    let bad_tolerance = refuse(DirectOptions {
+        merge_tolerance: -1.0,
         max_points: None,
     });
     assert!(
-        matches!(bad_ratio, DirectError::Option { name: "merge_ratio", found, .. } if found == -1.0)
+        matches!(bad_tolerance, DirectError::Option { name: "merge_tolerance", found, .. } if found == -1.0)
     );
     let no_points = refuse(DirectOptions {
         max_points: Some(0),

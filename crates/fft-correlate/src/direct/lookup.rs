@@ -31,7 +31,10 @@ pub(super) struct LookupGrid {
     shape: [usize; 3],
     /// Position of the first padded node, metres.
     origin: DVec3,
+    /// Metres; the unit of the kernel's coordinates.
     spacing: f64,
+    /// Spacing of the density's lattice, metres; the unit of point sets.
+    cell: f64,
 }
 
 /// Sixteen points: coordinates in cells from the set's centre, complex weights.
@@ -57,7 +60,6 @@ pub(super) struct PointSet {
     clusters: Vec<Cluster>,
     /// Metres, the part's frame.
     centre: DVec3,
-    len: usize,
 }
 
 /// Sum of weighted lookups and its first derivatives, in the looked-up part's frame.
@@ -75,41 +77,138 @@ impl LookupGrid {
     /// The largest number of padded nodes: offsets of the kernel are 32-bit.
     pub(super) const MAX_NODES: usize = (u32::MAX / 2) as usize;
 
-    /// None if there is nothing to look up; the shape may exceed [`Self::MAX_NODES`] only in the
-    /// error.
-    pub(super) fn new(field: &DensityField, blend: Blend) -> Result<Option<Self>, u64> {
-        let Some((first, last)) = occupied(field, blend) else {
-            return Ok(None);
+    /// Grids for points that stand for single cells and for blocks of 2, 4, ... cells per side,
+    /// `levels` in all; empty if there is nothing to look up. The number of nodes if there are
+    /// more than [`Self::MAX_NODES`].
+    pub(super) fn pyramid(
+        field: &DensityField,
+        blend: Blend,
+        levels: usize,
+    ) -> Result<Vec<Self>, u64> {
+        let Some(values) = Values::new(field, blend) else {
+            return Ok(Vec::new());
         };
-        let shape = [0, 1, 2].map(|a| last[a] - first[a] + 1 + 2 * PAD);
+        let cell = Self::new(&values, field.lattice.spacing())?;
+        let mut grids = vec![cell];
+        for level in 1..levels {
+            let smoothed = values.for_blocks(level);
+            grids.push(Self::new(&smoothed, field.lattice.spacing())?);
+        }
+        Ok(grids)
+    }
+
+    fn new(values: &Values, cell: f64) -> Result<Self, u64> {
+        let inner = values.shape;
+        let shape = inner.map(|n| n + 2 * PAD);
         let nodes = shape.iter().map(|&n| n as u64).product::<u64>();
         if nodes > Self::MAX_NODES as u64 {
             return Err(nodes);
         }
-        let mut values = vec![0.0; 2 * nodes as usize];
-        for i in first[0]..=last[0] {
-            for j in first[1]..=last[1] {
-                for k in first[2]..=last[2] {
-                    let (o, v) = (field.exterior[[i, j, k]], field.interior[[i, j, k]]);
-                    let (e, n) = (blend.exterior as f32, blend.interior as f32);
-                    let x = (i - first[0] + PAD) * shape[1] + j - first[1] + PAD;
-                    let at = 2 * (x * shape[2] + k - first[2] + PAD);
-                    values[at] = e * o.re + n * v.re;
-                    values[at + 1] = e * o.im + n * v.im;
-                }
+        let mut padded = vec![0.0; 2 * nodes as usize];
+        for i in 0..inner[0] {
+            for j in 0..inner[1] {
+                let from = 2 * (i * inner[1] + j) * inner[2];
+                let to = 2 * (((i + PAD) * shape[1] + j + PAD) * shape[2] + PAD);
+                let length = 2 * inner[2];
+                padded[to..to + length].copy_from_slice(&values.values[from..from + length]);
             }
         }
-        let spacing = field.lattice.spacing();
-        Ok(Some(Self {
-            values,
+        let spacing = values.stride as f64 * cell;
+        Ok(Self {
+            values: padded,
             shape,
-            origin: field.lattice.position(first) - spacing * PAD as f64,
+            origin: values.origin - spacing * PAD as f64,
             spacing,
-        }))
+            cell,
+        })
     }
 
     pub(super) fn bytes(&self) -> u64 {
         size_of_val(self.values.as_slice()) as u64
+    }
+}
+
+/// Interleaved complex values on a box of nodes, before padding.
+struct Values {
+    values: Vec<f32>,
+    shape: [usize; 3],
+    origin: DVec3,
+    /// Spacing in cells of the density's lattice.
+    stride: usize,
+    /// Spacing of that lattice, metres.
+    cell: f64,
+}
+
+impl Values {
+    /// The smallest box that holds every non-zero node.
+    fn new(field: &DensityField, blend: Blend) -> Option<Self> {
+        let (first, last) = occupied(field, blend)?;
+        let shape: [usize; 3] = std::array::from_fn(|a| last[a] - first[a] + 1);
+        let mut values = Vec::with_capacity(2 * shape.iter().product::<usize>());
+        let (e, n) = (blend.exterior as f32, blend.interior as f32);
+        for i in first[0]..=last[0] {
+            for j in first[1]..=last[1] {
+                for k in first[2]..=last[2] {
+                    let (o, v) = (field.exterior[[i, j, k]], field.interior[[i, j, k]]);
+                    values.extend([e * o.re + n * v.re, e * o.im + n * v.im]);
+                }
+            }
+        }
+        Some(Self {
+            values,
+            shape,
+            origin: field.lattice.position(first),
+            stride: 1,
+            cell: field.lattice.spacing(),
+        })
+    }
+
+    /// The values that a point standing for a block of `2^level` cells per side should see: the
+    /// mean over the block. Interpolating on a lattice of spacing `s = 2^(level - 1)` cells
+    /// smooths with variance s²/6 per axis, single cells with 1/6, the block asks for
+    /// `(4^level - 1) / 12` on top; a box of n cells, `n² = 2 s² + 2`, makes up the difference.
+    /// Cubes have isotropic covariance, so this holds for every rotation between the two.
+    fn for_blocks(&self, level: usize) -> Self {
+        let stride = 1 << (level - 1);
+        let width = ((2 * stride * stride + 2) as f64).sqrt().round() as usize;
+        let mut out = Self {
+            values: self.values.clone(),
+            shape: self.shape,
+            origin: self.origin,
+            stride,
+            cell: self.cell,
+        };
+        for axis in 0..3 {
+            out.smooth(axis, stride, width);
+        }
+        out
+    }
+
+    /// Means over boxes of `width` nodes along `axis`, one every `stride` nodes.
+    fn smooth(&mut self, axis: usize, stride: usize, width: usize) {
+        let before = self.shape;
+        let length = before[axis];
+        // Box k covers nodes k stride - (width - 1) .. k stride, so the first holds node 0 only.
+        let boxes = (length + width - 2) / stride + 1;
+        self.shape[axis] = boxes;
+        // Numbers between neighbours along the axis; everything before the axis repeats.
+        let step = 2 * before[axis + 1..].iter().product::<usize>();
+        let repeats: usize = before[..axis].iter().product();
+        let mut out = vec![0.0f32; repeats * boxes * step];
+        for r in 0..repeats {
+            for k in 0..boxes {
+                let nodes = (k * stride + 1).saturating_sub(width)..(k * stride + 1).min(length);
+                let to = (r * boxes + k) * step;
+                for node in nodes {
+                    let from = (r * length + node) * step;
+                    for c in 0..step {
+                        out[to + c] += self.values[from + c] / width as f32;
+                    }
+                }
+            }
+        }
+        self.values = out;
+        self.origin[axis] -= 0.5 * (width - 1) as f64 * self.cell;
     }
 }
 
@@ -137,7 +236,6 @@ impl PointSet {
             blocks: Vec::with_capacity(points.len().div_ceil(LANES)),
             clusters: Vec::with_capacity(points.len().div_ceil(LANES * CLUSTER)),
             centre,
-            len: points.len(),
         };
         for chunk in points.chunks(LANES * CLUSTER) {
             set.push_cluster(chunk, spacing);
@@ -179,10 +277,6 @@ impl PointSet {
         self.blocks.append(&mut blocks);
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.len
-    }
-
     pub(super) fn bytes(&self) -> u64 {
         (size_of_val(self.blocks.as_slice()) + size_of_val(self.clusters.as_slice())) as u64
     }
@@ -190,19 +284,23 @@ impl PointSet {
 
 /// The map from a point set's coordinates to a grid's padded fractional indices.
 struct Map {
-    /// Rows of the rotation.
+    /// Rows of the rotation, times cells per grid spacing.
     rows: [[f32; 3]; 3],
     /// Where the set's centre lands, padded fractional index.
     centre: [f32; 3],
+    /// Cells per grid spacing.
+    scale: f32,
 }
 
 impl Map {
     fn new(points: &PointSet, grid: &LookupGrid, motion: &Pose) -> Self {
         let rotation = DMat3::from_quat(motion.rotation).transpose();
         let centre = (motion.apply(points.centre) - grid.origin) / grid.spacing;
+        let scale = grid.cell / grid.spacing;
         Self {
             rows: [rotation.x_axis, rotation.y_axis, rotation.z_axis]
-                .map(|r| r.as_vec3().to_array()),
+                .map(|r| (scale * r).as_vec3().to_array()),
+            scale: scale as f32,
             centre: centre.as_vec3().to_array(),
         }
     }
@@ -216,7 +314,8 @@ impl Map {
             let c = cluster.centre;
             let u = self.centre[a] + r[0] * c[0] + r[1] * c[1] + r[2] * c[2];
             let (low, high) = (inside, (shape[a] - 1) as f32 - inside);
-            u + cluster.radius < low || u - cluster.radius > high
+            let radius = self.scale * cluster.radius;
+            u + radius < low || u - radius > high
         })
     }
 }
@@ -233,7 +332,8 @@ pub(super) fn sum<const IMAGINARY: bool>(
     let mut totals = [0.0f64; 8];
     dispatch!(level, simd => sum_clusters::<_, IMAGINARY>(simd, points, grid, &map, &mut totals));
     let [re, im, gx, gy, gz, mx, my, mz] = totals;
-    // The kernel differentiates per cell and takes levers in cells about the set's centre.
+    // The kernel differentiates per grid spacing and takes levers, in that unit, about the set's
+    // centre.
     let gradient = DVec3::new(gx, gy, gz) / grid.spacing;
     let lever = motion.rotation * points.centre;
     Sums {
@@ -324,6 +424,20 @@ fn prepare<const IMAGINARY: bool>(block: &Block, shape: [usize; 3], map: &Map, l
     }
 }
 
+/// The two points `2 * pair` and `2 * pair + 1` of a per-lane quantity.
+#[inline(always)]
+fn load<S: Simd>(simd: S, lanes: &[[f32; 4]; LANES], pair: usize) -> f32x8<S> {
+    f32x8::from_slice(simd, lanes[2 * pair..2 * pair + 2].as_flattened())
+}
+
+/// Real and imaginary part at two z-neighbours, for two points.
+#[inline(always)]
+fn corner<S: Simd>(simd: S, values: &[f32], at: [usize; 2], offset: usize) -> f32x8<S> {
+    let (a, b) = (at[0] + offset, at[1] + offset);
+    let low = f32x4::from_slice(simd, &values[a..a + 4]);
+    low.combine(f32x4::from_slice(simd, &values[b..b + 4]))
+}
+
 /// Adds a block's weighted values, gradients and moments, two points at a time.
 #[inline(always)]
 fn accumulate<S: Simd, const IMAGINARY: bool>(
@@ -336,31 +450,31 @@ fn accumulate<S: Simd, const IMAGINARY: bool>(
     let plane = row * grid.shape[1];
     let values = grid.values.as_slice();
     for pair in 0..LANES / 2 {
-        let load = |array: &[[f32; 4]; LANES]| {
-            let two = array[2 * pair..2 * pair + 2].as_flattened();
-            f32x8::from_slice(simd, two)
-        };
-        let at = [lanes.offset[2 * pair], lanes.offset[2 * pair + 1]].map(|o| o as usize);
-        let corner = |o: usize| {
-            let four = |start: usize| f32x4::from_slice(simd, &values[start..start + 4]);
-            four(at[0] + o).combine(four(at[1] + o))
-        };
-        let (c00, c01) = (corner(0), corner(row));
-        let (c10, c11) = (corner(plane), corner(plane + row));
-        let (fx, fy) = (load(&lanes.fraction[0]), load(&lanes.fraction[1]));
+        let at = [
+            lanes.offset[2 * pair] as usize,
+            lanes.offset[2 * pair + 1] as usize,
+        ];
+        let c00 = corner(simd, values, at, 0);
+        let c01 = corner(simd, values, at, row);
+        let c10 = corner(simd, values, at, plane);
+        let c11 = corner(simd, values, at, plane + row);
+        let fx = load(simd, &lanes.fraction[0], pair);
+        let fy = load(simd, &lanes.fraction[1], pair);
         let (dy0, dy1) = (c01 - c00, c11 - c10);
         let (low, high) = (fy.mul_add(dy0, c00), fy.mul_add(dy1, c10));
         let dx = high - low;
         let dy = fx.mul_add(dy1 - dy0, dy0);
         let value = fx.mul_add(dx, low);
 
-        let weight = load(&lanes.weight[0]);
+        let weight = load(simd, &lanes.weight[0], pair);
         let (gx, gy) = (dx * weight, dy * weight);
-        let gz = value * load(&lanes.weight[1]);
-        let [rx, ry, rz] = [0, 1, 2].map(|a| load(&lanes.lever[a]));
+        let gz = value * load(simd, &lanes.weight[1], pair);
+        let rx = load(simd, &lanes.lever[0], pair);
+        let ry = load(simd, &lanes.lever[1], pair);
+        let rz = load(simd, &lanes.lever[2], pair);
         sums[0] = value.mul_add(weight, sums[0]);
         if IMAGINARY {
-            sums[1] = value.mul_add(load(&lanes.weight[2]), sums[1]);
+            sums[1] = value.mul_add(load(simd, &lanes.weight[2], pair), sums[1]);
         }
         sums[2] += gx;
         sums[3] += gy;

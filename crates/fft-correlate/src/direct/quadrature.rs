@@ -1,11 +1,18 @@
 //! Quadrature points of one part: its cells, merged where the density is smooth.
 //!
 //! A cell gives one point at its node with weight `blend(node) * cell volume`; a cell cut by the
-//! boundary carries its average. Blocks of 2, 4, 8, ... cells per side merge into one point that
-//! keeps their total weight and centroid, in the order of their ratio
-//! `block side / smallest distance to the boundary in the block`: the density is invariant under
-//! scaling, so it varies over lengths proportional to that distance and the error of a merged
-//! point grows with the square of the ratio. No weight is ever dropped.
+//! boundary carries its average. Blocks of 2, 4, 8, 16 cells per side merge into one point that
+//! keeps their total weight and centroid. The cost of a merge is the larger of
+//!
+//! - the standard deviation of the density within the block over the part's root mean square: the
+//!   other part's density has its own ridges there when the two fit, and the product of the two
+//!   deviations is what a merged point misses;
+//! - a tenth of `side of the block / smallest distance to the boundary in it`, so that contact
+//!   stays sharp: a wall that enters the block is felt over its side.
+//!
+//! Merges happen in the order of their cost, in all blocks of the same cost at once, which keeps
+//! the symmetry of the parts. No weight is ever dropped. A merged point is looked up in a density
+//! averaged over its block, so that a boundary that crosses the block does little harm.
 
 use glam::DVec3;
 use ndarray::Array3;
@@ -15,7 +22,9 @@ use sdf_grid::DensityField;
 use super::plan::Blend;
 
 /// Blocks of up to `2^LEVELS` cells per side merge.
-const LEVELS: usize = 6;
+const LEVELS: usize = 4;
+/// Cost of a block as wide as its distance to the boundary.
+const NEARNESS: f32 = 0.1;
 
 /// A quadrature point: place (metres, the part's frame) and weight (density times volume).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,17 +33,41 @@ pub(super) struct Point {
     pub(super) weight: Complex64,
 }
 
-/// The blocks of one part's cells and their ratios, from which point sets of any size follow.
+/// The blocks of one part's cells and their costs, from which point sets of any size follow.
 pub(super) struct Blocks<'a> {
     field: &'a DensityField,
     blend: Blend,
     /// Cells that contribute.
     cells: usize,
-    /// `levels[l]`: for each block of `2^(l+1)` cells per side its ratio, negative if it holds no
-    /// cell that contributes.
-    levels: Vec<Array3<f32>>,
-    /// `(ratio, points saved)` of every block that holds at least two points of the level below.
+    /// `levels[l]`: blocks of `2^(l+1)` cells per side.
+    levels: Vec<Array3<Node>>,
+    /// Root mean square density of the cells that contribute.
+    rms: f64,
+    /// `(cost, points saved)` of every block that holds at least two points of the level below.
     merges: Vec<(f32, u8)>,
+}
+
+/// A block of cells: sums of its densities, and the cost of making it one point.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    cost: f32,
+    /// Smallest distance to the boundary, metres; infinite if empty.
+    distance: f32,
+    sum: Complex64,
+    square: f64,
+}
+
+impl Node {
+    const EMPTY: Self = Self {
+        cost: 0.0,
+        distance: f32::INFINITY,
+        sum: Complex64::ZERO,
+        square: 0.0,
+    };
+
+    fn is_occupied(&self) -> bool {
+        self.distance.is_finite()
+    }
 }
 
 impl<'a> Blocks<'a> {
@@ -44,13 +77,14 @@ impl<'a> Blocks<'a> {
             blend,
             cells: blend.count(field),
             levels: Vec::new(),
+            rms: 0.0,
             merges: Vec::new(),
         };
-        for level in 0..LEVELS {
+        let cells =
+            (0..field.lattice.len()).map(|f| blocks.cell_node(field.lattice.unravel(f)).square);
+        blocks.rms = (cells.sum::<f64>() / blocks.cells.max(1) as f64).sqrt();
+        for level in 1..=LEVELS {
             blocks.add_level(level);
-            if blocks.levels[level].len() == 1 {
-                break;
-            }
         }
         blocks
     }
@@ -60,56 +94,71 @@ impl<'a> Blocks<'a> {
         self.cells
     }
 
-    /// `(ratio, points saved)` of every possible merge.
+    /// `(cost, points saved)` of every possible merge.
     pub(super) fn merges(&self) -> &[(f32, u8)] {
         &self.merges
     }
 
-    /// Ratio of a single cell, `h / distance`, negative if it does not contribute.
-    fn cell_ratio(&self, index: [usize; 3]) -> f32 {
+    /// Sums over one cell; `points` is 0 if it does not contribute.
+    fn cell_node(&self, index: [usize; 3]) -> Node {
         if self.blend.is_zero_at(self.field, index) {
-            return -1.0;
+            return Node::EMPTY;
         }
+        let weight = self.cell(index).weight / self.field.lattice.cell_volume();
         let spacing = self.field.lattice.spacing() as f32;
-        // Cells on the boundary all count as a quarter of a spacing away, so that the smallest
-        // blocks of them merge first if they must.
-        spacing / self.field.signed_distance[index].abs().max(0.25 * spacing)
+        Node {
+            cost: 0.0,
+            // Cells on the boundary all count as a quarter of a spacing away, so that the smallest
+            // blocks of them merge first if they must.
+            distance: self.field.signed_distance[index].abs().max(0.25 * spacing),
+            sum: weight,
+            square: weight.norm_sqr(),
+        }
     }
 
-    fn add_level(&mut self, level: usize) {
-        let below = match level {
-            0 => self.field.lattice.shape(),
-            _ => self.levels[level - 1].dim().into(),
-        };
-        let ratio_below = |index: [usize; 3]| match level {
-            0 => self.cell_ratio(index),
+    fn node(&self, level: usize, index: [usize; 3]) -> Node {
+        match level {
+            0 => self.cell_node(index),
             _ => self.levels[level - 1][index],
-        };
-        let shape = below.map(|n| n.div_ceil(2));
+        }
+    }
+
+    /// Blocks of `2^level` cells per side.
+    fn add_level(&mut self, level: usize) {
+        let below = self.shape(level - 1);
+        let side = (1 << level) as f32 * self.field.lattice.spacing() as f32;
+        let cells = (1u64 << (3 * level)) as f64;
         let mut merges = Vec::new();
-        let ratios = Array3::from_shape_fn(shape, |(i, j, k)| {
-            let (mut ratio, mut points) = (-1.0f32, 0u8);
+        let nodes = Array3::from_shape_fn(below.map(|n| n.div_ceil(2)), |(i, j, k)| {
+            let (mut block, mut points) = (Node::EMPTY, 0u8);
             for child in children([i, j, k], below) {
-                let r = ratio_below(child);
-                points += u8::from(r >= 0.0);
-                ratio = ratio.max(2.0 * r);
+                let child = self.node(level - 1, child);
+                points += u8::from(child.is_occupied());
+                block.cost = block.cost.max(child.cost);
+                block.distance = block.distance.min(child.distance);
+                block.sum += child.sum;
+                block.square += child.square;
             }
-            if points == 0 {
-                return -1.0;
+            if points > 0 {
+                let variance = block.square / cells - (block.sum / cells).norm_sqr();
+                let variation = (variance.max(0.0)).sqrt() / self.rms;
+                let own = (variation as f32).max(NEARNESS * side / block.distance);
+                block.cost = block.cost.max(own);
             }
             if points > 1 {
-                merges.push((ratio, points - 1));
+                merges.push((block.cost, points - 1));
             }
-            ratio
+            block
         });
-        self.levels.push(ratios);
+        self.levels.push(nodes);
         self.merges.append(&mut merges);
     }
 
-    /// The points when every block with a ratio of at most `limit` is merged; in octree order, so
-    /// that neighbours in the list are neighbours in space.
-    pub(super) fn points(&self, limit: f32) -> Vec<Point> {
-        let mut points = Vec::new();
+    /// The points when every block of a cost of at most `limit` is merged, those that stand for
+    /// `2^l` cells per side in the l-th list; in octree order, so that neighbours in a list are
+    /// neighbours in space.
+    pub(super) fn points(&self, limit: f32) -> Vec<Vec<Point>> {
+        let mut points = vec![Vec::new(); self.levels.len() + 1];
         let top = self.levels.len() - 1;
         for ((i, j, k), _) in self.levels[top].indexed_iter() {
             self.collect(top + 1, [i, j, k], limit, &mut points);
@@ -117,19 +166,19 @@ impl<'a> Blocks<'a> {
         points
     }
 
-    fn collect(&self, level: usize, index: [usize; 3], limit: f32, points: &mut Vec<Point>) {
+    fn collect(&self, level: usize, index: [usize; 3], limit: f32, points: &mut [Vec<Point>]) {
         if level == 0 {
             if !self.blend.is_zero_at(self.field, index) {
-                points.push(self.cell(index));
+                points[0].push(self.cell(index));
             }
             return;
         }
-        let ratio = self.levels[level - 1][index];
-        if ratio < 0.0 {
+        let block = self.levels[level - 1][index];
+        if !block.is_occupied() {
             return;
         }
-        if ratio <= limit {
-            points.push(self.merged(level, index));
+        if block.cost <= limit {
+            points[level].push(self.merged(level, index));
             return;
         }
         for child in children(index, self.shape(level - 1)) {
@@ -189,18 +238,18 @@ fn children(index: [usize; 3], below: [usize; 3]) -> impl Iterator<Item = [usize
     })
 }
 
-/// The smallest ratio, at least `accepted`, at which all sets together have at most `max_points`
-/// points (or the ratio that merges everything, if even that leaves more).
+/// The smallest cost, at least `accepted`, at which all sets together have at most `max_points`
+/// points (or the cost that merges everything, if even that leaves more).
 pub(super) fn merge_limit(sets: &[Blocks], accepted: f32, max_points: Option<usize>) -> f32 {
     let mut merges: Vec<(f32, u8)> = sets.iter().flat_map(|s| s.merges()).copied().collect();
     merges.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut points: usize = sets.iter().map(Blocks::cells).sum();
     let mut limit = accepted;
-    for (ratio, saved) in merges {
-        if ratio > limit && max_points.is_none_or(|max| points <= max) {
+    for (cost, saved) in merges {
+        if cost > limit && max_points.is_none_or(|max| points <= max) {
             break;
         }
-        limit = limit.max(ratio);
+        limit = limit.max(cost);
         points -= usize::from(saved);
     }
     limit

@@ -1,6 +1,10 @@
 //! Settings of the haptic loop; the `[device]` table of a scene file.
 
+use fft_correlate::Pose;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+
+use crate::Workspace;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
 ///
@@ -171,6 +175,13 @@ impl HapticConfig {
     /// Seconds between two ticks.
     pub fn period(&self) -> f64 {
         1.0 / self.rate_hz
+    }
+
+    /// The device's workspace at this scale, device and scene axes alike: `home` is the part's pose
+    /// while the device is at its origin (the assembled pose, say), `grip` the point of the part
+    /// (metres, its frame) that the handle holds.
+    pub fn workspace(&self, home: Pose, grip: DVec3) -> Workspace {
+        Workspace::new(self.workspace_scale, home, grip)
     }
 
     /// Checks every range stated above.

@@ -169,3 +169,23 @@ impl Device for Replay {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_the_conformance_suite_and_is_gone_after_its_end() {
+        let sample = |tick: u32| Sample {
+            time: f64::from(tick) * 1e-3,
+            dt: 1e-3,
+            input: Some(DeviceState::at(Pose::IDENTITY, f64::from(tick) * 1e-3)),
+            ..Sample::default()
+        };
+        let spec = crate::HandConfig::default().spec();
+        let mut replay = Replay::new(spec, (0..201).map(sample).collect());
+        assert!((replay.duration() - 0.201).abs() < 1e-12);
+        crate::conformance::check(&mut replay).unwrap();
+        assert_eq!(replay.poll(1.0), Err(DeviceError::Disconnected));
+    }
+}

@@ -261,4 +261,52 @@ mod tests {
         assert_eq!(model(0x046d, 0xc626), Some("SpaceNavigator"));
         assert_eq!(model(0x046d, 0xc077), None);
     }
+
+    /// Pushed right to the full, in the split layout; two reports, then silence.
+    struct FakePort(std::vec::IntoIter<Vec<u8>>);
+
+    impl HidPort for FakePort {
+        fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, DeviceError> {
+            let Some(report) = self.0.next() else {
+                std::thread::sleep(timeout);
+                return Ok(0);
+            };
+            buffer[..report.len()].copy_from_slice(&report);
+            Ok(report.len())
+        }
+
+        fn write(&mut self, _: &[u8]) -> Result<(), DeviceError> {
+            unreachable!("an input device is never written")
+        }
+
+        fn set_feature(&mut self, _: &[u8]) -> Result<(), DeviceError> {
+            unreachable!("an input device is never written")
+        }
+
+        fn get_feature(&mut self, _: &mut [u8]) -> Result<usize, DeviceError> {
+            unreachable!("an input device is never asked")
+        }
+
+        fn descriptor(&mut self) -> Result<Vec<u8>, DeviceError> {
+            unreachable!("its layouts are known")
+        }
+    }
+
+    #[test]
+    fn as_a_device_it_steers_a_cursor_and_passes_the_conformance_suite() {
+        use crate::Device;
+        use crate::io_thread::{Cursor, Threaded};
+        let reports = vec![vec![3, 2], vec![1, 0x5e, 0x01, 0, 0, 0, 0]];
+        let connector: Connector =
+            Box::new(move || Ok(Box::new(FakePort(reports.clone().into_iter()))));
+        let mouse = SpaceMouse::new(connector, Feel::default());
+        let mut device =
+            Threaded::spawn(spec("mouse"), Cursor::default(), Box::new(mouse), None).unwrap();
+        crate::conformance::check(&mut device).unwrap();
+        let start = device.poll(1.0).unwrap();
+        let end = device.poll(1.05).unwrap();
+        assert_eq!(start.buttons, 2);
+        let moved = end.pose.translation.x - start.pose.translation.x;
+        assert!((moved - 0.1 * 0.05).abs() < 1e-12, "{moved}");
+    }
 }

@@ -10,6 +10,8 @@ mod near;
 mod nearest;
 mod packet;
 mod settings;
+#[cfg(test)]
+mod tests;
 
 use fearless_simd::{Level, dispatch};
 use glam::DVec3;

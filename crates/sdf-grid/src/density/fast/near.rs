@@ -110,17 +110,18 @@ impl<S: Simd> Plane<S> {
         let half = (ends[1] - ends[0]) * 0.5;
         let middle = (ends[1] + ends[0]) * 0.5;
         let inverse_sigma = 1.0 / kernel.sigma;
-        // Nearer to the foot than this, numerator and denominator are both rounding noise.
-        let least = query.xi * query.xi * (1e-4 * kernel.sigma);
+        // Nearer to the foot than this, numerator and denominator are both rounding noise; the
+        // quotient is smooth and hardly differs there.
+        let least = query.xi * query.xi * (4e-4 * kernel.sigma);
         let d2 = d * d;
         let mut sum = [f32x16::splat(d.token(), 0.0); 2];
         let (nodes, weights) = &kernel.rules[count];
         for (node, weight) in nodes.iter().zip(weights) {
             let t = half.mul_add(f32x16::splat(d.token(), *node), middle);
-            let r2 = t.mul_add(t, d2);
+            let r2 = t.mul_add(t, d2).max(least);
             let u = (r2 + self.height_squared).sqrt() * query.inverse;
             let rise = kernel.rise((u - 1.0) * inverse_sigma);
-            let w = *weight / r2.max(least);
+            let w = *weight / r2;
             for c in 0..2 {
                 sum[c] = (rise[c] - self.k0[c]).mul_add(w, sum[c]);
             }

@@ -3,6 +3,7 @@
 //!
 //! Formulas, signs, FFT normalization and quaternion order are fixed in `docs/conventions.md`.
 
+pub mod bake;
 mod chart;
 pub mod correlate;
 pub mod correlate_fields;
@@ -11,6 +12,7 @@ pub mod dock;
 pub mod energy;
 mod fft3;
 mod fold;
+pub mod launcher;
 pub mod model;
 mod overlap;
 pub mod pair;
@@ -23,16 +25,20 @@ pub mod rotation_domain;
 pub mod rotation_grid;
 pub mod se3;
 mod spectral;
+pub mod store;
 pub mod table;
+pub mod table_error;
 pub mod taps;
 pub mod translation;
 pub mod well;
 
+pub use bake::{BakeError, BakeReport, PairEnergies, Share, bake};
 pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
 pub use correlate_fields::correlate_fields;
 pub use direct::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::{DockError, DockOptions, DockedPose, Docking, dock};
 pub use energy::{EnergySource, Response, Scratch};
+pub use launcher::Launcher;
 pub use model::{ModelError, ScoreModel};
 pub use pair::{Pair, PairError};
 pub use pair_builder::{PairBuildError, PairBuilder, PairPlan};
@@ -41,7 +47,9 @@ pub use refine::Descent;
 pub use rotation_domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotation_grid::RotationGrid;
 pub use se3::{Pose, Twist, Wrench};
+pub use store::{StoreError, TableStore};
 pub use table::{EnergyTable, NodeEnergies, TableError, TableSpec};
+pub use table_error::{ErrorReport, measure_error};
 pub use taps::Interpolation;
 pub use translation::TranslationWindow;
 pub use well::{Well, WellError, WellOptions};

@@ -207,30 +207,39 @@ impl EnergyTable {
         spec.check_memory(grid.nodes().len(), memory_limit)?;
         let unit = probe_unit(&spec, &grid, producer)?;
         let length = spec.window.len();
-        let mut energies = vec![0u16; grid.nodes().len() * length + PADDING];
         monitor.begin("table", grid.nodes().len() as u64);
-        energies[..grid.nodes().len() * length]
-            .par_chunks_mut(length)
-            .enumerate()
-            .try_for_each_init(
-                || (producer.scratch(), vec![0f32; length]),
-                |(scratch, joules), (row, out)| {
-                    if monitor.cancelled() {
-                        return Err(TableError::Cancelled);
-                    }
-                    node(&spec, &grid, producer, row, scratch, joules);
-                    encode(&spec.window, row, joules, unit, out)?;
-                    monitor.advance(1);
-                    Ok(())
-                },
-            )?;
-        Ok(Self {
+        let mut table = Self::zeroed(spec.clone(), grid.clone(), unit);
+        table.rows_mut().enumerate().try_for_each_init(
+            || (producer.scratch(), vec![0f32; length]),
+            |(scratch, joules), (row, out)| {
+                if monitor.cancelled() {
+                    return Err(TableError::Cancelled);
+                }
+                node(&spec, &grid, producer, row, scratch, joules);
+                encode(&spec.window, row, joules, unit, out)?;
+                monitor.advance(1);
+                Ok(())
+            },
+        )?;
+        Ok(table)
+    }
+
+    /// A table of zeros, of a size already found acceptable.
+    pub(crate) fn zeroed(spec: TableSpec, grid: RotationGrid, unit: f64) -> Self {
+        let energies = vec![0; grid.nodes().len() * spec.window.len() + PADDING];
+        Self {
             spec,
             grid,
             unit,
             energies,
             interpolation: Interpolation::default(),
-        })
+        }
+    }
+
+    /// The stored bits of each rotation node.
+    pub(crate) fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [u16]> {
+        let length = self.spec.window.len();
+        self.energies[..self.grid.nodes().len() * length].par_chunks_exact_mut(length)
     }
 
     /// The same table read with another interpolation.

@@ -1,0 +1,206 @@
+//! Filling a table on disk, by any number of processes, interrupted any number of times.
+//!
+//! Nodes are dealt to processes by their number; each is computed, compressed and renamed into place
+//! on its own, so stopping between nodes loses nothing, and the finished files do not depend on how
+//! the work was split. The one number that all nodes share, the unit of energy, is found from nodes
+//! fixed by the grid and stored before the first chunk.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use glam::DQuat;
+use ndarray::ArrayViewMut3;
+use rayon::prelude::*;
+use sdf_grid::Monitor;
+
+use crate::rotation_domain::RotationDomain;
+use crate::store::{ChunkState, StoreError, TableStore};
+use crate::table::{NodeEnergies, TableError, TableSpec, encode, node, probe_unit};
+use crate::{CorrelateError, Correlator, CorrelatorScratch, Pair, TranslationWindow};
+
+/// One process's part of a bake.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Share {
+    /// This process, 0 .. size.
+    pub rank: usize,
+    /// Number of processes.
+    pub size: usize,
+    /// Continue a table that is already there. Several processes always share one table.
+    pub resume: bool,
+}
+
+impl Share {
+    /// All of a new table.
+    pub const ALL: Self = Self {
+        rank: 0,
+        size: 1,
+        resume: false,
+    };
+}
+
+/// What a bake did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BakeReport {
+    /// Rotation nodes of the whole table.
+    pub rotations: usize,
+    /// Nodes of this process computed now.
+    pub computed: usize,
+    /// Of these, nodes whose chunk was there but damaged.
+    pub repaired: usize,
+    /// Nodes of this process that were finished before.
+    pub kept: usize,
+}
+
+/// Why a bake ended early. Finished nodes stay.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// The table cannot be made, read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A table is already there and `resume` was not asked for.
+    #[error("{}: there is already a table; resume it or choose another path", path.display())]
+    Exists {
+        /// Where.
+        path: std::path::PathBuf,
+    },
+    /// The share is not one.
+    #[error("rank must be below size, found rank {rank} of size {size}")]
+    Share {
+        /// The rank given.
+        rank: usize,
+        /// The size given.
+        size: usize,
+    },
+    /// The monitor asked to stop.
+    #[error("cancelled; resume to go on")]
+    Cancelled,
+}
+
+impl From<TableError> for BakeError {
+    fn from(e: TableError) -> Self {
+        match e {
+            TableError::Cancelled => Self::Cancelled,
+            e => Self::Store(e.into()),
+        }
+    }
+}
+
+/// Computes this process's missing rotation nodes of the table at `path`, making the table if there
+/// is none, on all threads of the current rayon pool.
+///
+/// # Errors
+/// If the specification or share is out of range, the table is of another specification or cannot be
+/// written, an energy is not finite, or `monitor` cancels.
+pub fn bake<P: NodeEnergies>(
+    path: &Path,
+    spec: &TableSpec,
+    producer: &P,
+    share: Share,
+    monitor: &dyn Monitor,
+) -> Result<BakeReport, BakeError> {
+    let Share { rank, size, resume } = share;
+    if rank >= size {
+        return Err(BakeError::Share { rank, size });
+    }
+    let store = if path.exists() {
+        if !resume && size == 1 {
+            return Err(BakeError::Exists { path: path.into() });
+        }
+        // The unit of a table that is there is its own.
+        TableStore::create(path, spec, 1.0)?
+    } else {
+        spec.validate()?;
+        let grid = spec.grid().map_err(TableError::from)?;
+        TableStore::create(path, spec, probe_unit(spec, &grid, producer)?)?
+    };
+    let rotations = store.grid().nodes().len();
+    let rows: Vec<usize> = (rank..rotations).step_by(size).collect();
+    let (computed, repaired) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    monitor.begin("table", rows.len() as u64);
+    let length = spec.window.len();
+    rows.par_iter().with_max_len(1).try_for_each_init(
+        || (producer.scratch(), vec![0f32; length], vec![0u16; length]),
+        |(scratch, joules, bits), &row| {
+            if monitor.cancelled() {
+                return Err(BakeError::Cancelled);
+            }
+            store.clean(row)?;
+            let state = store.state(row)?;
+            if state != ChunkState::Finished {
+                node(spec, store.grid(), producer, row, scratch, joules);
+                encode(&spec.window, row, joules, store.unit(), bits)?;
+                store.write(row, bits)?;
+                computed.fetch_add(1, Relaxed);
+                repaired.fetch_add(usize::from(state != ChunkState::Missing), Relaxed);
+            }
+            monitor.advance(1);
+            Ok(())
+        },
+    )?;
+    let computed = computed.into_inner();
+    Ok(BakeReport {
+        rotations,
+        computed,
+        repaired: repaired.into_inner(),
+        kept: rows.len() - computed,
+    })
+}
+
+/// A pair's energies by FFT correlation, one rotation at a time.
+pub struct PairEnergies {
+    correlator: Correlator,
+    gamma: f64,
+}
+
+impl PairEnergies {
+    /// Plans the correlation of a pair over a window.
+    ///
+    /// # Errors
+    /// As [`Correlator::plan`].
+    pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
+        Ok(Self {
+            correlator: Correlator::plan(pair, window)?,
+            gamma: pair.model().gamma,
+        })
+    }
+
+    /// The correlator.
+    pub fn correlator(&self) -> &Correlator {
+        &self.correlator
+    }
+}
+
+impl NodeEnergies for PairEnergies {
+    type Scratch = CorrelatorScratch;
+
+    fn scratch(&self) -> CorrelatorScratch {
+        self.correlator.scratch()
+    }
+
+    fn energies(
+        &self,
+        rotation: DQuat,
+        scratch: &mut CorrelatorScratch,
+        mut out: ArrayViewMut3<'_, f32>,
+    ) {
+        self.correlator.score(rotation, scratch, out.view_mut());
+        let gamma = self.gamma as f32;
+        out.mapv_inplace(|score| -gamma * score);
+    }
+}
+
+impl TableSpec {
+    /// The table of a pair; mesh hashes and symmetry are left to fill in.
+    pub fn for_pair(pair: &Pair, window: &TranslationWindow, rotations: RotationDomain) -> Self {
+        Self {
+            model: *pair.model(),
+            pivot: pair.pivot().to_array(),
+            window: *window.lattice(),
+            rotations,
+            symmetry: None,
+            far_energy: 0.0,
+            fixed_mesh: String::new(),
+            moving_mesh: String::new(),
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! How far a table is from the truth, measured at random poses it has never seen.
+
+use std::f64::consts::TAU;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::rotation_domain::RotationDomain;
+use crate::table::{EnergyTable, TableSpec};
+use crate::{EnergySource, Pose, Response};
+
+/// Differences between a table and another energy source over random poses of the table's domain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorReport {
+    /// Poses compared.
+    pub poses: usize,
+    /// Seed of the poses.
+    pub seed: u64,
+    /// Joules.
+    pub energy: Errors,
+    /// Newtons; lengths of difference vectors.
+    pub force: Errors,
+    /// Newton metres, about the pivot; lengths of difference vectors.
+    pub torque: Errors,
+}
+
+/// Absolute errors of one quantity, and its own size to compare them with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Errors {
+    /// Root mean square of the quantity itself.
+    pub scale: f64,
+    /// Root mean square of the errors.
+    pub rms: f64,
+    /// 99 % of the errors are at most this.
+    pub p99: f64,
+    /// The largest error.
+    pub worst: f64,
+    /// Where it is: translation x, y, z (metres) and quaternion x, y, z, w.
+    pub worst_pose: [f64; 7],
+}
+
+/// Compares a table with `truth` at `poses` poses drawn from the table's rotations and the inside of
+/// its window; the same seed draws the same poses.
+pub fn measure_error(
+    table: &EnergyTable,
+    truth: &dyn EnergySource,
+    poses: usize,
+    seed: u64,
+) -> ErrorReport {
+    let pivot = DVec3::from_array(table.spec().pivot);
+    let drawn: Vec<(Pose, [f64; 6])> = (0..poses.max(1) as u64)
+        .into_par_iter()
+        .map_init(
+            || truth.scratch(),
+            |scratch, index| {
+                let pose = random_pose(table.spec(), seed, index);
+                let about_pivot = |r: &Response| r.wrench.about(pose.rotation * pivot).torque;
+                let (a, b) = (table.respond(&pose), truth.evaluate(&pose, scratch));
+                let sizes = [
+                    (a.energy - b.energy).abs(),
+                    (a.wrench.force - b.wrench.force).length(),
+                    (about_pivot(&a) - about_pivot(&b)).length(),
+                    b.energy,
+                    b.wrench.force.length(),
+                    about_pivot(&b).length(),
+                ];
+                (pose, sizes)
+            },
+        )
+        .collect();
+    ErrorReport {
+        poses: drawn.len(),
+        seed,
+        energy: summary(&drawn, 0),
+        force: summary(&drawn, 1),
+        torque: summary(&drawn, 2),
+    }
+}
+
+fn summary(drawn: &[(Pose, [f64; 6])], quantity: usize) -> Errors {
+    let rms = |k: usize| {
+        let sum: f64 = drawn.iter().map(|(_, s)| s[k] * s[k]).sum();
+        (sum / drawn.len() as f64).sqrt()
+    };
+    let mut order: Vec<usize> = (0..drawn.len()).collect();
+    order.sort_by(|&a, &b| drawn[a].1[quantity].total_cmp(&drawn[b].1[quantity]));
+    let at = |share: f64| order[((drawn.len() - 1) as f64 * share).round() as usize];
+    let (worst, sizes) = &drawn[at(1.0)];
+    let mut worst_pose = [0.0; 7];
+    worst_pose[..3].copy_from_slice(&worst.translation.to_array());
+    worst_pose[3..].copy_from_slice(&worst.rotation.to_array());
+    Errors {
+        scale: rms(quantity + 3),
+        rms: rms(quantity),
+        p99: drawn[at(0.99)].1[quantity],
+        worst: sizes[quantity],
+        worst_pose,
+    }
+}
+
+/// Pose `index` of a reproducible series over the table's domain.
+fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
+    let mut random = Random(seed ^ index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let rotation = random.rotation(&spec.rotations);
+    let bounds = spec.window.node_bounds();
+    let place = DVec3::new(random.unit(), random.unit(), random.unit());
+    let displacement = bounds.min + place * (bounds.max - bounds.min);
+    let pivot = DVec3::from_array(spec.pivot);
+    Pose::new(rotation, pivot + displacement - rotation * pivot)
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014): short, and the same in every version of every library.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in 0 .. 1.
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Uniform in the ball of radius 1.
+    fn in_ball(&mut self) -> DVec3 {
+        loop {
+            let v = 2.0 * DVec3::new(self.unit(), self.unit(), self.unit()) - 1.0;
+            if v.length_squared() <= 1.0 {
+                return v;
+            }
+        }
+    }
+
+    fn rotation(&mut self, domain: &RotationDomain) -> DQuat {
+        let quaternion = |q: &[f64; 4]| DQuat::from_array(*q).normalize();
+        match domain {
+            RotationDomain::List { rotations, .. } => {
+                quaternion(&rotations[(self.next() % rotations.len() as u64) as usize])
+            }
+            RotationDomain::Spin {
+                center,
+                axis,
+                range_deg,
+                ..
+            } => {
+                let [first, last] = range_deg.unwrap_or([0.0, 360.0]).map(f64::to_radians);
+                let angle = first + self.unit() * (last - first);
+                let axis = DVec3::from_array(*axis).normalize();
+                DQuat::from_axis_angle(axis, angle) * quaternion(center)
+            }
+            RotationDomain::Ball {
+                center, angle_deg, ..
+            } => {
+                let turn = self.in_ball() * angle_deg.to_radians();
+                DQuat::from_scaled_axis(turn) * quaternion(center)
+            }
+            RotationDomain::Full { .. } => {
+                // Shoemake 1992: uniform over all rotations.
+                let (u, a, b) = (self.unit(), TAU * self.unit(), TAU * self.unit());
+                let (r, s) = ((1.0 - u).sqrt(), u.sqrt());
+                DQuat::from_xyzw(r * a.sin(), r * a.cos(), s * b.sin(), s * b.cos())
+            }
+        }
+    }
+}

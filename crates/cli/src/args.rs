@@ -48,6 +48,8 @@ pub enum Command {
     Field(FieldArgs),
     /// Score, energy, force and torque at listed poses
     Score(ScoreArgs),
+    /// Search a scene's whole domain for the best poses
+    Dock(DockArgs),
     /// Run the 1 kHz haptic loop
     Feel(FeelArgs),
     /// Draw one of the paper's figures for a scene

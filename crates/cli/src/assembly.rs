@@ -5,19 +5,26 @@ use std::time::Instant;
 
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuildError, PairBuilder, Pose,
-    TranslationWindow,
+    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuildError, PairBuilder,
+    Pose, RotationGrid, TranslationWindow,
 };
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use haptic::Geometry;
-use sdf_grid::{Aabb, DensityError, DensityField, HygieneOptions, TriangleMesh, mesh_io};
+use sdf_grid::{
+    Aabb, DensityError, DensityField, HygieneOptions, SymmetryAxis, SymmetryOrder, TriangleMesh,
+    mesh_io, symmetry,
+};
 
 use crate::command::Context;
 use crate::error::CommandError;
+use crate::memory;
 use crate::scene::{EnergyScale, LatticeStep, Part, Scene};
 
 /// Parts whose diagonals differ by more than this are probably in different units.
 const SUSPICIOUS_RATIO: f64 = 30.0;
+
+/// Deviation from symmetry that counts as none, in lattice spacings.
+const SYMMETRY_TOLERANCE: f64 = 0.02;
 
 /// How far a careless hand tilts the part, radians.
 const CARELESS_TILT: f64 = 0.08;
@@ -33,6 +40,10 @@ pub struct Assembly {
     pub moving: TriangleMesh,
     /// Densities, model and pivot; its gamma is the scene's.
     pub pair: Pair,
+    /// Symmetry axes of the fixed part, highest order first.
+    pub fixed_symmetry: Vec<SymmetryAxis>,
+    /// Symmetry axes of the moving part, highest order first.
+    pub moving_symmetry: Vec<SymmetryAxis>,
     /// Half the sides of the translation window, metres.
     pub half_extent: DVec3,
     /// Seconds spent on the density fields.
@@ -57,7 +68,11 @@ impl Assembly {
             .half_extent
             .unwrap_or_else(|| DVec3::splat(0.5 * moving.bounds().size().max_element()));
         let pair = scaled(&scene, pair, half_extent)?;
+        // What a lattice cannot tell apart is symmetric enough.
+        let tolerance = SYMMETRY_TOLERANCE * pair.spacing();
         Ok(Self {
+            fixed_symmetry: symmetry::detect(&fixed, tolerance),
+            moving_symmetry: symmetry::detect(&moving, tolerance),
             scene,
             fixed,
             moving,
@@ -92,6 +107,107 @@ impl Assembly {
             self.pair.spacing(),
         )
         .map_err(|e| CommandError::bad_input(self.context("window"), e))
+    }
+
+    /// The rotations of the scene, shortened by the symmetry of a part if it has any.
+    ///
+    /// # Errors
+    /// If the domain is out of range or would have too many nodes.
+    pub fn rotation_grid(&self) -> Result<RotationGrid, CommandError> {
+        RotationGrid::new(&self.scene.rotations, self.table_symmetry().as_ref())
+            .map_err(|e| CommandError::bad_input(self.context("rotations"), e))
+    }
+
+    /// The symmetry by which rotation nodes are left out: the axis of highest order of either
+    /// part. Lists and spins are taken as they are written.
+    pub fn table_symmetry(&self) -> Option<AxisSymmetry> {
+        use fft_correlate::RotationDomain::{Ball, Full};
+        if !matches!(self.scene.rotations, Ball { .. } | Full { .. }) {
+            return None;
+        }
+        let of = |part, axes: &[SymmetryAxis]| {
+            axes.first().map(|axis| AxisSymmetry {
+                part,
+                axis: axis.direction.to_array(),
+                point: axis.point.to_array(),
+                order: match axis.order {
+                    SymmetryOrder::Continuous => 0,
+                    SymmetryOrder::Finite(n) => n,
+                },
+            })
+        };
+        // An order beyond what grids accept is of no use to them.
+        let candidates = [
+            of(fft_correlate::Part::Moving, &self.moving_symmetry),
+            of(fft_correlate::Part::Fixed, &self.fixed_symmetry),
+        ];
+        candidates
+            .into_iter()
+            .flatten()
+            .filter(|s| s.order <= 64)
+            .max_by_key(|s| if s.order == 0 { u32::MAX } else { s.order })
+    }
+
+    /// Turns of the moving part onto itself, so that poses which differ by one count as the same;
+    /// a continuous axis is stood for by turns of 10 degrees.
+    pub fn symmetry_turns(&self) -> Vec<Pose> {
+        self.moving_symmetry
+            .iter()
+            .flat_map(|axis| {
+                let turns = match axis.order {
+                    SymmetryOrder::Continuous => 36,
+                    SymmetryOrder::Finite(n) => n,
+                };
+                (1..turns).map(move |i| {
+                    let angle = std::f64::consts::TAU * f64::from(i) / f64::from(turns);
+                    let turn = DQuat::from_axis_angle(axis.direction, angle);
+                    Pose::new(turn, axis.point - turn * axis.point)
+                })
+            })
+            .collect()
+    }
+
+    /// Distance of the pivot (metres) and angle (radians) between a pose and the fit, or that turn
+    /// of it under the moving part's symmetry which is nearest in angle.
+    pub fn from_fit(&self, pose: &Pose) -> (f64, f64) {
+        let fit = self.assembled();
+        let pivot = self.pair.pivot();
+        std::iter::once(Pose::IDENTITY)
+            .chain(self.symmetry_turns())
+            .map(|turn| fit * turn)
+            .map(|same| {
+                (
+                    same.apply(pivot).distance(pose.apply(pivot)),
+                    same.angle_to(pose),
+                )
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap_or((f64::NAN, f64::NAN))
+    }
+
+    /// Refuses a correlation over `window` that would not fit in memory.
+    ///
+    /// # Errors
+    /// Names the need and the budget.
+    pub fn require_correlation_memory(
+        &self,
+        window: &TranslationWindow,
+        context: &Context,
+    ) -> Result<(), CommandError> {
+        // The transform covers the turned moving part and the window; one field per product and a
+        // work space per thread, 8 bytes per point, lengths rounded up by at most a tenth.
+        let moving = 2.0 * self.radius() / self.pair.spacing() + 2.0;
+        let points: f64 = window
+            .shape()
+            .iter()
+            .map(|&w| 1.1 * (w as f64 + moving))
+            .product();
+        let fields = 2.0 + 2.0 * rayon::current_num_threads() as f64;
+        memory::require(
+            &self.context("the correlation"),
+            (8.0 * points * fields) as u64,
+            context.memory,
+        )
     }
 
     /// Where the fit is and how one gets there.

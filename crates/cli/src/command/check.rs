@@ -2,12 +2,18 @@
 
 use std::path::Path;
 
-use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, mesh_io};
+use sdf_grid::{
+    HygieneOptions, HygieneReport, LengthUnit, SymmetryAxis, SymmetryOrder, mesh_io, symmetry,
+};
 use serde::Serialize;
 
 use super::{Context, print_json};
 use crate::args::CheckArgs;
 use crate::error::CommandError;
+
+/// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
+/// a fine tessellation, below what matters for a fit.
+const SYMMETRY_TOLERANCE: f64 = 5e-4;
 
 /// What is said about one file.
 #[derive(Debug, Serialize)]
@@ -16,6 +22,7 @@ enum Verdict {
     Usable {
         #[serde(flatten)]
         report: Box<HygieneReport>,
+        symmetry: Vec<SymmetryAxis>,
         warnings: Vec<String>,
         usable: bool,
     },
@@ -54,7 +61,8 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
 
 fn examine(path: &Path, unit: LengthUnit) -> Verdict {
     match mesh_io::read(path, unit, &HygieneOptions::default()) {
-        Ok((_mesh, report)) => Verdict::Usable {
+        Ok((mesh, report)) => Verdict::Usable {
+            symmetry: symmetry::detect(&mesh, SYMMETRY_TOLERANCE * mesh.bounds().diagonal()),
             warnings: report.warnings(),
             report: Box::new(report),
             usable: true,
@@ -68,10 +76,13 @@ fn examine(path: &Path, unit: LengthUnit) -> Verdict {
 }
 
 fn print(verdict: &Verdict, unit: LengthUnit) {
-    let (report, warnings) = match verdict {
+    let (report, axes, warnings) = match verdict {
         Verdict::Usable {
-            report, warnings, ..
-        } => (report, warnings),
+            report,
+            symmetry,
+            warnings,
+            ..
+        } => (report, symmetry, warnings),
         Verdict::Unusable { name, error, .. } => {
             println!("{name}: cannot be used");
             println!("  {error}");
@@ -104,6 +115,14 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
         "  bounds       {:.6} x {:.6} x {:.6} {unit}, from ({:.6}, {:.6}, {:.6})",
         size.x, size.y, size.z, low.x, low.y, low.z
     );
+    for axis in axes {
+        let [x, y, z] = axis.direction.to_array();
+        let order = match axis.order {
+            SymmetryOrder::Continuous => "any turn".to_owned(),
+            SymmetryOrder::Finite(n) => format!("{n}-fold"),
+        };
+        println!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
+    }
     for warning in warnings {
         println!("  note         {warning}");
     }

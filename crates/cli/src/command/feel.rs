@@ -86,7 +86,10 @@ fn print(report: &LoopReport) {
         report.rate_hz, report.seconds, report.ticks
     );
     println!("                      p50       p99     p99.9       max");
-    for (name, q) in [("latency", report.latency_us), ("lateness", report.lateness_us)] {
+    for (name, q) in [
+        ("latency", report.latency_us),
+        ("lateness", report.lateness_us),
+    ] {
         println!(
             "{name:<11} {:>10.1}{:>10.1}{:>10.1}{:>10.1} µs",
             q.p50, q.p99, q.p999, q.max

@@ -8,6 +8,7 @@ use crate::memory;
 use crate::progress::Progress;
 
 mod check;
+mod dock;
 mod feel;
 mod field;
 mod hand;
@@ -40,6 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Check(args) => check::run(args, &context),
         Command::Field(args) => field::run(args, &context),
         Command::Score(args) => score::run(args, &context),
+        Command::Dock(args) => dock::run(args, &context),
         Command::Feel(args) => feel::run(args, &context),
         Command::Plot(args) => plot::run(args, &context),
     }

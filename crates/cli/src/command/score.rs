@@ -10,11 +10,11 @@ use rayon::prelude::*;
 use super::{Context, require_folder};
 use crate::args::ScoreArgs;
 use crate::assembly::Assembly;
+use crate::atomic;
 use crate::error::CommandError;
 use crate::poses::{PoseReader, ScoreWriter, ScoredPose};
 use crate::progress::check_interrupt;
 use crate::scene::Scene;
-use crate::atomic;
 
 /// Rows evaluated together.
 const CHUNK: usize = 1024;
@@ -27,7 +27,12 @@ pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandErro
     let poses = open(&args.poses)?;
     let scorer = Scorer::new(args, context)?;
     if to_stdout {
-        return stream(poses, &scorer, &mut std::io::stdout().lock(), "standard output");
+        return stream(
+            poses,
+            &scorer,
+            &mut std::io::stdout().lock(),
+            "standard output",
+        );
     }
     let name = args.output.display().to_string();
     atomic::write_with(&args.output, |out| stream(poses, &scorer, out, &name))

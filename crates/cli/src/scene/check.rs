@@ -2,14 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use fft_correlate::{Pose, ScoreModel};
+use fft_correlate::{Pose, RotationDomain, ScoreModel};
 use glam::{DQuat, DVec3};
 use haptic::HapticConfig;
 use sdf_grid::Sampling;
 use toml::Spanned;
 
-use super::raw::{Preset, RawEnergy, RawFit, RawLattice, RawModel, RawPart, RawSampling, RawScene, RawWindow};
-use super::{EnergyScale, FitChoice, LatticeChoice, LatticeStep, Part, Scene, Source, WindowChoice};
+use super::raw::{
+    Preset, RawEnergy, RawFit, RawLattice, RawModel, RawPart, RawSampling, RawScene, RawWindow,
+};
+use super::{
+    EnergyScale, FitChoice, LatticeChoice, LatticeStep, Part, Scene, Source, WindowChoice,
+};
 use crate::error::CommandError;
 
 /// Force that a scene without an energy scale peaks at, newtons: what a desktop device renders.
@@ -17,6 +21,13 @@ const DEFAULT_PEAK_FORCE: f64 = 5.0;
 
 /// Relative L2 error of a field unless the scene asks for another.
 const DEFAULT_TOLERANCE: f64 = 1e-3;
+
+/// Rotations of a scene that names none: a ball about the mesh's own orientation.
+const DEFAULT_ROTATIONS: RotationDomain = RotationDomain::Ball {
+    center: [0.0, 0.0, 0.0, 1.0],
+    angle_deg: 20.0,
+    step_deg: 5.0,
+};
 
 /// How far a quaternion may be from unit length and still be taken as a rotation.
 pub(crate) const QUATERNION_SLACK: f64 = 1e-3;
@@ -33,6 +44,7 @@ pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, Command
         energy: energy(&raw.energy, source)?,
         lattice: lattice(&raw.lattice, metres, source)?,
         window: window(&raw.window, metres, source)?,
+        rotations: raw.rotations.unwrap_or(DEFAULT_ROTATIONS),
         fit: fit(&raw.fit, metres, source)?,
         device: device(raw.device, source)?,
         cache: folder.join(raw.cache.as_deref().unwrap_or(".pegfit-cache")),
@@ -83,9 +95,11 @@ fn pose(
 fn fit(raw: &RawFit, metres: f64, source: &Source<'_>) -> Result<FitChoice, CommandError> {
     let axis = match &raw.axis {
         None => None,
-        Some(a) => Some(finite(a, "axis", source)?.try_normalize().ok_or_else(|| {
-            source.error(a.span(), "axis: expected a direction, found zero")
-        })?),
+        Some(a) => Some(
+            finite(a, "axis", source)?
+                .try_normalize()
+                .ok_or_else(|| source.error(a.span(), "axis: expected a direction, found zero"))?,
+        ),
     };
     let depth = match &raw.depth {
         None => None,

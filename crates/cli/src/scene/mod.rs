@@ -11,7 +11,7 @@ mod tests;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fft_correlate::{Pose, ScoreModel};
+use fft_correlate::{Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
 use miette::{NamedSource, SourceSpan};
@@ -39,6 +39,8 @@ pub struct Scene {
     pub lattice: LatticeChoice,
     /// Which translations are searched and tabulated.
     pub window: WindowChoice,
+    /// Which rotations are searched and tabulated.
+    pub rotations: RotationDomain,
     /// Where the parts fit.
     pub fit: FitChoice,
     /// Settings of the haptic loop.

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use fft_correlate::RotationDomain;
 use haptic::HapticConfig;
 use sdf_grid::LengthUnit;
 use serde::Deserialize;
@@ -22,6 +23,7 @@ pub(crate) struct RawScene {
     pub(crate) lattice: RawLattice,
     #[serde(default)]
     pub(crate) window: RawWindow,
+    pub(crate) rotations: Option<RotationDomain>,
     #[serde(default)]
     pub(crate) energy: RawEnergy,
     #[serde(default)]

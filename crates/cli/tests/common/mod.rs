@@ -60,3 +60,59 @@ pub(crate) fn cuboid_obj(sides: [f64; 3]) -> String {
     }
     text
 }
+
+/// A folder with the square peg, its hole with 1 mm of clearance, and `scene.toml` for both: so
+/// coarse that a field takes a fraction of a second. `extra` is appended to the scene.
+pub(crate) fn scene_folder(extra: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let (hole, peg) = sdf_grid::shapes::PegInHole::Rectangular.pair(1e-3).unwrap();
+    sdf_grid::mesh_io::write_obj(folder.path().join("hole.obj"), &hole).unwrap();
+    sdf_grid::mesh_io::write_obj(folder.path().join("peg.obj"), &peg).unwrap();
+    let scene = format!(
+        "unit = \"m\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\n\
+         [lattice]\nspacing = 0.0025\nhalo = 0.006\nfield_tolerance = 0.01\nsampling = \"point\"\n\
+         [window]\nhalf_extent = 0.005\n{extra}"
+    );
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    folder
+}
+
+/// Runs the command, which must succeed, and returns its standard output.
+pub(crate) fn succeed(folder: &Path, args: &[&str]) -> String {
+    let output = pegfit(folder, args);
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{args:?}: {}",
+        stderr(&output)
+    );
+    stdout(&output)
+}
+
+/// Runs the command, which must refuse its input, and returns what it says.
+pub(crate) fn refuse(folder: &Path, args: &[&str]) -> String {
+    let output = pegfit(folder, args);
+    assert_eq!(
+        output.status.code(),
+        Some(2),
+        "{args:?}: {}",
+        stderr(&output)
+    );
+    stderr(&output)
+}
+
+/// The rows of a CSV text as numbers by column; an empty cell is NaN.
+pub(crate) fn columns(text: &str) -> Vec<std::collections::HashMap<String, f64>> {
+    let mut rows = csv::Reader::from_reader(text.as_bytes());
+    let header = rows.headers().unwrap().clone();
+    rows.records()
+        .map(|row| {
+            let row = row.unwrap();
+            header
+                .iter()
+                .zip(&row)
+                .map(|(name, cell)| (name.to_owned(), cell.parse().unwrap_or(f64::NAN)))
+                .collect()
+        })
+        .collect()
+}

@@ -113,8 +113,8 @@ fn draw(
             format!("torque about {} (N·m)", AXES[a]),
         ),
     };
-    let chart = |title: String, vertical: &str, value: &dyn Fn(&(f64, Response, f64)) -> f64| {
-        LineChart {
+    let chart =
+        |title: String, vertical: &str, value: &dyn Fn(&(f64, Response, f64)) -> f64| LineChart {
             title,
             horizontal: horizontal.clone(),
             vertical: vertical.to_owned(),
@@ -123,8 +123,7 @@ fn draw(
                 ..Series::default()
             }],
             ..LineChart::default()
-        }
-    };
+        };
     let energy = chart(
         format!("Energy of {} {name}", assembly.scene.moving.name),
         "energy (mJ)",

@@ -56,7 +56,10 @@ pub(in crate::command) fn densities(
     for (name, mesh) in parts {
         let field = on_plane(mesh, assembly, &bounds, slice, context)?;
         let density = field.combined(model.lambda_exterior as f32, model.lambda_interior as f32);
-        for (part, values) in [("Re", density.mapv(|v| v.re)), ("Im", density.mapv(|v| v.im))] {
+        for (part, values) in [
+            ("Re", density.mapv(|v| v.re)),
+            ("Im", density.mapv(|v| v.im)),
+        ] {
             maps.push(density_map(
                 format!("{part} of the density of {name}, {}", slice.label(unit)),
                 &format!("{part} ρ\n(no unit)"),

@@ -16,7 +16,10 @@ pub(super) fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u
     let source = assembly.direct(&DirectOptions::REAL_TIME)?;
     let mut charts = Vec::new();
     for (script, title) in [
-        (Script::Collision, "Collision test: pushed against the walls"),
+        (
+            Script::Collision,
+            "Collision test: pushed against the walls",
+        ),
         (Script::Snap, "Snap test: let go near the fit"),
     ] {
         context.progress.note(&format!("{title} ..."));

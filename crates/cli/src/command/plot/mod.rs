@@ -11,10 +11,10 @@ use std::path::Path;
 use super::{Context, require_folder};
 use crate::args::{PlotArgs, PlotKind};
 use crate::assembly::Assembly;
+use crate::atomic;
 use crate::error::CommandError;
 use crate::scene::Scene;
 use crate::slice::Slice;
-use crate::atomic;
 
 pub(super) use curve::{Motion, curve};
 pub(super) use density::{densities, overlap};
@@ -61,7 +61,8 @@ fn output(args: &PlotArgs) -> Result<&Path, CommandError> {
 /// Options that the kind would ignore are mistakes to report, before anything is computed.
 fn refuse_unused(args: &PlotArgs) -> Result<(), CommandError> {
     let kind = args.kind;
-    let unused = |option: &str| CommandError::option(option, "no such option for this figure", "one");
+    let unused =
+        |option: &str| CommandError::option(option, "no such option for this figure", "one");
     if args.slice.is_some() && !matches!(kind, PlotKind::Density | PlotKind::Overlap) {
         return Err(unused("--slice"));
     }

@@ -42,10 +42,14 @@ pub struct Global {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// See it all: three pegs find their holes, with pictures and a page that explains them
+    Demo(DemoArgs),
     /// Say whether meshes can be used, and what had to be repaired
     Check(CheckArgs),
     /// Compute the density field of one mesh and write it for ParaView
     Field(FieldArgs),
+    /// Tabulate a scene's energy over its whole domain
+    Bake(BakeArgs),
     /// Score, energy, force and torque at listed poses
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
@@ -164,6 +168,9 @@ pub struct DockArgs {
 pub struct FeelArgs {
     /// Scene file
     pub scene: PathBuf,
+    /// Interpolate this table instead of evaluating directly
+    #[arg(long, value_name = "TABLE.zarr")]
+    pub table: Option<PathBuf>,
     /// The device that holds the moving part
     #[arg(long, value_enum, default_value_t = DeviceChoice::Simulated)]
     pub device: DeviceChoice,

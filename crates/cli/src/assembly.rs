@@ -3,15 +3,16 @@
 
 use std::time::Instant;
 
+use fft_correlate::bake::PairEnergies;
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
     AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuildError, PairBuilder,
-    Pose, RotationGrid, TranslationWindow,
+    Pose, RotationGrid, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{
-    Aabb, DensityError, DensityField, HygieneOptions, SymmetryAxis, SymmetryOrder, TriangleMesh,
+    Aabb, DensityError, FieldCache, HygieneOptions, SymmetryAxis, SymmetryOrder, TriangleMesh,
     mesh_io, symmetry,
 };
 
@@ -116,6 +117,38 @@ impl Assembly {
     pub fn rotation_grid(&self) -> Result<RotationGrid, CommandError> {
         RotationGrid::new(&self.scene.rotations, self.table_symmetry().as_ref())
             .map_err(|e| CommandError::bad_input(self.context("rotations"), e))
+    }
+
+    /// What a table of this scene holds.
+    ///
+    /// # Errors
+    /// If the window has too many nodes.
+    pub fn table_spec(&self) -> Result<TableSpec, CommandError> {
+        let mut spec =
+            TableSpec::for_pair(&self.pair, &self.window()?, self.scene.rotations.clone());
+        spec.symmetry = self.table_symmetry();
+        [spec.fixed_mesh, spec.moving_mesh] = self.mesh_hashes();
+        Ok(spec)
+    }
+
+    /// The hashes of the fixed and the moving mesh, in hexadecimal.
+    pub fn mesh_hashes(&self) -> [String; 2] {
+        [&self.fixed, &self.moving].map(|mesh| {
+            mesh.hash()
+                .iter()
+                .fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
+        })
+    }
+
+    /// The correlation that fills a table.
+    ///
+    /// # Errors
+    /// If it would not fit in memory.
+    pub fn energies(&self, context: &Context) -> Result<PairEnergies, CommandError> {
+        let window = self.window()?;
+        self.require_correlation_memory(&window, context)?;
+        PairEnergies::plan(&self.pair, &window)
+            .map_err(|e| CommandError::bad_input(self.context("window"), e))
     }
 
     /// The symmetry by which rotation nodes are left out: the axis of highest order of either
@@ -311,8 +344,10 @@ fn compute_pair(
     };
     let explain = |error| explain(scene, error);
     let plan = builder.plan(fixed, moving, &scene.model).map_err(explain)?;
+    let cache = FieldCache::new(&scene.cache)
+        .map_err(|e| CommandError::failure(format!("{}: cache", scene.path.display()), e))?;
     plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-        DensityField::compute(mesh, kernel, lattice, options, &context.progress)
+        cache.get_or_compute(mesh, kernel, lattice, options, &context.progress)
     })
     .map_err(explain)
 }

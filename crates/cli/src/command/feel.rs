@@ -6,7 +6,7 @@ use fft_correlate::{DirectOptions, EnergySource};
 use haptic::{Clock, LoopReport, Outcome, Sample, Script, read_log};
 
 use super::plot::force_chart;
-use super::{Context, hand, print_json, require_folder};
+use super::{Context, bake, hand, print_json, require_folder};
 use crate::args::{DeviceChoice, FeelArgs, ScriptChoice};
 use crate::assembly::Assembly;
 use crate::error::CommandError;
@@ -31,7 +31,7 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
         ScriptChoice::Free => Script::Free,
     };
     let assembly = Assembly::load(Scene::read(&args.scene)?, context)?;
-    let source = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let source = source(args, &assembly, context)?;
     let DeviceChoice::Simulated = args.device;
     context.progress.note(&format!(
         "the simulated hand holds {} for {} s",
@@ -39,7 +39,7 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     ));
     let outcome = hand::run_simulated(
         &assembly,
-        &source as &dyn EnergySource,
+        source.as_ref(),
         script,
         args.seconds,
         Clock::Real,
@@ -58,6 +58,29 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
         true => Err(CommandError::Interrupted),
         false => Ok(()),
     }
+}
+
+/// The table if one is given and belongs to the scene, else a direct evaluator.
+fn source(
+    args: &FeelArgs,
+    assembly: &Assembly,
+    context: &Context,
+) -> Result<Box<dyn EnergySource>, CommandError> {
+    let Some(path) = &args.table else {
+        return Ok(Box::new(assembly.direct(&DirectOptions::REAL_TIME)?));
+    };
+    let store = bake::open(path)?;
+    let [fixed, moving] = assembly.mesh_hashes();
+    store
+        .expect_meshes(&fixed, &moving)
+        .map_err(|e| CommandError::bad_input("table", e))?;
+    if store.spec().model != *assembly.pair.model() {
+        context.progress.note(&format!(
+            "note: {} was baked with another model or energy scale than the scene's; the table's counts",
+            path.display()
+        ));
+    }
+    Ok(Box::new(bake::load(&store, context)?))
 }
 
 fn draw(

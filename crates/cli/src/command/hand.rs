@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fft_correlate::EnergySource;
-use haptic::{Clock, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand, Workspace};
+use haptic::{Clock, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand};
 
 use crate::assembly::Assembly;
 use crate::error::CommandError;
@@ -21,11 +21,7 @@ pub(super) fn run_simulated(
 ) -> Result<Outcome, CommandError> {
     let config = assembly.scene.device.clone();
     let geometry = assembly.geometry(source);
-    let workspace = Workspace::new(
-        config.workspace_scale,
-        assembly.assembled(),
-        assembly.pair.pivot(),
-    );
+    let workspace = config.workspace(assembly.assembled(), assembly.pair.pivot());
     let hand = HandConfig {
         duration: seconds,
         ..HandConfig::default()

@@ -7,7 +7,9 @@ use crate::error::CommandError;
 use crate::memory;
 use crate::progress::Progress;
 
+mod bake;
 mod check;
+mod demo;
 mod dock;
 mod feel;
 mod field;
@@ -41,6 +43,8 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Check(args) => check::run(args, &context),
         Command::Field(args) => field::run(args, &context),
         Command::Score(args) => score::run(args, &context),
+        Command::Demo(args) => demo::run(args, &context),
+        Command::Bake(args) => bake::run(args, &context),
         Command::Dock(args) => dock::run(args, &context),
         Command::Feel(args) => feel::run(args, &context),
         Command::Plot(args) => plot::run(args, &context),

@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
-use fft_correlate::{DirectEvaluator, DirectOptions, Pose};
+use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Pose};
 use rayon::prelude::*;
 
-use super::{Context, require_folder};
+use super::{Context, bake, require_folder};
 use crate::args::ScoreArgs;
 use crate::assembly::Assembly;
 use crate::atomic;
@@ -73,16 +73,27 @@ fn stream(
 /// Where scores come from.
 enum Scorer {
     Direct(Box<DirectEvaluator>),
+    Table(Box<EnergyTable>),
 }
 
 impl Scorer {
     fn new(args: &ScoreArgs, context: &Context) -> Result<Self, CommandError> {
-        let Some(scene) = &args.scene else {
-            unreachable!("clap requires --scene or --table")
-        };
-        let assembly = Assembly::load(Scene::read(scene)?, context)?;
-        let evaluator = assembly.direct(&DirectOptions::FULL)?;
-        Ok(Self::Direct(Box::new(evaluator)))
+        match (&args.scene, &args.table) {
+            (Some(scene), _) => {
+                let assembly = Assembly::load(Scene::read(scene)?, context)?;
+                let evaluator = assembly.direct(&DirectOptions::FULL)?;
+                Ok(Self::Direct(Box::new(evaluator)))
+            }
+            (None, Some(table)) => {
+                let table = bake::load(&bake::open(table)?, context)?;
+                Ok(Self::Table(Box::new(table)))
+            }
+            (None, None) => Err(CommandError::option(
+                "--scene, --table",
+                "one of them",
+                "none",
+            )),
+        }
     }
 
     fn score(&self, poses: &[Pose]) -> Vec<ScoredPose> {
@@ -99,6 +110,24 @@ impl Scorer {
                     }
                 })
                 .collect(),
+            Self::Table(table) => {
+                let gamma = table.spec().model.gamma;
+                poses
+                    .par_iter()
+                    .map_init(
+                        || table.scratch(),
+                        |scratch, pose| {
+                            let response = table.evaluate(pose, scratch);
+                            ScoredPose {
+                                pose: *pose,
+                                score_re: -response.energy / gamma,
+                                score_im: None,
+                                response,
+                            }
+                        },
+                    )
+                    .collect()
+            }
         }
     }
 }

@@ -1,8 +1,8 @@
 //! `pegfit score` from the outside.
 
-mod common;
-
-use common::{columns, pegfit, pegfit_with_input, refuse, scene_folder, stderr, stdout, succeed};
+use crate::common::{
+    columns, pegfit, pegfit_with_input, refuse, scene_folder, stderr, stdout, succeed,
+};
 
 const POSES: &str = "\
 qw,qx,qy,qz,x,y,z,note

@@ -1,8 +1,6 @@
 //! `pegfit check` from the outside.
 
-mod common;
-
-use common::{cuboid_obj, pegfit, stderr, stdout};
+use crate::common::{cuboid_obj, pegfit, stderr, stdout};
 
 #[test]
 fn a_good_mesh_is_reported() {

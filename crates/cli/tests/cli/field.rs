@@ -1,8 +1,6 @@
 //! `pegfit field` from the outside.
 
-mod common;
-
-use common::{cuboid_obj, pegfit, stderr, stdout};
+use crate::common::{cuboid_obj, pegfit, stderr, stdout};
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();

@@ -1,8 +1,6 @@
 //! `pegfit plot` from the outside.
 
-mod common;
-
-use common::{refuse, scene_folder, succeed};
+use crate::common::{refuse, scene_folder, succeed};
 
 fn is_png(path: &std::path::Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes.len() > 1000 && &bytes[1..4] == b"PNG")

@@ -1,6 +1,4 @@
 //! What the command-line tests share.
-#![allow(dead_code, reason = "each test binary uses its part")]
-
 use std::path::Path;
 use std::process::Output;
 

@@ -1,8 +1,6 @@
 //! `pegfit dock` and `pegfit feel` from the outside.
 
-mod common;
-
-use common::{columns, refuse, scene_folder, succeed};
+use crate::common::{columns, refuse, scene_folder, succeed};
 
 const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 20.0\nstep_deg = 10.0\n";
 

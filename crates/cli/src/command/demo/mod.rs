@@ -1,0 +1,77 @@
+//! `pegfit demo`: the paper's three examples from meshes to felt forces, and a page about them.
+
+mod errors;
+mod example;
+mod page;
+
+use std::path::Path;
+use std::time::Instant;
+
+use sdf_grid::shapes::PegInHole;
+use serde::Serialize;
+
+use super::{Context, print_json};
+use crate::args::DemoArgs;
+use crate::error::CommandError;
+use crate::progress::check_interrupt;
+use example::Example;
+
+/// What the demo did, for `--json` and the closing table.
+#[derive(Serialize)]
+struct Summary {
+    examples: Vec<Example>,
+    seconds: f64,
+}
+
+pub(super) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError> {
+    let began = Instant::now();
+    std::fs::create_dir_all(&args.out).map_err(|e| CommandError::write(&args.out, e))?;
+    let mut examples = Vec::new();
+    for shape in PegInHole::ALL {
+        check_interrupt()?;
+        examples.push(example::run(shape, &args.out, context)?);
+    }
+    let summary = Summary {
+        examples,
+        seconds: began.elapsed().as_secs_f64(),
+    };
+    let page = page::write(&args.out, &summary)?;
+    if context.json {
+        return print_json(&summary);
+    }
+    print(&summary, &page);
+    Ok(())
+}
+
+fn print(summary: &Summary, page: &Path) {
+    println!(
+        "example       fields    table     dock    tests   table error  quadrature  fit found"
+    );
+    println!(
+        "                 (s)      (s)      (s)      (s)    force (%)   score (%)  to (mm, °)"
+    );
+    for e in &summary.examples {
+        println!(
+            "{:<12} {:>7.1} {:>8.1} {:>8.1} {:>8.1} {:>12.2} {:>11.3}  {:.2}, {:.2}",
+            e.name,
+            e.field_seconds,
+            e.table.seconds,
+            e.dock.seconds,
+            e.test_seconds,
+            100.0 * e.table.force_error,
+            100.0 * e.quadrature_error,
+            1e3 * e.dock.from_fit_m,
+            e.dock.from_fit_degrees,
+        );
+    }
+    for e in &summary.examples {
+        if let Some(r) = &e.real_time {
+            println!(
+                "real-time loop ({}): {:.0} Hz, latency p50 {:.0} µs, p99 {:.0} µs, {} overruns in \
+                 {} ticks",
+                e.name, r.rate_hz, r.latency_us.p50, r.latency_us.p99, r.overruns, r.ticks
+            );
+        }
+    }
+    println!("{:.0} s in all; open {}", summary.seconds, page.display());
+}

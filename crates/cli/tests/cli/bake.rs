@@ -1,0 +1,200 @@
+//! `pegfit bake`, and the commands that read its tables.
+
+use crate::common::{columns, pegfit, refuse, scene_folder, stderr, stdout, succeed};
+
+const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
+
+const POSES: &str = "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0.001,0,0,0,0,0,1\n0,0,0.09,0,0,0,1\n";
+
+fn status(folder: &std::path::Path) -> serde_json::Value {
+    let args = ["bake", "scene.toml", "-o", "t.zarr", "--status", "--json"];
+    serde_json::from_str(&succeed(folder, &args)).unwrap()
+}
+
+/// Every file of a folder with its content, by name.
+fn content(folder: &std::path::Path) -> Vec<(String, Vec<u8>)> {
+    let mut files = Vec::new();
+    let mut todo = vec![folder.to_owned()];
+    while let Some(next) = todo.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => todo.push(path),
+                false => {
+                    let name = path.strip_prefix(folder).unwrap().display().to_string();
+                    files.push((name, std::fs::read(&path).unwrap()));
+                }
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+#[test]
+fn a_table_is_baked_and_read() {
+    let folder = scene_folder(BALL);
+    std::fs::write(folder.path().join("in.csv"), POSES).unwrap();
+    let text = succeed(
+        folder.path(),
+        &["bake", "scene.toml", "-o", "t.zarr", "--json", "-q"],
+    );
+    let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(summary["complete"], true);
+    assert_eq!(summary["computed"], summary["rotations"]);
+    assert!(
+        summary["error"]["force"]["rms"]
+            .as_f64()
+            .unwrap()
+            .is_finite()
+    );
+    assert_eq!(status(folder.path())["missing"], 0);
+
+    let args = ["score", "--table", "t.zarr", "--poses", "in.csv", "-q"];
+    let table = columns(&succeed(folder.path(), &args));
+    let args = ["score", "--scene", "scene.toml", "--poses", "in.csv", "-q"];
+    let direct = columns(&succeed(folder.path(), &args));
+    for (t, d) in table.iter().zip(&direct).take(2) {
+        // Lattice cells of 2.5 mm and steps of 10 degrees: coarse, but the same energy.
+        assert!((t["energy"] / d["energy"] - 1.0).abs() < 0.3, "{t:?} {d:?}");
+        assert!(t["score_im"].is_nan() && t["coverage"] == 1.0);
+    }
+    // Far outside the window: no coverage, no force.
+    assert_eq!((table[2]["coverage"], table[2]["fz"]), (0.0, 0.0));
+
+    let said = refuse(folder.path(), &["bake", "scene.toml", "-o", "t.zarr", "-q"]);
+    assert!(
+        said.contains("t.zarr") && said.contains("--resume"),
+        "{said}"
+    );
+
+    let args = [
+        "feel",
+        "scene.toml",
+        "--table",
+        "t.zarr",
+        "--seconds",
+        "0.2",
+        "-q",
+    ];
+    assert!(succeed(folder.path(), &args).contains("peak force"));
+}
+
+#[test]
+fn ranks_and_resumption_give_the_same_table() {
+    let folder = scene_folder(BALL);
+    let bake = |args: &[&str]| {
+        succeed(
+            folder.path(),
+            &[&["bake", "scene.toml", "-q"], args].concat(),
+        );
+    };
+    bake(&["-o", "whole.zarr"]);
+    bake(&["-o", "t.zarr", "--rank", "0", "--size", "2"]);
+    let half = status(folder.path());
+    assert!(half["missing"].as_u64().unwrap() > 0, "{half}");
+    assert_eq!(half["damaged"], 0);
+    bake(&["-o", "t.zarr", "--rank", "1", "--size", "2"]);
+    assert_eq!(
+        content(&folder.path().join("t.zarr")),
+        content(&folder.path().join("whole.zarr"))
+    );
+
+    // A table that lost a chunk, as after a crash, is completed without computing the rest again.
+    let lost = content(&folder.path().join("t.zarr"))
+        .into_iter()
+        .map(|(name, _)| name)
+        .find(|name| name.contains("/c/"))
+        .unwrap();
+    std::fs::remove_file(folder.path().join("t.zarr").join(lost)).unwrap();
+    assert_eq!(status(folder.path())["missing"], 1);
+    let args = [
+        "bake",
+        "scene.toml",
+        "-o",
+        "t.zarr",
+        "--resume",
+        "--json",
+        "-q",
+    ];
+    let summary: serde_json::Value = serde_json::from_str(&succeed(folder.path(), &args)).unwrap();
+    assert_eq!(summary["computed"], 1);
+    assert_eq!(
+        content(&folder.path().join("t.zarr")),
+        content(&folder.path().join("whole.zarr"))
+    );
+}
+
+#[test]
+fn bad_tables_are_refused() {
+    let folder = scene_folder(BALL);
+    std::fs::write(folder.path().join("in.csv"), POSES).unwrap();
+    succeed(folder.path(), &["bake", "scene.toml", "-o", "t.zarr", "-q"]);
+    let score = ["score", "--table", "t.zarr", "--poses", "in.csv"];
+
+    // For other meshes: the scene now has a peg that is turned.
+    let scene = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    let turned = scene.replace(
+        "moving = \"peg.obj\"",
+        "moving = { mesh = \"peg.obj\", position = [0, 0, 0.001] }",
+    );
+    std::fs::write(folder.path().join("other.toml"), turned).unwrap();
+    let said = refuse(
+        folder.path(),
+        &["feel", "other.toml", "--table", "t.zarr", "-q"],
+    );
+    assert!(said.contains("t.zarr") && said.contains("moving"), "{said}");
+
+    // Truncated and corrupted chunks.
+    let table = folder.path().join("t.zarr");
+    let (name, bytes) = content(&table)
+        .into_iter()
+        .find(|(n, _)| n.contains("/c/"))
+        .unwrap();
+    std::fs::write(table.join(&name), &bytes[..bytes.len() / 2]).unwrap();
+    assert!(refuse(folder.path(), &score).contains("t.zarr"));
+    assert_eq!(status(folder.path())["damaged"], 1);
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 2] ^= 1;
+    std::fs::write(table.join(&name), flipped).unwrap();
+    assert!(refuse(folder.path(), &score).contains("t.zarr"));
+    std::fs::remove_file(table.join(&name)).unwrap();
+    assert!(refuse(folder.path(), &score).contains("t.zarr"));
+
+    // Nothing there, and something else.
+    std::fs::write(folder.path().join("file"), "not a table").unwrap();
+    for path in ["none.zarr", "file"] {
+        let said = refuse(
+            folder.path(),
+            &["score", "--table", path, "--poses", "in.csv"],
+        );
+        assert!(said.contains(path), "{said}");
+    }
+}
+
+#[test]
+fn bad_shares_are_refused() {
+    let folder = scene_folder(BALL);
+    let cases: [(&[&str], &str); 4] = [
+        (
+            &["--rank", "2", "--size", "2"],
+            "expected below --size 2, found 2",
+        ),
+        (&["--rank", "0"], "--size: expected given with --rank"),
+        (&["--size", "2"], "--rank: expected given with --size"),
+        (&["--status"], "t.zarr"),
+    ];
+    for (args, message) in cases {
+        let all = [&["bake", "scene.toml", "-o", "t.zarr"], args].concat();
+        let said = refuse(folder.path(), &all);
+        assert!(said.contains(message), "{args:?}: {said}");
+    }
+    let output = pegfit(folder.path(), &["bake", "scene.toml", "-o", "no/t.zarr"]);
+    assert_eq!(
+        output.status.code(),
+        Some(2),
+        "{} {}",
+        stdout(&output),
+        stderr(&output)
+    );
+}

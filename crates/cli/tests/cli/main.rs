@@ -1,0 +1,10 @@
+//! The `pegfit` command from the outside: every command end to end on tiny parts, and every kind of
+//! bad input with its exit code and words.
+
+mod bake;
+mod check;
+mod common;
+mod dock_and_feel;
+mod field;
+mod plot;
+mod score;

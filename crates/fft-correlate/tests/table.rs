@@ -168,7 +168,7 @@ fn symmetric_tables_agree_with_the_closed_form_everywhere_and_stay_conservative(
             for domain in [RotationDomain::ball(50.0, 10.0), RotationDomain::full(22.5)] {
                 let full_set = matches!(domain, RotationDomain::Full { .. });
                 let plain = RotationGrid::new(&domain, None).unwrap().nodes().len();
-                let mut spec = spec(window(0.75, 0.15), domain);
+                let mut spec = spec(window(0.75, 0.25), domain);
                 spec.symmetry = Some(symmetry);
                 let table = table(&energy, spec);
                 let turn = |rng: &mut SmallRng| {

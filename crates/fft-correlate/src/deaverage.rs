@@ -14,7 +14,9 @@
 //! over boundary cells, weighted by how far their normals point along the axis, the filter adds
 //! `beta (0.732 q - 0.289)` to the loss `q`, so `beta = q / (0.289 - 0.732 q)`; `q` is at most
 //! 0.25, and `beta` is limited to 1.25, because beyond that the filter amplifies errors more than
-//! it removes.
+//! it removes. Along an oblique normal `n` aliasing folds less back and the axes' filters multiply:
+//! integrating the transfer functions over a jump, `beta` has to be smaller by a factor that
+//! `0.52 + 0.48 (nx^4 + ny^4 + nz^4)` meets within 3 %.
 //! One of two fields has to be filtered, and filtering the fixed one costs nothing per rotation.
 //!
 //! Measured on a rectangular rod (8 x 12 x 10 mm) in a fitting plate with 3 mm walls, sigma 0.2,
@@ -52,7 +54,7 @@ const MAX_STRENGTH: f64 = 1.25;
 pub fn averaging_strength(field: &DensityField) -> [f64; 3] {
     let h = field.lattice.spacing();
     let distance = &field.signed_distance;
-    let (mut sums, mut weights) = ([0.0; 3], [0.0; 3]);
+    let (mut losses, mut factors, mut weights) = ([0.0; 3], [0.0; 3], [0.0; 3]);
     for (index, d) in distance.indexed_iter() {
         let d = f64::from(*d) / h;
         // Faces between cells are half a cell from nodes on both sides.
@@ -64,9 +66,12 @@ pub fn averaging_strength(field: &DensityField) -> [f64; 3] {
         };
         // Fractions s = 1/2 + d and 1 - s.
         let loss = (0.25 - d * d).max(0.0);
+        let factor = 0.52 + 0.48 * normal.iter().map(|n| n.powi(4)).sum::<f64>();
         for a in 0..3 {
-            sums[a] += normal[a] * normal[a] * loss;
-            weights[a] += normal[a] * normal[a];
+            let weight = normal[a] * normal[a];
+            losses[a] += weight * loss;
+            factors[a] += weight * factor;
+            weights[a] += weight;
         }
     }
     // The sum over n of n times the weight at distance n.
@@ -75,8 +80,9 @@ pub fn averaging_strength(field: &DensityField) -> [f64; 3] {
         .map(|(n, w)| f64::from(n) * w)
         .sum();
     std::array::from_fn(|a| {
-        let q = sums[a] / weights[a].max(1e-9);
-        (q / (-lever - WEIGHTS[0] * q)).clamp(0.0, MAX_STRENGTH)
+        let weight = weights[a].max(1e-9);
+        let q = losses[a] / weight;
+        (q / (-lever - WEIGHTS[0] * q)).clamp(0.0, MAX_STRENGTH) * factors[a] / weight
     })
 }
 
@@ -238,13 +244,10 @@ mod tests {
     #[test]
     fn oblique_faces_lose_little() {
         // The filter acts along the axes, the loss along the normal: the rest is its error.
-        for normal in [DVec3::new(1.0, 0.13, 0.27), DVec3::new(1.0, 0.7, 0.45)] {
+        let normals = [(1.0, 0.13, 0.27), (1.0, 0.7, 0.45), (1.0, 1.0, 0.9)];
+        for normal in normals.map(DVec3::from) {
             let normal = normal.normalize();
             let field = half_space(normal, 15.3 * normal.element_sum(), [31, 31, 31]);
-            let strength = averaging_strength(&field);
-            for s in strength {
-                assert!((s - 1.0).abs() < 0.2, "{normal}: {strength:?}");
-            }
             let before = overlap(&field.interior, &field.exterior, 0);
             let after = deaveraged(&field).unwrap();
             let after = overlap(&after.interior, &field.exterior, REACH);

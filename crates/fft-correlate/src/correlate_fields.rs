@@ -79,8 +79,9 @@ impl MovingRows for Still<'_> {
 
     fn fill(&self, x: usize, y: usize, row: &mut [Complex32]) -> bool {
         let [i, j, k] = self.within.lo.map(|lo| lo as usize);
-        for z in 0..self.within.shape()[2] {
-            row[z] = self.values[[i + x, j + y, k + z]];
+        let wanted = row.iter_mut().take(self.within.shape()[2]);
+        for (z, value) in wanted.enumerate() {
+            *value = self.values[[i + x, j + y, k + z]];
         }
         true
     }

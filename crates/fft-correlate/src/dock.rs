@@ -1,7 +1,7 @@
 //! Docking: the best poses of a pair over many rotations and all translations of a window.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::DQuat;
 use ndarray::Array3;
@@ -122,6 +122,7 @@ pub enum DockError {
 struct Candidate {
     pose: Pose,
     rotation: usize,
+    index: [usize; 3],
     energy: f64,
     half_width: f64,
 }
@@ -156,9 +157,8 @@ pub fn dock(
         return Err(DockError::Cancelled);
     }
     candidates.sort_by(|a, b| {
-        let place = |c: &Candidate| (c.rotation, c.pose.translation.to_array());
-        let place_order = || place(a).partial_cmp(&place(b)).expect("finite");
-        a.energy.total_cmp(&b.energy).then_with(place_order)
+        let order = a.energy.total_cmp(&b.energy);
+        order.then((a.rotation, a.index).cmp(&(b.rotation, b.index)))
     });
     let refine = refine.filter(|_| !monitor.cancelled());
     let wanted = if refine.is_some() {
@@ -241,6 +241,7 @@ fn scan(
                 own.push(Candidate {
                     pose: pair.pose(*q, window.displacement(peak.index)),
                     rotation,
+                    index: peak.index,
                     energy: -pair.model().gamma * peak.score as f64,
                     half_width: width * pair.spacing(),
                 });
@@ -248,10 +249,15 @@ fn scan(
             scored.fetch_add(1, Ordering::Relaxed);
             monitor.advance(1);
         }
-        found.lock().expect("no thread panicked").append(&mut own);
+        lock(&found).append(&mut own);
     });
-    let found = found.into_inner().expect("no thread panicked");
-    (found, scored.into_inner())
+    let candidates = std::mem::take(&mut *lock(&found));
+    (candidates, scored.into_inner())
+}
+
+/// The list behind the lock; a panic elsewhere leaves it whole, because it is only appended to.
+fn lock<T>(list: &Mutex<T>) -> MutexGuard<'_, T> {
+    list.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

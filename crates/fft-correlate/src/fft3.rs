@@ -61,7 +61,7 @@ impl RealLines {
     ) {
         // Rounding leaves tiny imaginary parts where a real line has none.
         half[0].im = 0.0;
-        if line.len() % 2 == 0 {
+        if line.len().is_multiple_of(2) {
             half[line.len() / 2].im = 0.0;
         }
         self.fft
@@ -72,18 +72,9 @@ impl RealLines {
 
 /// The negative-exponent transform of a complex field, in place.
 pub(crate) fn transform_negative(field: &mut Array3<Complex32>) {
-    transform(field, FftDirection::Forward);
-}
-
-/// The positive-exponent transform of a complex field, in place.
-pub(crate) fn transform_positive(field: &mut Array3<Complex32>) {
-    transform(field, FftDirection::Inverse);
-}
-
-fn transform(field: &mut Array3<Complex32>, direction: FftDirection) {
     let mut planner = FftPlanner::new();
     for axis in 0..3 {
-        let fft = planner.plan_fft(field.len_of(Axis(axis)), direction);
+        let fft = planner.plan_fft_forward(field.len_of(Axis(axis)));
         let mut line = vec![Complex32::default(); fft.len()];
         let mut scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
         let each = |mut lane: ArrayViewMut1<Complex32>| {
@@ -101,7 +92,7 @@ pub(crate) fn good_length(min: usize, even: bool) -> usize {
     let min = min.max(1);
     // A power of two lies below 2 * min, so the range is never empty.
     (min..=2 * min)
-        .filter(|n| !even || n % 2 == 0)
+        .filter(|n| !even || n.is_multiple_of(2))
         .filter_map(|n| Some((line_cost(n)?, n)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map_or(2 * min, |(_, n)| n)
@@ -113,7 +104,7 @@ pub(crate) fn good_length(min: usize, even: bool) -> usize {
 fn line_cost(n: usize) -> Option<f64> {
     let (mut rest, mut passes) = (n, 0.0);
     for (prime, weight) in [(2, 1.0), (3, 1.8), (5, 2.9), (7, 4.2)] {
-        while rest % prime == 0 {
+        while rest.is_multiple_of(prime) {
             rest /= prime;
             passes += weight;
         }
@@ -131,21 +122,24 @@ mod tests {
             for even in [false, true] {
                 let n = good_length(min, even);
                 assert!(n >= min && n <= 2 * min, "{min} -> {n}");
-                assert!(line_cost(n).is_some() && (!even || n % 2 == 0));
+                assert!(line_cost(n).is_some() && (!even || n.is_multiple_of(2)));
             }
         }
     }
 
+    /// A plane wave becomes one peak at its frequency.
     #[test]
-    fn transforms_undo_each_other_up_to_the_number_of_points() {
-        let field = Array3::from_shape_fn((3, 4, 5), |(i, j, k)| {
-            Complex32::new((i * 7 + j * 3 + k) as f32, (i + j * k) as f32)
+    fn the_transform_has_the_negative_exponent_and_no_factor() {
+        let shape = [3, 4, 5];
+        let wave = [2usize, 1, 3];
+        let mut field = Array3::from_shape_fn(shape, |(i, j, k)| {
+            let turns = |a: usize, x: usize| (wave[a] * x) as f32 / shape[a] as f32;
+            Complex32::cis(std::f32::consts::TAU * (turns(0, i) + turns(1, j) + turns(2, k)))
         });
-        let mut again = field.clone();
-        transform_negative(&mut again);
-        transform_positive(&mut again);
-        for (a, b) in again.iter().zip(&field) {
-            assert!((a / 60.0 - b).norm() < 1e-4);
+        transform_negative(&mut field);
+        for (at, value) in field.indexed_iter() {
+            let peak = if at == wave.into() { 60.0 } else { 0.0 };
+            assert!((value - peak).norm() < 1e-4, "{at:?}: {value}");
         }
     }
 }

@@ -12,8 +12,8 @@ use fft_correlate::{
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{
-    Aabb, DensityError, FieldCache, HygieneOptions, SymmetryAxis, SymmetryOrder, TriangleMesh,
-    mesh_io, symmetry,
+    Aabb, DensityError, FieldCache, HygieneOptions, LengthUnit, SymmetryAxis, SymmetryOrder,
+    TriangleMesh, mesh_io, symmetry,
 };
 
 use crate::command::Context;
@@ -286,6 +286,16 @@ impl Assembly {
             .iter()
             .map(|v| v.distance(pivot))
             .fold(0.0, f64::max)
+    }
+
+    /// The unit for reports and pictures: the scene's, but millimetres instead of small fractions
+    /// of a metre.
+    pub fn display_unit(&self) -> LengthUnit {
+        let longest = self.bounds(0.0).size().max_element();
+        match self.scene.unit {
+            LengthUnit::M if longest < 0.5 => LengthUnit::Mm,
+            unit => unit,
+        }
     }
 
     /// What errors say they are about: the scene file and a part of it.

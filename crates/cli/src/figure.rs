@@ -15,8 +15,12 @@ pub fn sheet<T: Clone>(values: &Array3<T>, field: &DensityField, slice: &Slice) 
     values.index_axis(Axis(slice.axis), index).to_owned()
 }
 
-/// Contour lines of the signed distance on a plane, in `unit`.
-pub fn distance_contours(field: &DensityField, slice: &Slice, unit: LengthUnit) -> Contours {
+/// Contour lines of the signed distance on a plane, in `unit`, and what to say about them.
+pub fn distance_contours(
+    field: &DensityField,
+    slice: &Slice,
+    unit: LengthUnit,
+) -> (Contours, String) {
     let metre = unit.in_metres() as f32;
     let distance = sheet(&field.signed_distance, field, slice).mapv(|d| d / metre);
     let levels = distance_levels(&distance, 12);
@@ -24,12 +28,13 @@ pub fn distance_contours(field: &DensityField, slice: &Slice, unit: LengthUnit) 
         [a, b, ..] => crate::picture::canvas::number(b - a, 3),
         _ => String::new(),
     };
-    Contours {
-        label: format!("lines: signed distance every {step} {unit}; bold: the boundary"),
+    let note = format!("lines: signed distance every {step} {unit}; bold: the boundary");
+    let contours = Contours {
         values: distance,
         levels,
         bold: vec![0.0],
-    }
+    };
+    (contours, note)
 }
 
 /// A heat map of `values` (one per node of `field`'s sheet) with distance contours over it.
@@ -44,6 +49,7 @@ pub fn density_map(
     let [across, up] = slice.plane_axes();
     let bounds = field.lattice.node_bounds();
     let metre = unit.in_metres();
+    let (contours, note) = distance_contours(field, slice, unit);
     HeatMap {
         title,
         horizontal: format!("{} ({unit})", AXES[across]),
@@ -53,7 +59,8 @@ pub fn density_map(
         across: [bounds.min[across] / metre, bounds.max[across] / metre],
         up: [bounds.min[up] / metre, bounds.max[up] / metre],
         legend: legend.to_owned(),
-        contours: Some(distance_contours(field, slice, unit)),
+        contours: vec![contours],
+        note,
         equal_axes: true,
     }
 }

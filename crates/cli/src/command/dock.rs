@@ -134,7 +134,7 @@ fn report(
         "scored {} of {} rotations in {seconds:.2} s, {per_rotation:.1} ms each",
         docking.scored, docking.rotations
     );
-    let unit = assembly.scene.unit;
+    let unit = assembly.display_unit();
     let metre = unit.in_metres();
     println!("  energy (mJ)   from the fit ({unit}, degrees)");
     for pose in docking.poses.iter().take(10) {

@@ -108,6 +108,8 @@ fn encode(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, png::Encodi
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Best);
+    encoder.set_adaptive_filter(png::AdaptiveFilterType::Adaptive);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;
     writer.finish()?;
@@ -153,6 +155,14 @@ pub fn number(value: f64, digits: usize) -> String {
     trim_zeros(&format!("{value:.decimals$}")).to_owned()
 }
 
+/// A tick label on an axis from `low` to `high`: rounding around zero is zero.
+pub fn tick(value: f64, [low, high]: [f64; 2]) -> String {
+    match value.abs() < 1e-9 * (high - low) {
+        true => number(0.0, 4),
+        false => number(value, 4),
+    }
+}
+
 fn trim_zeros(text: &str) -> &str {
     match text.contains('.') {
         true => text.trim_end_matches('0').trim_end_matches('.'),
@@ -190,6 +200,8 @@ mod tests {
         assert_eq!(number(0.0012345, 3), "0.00123");
         assert_eq!(number(1.0e-7, 3), "1e-7");
         assert_eq!(number(2.5e9, 3), "2.5e9");
+        assert_eq!(tick(3e-18, [-1.0, 1.0]), "0");
+        assert_eq!(tick(0.25, [-1.0, 1.0]), "0.25");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
     self, Drawing, FAINT, GRID, INK, Panel, centred, number, round_ticks, stroke, text, text_size,
-    titled,
+    tick, titled,
 };
 use super::colour::ColourScale;
 use super::contour;
@@ -32,7 +32,9 @@ pub struct HeatMap {
     /// Beside the legend, with its unit.
     pub legend: String,
     /// Lines over the colours.
-    pub contours: Option<Contours>,
+    pub contours: Vec<Contours>,
+    /// What the lines are, at the foot of the picture.
+    pub note: String,
     /// True where both axes are lengths: one unit is as long across as up.
     pub equal_axes: bool,
 }
@@ -46,8 +48,6 @@ pub struct Contours {
     pub levels: Vec<f64>,
     /// Levels of thick lines.
     pub bold: Vec<f64>,
-    /// What the lines are, for the foot of the picture.
-    pub label: String,
 }
 
 const LEGEND_WIDTH: u32 = stroke(150);
@@ -61,17 +61,9 @@ impl HeatMap {
         let width = panel.dim_in_pixel().0;
         let size = text_size(panel);
         let rest = titled(panel, &self.title)?;
-        let (rest, foot) = match &self.contours {
-            Some(_) => rest.split_vertically(rest.dim_in_pixel().1 - 2 * size),
-            None => rest.split_vertically(rest.dim_in_pixel().1 - size / 2),
-        };
-        if let Some(lines) = &self.contours {
-            foot.draw_text(
-                &lines.label,
-                &centred(size, FAINT),
-                (width as i32 / 2, size as i32 / 2),
-            )?;
-        }
+        let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
+        let place = (width as i32 / 2, size as i32 / 2);
+        foot.draw_text(&self.note, &centred(size, FAINT), place)?;
         let (map, legend) = rest.split_horizontally(width - LEGEND_WIDTH - size);
         self.draw_map(&map, size)?;
         self.draw_legend(&legend, size)
@@ -114,12 +106,12 @@ impl HeatMap {
             .y_desc(&self.vertical)
             .x_labels(7)
             .y_labels(7)
-            .x_label_formatter(&|v| number(*v, 4))
-            .y_label_formatter(&|v| number(*v, 4))
+            .x_label_formatter(&|v| tick(*v, [x0, x1]))
+            .y_label_formatter(&|v| tick(*v, [y0, y1]))
             .label_style(text(size, INK))
             .axis_desc_style(text(size, INK))
             .draw()?;
-        if let Some(lines) = &self.contours {
+        for lines in &self.contours {
             let thin = INK.mix(0.35).stroke_width(stroke(1));
             let thick = INK.stroke_width(stroke(3) - 1);
             let levels = lines.levels.iter().map(|l| (*l, thin));

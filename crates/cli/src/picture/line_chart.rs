@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{Drawing, FAINT, INK, PAPER, Panel, number, stroke, text, text_size, titled};
+use super::canvas::{Drawing, FAINT, INK, PAPER, Panel, stroke, text, text_size, tick, titled};
 use super::colour::SERIES;
 use super::heat_map::MESH;
 
@@ -19,8 +19,8 @@ pub struct LineChart {
     pub series: Vec<Series>,
     /// Vertical lines with a word each.
     pub marks: Vec<Mark>,
-    /// Least vertical value shown, if the curves reach below it.
-    pub floor: Option<f64>,
+    /// Least height of the vertical axis, so that small ripples look small.
+    pub least_span: f64,
 }
 
 /// One curve.
@@ -69,8 +69,8 @@ impl LineChart {
             .y_desc(&self.vertical)
             .x_labels(9)
             .y_labels(8)
-            .x_label_formatter(&|v| number(*v, 4))
-            .y_label_formatter(&|v| number(*v, 4))
+            .x_label_formatter(&|v| tick(*v, [x0, x1]))
+            .y_label_formatter(&|v| tick(*v, [y0, y1]))
             .label_style(text(size, INK))
             .axis_desc_style(text(size, INK))
             .draw()?;
@@ -96,7 +96,13 @@ impl LineChart {
             } else if series.dashed {
                 chart.draw_series(DashedLineSeries::new(points, stroke(9), stroke(6), style))?
             } else {
-                chart.draw_series(LineSeries::new(points, style))?
+                // Piece by piece: the joins of one thick line go astray where a curve turns sharply.
+                chart.draw_series(
+                    series
+                        .points
+                        .windows(2)
+                        .map(|pair| PathElement::new(pair.to_vec(), style)),
+                )?
             };
             if !series.label.is_empty() {
                 named = true;
@@ -126,8 +132,7 @@ impl LineChart {
                 .filter(|(x, y)| x.is_finite() && y.is_finite())
         };
         let [y0, y1] = spread(points().map(|p| p.1));
-        let y0 = self.floor.map_or(y0, |f| y0.max(f));
-        let margin = 0.06 * (y1 - y0);
+        let margin = (0.06 * (y1 - y0)).max(0.5 * (self.least_span - (y1 - y0)));
         (spread(points().map(|p| p.0)), [y0 - margin, y1 + margin])
     }
 }

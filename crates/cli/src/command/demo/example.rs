@@ -23,7 +23,7 @@ use crate::slice::Slice;
 use crate::{atomic, picture};
 
 /// Seconds of the two tests in simulated time.
-const TEST_SECONDS: f64 = 8.0;
+const TEST_SECONDS: f64 = 6.0;
 
 /// Seconds of the loop in real time.
 const LOOP_SECONDS: f64 = 5.0;

@@ -45,14 +45,14 @@ pub(super) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError
 
 fn print(summary: &Summary, page: &Path) {
     println!(
-        "example       fields    table     dock    tests   table error  quadrature  fit found"
+        "example       fields    table     dock    tests   table error  transforms  fit found"
     );
     println!(
-        "                 (s)      (s)      (s)      (s)    force (%)   score (%)  to (mm, °)"
+        "                 (s)      (s)      (s)      (s)     force (%)  score (%)   to (mm, °)"
     );
     for e in &summary.examples {
         println!(
-            "{:<12} {:>7.1} {:>8.1} {:>8.1} {:>8.1} {:>12.2} {:>11.3}  {:.2}, {:.2}",
+            "{:<12} {:>7.1} {:>8.1} {:>8.1} {:>8.1} {:>12.2} {:>11.1e}  {:.3}, {:.2}",
             e.name,
             e.field_seconds,
             e.table.seconds,

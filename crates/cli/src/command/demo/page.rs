@@ -167,7 +167,7 @@ fn numbers(summary: &Summary) -> String {
         )
     });
     row("transforms against direct sums: score", &|e| {
-        format!("{:.3} %", 100.0 * e.quadrature_error)
+        format!("{:.0e} %", 100.0 * e.quadrature_error)
     });
     row("docking", &|e| {
         format!("{} rotations in {:.1} s", e.dock.rotations, e.dock.seconds)

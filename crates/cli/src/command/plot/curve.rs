@@ -98,7 +98,7 @@ fn draw(
     motion: Motion,
     rows: &[(f64, Response, f64)],
 ) -> Result<Vec<u8>, CommandError> {
-    let unit = assembly.scene.unit;
+    let unit = assembly.display_unit();
     let (name, scale, horizontal, load) = match motion {
         Motion::Translation(a) => (
             format!("along {}", AXES[a]),
@@ -113,25 +113,33 @@ fn draw(
             format!("torque about {} (N·m)", AXES[a]),
         ),
     };
-    let chart =
-        |title: String, vertical: &str, value: &dyn Fn(&(f64, Response, f64)) -> f64| LineChart {
-            title,
-            horizontal: horizontal.clone(),
-            vertical: vertical.to_owned(),
-            series: vec![Series {
-                points: rows.iter().map(|r| (scale * r.0, value(r))).collect(),
-                ..Series::default()
-            }],
-            ..LineChart::default()
-        };
+    // So that ripples look small: the energy's axis spans at least half of its size, the slope's
+    // at least what takes it to nothing within half the range.
+    let size = rows.iter().map(|r| r.1.energy.abs()).fold(0.0, f64::max);
+    let reach = rows.last().map_or(1.0, |r| r.0);
+    let chart = |title: String,
+                 vertical: &str,
+                 least_span: f64,
+                 value: &dyn Fn(&(f64, Response, f64)) -> f64| LineChart {
+        least_span,
+        title,
+        horizontal: horizontal.clone(),
+        vertical: vertical.to_owned(),
+        series: vec![Series {
+            points: rows.iter().map(|r| (scale * r.0, value(r))).collect(),
+            ..Series::default()
+        }],
+        ..LineChart::default()
+    };
     let energy = chart(
         format!("Energy of {} {name}", assembly.scene.moving.name),
         "energy (mJ)",
+        1e3 * 0.5 * size,
         &|r| 1e3 * r.1.energy,
     );
-    let slope = chart(String::new(), &load, &|r| r.2);
+    let slope = chart(String::new(), &load, 2.0 * size / reach, &|r| r.2);
     picture::png("energy curve", (1200, 1100), |sheet| {
-        let (top, bottom) = sheet.split_vertically(sheet.dim_in_pixel().1 * 11 / 20);
+        let (top, bottom) = sheet.split_vertically(sheet.dim_in_pixel().1 / 2);
         energy.draw(&top)?;
         slope.draw(&bottom)
     })

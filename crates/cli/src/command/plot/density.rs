@@ -46,7 +46,7 @@ pub(in crate::command) fn densities(
     context: &Context,
 ) -> Result<Vec<u8>, CommandError> {
     let model = *assembly.pair.model();
-    let unit = assembly.scene.unit;
+    let unit = assembly.display_unit();
     let parts = [
         (&assembly.scene.fixed.name, &assembly.fixed),
         (&assembly.scene.moving.name, &assembly.moving),
@@ -71,7 +71,7 @@ pub(in crate::command) fn densities(
         }
     }
     context.progress.finish();
-    picture::png("densities", (1900, 1560), |whole| {
+    picture::png("densities", (1500, 1240), |whole| {
         for (panel, map) in whole.split_evenly((2, 2)).iter().zip(&maps) {
             map.draw(panel)?;
         }
@@ -85,7 +85,7 @@ pub(in crate::command) fn overlap(
     slice: &Slice,
     context: &Context,
 ) -> Result<Vec<u8>, CommandError> {
-    let unit = assembly.scene.unit;
+    let unit = assembly.display_unit();
     let bounds = assembly.bounds(0.1);
     let pose = assembly.assembled();
     let moved = assembly.moving.transformed(pose.rotation, pose.translation);
@@ -100,17 +100,12 @@ pub(in crate::command) fn overlap(
         slice,
         unit,
     );
-    if let Some(lines) = &mut map.contours {
-        let other = sheet(&moving.signed_distance, &moving, slice) / unit.in_metres() as f32;
-        // The union's boundary and the surface between the parts: nearest boundary of either.
-        lines.values.zip_mut_with(&other, |a, b| {
-            if b.abs() < a.abs() {
-                *a = *b;
-            }
-        });
+    let other = crate::figure::distance_contours(&moving, slice, unit).0;
+    map.contours.push(other);
+    for lines in &mut map.contours {
         lines.levels.clear();
-        lines.label = "lines: the boundaries; red: reward, blue: penalty and separation".to_owned();
     }
+    map.note = "lines: the boundaries; red: reward, blue: penalty and separation".to_owned();
     picture::png("overlap", (1100, 940), |sheet| map.draw(sheet))
 }
 

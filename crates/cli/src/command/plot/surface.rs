@@ -52,7 +52,7 @@ fn draw(
     middle: glam::DVec3,
     score: &Array3<f32>,
 ) -> Result<Vec<u8>, CommandError> {
-    let unit = assembly.scene.unit;
+    let unit = assembly.display_unit();
     let metre = unit.in_metres();
     let across = 3 - plane[0] - plane[1];
     // A fit between two nodes has two sheets; the first is within half a spacing.

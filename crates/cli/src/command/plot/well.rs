@@ -29,7 +29,7 @@ pub(in crate::command) fn print_well(
     if context.json {
         return print_json(well);
     }
-    let unit = assembly.scene.unit;
+    let unit = assembly.display_unit();
     let metre = unit.in_metres();
     println!("depth       {:.4} mJ", 1e3 * well.depth);
     let offset = DVec3::from_array(well.offset) / metre;

@@ -24,10 +24,8 @@ pub fn distance_contours(
     let metre = unit.in_metres() as f32;
     let distance = sheet(&field.signed_distance, field, slice).mapv(|d| d / metre);
     let levels = distance_levels(&distance, 12);
-    let step = match levels[..] {
-        [a, b, ..] => crate::picture::canvas::number(b - a, 3),
-        _ => String::new(),
-    };
+    let step = levels.iter().map(|l| l.abs()).fold(f64::INFINITY, f64::min);
+    let step = crate::picture::canvas::number(step, 3);
     let note = format!("lines: signed distance every {step} {unit}; bold: the boundary");
     let contours = Contours {
         values: distance,

@@ -6,5 +6,6 @@ mod check;
 mod common;
 mod dock_and_feel;
 mod field;
+mod interrupt;
 mod plot;
 mod score;

@@ -166,11 +166,9 @@ fn tabulate(
     let began = Instant::now();
     let spec = assembly.table_spec()?;
     let energies = assembly.energies(context)?;
-    let share = Share {
-        resume: true,
-        ..Share::ALL
-    };
-    bake(path, &spec, &energies, share, &context.progress).map_err(|e| tables::explain(path, e))?;
+    discard(path)?;
+    bake(path, &spec, &energies, Share::ALL, &context.progress)
+        .map_err(|e| tables::explain(path, e))?;
     context.progress.finish();
     let table = tables::load(&tables::open(path)?, context)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -186,6 +184,14 @@ fn tabulate(
         force_error: share_of(&error.force),
         torque_error: share_of(&error.torque),
     })
+}
+
+/// Removes the table of an earlier demo, which may be of another version; nothing else.
+fn discard(path: &Path) -> Result<(), CommandError> {
+    match path.join("zarr.json").exists() {
+        true => std::fs::remove_dir_all(path).map_err(|e| CommandError::write(path, e)),
+        false => Ok(()),
+    }
 }
 
 fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> {

@@ -68,7 +68,8 @@ const FIGURES: [(&str, &str, &str); 9] = [
         "energy-rz",
         "Turned about the axis",
         "A round peg does not mind being turned, a square one fits four times in a full turn, the \
-         keyed one once.",
+         keyed one once. Ripples, and the small dip of the round peg every quarter turn, are the \
+         lattice's: they shrink with its spacing.",
     ),
     (
         "collision",

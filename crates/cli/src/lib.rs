@@ -13,6 +13,7 @@ pub mod memory;
 pub mod picture;
 pub mod poses;
 pub mod progress;
+mod say;
 pub mod scene;
 pub mod slice;
 pub mod vti;

@@ -19,7 +19,7 @@ fn main() -> ExitCode {
         Ok(()) => Exit::Success.into(),
         Err(error) => {
             let exit = error.exit();
-            eprintln!("{:?}", miette::Report::new(error));
+            pegfit::remark!("{:?}", miette::Report::new(error));
             exit.into()
         }
     }

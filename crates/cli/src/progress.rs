@@ -89,7 +89,7 @@ impl Progress {
             return;
         }
         if let Ok(stage) = self.bar.lock() {
-            stage.bar.suspend(|| eprintln!("{line}"));
+            stage.bar.suspend(|| crate::remark!("{line}"));
         }
     }
 }

@@ -115,7 +115,7 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     if context.json {
         return print_json(&progress);
     }
-    println!(
+    crate::say!(
         "{}: {} of {} rotations finished, {} missing, {} damaged",
         args.output.display(),
         progress.finished,
@@ -210,14 +210,14 @@ fn summary(
 }
 
 fn print(summary: &Summary, progress: &Progress) {
-    println!(
+    crate::say!(
         "{}: {} of {} rotations, {} in memory",
         summary.table,
         progress.finished,
         summary.rotations,
         display_bytes(summary.bytes)
     );
-    println!(
+    crate::say!(
         "computed {} rotations in {:.2} s ({:.1} ms each), {} were there, {} of them damaged",
         summary.computed,
         summary.seconds,
@@ -226,10 +226,10 @@ fn print(summary: &Summary, progress: &Progress) {
         summary.repaired
     );
     let Some(error) = &summary.error else {
-        println!("not complete yet: its error is measured when it is");
+        crate::say!("not complete yet: its error is measured when it is");
         return;
     };
-    println!(
+    crate::say!(
         "against direct evaluation at {} held-out poses (rms of the difference / rms):",
         error.poses
     );
@@ -238,7 +238,7 @@ fn print(summary: &Summary, progress: &Progress) {
         ("force", &error.force),
         ("torque", &error.torque),
     ] {
-        println!(
+        crate::say!(
             "  {name:<7} {:>7.3} %, worst {:>7.2} %",
             100.0 * e.rms / e.scale,
             100.0 * e.worst / e.scale

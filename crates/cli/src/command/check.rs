@@ -84,36 +84,41 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             ..
         } => (report, symmetry, warnings),
         Verdict::Unusable { name, error, .. } => {
-            println!("{name}: cannot be used");
-            println!("  {error}");
+            crate::say!("{name}: cannot be used");
+            crate::say!("  {error}");
             return;
         }
     };
     let metre = unit.in_metres();
     let size = report.bounds.size() / metre;
     let low = report.bounds.min / metre;
-    println!("{}: usable", report.name);
-    println!("  triangles    {}", report.triangles);
-    println!("  components   {}", report.components);
+    crate::say!("{}: usable", report.name);
+    crate::say!("  triangles    {}", report.triangles);
+    crate::say!("  components   {}", report.components);
     match report.open_edges {
-        0 => println!(
+        0 => crate::say!(
             "  watertight   {}",
             if report.watertight { "yes" } else { "no" }
         ),
-        n => println!("  watertight   no, {n} open edges"),
+        n => crate::say!("  watertight   no, {n} open edges"),
     }
     match report.flipped_faces {
-        0 => println!("  orientation  outwards"),
-        n => println!("  orientation  outwards, after {n} faces were reversed"),
+        0 => crate::say!("  orientation  outwards"),
+        n => crate::say!("  orientation  outwards, after {n} faces were reversed"),
     }
-    println!(
+    crate::say!(
         "  volume       {:.6} {unit}³",
         report.volume / metre.powi(3)
     );
-    println!("  area         {:.6} {unit}²", report.area / metre.powi(2));
-    println!(
+    crate::say!("  area         {:.6} {unit}²", report.area / metre.powi(2));
+    crate::say!(
         "  bounds       {:.6} x {:.6} x {:.6} {unit}, from ({:.6}, {:.6}, {:.6})",
-        size.x, size.y, size.z, low.x, low.y, low.z
+        size.x,
+        size.y,
+        size.z,
+        low.x,
+        low.y,
+        low.z
     );
     for axis in axes {
         let [x, y, z] = axis.direction.to_array();
@@ -121,9 +126,9 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             SymmetryOrder::Continuous => "any turn".to_owned(),
             SymmetryOrder::Finite(n) => format!("{n}-fold"),
         };
-        println!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
+        crate::say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
     }
     for warning in warnings {
-        println!("  note         {warning}");
+        crate::say!("  note         {warning}");
     }
 }

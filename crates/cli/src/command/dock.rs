@@ -130,16 +130,17 @@ fn report(
         return write(docking, std::io::stdout().lock())
             .map_err(|e| CommandError::failure("writing standard output", e));
     }
-    println!(
+    crate::say!(
         "scored {} of {} rotations in {seconds:.2} s, {per_rotation:.1} ms each",
-        docking.scored, docking.rotations
+        docking.scored,
+        docking.rotations
     );
     let unit = assembly.display_unit();
     let metre = unit.in_metres();
-    println!("  energy (mJ)   from the fit ({unit}, degrees)");
+    crate::say!("  energy (mJ)   from the fit ({unit}, degrees)");
     for pose in docking.poses.iter().take(10) {
         let (shift, turn) = assembly.from_fit(&pose.pose);
-        println!(
+        crate::say!(
             "  {:>11.4}   {:>9.4}  {:>8.3}",
             1e3 * pose.energy,
             shift / metre,

@@ -103,30 +103,37 @@ fn draw(
 }
 
 fn print(report: &LoopReport) {
-    println!("device      {}", report.device);
-    println!(
+    crate::say!("device      {}", report.device);
+    crate::say!(
         "rate        {:.1} Hz over {:.2} s, {} ticks",
-        report.rate_hz, report.seconds, report.ticks
+        report.rate_hz,
+        report.seconds,
+        report.ticks
     );
-    println!("                      p50       p99     p99.9       max");
+    crate::say!("                      p50       p99     p99.9       max");
     for (name, q) in [
         ("latency", report.latency_us),
         ("lateness", report.lateness_us),
     ] {
-        println!(
+        crate::say!(
             "{name:<11} {:>10.1}{:>10.1}{:>10.1}{:>10.1} µs",
-            q.p50, q.p99, q.p999, q.max
+            q.p50,
+            q.p99,
+            q.p999,
+            q.max
         );
     }
-    println!(
+    crate::say!(
         "overruns    {} ({} ticks left out)",
-        report.overruns, report.missed
+        report.overruns,
+        report.missed
     );
-    println!(
+    crate::say!(
         "peak force  {:.3} N, peak torque {:.4} N·m",
-        report.peak_force, report.peak_torque
+        report.peak_force,
+        report.peak_torque
     );
     for note in &report.granted.notes {
-        println!("note        {note}");
+        crate::say!("note        {note}");
     }
 }

@@ -159,19 +159,20 @@ fn report_result(
         return print_json(summary);
     }
     let [nx, ny, nz] = summary.nodes;
-    println!(
+    crate::say!(
         "mesh        {}, {} triangles",
-        summary.mesh, summary.triangles
+        summary.mesh,
+        summary.triangles
     );
-    println!(
+    crate::say!(
         "lattice     {nx} x {ny} x {nz}, spacing {:.6} {}",
         summary.spacing_m / args.unit.in_metres(),
         args.unit
     );
-    println!("computed    in {:.2} s", summary.seconds);
-    println!("largest     |density| {:.3}", summary.largest_density);
+    crate::say!("computed    in {:.2} s", summary.seconds);
+    crate::say!("largest     |density| {:.3}", summary.largest_density);
     for output in [&args.output, &args.png].into_iter().flatten() {
-        println!("wrote       {}", output.display());
+        crate::say!("wrote       {}", output.display());
     }
     Ok(())
 }

@@ -97,6 +97,6 @@ fn require_folder(output: &Path) -> Result<(), CommandError> {
 fn print_json(value: &impl serde::Serialize) -> Result<(), CommandError> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|e| CommandError::failure("writing JSON", e))?;
-    println!("{text}");
+    crate::say!("{text}");
     Ok(())
 }

@@ -62,12 +62,21 @@ fn stream(
             break;
         }
         for scored in scorer.score(&chunk) {
-            writer.write(&scored).map_err(failed)?;
+            match writer.write(&scored) {
+                Err(e) if nobody_reads(&e) => return Ok(()),
+                other => other.map_err(failed)?,
+            }
         }
     }
-    writer
-        .flush()
-        .map_err(|e| CommandError::failure(format!("writing {name}"), e))
+    match writer.flush().map_err(csv::Error::from) {
+        Err(e) if nobody_reads(&e) => Ok(()),
+        other => other.map_err(failed),
+    }
+}
+
+/// True if the other end of a pipe was closed, as by `head`: no reason to complain.
+fn nobody_reads(error: &csv::Error) -> bool {
+    matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
 /// Where scores come from.

@@ -91,3 +91,17 @@ fn wrong_usage_exits_with_two() {
         assert!(!stderr(&output).is_empty());
     }
 }
+
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("box.obj"), cuboid_obj([2.0, 3.0, 4.0])).unwrap();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_pegfit"))
+        .current_dir(folder.path())
+        .args(["check", "box.obj"])
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}

@@ -44,14 +44,14 @@ pub(super) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError
 }
 
 fn print(summary: &Summary, page: &Path) {
-    println!(
+    crate::say!(
         "example       fields    table     dock    tests   table error  transforms  fit found"
     );
-    println!(
+    crate::say!(
         "                 (s)      (s)      (s)      (s)     force (%)  score (%)   to (mm, °)"
     );
     for e in &summary.examples {
-        println!(
+        crate::say!(
             "{:<12} {:>7.1} {:>8.1} {:>8.1} {:>8.1} {:>12.2} {:>11.1e}  {:.3}, {:.2}",
             e.name,
             e.field_seconds,
@@ -66,12 +66,17 @@ fn print(summary: &Summary, page: &Path) {
     }
     for e in &summary.examples {
         if let Some(r) = &e.real_time {
-            println!(
+            crate::say!(
                 "real-time loop ({}): {:.0} Hz, latency p50 {:.0} µs, p99 {:.0} µs, {} overruns in \
                  {} ticks",
-                e.name, r.rate_hz, r.latency_us.p50, r.latency_us.p99, r.overruns, r.ticks
+                e.name,
+                r.rate_hz,
+                r.latency_us.p50,
+                r.latency_us.p99,
+                r.overruns,
+                r.ticks
             );
         }
     }
-    println!("{:.0} s in all; open {}", summary.seconds, page.display());
+    crate::say!("{:.0} s in all; open {}", summary.seconds, page.display());
 }

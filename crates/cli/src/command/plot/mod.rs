@@ -47,7 +47,7 @@ pub(super) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError
     let output = output(args)?;
     atomic::write(output, &picture)?;
     if !context.json {
-        println!("wrote {}", output.display());
+        crate::say!("wrote {}", output.display());
     }
     Ok(())
 }

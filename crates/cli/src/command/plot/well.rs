@@ -31,21 +31,23 @@ pub(in crate::command) fn print_well(
     }
     let unit = assembly.display_unit();
     let metre = unit.in_metres();
-    println!("depth       {:.4} mJ", 1e3 * well.depth);
+    crate::say!("depth       {:.4} mJ", 1e3 * well.depth);
     let offset = DVec3::from_array(well.offset) / metre;
     let turn = DVec3::from_array(well.turn).length().to_degrees();
-    println!(
+    crate::say!(
         "minimum     ({:.4}, {:.4}, {:.4}) {unit} and {turn:.3} degrees from the fit",
-        offset.x, offset.y, offset.z
+        offset.x,
+        offset.y,
+        offset.z
     );
-    println!(
+    crate::say!(
         "stiffness is the second difference of the energy over {:.4} {unit} (and the angle that \
          moves the rim by it)",
         well.length / metre
     );
-    println!("  axis     stiffness          diameter           peak");
+    crate::say!("  axis     stiffness          diameter           peak");
     for (name, axis) in AXES.iter().zip(&well.translations) {
-        println!(
+        crate::say!(
             "  {name:<4} {:>13.4} N/m  {:>10.4} {unit}  {:>10.4} N",
             axis.stiffness,
             (axis.sides[0].convex + axis.sides[1].convex) / metre,
@@ -53,19 +55,21 @@ pub(in crate::command) fn print_well(
         );
     }
     for (name, axis) in AXES.iter().zip(&well.rotations) {
-        println!(
+        crate::say!(
             "  r{name:<3} {:>13.6} N·m/rad {:>7.3} degrees {:>7.5} N·m",
             axis.stiffness,
             (axis.sides[0].convex + axis.sides[1].convex).to_degrees(),
             axis.sides[0].peak.max(axis.sides[1].peak)
         );
     }
-    println!("barriers, as fractions of the depth: the climb on the way out and on the way in");
+    crate::say!("barriers, as fractions of the depth: the climb on the way out and on the way in");
     for barrier in &well.barriers {
         let [x, y, z] = barrier.direction;
-        println!(
+        crate::say!(
             "  ({x:>2.0}, {y:>2.0}, {z:>2.0})  out {:>7.3}  in {:>7.3}  beyond {:>7.3}",
-            barrier.escape, barrier.entry, barrier.beyond
+            barrier.escape,
+            barrier.entry,
+            barrier.beyond
         );
     }
     Ok(())

@@ -64,7 +64,8 @@ pub(in crate::command) fn print_well(
     }
     crate::say!("barriers, as fractions of the depth: the climb on the way out and on the way in");
     for barrier in &well.barriers {
-        let [x, y, z] = barrier.direction;
+        // Adding zero turns -0 into 0.
+        let [x, y, z] = barrier.direction.map(|c| c + 0.0);
         crate::say!(
             "  ({x:>2.0}, {y:>2.0}, {z:>2.0})  out {:>7.3}  in {:>7.3}  beyond {:>7.3}",
             barrier.escape,

@@ -1,0 +1,267 @@
+//! Run time against error: `accuracy [--quick] [--out DIR] [density|correlation|table|direct]...`.
+//!
+//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps.
+
+use fft_correlate::{
+    Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, Pose, Response,
+    RotationDomain, ScoreModel, TableSpec, TranslationWindow,
+};
+use glam::{DQuat, DVec3};
+use ndarray::Array3;
+use num_complex::Complex64;
+use pegfit_benches::{
+    Arguments, ByFft, Outcome, Row, Sweep, ask, example, random_poses, response_errors, rms, timed,
+};
+use rand::{SeedableRng, rngs::SmallRng};
+use sdf_grid::shapes::PegInHole;
+use sdf_grid::{
+    DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
+};
+
+fn main() -> Outcome<()> {
+    let arguments = Arguments::parse()?;
+    let sweeps: [(&str, fn(bool) -> Outcome<Sweep>); 4] = [
+        ("density", density),
+        ("correlation", correlation),
+        ("table", table),
+        ("direct", direct),
+    ];
+    for name in &arguments.rest {
+        if sweeps.iter().all(|s| s.0 != name) {
+            return Err(format!("no sweep {name}: density, correlation, table or direct").into());
+        }
+    }
+    for (name, sweep) in sweeps {
+        if arguments.rest.is_empty() || arguments.rest.iter().any(|n| n == name) {
+            sweep(arguments.quick)?.publish(&arguments.out)?;
+        }
+    }
+    Ok(())
+}
+
+/// Fields of the combined hole at every tolerance, against the f64 sum over all triangles at
+/// every 37th node.
+fn density(quick: bool) -> Outcome<Sweep> {
+    let (hole, _) = PegInHole::Combined.pair(0.0)?;
+    let h = if quick { 2e-3 } else { 1e-3 };
+    let lattice = Lattice::covering(&hole.bounds(), 0.01, h)?;
+    let mut rows = Vec::new();
+    for sigma in [0.1, 0.2] {
+        let kernel = DensityKernel::new(sigma)?;
+        let reference = ReferenceDensity::new(&hole, &kernel);
+        let nodes: Vec<_> = (0..lattice.len()).step_by(37).map(|n| lattice.unravel(n)).collect();
+        let exact: Vec<Complex64> = nodes
+            .iter()
+            .map(|n| {
+                let unit = reference.unit_density(lattice.position(*n), 1e-4 * h);
+                unit.combined(1.0, 1.0)
+            })
+            .collect();
+        for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
+            let options = DensityOptions {
+                tolerance,
+                sampling: Sampling::Point,
+                halo: f64::INFINITY,
+            };
+            let (field, seconds) = timed(if quick { 1 } else { 3 }, || {
+                DensityField::compute(&hole, &kernel, &lattice, &options, &Silent)
+            });
+            let field = field?;
+            let found = nodes.iter().map(|n| {
+                let v = field.exterior[*n] + field.interior[*n];
+                Complex64::new(v.re.into(), v.im.into())
+            });
+            let wrong = rms(found.zip(&exact).map(|(a, b)| (a - b).norm()));
+            rows.push(Row {
+                series: format!("sigma {sigma}, {:?} nodes", lattice.shape()),
+                setting: format!("tolerance {tolerance:e}"),
+                seconds,
+                errors: vec![wrong / rms(exact.iter().map(|b| b.norm()))],
+            });
+        }
+    }
+    Ok(Sweep {
+        name: "density",
+        title: "Density field of the combined hole against the f64 sum over all triangles",
+        cost: "seconds/field",
+        errors: vec!["relative L2"],
+        rows,
+    })
+}
+
+/// Displacements asked by [`correlation`], millimetres: multiples of every spacing of the sweep.
+const PLACES: [[f64; 3]; 5] = [
+    [0.0, 0.0, 0.0],
+    [3.0, 0.0, 0.0],
+    [3.0, 3.0, 0.0],
+    [0.0, 0.0, 6.0],
+    [0.0, 3.0, 15.0],
+];
+
+/// Scores of one rotation at [`PLACES`], by FFT, and the seconds of the correlation.
+fn scores_at_places(pair: &Pair, rotation: DQuat) -> Outcome<(Vec<f64>, f64)> {
+    let window = TranslationWindow::new(DVec3::ZERO, DVec3::new(0.003, 0.003, 0.015), pair.spacing())?;
+    let correlator = Correlator::plan(pair, &window)?;
+    let (mut scratch, mut out) = (correlator.scratch(), Array3::zeros(window.shape()));
+    let ((), seconds) = timed(2, || correlator.score(rotation, &mut scratch, out.view_mut()));
+    let read = |p: &[f64; 3]| {
+        let node = p.map(|d| (d * 1e-3 / pair.spacing()).round() as usize);
+        f64::from(out[node])
+    };
+    Ok((PLACES.iter().map(read).collect(), seconds))
+}
+
+/// The score against spacing, for both samplings and four rotations. The reference of each rotation
+/// is the mean of Richardson's extrapolations (first order) of both samplings from the two finest
+/// spacings; half their difference is printed as its uncertainty.
+fn correlation(quick: bool) -> Outcome<Sweep> {
+    let millimetres: &[f64] = if quick {
+        &[3.0, 1.5, 1.0]
+    } else {
+        &[3.0, 1.5, 1.0, 0.75, 0.5]
+    };
+    let turns = [
+        ("identity", DQuat::IDENTITY),
+        ("3° about y", DQuat::from_rotation_y(3f64.to_radians())),
+        ("45° about z", DQuat::from_rotation_z(45f64.to_radians())),
+        (
+            "63° about (1, 2, 3)",
+            DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.1),
+        ),
+    ];
+    let samplings = [("points", Sampling::Point), ("cells", Sampling::CellAverage)];
+    // Scores per sampling, spacing and rotation.
+    let mut found = Vec::new();
+    for (_, sampling) in samplings {
+        let mut per_spacing = Vec::new();
+        for h in millimetres {
+            let model = ScoreModel::GUIDED;
+            let pair = example(PegInHole::Rectangular, &model, h * 1e-3, sampling)?;
+            let each = turns.iter().map(|t| scores_at_places(&pair, t.1));
+            per_spacing.push(each.collect::<Outcome<Vec<_>>>()?);
+        }
+        found.push(per_spacing);
+    }
+    let last = millimetres.len() - 1;
+    let ratio = millimetres[last - 1] / millimetres[last];
+    let depth = found[1][last][0].0[0];
+    let mut rows = Vec::new();
+    println!();
+    for (r, (turn, _)) in turns.iter().enumerate() {
+        let limits = [0, 1].map(|s: usize| -> Vec<f64> {
+            let pair = found[s][last].iter().zip(&found[s][last - 1]).nth(r);
+            let (fine, coarse) = pair.expect("every rotation was scored");
+            let limit = |(f, c): (&f64, &f64)| f + (f - c) / (ratio - 1.0);
+            fine.0.iter().zip(&coarse.0).map(limit).collect()
+        });
+        let both = || limits[0].iter().zip(&limits[1]);
+        let unsure = rms(both().map(|(a, b)| 0.5 * (a - b) / depth));
+        println!("reference for {turn}: uncertain by {unsure:.1e} of the depth");
+        let truth: Vec<f64> = both().map(|(a, b)| 0.5 * (a + b)).collect();
+        for (s, (sampling, _)) in samplings.iter().enumerate() {
+            for (k, h) in millimetres.iter().enumerate() {
+                let (scores, seconds) = &found[s][k][r];
+                rows.push(Row {
+                    series: format!("{sampling}, {turn}"),
+                    setting: format!("h {h} mm"),
+                    seconds: *seconds,
+                    errors: vec![rms(scores.iter().zip(&truth).map(|(a, b)| (a - b) / depth))],
+                });
+            }
+        }
+    }
+    Ok(Sweep {
+        name: "correlation",
+        title: "Score of the rectangular pair by FFT against its limit at spacing zero",
+        cost: "s/rotation",
+        errors: vec!["of the depth"],
+        rows,
+    })
+}
+
+/// The pair of the table and direct sweeps, held-out poses about the fit, and the truth there.
+fn held_out(h: f64, angle: f64, reach: f64, count: usize) -> Outcome<(Pair, Vec<Pose>, Vec<Response>)> {
+    let model = ScoreModel::GUIDED;
+    let pair = example(PegInHole::Rectangular, &model, h, Sampling::CellAverage)?;
+    let mut rng = SmallRng::seed_from_u64(9);
+    let poses = random_poses(&pair, &mut rng, angle.to_radians(), reach, count);
+    let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+    let truth = poses.iter().map(|p| ask(&source, p)).collect();
+    Ok((pair, poses, truth))
+}
+
+/// Table errors against the direct evaluator on the same densities: rotation spacing at one
+/// translation spacing, then the reverse; cubic and linear.
+fn table(quick: bool) -> Outcome<Sweep> {
+    let (angle, count) = (6.0, 300);
+    let runs: &[(f64, f64)] = if quick {
+        &[(2.0, 6.0), (2.0, 3.0), (3.0, 3.0)]
+    } else {
+        &[(2.0, 6.0), (2.0, 4.0), (2.0, 3.0), (2.0, 2.0), (1.5, 3.0), (3.0, 3.0)]
+    };
+    let mut rows = Vec::new();
+    for &(h, step) in runs {
+        let h = h * 1e-3;
+        let (pair, poses, truth) = held_out(h, angle, 0.006, count)?;
+        let window = TranslationWindow::cube(0.006 + 2.0 * h, h)?;
+        let spec = TableSpec {
+            model: *pair.model(),
+            pivot: pair.pivot().to_array(),
+            window: *window.lattice(),
+            rotations: RotationDomain::ball(angle, step),
+            symmetry: None,
+            far_energy: 0.0,
+            fixed_mesh: String::new(),
+            moving_mesh: String::new(),
+        };
+        let table = EnergyTable::compute(spec, &ByFft::new(&pair, &window)?, 4 << 30, &Silent)?;
+        let setting = format!("{step}°, {:.1} mm, {} rot.", h * 1e3, table.grid().nodes().len());
+        for (series, how) in [("cubic", Interpolation::CatmullRom), ("linear", Interpolation::Linear)] {
+            let table = table.clone().with_interpolation(how);
+            let (found, seconds) =
+                timed(3, || poses.iter().map(|p| table.respond(p)).collect::<Vec<_>>());
+            rows.push(Row {
+                series: series.into(),
+                setting: setting.clone(),
+                seconds: seconds / poses.len() as f64,
+                errors: response_errors(&pair, &poses, &truth, &found),
+            });
+        }
+    }
+    Ok(Sweep {
+        name: "table",
+        title: "Table of the rectangular pair against the direct evaluator on held-out poses",
+        cost: "seconds/query",
+        errors: vec!["energy", "force", "torque"],
+        rows,
+    })
+}
+
+/// The direct evaluator with merged points against every cell its own point.
+fn direct(quick: bool) -> Outcome<Sweep> {
+    let h = if quick { 2e-3 } else { 1e-3 };
+    let (pair, poses, truth) = held_out(h, 20.0, 0.008, 200)?;
+    let mut rows = Vec::new();
+    for max in [2_000, 5_000, 10_000, 20_000, 50_000, 100_000] {
+        let options = DirectOptions {
+            max_points: Some(max),
+            ..DirectOptions::REAL_TIME
+        };
+        let source = DirectEvaluator::new(&pair, &options)?;
+        let (found, seconds) =
+            timed(3, || poses.iter().map(|p| ask(&source, p)).collect::<Vec<_>>());
+        rows.push(Row {
+            series: format!("h {:.0} mm", h * 1e3),
+            setting: format!("{} points", source.describe().points()),
+            seconds: seconds / poses.len() as f64,
+            errors: response_errors(&pair, &poses, &truth, &found),
+        });
+    }
+    Ok(Sweep {
+        name: "direct",
+        title: "Direct evaluator with merged points against every cell its own point",
+        cost: "seconds/pose",
+        errors: vec!["energy", "force", "torque"],
+        rows,
+    })
+}

@@ -1,0 +1,235 @@
+//! The whole chain on real parts: `real-parts [--quick] [--out DIR] PARTS_DIR`.
+//!
+//! `PARTS_DIR` holds the IndustReal assets of IsaacGymEnvs as OBJ files in metres (see
+//! `docs/accuracy.md`); the identity is the assembled pose. Prints, for each pair, where the energy
+//! along x, y and yaw is lowest, what docking finds in a domain of 10 mm and 30 degrees, and where
+//! the snap script ends.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use fft_correlate::well::gamma_for_peak_force;
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, DockOptions, EnergySource, Pair, PairBuilder, Pose,
+    RotationDomain, RotationGrid, ScoreModel, TranslationWindow, dock,
+};
+use glam::{DQuat, DVec3};
+use haptic::{Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace};
+use pegfit::picture::{self, LineChart, Series};
+use pegfit_benches::{Arguments, Outcome, ask};
+use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
+
+const PAIRS: [(&str, &str, &str); 2] = [
+    (
+        "round",
+        "industreal_tray_insert_round_peg_8mm.obj",
+        "industreal_round_peg_8mm.obj",
+    ),
+    (
+        "rectangular",
+        "industreal_tray_insert_rectangular_peg_8mm.obj",
+        "industreal_rectangular_peg_8mm.obj",
+    ),
+];
+
+/// Peak force that fixes the energy scale, newtons.
+const PEAK_FORCE: f64 = 4.0;
+
+fn main() -> Outcome<()> {
+    let arguments = Arguments::parse()?;
+    let [folder] = arguments.rest.as_slice() else {
+        return Err("usage: real-parts [--quick] [--out DIR] PARTS_DIR".into());
+    };
+    for (name, fixed, moving) in PAIRS {
+        println!("\n== {name}: {moving} in {fixed}");
+        let read = |file: &str| -> Outcome<TriangleMesh> {
+            let path = Path::new(folder).join(file);
+            let (mesh, report) =
+                mesh_io::read(&path, LengthUnit::Metre, &HygieneOptions::default())?;
+            for warning in report.warnings() {
+                println!("   {warning}");
+            }
+            Ok(mesh)
+        };
+        let (fixed, moving) = (read(fixed)?, read(moving)?);
+        measure(name, &fixed, &moving, &arguments)?;
+    }
+    Ok(())
+}
+
+fn measure(
+    name: &str,
+    fixed: &TriangleMesh,
+    moving: &TriangleMesh,
+    arguments: &Arguments,
+) -> Outcome<()> {
+    let began = Instant::now();
+    let builder = PairBuilder {
+        spacing: arguments.quick.then_some(1e-3),
+        ..PairBuilder::default()
+    };
+    let plan = builder.plan(fixed, moving, &ScoreModel::GUIDED)?;
+    let pair = builder.build(fixed, moving, &ScoreModel::GUIDED, &Silent)?;
+    println!(
+        "   {} + {} triangles, spacing {:.2} mm, halo {:.1} mm, {:?} + {:?} nodes, {:.1} s",
+        fixed.triangles().len(),
+        moving.triangles().len(),
+        1e3 * plan.spacing(),
+        1e3 * plan.density.halo,
+        plan.fixed_lattice.shape(),
+        plan.moving_lattice.shape(),
+        began.elapsed().as_secs_f64()
+    );
+    let real_time = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME)?;
+    let window = DVec3::splat(0.5 * moving.bounds().size().max_element());
+    let gamma = gamma_for_peak_force(&real_time, 1.0, &Pose::IDENTITY, window, PEAK_FORCE)?;
+    let pair = pair.with_gamma(gamma)?;
+    let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+    curves(name, &pair, &source, arguments)?;
+    docking(&pair, &source)?;
+    snap(&pair, moving)
+}
+
+/// A motion from the assembled pose: its name, unit, reach, and the pose at a value in that unit.
+type Motion = (&'static str, &'static str, f64, fn(&Pair, f64) -> Pose);
+
+const MOTIONS: [Motion; 4] = [
+    ("x", "mm", 3.0, |p, s| {
+        p.pose(DQuat::IDENTITY, DVec3::X * s * 1e-3)
+    }),
+    ("y", "mm", 3.0, |p, s| {
+        p.pose(DQuat::IDENTITY, DVec3::Y * s * 1e-3)
+    }),
+    ("z", "mm", 12.0, |p, s| {
+        p.pose(DQuat::IDENTITY, DVec3::Z * s * 1e-3)
+    }),
+    ("yaw", "degrees", 30.0, |p, s| {
+        p.pose(DQuat::from_rotation_z(s.to_radians()), DVec3::ZERO)
+    }),
+];
+
+fn curves(name: &str, pair: &Pair, source: &dyn EnergySource, arguments: &Arguments) -> Outcome<()> {
+    let assembled = ask(source, &Pose::IDENTITY).energy;
+    println!("   energy assembled {assembled:.4e} J at a peak force of {PEAK_FORCE} N");
+    let mut chart = LineChart {
+        title: format!("{name} pair: energy from the assembled pose"),
+        horizontal: "displacement (fraction of the reach)".into(),
+        vertical: "energy (of the assembled depth)".into(),
+        ..LineChart::default()
+    };
+    for (axis, unit, reach, pose) in MOTIONS {
+        const STEPS: i32 = 120;
+        let at = |i: i32| reach * f64::from(i) / f64::from(STEPS);
+        let energies: Vec<(f64, f64)> = (-STEPS..=STEPS)
+            .map(|i| (at(i), ask(source, &pose(pair, at(i))).energy))
+            .collect();
+        let lowest = energies
+            .iter()
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .expect("poses were asked");
+        println!(
+            "   along {axis:<4} lowest at {:+.3} {unit}: {:.4} of the assembled depth; \
+             spread of the curve {:.4}",
+            lowest.0,
+            lowest.1 / assembled,
+            energies.iter().map(|e| e.1 / -assembled).fold(f64::NEG_INFINITY, f64::max) + 1.0,
+        );
+        chart.series.push(Series {
+            label: format!("{axis}, ±{reach} {unit}"),
+            points: energies.iter().map(|(s, e)| (s / reach, e / -assembled)).collect(),
+            ..Series::default()
+        });
+    }
+    let png = picture::png("energy curves", (1000, 620), |sheet| chart.draw(sheet))?;
+    std::fs::write(arguments.out.join(format!("real-{name}.png")), png)?;
+    Ok(())
+}
+
+fn docking(pair: &Pair, source: &dyn EnergySource) -> Outcome<()> {
+    let began = Instant::now();
+    let grid = RotationGrid::new(&RotationDomain::ball(30.0, 10.0), None)?;
+    // A table's grid has nodes around its domain; docking searches the domain.
+    let inside = |q: &DQuat| q.angle_between(DQuat::IDENTITY) < 30.5f64.to_radians();
+    let rotations: Vec<_> = grid.nodes().iter().copied().filter(inside).collect();
+    let window = TranslationWindow::cube(0.010, pair.spacing())?;
+    let found = dock(
+        pair,
+        &rotations,
+        &window,
+        &DockOptions::new(pair, 3),
+        Some(source),
+        &Silent,
+    )?;
+    println!(
+        "   docked {} rotations x {:?} displacements in {:.1} s",
+        found.scored,
+        window.shape(),
+        began.elapsed().as_secs_f64()
+    );
+    for docked in &found.poses {
+        let d = 1e3 * pair.displacement(&docked.pose);
+        let tilt = (docked.pose.rotation * DVec3::Z).angle_between(DVec3::Z);
+        let yaw = 2.0 * docked.pose.rotation.z.atan2(docked.pose.rotation.w);
+        println!(
+            "   pose at ({:+.3}, {:+.3}, {:+.3}) mm, tilt {:.2}, yaw {:+.2} degrees, \
+             energy {:.4e} J",
+            d.x,
+            d.y,
+            d.z,
+            tilt.to_degrees(),
+            yaw.to_degrees(),
+            docked.energy
+        );
+    }
+    Ok(())
+}
+
+fn snap(pair: &Pair, moving: &TriangleMesh) -> Outcome<()> {
+    let source = DirectEvaluator::new(pair, &DirectOptions::REAL_TIME)?;
+    let size = moving.bounds().size();
+    let geometry = Geometry {
+        seated: Pose::IDENTITY,
+        axis: DVec3::NEG_Z,
+        depth: size.z,
+        radius: 0.25 * size.x.min(size.y),
+        tilt: 0.08,
+    };
+    let workspace = Workspace::new(1.0, Pose::IDENTITY, pair.pivot());
+    let seconds = 6.0;
+    for seed in 0..3 {
+        let hand = HandConfig {
+            duration: seconds,
+            seed,
+            ..HandConfig::default()
+        };
+        let outcome = Session::new(HapticConfig::default(), workspace)
+            .keep_samples()
+            .run(
+                &mut SimulatedHand::new(hand, Script::Snap, geometry, workspace),
+                &source,
+                Clock::Simulated,
+                seconds,
+                &AtomicBool::new(false),
+            )?;
+        let strayed = outcome
+            .samples
+            .iter()
+            .map(|s| pair.displacement(&s.object).length())
+            .fold(0.0, f64::max);
+        let end = outcome.last.object;
+        let d = 1e3 * pair.displacement(&end);
+        let tilt = (end.rotation * DVec3::Z).angle_between(DVec3::Z);
+        println!(
+            "   snap, hand {seed}: strayed {:.1} mm, ends at ({:+.3}, {:+.3}, {:+.3}) mm, tilt \
+             {:.2} degrees; peak force {:.2} N",
+            1e3 * strayed,
+            d.x,
+            d.y,
+            d.z,
+            tilt.to_degrees(),
+            outcome.report.peak_force
+        );
+    }
+    Ok(())
+}

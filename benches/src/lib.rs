@@ -5,12 +5,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fft_correlate::{
-    Correlator, CorrelatorScratch, EnergySource, NodeEnergies, Pair, PairBuilder, Pose, Response,
-    ScoreModel, TranslationWindow,
-};
+use fft_correlate::{EnergySource, Pair, PairBuilder, Pose, Response, ScoreModel};
 use glam::{DQuat, DVec3};
-use ndarray::ArrayViewMut3;
 use pegfit::picture::{self, LineChart, Series};
 use rand::Rng;
 use rand::rngs::SmallRng;
@@ -194,7 +190,12 @@ pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
 }
 
 /// Errors of energy (of its range), force and torque about the pivot (of their rms), all rms.
-pub fn response_errors(pair: &Pair, poses: &[Pose], truth: &[Response], found: &[Response]) -> Vec<f64> {
+pub fn response_errors(
+    pair: &Pair,
+    poses: &[Pose],
+    truth: &[Response],
+    found: &[Response],
+) -> Vec<f64> {
     let (low, high) = truth
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), r| {
@@ -221,7 +222,8 @@ pub fn random_poses(
 ) -> Vec<Pose> {
     (0..count)
         .map(|_| {
-            let mut cube = || DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
+            let mut cube =
+                || DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
             let mut axis = cube();
             while !(0.01..1.0).contains(&axis.length_squared()) {
                 axis = cube();
@@ -231,36 +233,4 @@ pub fn random_poses(
             pair.pose(DQuat::from_scaled_axis(axis.normalize() * turn), place)
         })
         .collect()
-}
-
-/// A correlator as a table's producer.
-pub struct ByFft {
-    correlator: Correlator,
-    gamma: f64,
-}
-
-impl ByFft {
-    /// Energies of `pair` over `window`.
-    ///
-    /// # Errors
-    /// If the window does not fit the pair.
-    pub fn new(pair: &Pair, window: &TranslationWindow) -> Outcome<Self> {
-        Ok(Self {
-            correlator: Correlator::plan(pair, window)?,
-            gamma: pair.model().gamma,
-        })
-    }
-}
-
-impl NodeEnergies for ByFft {
-    type Scratch = CorrelatorScratch;
-
-    fn scratch(&self) -> CorrelatorScratch {
-        self.correlator.scratch()
-    }
-
-    fn energies(&self, rotation: DQuat, scratch: &mut CorrelatorScratch, mut out: ArrayViewMut3<'_, f32>) {
-        self.correlator.score(rotation, scratch, out.view_mut());
-        out.mapv_inplace(|f| (-self.gamma * f64::from(f)) as f32);
-    }
 }

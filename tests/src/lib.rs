@@ -2,11 +2,11 @@
 //! poses.
 
 use fft_correlate::{
-    Correlator, CorrelatorScratch, DirectEvaluator, DirectOptions, EnergySource, NodeEnergies,
-    Pair, PairBuilder, Pose, Response, ScoreModel, TranslationWindow,
+    Correlator, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuilder, Pose, Response,
+    ScoreModel, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
-use ndarray::{Array3, ArrayViewMut3};
+use ndarray::Array3;
 use rand::Rng;
 use rand::rngs::SmallRng;
 use sdf_grid::shapes::PegInHole;
@@ -62,43 +62,6 @@ pub fn full_direct(pair: &Pair) -> DirectEvaluator {
 /// Energy and wrench at a pose.
 pub fn ask(source: &dyn EnergySource, pose: &Pose) -> Response {
     source.evaluate(pose, &mut source.scratch())
-}
-
-/// A correlator as a table's producer.
-pub struct ByFft {
-    correlator: Correlator,
-    gamma: f64,
-}
-
-impl ByFft {
-    /// Energies of `pair` over `window`.
-    ///
-    /// # Panics
-    /// If the window does not fit the pair.
-    pub fn new(pair: &Pair, window: &TranslationWindow) -> Self {
-        Self {
-            correlator: Correlator::plan(pair, window).expect("window on the pair's lattice"),
-            gamma: pair.model().gamma,
-        }
-    }
-}
-
-impl NodeEnergies for ByFft {
-    type Scratch = CorrelatorScratch;
-
-    fn scratch(&self) -> CorrelatorScratch {
-        self.correlator.scratch()
-    }
-
-    fn energies(
-        &self,
-        rotation: DQuat,
-        scratch: &mut CorrelatorScratch,
-        mut out: ArrayViewMut3<'_, f32>,
-    ) {
-        self.correlator.score(rotation, scratch, out.view_mut());
-        out.mapv_inplace(|f| (-self.gamma * f64::from(f)) as f32);
-    }
 }
 
 /// A direction, uniform on the sphere.

@@ -24,7 +24,9 @@ fn run(which: PegInHole, script: Script, seconds: f64) -> Outcome {
     };
     let plain = DirectEvaluator::new(&pair, &options).expect("a source");
     let gamma = gamma_for_peak_force(&plain, 1.0, &seated, DVec3::splat(0.015), PEAK);
-    let pair = pair.with_gamma(gamma.expect("forces act")).expect("a scale");
+    let pair = pair
+        .with_gamma(gamma.expect("forces act"))
+        .expect("a scale");
     let source = DirectEvaluator::new(&pair, &options).expect("a source");
     let geometry = Geometry {
         seated,
@@ -64,7 +66,10 @@ fn the_snap_test_ends_seated() {
         assert!(strayed > 0.01, "{which:?} strayed {strayed}");
         let end = outcome.last.object;
         println!("{which:?} ends at {:?}", end.translation);
-        assert!(end.translation.with_z(0.0).length() < 2e-4, "{which:?} {end:?}");
+        assert!(
+            end.translation.with_z(0.0).length() < 2e-4,
+            "{which:?} {end:?}"
+        );
         assert!(end.translation.z.abs() < 1.25e-3, "{which:?} {end:?}");
         let tilt = (end.rotation * DVec3::Z).angle_between(DVec3::Z);
         assert!(tilt < 0.01, "{which:?} tilted by {tilt}");
@@ -75,7 +80,11 @@ fn the_snap_test_ends_seated() {
 #[test]
 fn the_collision_test_pushes_back() {
     let outcome = run(PegInHole::Rectangular, Script::Collision, 4.0);
-    assert!(outcome.report.peak_force > 1.0, "{}", outcome.report.peak_force);
+    assert!(
+        outcome.report.peak_force > 1.0,
+        "{}",
+        outcome.report.peak_force
+    );
     assert!(outcome.report.peak_force < 1.2 * PEAK);
     let sideways = outcome
         .samples

@@ -3,12 +3,12 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use fft_correlate::{DockOptions, ScoreModel, TranslationWindow, dock};
+use fft_correlate::{DockOptions, PairBuilder, ScoreModel, TranslationWindow, dock};
 use glam::{DQuat, DVec3};
-use pegfit_tests::{ask, axis_rotations, example, full_direct, pair_of, rotation, scores};
+use pegfit_tests::{ask, axis_rotations, example, full_direct, rotation, scores};
 use rand::{SeedableRng, rngs::SmallRng};
-use sdf_grid::shapes::{PegInHole, cuboid};
 use sdf_grid::Silent;
+use sdf_grid::shapes::{PegInHole, cuboid};
 
 const H: f64 = 0.0025;
 
@@ -129,7 +129,10 @@ fn turns_that_a_section_does_not_notice_leave_the_energy_alone() {
         (high - low) / -low
     });
     println!("spread of the round peg's energy over spin: {spread:?}");
-    assert!(spread[0] < 0.02 && spread[1] < 0.6 * spread[0], "{spread:?}");
+    assert!(
+        spread[0] < 0.02 && spread[1] < 0.6 * spread[0],
+        "{spread:?}"
+    );
 }
 
 /// Overlap of two interiors costs (penalty), interior against exterior at a mating face pays
@@ -143,19 +146,30 @@ fn penalty_reward_and_separation_have_their_signs() {
             separation_weight: w,
             ..ScoreModel::PAPER
         };
-        let pair = pair_of(&cube, &cube, &model, 0.002);
+        let builder = PairBuilder {
+            spacing: Some(0.002),
+            halo: Some(0.012),
+            ..PairBuilder::default()
+        };
+        let pair = builder
+            .build(&cube, &cube, &model, &Silent)
+            .expect("a pair");
         let pose = pair.pose(DQuat::IDENTITY, offset);
         ask(&full_direct(&pair), &pose).energy
     };
-    let penalty = energy(0.0, DVec3::new(0.006, 0.004, 0.0));
-    let reward = energy(0.0, DVec3::new(0.02, 0.0, 0.0));
-    let separation = energy(1.0, DVec3::new(0.028, 0.0, 0.0));
-    let apart = energy(0.0, DVec3::new(0.06, 0.0, 0.0));
+    let (overlapping, touching, near, far) = (
+        DVec3::new(0.006, 0.004, 0.0),
+        DVec3::new(0.02, 0.0, 0.0),
+        DVec3::new(0.028, 0.0, 0.0),
+        DVec3::new(0.06, 0.0, 0.0),
+    );
+    let (penalty, reward) = (energy(0.0, overlapping), energy(0.0, touching));
     assert!(penalty > 0.0, "penalty {penalty}");
     assert!(reward < 0.0, "reward {reward}");
-    assert!(separation > 0.0, "separation {separation}");
-    assert_eq!(apart, 0.0, "out of each other's reach");
     assert!(penalty > 3.0 * reward.abs(), "{penalty} {reward}");
+    let separation = energy(1.0, near) - energy(0.0, near);
+    assert!(separation > 0.0, "separation {separation}");
+    assert_eq!(energy(0.0, far), 0.0, "out of each other's reach");
 
     let peg = example(PegInHole::Rectangular, &ScoreModel::PAPER, H);
     let fit = ask(&full_direct(&peg), &peg.pose(DQuat::IDENTITY, DVec3::ZERO)).energy;

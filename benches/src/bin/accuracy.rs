@@ -3,14 +3,14 @@
 //! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps.
 
 use fft_correlate::{
-    Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, Pose, Response,
-    RotationDomain, ScoreModel, TableSpec, TranslationWindow,
+    Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies,
+    Pose, Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex64;
 use pegfit_benches::{
-    Arguments, ByFft, Outcome, Row, Sweep, ask, example, random_poses, response_errors, rms, timed,
+    Arguments, Outcome, Row, Sweep, ask, example, random_poses, response_errors, rms, timed,
 };
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
@@ -49,7 +49,10 @@ fn density(quick: bool) -> Outcome<Sweep> {
     for sigma in [0.1, 0.2] {
         let kernel = DensityKernel::new(sigma)?;
         let reference = ReferenceDensity::new(&hole, &kernel);
-        let nodes: Vec<_> = (0..lattice.len()).step_by(37).map(|n| lattice.unravel(n)).collect();
+        let nodes: Vec<_> = (0..lattice.len())
+            .step_by(37)
+            .map(|n| lattice.unravel(n))
+            .collect();
         let exact: Vec<Complex64> = nodes
             .iter()
             .map(|n| {
@@ -100,10 +103,13 @@ const PLACES: [[f64; 3]; 5] = [
 
 /// Scores of one rotation at [`PLACES`], by FFT, and the seconds of the correlation.
 fn scores_at_places(pair: &Pair, rotation: DQuat) -> Outcome<(Vec<f64>, f64)> {
-    let window = TranslationWindow::new(DVec3::ZERO, DVec3::new(0.003, 0.003, 0.015), pair.spacing())?;
+    let window =
+        TranslationWindow::new(DVec3::ZERO, DVec3::new(0.003, 0.003, 0.015), pair.spacing())?;
     let correlator = Correlator::plan(pair, &window)?;
     let (mut scratch, mut out) = (correlator.scratch(), Array3::zeros(window.shape()));
-    let ((), seconds) = timed(2, || correlator.score(rotation, &mut scratch, out.view_mut()));
+    let ((), seconds) = timed(2, || {
+        correlator.score(rotation, &mut scratch, out.view_mut())
+    });
     let read = |p: &[f64; 3]| {
         let node = p.map(|d| (d * 1e-3 / pair.spacing()).round() as usize);
         f64::from(out[node])
@@ -129,7 +135,10 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
             DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.1),
         ),
     ];
-    let samplings = [("points", Sampling::Point), ("cells", Sampling::CellAverage)];
+    let samplings = [
+        ("points", Sampling::Point),
+        ("cells", Sampling::CellAverage),
+    ];
     // Scores per sampling, spacing and rotation.
     let mut found = Vec::new();
     for (_, sampling) in samplings {
@@ -180,7 +189,12 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
 }
 
 /// The pair of the table and direct sweeps, held-out poses about the fit, and the truth there.
-fn held_out(h: f64, angle: f64, reach: f64, count: usize) -> Outcome<(Pair, Vec<Pose>, Vec<Response>)> {
+fn held_out(
+    h: f64,
+    angle: f64,
+    reach: f64,
+    count: usize,
+) -> Outcome<(Pair, Vec<Pose>, Vec<Response>)> {
     let model = ScoreModel::GUIDED;
     let pair = example(PegInHole::Rectangular, &model, h, Sampling::CellAverage)?;
     let mut rng = SmallRng::seed_from_u64(9);
@@ -197,29 +211,36 @@ fn table(quick: bool) -> Outcome<Sweep> {
     let runs: &[(f64, f64)] = if quick {
         &[(2.0, 6.0), (2.0, 3.0), (3.0, 3.0)]
     } else {
-        &[(2.0, 6.0), (2.0, 4.0), (2.0, 3.0), (2.0, 2.0), (1.5, 3.0), (3.0, 3.0)]
+        &[
+            (2.0, 6.0),
+            (2.0, 4.0),
+            (2.0, 3.0),
+            (2.0, 2.0),
+            (1.5, 3.0),
+            (3.0, 3.0),
+        ]
     };
     let mut rows = Vec::new();
     for &(h, step) in runs {
         let h = h * 1e-3;
         let (pair, poses, truth) = held_out(h, angle, 0.006, count)?;
         let window = TranslationWindow::cube(0.006 + 2.0 * h, h)?;
-        let spec = TableSpec {
-            model: *pair.model(),
-            pivot: pair.pivot().to_array(),
-            window: *window.lattice(),
-            rotations: RotationDomain::ball(angle, step),
-            symmetry: None,
-            far_energy: 0.0,
-            fixed_mesh: String::new(),
-            moving_mesh: String::new(),
-        };
-        let table = EnergyTable::compute(spec, &ByFft::new(&pair, &window)?, 4 << 30, &Silent)?;
-        let setting = format!("{step}°, {:.1} mm, {} rot.", h * 1e3, table.grid().nodes().len());
-        for (series, how) in [("cubic", Interpolation::CatmullRom), ("linear", Interpolation::Linear)] {
+        let spec = TableSpec::for_pair(&pair, &window, RotationDomain::ball(angle, step));
+        let table =
+            EnergyTable::compute(spec, &PairEnergies::plan(&pair, &window)?, 4 << 30, &Silent)?;
+        let setting = format!(
+            "{step}°, {:.1} mm, {} rot.",
+            h * 1e3,
+            table.grid().nodes().len()
+        );
+        for (series, how) in [
+            ("cubic", Interpolation::CatmullRom),
+            ("linear", Interpolation::Linear),
+        ] {
             let table = table.clone().with_interpolation(how);
-            let (found, seconds) =
-                timed(3, || poses.iter().map(|p| table.respond(p)).collect::<Vec<_>>());
+            let (found, seconds) = timed(3, || {
+                poses.iter().map(|p| table.respond(p)).collect::<Vec<_>>()
+            });
             rows.push(Row {
                 series: series.into(),
                 setting: setting.clone(),
@@ -248,8 +269,9 @@ fn direct(quick: bool) -> Outcome<Sweep> {
             ..DirectOptions::REAL_TIME
         };
         let source = DirectEvaluator::new(&pair, &options)?;
-        let (found, seconds) =
-            timed(3, || poses.iter().map(|p| ask(&source, p)).collect::<Vec<_>>());
+        let (found, seconds) = timed(3, || {
+            poses.iter().map(|p| ask(&source, p)).collect::<Vec<_>>()
+        });
         rows.push(Row {
             series: format!("h {:.0} mm", h * 1e3),
             setting: format!("{} points", source.describe().points()),

@@ -12,7 +12,11 @@ use sdf_grid::{DensityField, Sampling};
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
-    let spacings: &[f64] = if arguments.quick { &[2e-3] } else { &[1.6e-3, 1.1e-3, 0.8e-3] };
+    let spacings: &[f64] = if arguments.quick {
+        &[2e-3]
+    } else {
+        &[1.6e-3, 1.1e-3, 0.8e-3]
+    };
     let mut rows = Vec::new();
     for (name, model) in [("guided", ScoreModel::GUIDED), ("paper", ScoreModel::PAPER)] {
         for h in spacings {
@@ -63,7 +67,12 @@ fn measure(name: &str, pair: &Pair) -> Outcome<[Row; 2]> {
         errors: vec![error],
     };
     Ok([
-        row("pegfit with resampling", &plan.transform_size, seconds, ours),
+        row(
+            "pegfit with resampling",
+            plan.transform_size.as_slice(),
+            seconds,
+            ours,
+        ),
         row("plain rustfft f32", score.shape(), plain_seconds, theirs),
     ])
 }
@@ -87,9 +96,8 @@ impl<T: FftNum + Into<f64>> Plain<T> {
             vec![([l1 * l2, l2 * l2], [0.0, 1.0]), (second, [1.0, 0.0])]
         };
         let shapes = (pair.fixed().lattice.shape(), pair.moving().lattice.shape());
-        let size = std::array::from_fn(|k| {
-            smooth(shapes.0[k].max(shapes.1[k]) + window.shape()[k])
-        });
+        let size =
+            std::array::from_fn(|k| smooth(shapes.0[k].max(shapes.1[k]) + window.shape()[k]));
         let apart = pair.moving().lattice.origin() - pair.fixed().lattice.origin();
         let offset = (apart / pair.spacing()).round().to_array();
         let (mut spectra, mut moving) = (Vec::new(), Vec::new());
@@ -97,7 +105,12 @@ impl<T: FftNum + Into<f64>> Plain<T> {
             let mut fixed = periodic::<T>(pair.fixed(), a, size, [0; 3]);
             plain::transform(fixed.view_mut(), FftDirection::Forward);
             spectra.push(fixed);
-            moving.push(periodic::<T>(pair.moving(), b, size, offset.map(|c| c as i64)));
+            moving.push(periodic::<T>(
+                pair.moving(),
+                b,
+                size,
+                offset.map(|c| c as i64),
+            ));
         }
         Self {
             spectra,
@@ -133,7 +146,9 @@ fn smooth(least: usize) -> usize {
             n
         })
     };
-    (least..).find(|n| rest(*n) == 1).expect("a power of two is")
+    (least..)
+        .find(|n| rest(*n) == 1)
+        .expect("a power of two is")
 }
 
 /// A blend of a field's two densities in a periodic box, its first node at `first`.
@@ -148,9 +163,8 @@ fn periodic<T: FftNum>(
     for ((i, j, k), exterior) in field.exterior.indexed_iter() {
         let interior = field.interior[[i, j, k]];
         let at = [i, j, k];
-        let node: [usize; 3] = std::array::from_fn(|a| {
-            (first[a] + at[a] as i64).rem_euclid(size[a] as i64) as usize
-        });
+        let node: [usize; 3] =
+            std::array::from_fn(|a| (first[a] + at[a] as i64).rem_euclid(size[a] as i64) as usize);
         let blend = |e: f32, i: f32| number(weights[0] * f64::from(e) + weights[1] * f64::from(i));
         out[node] = Complex::new(
             blend(exterior.re, interior.re),

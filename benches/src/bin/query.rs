@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Interpolation, Pose, Response,
-    RotationDomain, ScoreModel, TableSpec, TranslationWindow, Twist,
+    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Interpolation, PairEnergies, Pose,
+    Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow, Twist,
 };
-use pegfit_benches::{Arguments, ByFft, Outcome, example, random_poses};
+use pegfit_benches::{Arguments, Outcome, example, random_poses};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Sampling, Silent};
@@ -14,20 +14,20 @@ use sdf_grid::{Sampling, Silent};
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let h = 2e-3;
-    let pair = example(PegInHole::Rectangular, &ScoreModel::GUIDED, h, Sampling::CellAverage)?;
-    let (angle, step) = if arguments.quick { (6.0, 3.0) } else { (20.0, 4.0) };
-    let window = TranslationWindow::cube(0.010, h)?;
-    let spec = TableSpec {
-        model: *pair.model(),
-        pivot: pair.pivot().to_array(),
-        window: *window.lattice(),
-        rotations: RotationDomain::ball(angle, step),
-        symmetry: None,
-        far_energy: 0.0,
-        fixed_mesh: String::new(),
-        moving_mesh: String::new(),
+    let pair = example(
+        PegInHole::Rectangular,
+        &ScoreModel::GUIDED,
+        h,
+        Sampling::CellAverage,
+    )?;
+    let (angle, step) = if arguments.quick {
+        (6.0, 3.0)
+    } else {
+        (20.0, 4.0)
     };
-    let table = EnergyTable::compute(spec, &ByFft::new(&pair, &window)?, 4 << 30, &Silent)?;
+    let window = TranslationWindow::cube(0.010, h)?;
+    let spec = TableSpec::for_pair(&pair, &window, RotationDomain::ball(angle, step));
+    let table = EnergyTable::compute(spec, &PairEnergies::plan(&pair, &window)?, 4 << 30, &Silent)?;
     println!(
         "table: {} rotations x {:?} displacements, {:.1} MB",
         table.grid().nodes().len(),
@@ -39,7 +39,10 @@ fn main() -> Outcome<()> {
     let random = random_poses(&pair, &mut rng, radians, 0.006, 20_000);
     let path = path_through(&random[..20], 1000);
     println!("{:<38}{:>12}{:>12}{:>12} µs", "", "p50", "p99", "p99.9");
-    for (name, how) in [("cubic", Interpolation::CatmullRom), ("linear", Interpolation::Linear)] {
+    for (name, how) in [
+        ("cubic", Interpolation::CatmullRom),
+        ("linear", Interpolation::Linear),
+    ] {
         let table = table.clone().with_interpolation(how);
         latencies(&format!("table, {name}, along a path"), &table, &path);
         latencies(&format!("table, {name}, random poses"), &table, &random);
@@ -98,5 +101,10 @@ fn latencies(name: &str, source: &dyn EnergySource, poses: &[Pose]) {
     assert!(sum.is_finite(), "energies are finite");
     micros.sort_unstable_by(f64::total_cmp);
     let at = |q: f64| micros[((micros.len() - 1) as f64 * q) as usize];
-    println!("{name:<38}{:>12.2}{:>12.2}{:>12.2}", at(0.5), at(0.99), at(0.999));
+    println!(
+        "{name:<38}{:>12.2}{:>12.2}{:>12.2}",
+        at(0.5),
+        at(0.99),
+        at(0.999)
+    );
 }

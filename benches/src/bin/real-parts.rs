@@ -15,7 +15,9 @@ use fft_correlate::{
     RotationDomain, RotationGrid, ScoreModel, TranslationWindow, dock,
 };
 use glam::{DQuat, DVec3};
-use haptic::{Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace};
+use haptic::{
+    Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
+};
 use pegfit::picture::{self, LineChart, Series};
 use pegfit_benches::{Arguments, Outcome, ask};
 use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
@@ -109,7 +111,12 @@ const MOTIONS: [Motion; 4] = [
     }),
 ];
 
-fn curves(name: &str, pair: &Pair, source: &dyn EnergySource, arguments: &Arguments) -> Outcome<()> {
+fn curves(
+    name: &str,
+    pair: &Pair,
+    source: &dyn EnergySource,
+    arguments: &Arguments,
+) -> Outcome<()> {
     let assembled = ask(source, &Pose::IDENTITY).energy;
     println!("   energy assembled {assembled:.4e} J at a peak force of {PEAK_FORCE} N");
     let mut chart = LineChart {
@@ -133,11 +140,18 @@ fn curves(name: &str, pair: &Pair, source: &dyn EnergySource, arguments: &Argume
              spread of the curve {:.4}",
             lowest.0,
             lowest.1 / assembled,
-            energies.iter().map(|e| e.1 / -assembled).fold(f64::NEG_INFINITY, f64::max) + 1.0,
+            energies
+                .iter()
+                .map(|e| e.1 / -assembled)
+                .fold(f64::NEG_INFINITY, f64::max)
+                + 1.0,
         );
         chart.series.push(Series {
             label: format!("{axis}, ±{reach} {unit}"),
-            points: energies.iter().map(|(s, e)| (s / reach, e / -assembled)).collect(),
+            points: energies
+                .iter()
+                .map(|(s, e)| (s / reach, e / -assembled))
+                .collect(),
             ..Series::default()
         });
     }

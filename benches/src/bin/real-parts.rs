@@ -47,8 +47,7 @@ fn main() -> Outcome<()> {
         println!("\n== {name}: {moving} in {fixed}");
         let read = |file: &str| -> Outcome<TriangleMesh> {
             let path = Path::new(folder).join(file);
-            let (mesh, report) =
-                mesh_io::read(&path, LengthUnit::Metre, &HygieneOptions::default())?;
+            let (mesh, report) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
             for warning in report.warnings() {
                 println!("   {warning}");
             }

@@ -31,6 +31,9 @@ pub fn reversed_spectrum<T: FftNum>(mut moving: Array3<Complex<T>>) -> Array3<Co
 
 /// `Re sum over p of a(p) b(p - d)` at every periodic displacement d, for fixed fields given by
 /// their spectra.
+///
+/// # Panics
+/// If there is no field, or the boxes differ in shape.
 pub fn correlate<T: FftNum>(
     fixed_spectra: &[Array3<Complex<T>>],
     moving: Vec<Array3<Complex<T>>>,

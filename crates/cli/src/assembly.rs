@@ -350,6 +350,7 @@ fn compute_pair(
         halo: scene.lattice.halo,
         tolerance: scene.lattice.field_tolerance,
         sampling: scene.lattice.sampling,
+        deaverage: scene.lattice.deaverage,
         memory_limit: Some(context.memory),
     };
     let explain = |error| explain(scene, error);

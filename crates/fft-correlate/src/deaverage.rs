@@ -121,7 +121,10 @@ pub fn deaveraged(field: &DensityField) -> Result<DensityField, LatticeError> {
         exterior: filtered(field.exterior.view(), strength),
         interior: filtered(field.interior.view(), strength),
         signed_distance: widened_distance(field),
-        ..field.clone()
+        sigma: field.sigma,
+        halo: field.halo,
+        sampling: field.sampling,
+        mesh_hash: field.mesh_hash,
     })
 }
 

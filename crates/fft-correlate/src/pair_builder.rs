@@ -9,7 +9,7 @@ use sdf_grid::{
     LatticeError, Monitor, Sampling, TriangleMesh,
 };
 
-use crate::{Pair, PairError, ScoreModel};
+use crate::{Pair, PairError, ScoreModel, deaveraged};
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -27,12 +27,15 @@ pub struct PairBuilder {
     pub tolerance: f64,
     /// How lattice values represent cells.
     pub sampling: Sampling,
+    /// Undo in the fixed density what cell averages lose where boundaries coincide
+    /// ([`crate::deaverage`]).
+    pub deaverage: bool,
     /// Refuse fields that need more than this many bytes together.
     pub memory_limit: Option<u64>,
 }
 
 impl Default for PairBuilder {
-    /// Default spacing and halo, tolerance 1e-3, cell averages, no limit.
+    /// Default spacing and halo, tolerance 1e-3, cell averages as they are, no limit.
     fn default() -> Self {
         let density = DensityOptions::default();
         Self {
@@ -40,6 +43,7 @@ impl Default for PairBuilder {
             halo: None,
             tolerance: density.tolerance,
             sampling: density.sampling,
+            deaverage: false,
             memory_limit: None,
         }
     }
@@ -58,6 +62,8 @@ pub struct PairPlan {
     pub moving_lattice: Lattice,
     /// How both densities are computed; holds the halo.
     pub density: DensityOptions,
+    /// Whether cell averages are undone in the fixed density.
+    pub deaverage: bool,
     /// Middle of the moving part's bounds, on a corner of lattice cells: turns by 90 degrees about
     /// it take nodes to nodes. Metres, the moving part's frame.
     pub pivot: DVec3,
@@ -191,6 +197,7 @@ impl PairBuilder {
                 fixed_lattice,
                 moving_lattice,
                 density,
+                deaverage: self.deaverage,
                 pivot: spacing * (b.center() / spacing).round(),
                 bytes: needed,
             }),
@@ -242,7 +249,12 @@ impl PairPlan {
                 .map(Arc::new)
                 .map_err(|source| PairBuildError::Density { part, source })
         };
-        let fixed = field("fixed", fixed, &self.fixed_lattice)?;
+        let mut fixed = field("fixed", fixed, &self.fixed_lattice)?;
+        if self.deaverage {
+            let part = "fixed";
+            let undone = deaveraged(&fixed);
+            fixed = Arc::new(undone.map_err(|source| PairBuildError::Lattice { part, source })?);
+        }
         let moving = field("moving", moving, &self.moving_lattice)?;
         Ok(Pair::new(fixed, moving, self.model, self.pivot)?)
     }

@@ -209,14 +209,25 @@ fn lattice(
         Some(t) => *t.get_ref(),
         None => DEFAULT_TOLERANCE,
     };
+    let sampling = match raw.sampling {
+        Some(RawSampling::Point) => Sampling::Point,
+        Some(RawSampling::CellAverage) | None => Sampling::CellAverage,
+    };
+    let deaverage = match &raw.deaverage {
+        Some(d) if *d.get_ref() && sampling == Sampling::Point => {
+            return Err(source.error(
+                d.span(),
+                "deaverage: expected with sampling = \"cell-average\", found with \"point\"",
+            ));
+        }
+        d => d.as_ref().is_some_and(|d| *d.get_ref()),
+    };
     Ok(LatticeChoice {
         step,
         halo,
         field_tolerance,
-        sampling: match raw.sampling {
-            Some(RawSampling::Point) => Sampling::Point,
-            Some(RawSampling::CellAverage) | None => Sampling::CellAverage,
-        },
+        sampling,
+        deaverage,
     })
 }
 

@@ -80,6 +80,8 @@ pub struct LatticeChoice {
     pub field_tolerance: f64,
     /// How a lattice value stands for its cell.
     pub sampling: Sampling,
+    /// Whether the loss of cell averages at coincident boundaries is undone.
+    pub deaverage: bool,
 }
 
 /// The distance between lattice nodes.

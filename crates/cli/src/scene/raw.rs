@@ -114,6 +114,7 @@ pub(crate) struct RawLattice {
     pub(crate) halo: Option<Spanned<f64>>,
     pub(crate) field_tolerance: Option<Spanned<f64>>,
     pub(crate) sampling: Option<RawSampling>,
+    pub(crate) deaverage: Option<Spanned<bool>>,
 }
 
 /// One number for all axes, or one per axis.

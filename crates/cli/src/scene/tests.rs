@@ -67,6 +67,7 @@ fn every_key_is_read_in_the_scene_unit() {
     assert_eq!(scene.lattice.step, LatticeStep::Spacing(0.5e-3));
     assert_eq!(scene.lattice.halo, Some(6e-3));
     assert_eq!(scene.lattice.sampling, Sampling::Point);
+    assert!(!scene.lattice.deaverage);
     assert_eq!(scene.window.half_extent, Some(DVec3::new(1e-3, 2e-3, 3e-3)));
     assert_eq!(scene.energy, EnergyScale::Gamma(2e6));
     assert_eq!(scene.cache, Path::new("scenes/fields"));
@@ -96,6 +97,11 @@ fn mistakes_are_shown_with_their_line() {
             "[lattice]\nfield_tolerance = 0.5\n",
             "line 5",
             "1e-5 to 1e-2, found 0.5",
+        ),
+        (
+            "[lattice]\nsampling = \"point\"\ndeaverage = true\n",
+            "line 6",
+            "found with \"point\"",
         ),
         (
             "[model]\nsigma = 0.9\n",

@@ -18,9 +18,12 @@ use sdf_grid::{
     DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
 };
 
+/// Measures; true for a quick run.
+type Measure = fn(bool) -> Outcome<Sweep>;
+
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
-    let sweeps: [(&str, fn(bool) -> Outcome<Sweep>); 4] = [
+    let sweeps: [(&str, Measure); 4] = [
         ("density", density),
         ("correlation", correlation),
         ("table", table),

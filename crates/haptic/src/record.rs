@@ -229,6 +229,13 @@ impl LogFile {
             _ => Path::new("."),
         };
         let file = NamedTempFile::new_in(folder).map_err(io)?;
+        // Temporary files are made for their owner only; a log is an ordinary file.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = std::fs::Permissions::from_mode(0o644);
+            file.as_file().set_permissions(mode).map_err(io)?;
+        }
         let mut csv = csv::Writer::from_writer(file);
         csv.write_record(COLUMNS).map_err(|e| io(e.into()))?;
         Ok(Self {

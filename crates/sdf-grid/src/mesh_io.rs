@@ -111,6 +111,13 @@ fn write_whole(
         _ => Path::new("."),
     };
     let file = tempfile::NamedTempFile::new_in(folder)?;
+    // Temporary files are made for their owner only; a mesh is an ordinary file.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = std::fs::Permissions::from_mode(0o644);
+        file.as_file().set_permissions(mode)?;
+    }
     let mut out = BufWriter::new(file.as_file());
     write(&mut out)?;
     out.flush()?;

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
 use sdf_grid::{DensityField, Monitor};
@@ -130,7 +130,8 @@ struct Candidate {
 /// Scores every rotation over the window, keeps the best local maxima of each, and returns the
 /// lowest distinct poses, refined on `refine` if given. Rotations run in parallel on rayon's
 /// threads; the result does not depend on their number. When the monitor cancels, what was scored
-/// so far is returned, unrefined.
+/// so far is returned, unrefined. A pose from which the descent leaves the window stays as scored,
+/// unrefined, after the others.
 ///
 /// # Errors
 /// If the correlator cannot be planned, there is no rotation, a rotation is not a unit quaternion,
@@ -174,8 +175,11 @@ pub fn dock(
         monitor.begin("refining poses", poses.len() as u64);
         poses.par_iter_mut().for_each(|p| {
             if !monitor.cancelled() {
-                (p.pose, p.energy) = options.descent.run(source, &p.pose);
-                p.refined = true;
+                let (pose, energy) = options.descent.run(source, &p.pose);
+                // Downhill may lead out of the domain: then the pose at its edge stays as scored.
+                if covers(window, pair.displacement(&pose)) {
+                    (p.pose, p.energy, p.refined) = (pose, energy, true);
+                }
                 monitor.advance(1);
             }
         });
@@ -194,6 +198,14 @@ pub fn dock(
         scored,
         rotations: rotations.len(),
     })
+}
+
+/// Whether a displacement lies within half a cell of the window's nodes.
+fn covers(window: &TranslationWindow, displacement: DVec3) -> bool {
+    let bounds = window.lattice().node_bounds();
+    bounds
+        .grown(0.5 * window.lattice().spacing())
+        .contains(displacement)
 }
 
 impl Candidate {

@@ -168,3 +168,20 @@ fn bad_rotations_are_named() {
         })
     );
 }
+
+/// Beside the fit every descent leads to it, out of the window: poses stay at its edge, unrefined.
+#[test]
+fn poses_stay_in_the_domain() {
+    let pair = seated();
+    let source = DirectEvaluator::new(pair, &DirectOptions::FULL).unwrap();
+    let (from, to) = (DVec3::X * 2.0 * H, DVec3::X * 4.0 * H);
+    let beside = TranslationWindow::new(from, to, H).unwrap();
+    let options = DockOptions::new(pair, 3);
+    let still = [DQuat::IDENTITY];
+    let found = dock(pair, &still, &beside, &options, Some(&source), &Silent).unwrap();
+    assert!(!found.poses.is_empty());
+    for pose in &found.poses {
+        assert!(!pose.refined, "{pose:?}");
+        assert!((pair.displacement(&pose.pose) - from).length() < 1e-12);
+    }
+}

@@ -67,7 +67,7 @@ fn print(summary: &Summary, page: &Path) {
     for e in &summary.examples {
         if let Some(r) = &e.real_time {
             crate::say!(
-                "real-time loop ({}): {:.0} Hz, latency p50 {:.0} µs, p99 {:.0} µs, {} overruns in \
+                "real-time loop ({}, from its table): {:.0} Hz, latency p50 {:.0} µs, p99 {:.0} µs, {} overruns in \
                  {} ticks",
                 e.name,
                 r.rate_hz,

@@ -207,7 +207,7 @@ fn story(example: &Example) -> String {
     if let Some(r) = &example.real_time {
         let _ = writeln!(
             html,
-            "<p>The loop ran in real time for {:.1} s: {:.0} ticks a second, computing time per \
+            "<p>The loop ran in real time, from the table, for {:.1} s: {:.0} ticks a second, computing time per \
              tick {:.0} µs in the middle and {:.0} µs at 99 %, start of a tick at most {:.0} µs \
              late in 99 %, {} overruns.</p>",
             r.seconds, r.rate_hz, r.latency_us.p50, r.latency_us.p99, r.lateness_us.p99, r.overruns

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sdf_grid::LengthUnit;
 
+use crate::device_choice::DeviceChoice;
+
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
@@ -56,6 +58,8 @@ pub enum Command {
     Dock(DockArgs),
     /// Run the 1 kHz haptic loop
     Feel(FeelArgs),
+    /// List the haptic devices attached and what each can do
+    Devices(DevicesArgs),
     /// Draw one of the paper's figures for a scene
     Plot(PlotArgs),
 }
@@ -171,8 +175,9 @@ pub struct FeelArgs {
     /// Interpolate this table instead of evaluating directly
     #[arg(long, value_name = "TABLE.zarr")]
     pub table: Option<PathBuf>,
-    /// The device that holds the moving part
-    #[arg(long, value_enum, default_value_t = DeviceChoice::Simulated)]
+    /// What holds the moving part: simulated, auto, replay:LOG.csv, spacemouse or pid (the last two
+    /// with :PATH, :SERIAL or :VENDOR:PRODUCT to choose among several; see `pegfit devices`)
+    #[arg(long, value_name = "DEVICE", default_value = "simulated")]
     pub device: DeviceChoice,
     /// What the simulated hand does
     #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
@@ -188,11 +193,18 @@ pub struct FeelArgs {
     pub png: Option<PathBuf>,
 }
 
-/// Devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum DeviceChoice {
-    /// A mass, spring and damper that follows a script: no hardware needed.
-    Simulated,
+/// Arguments of `pegfit devices`.
+#[derive(Debug, Args)]
+pub struct DevicesArgs {
+    /// Show a device's axes and buttons as they move, until Ctrl-C
+    #[arg(long)]
+    pub probe: bool,
+    /// Which one to probe: a path, serial number or VENDOR:PRODUCT [default: the first]
+    #[arg(value_name = "DEVICE", requires = "probe")]
+    pub device: Option<String>,
+    /// Stop probing after so many seconds
+    #[arg(long, requires = "probe")]
+    pub seconds: Option<f64>,
 }
 
 /// Scripts of the simulated hand, after the paper's two tests.

@@ -6,6 +6,7 @@ pub mod args;
 pub mod assembly;
 pub mod atomic;
 pub mod command;
+pub mod device_choice;
 pub mod error;
 pub mod exit;
 pub mod figure;

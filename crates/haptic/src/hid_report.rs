@@ -6,6 +6,8 @@ use hidreport::{Field, Report, ReportDescriptor};
 
 use crate::DeviceError;
 
+mod screen;
+
 /// A usage: page in the upper 16 bits, id in the lower.
 pub type Usage = u32;
 
@@ -57,12 +59,14 @@ impl Layouts {
     /// # Errors
     /// If it is not one.
     pub fn parse(name: &str, descriptor: &[u8]) -> Result<Self, DeviceError> {
+        let unsuitable = |found: String| DeviceError::Unsuitable {
+            name: name.to_owned(),
+            expected: "a HID report descriptor".into(),
+            found,
+        };
+        screen::screen(descriptor).map_err(|why| unsuitable(why.into()))?;
         let parsed =
-            ReportDescriptor::try_from(descriptor).map_err(|e| DeviceError::Unsuitable {
-                name: name.to_owned(),
-                expected: "a HID report descriptor".into(),
-                found: e.to_string(),
-            })?;
+            ReportDescriptor::try_from(descriptor).map_err(|e| unsuitable(e.to_string()))?;
         Ok(Self {
             input: layouts(parsed.input_reports()),
             output: layouts(parsed.output_reports()),
@@ -212,7 +216,16 @@ impl Layout {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::hid::fake::unhex;
+
+    const REAL: [&str; 3] = [
+        include_str!("../descriptors/pid-two-axes.hex"),
+        include_str!("../descriptors/space-mouse-split.hex"),
+        include_str!("../descriptors/space-mouse-combined.hex"),
+    ];
 
     fn slot(bits: Range<usize>, minimum: i64, maximum: i64) -> Slot {
         Slot {
@@ -247,5 +260,46 @@ mod tests {
     #[test]
     fn a_short_report_has_no_number() {
         assert_eq!(slot(8..24, 0, 9).read(&[1, 2]), None);
+    }
+
+    proptest! {
+        /// Bytes, and real descriptors with some of theirs replaced: read or refused, never a panic.
+        #[test]
+        fn any_descriptor_is_read_or_refused(
+            noise: Vec<u8>,
+            which in 0usize..3,
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..8),
+        ) {
+            let _ = Layouts::parse("noise", &noise);
+            let mut real = unhex(REAL[which]);
+            for (place, byte) in changes {
+                let place = place.index(real.len());
+                real[place] = byte;
+            }
+            if let Ok(layouts) = Layouts::parse("changed", &real) {
+                for layout in layouts.input.iter().chain(&layouts.output).chain(&layouts.feature) {
+                    let mut report = layout.blank();
+                    for slot in &layout.slots {
+                        slot.write(&mut report, i64::MIN);
+                        prop_assert!(slot.read(&report).is_some());
+                    }
+                }
+            }
+            let _ = crate::pid::PidLayout::parse("changed", &real)
+                .map(|layout| layout.reading(&noise, 0.1));
+        }
+    }
+
+    #[test]
+    fn the_descriptors_kept_as_examples_are_read() {
+        for text in REAL {
+            let layouts = Layouts::parse("example", &unhex(text)).unwrap();
+            let axes = layouts.input.iter().flat_map(|l| &l.slots);
+            assert!(
+                axes.filter(|s| (0x0001_0030..0x0001_0036).contains(&s.usage))
+                    .count()
+                    >= 2
+            );
+        }
     }
 }

@@ -1,5 +1,18 @@
 //! 3Dconnexion devices: six axes in, no force out.
 //!
+//! Reports (numbers little-endian):
+//!
+//! ```text
+//! split     01 X Y Z, then 02 RX RY RZ   7 bytes each, in turn    models before 2012, Compact
+//! combined  01 X Y Z RX RY RZ            13 bytes                 wireless models, Enterprise
+//! buttons   03 mask, up to 32 bits
+//! battery   17 percent ...               wireless models
+//! ```
+//!
+//! The layout is told by each report's own length, not by the model: the same ids have been seen
+//! with both. While it is deflected a device reports all the time; one that falls silent out of
+//! the middle has lost its radio link and counts as let go after [`SILENCE`].
+//!
 //! Axes on the wire, from the user's seat: x right, y towards the user, z down, rotations about the
 //! same axes right-handed. Ours, everywhere in this crate: x right, y away from the user, z up, so
 //! y and z change sign, of translations and of rotation vectors alike. (Drivers differ: spacenavd
@@ -10,12 +23,12 @@ use std::time::Duration;
 use fft_correlate::Twist;
 use glam::DVec3;
 
-use crate::hid::{Connector, HidPort};
-use crate::io_thread::{InputHalf, Motion, Reading};
+use crate::hid::{Decoder, HidPort};
+use crate::io_thread::{Motion, Reading};
 use crate::{DeviceError, DeviceSpec};
 
 /// Vendor, product and name of every 3Dconnexion device known to send these reports.
-pub const MODELS: [(u16, u16, &str); 21] = [
+pub const MODELS: [(u16, u16, &str); 24] = [
     (0x046d, 0xc603, "SpaceMouse Plus"),
     (0x046d, 0xc605, "CADman"),
     (0x046d, 0xc606, "SpaceMouse Classic"),
@@ -27,6 +40,8 @@ pub const MODELS: [(u16, u16, &str); 21] = [
     (0x046d, 0xc628, "SpaceNavigator for Notebooks"),
     (0x046d, 0xc629, "SpacePilot Pro"),
     (0x046d, 0xc62b, "SpaceMouse Pro"),
+    (0x046d, 0xc640, "NuLOOQ"),
+    (0x256f, 0xc62c, "SpaceMouse Touch"),
     (0x256f, 0xc62e, "SpaceMouse Wireless, cabled"),
     (0x256f, 0xc62f, "SpaceMouse Wireless receiver"),
     (0x256f, 0xc631, "SpaceMouse Pro Wireless, cabled"),
@@ -36,8 +51,15 @@ pub const MODELS: [(u16, u16, &str); 21] = [
     (0x256f, 0xc636, "SpaceMouse Module"),
     (0x256f, 0xc638, "SpaceMouse Pro Wireless Bluetooth"),
     (0x256f, 0xc63a, "SpaceMouse Wireless Bluetooth"),
+    (0x256f, 0xc641, "SpaceMouse Scout"),
     (0x256f, 0xc652, "Universal receiver"),
 ];
+
+/// 3Dconnexion's own vendor id.
+const VENDOR: u16 = 0x256f;
+
+/// Usage page and usage of a 3D mouse: Generic Desktop, Multi-axis Controller.
+const MULTI_AXIS: (u16, u16) = (0x01, 0x08);
 
 /// Counts at full deflection. Some caps reach 500: those are full too.
 const FULL: f64 = 350.0;
@@ -49,6 +71,20 @@ pub fn model(vendor: u16, product: u16) -> Option<&'static str> {
         .find(|m| (m.0, m.1) == (vendor, product))
         .map(|m| m.2)
 }
+
+/// Whether a device with these usages is one: a known model, or any other multi-axis controller of
+/// the same maker. Gives the model's name where it is known. The keyboard and mouse that receivers
+/// pretend to be as well are none; usages that cannot be read (0, 0) are believed.
+pub fn recognise(vendor: u16, product: u16, usages: &[(u16, u16)]) -> Option<Option<&'static str>> {
+    let known = model(vendor, product);
+    let six_axes = usages.contains(&MULTI_AXIS);
+    let unknown = usages.iter().all(|u| *u == (0, 0));
+    let is = (known.is_some() && (six_axes || unknown)) || (vendor == VENDOR && six_axes);
+    is.then_some(known)
+}
+
+/// Silence after which a deflected device counts as let go.
+pub const SILENCE: Duration = Duration::from_millis(250);
 
 /// One report, in wire axes and counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,146 +203,53 @@ pub fn spec(name: &str) -> DeviceSpec {
     }
 }
 
-/// The reading half; give it to [`crate::io_thread::Threaded::spawn`].
+/// The meaning of their reports; give it to [`crate::hid::HidInput`].
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct SpaceMouse {
-    connector: Connector,
-    port: Option<Box<dyn HidPort>>,
     feel: Feel,
     state: Deflection,
 }
 
 impl SpaceMouse {
-    /// A device reached through `connector`.
-    pub fn new(connector: Connector, feel: Feel) -> Self {
+    /// A device at rest.
+    pub fn new(feel: Feel) -> Self {
         Self {
-            connector,
-            port: None,
             feel,
             state: Deflection::default(),
         }
     }
+
+    fn reading(&self) -> Reading {
+        Reading {
+            motion: Motion::Rate(self.state.twist),
+            buttons: self.state.buttons,
+        }
+    }
 }
 
-impl InputHalf for SpaceMouse {
-    fn connect(&mut self) -> Result<(), DeviceError> {
-        self.port = None;
+impl Decoder for SpaceMouse {
+    fn start(&mut self, _: &mut dyn HidPort) -> Result<(), DeviceError> {
         self.state = Deflection::default();
-        self.port = Some((self.connector)()?);
         Ok(())
     }
 
-    fn read(&mut self, timeout: Duration) -> Result<Option<Reading>, DeviceError> {
-        let port = self.port.as_mut().ok_or(DeviceError::Disconnected)?;
-        let mut buffer = [0; 64];
-        let length = port.read(&mut buffer, timeout)?;
-        if length == 0 {
-            return Ok(None);
+    fn decode(&mut self, report: &[u8]) -> Option<Reading> {
+        let report = parse(report);
+        self.state.take(report, &self.feel);
+        match report {
+            Report::Battery(_) | Report::Other => None,
+            _ => Some(self.reading()),
         }
-        self.state.take(parse(&buffer[..length]), &self.feel);
-        Ok(Some(Reading {
-            motion: Motion::Rate(self.state.twist),
-            buttons: self.state.buttons,
-        }))
+    }
+
+    fn silence(&mut self, lasting: Duration) -> Option<Reading> {
+        if lasting < SILENCE || self.state.twist == Twist::default() {
+            return None;
+        }
+        self.state.twist = Twist::default();
+        Some(self.reading())
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn reads_the_split_layout() {
-        // X +350, Y -350, Z +1.
-        let translation = [0x01, 0x5e, 0x01, 0xa2, 0xfe, 0x01, 0x00];
-        assert_eq!(parse(&translation), Report::Translation([350, -350, 1]));
-        let rotation = [0x02, 0x00, 0x00, 0x00, 0x00, 0x0c, 0xfe];
-        assert_eq!(parse(&rotation), Report::Rotation([0, 0, -500]));
-    }
-
-    #[test]
-    fn reads_the_combined_layout_buttons_and_battery() {
-        let both = [1, 0x5e, 0x01, 0, 0, 0, 0, 0xff, 0xff, 0, 0, 0x02, 0x00];
-        assert_eq!(parse(&both), Report::Both([350, 0, 0], [-1, 0, 2]));
-        assert_eq!(parse(&[3, 0x02, 0x80]), Report::Buttons(0x8002));
-        assert_eq!(parse(&[3, 1, 0, 0, 0x80]), Report::Buttons(0x8000_0001));
-        assert_eq!(parse(&[0x17, 88, 0]), Report::Battery(88));
-    }
-
-    #[test]
-    fn short_or_strange_reports_are_nothing() {
-        for bytes in [&[][..], &[1], &[1, 2, 3, 4, 5, 6], &[2, 0], &[0x42; 20]] {
-            assert_eq!(parse(bytes), Report::Other, "{bytes:?}");
-        }
-        assert_eq!(parse(&[3]), Report::Buttons(0));
-    }
-
-    #[test]
-    fn axes_point_right_away_and_up_with_a_dead_zone() {
-        let feel = Feel::default();
-        let mut state = Deflection::default();
-        // Pushed right, pulled towards the user, pressed down.
-        state.take(Report::Translation([350, 350, 350]), &feel);
-        assert_eq!(state.twist.linear, DVec3::new(0.1, -0.1, -0.1));
-        state.take(Report::Rotation([500, 0, -17]), &feel);
-        assert_eq!(state.twist.angular, DVec3::new(1.0, 0.0, 0.0).abs());
-        let just_outside = feel.axis(18);
-        assert!(just_outside > 0.0 && just_outside < 0.01);
-    }
-
-    #[test]
-    fn every_model_has_its_own_ids() {
-        for (i, a) in MODELS.iter().enumerate() {
-            assert!(MODELS[i + 1..].iter().all(|b| (a.0, a.1) != (b.0, b.1)));
-        }
-        assert_eq!(model(0x046d, 0xc626), Some("SpaceNavigator"));
-        assert_eq!(model(0x046d, 0xc077), None);
-    }
-
-    /// Pushed right to the full, in the split layout; two reports, then silence.
-    struct FakePort(std::vec::IntoIter<Vec<u8>>);
-
-    impl HidPort for FakePort {
-        fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, DeviceError> {
-            let Some(report) = self.0.next() else {
-                std::thread::sleep(timeout);
-                return Ok(0);
-            };
-            buffer[..report.len()].copy_from_slice(&report);
-            Ok(report.len())
-        }
-
-        fn write(&mut self, _: &[u8]) -> Result<(), DeviceError> {
-            unreachable!("an input device is never written")
-        }
-
-        fn set_feature(&mut self, _: &[u8]) -> Result<(), DeviceError> {
-            unreachable!("an input device is never written")
-        }
-
-        fn get_feature(&mut self, _: &mut [u8]) -> Result<usize, DeviceError> {
-            unreachable!("an input device is never asked")
-        }
-
-        fn descriptor(&mut self) -> Result<Vec<u8>, DeviceError> {
-            unreachable!("its layouts are known")
-        }
-    }
-
-    #[test]
-    fn as_a_device_it_steers_a_cursor_and_passes_the_conformance_suite() {
-        use crate::Device;
-        use crate::io_thread::{Cursor, Threaded};
-        let reports = vec![vec![3, 2], vec![1, 0x5e, 0x01, 0, 0, 0, 0]];
-        let connector: Connector =
-            Box::new(move || Ok(Box::new(FakePort(reports.clone().into_iter()))));
-        let mouse = SpaceMouse::new(connector, Feel::default());
-        let mut device =
-            Threaded::spawn(spec("mouse"), Cursor::default(), Box::new(mouse), None).unwrap();
-        crate::conformance::check(&mut device).unwrap();
-        let start = device.poll(1.0).unwrap();
-        let end = device.poll(1.05).unwrap();
-        assert_eq!(start.buttons, 2);
-        let moved = end.pose.translation.x - start.pose.translation.x;
-        assert!((moved - 0.1 * 0.05).abs() < 1e-12, "{moved}");
-    }
-}
+mod tests;

@@ -6,8 +6,8 @@ use fft_correlate::{DirectOptions, EnergySource};
 use haptic::{Clock, LoopReport, Outcome, Sample, Script, read_log};
 
 use super::plot::force_chart;
-use super::{Context, bake, hand, print_json, require_folder};
-use crate::args::{DeviceChoice, FeelArgs, ScriptChoice};
+use super::{Context, bake, devices, hand, print_json, require_folder};
+use crate::args::{FeelArgs, ScriptChoice};
 use crate::assembly::Assembly;
 use crate::error::CommandError;
 use crate::progress::interrupted;
@@ -32,15 +32,25 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     };
     let assembly = Assembly::load(Scene::read(&args.scene)?, context)?;
     let source = source(args, &assembly, context)?;
-    let DeviceChoice::Simulated = args.device;
+    let mut device = match devices::choose(&args.device, context)? {
+        Some(device) => device,
+        None => Box::new(hand::simulated(
+            &assembly,
+            source.as_ref(),
+            script,
+            args.seconds,
+        )),
+    };
     context.progress.note(&format!(
-        "the simulated hand holds {} for {} s",
-        assembly.scene.moving.name, args.seconds
+        "the {} holds {} for {} s",
+        device.spec().name,
+        assembly.scene.moving.name,
+        args.seconds
     ));
-    let outcome = hand::run_simulated(
+    let outcome = hand::run(
         &assembly,
         source.as_ref(),
-        script,
+        device.as_mut(),
         args.seconds,
         Clock::Real,
         args.log.as_deref(),
@@ -97,7 +107,10 @@ fn draw(
         }
         None => &outcome.samples,
     };
-    let chart = force_chart(format!("{script:?} test, simulated hand"), samples);
+    let chart = force_chart(
+        format!("{script:?} test, {}", outcome.report.device),
+        samples,
+    );
     let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
     atomic::write(png, &bytes)
 }

@@ -1,16 +1,17 @@
-//! Running the haptic loop with the simulated hand.
+//! Running the haptic loop on a scene.
 
 use std::path::Path;
 
 use fft_correlate::EnergySource;
-use haptic::{Clock, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand};
+use haptic::{
+    Clock, Device, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand, Workspace,
+};
 
 use crate::assembly::Assembly;
 use crate::error::CommandError;
 use crate::progress::cancel_flag;
 
-/// Runs `script` for `seconds` on `clock`, with every sample in the outcome or, if `log` is given,
-/// in that file instead.
+/// [`run`] with the simulated hand, which follows `script`.
 pub(super) fn run_simulated(
     assembly: &Assembly,
     source: &dyn EnergySource,
@@ -19,23 +20,49 @@ pub(super) fn run_simulated(
     clock: Clock,
     log: Option<&Path>,
 ) -> Result<Outcome, CommandError> {
-    let config = assembly.scene.device.clone();
-    let geometry = assembly.geometry(source);
-    let workspace = config.workspace(assembly.assembled(), assembly.pair.pivot());
+    let mut hand = simulated(assembly, source, script, seconds);
+    run(assembly, source, &mut hand, seconds, clock, log)
+}
+
+/// The simulated hand at the start of `script`.
+pub(super) fn simulated(
+    assembly: &Assembly,
+    source: &dyn EnergySource,
+    script: Script,
+    seconds: f64,
+) -> SimulatedHand {
     let hand = HandConfig {
         duration: seconds,
         ..HandConfig::default()
     };
-    let mut device = SimulatedHand::new(hand, script, geometry, workspace);
-    let session = Session::new(config, workspace);
+    let geometry = assembly.geometry(source);
+    SimulatedHand::new(hand, script, geometry, workspace(assembly))
+}
+
+/// Runs the loop for `seconds` on `clock`, with every sample in the outcome or, if `log` is given,
+/// in that file instead.
+pub(super) fn run(
+    assembly: &Assembly,
+    source: &dyn EnergySource,
+    device: &mut dyn Device,
+    seconds: f64,
+    clock: Clock,
+    log: Option<&Path>,
+) -> Result<Outcome, CommandError> {
+    let session = Session::new(assembly.scene.device.clone(), workspace(assembly));
     let session = match log {
         Some(path) => session.record_to(path),
         None => session.keep_samples(),
     };
     session
-        .run(&mut device, source, clock, seconds, cancel_flag())
+        .run(device, source, clock, seconds, cancel_flag())
         .map_err(|e| match e {
             HapticError::Config(_) => CommandError::bad_input(assembly.context("device"), e),
             other => CommandError::failure("haptic loop", other),
         })
+}
+
+fn workspace(assembly: &Assembly) -> Workspace {
+    let config = &assembly.scene.device;
+    config.workspace(assembly.assembled(), assembly.pair.pivot())
 }

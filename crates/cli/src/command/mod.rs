@@ -10,6 +10,7 @@ use crate::progress::Progress;
 mod bake;
 mod check;
 mod demo;
+mod devices;
 mod dock;
 mod feel;
 mod field;
@@ -47,6 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Bake(args) => bake::run(args, &context),
         Command::Dock(args) => dock::run(args, &context),
         Command::Feel(args) => feel::run(args, &context),
+        Command::Devices(args) => devices::run(args, &context),
         Command::Plot(args) => plot::run(args, &context),
     }
 }

@@ -4,6 +4,7 @@
 mod bake;
 mod check;
 mod common;
+mod devices;
 mod dock_and_feel;
 mod field;
 mod interrupt;

@@ -1,160 +1,32 @@
-use std::sync::{Arc, Mutex};
+use fft_correlate::Wrench;
+use glam::DVec3;
 
 use super::*;
+use crate::Device;
+use crate::hid::fake::{Fake, unhex, until};
 
-/// Report descriptor of a two-axis PID joystick with the report ids of OpenFFBoard, written down
-/// from the HID 1.11 and PID 1.0 tables.
-fn descriptor() -> Vec<u8> {
-    let mut d: Vec<u8> = Vec::new();
-    let mut add = |bytes: &[u8]| d.extend_from_slice(bytes);
-    // Joystick: report 1, 8 buttons, X and Y of 16 bits.
-    add(&[0x05, 0x01, 0x09, 0x04, 0xa1, 0x01, 0x85, 0x01]);
-    add(&[0x05, 0x09, 0x19, 0x01, 0x29, 0x08, 0x15, 0x00, 0x25, 0x01]);
-    add(&[0x75, 0x01, 0x95, 0x08, 0x81, 0x02]);
-    add(&[
-        0x05, 0x01, 0x09, 0x30, 0x09, 0x31, 0x16, 0x01, 0x80, 0x26, 0xff, 0x7f,
-    ]);
-    add(&[0x75, 0x10, 0x95, 0x02, 0x81, 0x02]);
-    add(&[0x05, 0x0f]);
-    let block: &[u8] = &[
-        0x09, 0x22, 0x15, 0x01, 0x25, 0x28, 0x75, 0x08, 0x95, 0x01, 0x91, 0x02,
-    ];
-    // Set Effect, output 1: block, type, four times, gain, trigger, axes, direction, offsets.
-    add(&[0x09, 0x21, 0xa1, 0x02, 0x85, 0x01]);
-    add(block);
-    add(&[0x09, 0x25, 0xa1, 0x02, 0x09, 0x26, 0x09, 0x27, 0x09, 0x40]);
-    add(&[0x15, 0x01, 0x25, 0x03, 0x91, 0x00, 0xc0]);
-    add(&[0x09, 0x50, 0x09, 0x54, 0x09, 0x51, 0x09, 0xa7]);
-    add(&[
-        0x15, 0x00, 0x26, 0xff, 0x7f, 0x75, 0x10, 0x95, 0x04, 0x91, 0x02,
-    ]);
-    add(&[
-        0x09, 0x52, 0x15, 0x00, 0x26, 0xff, 0x00, 0x75, 0x08, 0x95, 0x01, 0x91, 0x02,
-    ]);
-    add(&[0x09, 0x53, 0x15, 0x01, 0x25, 0x08, 0x91, 0x02]);
-    add(&[0x09, 0x55, 0xa1, 0x02, 0x05, 0x01, 0x09, 0x30, 0x09, 0x31]);
-    add(&[
-        0x15, 0x00, 0x25, 0x01, 0x75, 0x01, 0x95, 0x02, 0x91, 0x02, 0xc0,
-    ]);
-    add(&[
-        0x05, 0x0f, 0x09, 0x56, 0x95, 0x01, 0x91, 0x02, 0x95, 0x05, 0x91, 0x03,
-    ]);
-    for collection in [0x57, 0x58] {
-        add(&[0x09, collection, 0xa1, 0x02]);
-        add(&[0x0b, 0x01, 0x00, 0x0a, 0x00, 0x0b, 0x02, 0x00, 0x0a, 0x00]);
-        add(&[
-            0x15, 0x00, 0x27, 0xa0, 0x8c, 0x00, 0x00, 0x75, 0x10, 0x95, 0x02, 0x91, 0x02, 0xc0,
-        ]);
-    }
-    add(&[0xc0]);
-    // Set Constant Force, output 5: block, magnitude -10000 ..= 10000.
-    add(&[0x09, 0x73, 0xa1, 0x02, 0x85, 0x05]);
-    add(block);
-    add(&[
-        0x09, 0x70, 0x16, 0xf0, 0xd8, 0x26, 0x10, 0x27, 0x75, 0x10, 0x95, 0x01, 0x91, 0x02,
-    ]);
-    add(&[0xc0]);
-    // Effect Operation, output 10: block, start / start solo / stop, loop count.
-    add(&[0x09, 0x77, 0xa1, 0x02, 0x85, 0x0a]);
-    add(block);
-    add(&[0x09, 0x78, 0xa1, 0x02, 0x09, 0x79, 0x09, 0x7a, 0x09, 0x7b]);
-    add(&[0x15, 0x01, 0x25, 0x03, 0x91, 0x00, 0xc0]);
-    add(&[0x09, 0x7c, 0x15, 0x00, 0x26, 0xff, 0x00, 0x91, 0x02, 0xc0]);
-    // Device Control, output 12: a bit per command.
-    add(&[0x09, 0x95, 0xa1, 0x02, 0x85, 0x0c, 0x09, 0x96, 0xa1, 0x02]);
-    add(&[
-        0x09, 0x97, 0x09, 0x98, 0x09, 0x99, 0x09, 0x9a, 0x09, 0x9b, 0x09, 0x9c,
-    ]);
-    add(&[
-        0x15, 0x00, 0x25, 0x01, 0x75, 0x01, 0x95, 0x08, 0x91, 0x02, 0xc0, 0xc0,
-    ]);
-    // Device Gain, output 13.
-    add(&[0x09, 0x7d, 0xa1, 0x02, 0x85, 0x0d, 0x09, 0x7e]);
-    add(&[
-        0x15, 0x00, 0x26, 0xff, 0x00, 0x75, 0x08, 0x95, 0x01, 0x91, 0x02, 0xc0,
-    ]);
-    // Create New Effect, feature 17: type, size of 10 bits and 6 of padding.
-    add(&[0x09, 0xab, 0xa1, 0x02, 0x85, 0x11, 0x09, 0x25, 0xa1, 0x02]);
-    add(&[
-        0x09, 0x26, 0x09, 0x27, 0x09, 0x40, 0x15, 0x01, 0x25, 0x03, 0xb1, 0x00, 0xc0,
-    ]);
-    add(&[
-        0x05, 0x01, 0x09, 0x3b, 0x15, 0x00, 0x26, 0xff, 0x01, 0x75, 0x0a, 0xb1, 0x02,
-    ]);
-    add(&[0x75, 0x06, 0xb1, 0x01, 0xc0, 0x05, 0x0f]);
-    // Block Load, feature 18: block, success / full / error, memory left.
-    add(&[0x09, 0x89, 0xa1, 0x02, 0x85, 0x12]);
-    add(&[
-        0x09, 0x22, 0x15, 0x01, 0x25, 0x28, 0x75, 0x08, 0x95, 0x01, 0xb1, 0x02,
-    ]);
-    add(&[0x09, 0x8b, 0xa1, 0x02, 0x09, 0x8c, 0x09, 0x8d, 0x09, 0x8e]);
-    add(&[0x15, 0x01, 0x25, 0x03, 0xb1, 0x00, 0xc0]);
-    add(&[
-        0x09, 0xac, 0x15, 0x00, 0x27, 0xff, 0xff, 0x00, 0x00, 0x75, 0x10, 0xb1, 0x00, 0xc0,
-    ]);
-    add(&[0xc0]);
-    d
-}
+const TWO_AXES: &str = include_str!("../../descriptors/pid-two-axes.hex");
 
-/// A device that hands out `room` blocks and keeps what it was sent.
-struct Fake {
-    room: u8,
-    given: u8,
-    plugged: bool,
-    sent: Vec<Vec<u8>>,
-}
-
-#[derive(Clone)]
-struct FakePort(Arc<Mutex<Fake>>);
-
-impl HidPort for FakePort {
-    fn read(&mut self, buffer: &mut [u8], _: Duration) -> Result<usize, DeviceError> {
-        std::thread::sleep(Duration::from_millis(1));
-        if !self.0.lock().unwrap().plugged {
-            return Err(DeviceError::Disconnected);
+/// A two-axis joystick with room for so many effects: x at its greatest, y in the middle, buttons
+/// 1 and 8.
+fn joystick(room: u8) -> Fake {
+    let mut given = 0;
+    let fake = Fake::new(unhex(TWO_AXES), move |id| match id {
+        0x12 if given < room => {
+            given += 1;
+            vec![0x12, given, 1, 0x00, 0x10]
         }
-        // Buttons 1 and 8; x at its greatest, y in the middle.
-        let report = [0x01, 0x81, 0xff, 0x7f, 0x00, 0x00];
-        buffer[..6].copy_from_slice(&report);
-        Ok(6)
-    }
-
-    fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.0.lock().unwrap().sent.push(report.to_vec());
-        Ok(())
-    }
-
-    fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.write(report)
-    }
-
-    fn get_feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
-        let mut fake = self.0.lock().unwrap();
-        assert_eq!(report[0], 0x12);
-        let status = if fake.given < fake.room { 1 } else { 2 };
-        fake.given += u8::from(status == 1);
-        report.copy_from_slice(&[0x12, fake.given, status, 0x00, 0x10]);
-        Ok(5)
-    }
-
-    fn descriptor(&mut self) -> Result<Vec<u8>, DeviceError> {
-        Ok(descriptor())
-    }
+        0x12 => vec![0x12, 0, 2, 0x00, 0x00],
+        0x13 => vec![0x13, 0x00, 0x10, room, 0b01],
+        other => unreachable!("no feature report {other}"),
+    });
+    fake.lock().rest = vec![0x01, 0x81, 0xff, 0x7f, 0x00, 0x00];
+    fake
 }
 
-fn fake(room: u8) -> (Arc<Mutex<Fake>>, Result<Threaded, DeviceError>) {
-    let fake = Arc::new(Mutex::new(Fake {
-        room,
-        given: 0,
-        plugged: true,
-        sent: Vec::new(),
-    }));
-    let connector = || -> Connector {
-        let port = FakePort(Arc::clone(&fake));
-        Box::new(move || Ok(Box::new(port.clone())))
-    };
-    let device = open("fake", connector(), connector(), PidSettings::default());
-    (fake, device)
+fn opened(fake: &Fake) -> Result<Threaded, DeviceError> {
+    let settings = PidSettings::default();
+    open("fake", fake.connector(), fake.connector(), settings)
 }
 
 fn push(x: f64, y: f64) -> Wrench {
@@ -164,50 +36,46 @@ fn push(x: f64, y: f64) -> Wrench {
     }
 }
 
-fn until(mut done: impl FnMut() -> bool) {
-    let begin = std::time::Instant::now();
-    while !done() {
-        assert!(begin.elapsed() < Duration::from_secs(20), "never happened");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+fn set_effect(block: u8, axis: u8) -> Vec<u8> {
+    let mut report = vec![
+        0x01, block, 1, 0xff, 0xff, 0, 0, 0, 0, 0, 0, 0xff, 0xff, axis,
+    ];
+    report.extend([0; 8]);
+    report
 }
 
 #[test]
-fn a_device_is_set_up_report_by_report() {
-    let (fake, device) = fake(8);
-    drop(device.unwrap());
-    let sent = fake.lock().unwrap().sent.clone();
-    let effect = |block: u8, axis: u8| {
-        let mut report = vec![
-            0x01, block, 1, 0xff, 0xff, 0, 0, 0, 0, 0, 0, 0xff, 0xff, axis,
-        ];
-        report.extend([0; 8]);
-        report
-    };
+fn a_device_is_set_up_report_by_report_and_left_without_force() {
+    let fake = joystick(8);
+    drop(opened(&fake).unwrap());
+    let sent = fake.take_sent();
     let expected = [
         vec![0x0c, 0x08],
         vec![0x0c, 0x01],
         vec![0x0d, 0xff],
         vec![0x11, 1, 0, 0],
-        effect(1, 0b01),
+        set_effect(1, 0b01),
         vec![0x11, 1, 0, 0],
-        effect(2, 0b10),
+        set_effect(2, 0b10),
+        // Dropped: no force, everything stopped, blocks freed.
+        vec![0x05, 1, 0, 0],
+        vec![0x05, 2, 0, 0],
+        vec![0x0c, 0x04],
+        vec![0x0b, 1],
+        vec![0x0b, 2],
     ];
-    assert_eq!(sent[..7], expected);
-    // Dropping it stops it.
-    assert_eq!(sent.last(), Some(&vec![0x0c, 0x04]));
+    assert_eq!(sent, expected);
 }
 
 #[test]
 fn forces_become_magnitudes_and_effects_start_once() {
-    let (fake, device) = fake(8);
-    let mut device = device.unwrap();
-    let clear = || std::mem::take(&mut fake.lock().unwrap().sent);
-    clear();
-    crate::Device::send(&mut device, &push(2.5, -5.0)).unwrap();
-    until(|| fake.lock().unwrap().sent.len() >= 4);
+    let fake = joystick(8);
+    let mut device = opened(&fake).unwrap();
+    fake.take_sent();
+    device.send(&push(2.5, -5.0)).unwrap();
+    until(|| fake.lock().sent.len() >= 4);
     assert_eq!(
-        clear()[..4],
+        fake.take_sent()[..4],
         [
             vec![0x05, 1, 0x88, 0x13],
             vec![0x0a, 1, 1, 0xff],
@@ -215,20 +83,34 @@ fn forces_become_magnitudes_and_effects_start_once() {
             vec![0x0a, 2, 1, 0xff],
         ]
     );
-    crate::Device::stop_all(&mut device).unwrap();
-    let stopped = clear();
+    device.stop_all().unwrap();
+    let stopped = fake.take_sent();
     assert_eq!(stopped.last(), Some(&vec![0x0c, 0x04]));
     assert!(stopped.contains(&vec![0x05, 1, 0, 0]));
 }
 
 #[test]
+fn magnitudes_round_clamp_and_are_never_made_of_nan() {
+    let layout = PidLayout::parse("stick", &unhex(TWO_AXES)).unwrap();
+    for (share, magnitude) in [
+        (0.0, 0),
+        (1.0, 10_000),
+        (-1.0, -10_000),
+        (1e300, 10_000),
+        (0.123_456, 1235),
+        (f64::NAN, 0),
+    ] {
+        assert_eq!(layout.magnitude(share), magnitude, "{share}");
+    }
+}
+
+#[test]
 fn the_record_and_the_input_follow_the_descriptor() {
-    let (_, device) = fake(8);
-    let mut device = device.unwrap();
-    let spec = crate::Device::spec(&device).clone();
+    let mut device = opened(&joystick(8)).unwrap();
+    let spec = device.spec().clone();
     assert_eq!((spec.input_dof, spec.output_dof), (3, 2));
-    until(|| crate::Device::poll(&mut device, 0.0).is_ok());
-    let state = crate::Device::poll(&mut device, 0.0).unwrap();
+    until(|| device.poll(0.0).is_ok());
+    let state = device.poll(0.0).unwrap();
     assert_eq!(state.buttons, 0x81);
     assert!((state.pose.translation.x - 0.1).abs() < 1e-12);
     // Halfway between -32767 and 32767.
@@ -237,33 +119,77 @@ fn the_record_and_the_input_follow_the_descriptor() {
 }
 
 #[test]
-fn a_full_pool_is_told() {
-    let (_, device) = fake(1);
-    let error = device.err().unwrap().to_string();
-    assert!(error.contains("full effect pool"), "{error}");
+fn a_state_report_moves_nothing() {
+    let layout = PidLayout::parse("stick", &unhex(TWO_AXES)).unwrap();
+    assert_eq!(layout.reading(&[0x02, 0x1f], 0.2), None);
+    assert_eq!(layout.reading(&[], 0.2), None);
+    assert_eq!(layout.reading(&[0x01, 0, 0], 0.2), None);
+}
+
+#[test]
+fn too_little_room_is_told_and_what_was_made_is_freed() {
+    // The pool says so at once; without a pool report, block load does.
+    let pool = opened(&joystick(1)).err().unwrap().to_string();
+    assert!(pool.contains("1 effects at once for 2 axes"), "{pool}");
+    let mut given = 0;
+    let fake = Fake::new(unhex(TWO_AXES), move |id| match id {
+        0x12 => {
+            given += 1;
+            vec![0x12, given, given, 0, 0]
+        }
+        _ => vec![0x13], // too short to say anything
+    });
+    let full = opened(&fake).err().unwrap().to_string();
+    assert!(full.contains("full effect pool"), "{full}");
+    assert_eq!(fake.take_sent().last(), Some(&vec![0x0b, 1]));
+}
+
+#[test]
+fn a_pool_that_the_host_must_manage_is_refused() {
+    let fake = Fake::new(unhex(TWO_AXES), |_| vec![0x13, 0, 0x10, 8, 0]);
+    let error = opened(&fake).err().unwrap().to_string();
+    assert!(error.contains("host must manage"), "{error}");
+}
+
+#[test]
+fn a_slow_block_load_is_waited_for_and_a_silent_one_is_not_for_ever() {
+    let mut asked = 0;
+    let fake = Fake::new(unhex(TWO_AXES), move |id| {
+        asked += 1;
+        match id {
+            0x12 if asked % 5 != 0 => vec![0x12, 0, 0, 0, 0],
+            0x12 => vec![0x12, asked / 5, 1, 0, 0],
+            _ => vec![0x13, 0, 0x10, 8, 1],
+        }
+    });
+    fake.lock().rest = vec![0x01, 0, 0, 0, 0, 0];
+    opened(&fake).unwrap();
+    let mute = Fake::new(unhex(TWO_AXES), |id| vec![id, 0, 0, 0, 1]);
+    let error = opened(&mute).err().unwrap().to_string();
+    assert!(error.contains("block load answer"), "{error}");
 }
 
 #[test]
 fn a_joystick_without_motors_is_refused() {
-    let stick = descriptor()[..40]
-        .iter()
-        .copied()
-        .chain([0xc0])
-        .collect::<Vec<u8>>();
+    let mut stick = unhex(TWO_AXES)[..42].to_vec();
+    stick.push(0xc0);
     let error = PidLayout::parse("stick", &stick).unwrap_err().to_string();
-    assert!(
-        error.contains("stick") && error.contains("set effect"),
-        "{error}"
-    );
+    assert!(error.contains("stick") && error.contains("set"), "{error}");
     assert!(PidLayout::parse("noise", &[0xff; 7]).is_err());
 }
 
 #[test]
 fn a_device_comes_back_and_is_set_up_again() {
-    let (fake, device) = fake(200);
-    let mut device = device.unwrap();
-    fake.lock().unwrap().plugged = false;
-    until(|| crate::Device::poll(&mut device, 0.0) == Err(DeviceError::Disconnected));
-    fake.lock().unwrap().plugged = true;
-    until(|| crate::Device::poll(&mut device, 0.0).is_ok());
+    let fake = joystick(200);
+    let mut device = opened(&fake).unwrap();
+    until(|| device.poll(0.0).is_ok());
+    fake.lock().plugged = false;
+    until(|| device.poll(0.0) == Err(DeviceError::Disconnected));
+    until(|| device.send(&push(1.0, 0.0)) == Err(DeviceError::Disconnected));
+    fake.take_sent();
+    fake.lock().plugged = true;
+    until(|| device.poll(0.0).is_ok() && device.send(&push(1.0, 0.0)).is_ok());
+    let sent = fake.take_sent();
+    assert_eq!(sent[0], [0x0c, 0x08]);
+    assert!(sent.contains(&set_effect(3, 0b01)), "{sent:02x?}");
 }

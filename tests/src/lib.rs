@@ -1,6 +1,8 @@
 //! What the acceptance tests share: the paper's pairs on coarse lattices, scores by FFT, random
 //! poses.
 
+pub mod spectrum;
+
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuilder, Pose, Response,
     ScoreModel, TranslationWindow,

@@ -119,6 +119,9 @@ pub struct FieldArgs {
 pub struct BakeArgs {
     /// Scene file
     pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
     /// Table to write, a Zarr folder
     #[arg(short, long, value_name = "TABLE.zarr")]
     pub output: PathBuf,
@@ -146,6 +149,9 @@ pub struct ScoreArgs {
     /// Interpolate this table
     #[arg(long, value_name = "TABLE.zarr")]
     pub table: Option<PathBuf>,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME", requires = "scene")]
+    pub fixed: Option<String>,
     /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
     #[arg(long, value_name = "IN.csv")]
     pub poses: PathBuf,
@@ -159,6 +165,9 @@ pub struct ScoreArgs {
 pub struct DockArgs {
     /// Scene file
     pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
     /// How many poses to keep
     #[arg(long, default_value_t = 10, value_name = "K")]
     pub top: usize,
@@ -185,12 +194,15 @@ pub struct FeelArgs {
     /// How long, seconds
     #[arg(long, default_value_t = 5.0)]
     pub seconds: f64,
-    /// Write every tick
+    /// Write every tick; .csv or .parquet
     #[arg(long, value_name = "LOG.csv")]
     pub log: Option<PathBuf>,
     /// Draw force against time
     #[arg(long, value_name = "P.png")]
     pub png: Option<PathBuf>,
+    /// Write a page with force, energy bookkeeping, rate, histograms and events
+    #[arg(long, value_name = "R.html")]
+    pub report: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit devices`.
@@ -226,6 +238,9 @@ pub struct PlotArgs {
     pub kind: PlotKind,
     /// Scene file
     pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
     /// Picture to write (not for `well`, which prints numbers)
     #[arg(short, long, value_name = "P.png")]
     pub output: Option<PathBuf>,

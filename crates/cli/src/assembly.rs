@@ -7,13 +7,13 @@ use fft_correlate::bake::PairEnergies;
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
     AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuildError, PairBuilder,
-    Pose, RotationGrid, TableSpec, TranslationWindow,
+    PairPlan, Pose, RotationGrid, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{
-    Aabb, DensityError, FieldCache, HygieneOptions, LengthUnit, SymmetryAxis, SymmetryOrder,
-    TriangleMesh, mesh_io, symmetry,
+    Aabb, DensityError, FieldCache, HygieneOptions, HygieneReport, LengthUnit, SymmetryAxis,
+    SymmetryOrder, TriangleMesh, mesh_io, symmetry,
 };
 
 use crate::command::Context;
@@ -55,8 +55,10 @@ impl Assembly {
     /// Reads the scene's meshes and computes what every command needs.
     ///
     /// # Errors
-    /// If a mesh cannot be used, the fields would not fit in memory, or the user interrupts.
+    /// If the scene has several fixed parts, a mesh cannot be used, the fields would not fit in
+    /// memory, or the user interrupts.
     pub fn load(scene: Scene, context: &Context) -> Result<Self, CommandError> {
+        let scene = scene.only(None)?;
         let fixed = read_part(&scene, &scene.fixed, context)?;
         let moving = read_part(&scene, &scene.moving, context)?;
         warn_of_scale(&scene, &fixed, &moving, context);
@@ -133,11 +135,7 @@ impl Assembly {
 
     /// The hashes of the fixed and the moving mesh, in hexadecimal.
     pub fn mesh_hashes(&self) -> [String; 2] {
-        [&self.fixed, &self.moving].map(|mesh| {
-            mesh.hash()
-                .iter()
-                .fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
-        })
+        [&self.fixed, &self.moving].map(hash_text)
     }
 
     /// The correlation that fills a table.
@@ -304,15 +302,63 @@ impl Assembly {
     }
 }
 
-fn read_part(scene: &Scene, part: &Part, context: &Context) -> Result<TriangleMesh, CommandError> {
-    let (mesh, report) = mesh_io::read(&part.mesh, scene.unit, &HygieneOptions::default())?;
-    for warning in report.warnings() {
-        context.progress.note(&format!("note: {warning}"));
+/// The hash of a mesh in hexadecimal.
+pub(crate) fn hash_text(mesh: &TriangleMesh) -> String {
+    mesh.hash()
+        .iter()
+        .fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
+}
+
+/// Reads, cleans and places the meshes of a part; several become one.
+pub(crate) fn read_part(
+    scene: &Scene,
+    part: &Part,
+    context: &Context,
+) -> Result<TriangleMesh, CommandError> {
+    let options = HygieneOptions::default();
+    let mut meshes = Vec::new();
+    for placed in &part.meshes {
+        let (mesh, report) = mesh_io::read(&placed.path, scene.unit, &options)?;
+        for warning in report.warnings() {
+            context.progress.note(&format!("note: {warning}"));
+        }
+        meshes.push(moved(mesh, &placed.pose));
     }
-    if part.pose == Pose::IDENTITY {
-        return Ok(mesh);
+    let mesh = match meshes.len() {
+        1 => meshes.remove(0),
+        _ => {
+            let (mesh, report) = joined(&part.name, &meshes, &options)?;
+            for warning in report.warnings() {
+                context.progress.note(&format!("note: {warning}"));
+            }
+            mesh
+        }
+    };
+    Ok(moved(mesh, &part.pose))
+}
+
+fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {
+    match *pose == Pose::IDENTITY {
+        true => mesh,
+        false => mesh.transformed(pose.rotation, pose.translation),
     }
-    Ok(mesh.transformed(part.pose.rotation, part.pose.translation))
+}
+
+/// All meshes as one. Walls between solids that touch disappear.
+fn joined(
+    name: &str,
+    meshes: &[TriangleMesh],
+    options: &HygieneOptions,
+) -> Result<(TriangleMesh, HygieneReport), CommandError> {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for mesh in meshes {
+        // Each mesh was small enough for 32-bit indices; together they are checked when cleaned.
+        let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
+        vertices.extend_from_slice(mesh.vertices());
+        let shifted = |t: &[u32; 3]| t.map(|v| v.saturating_add(first));
+        triangles.extend(mesh.triangles().iter().map(shifted));
+    }
+    Ok(TriangleMesh::clean(name, vertices, triangles, options)?)
 }
 
 fn warn_of_scale(scene: &Scene, fixed: &TriangleMesh, moving: &TriangleMesh, context: &Context) {
@@ -331,12 +377,13 @@ fn warn_of_scale(scene: &Scene, fixed: &TriangleMesh, moving: &TriangleMesh, con
     }
 }
 
-fn compute_pair(
+/// Lattices, halo and memory of the scene's pair; nothing is computed.
+pub(crate) fn plan(
     scene: &Scene,
     fixed: &TriangleMesh,
     moving: &TriangleMesh,
     context: &Context,
-) -> Result<Pair, CommandError> {
+) -> Result<PairPlan, CommandError> {
     let spacing = match scene.lattice.step {
         LatticeStep::Spacing(h) => Some(h),
         LatticeStep::Points(n) => {
@@ -353,14 +400,24 @@ fn compute_pair(
         deaverage: scene.lattice.deaverage,
         memory_limit: Some(context.memory),
     };
-    let explain = |error| explain(scene, error);
-    let plan = builder.plan(fixed, moving, &scene.model).map_err(explain)?;
+    builder
+        .plan(fixed, moving, &scene.model)
+        .map_err(|error| explain(scene, error))
+}
+
+fn compute_pair(
+    scene: &Scene,
+    fixed: &TriangleMesh,
+    moving: &TriangleMesh,
+    context: &Context,
+) -> Result<Pair, CommandError> {
+    let plan = plan(scene, fixed, moving, context)?;
     let cache = FieldCache::new(&scene.cache)
         .map_err(|e| CommandError::failure(format!("{}: cache", scene.path.display()), e))?;
     plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
         cache.get_or_compute(mesh, kernel, lattice, options, &context.progress)
     })
-    .map_err(explain)
+    .map_err(|error| explain(scene, error))
 }
 
 fn explain(scene: &Scene, error: PairBuildError) -> CommandError {

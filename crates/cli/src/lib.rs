@@ -17,6 +17,7 @@ pub mod progress;
 mod say;
 pub mod scene;
 pub mod slice;
+mod svg;
 pub mod vti;
 
 pub use error::CommandError;

@@ -1,5 +1,7 @@
 //! What the haptic loop and every scorer ask: the energy and wrench at a pose.
 
+use std::any::Any;
+
 use crate::{Pose, Wrench};
 
 /// Energy, its negative gradient, and how far the pose is covered by the source.
@@ -21,6 +23,9 @@ pub struct Scratch {
     pub f32s: Vec<f32>,
     /// Work spaces of the members of a source that is made of several.
     pub nested: Vec<Scratch>,
+    /// What one thread keeps of a source that changes while it is used; see
+    /// [`EnergySource::refresh`].
+    pub view: Option<Box<dyn Any + Send>>,
 }
 
 /// Anything that gives energy and wrench at a pose: a table, a direct evaluator, a sum of several.
@@ -33,4 +38,12 @@ pub trait EnergySource: Send + Sync {
 
     /// Energy, wrench and coverage at `pose`.
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response;
+
+    /// Takes over what has changed in the source since the last call, and says by how much that
+    /// changed the response at `pose` (new minus old); `None`, as always for a source that never
+    /// changes, if nothing did. Between two calls `evaluate` is one function of the pose. Like
+    /// `evaluate` it allocates nothing and takes no lock.
+    fn refresh(&self, _pose: &Pose, _scratch: &mut Scratch) -> Option<Response> {
+        None
+    }
 }

@@ -117,6 +117,10 @@ impl Bundle {
         self.cuts.clear();
     }
 
+    pub(crate) fn is_empty(&self) -> bool {
+        self.cuts.is_empty()
+    }
+
     /// Expresses every cut about a new device pose.
     pub(crate) fn rebase(&mut self, device: &Pose) {
         for cut in &mut self.cuts {

@@ -152,6 +152,16 @@ impl Coupling {
         self.stretch_rate = Twist::default();
     }
 
+    /// The object's grip pose; `None` before the first step.
+    pub fn object(&self) -> Option<Pose> {
+        self.object
+    }
+
+    /// Forgets what is known of the field, which has become another; the object stays.
+    pub fn forget_field(&mut self) {
+        self.bundle.clear();
+    }
+
     /// Moves the object for a device at `device` and gives the force on the handle. `field` is
     /// asked between once and `evaluations` times; `dt` is in seconds.
     pub fn step(
@@ -167,7 +177,11 @@ impl Coupling {
         let mut asked = 0;
         let mut bad_source = false;
         while asked < self.evaluations {
-            let y = self.reach(&from, dt);
+            // Where nothing is known the field is asked where the object is.
+            let y = match self.bundle.is_empty() {
+                true => from,
+                false => self.reach(&from, dt),
+            };
             let at = self.pose(device, &y);
             let answer = field(&at);
             asked += 1;

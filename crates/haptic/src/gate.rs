@@ -167,6 +167,11 @@ impl Gate {
         }
     }
 
+    /// Begins the ramp again from no force.
+    pub fn restart(&mut self) {
+        self.gain = 0.0;
+    }
+
     /// Lets the force go in the next tick for a fault found later in this one.
     pub fn fault(&mut self) {
         self.fault_later = true;

@@ -10,6 +10,7 @@
 //! time; [`ForcePath`] is one tick of it as a plain struct. Forces are newtons on the handle,
 //! torques newton metres about it; poses are metres and unit quaternions.
 
+mod box_tree;
 mod bundle;
 pub mod config;
 pub mod conformance;
@@ -19,14 +20,19 @@ pub mod gate;
 pub mod hid;
 pub mod hid_report;
 pub mod io_thread;
+mod keeper;
 pub mod limiter;
+pub mod live;
+mod pace;
 pub mod passivity;
 pub mod path;
 pub mod pid;
 pub mod realtime;
 pub mod record;
 pub mod replay;
+pub mod report;
 pub mod sample;
+pub mod scene;
 pub mod script;
 pub mod servo;
 pub mod simulated;
@@ -37,13 +43,16 @@ pub mod workspace;
 pub use config::{ConfigError, HapticConfig};
 pub use device::{Device, DeviceError, DeviceSpec, DeviceState};
 pub use limiter::Limiter;
+pub use live::LiveSource;
 pub use passivity::EnergyAccount;
 pub use path::ForcePath;
 pub use record::RecordError;
 pub use replay::{Replay, read_log};
+pub use report::{Clock, LoopReport, Outcome, Quantiles};
 pub use sample::{Sample, flags};
+pub use scene::{LiveScene, PairSpec, SceneOptions};
 pub use script::{Geometry, Script};
-pub use servo::{Clock, HapticError, LoopReport, Outcome, Session, Viewer};
+pub use servo::{HapticError, Session, Viewer};
 pub use simulated::{HandConfig, SimulatedHand};
 pub use sum::{Placed, SumSource};
 pub use workspace::Workspace;

@@ -52,12 +52,16 @@ impl Limiter {
         self.torque
     }
 
-    /// The wrench that may leave in place of `wanted`, `dt` seconds after the last one.
+    /// The wrench that may leave in place of `wanted`, shown with strength `gain` (0 ..= 1), `dt`
+    /// seconds after the last one.
+    ///
+    /// The magnitudes are cut before the strength counts: while a force is let go it is never more
+    /// than the strength's share of its limit, unless the slew limit is slower.
     ///
     /// Force and torque stay within their magnitudes always: the slewed wrench lies on the segment
     /// between two wrenches inside a ball. After a gap the slew limit still counts two periods at
     /// most, so a late tick does not jump.
-    pub fn limit(&mut self, wanted: &Wrench, dt: f64) -> (Wrench, Limited) {
+    pub fn limit(&mut self, wanted: &Wrench, gain: f64, dt: f64) -> (Wrench, Limited) {
         let mut done = Limited {
             not_finite: !wanted.is_finite(),
             ..Limited::default()
@@ -72,12 +76,13 @@ impl Limiter {
             force: clamp(wanted.force, self.force),
         };
         done.clamped = clamped != wanted;
+        let shown = clamped * gain;
         let dt = dt.clamp(0.0, 2.0 * self.period);
         let slewed = Wrench {
-            torque: approach(self.last.torque, clamped.torque, self.torque_rate * dt),
-            force: approach(self.last.force, clamped.force, self.force_rate * dt),
+            torque: approach(self.last.torque, shown.torque, self.torque_rate * dt),
+            force: approach(self.last.force, shown.force, self.force_rate * dt),
         };
-        done.slewed = slewed != clamped;
+        done.slewed = slewed != shown;
         // A second clamp removes the last rounding error of the segment.
         self.last = Wrench {
             torque: clamp(slewed.torque, self.torque),
@@ -152,20 +157,27 @@ mod tests {
     #[test]
     fn what_is_not_finite_becomes_nothing() {
         let mut limiter = limiter();
-        let (out, done) = limiter.limit(&force(f64::NAN), 0.001);
+        let (out, done) = limiter.limit(&force(f64::NAN), 1.0, 0.001);
         assert_eq!(out, Wrench::ZERO);
         assert!(done.not_finite);
-        let (out, done) = limiter.limit(&force(f64::MAX), 0.001);
+        let (out, done) = limiter.limit(&force(f64::MAX), 1.0, 0.001);
         assert!(out.is_finite() && done.clamped);
     }
 
     #[test]
     fn slew_is_per_second_and_a_gap_does_not_jump() {
         let mut limiter = limiter();
-        let (out, done) = limiter.limit(&force(5.0), 0.001);
+        let (out, done) = limiter.limit(&force(5.0), 1.0, 0.001);
         assert!((out.force.x - 2.0).abs() < 1e-12 && done.slewed);
-        let (out, _) = limiter.limit(&force(-5.0), 10.0);
+        let (out, _) = limiter.limit(&force(-5.0), 1.0, 10.0);
         assert!((out.force.x - -2.0).abs() < 1e-12, "two periods at most");
+    }
+
+    #[test]
+    fn a_force_beyond_the_limit_is_let_go_from_the_limit() {
+        let mut limiter = limiter();
+        let (out, done) = limiter.limit(&force(500.0), 0.1, 0.001);
+        assert!((out.force.x - 0.5).abs() < 1e-9 && done.clamped);
     }
 
     #[test]
@@ -177,7 +189,7 @@ mod tests {
             torque: DVec3::ONE,
             force: DVec3::ONE * 0.1,
         };
-        let (out, _) = limiter.limit(&wanted, 1.0);
+        let (out, _) = limiter.limit(&wanted, 1.0, 1.0);
         assert_eq!(out.torque, DVec3::ZERO);
         assert_eq!(out.force, DVec3::new(0.1, 0.1, 0.0));
     }
@@ -192,7 +204,7 @@ mod tests {
                     force: DVec3::new(v[3], v[4], v[5]),
                 };
                 let before = limiter.last;
-                let (out, _) = limiter.limit(&wanted, 0.001);
+                let (out, _) = limiter.limit(&wanted, 1.0, 0.001);
                 prop_assert!(out.force.length() <= limiter.force);
                 prop_assert!(out.torque.length() <= limiter.torque);
                 prop_assert!((out - before).force.length() <= 2.0 * (1.0 + 1e-9));

@@ -27,22 +27,36 @@ pub struct Passivity {
     last: Option<(Pose, f64)>,
     balance: f64,
     velocity: Twist,
-    work_in: f64,
+    work_force: f64,
+    work_torque: f64,
     made: f64,
     taken: f64,
+    exchanged: f64,
 }
 
 /// Energy bookkeeping over a run, joules.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct EnergyAccount {
-    /// Net work of the hand on the loop.
-    pub work_in: f64,
+    /// Net work of the hand on the loop through the force.
+    pub work_force: f64,
+    /// Net work of the hand on the loop through the torque. Only the sum of both is kept passive:
+    /// a field may turn the part with what its translation cost, and give it back.
+    pub work_torque: f64,
     /// Sum of all falls of the balance: energy made by sampling and lag.
     pub made: f64,
     /// Dissipated by the controller.
     pub taken: f64,
     /// The balance now; at most the credit.
     pub balance: f64,
+    /// What exchanged energy sources held more than those before them, at the strength then shown.
+    pub exchanged: f64,
+}
+
+impl EnergyAccount {
+    /// Net work of the hand on the loop.
+    pub fn work_in(&self) -> f64 {
+        self.work_force + self.work_torque
+    }
 }
 
 impl Passivity {
@@ -57,9 +71,11 @@ impl Passivity {
             last: None,
             balance: config.credit,
             velocity: Twist::default(),
-            work_in: 0.0,
+            work_force: 0.0,
+            work_torque: 0.0,
             made: 0.0,
             taken: 0.0,
+            exchanged: 0.0,
         }
     }
 
@@ -69,14 +85,29 @@ impl Passivity {
         self.velocity = Twist::default();
     }
 
+    /// The field became another that holds `energy` joules more where the object is, shown with
+    /// strength `gain`. That is nobody's work: it is kept out of the balance.
+    pub fn exchange(&mut self, energy: f64, gain: f64) {
+        if !energy.is_finite() {
+            return;
+        }
+        if let Some((_, stored)) = &mut self.last {
+            *stored += energy;
+            self.exchanged += gain * energy;
+        }
+    }
+
     /// Counts the time since the last observation, in which `held` acted on the handle while it
     /// moved to `device`, and the stored energy, shown with strength `gain`, became `potential`.
     pub fn observe(&mut self, device: &Pose, potential: f64, gain: f64, held: &Wrench, dt: f64) {
         if let Some((before, stored)) = self.last {
             let moved = before.twist_to(device);
-            let work = -held.dot(&moved);
+            let work_force = -held.force.dot(moved.linear);
+            let work_torque = -held.torque.dot(moved.angular);
+            let work = work_force + work_torque;
             let change = work - gain * (potential - stored);
-            self.work_in += work;
+            self.work_force += work_force;
+            self.work_torque += work_torque;
             self.made += (-change).max(0.0);
             self.balance = (self.balance + change).min(self.credit);
             self.velocity = if dt > 0.0 {
@@ -106,10 +137,12 @@ impl Passivity {
     /// The bookkeeping so far.
     pub fn account(&self) -> EnergyAccount {
         EnergyAccount {
-            work_in: self.work_in,
+            work_force: self.work_force,
+            work_torque: self.work_torque,
             made: self.made,
             taken: self.taken,
             balance: self.balance,
+            exchanged: self.exchanged,
         }
     }
 }
@@ -176,6 +209,6 @@ mod tests {
         passivity.observe(&at(0.0), 0.0, 1.0, &drag, 0.001);
         passivity.observe(&at(1.0), 0.0, 1.0, &drag, 0.001);
         assert_eq!(passivity.account().balance, 0.5);
-        assert!((passivity.account().work_in - 10.0).abs() < 1e-12);
+        assert!((passivity.account().work_in() - 10.0).abs() < 1e-12);
     }
 }

@@ -8,6 +8,13 @@ use crate::gate::Gate;
 use crate::passivity::{EnergyAccount, Passivity};
 use crate::{DeviceSpec, DeviceState, HapticConfig, Limiter, Sample, Workspace, flags};
 
+/// Share of the force and torque limits by which an exchanged source may change the wrench without
+/// the force being let go.
+const KNOCK: f64 = 0.02;
+
+/// Joules by which an exchanged source may differ at the object and still be the same field there.
+const SAME_ENERGY: f64 = 1e-8;
+
 /// Gate, coupling, field, passivity and limits in a row, with their state.
 #[derive(Debug)]
 pub struct ForcePath {
@@ -106,7 +113,7 @@ impl ForcePath {
             Some(pose) => self.couple(source, &pose, dt, &mut sample),
             None => Wrench::ZERO,
         };
-        let (wrench, limited) = self.limiter.limit(&(wanted * sample.gain), dt);
+        let (wrench, limited) = self.limiter.limit(&wanted, sample.gain, dt);
         for (bit, on) in [
             (flags::NOT_FINITE, limited.not_finite),
             (flags::CLAMPED, limited.clamped),
@@ -116,8 +123,34 @@ impl ForcePath {
         }
         self.held = self.workspace.scene_wrench(&wrench);
         sample.wrench = wrench;
-        sample.balance = self.passivity.account().balance;
+        sample.account = self.passivity.account();
         sample
+    }
+
+    /// Lets an exchanged source take effect: the energy balance starts from what it holds now, and
+    /// a change that would be felt as a knock comes in from no force.
+    fn take_changes(&mut self, source: &dyn EnergySource, grip: &Pose, sample: &mut Sample) {
+        let at = self.coupling.object().unwrap_or(*grip);
+        let part = self.workspace.part_pose(&at);
+        let Some(change) = source.refresh(&part, &mut self.scratch) else {
+            return;
+        };
+        sample.flags |= flags::CHANGED;
+        self.passivity.exchange(change.energy, sample.gain);
+        let knock = self
+            .workspace
+            .device_wrench(&self.workspace.grip_wrench(&at, &change.wrench));
+        // Written so that numbers that are not finite count as a knock.
+        let soft = knock.force.length() <= KNOCK * self.limiter.max_force()
+            && knock.torque.length() <= KNOCK * self.limiter.max_torque();
+        // What is known of the field holds on where nothing came or went: a part far away.
+        if !(soft && change.energy.abs() < SAME_ENERGY) {
+            self.coupling.forget_field();
+        }
+        if !soft {
+            self.gate.restart();
+            sample.gain = 0.0;
+        }
     }
 
     /// The device wrench at full strength.
@@ -129,6 +162,7 @@ impl ForcePath {
         sample: &mut Sample,
     ) -> Wrench {
         let grip = self.workspace.grip_pose(device);
+        self.take_changes(source, &grip, sample);
         let (workspace, scratch) = (&self.workspace, &mut self.scratch);
         let out = self.coupling.step(&grip, dt, |at| {
             let answer = source.evaluate(&workspace.part_pose(at), scratch);

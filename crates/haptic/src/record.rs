@@ -21,7 +21,7 @@ const REST: Duration = Duration::from_millis(2);
 
 /// Columns of a log: SI units, device frame unless stated. `object_*` is the virtual object (the
 /// moving part) in the scene's frame. Input columns are empty while there was no input.
-pub const COLUMNS: [&str; 38] = [
+pub const COLUMNS: [&str; 43] = [
     "tick",
     "time",
     "dt",
@@ -57,6 +57,11 @@ pub const COLUMNS: [&str; 38] = [
     "fz",
     "gain",
     "balance",
+    "work_force",
+    "work_torque",
+    "made",
+    "taken",
+    "exchanged",
     "evaluations",
     "flags",
     "faults",
@@ -289,7 +294,9 @@ fn fill_row(row: &mut Vec<String>, s: &Sample) {
     put(row, &[s.energy, s.coverage]);
     put(row, &s.wrench.torque.to_array());
     put(row, &s.wrench.force.to_array());
-    put(row, &[s.gain, s.balance]);
+    let a = &s.account;
+    put(row, &[s.gain, a.balance, a.work_force, a.work_torque]);
+    put(row, &[a.made, a.taken, a.exchanged]);
     put(row, &[f64::from(s.evaluations), f64::from(s.flags)]);
     let names = crate::flags::NAMES;
     let set = (0..names.len()).filter(|bit| s.flags & (1 << bit) != 0);

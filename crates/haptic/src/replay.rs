@@ -6,7 +6,7 @@ use fft_correlate::{Pose, Twist, Wrench};
 use glam::{DQuat, DVec3};
 
 use crate::record::{COLUMNS, RecordError};
-use crate::{Device, DeviceError, DeviceSpec, DeviceState, Sample};
+use crate::{Device, DeviceError, DeviceSpec, DeviceState, EnergyAccount, Sample};
 
 /// Reads every sample of a log written by [`crate::Session`].
 ///
@@ -99,9 +99,16 @@ fn parse(record: &csv::StringRecord) -> Result<Sample, (String, String)> {
             force: vector(30)?,
         },
         gain: number(33)?,
-        balance: number(34)?,
-        evaluations: number(35)? as u32,
-        flags: number(36)? as u16,
+        account: EnergyAccount {
+            balance: number(34)?,
+            work_force: number(35)?,
+            work_torque: number(36)?,
+            made: number(37)?,
+            taken: number(38)?,
+            exchanged: number(39)?,
+        },
+        evaluations: number(40)? as u32,
+        flags: number(41)? as u16,
     })
 }
 

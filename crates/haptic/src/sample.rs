@@ -2,7 +2,7 @@
 
 use fft_correlate::{Pose, Wrench};
 
-use crate::DeviceState;
+use crate::{DeviceState, EnergyAccount};
 
 /// Bits of [`Sample::flags`].
 pub mod flags {
@@ -29,8 +29,13 @@ pub mod flags {
     /// The device did not take the wrench.
     pub const NOT_SENT: u16 = 1 << 10;
 
+    /// The energy source was exchanged: a part was loaded, reloaded or unloaded.
+    pub const CHANGED: u16 = 1 << 11;
+    /// Deadlines were left out before this tick because the one before took too long.
+    pub const OVERRUN: u16 = 1 << 12;
+
     /// Names in the order of the bits.
-    pub const NAMES: [&str; 11] = [
+    pub const NAMES: [&str; 13] = [
         "no_input",
         "bad_input",
         "stale",
@@ -42,6 +47,8 @@ pub mod flags {
         "slewed",
         "damped",
         "not_sent",
+        "changed",
+        "overrun",
     ];
 }
 
@@ -66,8 +73,8 @@ pub struct Sample {
     pub wrench: Wrench,
     /// Strength of the force, 0 ..= 1.
     pub gain: f64,
-    /// Passivity balance, joules.
-    pub balance: f64,
+    /// Energy bookkeeping up to this tick.
+    pub account: EnergyAccount,
     /// Times the energy source was asked.
     pub evaluations: u32,
     /// Bits of [`flags`].

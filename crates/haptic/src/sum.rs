@@ -4,28 +4,36 @@ use std::sync::Arc;
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
+use sdf_grid::Aabb;
+
+use crate::box_tree::BoxTree;
 
 /// One pair of a scene: a fixed part's source and where the fixed part stands.
 #[derive(Clone)]
 pub struct Placed {
-    /// Energy of the moving part in the fixed part's frame.
-    pub source: Arc<dyn EnergySource>,
+    /// Energy of the moving part in the fixed part's frame; `None` while it is not loaded.
+    pub source: Option<Arc<dyn EnergySource>>,
     /// Pose of the fixed part in the scene.
     pub placement: Pose,
-    /// Where the moving part's origin must be, in the fixed part's frame, for the pair to matter:
-    /// least and greatest corner of a box, metres. Outside, the source is not asked and counts as
-    /// not covering. `None`: everywhere.
-    pub reach: Option<(DVec3, DVec3)>,
+    /// Where the moving part's pivot must be, in the fixed part's frame, for the pair to matter,
+    /// metres. Outside, the source is not asked and counts as zero. `None`: everywhere.
+    pub reach: Option<Aabb>,
 }
 
-/// The sum of several pairs. A pair whose reach the moving part is not in costs one box test.
+/// The sum of several pairs. Pairs whose reach the moving part's pivot is not in are not looked at.
 ///
-/// The coverage is the greatest of the pairs': the sum is known where any pair is. Leaving a box
-/// where the pair's energy is not near zero makes a step in the sum: make boxes as wide as the
+/// Among the pairs in reach the coverage is the greatest of those that are loaded, times the share
+/// that is: a pair that is in reach and not loaded pulls it below one and adds no force. Leaving a
+/// box where the pair's energy is not near zero makes a step in the sum: make boxes as wide as the
 /// source's own domain.
 #[derive(Clone)]
 pub struct SumSource {
+    pivot: DVec3,
     pairs: Vec<Pair>,
+    /// Over the pairs with a reach, by [`SumSource::bounded`].
+    tree: BoxTree,
+    bounded: Vec<usize>,
+    unbounded: Vec<usize>,
 }
 
 #[derive(Clone)]
@@ -36,14 +44,25 @@ struct Pair {
 }
 
 impl SumSource {
-    /// The sum of `pairs`; none give zero everywhere.
-    pub fn new(pairs: Vec<Placed>) -> Self {
+    /// The sum of `pairs`; none give zero everywhere. `pivot` is the point of the moving part
+    /// (metres, its frame) that reaches speak of.
+    pub fn new(pivot: DVec3, pairs: Vec<Placed>) -> Self {
+        let all = 0..pairs.len();
+        let (bounded, unbounded): (Vec<_>, Vec<_>) = all.partition(|&i| pairs[i].reach.is_some());
+        let boxes: Vec<Aabb> = bounded
+            .iter()
+            .filter_map(|&i| pairs[i].reach.map(|r| placed_box(&r, &pairs[i].placement)))
+            .collect();
         let pairs = pairs.into_iter().map(|placed| Pair {
             inverse: placed.placement.inverse(),
             placed,
         });
         Self {
+            pivot,
             pairs: pairs.collect(),
+            tree: BoxTree::new(&boxes),
+            bounded,
+            unbounded,
         }
     }
 
@@ -57,49 +76,138 @@ impl SumSource {
         self.pairs.is_empty()
     }
 
-    /// How many pairs are asked at `pose`.
+    /// How many pairs are in reach at `pose`.
     pub fn in_reach(&self, pose: &Pose) -> usize {
-        self.pairs.iter().filter(|p| p.reaches(pose)).count()
+        let mut count = 0;
+        self.visit(pose, |_, _| count += 1);
+        count
+    }
+
+    /// Working memory of pair `index`.
+    pub(crate) fn pair_scratch(&self, index: usize) -> Scratch {
+        let source = &self.pairs[index].placed.source;
+        source.as_ref().map(|s| s.scratch()).unwrap_or_default()
+    }
+
+    /// What this sum gives beyond `old` at `pose`. Pairs that are the same object in both are not
+    /// asked.
+    pub(crate) fn change_since(
+        &self,
+        old: &Self,
+        pose: &Pose,
+        scratch: &mut Scratch,
+        old_scratch: &mut Scratch,
+    ) -> Response {
+        let mut change = Response::default();
+        self.visit(pose, |i, pair| {
+            if !old.pairs.get(i).is_some_and(|o| pair.same(o)) {
+                add(&mut change, &pair.answer(pose, &mut scratch.nested[i]));
+            }
+        });
+        let mut gone = Response::default();
+        old.visit(pose, |i, pair| {
+            if !self.pairs.get(i).is_some_and(|n| pair.same(n)) {
+                add(&mut gone, &pair.answer(pose, &mut old_scratch.nested[i]));
+            }
+        });
+        change.energy -= gone.energy;
+        change.wrench += gone.wrench * -1.0;
+        change
+    }
+
+    /// The pairs in reach, in the order of their boxes.
+    fn visit(&self, pose: &Pose, mut each: impl FnMut(usize, &Pair)) {
+        let point = pose.apply(self.pivot);
+        for &index in &self.unbounded {
+            each(index, &self.pairs[index]);
+        }
+        self.tree.visit(point, |k| {
+            let index = self.bounded[k];
+            let pair = &self.pairs[index];
+            if pair.reaches(point) {
+                each(index, pair);
+            }
+        });
     }
 }
 
-impl Pair {
-    fn reaches(&self, pose: &Pose) -> bool {
-        let Some((least, greatest)) = self.placed.reach else {
-            return true;
+/// The box in the scene around a box of a placed part.
+pub(crate) fn placed_box(reach: &Aabb, placement: &Pose) -> Aabb {
+    let corner = |i: usize| {
+        let pick = |axis: usize| {
+            if i & (1 << axis) == 0 {
+                reach.min[axis]
+            } else {
+                reach.max[axis]
+            }
         };
-        let at = self.inverse.apply(pose.translation);
-        at.cmpge(least).all() && at.cmple(greatest).all()
+        placement.apply(DVec3::new(pick(0), pick(1), pick(2)))
+    };
+    // Turning a point there and back may round it out of the box.
+    let slack = 1e-12 * (1.0 + reach.diagonal() + placement.translation.length());
+    Aabb::around((0..8).map(corner)).grown(slack)
+}
+
+fn add(sum: &mut Response, part: &Response) {
+    sum.energy += part.energy;
+    sum.wrench += part.wrench;
+    sum.coverage = sum.coverage.max(part.coverage);
+}
+
+impl Pair {
+    fn reaches(&self, pivot: DVec3) -> bool {
+        let reach = self.placed.reach;
+        reach.is_none_or(|r| r.contains(self.inverse.apply(pivot)))
+    }
+
+    fn same(&self, other: &Self) -> bool {
+        match (&self.placed.source, &other.placed.source) {
+            (Some(a), Some(b)) => {
+                Arc::ptr_eq(a, b)
+                    && self.placed.placement == other.placed.placement
+                    && self.placed.reach == other.placed.reach
+            }
+            (None, None) => true,
+            _ => false,
+        }
+    }
+
+    /// In the scene's frame; nothing while it is not loaded.
+    fn answer(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+        let Some(source) = &self.placed.source else {
+            return Response::default();
+        };
+        let part = source.evaluate(&(self.inverse * *pose), scratch);
+        // Both torques are about the moving part's origin: only the axes turn.
+        let turn = self.placed.placement.rotation;
+        Response {
+            wrench: Wrench {
+                torque: turn * part.wrench.torque,
+                force: turn * part.wrench.force,
+            },
+            ..part
+        }
     }
 }
 
 impl EnergySource for SumSource {
     fn scratch(&self) -> Scratch {
-        let nested = self.pairs.iter().map(|p| p.placed.source.scratch());
         Scratch {
-            nested: nested.collect(),
+            nested: (0..self.len()).map(|i| self.pair_scratch(i)).collect(),
             ..Scratch::default()
         }
     }
 
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
         let mut sum = Response::default();
-        for (pair, scratch) in self.pairs.iter().zip(&mut scratch.nested) {
-            if !pair.reaches(pose) {
-                continue;
-            }
-            let part = pair
-                .placed
-                .source
-                .evaluate(&(pair.inverse * *pose), scratch);
-            // Both torques are about the moving part's origin: only the axes turn.
-            let turn = pair.placed.placement.rotation;
-            sum.energy += part.energy;
-            sum.wrench += Wrench {
-                torque: turn * part.wrench.torque,
-                force: turn * part.wrench.force,
-            };
-            sum.coverage = sum.coverage.max(part.coverage);
+        let (mut reached, mut loaded) = (0u32, 0u32);
+        self.visit(pose, |index, pair| {
+            reached += 1;
+            loaded += u32::from(pair.placed.source.is_some());
+            add(&mut sum, &pair.answer(pose, &mut scratch.nested[index]));
+        });
+        if loaded < reached {
+            sum.coverage *= f64::from(loaded) / f64::from(reached);
         }
         sum
     }
@@ -135,17 +243,27 @@ mod tests {
         }
     }
 
-    fn scene() -> (Arc<Spring>, SumSource) {
-        let spring = Arc::new(Spring::default());
+    const PIVOT: DVec3 = DVec3::new(0.01, -0.02, 0.03);
+
+    fn pairs(spring: &Arc<Spring>) -> Vec<Placed> {
         let at = |x: f64, reach| Placed {
-            source: Arc::clone(&spring) as Arc<dyn EnergySource>,
+            source: Some(Arc::clone(spring) as Arc<dyn EnergySource>),
             placement: Pose::new(DQuat::from_rotation_z(x), DVec3::new(x, 0.2, 0.0)),
             reach,
         };
-        let near = Some((DVec3::splat(-0.5), DVec3::splat(0.5)));
+        let near = Some(Aabb {
+            min: DVec3::splat(-0.5),
+            max: DVec3::splat(0.5),
+        });
         let mut pairs = vec![at(0.1, None), at(0.3, near)];
         pairs.extend((0..62).map(|k| at(10.0 + f64::from(k), near)));
-        (Arc::clone(&spring), SumSource::new(pairs))
+        pairs
+    }
+
+    fn scene() -> (Arc<Spring>, SumSource) {
+        let spring = Arc::new(Spring::default());
+        let pairs = pairs(&spring);
+        (spring, SumSource::new(PIVOT, pairs))
     }
 
     #[test]
@@ -181,6 +299,30 @@ mod tests {
         let response = sum.evaluate(&here, &mut scratch);
         assert_eq!(spring.0.load(Ordering::Relaxed), 2);
         assert_eq!(response.coverage, 0.5);
-        assert!(SumSource::new(Vec::new()).is_empty());
+        assert!(SumSource::new(PIVOT, Vec::new()).is_empty());
+    }
+
+    #[test]
+    fn a_pair_that_is_not_loaded_says_so_and_pushes_nothing() {
+        let spring = Arc::new(Spring::default());
+        let here = Pose::from_translation(DVec3::new(0.2, 0.2, 0.0));
+        let mut pairs = pairs(&spring);
+        let whole = SumSource::new(PIVOT, pairs.clone());
+        pairs[1].source = None;
+        let part = SumSource::new(PIVOT, pairs.clone());
+        let mut scratch = part.scratch();
+        let answer = part.evaluate(&here, &mut scratch);
+        assert_eq!(answer.coverage, 0.25, "half of the pairs in reach");
+        pairs[1].source = Some(spring);
+        let loaded = SumSource::new(PIVOT, pairs);
+        let mut fresh = loaded.scratch();
+        let change = loaded.change_since(&part, &here, &mut fresh, &mut scratch);
+        let after = loaded.evaluate(&here, &mut fresh);
+        assert_eq!(after, whole.evaluate(&here, &mut whole.scratch()));
+        let expected = after.wrench + answer.wrench * -1.0;
+        // One rounding of numbers of order one.
+        assert!((change.wrench.force - expected.force).length() < 1e-14);
+        assert!((change.energy - (after.energy - answer.energy)).abs() < 1e-14);
+        assert!(change.wrench.force.length() > 0.1);
     }
 }

@@ -51,7 +51,10 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     }
     let share = share(args)?;
     super::require_folder(&args.output)?;
-    let assembly = Assembly::load(Scene::read(&args.scene)?, context)?;
+    let assembly = Assembly::load(
+        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
+        context,
+    )?;
     let began = Instant::now();
     let spec = assembly.table_spec()?;
     let energies = assembly.energies(context)?;

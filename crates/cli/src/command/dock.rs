@@ -46,7 +46,10 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     if !to_stdout {
         require_folder(&args.output)?;
     }
-    let assembly = Assembly::load(Scene::read(&args.scene)?, context)?;
+    let assembly = Assembly::load(
+        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
+        context,
+    )?;
     let began = Instant::now();
     let docking = search(&assembly, args.top, context)?;
     let seconds = began.elapsed().as_secs_f64();

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use fft_correlate::{DirectOptions, EnergySource};
-use haptic::{Clock, LoopReport, Outcome, Sample, Script, read_log};
+use haptic::scene::PairState;
+use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script, read_log};
 
+use super::feel_report::{Run, page, privileges, told};
+use super::pairs::LivePairs;
 use super::plot::force_chart;
-use super::{Context, bake, devices, hand, print_json, require_folder};
+use super::{Context, devices, hand, print_json, require_folder};
 use crate::args::{FeelArgs, ScriptChoice};
-use crate::assembly::Assembly;
 use crate::error::CommandError;
 use crate::progress::interrupted;
 use crate::scene::Scene;
@@ -22,7 +23,7 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
             args.seconds,
         ));
     }
-    for output in [&args.log, &args.png].into_iter().flatten() {
+    for output in [&args.log, &args.png, &args.report].into_iter().flatten() {
         require_folder(output)?;
     }
     let script = match args.script {
@@ -30,16 +31,11 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
         ScriptChoice::Snap => Script::Snap,
         ScriptChoice::Free => Script::Free,
     };
-    let assembly = Assembly::load(Scene::read(&args.scene)?, context)?;
-    let source = source(args, &assembly, context)?;
+    let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
+    let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let mut device = match devices::choose(&args.device, context)? {
         Some(device) => device,
-        None => Box::new(hand::simulated(
-            &assembly,
-            source.as_ref(),
-            script,
-            args.seconds,
-        )),
+        None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
     };
     context.progress.note(&format!(
         "the {} holds {} for {} s",
@@ -48,20 +44,36 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
         args.seconds
     ));
     let outcome = hand::run(
-        &assembly,
-        source.as_ref(),
+        assembly,
+        source,
         device.as_mut(),
         args.seconds,
         Clock::Real,
         args.log.as_deref(),
     )?;
+    let read;
+    let samples: &[Sample] = match &args.log {
+        Some(path) if args.png.is_some() || args.report.is_some() => {
+            read = read_log(path).map_err(|e| CommandError::failure("reading the log", e))?;
+            &read
+        }
+        _ => &outcome.samples,
+    };
     if let Some(path) = &args.png {
-        draw(path, args.log.as_deref(), &outcome, script)?;
+        draw(path, samples, title(script, &outcome.report.device))?;
+    }
+    if let Some(path) = &args.report {
+        let title = title(script, &outcome.report.device);
+        let page = report(title, device.spec(), &pairs, &outcome, samples);
+        atomic::write(path, page.as_bytes())?;
     }
     if context.json {
         print_json(&outcome.report)?;
     } else {
         print(&outcome.report);
+        for event in pairs.live.events() {
+            crate::say!("scene       {}: {}", event.pair, told(&event.what));
+        }
     }
     // The log and the picture of an interrupted run are whole: it only ended early.
     match interrupted() {
@@ -70,49 +82,41 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     }
 }
 
-/// The table if one is given and belongs to the scene, else a direct evaluator.
-fn source(
-    args: &FeelArgs,
-    assembly: &Assembly,
-    context: &Context,
-) -> Result<Box<dyn EnergySource>, CommandError> {
-    let Some(path) = &args.table else {
-        return Ok(Box::new(assembly.direct(&DirectOptions::REAL_TIME)?));
-    };
-    let store = bake::open(path)?;
-    let [fixed, moving] = assembly.mesh_hashes();
-    store
-        .expect_meshes(&fixed, &moving)
-        .map_err(|e| CommandError::bad_input("table", e))?;
-    if store.spec().model != *assembly.pair.model() {
-        context.progress.note(&format!(
-            "note: {} was baked with another model or energy scale than the scene's; the table's counts",
-            path.display()
-        ));
-    }
-    Ok(Box::new(bake::load(&store, context)?))
+/// What a run is called.
+fn title(script: Script, device: &str) -> String {
+    format!("{script:?} test, {device}")
 }
 
-fn draw(
-    png: &Path,
-    log: Option<&Path>,
-    outcome: &Outcome,
-    script: Script,
-) -> Result<(), CommandError> {
-    let logged;
-    let samples: &[Sample] = match log {
-        Some(path) => {
-            logged = read_log(path).map_err(|e| CommandError::failure("reading the log", e))?;
-            &logged
-        }
-        None => &outcome.samples,
-    };
-    let chart = force_chart(
-        format!("{script:?} test, {}", outcome.report.device),
-        samples,
-    );
+fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandError> {
+    let chart = force_chart(title, samples);
     let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
     atomic::write(png, &bytes)
+}
+
+fn report(
+    title: String,
+    spec: &DeviceSpec,
+    pairs: &LivePairs,
+    outcome: &Outcome,
+    samples: &[Sample],
+) -> String {
+    let states = pairs.live.states().into_iter().map(|state| match state {
+        PairState::Waiting => "not loaded: far away",
+        PairState::Loaded => "loaded",
+        PairState::Failed => "could not be loaded",
+        PairState::NoRoom => "not loaded: no room in the scene's memory",
+    });
+    let scene = &pairs.assembly.scene;
+    page(&Run {
+        title,
+        scene: &scene.path,
+        spec,
+        config: &scene.device,
+        outcome,
+        samples,
+        events: &pairs.live.events(),
+        pairs: pairs.names.iter().cloned().zip(states).collect(),
+    })
 }
 
 fn print(report: &LoopReport) {
@@ -146,7 +150,13 @@ fn print(report: &LoopReport) {
         report.peak_force,
         report.peak_torque
     );
-    for note in &report.granted.notes {
-        crate::say!("note        {note}");
+    if report.dropped_samples > 0 {
+        crate::say!(
+            "log         {} ticks are missing: the disk was too slow",
+            report.dropped_samples
+        );
+    }
+    for (what, said) in privileges(report) {
+        crate::say!("{what:<11} {said}");
     }
 }

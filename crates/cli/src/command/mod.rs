@@ -13,8 +13,10 @@ mod demo;
 mod devices;
 mod dock;
 mod feel;
+mod feel_report;
 mod field;
 mod hand;
+mod pairs;
 mod plot;
 mod score;
 

@@ -89,7 +89,8 @@ impl Scorer {
     fn new(args: &ScoreArgs, context: &Context) -> Result<Self, CommandError> {
         match (&args.scene, &args.table) {
             (Some(scene), _) => {
-                let assembly = Assembly::load(Scene::read(scene)?, context)?;
+                let scene = Scene::read(scene)?.only(args.fixed.as_deref())?;
+                let assembly = Assembly::load(scene, context)?;
                 let evaluator = assembly.direct(&DirectOptions::FULL)?;
                 Ok(Self::Direct(Box::new(evaluator)))
             }

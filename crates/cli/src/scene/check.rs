@@ -1,6 +1,7 @@
 //! From the scene as written to the scene as used: ranges, defaults, metres and radians.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use fft_correlate::{Pose, RotationDomain, ScoreModel};
 use glam::{DQuat, DVec3};
@@ -9,10 +10,12 @@ use sdf_grid::Sampling;
 use toml::Spanned;
 
 use super::raw::{
-    Preset, RawEnergy, RawFit, RawLattice, RawModel, RawPart, RawSampling, RawScene, RawWindow,
+    Preset, RawEnergy, RawFit, RawFixed, RawLattice, RawLoading, RawMesh, RawModel, RawPart,
+    RawSampling, RawScene, RawWindow,
 };
 use super::{
-    EnergyScale, FitChoice, LatticeChoice, LatticeStep, Part, Scene, Source, WindowChoice,
+    EnergyScale, FitChoice, LatticeChoice, LatticeStep, Loading, Part, PlacedMesh, Scene, Source,
+    WindowChoice,
 };
 use crate::error::CommandError;
 
@@ -21,6 +24,9 @@ const DEFAULT_PEAK_FORCE: f64 = 5.0;
 
 /// Relative L2 error of a field unless the scene asks for another.
 const DEFAULT_TOLERANCE: f64 = 1e-3;
+
+/// Seconds between two looks at a scene's files unless it asks for another.
+const DEFAULT_WATCH: f64 = 0.5;
 
 /// Rotations of a scene that names none: a ball about the mesh's own orientation.
 const DEFAULT_ROTATIONS: RotationDomain = RotationDomain::Ball {
@@ -35,11 +41,13 @@ pub(crate) const QUATERNION_SLACK: f64 = 1e-3;
 pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, CommandError> {
     let folder = source.path.parent().unwrap_or(Path::new("")).to_owned();
     let metres = raw.unit.in_metres();
+    let (fixed, others) = fixed(&raw.fixed, &folder, metres, source)?;
     Ok(Scene {
         path: source.path.to_owned(),
         unit: raw.unit,
-        fixed: part(&raw.fixed, "fixed", &folder, metres, source)?,
-        moving: part(&raw.moving, "moving", &folder, metres, source)?,
+        fixed,
+        others,
+        moving: moving(&raw.moving, &folder, metres, source)?,
         model: model(&raw.model, source)?,
         energy: energy(&raw.energy, source)?,
         lattice: lattice(&raw.lattice, metres, source)?,
@@ -47,31 +55,160 @@ pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, Command
         rotations: raw.rotations.unwrap_or(DEFAULT_ROTATIONS),
         fit: fit(&raw.fit, metres, source)?,
         device: device(raw.device, source)?,
+        loading: loading(&raw.loading, metres, source)?,
         cache: folder.join(raw.cache.as_deref().unwrap_or(".pegfit-cache")),
     })
 }
 
-fn part(
+/// The first fixed part and the others.
+fn fixed(
+    raw: &Spanned<RawFixed>,
+    folder: &Path,
+    metres: f64,
+    source: &Source<'_>,
+) -> Result<(Part, Vec<Part>), CommandError> {
+    let list = &raw.get_ref().0;
+    let mut parts = Vec::new();
+    for (index, item) in list.iter().enumerate() {
+        // A part that is not in a list has the key's own place.
+        let span = match item.span() {
+            empty if empty.is_empty() => raw.span(),
+            place => place,
+        };
+        let role = match list.len() {
+            1 => "fixed".to_owned(),
+            _ => format!("fixed part {}", index + 1),
+        };
+        let part = part(item.get_ref(), span.clone(), &role, folder, metres, source)?;
+        if parts.iter().any(|p: &Part| p.name == part.name) {
+            return Err(source.error(
+                span,
+                format!(
+                    "{role}: expected a name of its own, found `{}` again",
+                    part.name
+                ),
+            ));
+        }
+        parts.push(part);
+    }
+    let mut parts = parts.into_iter();
+    match parts.next() {
+        Some(first) => Ok((first, parts.collect())),
+        None => Err(source.error(raw.span(), "fixed: expected at least one part, found none")),
+    }
+}
+
+fn moving(
     raw: &Spanned<RawPart>,
+    folder: &Path,
+    metres: f64,
+    source: &Source<'_>,
+) -> Result<Part, CommandError> {
+    let moving = part(raw.get_ref(), raw.span(), "moving", folder, metres, source)?;
+    match &raw.get_ref().table {
+        Some(table) => Err(source.error(
+            table.span(),
+            "moving: expected `table` with a fixed part, found it here",
+        )),
+        None => Ok(moving),
+    }
+}
+
+fn part(
+    raw: &RawPart,
+    span: std::ops::Range<usize>,
     role: &str,
     folder: &Path,
     metres: f64,
     source: &Source<'_>,
 ) -> Result<Part, CommandError> {
-    let table = raw.get_ref();
-    if table.mesh.is_empty() {
+    let meshes = match (&raw.mesh, &raw.meshes) {
+        (Some(_), Some(meshes)) => {
+            return Err(source.error(
+                meshes.span(),
+                format!("{role}: expected mesh or meshes, found both"),
+            ));
+        }
+        (None, None) => {
+            return Err(source.error(span, format!("{role}: missing field `mesh`")));
+        }
+        (Some(mesh), None) => vec![PlacedMesh {
+            path: path(mesh, &span, role, folder, source)?,
+            pose: Pose::IDENTITY,
+        }],
+        (None, Some(list)) => {
+            let place = |m: &RawMesh| {
+                Ok(PlacedMesh {
+                    path: path(&m.mesh, &list.span(), role, folder, source)?,
+                    pose: pose(&m.position, &m.rotation, metres, source)?,
+                })
+            };
+            list.get_ref()
+                .iter()
+                .map(place)
+                .collect::<Result<_, CommandError>>()?
+        }
+    };
+    let Some(first) = meshes.first() else {
         return Err(source.error(
-            raw.span(),
-            format!("{role}: expected a mesh path, found an empty string"),
+            span,
+            format!("{role}: expected at least one mesh, found none"),
         ));
-    }
-    let mesh: PathBuf = folder.join(&table.mesh);
-    let stem = mesh.file_stem().map(|s| s.to_string_lossy().into_owned());
+    };
+    let stem = first
+        .path
+        .file_stem()
+        .map(|s| s.to_string_lossy().into_owned());
     Ok(Part {
-        name: table.name.clone().or(stem).unwrap_or(role.to_owned()),
-        mesh,
-        pose: pose(&table.position, &table.rotation, metres, source)?,
+        name: raw.name.clone().or(stem).unwrap_or(role.to_owned()),
+        pose: pose(&raw.position, &raw.rotation, metres, source)?,
+        table: raw.table.as_ref().map(|t| folder.join(t.get_ref())),
+        meshes,
     })
+}
+
+fn path(
+    file: &str,
+    span: &std::ops::Range<usize>,
+    role: &str,
+    folder: &Path,
+    source: &Source<'_>,
+) -> Result<PathBuf, CommandError> {
+    match file.is_empty() {
+        false => Ok(folder.join(file)),
+        true => Err(source.error(
+            span.clone(),
+            format!("{role}: expected a mesh path, found an empty string"),
+        )),
+    }
+}
+
+fn loading(raw: &RawLoading, metres: f64, source: &Source<'_>) -> Result<Loading, CommandError> {
+    let memory = match &raw.memory_mib {
+        // More than a double counts exactly is as good as no limit.
+        Some(m) => Some((positive(m, "memory_mib", source)? * f64::from(1 << 20)) as u64),
+        None => None,
+    };
+    let ahead = match &raw.ahead {
+        Some(a) => Some(natural(a, "ahead", source)? * metres),
+        None => None,
+    };
+    let watch = match &raw.watch_s {
+        Some(w) => positive(w, "watch_s", source)?.clamp(0.01, 3600.0),
+        None => DEFAULT_WATCH,
+    };
+    Ok(Loading {
+        memory,
+        ahead,
+        watch: Duration::from_secs_f64(watch),
+    })
+}
+
+fn natural(value: &Spanned<f64>, name: &str, source: &Source<'_>) -> Result<f64, CommandError> {
+    match *value.get_ref() {
+        0.0 => Ok(0.0),
+        _ => positive(value, name, source),
+    }
 }
 
 fn pose(

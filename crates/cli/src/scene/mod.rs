@@ -1,4 +1,4 @@
-//! Scene files: two parts, how finely to compute, and how to feel them.
+//! Scene files: the parts, how finely to compute, and how to feel them.
 //!
 //! A scene is TOML. Three lines suffice: the unit and the two meshes. Every key is described in
 //! `docs/scene.md`.
@@ -10,6 +10,7 @@ mod tests;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use fft_correlate::{Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
@@ -27,8 +28,10 @@ pub struct Scene {
     pub path: PathBuf,
     /// Unit of the meshes and of the lengths in the file.
     pub unit: LengthUnit,
-    /// The part that stays.
+    /// The part that stays: the first of them, into which the moving part fits.
     pub fixed: Part,
+    /// Further parts that stay.
+    pub others: Vec<Part>,
     /// The part that moves.
     pub moving: Part,
     /// Weights and kernel thickness; gamma is 1 unless the scene gives one.
@@ -45,19 +48,43 @@ pub struct Scene {
     pub fit: FitChoice,
     /// Settings of the haptic loop.
     pub device: HapticConfig,
+    /// What is kept in memory while the loop runs.
+    pub loading: Loading,
     /// Folder where fields are kept between runs.
     pub cache: PathBuf,
 }
 
-/// One part of a scene.
+/// One part of a scene: a mesh, or several that move or stay together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// What to call it in reports.
     pub name: String,
-    /// Its mesh file.
-    pub mesh: PathBuf,
-    /// Where the mesh is placed in the scene before anything is computed (metres).
+    /// Its mesh files and where each lies in the part.
+    pub meshes: Vec<PlacedMesh>,
+    /// Where the part is placed in the scene before anything is computed (metres).
     pub pose: Pose,
+    /// A table of the pair with the moving part, to be interpolated by the haptic loop.
+    pub table: Option<PathBuf>,
+}
+
+/// A mesh file of a part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedMesh {
+    /// The file.
+    pub path: PathBuf,
+    /// Where it lies in the part (metres).
+    pub pose: Pose,
+}
+
+/// What is kept in memory while the loop runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Loading {
+    /// Bytes that loaded pairs may take together; what the command may use if absent.
+    pub memory: Option<u64>,
+    /// How far ahead of the moving part pairs are loaded, metres; its longest side if absent.
+    pub ahead: Option<f64>,
+    /// Time between two looks at the files.
+    pub watch: Duration,
 }
 
 /// What fixes the energy scale gamma.
@@ -136,6 +163,40 @@ impl Scene {
         let raw: raw::RawScene = toml::from_str(text)
             .map_err(|e| source.error(e.span().unwrap_or(0..text.len()), e.message()))?;
         check::scene(raw, &source)
+    }
+
+    /// All parts that stay.
+    pub fn fixed_parts(&self) -> impl Iterator<Item = &Part> {
+        std::iter::once(&self.fixed).chain(&self.others)
+    }
+
+    /// The scene with only one of its fixed parts: the one called `name`, or the only one.
+    ///
+    /// # Errors
+    /// If there is no such part, or several and no name.
+    pub fn only(mut self, name: Option<&str>) -> Result<Self, CommandError> {
+        let names: Vec<&str> = self.fixed_parts().map(|p| p.name.as_str()).collect();
+        let refuse = |expected: &str, found: String| {
+            CommandError::input(self.path.display().to_string(), "fixed", expected, found)
+        };
+        let fixed = match name {
+            None if self.others.is_empty() => return Ok(self),
+            None => {
+                return Err(refuse(
+                    "one part, or --fixed NAME to choose",
+                    names.join(", "),
+                ));
+            }
+            Some(name) => match self.fixed_parts().find(|p| p.name == name) {
+                Some(part) => part.clone(),
+                None => {
+                    return Err(refuse(&format!("a part called `{name}`"), names.join(", ")));
+                }
+            },
+        };
+        self.fixed = fixed;
+        self.others.clear();
+        Ok(self)
     }
 }
 

@@ -1,12 +1,13 @@
 //! The scene file as written: TOML keys, with their places in the text, before any check.
 
 use std::fmt;
+use std::marker::PhantomData;
 
 use fft_correlate::RotationDomain;
 use haptic::HapticConfig;
 use sdf_grid::LengthUnit;
 use serde::Deserialize;
-use serde::de::{MapAccess, Visitor, value::MapAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
 use toml::Spanned;
 
 /// A whole scene file. Documented key by key in `docs/scene.md`.
@@ -14,7 +15,7 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(crate) struct RawScene {
     pub(crate) unit: LengthUnit,
-    pub(crate) fixed: Spanned<RawPart>,
+    pub(crate) fixed: Spanned<RawFixed>,
     pub(crate) moving: Spanned<RawPart>,
     pub(crate) cache: Option<String>,
     #[serde(default)]
@@ -29,54 +30,175 @@ pub(crate) struct RawScene {
     #[serde(default)]
     pub(crate) fit: RawFit,
     pub(crate) device: Option<Spanned<HapticConfig>>,
+    #[serde(default)]
+    pub(crate) loading: RawLoading,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawLoading {
+    pub(crate) memory_mib: Option<Spanned<f64>>,
+    pub(crate) ahead: Option<Spanned<f64>>,
+    pub(crate) watch_s: Option<Spanned<f64>>,
+}
+
+/// How a file's path may be given: as text alone, or as a table with more to say.
+trait FromPath: Sized {
+    const EXPECTING: &str;
+    type Table: for<'de> Deserialize<'de>;
+    fn path(path: &str) -> Self;
+    fn table(table: Self::Table) -> Self;
+}
+
+fn text_or_table<'de, T: FromPath, D: serde::Deserializer<'de>>(
+    deserializer: D,
+) -> Result<T, D::Error> {
+    struct Either<T>(PhantomData<T>);
+    impl<'de, T: FromPath> Visitor<'de> for Either<T> {
+        type Value = T;
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str(T::EXPECTING)
+        }
+
+        fn visit_str<E: serde::de::Error>(self, path: &str) -> Result<T, E> {
+            Ok(T::path(path))
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
+            T::Table::deserialize(MapAccessDeserializer::new(map)).map(T::table)
+        }
+    }
+    deserializer.deserialize_any(Either(PhantomData))
 }
 
 /// A part: a mesh path alone, or a table with more to say.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RawPart {
-    pub(crate) mesh: String,
+    pub(crate) mesh: Option<String>,
+    pub(crate) meshes: Option<Spanned<Vec<RawMesh>>>,
     pub(crate) name: Option<String>,
+    pub(crate) position: Option<Spanned<[f64; 3]>>,
+    pub(crate) rotation: Option<Spanned<[f64; 4]>>,
+    pub(crate) table: Option<Spanned<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PartTable {
+    mesh: Option<String>,
+    meshes: Option<Spanned<Vec<RawMesh>>>,
+    name: Option<String>,
+    position: Option<Spanned<[f64; 3]>>,
+    rotation: Option<Spanned<[f64; 4]>>,
+    table: Option<Spanned<String>>,
+}
+
+impl FromPath for RawPart {
+    const EXPECTING: &str = "a mesh path, or a table with `mesh` (or `meshes`) and optionally \
+                             `name`, `position`, `rotation`, `table`";
+    type Table = PartTable;
+
+    fn path(mesh: &str) -> Self {
+        Self {
+            mesh: Some(mesh.to_owned()),
+            ..Self::default()
+        }
+    }
+
+    fn table(t: PartTable) -> Self {
+        Self {
+            mesh: t.mesh,
+            meshes: t.meshes,
+            name: t.name,
+            position: t.position,
+            rotation: t.rotation,
+            table: t.table,
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for RawPart {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        text_or_table(deserializer)
+    }
+}
+
+/// One mesh of a part that has several.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct RawMesh {
+    pub(crate) mesh: String,
     pub(crate) position: Option<Spanned<[f64; 3]>>,
     pub(crate) rotation: Option<Spanned<[f64; 4]>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PartTable {
+pub(crate) struct MeshTable {
     mesh: String,
-    name: Option<String>,
     position: Option<Spanned<[f64; 3]>>,
     rotation: Option<Spanned<[f64; 4]>>,
 }
 
-impl<'de> Deserialize<'de> for RawPart {
+impl FromPath for RawMesh {
+    const EXPECTING: &str =
+        "a mesh path, or a table with `mesh` and optionally `position`, `rotation`";
+    type Table = MeshTable;
+
+    fn path(mesh: &str) -> Self {
+        Self {
+            mesh: mesh.to_owned(),
+            ..Self::default()
+        }
+    }
+
+    fn table(t: MeshTable) -> Self {
+        Self {
+            mesh: t.mesh,
+            position: t.position,
+            rotation: t.rotation,
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for RawMesh {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct PartVisitor;
-        impl<'de> Visitor<'de> for PartVisitor {
-            type Value = RawPart;
+        text_or_table(deserializer)
+    }
+}
+
+/// The parts that stay: one, or a list of them.
+#[derive(Debug, Clone)]
+pub(crate) struct RawFixed(pub(crate) Vec<Spanned<RawPart>>);
+
+impl<'de> Deserialize<'de> for RawFixed {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct PartsVisitor;
+        impl<'de> Visitor<'de> for PartsVisitor {
+            type Value = RawFixed;
 
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a mesh path, or a table with `mesh` and optionally `name`, `position`, `rotation`")
+                write!(f, "{}, or a list of such parts", RawPart::EXPECTING)
             }
 
-            fn visit_str<E: serde::de::Error>(self, mesh: &str) -> Result<RawPart, E> {
-                Ok(RawPart {
-                    mesh: mesh.to_owned(),
-                    ..RawPart::default()
-                })
+            fn visit_str<E: serde::de::Error>(self, mesh: &str) -> Result<RawFixed, E> {
+                Ok(RawFixed(vec![Spanned::new(0..0, RawPart::path(mesh))]))
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<RawPart, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<RawFixed, A::Error> {
                 let table = PartTable::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(RawPart {
-                    mesh: table.mesh,
-                    name: table.name,
-                    position: table.position,
-                    rotation: table.rotation,
-                })
+                Ok(RawFixed(vec![Spanned::new(0..0, RawPart::table(table))]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<RawFixed, A::Error> {
+                let mut parts = Vec::new();
+                while let Some(part) = list.next_element()? {
+                    parts.push(part);
+                }
+                Ok(RawFixed(parts))
             }
         }
-        deserializer.deserialize_any(PartVisitor)
+        deserializer.deserialize_any(PartsVisitor)
     }
 }
 

@@ -19,7 +19,7 @@ fn refusal(extra: &str) -> String {
 #[test]
 fn three_lines_are_a_scene() {
     let scene = parse(SHORT).unwrap();
-    assert_eq!(scene.fixed.mesh, Path::new("scenes/hole.obj"));
+    assert_eq!(scene.fixed.meshes[0].path, Path::new("scenes/hole.obj"));
     assert_eq!(scene.moving.name, "peg");
     assert_eq!(scene.model, ScoreModel::GUIDED);
     assert_eq!(scene.energy, EnergyScale::PeakForce(5.0));
@@ -56,7 +56,7 @@ fn every_key_is_read_in_the_scene_unit() {
     )
     .unwrap();
     assert_eq!(scene.fixed.name, "block");
-    assert_eq!(scene.fixed.mesh, Path::new("/parts/hole.obj"));
+    assert_eq!(scene.fixed.meshes[0].path, Path::new("/parts/hole.obj"));
     assert!((scene.fixed.pose.translation - DVec3::new(1e-3, 2e-3, 3e-3)).length() < 1e-15);
     assert!((scene.fixed.pose.rotation * DVec3::X - DVec3::Y).length() < 1e-6);
     assert_eq!(
@@ -163,4 +163,82 @@ fn parts_are_checked() {
             .to_string()
             .contains("line 2")
     );
+}
+
+#[test]
+fn several_fixed_parts_and_subassemblies_are_read_and_chosen_by_name() {
+    let text = r#"
+        unit = "mm"
+        moving = "peg.obj"
+        [[fixed]]
+        mesh = "plate.obj"
+        [[fixed]]
+        name = "bearing"
+        meshes = ["ring.obj", { mesh = "ball.obj", position = [0, 0, 4] }]
+        position = [10, 0, 0]
+        table = "bearing.zarr"
+        [loading]
+        memory_mib = 64
+        ahead = 5
+        watch_s = 0.2
+        "#;
+    let scene = parse(text).unwrap();
+    assert_eq!(scene.fixed.name, "plate");
+    let bearing = &scene.others[0];
+    assert_eq!(bearing.meshes[1].path, Path::new("scenes/ball.obj"));
+    assert!((bearing.meshes[1].pose.translation.z - 4e-3).abs() < 1e-15);
+    assert_eq!(
+        bearing.table.as_deref(),
+        Some(Path::new("scenes/bearing.zarr"))
+    );
+    assert_eq!(scene.loading.memory, Some(64 << 20));
+    assert_eq!(scene.loading.ahead, Some(5e-3));
+    let one = scene.clone().only(Some("bearing")).unwrap();
+    assert_eq!((one.fixed.name.as_str(), one.others.len()), ("bearing", 0));
+    let refused = |name| scene.clone().only(name).unwrap_err().to_string();
+    assert!(refused(None).contains("--fixed NAME") && refused(None).contains("plate, bearing"));
+    assert!(refused(Some("plato")).contains("`plato`"));
+}
+
+#[test]
+fn mistakes_in_lists_of_parts_are_shown_with_their_line() {
+    let with = |text: &str| {
+        parse(&format!("unit = \"mm\"\nmoving = \"peg.obj\"\n{text}"))
+            .unwrap_err()
+            .to_string()
+    };
+    let cases = [
+        ("fixed = []\n", "line 3", "at least one part"),
+        (
+            "fixed = [\"a.obj\", \"b/a.obj\"]\n",
+            "line 3",
+            "found `a` again",
+        ),
+        (
+            "[[fixed]]\nmesh = \"a.obj\"\nmeshes = [\"b.obj\"]\n",
+            "line 5",
+            "found both",
+        ),
+        ("[[fixed]]\nmeshes = []\n", "line 3", "at least one mesh"),
+        (
+            "fixed = \"a.obj\"\n[loading]\nmemory_mib = 0\n",
+            "line 5",
+            "positive",
+        ),
+        (
+            "fixed = \"a.obj\"\n[loading]\nmemory = 1\n",
+            "line 5",
+            "unknown field `memory`",
+        ),
+    ];
+    for (text, line, message) in cases {
+        let told = with(text);
+        assert!(
+            told.contains(line) && told.contains(message),
+            "{text}: {told}"
+        );
+    }
+    let moved =
+        parse("unit = \"mm\"\nfixed = \"a.obj\"\n[moving]\nmesh = \"b.obj\"\ntable = \"t.zarr\"\n");
+    assert!(moved.unwrap_err().to_string().contains("line 5"));
 }

@@ -24,7 +24,7 @@ pub(super) use well::{analyse, print_well};
 
 pub(super) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
     refuse_unused(args)?;
-    let scene = Scene::read(&args.scene)?;
+    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
     let slice = match &args.slice {
         Some(text) => Some(Slice::parse(text, scene.unit)?),
         None => None,

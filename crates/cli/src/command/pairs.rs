@@ -1,0 +1,255 @@
+//! From a scene with several fixed parts to pairs that are loaded while the loop runs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fft_correlate::{DirectOptions, EnergySource, Pose};
+use glam::DVec3;
+use haptic::scene::{LiveScene, LoadFailure, Loaded, PairSpec, SceneError, SceneOptions};
+use sdf_grid::{Aabb, TriangleMesh};
+
+use super::{Context, bake};
+use crate::assembly::{self, Assembly};
+use crate::error::CommandError;
+use crate::progress::Progress;
+use crate::scene::{EnergyScale, Part, Scene};
+
+/// A scene whose near pairs are in memory.
+pub(super) struct LivePairs {
+    /// The pair of the first fixed part, which decides the energy scale and where the fit is.
+    pub(super) assembly: Assembly,
+    /// All pairs.
+    pub(super) live: LiveScene,
+    /// Their names.
+    pub(super) names: Vec<String>,
+}
+
+impl LivePairs {
+    /// Loads what is in reach of the assembled pose; the rest follows while the loop runs. `table`
+    /// is interpolated for the first fixed part, in place of the scene's.
+    ///
+    /// # Errors
+    /// If a part in reach cannot be loaded or the parts in reach exceed the scene's memory.
+    pub(super) fn start(
+        scene: Scene,
+        table: Option<&Path>,
+        context: &Context,
+    ) -> Result<Self, CommandError> {
+        let parts: Vec<Part> = scene.fixed_parts().cloned().collect();
+        let assembly = Assembly::load(scene.clone().only(Some(&scene.fixed.name))?, context)?;
+        let pivot = assembly.pair.pivot();
+        let mut pairs = Vec::new();
+        for (index, part) in parts.iter().enumerate() {
+            let mut single = scene.clone().only(Some(&part.name))?;
+            single.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
+            let chosen = table.filter(|_| index == 0).map(Path::to_owned);
+            let pair = PairFiles {
+                table: chosen.or_else(|| part.table.clone()),
+                scene: single,
+                pivot,
+            };
+            let first = match index {
+                0 => Some(pair.loaded(Some(&assembly), context)?),
+                _ => None,
+            };
+            pairs.push(pair.spec(&assembly.moving, first, context)?);
+        }
+        let loading = &scene.loading;
+        let longest = assembly.moving.bounds().size().max_element();
+        let options = SceneOptions {
+            pivot,
+            memory: loading.memory.unwrap_or(context.memory),
+            ahead: loading.ahead.unwrap_or(longest),
+            watch: loading.watch,
+        };
+        let start = assembly.assembled();
+        let live = LiveScene::start(pairs, options, &start).map_err(|e| explain(&scene, e))?;
+        Ok(Self {
+            assembly,
+            live,
+            names: parts.into_iter().map(|p| p.name).collect(),
+        })
+    }
+}
+
+fn explain(scene: &Scene, error: SceneError) -> CommandError {
+    let file = scene.path.display();
+    match error {
+        SceneError::Memory {
+            pairs,
+            needed,
+            budget,
+        } => CommandError::input(
+            file.to_string(),
+            "loading.memory_mib",
+            format!("at least {} for {pairs}", in_mebibytes(needed)),
+            in_mebibytes(budget),
+        ),
+        other => CommandError::bad_input(file.to_string(), other),
+    }
+}
+
+fn in_mebibytes(bytes: u64) -> String {
+    format!("{:.1}", bytes as f64 / f64::from(1 << 20))
+}
+
+/// One pair as files.
+#[derive(Clone)]
+struct PairFiles {
+    /// With this fixed part only, and the energy scale of the whole scene.
+    scene: Scene,
+    table: Option<PathBuf>,
+    /// What reaches speak of, moving part's frame.
+    pivot: DVec3,
+}
+
+impl PairFiles {
+    /// `first` is given on the first load.
+    fn spec(
+        self,
+        moving: &TriangleMesh,
+        first: Option<Loaded>,
+        context: &Context,
+    ) -> Result<PairSpec, CommandError> {
+        let (reach, bytes) = match &first {
+            Some(loaded) => (loaded.reach, loaded.bytes),
+            None => self.survey(moving, context)?,
+        };
+        let mut files: Vec<PathBuf> = [&self.scene.fixed, &self.scene.moving]
+            .into_iter()
+            .flat_map(|part| part.meshes.iter().map(|m| m.path.clone()))
+            .collect();
+        files.extend(self.table.iter().map(|t| t.join("zarr.json")));
+        let (name, mut first) = (self.scene.fixed.name.clone(), first);
+        let quiet = Context {
+            progress: Progress::new(true),
+            json: false,
+            memory: context.memory,
+        };
+        let load = move || -> Result<Loaded, LoadFailure> {
+            if let Some(loaded) = first.take() {
+                return Ok(loaded);
+            }
+            // The loop's core is left alone.
+            let threads = rayon::current_num_threads().saturating_sub(1).max(1);
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()?;
+            Ok(pool.install(|| self.loaded(None, &quiet))?)
+        };
+        Ok(PairSpec {
+            name,
+            // Parts are placed when their meshes are read.
+            placement: Pose::IDENTITY,
+            reach,
+            bytes,
+            files,
+            load: Box::new(load),
+        })
+    }
+
+    /// The reach and an upper estimate of the memory, from meshes and metadata alone.
+    fn survey(
+        &self,
+        moving: &TriangleMesh,
+        context: &Context,
+    ) -> Result<(Aabb, u64), CommandError> {
+        if let Some(path) = &self.table {
+            let store = bake::open(path)?;
+            let spec = store.spec();
+            let bytes = spec.bytes(store.grid().nodes().len());
+            return Ok((
+                self.table_reach(spec),
+                u64::try_from(bytes).unwrap_or(u64::MAX),
+            ));
+        }
+        let fixed = assembly::read_part(&self.scene, &self.scene.fixed, context)?;
+        let plan = assembly::plan(&self.scene, &fixed, moving, context)?;
+        let reach = self.direct_reach(&fixed, moving, plan.density.halo);
+        Ok((reach, plan.bytes))
+    }
+
+    fn loaded(&self, known: Option<&Assembly>, context: &Context) -> Result<Loaded, CommandError> {
+        if let Some(path) = &self.table {
+            return self.loaded_table(path, known, context);
+        }
+        let own;
+        let assembly = match known {
+            Some(assembly) => assembly,
+            None => {
+                own = Assembly::load(self.scene.clone(), context)?;
+                &own
+            }
+        };
+        let source = assembly.direct(&DirectOptions::REAL_TIME)?;
+        let halo = assembly.pair.fixed().halo;
+        Ok(Loaded {
+            bytes: source.describe().bytes,
+            source: Arc::new(source) as Arc<dyn EnergySource>,
+            reach: self.direct_reach(&assembly.fixed, &assembly.moving, halo),
+        })
+    }
+
+    /// The table, if it belongs to the parts as they are.
+    fn loaded_table(
+        &self,
+        path: &Path,
+        known: Option<&Assembly>,
+        context: &Context,
+    ) -> Result<Loaded, CommandError> {
+        let hashes = match known {
+            Some(assembly) => assembly.mesh_hashes(),
+            None => {
+                let read = |part| assembly::read_part(&self.scene, part, context);
+                [read(&self.scene.fixed)?, read(&self.scene.moving)?]
+                    .map(|mesh| assembly::hash_text(&mesh))
+            }
+        };
+        let store = bake::open(path)?;
+        store
+            .expect_meshes(&hashes[0], &hashes[1])
+            .map_err(|e| CommandError::bad_input(path.display().to_string(), e))?;
+        let own = known.map(|a| *a.pair.model());
+        if own.is_some_and(|model| model != store.spec().model) {
+            context.progress.note(&format!(
+                "note: {} was baked with another model or energy scale than the scene's; the \
+                 table's counts",
+                path.display()
+            ));
+        }
+        let reach = self.table_reach(store.spec());
+        let bytes = store.spec().bytes(store.grid().nodes().len());
+        Ok(Loaded {
+            source: Arc::new(bake::load(&store, context)?),
+            reach,
+            bytes: u64::try_from(bytes).unwrap_or(u64::MAX),
+        })
+    }
+
+    /// Beyond the halo of one part and the bounds of the other there is no energy. With a
+    /// separation weight the halos of both meet.
+    fn direct_reach(&self, fixed: &TriangleMesh, moving: &TriangleMesh, halo: f64) -> Aabb {
+        let halos = match self.scene.model.separation_weight {
+            0.0 => halo,
+            _ => 2.0 * halo,
+        };
+        // A cell's worth: the densities end within one.
+        let slack = 0.05 * halo;
+        fixed
+            .bounds()
+            .grown(halos + slack + moving.radius_about(self.pivot))
+    }
+
+    /// Two nodes beyond the window the table has faded out.
+    fn table_reach(&self, spec: &fft_correlate::TableSpec) -> Aabb {
+        let window = &spec.window;
+        let own = DVec3::from_array(spec.pivot);
+        let last = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
+        let first = own + window.origin();
+        Aabb {
+            min: first,
+            max: first + last,
+        }
+        .grown(2.0 * window.spacing() + own.distance(self.pivot))
+    }
+}

@@ -1,0 +1,295 @@
+//! Decides which pairs of a scene are in memory: one decision and at most one load per step.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Instant, SystemTime};
+
+use glam::DVec3;
+use sdf_grid::Aabb;
+
+use crate::scene::{
+    Loaded, PairSpec, PairState, SceneChange, SceneError, SceneEvent, SceneOptions,
+};
+use crate::servo::panic_message;
+use crate::{LiveSource, Placed, SumSource};
+
+/// Time and length of each file; `None` for one that is not there.
+type Stamps = Vec<Option<(SystemTime, u64)>>;
+
+struct Slot {
+    spec: PairSpec,
+    loaded: Option<Loaded>,
+    state: PairState,
+    /// The files as they were when last loaded.
+    stamps: Stamps,
+    /// The files as they were at the last look.
+    seen: Stamps,
+    reload: bool,
+}
+
+/// The pairs of a scene and what is loaded of them.
+pub(crate) struct Keeper {
+    slots: Vec<Slot>,
+    options: SceneOptions,
+    source: Arc<LiveSource>,
+    watched: Instant,
+    /// Not yet posted.
+    pub(crate) events: Vec<SceneEvent>,
+}
+
+impl Keeper {
+    /// Nothing loaded; `start` is where the pivot is, scene frame.
+    pub(crate) fn new(
+        pairs: Vec<PairSpec>,
+        options: SceneOptions,
+        start: DVec3,
+    ) -> (Self, Arc<LiveSource>) {
+        let slots: Vec<Slot> = pairs.into_iter().map(Slot::new).collect();
+        let sum = sum(&slots, options.pivot);
+        let source = Arc::new(LiveSource::new(options.pivot, sum, start));
+        let keeper = Self {
+            slots,
+            options,
+            source: Arc::clone(&source),
+            watched: Instant::now(),
+            events: Vec::new(),
+        };
+        (keeper, source)
+    }
+
+    /// Loads every pair in reach of `point`, or says why not.
+    pub(crate) fn load_in_reach(&mut self, point: DVec3) -> Result<(), SceneError> {
+        let near: Vec<usize> = (0..self.slots.len())
+            .filter(|&i| self.slots[i].distance(point) <= 0.0)
+            .collect();
+        for &index in &near {
+            self.load(index).map_err(|source| SceneError::Load {
+                pair: self.slots[index].spec.name.clone(),
+                source,
+            })?;
+        }
+        let (needed, budget) = (self.bytes(), self.options.memory);
+        if needed > budget {
+            let names = near.iter().map(|&i| self.slots[i].spec.name.as_str());
+            return Err(SceneError::Memory {
+                pairs: names.collect::<Vec<_>>().join(", "),
+                needed,
+                budget,
+            });
+        }
+        self.publish();
+        Ok(())
+    }
+
+    /// Marks a pair to be loaded again.
+    pub(crate) fn reload(&mut self, index: usize) {
+        if let Some(slot) = self.slots.get_mut(index) {
+            slot.reload = true;
+        }
+    }
+
+    /// The states of all pairs, into `states`.
+    pub(crate) fn states(&self, states: &mut Vec<PairState>) {
+        states.clear();
+        states.extend(self.slots.iter().map(|s| s.state));
+    }
+
+    /// Looks at the files if it is time, and loads the most urgent pair for a moving part at
+    /// `point`.
+    pub(crate) fn step(&mut self, point: DVec3, now: Instant) {
+        if now.saturating_duration_since(self.watched) >= self.options.watch {
+            self.watched = now;
+            for slot in &mut self.slots {
+                slot.look();
+            }
+        }
+        match self.next(point) {
+            Some(index) if self.make_room(index, point) => self.bring(index),
+            _ => self.source.tend(),
+        }
+    }
+
+    /// The pair to load next: one that changed, else the nearest that is not loaded.
+    fn next(&self, point: DVec3) -> Option<usize> {
+        let slots = || self.slots.iter().enumerate();
+        let stale = slots().find(|(_, s)| s.reload && (s.loaded.is_some() || s.near(self, point)));
+        stale.map(|(i, _)| i).or_else(|| {
+            slots()
+                .filter(|(_, s)| s.loaded.is_none() && s.state != PairState::Failed)
+                .filter(|(_, s)| s.near(self, point))
+                .min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point)))
+                .map(|(i, _)| i)
+        })
+    }
+
+    fn bytes(&self) -> u64 {
+        let loaded = self.slots.iter().filter_map(|s| s.loaded.as_ref());
+        loaded.map(|l| l.bytes).sum()
+    }
+
+    /// Unloads the farthest pairs out of reach until `index` fits. Pairs in reach stay.
+    fn make_room(&mut self, index: usize, point: DVec3) -> bool {
+        let needed = self.slots[index].spec.bytes;
+        let mine = |s: &Slot| s.loaded.as_ref().map_or(0, |l| l.bytes);
+        loop {
+            let others = self.bytes() - mine(&self.slots[index]);
+            if others.saturating_add(needed) <= self.options.memory {
+                return true;
+            }
+            let own = self.slots[index].distance(point);
+            let farthest = (0..self.slots.len())
+                .filter(|&i| i != index && self.slots[i].loaded.is_some())
+                .map(|i| (self.slots[i].distance(point), i))
+                .filter(|(distance, _)| *distance > own.max(0.0))
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, victim)) = farthest else {
+                self.no_room(index, needed, self.options.memory.saturating_sub(others));
+                return false;
+            };
+            self.unload(victim);
+        }
+    }
+
+    fn no_room(&mut self, index: usize, needed: u64, free: u64) {
+        let slot = &mut self.slots[index];
+        slot.reload = false;
+        if slot.state != PairState::NoRoom {
+            slot.state = PairState::NoRoom;
+            self.tell(index, SceneChange::NoRoom { needed, free });
+        }
+    }
+
+    fn unload(&mut self, index: usize) {
+        let slot = &mut self.slots[index];
+        slot.loaded = None;
+        slot.state = PairState::Waiting;
+        self.publish();
+        self.tell(index, SceneChange::Unloaded);
+    }
+
+    /// Loads a pair for which there is room, tells about it and shows it to the readers.
+    fn bring(&mut self, index: usize) {
+        let again = self.slots[index].loaded.is_some();
+        let began = Instant::now();
+        let what = match self.load(index) {
+            Err(why) => SceneChange::Failed(why.to_string()),
+            Ok(bytes) => {
+                let seconds = began.elapsed().as_secs_f64();
+                match again {
+                    true => SceneChange::Reloaded { seconds, bytes },
+                    false => SceneChange::Loaded { seconds, bytes },
+                }
+            }
+        };
+        self.tell(index, what);
+        // It may have turned out larger than expected.
+        if self.bytes() > self.options.memory {
+            let needed = self.slots[index].spec.bytes;
+            self.slots[index].loaded = None;
+            let free = self.options.memory.saturating_sub(self.bytes());
+            self.no_room(index, needed, free);
+        }
+        self.publish();
+    }
+
+    /// Loads a pair; what was loaded before stays if that fails.
+    fn load(&mut self, index: usize) -> Result<u64, crate::scene::LoadFailure> {
+        let slot = &mut self.slots[index];
+        slot.reload = false;
+        slot.stamps = stamps(&slot.spec.files);
+        slot.seen = slot.stamps.clone();
+        // A loader that panics has failed; the pairs that are loaded go on.
+        let load = std::panic::AssertUnwindSafe(&mut slot.spec.load);
+        let result = std::panic::catch_unwind(move || { load }.0())
+            .unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()));
+        match result {
+            Ok(loaded) => {
+                let bytes = loaded.bytes;
+                slot.spec.reach = loaded.reach;
+                slot.spec.bytes = bytes;
+                slot.loaded = Some(loaded);
+                slot.state = PairState::Loaded;
+                Ok(bytes)
+            }
+            Err(why) => {
+                if slot.loaded.is_none() {
+                    slot.state = PairState::Failed;
+                }
+                Err(why)
+            }
+        }
+    }
+
+    fn tell(&mut self, index: usize, what: SceneChange) {
+        self.events.push(SceneEvent {
+            at: Instant::now(),
+            pair: self.slots[index].spec.name.clone(),
+            what,
+        });
+    }
+
+    fn publish(&self) {
+        self.source.publish(sum(&self.slots, self.options.pivot));
+    }
+}
+
+impl Slot {
+    fn new(spec: PairSpec) -> Self {
+        let stamps = stamps(&spec.files);
+        Self {
+            seen: stamps.clone(),
+            stamps,
+            spec,
+            loaded: None,
+            state: PairState::Waiting,
+            reload: false,
+        }
+    }
+
+    /// Metres from the reach to a point of the scene; 0 inside.
+    fn distance(&self, point: DVec3) -> f64 {
+        let at = self.spec.placement.inverse().apply(point);
+        let Aabb { min, max } = self.spec.reach;
+        (min - at).max(at - max).max(DVec3::ZERO).length()
+    }
+
+    fn near(&self, keeper: &Keeper, point: DVec3) -> bool {
+        self.distance(point) <= keeper.options.ahead
+    }
+
+    /// Asks for a reload if the files differ from those loaded and have stood still since the last
+    /// look: a file that is being written is left alone.
+    fn look(&mut self) {
+        let now = stamps(&self.spec.files);
+        let settled = now == self.seen;
+        if settled && now != self.stamps {
+            self.stamps.clone_from(&now);
+            self.reload = true;
+            if self.state == PairState::Failed {
+                self.state = PairState::Waiting;
+            }
+        }
+        self.seen = now;
+    }
+}
+
+fn stamps(files: &[PathBuf]) -> Stamps {
+    let stamp = |path: &PathBuf| {
+        let meta = std::fs::metadata(path).ok()?;
+        Some((meta.modified().ok()?, meta.len()))
+    };
+    files.iter().map(stamp).collect()
+}
+
+fn sum(slots: &[Slot], pivot: DVec3) -> SumSource {
+    let placed = |slot: &Slot| Placed {
+        source: slot.loaded.as_ref().map(|l| Arc::clone(&l.source)),
+        placement: slot.spec.placement,
+        reach: Some(slot.spec.reach),
+    };
+    SumSource::new(pivot, slots.iter().map(placed).collect())
+}
+
+#[cfg(test)]
+#[path = "keeper_tests.rs"]
+mod tests;

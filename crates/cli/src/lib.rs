@@ -11,6 +11,7 @@ pub mod error;
 pub mod exit;
 pub mod figure;
 pub mod memory;
+mod parquet_log;
 pub mod picture;
 pub mod poses;
 pub mod progress;

@@ -1,5 +1,6 @@
 //! Decides which pairs of a scene are in memory: one decision and at most one load per step.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
@@ -199,9 +200,9 @@ impl Keeper {
         slot.stamps = stamps(&slot.spec.files);
         slot.seen = slot.stamps.clone();
         // A loader that panics has failed; the pairs that are loaded go on.
-        let load = std::panic::AssertUnwindSafe(&mut slot.spec.load);
-        let result = std::panic::catch_unwind(move || { load }.0())
-            .unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()));
+        let load = AssertUnwindSafe(|| (slot.spec.load)());
+        let result =
+            catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()));
         match result {
             Ok(loaded) => {
                 let bytes = loaded.bytes;

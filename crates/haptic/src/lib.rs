@@ -15,6 +15,7 @@ mod bundle;
 pub mod config;
 pub mod conformance;
 pub mod coupling;
+mod csv_log;
 pub mod device;
 pub mod gate;
 pub mod hid;

@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fft_correlate::EnergySource;
 
 use crate::config::ConfigError;
+use crate::csv_log::CsvLog;
 use crate::pace::{Due, Pace};
 use crate::realtime::{self, Granted};
-use crate::record::{self, RecordError, Recorder, Sink, Writer};
+use crate::record::{self, RecordError, Recorder, SampleWriter, Writer};
 use crate::report::Tally;
 use crate::{
     Clock, Device, DeviceError, ForcePath, HapticConfig, Outcome, Sample, Workspace, flags,
@@ -46,11 +47,28 @@ impl Viewer {
     }
 }
 
+/// Where every tick is written.
+enum Log {
+    Csv(PathBuf),
+    Other(Box<dyn SampleWriter>),
+}
+
+impl Log {
+    /// A file is created before the run, so that a bad path is told then.
+    fn open(self) -> Result<Box<dyn SampleWriter>, RecordError> {
+        match self {
+            Self::Csv(path) => Ok(Box::new(CsvLog::create(&path)?)),
+            Self::Other(writer) => Ok(writer),
+        }
+    }
+}
+
 /// A loop to be run.
 pub struct Session {
     config: HapticConfig,
     workspace: Workspace,
-    sink: Option<Sink>,
+    log: Option<Log>,
+    keep: bool,
     viewer: Option<triple_buffer::Input<Sample>>,
 }
 
@@ -60,7 +78,8 @@ impl Session {
         Self {
             config,
             workspace,
-            sink: None,
+            log: None,
+            keep: false,
             viewer: None,
         }
     }
@@ -68,14 +87,21 @@ impl Session {
     /// Writes every tick to a CSV file ([`record::COLUMNS`]), which appears whole at the end.
     #[must_use]
     pub fn record_to(mut self, path: impl Into<PathBuf>) -> Self {
-        self.sink = Some(Sink::File(path.into()));
+        self.log = Some(Log::Csv(path.into()));
         self
     }
 
-    /// Gives every tick back in the outcome instead.
+    /// Writes every tick to a file of another format.
+    #[must_use]
+    pub fn record_with(mut self, writer: Box<dyn SampleWriter>) -> Self {
+        self.log = Some(Log::Other(writer));
+        self
+    }
+
+    /// Gives every tick back in the outcome.
     #[must_use]
     pub fn keep_samples(mut self) -> Self {
-        self.sink = Some(Sink::Memory);
+        self.keep = true;
         self
     }
 
@@ -107,12 +133,13 @@ impl Session {
             self.workspace,
             source.scratch(),
         )?;
-        let (recorder, writer) = match self.sink {
-            Some(sink) => {
-                let (r, w) = record::start(sink, clock == Clock::Simulated)?;
+        let file = self.log.map(Log::open).transpose()?;
+        let (recorder, writer) = match file.is_some() || self.keep {
+            true => {
+                let (r, w) = record::start(file, self.keep, clock == Clock::Simulated)?;
                 (Some(r), Some(w))
             }
-            None => (None, None),
+            false => (None, None),
         };
         let mut state = State {
             path,

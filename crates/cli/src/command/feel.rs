@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use haptic::scene::PairState;
-use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script, read_log};
+use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
 
 use super::feel_report::{Run, page, privileges, told};
 use super::pairs::LivePairs;
@@ -11,6 +11,7 @@ use super::plot::force_chart;
 use super::{Context, devices, hand, print_json, require_folder};
 use crate::args::{FeelArgs, ScriptChoice};
 use crate::error::CommandError;
+use crate::parquet_log;
 use crate::progress::interrupted;
 use crate::scene::Scene;
 use crate::{atomic, picture};
@@ -25,6 +26,9 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     }
     for output in [&args.log, &args.png, &args.report].into_iter().flatten() {
         require_folder(output)?;
+    }
+    if let Some(log) = &args.log {
+        parquet_log::require(log)?;
     }
     let script = match args.script {
         ScriptChoice::Collision => Script::Collision,
@@ -49,16 +53,12 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
         device.as_mut(),
         args.seconds,
         Clock::Real,
-        args.log.as_deref(),
+        hand::Keep {
+            log: args.log.as_deref(),
+            samples: args.png.is_some() || args.report.is_some(),
+        },
     )?;
-    let read;
-    let samples: &[Sample] = match &args.log {
-        Some(path) if args.png.is_some() || args.report.is_some() => {
-            read = read_log(path).map_err(|e| CommandError::failure("reading the log", e))?;
-            &read
-        }
-        _ => &outcome.samples,
-    };
+    let samples = &outcome.samples;
     if let Some(path) = &args.png {
         draw(path, samples, title(script, &outcome.report.device))?;
     }

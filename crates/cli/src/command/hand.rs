@@ -9,9 +9,11 @@ use haptic::{
 
 use crate::assembly::Assembly;
 use crate::error::CommandError;
+use crate::parquet_log;
 use crate::progress::cancel_flag;
 
-/// [`run`] with the simulated hand, which follows `script`.
+/// [`run`] with the simulated hand, which follows `script`; every sample is in the outcome or, if
+/// `log` is given, in that file instead.
 pub(super) fn run_simulated(
     assembly: &Assembly,
     source: &dyn EnergySource,
@@ -21,7 +23,11 @@ pub(super) fn run_simulated(
     log: Option<&Path>,
 ) -> Result<Outcome, CommandError> {
     let mut hand = simulated(assembly, source, script, seconds);
-    run(assembly, source, &mut hand, seconds, clock, log)
+    let keep = Keep {
+        log,
+        samples: log.is_none(),
+    };
+    run(assembly, source, &mut hand, seconds, clock, keep)
 }
 
 /// The simulated hand at the start of `script`.
@@ -39,20 +45,35 @@ pub(super) fn simulated(
     SimulatedHand::new(hand, script, geometry, workspace(assembly))
 }
 
-/// Runs the loop for `seconds` on `clock`, with every sample in the outcome or, if `log` is given,
-/// in that file instead.
+/// What is kept of every tick.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Keep<'a> {
+    /// In a file: CSV, or Parquet if it ends so.
+    pub(super) log: Option<&'a Path>,
+    /// In the outcome.
+    pub(super) samples: bool,
+}
+
+/// Runs the loop for `seconds` on `clock`.
 pub(super) fn run(
     assembly: &Assembly,
     source: &dyn EnergySource,
     device: &mut dyn Device,
     seconds: f64,
     clock: Clock,
-    log: Option<&Path>,
+    keep: Keep<'_>,
 ) -> Result<Outcome, CommandError> {
     let session = Session::new(assembly.scene.device.clone(), workspace(assembly));
-    let session = match log {
+    let session = match keep.log {
+        Some(path) if parquet_log::is_parquet(path) => {
+            session.record_with(parquet_log::create(path)?)
+        }
         Some(path) => session.record_to(path),
-        None => session.keep_samples(),
+        None => session,
+    };
+    let session = match keep.samples {
+        true => session.keep_samples(),
+        false => session,
     };
     session
         .run(device, source, clock, seconds, cancel_flag())

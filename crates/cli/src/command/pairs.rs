@@ -208,7 +208,7 @@ impl PairFiles {
         let store = bake::open(path)?;
         store
             .expect_meshes(&hashes[0], &hashes[1])
-            .map_err(|e| CommandError::bad_input(path.display().to_string(), e))?;
+            .map_err(|e| CommandError::bad_input("table", e))?;
         let own = known.map(|a| *a.pair.model());
         if own.is_some_and(|model| model != store.spec().model) {
             context.progress.note(&format!(

@@ -9,4 +9,5 @@ mod dock_and_feel;
 mod field;
 mod interrupt;
 mod plot;
+mod scenes;
 mod score;

@@ -1,0 +1,154 @@
+//! What a tick of the haptic loop costs, without the field and against the number of parts:
+//! `runtime [--quick] [--out DIR]`.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, EnergySource, Pose, Response, ScoreModel, Scratch, Wrench,
+};
+use glam::DVec3;
+use haptic::{
+    Clock, Device, ForcePath, Geometry, HandConfig, HapticConfig, LiveSource, Placed, Script,
+    Session, SimulatedHand, SumSource, Workspace,
+};
+use pegfit_benches::{Arguments, Outcome, example};
+use sdf_grid::shapes::PegInHole;
+use sdf_grid::{Aabb, Sampling};
+
+/// Quadrature points of a pair: a part among many gets few.
+const POINTS: usize = 1_000;
+
+/// Metres between parts that stand apart.
+const APART: f64 = 0.2;
+
+/// A field that costs nothing: a bowl.
+struct Bowl;
+
+impl EnergySource for Bowl {
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+        let p = pose.translation;
+        Response {
+            energy: 50.0 * p.length_squared(),
+            wrench: Wrench {
+                torque: DVec3::ZERO,
+                force: p * -100.0,
+            },
+            coverage: 1.0,
+        }
+    }
+}
+
+fn main() -> Outcome<()> {
+    let arguments = Arguments::parse()?;
+    let ticks = if arguments.quick { 4_000 } else { 20_000 };
+    overhead(ticks)?;
+    let pair = example(
+        PegInHole::Rectangular,
+        &ScoreModel::GUIDED,
+        2.5e-3,
+        Sampling::CellAverage,
+    )?;
+    let options = DirectOptions {
+        max_points: Some(POINTS),
+        ..DirectOptions::REAL_TIME
+    };
+    let source: Arc<dyn EnergySource> = Arc::new(DirectEvaluator::new(&pair, &options)?);
+    let counts = [1usize, 2, 4, 8, 16, 32, 64];
+    println!("\nparts           in range   ns per tick: median       p99");
+    for in_range in [1, 4, 16, 64] {
+        for parts in counts.into_iter().filter(|n| *n >= in_range) {
+            let sum = scene(&source, parts, in_range);
+            let [median, p99] = tick_times(&sum, ticks / in_range.min(8))?;
+            println!("{parts:>5}{in_range:>20}{median:>26.0}{p99:>10.0}");
+        }
+    }
+    Ok(())
+}
+
+/// `parts` parts, of which `in_range` stand where the hand is and the rest in a row.
+fn scene(source: &Arc<dyn EnergySource>, parts: usize, in_range: usize) -> SumSource {
+    let placed = (0..parts).map(|k| {
+        let away = k.saturating_sub(in_range - 1) as f64 * APART;
+        Placed {
+            source: Some(Arc::clone(source)),
+            placement: Pose::from_translation(DVec3::new(away, 0.0, 0.0)),
+            reach: Some(Aabb {
+                min: DVec3::splat(-0.05),
+                max: DVec3::splat(0.05),
+            }),
+        }
+    });
+    SumSource::new(DVec3::ZERO, placed.collect())
+}
+
+fn hand() -> (SimulatedHand, Workspace) {
+    let geometry = Geometry {
+        seated: Pose::IDENTITY,
+        axis: DVec3::NEG_Z,
+        depth: 0.02,
+        radius: 0.006,
+        tilt: 0.05,
+    };
+    let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
+    let hand = SimulatedHand::new(HandConfig::default(), Script::Snap, geometry, workspace);
+    (hand, workspace)
+}
+
+/// Nanoseconds of a tick of the force path with its evaluations, median and 99 of 100; the hand's
+/// own physics is left out.
+fn tick_times(source: &dyn EnergySource, ticks: usize) -> Outcome<[f64; 2]> {
+    let (mut hand, workspace) = hand();
+    let config = HapticConfig::default();
+    let mut path = ForcePath::new(hand.spec(), &config, workspace, source.scratch())?;
+    let period = config.period();
+    let mut times = Vec::with_capacity(ticks);
+    for tick in 0..ticks {
+        let now = tick as f64 * period;
+        let input = hand.poll(now)?;
+        let began = Instant::now();
+        let sample = path.step(source, Some(&input), now, period);
+        times.push(began.elapsed().as_secs_f64() * 1e9);
+        hand.send(&sample.wrench)?;
+    }
+    times.sort_by(f64::total_cmp);
+    Ok([times[ticks / 2], times[ticks * 99 / 100]])
+}
+
+/// A tick without the field's cost: the force path alone, through a scene that may be exchanged,
+/// and the whole loop with and without a log.
+fn overhead(ticks: usize) -> Outcome<()> {
+    println!("without the field                 ns per tick: median       p99");
+    let [median, p99] = tick_times(&Bowl, ticks)?;
+    println!("force path{median:>44.0}{p99:>10.0}");
+    let placed = Placed {
+        source: Some(Arc::new(Bowl)),
+        placement: Pose::IDENTITY,
+        reach: None,
+    };
+    let sum = SumSource::new(DVec3::ZERO, vec![placed]);
+    let live = LiveSource::new(DVec3::ZERO, sum, DVec3::ZERO);
+    let [median, p99] = tick_times(&live, ticks)?;
+    println!("force path, scene of one part{median:>25.0}{p99:>10.0}");
+    let folder = std::env::temp_dir().join(format!("pegfit-runtime-{}.csv", std::process::id()));
+    for log in [false, true] {
+        let (mut hand, workspace) = hand();
+        let session = Session::new(HapticConfig::default(), workspace);
+        let session = match log {
+            true => session.record_to(&folder),
+            false => session,
+        };
+        let stop = AtomicBool::new(false);
+        let seconds = ticks as f64 * 1e-3;
+        let outcome = session.run(&mut hand, &Bowl, Clock::Simulated, seconds, &stop)?;
+        let q = outcome.report.latency_us;
+        let name = ["loop, simulated hand", "loop, simulated hand, log"][usize::from(log)];
+        println!("{name:<30}{:>24.0}{:>10.0}", 1e3 * q.p50, 1e3 * q.p99);
+    }
+    Ok(std::fs::remove_file(folder)?)
+}

@@ -35,6 +35,18 @@ impl Arguments {
     /// # Errors
     /// If an option is unknown, or the directory cannot be made.
     pub fn parse() -> Outcome<Self> {
+        let arguments = Self::parse_known()?;
+        match arguments.rest.iter().find(|a| a.starts_with('-')) {
+            Some(option) => Err(format!("unknown option {option}; known: --quick, --out").into()),
+            None => Ok(arguments),
+        }
+    }
+
+    /// The same, with options that it does not know left in [`Arguments::rest`].
+    ///
+    /// # Errors
+    /// If the directory cannot be made.
+    pub fn parse_known() -> Outcome<Self> {
         let mut arguments = Self {
             quick: false,
             out: PathBuf::from("out"),
@@ -45,9 +57,6 @@ impl Arguments {
             match word.as_str() {
                 "--quick" => arguments.quick = true,
                 "--out" => arguments.out = words.next().ok_or("--out needs a directory")?.into(),
-                option if option.starts_with('-') => {
-                    return Err(format!("unknown option {option}; known: --quick, --out").into());
-                }
                 _ => arguments.rest.push(word),
             }
         }

@@ -174,6 +174,12 @@ pub struct DockArgs {
     /// Poses found, best first; - is standard output
     #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
     pub output: PathBuf,
+    /// Report to write: poses, model, rotations, times
+    #[arg(long, value_name = "REPORT.json")]
+    pub report: Option<PathBuf>,
+    /// Keep what has been scored in this file, and go on with it if it is there
+    #[arg(long, value_name = "STATE.json")]
+    pub state: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit feel`.

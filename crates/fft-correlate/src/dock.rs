@@ -1,14 +1,30 @@
 //! Docking: the best poses of a pair over many rotations and all translations of a window.
+//!
+//! [`dock`] scores given rotations on one lattice and refines the best; [`search`](search::search)
+//! is the whole product: from a coarse lattice and any rotation to a few refined poses on a fine
+//! one, resumable, with a report.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+mod lattices;
+mod measure;
+mod rotations;
+mod scan;
+mod search;
+mod state;
 
 use glam::{DQuat, DVec3};
-use ndarray::Array3;
 use rayon::prelude::*;
 use sdf_grid::{DensityField, Monitor};
 
-use crate::peaks::{PoseSpacing, half_width, top_peaks};
+pub use lattices::{SearchLattices, domain_rotations};
+pub use rotations::{search_rotations, symmetry_group};
+use scan::{Candidate, Scan};
+pub use search::{
+    DOCKING_RATIO, FoundPose, SearchDomain, SearchError, SearchOptions, SearchReport, SearchStage,
+    search,
+};
+pub use state::StateError;
+
+use crate::peaks::PoseSpacing;
 use crate::refine::Descent;
 use crate::{CorrelateError, Correlator, EnergySource, Pair, Pose, TranslationWindow};
 
@@ -118,15 +134,6 @@ pub enum DockError {
     Cancelled,
 }
 
-/// A pose on the lattice, before refinement.
-struct Candidate {
-    pose: Pose,
-    rotation: usize,
-    index: [usize; 3],
-    energy: f64,
-    half_width: f64,
-}
-
 /// Scores every rotation over the window, keeps the best local maxima of each, and returns the
 /// lowest distinct poses, refined on `refine` if given. Rotations run in parallel on rayon's
 /// threads; the result does not depend on their number. When the monitor cancels, what was scored
@@ -144,33 +151,35 @@ pub fn dock(
     refine: Option<&dyn EnergySource>,
     monitor: &dyn Monitor,
 ) -> Result<Docking, DockError> {
-    if rotations.is_empty() {
-        return Err(DockError::NoRotations);
-    }
-    let valid = |q: &DQuat| q.is_finite() && (q.length() - 1.0).abs() < 1e-6;
-    if let Some(index) = rotations.iter().position(|q| !valid(q)) {
-        let found = rotations[index];
-        return Err(DockError::Rotation { index, found });
-    }
+    check_rotations(rotations)?;
     let correlator = Correlator::plan(pair, window)?;
-    let (mut candidates, scored) = scan(pair, &correlator, rotations, window, options, monitor);
+    let scan = Scan {
+        pair,
+        correlator: &correlator,
+        window,
+        per_rotation: options.per_rotation,
+        distance: options.spacing.distance,
+    };
+    monitor.begin("scoring rotations", rotations.len() as u64);
+    let (mut candidates, scored) = scan.run(rotations, 0..rotations.len(), monitor);
     if scored == 0 {
         return Err(DockError::Cancelled);
     }
-    candidates.sort_by(|a, b| {
-        let order = a.energy.total_cmp(&b.energy);
-        order.then((a.rotation, a.index).cmp(&(b.rotation, b.index)))
-    });
+    scan::sort(&mut candidates);
     let refine = refine.filter(|_| !monitor.cancelled());
     let wanted = if refine.is_some() {
         options.refined.max(options.top)
     } else {
         options.top
     };
+    let found: Vec<_> = candidates
+        .iter()
+        .map(|c| scan.docked(rotations, c))
+        .collect();
     let kept = options
         .spacing
-        .distinct(candidates.iter().map(|c| &c.pose), wanted);
-    let mut poses: Vec<DockedPose> = kept.iter().map(|i| candidates[*i].docked()).collect();
+        .distinct(found.iter().map(|c| &c.pose), wanted);
+    let mut poses: Vec<DockedPose> = kept.into_iter().map(|i| found[i]).collect();
     if let Some(source) = refine {
         monitor.begin("refining poses", poses.len() as u64);
         poses.par_iter_mut().for_each(|p| {
@@ -200,6 +209,20 @@ pub fn dock(
     })
 }
 
+fn check_rotations(rotations: &[DQuat]) -> Result<(), DockError> {
+    if rotations.is_empty() {
+        return Err(DockError::NoRotations);
+    }
+    let valid = |q: &DQuat| q.is_finite() && (q.length() - 1.0).abs() < 1e-6;
+    match rotations.iter().position(|q| !valid(q)) {
+        Some(index) => Err(DockError::Rotation {
+            index,
+            found: rotations[index],
+        }),
+        None => Ok(()),
+    }
+}
+
 /// Whether a displacement lies within half a cell of the window's nodes.
 fn covers(window: &TranslationWindow, displacement: DVec3) -> bool {
     let bounds = window.lattice().node_bounds();
@@ -208,68 +231,17 @@ fn covers(window: &TranslationWindow, displacement: DVec3) -> bool {
         .contains(displacement)
 }
 
-impl Candidate {
-    fn docked(&self) -> DockedPose {
+impl Scan<'_> {
+    fn docked(&self, rotations: &[DQuat], candidate: &Candidate) -> DockedPose {
         DockedPose {
-            pose: self.pose,
-            energy: self.energy,
+            pose: self.pose(rotations, candidate),
+            energy: candidate.energy,
             refined: false,
-            lattice_energy: self.energy,
-            half_width: self.half_width,
-            rotation: self.rotation,
+            lattice_energy: candidate.energy,
+            half_width: candidate.half_width.unwrap_or(f64::INFINITY),
+            rotation: candidate.rotation,
         }
     }
-}
-
-/// The best local maxima of every rotation, in no particular order, and how many rotations were
-/// scored.
-fn scan(
-    pair: &Pair,
-    correlator: &Correlator,
-    rotations: &[DQuat],
-    window: &TranslationWindow,
-    options: &DockOptions,
-    monitor: &dyn Monitor,
-) -> (Vec<Candidate>, usize) {
-    monitor.begin("scoring rotations", rotations.len() as u64);
-    let next = AtomicUsize::new(0);
-    let scored = AtomicUsize::new(0);
-    let found = Mutex::new(Vec::new());
-    let threads = rayon::current_num_threads().min(rotations.len());
-    // One scratch per thread, and rotations handed out one by one.
-    (0..threads).into_par_iter().for_each(|_| {
-        let mut scratch = correlator.scratch();
-        let mut score = Array3::zeros(window.shape());
-        let mut own = Vec::new();
-        while !monitor.cancelled() {
-            let rotation = next.fetch_add(1, Ordering::Relaxed);
-            let Some(q) = rotations.get(rotation) else {
-                break;
-            };
-            correlator.score(*q, &mut scratch, score.view_mut());
-            let radius = options.spacing.distance / pair.spacing();
-            for peak in top_peaks(score.view(), options.per_rotation, radius) {
-                let width = half_width(score.view(), &peak).unwrap_or(f64::INFINITY);
-                own.push(Candidate {
-                    pose: pair.pose(*q, window.displacement(peak.index)),
-                    rotation,
-                    index: peak.index,
-                    energy: -pair.model().gamma * peak.score as f64,
-                    half_width: width * pair.spacing(),
-                });
-            }
-            scored.fetch_add(1, Ordering::Relaxed);
-            monitor.advance(1);
-        }
-        lock(&found).append(&mut own);
-    });
-    let candidates = std::mem::take(&mut *lock(&found));
-    (candidates, scored.into_inner())
-}
-
-/// The list behind the lock; a panic elsewhere leaves it whole, because it is only appended to.
-fn lock<T>(list: &Mutex<T>) -> MutexGuard<'_, T> {
-    list.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

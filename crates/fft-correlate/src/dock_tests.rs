@@ -1,6 +1,6 @@
 use std::f64::consts::{FRAC_PI_6, PI};
 use std::sync::LazyLock;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec2, DVec3};
 use sdf_grid::{Silent, shapes};

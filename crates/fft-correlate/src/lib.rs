@@ -38,7 +38,11 @@ pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratc
 pub use correlate_fields::correlate_fields;
 pub use deaverage::{averaging_strength, deaveraged};
 pub use direct::{DirectError, DirectEvaluator, DirectOptions};
-pub use dock::{DockError, DockOptions, DockedPose, Docking, dock};
+pub use dock::{
+    DockError, DockOptions, DockedPose, Docking, FoundPose, SearchDomain, SearchError,
+    SearchLattices, SearchOptions, SearchReport, dock, domain_rotations, search, search_rotations,
+    symmetry_group,
+};
 pub use energy::{EnergySource, Response, Scratch};
 pub use launcher::Launcher;
 pub use model::{ModelError, ScoreModel};

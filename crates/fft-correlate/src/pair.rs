@@ -125,6 +125,14 @@ impl Pair {
         })
     }
 
+    /// The same densities and pivot under another model.
+    ///
+    /// # Errors
+    /// If the model is out of range or its sigma is not that of the densities.
+    pub fn with_model(&self, model: ScoreModel) -> Result<Self, PairError> {
+        Self::new(self.fixed.clone(), self.moving.clone(), model, self.pivot)
+    }
+
     /// The moving part's pivot, metres in its own frame.
     pub fn pivot(&self) -> DVec3 {
         self.pivot

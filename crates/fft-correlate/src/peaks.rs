@@ -134,16 +134,21 @@ impl PoseSpacing {
         poses: impl IntoIterator<Item = &'a Pose>,
         count: usize,
     ) -> Vec<usize> {
-        let mut kept: Vec<(usize, &Pose)> = Vec::new();
+        // No symmetry moves the pivot farther than this: most pairs need no closer look.
+        let moved = |s: &Pose| s.apply(self.pivot).distance(self.pivot);
+        let reach = self.distance + self.symmetries.iter().map(moved).fold(0.0, f64::max);
+        let mut kept: Vec<(usize, &Pose, DVec3)> = Vec::new();
         for (index, pose) in poses.into_iter().enumerate() {
             if kept.len() == count {
                 break;
             }
-            if !kept.iter().any(|(_, k)| self.same(k, pose)) {
-                kept.push((index, pose));
+            let place = pose.apply(self.pivot);
+            let near = |k: &DVec3| k.distance(place) <= reach;
+            if !kept.iter().any(|(_, k, at)| near(at) && self.same(k, pose)) {
+                kept.push((index, pose, place));
             }
         }
-        kept.into_iter().map(|(index, _)| index).collect()
+        kept.into_iter().map(|(index, ..)| index).collect()
     }
 }
 

@@ -1,9 +1,13 @@
-//! `pegfit dock`: the best poses over a scene's whole domain.
+//! `pegfit dock`: where does the moving part belong?
 
 use std::path::Path;
-use std::time::Instant;
 
-use fft_correlate::{DirectOptions, DockError, DockOptions, DockedPose, Docking, dock};
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, DockError, FoundPose, Pair, PairBuilder, PairPlan,
+    RotationDomain, ScoreModel, SearchDomain, SearchError, SearchLattices, SearchOptions,
+    SearchReport, TranslationWindow, domain_rotations, symmetry_group,
+};
+use sdf_grid::{Aabb, FieldCache};
 use serde::Serialize;
 
 use super::{Context, print_json, require_folder};
@@ -11,30 +15,52 @@ use crate::args::DockArgs;
 use crate::assembly::Assembly;
 use crate::atomic;
 use crate::error::CommandError;
+use crate::memory;
 use crate::poses::{POSE_COLUMNS, pose_fields};
 use crate::progress::interrupted;
-use crate::scene::Scene;
+use crate::scene::{LatticeStep, Scene};
 
 /// More poses than anybody reads.
 const MOST: usize = 100_000;
+
+/// Angle between rotations of a scene that names none, degrees.
+const STEP_DEG: f64 = 15.0;
 
 #[derive(Serialize)]
 struct Summary {
     rotations: usize,
     rotations_scored: usize,
+    rotations_resumed: usize,
     displacements: usize,
+    transform_size: [usize; 3],
+    spacings: [f64; 2],
+    docking_model: ScoreModel,
+    stages: Vec<fft_correlate::dock::SearchStage>,
     seconds: f64,
     milliseconds_per_rotation: f64,
     poses: Vec<Found>,
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Found {
     position: [f64; 3],
     rotation: [f64; 4],
+    /// Under the docking weights, joules: the order of the list.
     energy: f64,
-    refined: bool,
+    /// Of the best pose's depth.
+    depth: f64,
+    /// Under the scene's model, joules.
+    model_energy: f64,
     half_width: Option<f64>,
+    overlap: f64,
+    refined: bool,
+}
+
+/// A search and what it was done on.
+struct Searched {
+    report: SearchReport,
+    lattices: SearchLattices,
+    poses: Vec<Found>,
 }
 
 pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError> {
@@ -43,23 +69,38 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         return Err(CommandError::option("--top", expected, args.top));
     }
     let to_stdout = args.output == Path::new("-");
-    if !to_stdout {
-        require_folder(&args.output)?;
+    for file in [
+        (!to_stdout).then_some(&args.output),
+        args.report.as_ref(),
+        args.state.as_ref(),
+    ] {
+        file.map_or(Ok(()), |f| require_folder(f))?;
     }
     let assembly = Assembly::load(
         Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
         context,
     )?;
-    let began = Instant::now();
-    let docking = search(&assembly, args.top, context)?;
-    let seconds = began.elapsed().as_secs_f64();
+    let found = look(&assembly, args.top, args.state.as_deref(), context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
-            write(&docking, out)
+            write(&found, out)
                 .map_err(|e| CommandError::failure(args.output.display().to_string(), e))
         })?;
     }
-    report(&assembly, &docking, seconds, to_stdout, context)?;
+    let summary = found.summary();
+    if let Some(path) = &args.report {
+        let text = serde_json::to_vec_pretty(&summary)
+            .map_err(|e| CommandError::failure(path.display().to_string(), e))?;
+        atomic::write(path, &text)?;
+    }
+    if context.json {
+        print_json(&summary)?;
+    } else if to_stdout {
+        write(&found, std::io::stdout().lock())
+            .map_err(|e| CommandError::failure("writing standard output", e))?;
+    } else {
+        say(&assembly, &found);
+    }
     // What was scored before Ctrl-C has been written; the exit code says that it is not all.
     match interrupted() {
         true => Err(CommandError::Interrupted),
@@ -67,99 +108,230 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     }
 }
 
-/// Docks over the scene's rotations and window and refines with the direct evaluator.
+/// The best poses of a scene, without a state file.
 pub(super) fn search(
     assembly: &Assembly,
     top: usize,
     context: &Context,
-) -> Result<Docking, CommandError> {
-    let grid = assembly.rotation_grid()?;
-    let window = assembly.window()?;
-    assembly.require_correlation_memory(&window, context)?;
-    let source = assembly.direct(&DirectOptions::FULL)?;
-    let mut options = DockOptions::new(&assembly.pair, top);
-    options.spacing.symmetries = assembly.symmetry_turns();
-    let found = dock(
-        &assembly.pair,
-        grid.nodes(),
-        &window,
-        &options,
-        Some(&source),
-        &context.progress,
-    )
-    .map_err(|e| match e {
-        DockError::Cancelled => CommandError::Interrupted,
+) -> Result<SearchReport, CommandError> {
+    Ok(look(assembly, top, None, context)?.report)
+}
+
+/// Searches the scene's rotations and window, or everywhere if it names none.
+fn look(
+    assembly: &Assembly,
+    top: usize,
+    state: Option<&Path>,
+    context: &Context,
+) -> Result<Searched, CommandError> {
+    let (lattices, [coarse, fine]) = pairs(assembly, context)?;
+    let domain = domain(assembly, &lattices)?;
+    require_memory(assembly, &lattices, &domain.places, context)?;
+    let options = SearchOptions {
+        top,
+        coarse_poses: (10 * top).max(100),
+        fine_poses: (3 * top / 2).max(16),
+        ..SearchOptions::default()
+    };
+    let found = fft_correlate::search(&coarse, &fine, &domain, &options, state, &context.progress);
+    let report = found.map_err(|e| match e {
+        SearchError::Dock(DockError::Cancelled) => CommandError::Interrupted,
         other => CommandError::bad_input(assembly.context("docking"), other),
     })?;
     context.progress.finish();
-    Ok(found)
+    let fine = fine
+        .with_model(*assembly.pair.model())
+        .map_err(|e| CommandError::bad_input(assembly.context("model"), e))?;
+    let source = DirectEvaluator::new(&fine, &DirectOptions::FULL)
+        .map_err(|e| CommandError::bad_input(assembly.context("docking"), e))?;
+    let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
+    let told = |p: &FoundPose| Found {
+        position: p.pose.translation.to_array(),
+        rotation: p.pose.rotation.to_array(),
+        energy: p.energy,
+        depth: if deepest < 0.0 {
+            p.energy / deepest
+        } else {
+            0.0
+        },
+        model_energy: source.evaluate_full(&p.pose).response.energy,
+        half_width: p.half_width,
+        overlap: p.overlap,
+        refined: p.refined,
+    };
+    Ok(Searched {
+        poses: report.poses.iter().map(told).collect(),
+        report,
+        lattices,
+    })
 }
 
-fn write(docking: &Docking, out: impl std::io::Write) -> csv::Result<()> {
+/// The parts on the two lattices of a search. A spacing or halo that the scene gives is kept for
+/// the fine one.
+fn pairs(
+    assembly: &Assembly,
+    context: &Context,
+) -> Result<(SearchLattices, [Pair; 2]), CommandError> {
+    let scene = &assembly.scene;
+    let (fixed, moving) = (&assembly.fixed, &assembly.moving);
+    let mut lattices = SearchLattices::new(moving);
+    if scene.lattice.step != LatticeStep::Automatic {
+        lattices.fine = assembly.pair.spacing();
+        lattices.coarse = lattices.coarse.max(lattices.fine);
+    }
+    if let Some(halo) = scene.lattice.halo {
+        lattices.halo = halo;
+    }
+    let builder = PairBuilder {
+        tolerance: scene.lattice.field_tolerance,
+        sampling: scene.lattice.sampling,
+        deaverage: scene.lattice.deaverage,
+        memory_limit: Some(context.memory),
+        ..PairBuilder::default()
+    };
+    let bad = |e| CommandError::bad_input(assembly.context("docking"), e);
+    let plans = lattices
+        .plans(fixed, moving, assembly.pair.model(), &builder)
+        .map_err(bad)?;
+    let cache = FieldCache::new(&scene.cache)
+        .map_err(|e| CommandError::failure(assembly.context("cache"), e))?;
+    let build = |plan: &PairPlan| {
+        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
+            cache.get_or_compute(mesh, kernel, lattice, options, &context.progress)
+        })
+        .map_err(|e| match interrupted() {
+            true => CommandError::Interrupted,
+            false => bad(e),
+        })
+    };
+    Ok((lattices, [build(&plans[0])?, build(&plans[1])?]))
+}
+
+fn domain(assembly: &Assembly, lattices: &SearchLattices) -> Result<SearchDomain, CommandError> {
+    let scene = &assembly.scene;
+    let everywhere = RotationDomain::full(STEP_DEG);
+    let rotations = match scene.rotations_given {
+        true => &scene.rotations,
+        false => &everywhere,
+    };
+    let (rotations, step) = domain_rotations(rotations, &assembly.moving_symmetry)
+        .map_err(|e| CommandError::bad_input(assembly.context("rotations"), e))?;
+    let places = match scene.window.half_extent {
+        Some(half) => {
+            let middle = scene.window.center + assembly.assembled().apply(lattices.pivot);
+            Aabb {
+                min: middle - half,
+                max: middle + half,
+            }
+        }
+        None => lattices.places(&assembly.fixed.bounds()),
+    };
+    Ok(SearchDomain {
+        rotations,
+        step,
+        places,
+        symmetries: symmetry_group(&assembly.moving_symmetry),
+    })
+}
+
+/// Refuses a window whose correlation would not fit in memory: transforms cover the window and the
+/// moving part; one field per product and a work space per thread, 8 bytes per point, lengths
+/// rounded up by at most a tenth.
+fn require_memory(
+    assembly: &Assembly,
+    lattices: &SearchLattices,
+    places: &Aabb,
+    context: &Context,
+) -> Result<(), CommandError> {
+    let window = TranslationWindow::new(
+        places.min - lattices.pivot,
+        places.max - lattices.pivot,
+        lattices.coarse,
+    )
+    .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
+    let moving = 2.0 * (lattices.radius + lattices.halo) / lattices.coarse + 2.0;
+    let lengths = window.shape().map(|w| 1.1 * (w as f64 + moving));
+    let fields = 2.0 + 2.0 * rayon::current_num_threads() as f64;
+    let bytes = 8.0 * lengths.iter().product::<f64>() * fields;
+    let what = assembly.context("the correlation");
+    memory::require(&what, bytes as u64, context.memory)
+}
+
+impl Searched {
+    fn summary(&self) -> Summary {
+        let report = &self.report;
+        Summary {
+            rotations: report.rotations,
+            rotations_scored: report.scored,
+            rotations_resumed: report.resumed,
+            displacements: report.window.iter().product(),
+            transform_size: report.transform_size,
+            spacings: [self.lattices.coarse, self.lattices.fine],
+            docking_model: report.model,
+            stages: report.stages.clone(),
+            seconds: report.seconds(),
+            milliseconds_per_rotation: 1e3 * report.seconds_per_rotation(),
+            poses: self.poses.clone(),
+        }
+    }
+}
+
+fn write(found: &Searched, out: impl std::io::Write) -> csv::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
-    let more = ["energy", "half_width", "refined"];
+    let more = [
+        "energy",
+        "depth",
+        "model_energy",
+        "half_width",
+        "overlap",
+        "refined",
+    ];
     rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
-    for found in &docking.poses {
-        for value in pose_fields(&found.pose) {
+    for (pose, told) in found.report.poses.iter().zip(&found.poses) {
+        for value in pose_fields(&pose.pose) {
             rows.write_field(value.to_string())?;
         }
-        rows.write_field(found.energy.to_string())?;
-        rows.write_field(found.half_width.to_string())?;
-        rows.write_field(found.refined.to_string())?;
+        let width = told.half_width.unwrap_or(f64::INFINITY);
+        for value in [
+            told.energy,
+            told.depth,
+            told.model_energy,
+            width,
+            told.overlap,
+        ] {
+            rows.write_field(value.to_string())?;
+        }
+        rows.write_field(told.refined.to_string())?;
         rows.write_record(None::<&[u8]>)?;
     }
     Ok(rows.flush()?)
 }
 
-fn report(
-    assembly: &Assembly,
-    docking: &Docking,
-    seconds: f64,
-    to_stdout: bool,
-    context: &Context,
-) -> Result<(), CommandError> {
-    let per_rotation = 1e3 * seconds / docking.scored.max(1) as f64;
-    if context.json {
-        return print_json(&Summary {
-            rotations: docking.rotations,
-            rotations_scored: docking.scored,
-            displacements: assembly.window()?.lattice().len(),
-            seconds,
-            milliseconds_per_rotation: per_rotation,
-            poses: docking.poses.iter().map(found).collect(),
-        });
-    }
-    if to_stdout {
-        return write(docking, std::io::stdout().lock())
-            .map_err(|e| CommandError::failure("writing standard output", e));
-    }
+fn say(assembly: &Assembly, found: &Searched) {
+    let report = &found.report;
     crate::say!(
-        "scored {} of {} rotations in {seconds:.2} s, {per_rotation:.1} ms each",
-        docking.scored,
-        docking.rotations
+        "scored {} of {} rotations x {} displacements, {:.2} ms each; {:.2} s in all",
+        report.scored,
+        report.rotations,
+        report.window.iter().product::<usize>(),
+        1e3 * report.seconds_per_rotation(),
+        report.seconds()
     );
     let unit = assembly.display_unit();
     let metre = unit.in_metres();
-    crate::say!("  energy (mJ)   from the fit ({unit}, degrees)");
-    for pose in docking.poses.iter().take(10) {
+    crate::say!(
+        "  depth   energy (mJ), docking and scene's   overlap   from the fit ({unit}, degrees)"
+    );
+    for (pose, told) in report.poses.iter().zip(&found.poses).take(10) {
         let (shift, turn) = assembly.from_fit(&pose.pose);
         crate::say!(
-            "  {:>11.4}   {:>9.4}  {:>8.3}",
-            1e3 * pose.energy,
+            "  {:>5.3}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9.4}  {:>8.3}",
+            told.depth,
+            1e3 * told.energy,
+            1e3 * told.model_energy,
+            100.0 * told.overlap,
             shift / metre,
             turn.to_degrees()
         );
-    }
-    Ok(())
-}
-
-fn found(pose: &DockedPose) -> Found {
-    Found {
-        position: pose.pose.translation.to_array(),
-        rotation: pose.pose.rotation.to_array(),
-        energy: pose.energy,
-        refined: pose.refined,
-        // JSON has no infinity.
-        half_width: Some(pose.half_width).filter(|w| w.is_finite()),
     }
 }

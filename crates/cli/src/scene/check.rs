@@ -52,6 +52,7 @@ pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, Command
         energy: energy(&raw.energy, source)?,
         lattice: lattice(&raw.lattice, metres, source)?,
         window: window(&raw.window, metres, source)?,
+        rotations_given: raw.rotations.is_some(),
         rotations: raw.rotations.unwrap_or(DEFAULT_ROTATIONS),
         fit: fit(&raw.fit, metres, source)?,
         device: device(raw.device, source)?,

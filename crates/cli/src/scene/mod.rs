@@ -44,6 +44,8 @@ pub struct Scene {
     pub window: WindowChoice,
     /// Which rotations are searched and tabulated.
     pub rotations: RotationDomain,
+    /// True if the scene itself names them; `dock` searches everywhere otherwise.
+    pub rotations_given: bool,
     /// Where the parts fit.
     pub fit: FitChoice,
     /// Settings of the haptic loop.

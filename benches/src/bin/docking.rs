@@ -1,0 +1,347 @@
+//! Docking from random starts: `docking [--quick] [--out DIR] [--starts N] [PARTS_DIR]`.
+//!
+//! The moving part of every pair is turned by a random rotation of SO(3) and shifted before
+//! anything is computed, so that its frame gives nothing away; then `search` looks everywhere. The
+//! paper's three pairs, and, if a folder is given, the IndustReal parts in it (`docs/docking.md`).
+//! Prints how often the best pose is the true fit (up to the part's symmetry and the play of the
+//! fit), by how much the best false pose is shallower, and the times; writes `docking.csv`.
+
+use std::path::Path;
+use std::time::Instant;
+
+use fft_correlate::{
+    Pair, PairBuilder, PairPlan, Pose, ScoreModel, SearchDomain, SearchLattices, SearchOptions,
+    SearchReport, search, search_rotations, symmetry_group,
+};
+use glam::{DQuat, DVec3};
+use pegfit_benches::{Arguments, Outcome};
+use rand::{Rng, SeedableRng, rngs::SmallRng};
+use sdf_grid::shapes::PegInHole;
+use sdf_grid::{
+    DensityField, HygieneOptions, LengthUnit, Silent, SymmetryAxis, SymmetryOrder, TriangleMesh,
+    mesh_io, symmetry,
+};
+
+/// Angle between rotations scored, degrees.
+const STEP_DEG: f64 = 15.0;
+
+/// Deviation from symmetry that counts as none, metres.
+const SYMMETRY_TOLERANCE: f64 = 2e-5;
+
+/// A pose this far from a true one is the true one: angle, radians.
+const SAME_ANGLE: f64 = 0.07;
+
+/// And distance of the pivots beyond the play, metres.
+const SAME_PLACE: f64 = 1e-3;
+
+struct Task {
+    name: String,
+    fixed: TriangleMesh,
+    moving: TriangleMesh,
+    /// Displacements from the identity, along z, between which the fit leaves the part free, metres.
+    slide: [f64; 2],
+}
+
+fn main() -> Outcome<()> {
+    let (mut arguments, mut starts, mut only) = (Arguments::parse_known()?, None, None);
+    while let Some(at) = arguments.rest.iter().position(|a| a.starts_with("--")) {
+        let option = arguments.rest.remove(at);
+        let value = (at < arguments.rest.len()).then(|| arguments.rest.remove(at));
+        match (option.as_str(), value) {
+            ("--starts", Some(n)) => starts = Some(n.parse::<u64>()?),
+            ("--only", Some(name)) => only = Some(name),
+            _ => {
+                return Err(
+                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] [PARTS_DIR]"
+                        .into(),
+                );
+            }
+        }
+    }
+    let starts = starts.unwrap_or(if arguments.quick { 2 } else { 50 });
+    let mut csv = csv::Writer::from_path(arguments.out.join("docking.csv"))?;
+    csv.write_record([
+        "pair",
+        "start",
+        "true_first",
+        "margin",
+        "true_distance_m",
+        "true_angle_rad",
+        "overlap",
+        "rotations",
+        "seconds_per_rotation",
+        "fields_s",
+        "scoring_s",
+        "coarse_descent_s",
+        "fine_descent_s",
+    ])?;
+    for task in tasks(arguments.rest.first().map(Path::new))? {
+        if only
+            .as_ref()
+            .is_none_or(|name| task.name.contains(name.as_str()))
+        {
+            run(&task, starts, &mut csv)?;
+        }
+    }
+    Ok(())
+}
+
+fn tasks(parts: Option<&Path>) -> Outcome<Vec<Task>> {
+    let mut tasks = Vec::new();
+    for which in PegInHole::ALL {
+        let (fixed, moving) = which.pair(0.0)?;
+        tasks.push(Task {
+            name: which.name().into(),
+            fixed,
+            moving,
+            slide: [0.0; 2],
+        });
+    }
+    let real = [
+        (
+            "tray, rectangular peg 8 mm",
+            "industreal_tray_insert_rectangular_peg_8mm.obj",
+            "industreal_rectangular_peg_8mm.obj",
+            [0.0; 2],
+        ),
+        (
+            "tray, round peg 8 mm",
+            "industreal_tray_insert_round_peg_8mm.obj",
+            "industreal_round_peg_8mm.obj",
+            [0.0; 2],
+        ),
+        // A through hole of 9 mm: the peg of 50 mm slides.
+        (
+            "plate, round peg 16 mm",
+            "factory_round_hole_16mm_subdiv_3x.obj",
+            "factory_round_peg_16mm_tight.obj",
+            [-0.041, 0.0],
+        ),
+    ];
+    for (name, fixed, moving, slide) in real {
+        let Some(folder) = parts else { break };
+        let read = |file: &str| -> Outcome<TriangleMesh> {
+            let options = HygieneOptions::default();
+            Ok(mesh_io::read(folder.join(file), LengthUnit::M, &options)?.0)
+        };
+        tasks.push(Task {
+            name: name.into(),
+            fixed: read(fixed)?,
+            moving: read(moving)?,
+            slide,
+        });
+    }
+    Ok(tasks)
+}
+
+/// All starts of one pair.
+fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcome<()> {
+    let axes = symmetry::detect(&task.moving, SYMMETRY_TOLERANCE);
+    println!("\n== {}: symmetry {:?}", task.name, orders(&axes));
+    let mut kept: Vec<DensityField> = Vec::new();
+    let (mut good, mut worst) = (0, f64::INFINITY);
+    let mut total = 0.0;
+    for start in 0..starts {
+        let mut rng = SmallRng::seed_from_u64(start);
+        let off = Pose::new(
+            random_rotation(&mut rng),
+            0.05 * DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))),
+        );
+        let moving = task.moving.transformed(off.rotation, off.translation);
+        let axes: Vec<_> = axes.iter().map(|a| carried(a, &off)).collect();
+        let began = Instant::now();
+        // Rounding of the turned vertices must not change the fixed part's lattices.
+        let lattices = SearchLattices {
+            pivot: moving.centroid(),
+            ..SearchLattices::new(&task.moving)
+        };
+        let [coarse, fine] = pairs(&task.fixed, &moving, &lattices, &mut kept)?;
+        let fields = began.elapsed().as_secs_f64();
+        let domain = SearchDomain {
+            rotations: search_rotations(STEP_DEG.to_radians(), &axes),
+            step: STEP_DEG.to_radians(),
+            places: lattices.places(&task.fixed.bounds()),
+            symmetries: symmetry_group(&axes),
+        };
+        let options = SearchOptions::default();
+        let report = search(&coarse, &fine, &domain, &options, None, &Silent)?;
+        let judged = judge(
+            task,
+            &off,
+            &axes,
+            &domain.symmetries,
+            lattices.pivot,
+            &report,
+        );
+        let seconds = fields + report.seconds();
+        total += seconds;
+        let best = &report.poses[0];
+        if judged.first {
+            good += 1;
+            worst = worst.min(judged.margin);
+        }
+        println!(
+            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}; {} rotations x {:?}, \
+             {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
+            if judged.first {
+                "true fit first,"
+            } else {
+                "FALSE POSE FIRST,"
+            },
+            judged.margin,
+            1e3 * judged.distance,
+            judged.angle.to_degrees(),
+            best.overlap,
+            report.scored,
+            report.window,
+            report.transform_size,
+            1e3 * report.seconds_per_rotation(),
+            fields,
+            report
+                .stages
+                .iter()
+                .map(|s| format!("{:.1}", s.seconds))
+                .collect::<Vec<_>>()
+                .join(" + "),
+        );
+        if !judged.first {
+            for p in report.poses.iter().take(4) {
+                let seen = p.pose * off;
+                println!(
+                    "      {:.4e} J overlap {:.3} at {:?} turn {:?}",
+                    p.energy,
+                    p.overlap,
+                    seen.translation * 1e3,
+                    seen.rotation
+                );
+            }
+        }
+        let mut row = vec![
+            task.name.clone(),
+            start.to_string(),
+            judged.first.to_string(),
+            judged.margin.to_string(),
+            judged.distance.to_string(),
+            judged.angle.to_string(),
+            best.overlap.to_string(),
+            report.scored.to_string(),
+            report.seconds_per_rotation().to_string(),
+            fields.to_string(),
+        ];
+        row.extend(report.stages.iter().map(|s| s.seconds.to_string()));
+        csv.write_record(row)?;
+        csv.flush()?;
+    }
+    println!(
+        "   {}: true fit first in {good} of {starts}, smallest margin {worst:.3}, {:.1} s per start",
+        task.name,
+        total / starts as f64
+    );
+    Ok(())
+}
+
+fn orders(axes: &[SymmetryAxis]) -> Vec<SymmetryOrder> {
+    axes.iter().map(|a| a.order).collect()
+}
+
+fn random_rotation(rng: &mut SmallRng) -> DQuat {
+    loop {
+        let v: [f64; 4] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
+        let q = DQuat::from_array(v);
+        if (0.01..1.0).contains(&q.length_squared()) {
+            break q.normalize();
+        }
+    }
+}
+
+fn carried(axis: &SymmetryAxis, motion: &Pose) -> SymmetryAxis {
+    SymmetryAxis {
+        point: motion.apply(axis.point),
+        direction: motion.rotation * axis.direction,
+        order: axis.order,
+    }
+}
+
+/// The coarse and the fine pair; the fixed part's fields are computed once.
+fn pairs(
+    fixed: &TriangleMesh,
+    moving: &TriangleMesh,
+    lattices: &SearchLattices,
+    kept: &mut Vec<DensityField>,
+) -> Outcome<[Pair; 2]> {
+    let hash = fixed.hash();
+    let builder = PairBuilder::default();
+    let [coarse, fine] = lattices.plans(fixed, moving, &ScoreModel::GUIDED, &builder)?;
+    let mut build = |plan: &PairPlan| {
+        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
+            let is_fixed = mesh.hash() == hash;
+            let known = |f: &&DensityField| {
+                is_fixed
+                    && f.lattice.shape() == lattice.shape()
+                    && (f.lattice.spacing() / lattice.spacing() - 1.0).abs() < 1e-9
+            };
+            if let Some(field) = kept.iter().find(known) {
+                return Ok(field.clone());
+            }
+            let field = DensityField::compute(mesh, kernel, lattice, options, &Silent)?;
+            if is_fixed {
+                kept.push(field.clone());
+            }
+            Ok(field)
+        })
+    };
+    Ok([build(&coarse)?, build(&fine)?])
+}
+
+struct Judged {
+    first: bool,
+    /// How much shallower the best false pose is, of the best true one's depth; negative if deeper.
+    margin: f64,
+    /// From the best pose to the nearest true one.
+    distance: f64,
+    angle: f64,
+}
+
+fn judge(
+    task: &Task,
+    off: &Pose,
+    axes: &[SymmetryAxis],
+    group: &[Pose],
+    pivot: DVec3,
+    report: &SearchReport,
+) -> Judged {
+    let truth = off.inverse();
+    let round = axes.iter().find(|a| a.order == SymmetryOrder::Continuous);
+    let miss = |pose: &Pose| {
+        group
+            .iter()
+            .map(|g| {
+                let seat = truth * *g;
+                let angle = match round {
+                    Some(axis) => (seat.rotation * axis.direction)
+                        .angle_between(pose.rotation * axis.direction),
+                    None => seat.angle_to(pose),
+                };
+                let mut away = pose.apply(pivot) - seat.apply(pivot);
+                away.z -= away.z.clamp(task.slide[0], task.slide[1]);
+                (away.length(), angle)
+            })
+            .min_by(|a, b| (a.0 + 0.02 * a.1).total_cmp(&(b.0 + 0.02 * b.1)))
+            .unwrap_or((f64::INFINITY, f64::INFINITY))
+    };
+    let is_true = |pose: &Pose| {
+        let (distance, angle) = miss(pose);
+        distance < SAME_PLACE && angle < SAME_ANGLE
+    };
+    let lowest = |wanted: bool| {
+        let energies = report.poses.iter().filter(|p| is_true(&p.pose) == wanted);
+        energies.map(|p| p.energy).fold(0.0, f64::min)
+    };
+    let (distance, angle) = miss(&report.poses[0].pose);
+    Judged {
+        first: is_true(&report.poses[0].pose),
+        margin: 1.0 - lowest(false) / lowest(true),
+        distance,
+        angle,
+    }
+}

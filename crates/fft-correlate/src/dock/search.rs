@@ -1,0 +1,451 @@
+//! The docking product: where does the moving part belong?
+//!
+//! 1. **Scoring.** Every rotation, all translations at once, on a coarse lattice; the best local
+//!    maxima of each are kept.
+//! 2. **Coarse descent.** The lowest distinct ones go downhill with the direct evaluator on the
+//!    coarse lattice, rotation included: between the rotations scored, the rest of the way.
+//! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with
+//!    merged points, and once more with every cell its own point, whose energy ranks them.
+//!
+//! All stages weigh the interiors [`DOCKING_RATIO`] times the exteriors, or as the model does if
+//! that is more, and leave separation out. A force that a hand is to feel wants lighter interiors:
+//! walls that yield a little, a wide funnel. The best place wants heavier ones: with 5 : 1, a peg
+//! gains more along the walls of a blind hole than it pays for sticking through a thin floor.
+//! Measured in `docs/docking.md`.
+
+use std::path::Path;
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use sdf_grid::{Aabb, Monitor};
+use serde::Serialize;
+
+use super::scan::{Candidate, Scan};
+use super::state::{State, StateError};
+use super::{DockError, check_rotations, covers, measure};
+use crate::peaks::PoseSpacing;
+use crate::refine::Descent;
+use crate::{
+    Correlator, DirectError, DirectEvaluator, DirectOptions, EnergySource, Pair, PairError, Pose,
+    ScoreModel, TranslationWindow,
+};
+
+/// Interior weight over exterior weight with which poses are found and ranked.
+pub const DOCKING_RATIO: f64 = 12.0;
+
+/// Rotations scored between two writes of the state.
+const BATCH: usize = 256;
+
+/// Points of the direct evaluator that descends on the fine lattice.
+const FINE_POINTS: usize = 40_000;
+
+/// How a search proceeds. The default suits parts of a few hundred cells' volume and more.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SearchOptions {
+    /// Poses to return, at most.
+    pub top: usize,
+    /// Local maxima kept of each rotation.
+    pub per_rotation: usize,
+    /// Distinct poses that descend on the coarse lattice.
+    pub coarse_poses: usize,
+    /// Distinct poses that descend on the fine lattice; at least `top`.
+    pub fine_poses: usize,
+    /// Interior weight over exterior weight; [`DOCKING_RATIO`] unless there is a reason.
+    pub ratio: f64,
+}
+
+impl Default for SearchOptions {
+    fn default() -> Self {
+        Self {
+            top: 10,
+            per_rotation: 4,
+            coarse_poses: 100,
+            fine_poses: 16,
+            ratio: DOCKING_RATIO,
+        }
+    }
+}
+
+/// Where a search looks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchDomain {
+    /// Rotations scored (unit quaternions), for example by [`super::search_rotations`].
+    pub rotations: Vec<DQuat>,
+    /// Angle between neighbouring rotations, radians.
+    pub step: f64,
+    /// Where the moving part's pivot may be, metres, fixed frame.
+    pub places: Aabb,
+    /// Motions that map the moving part onto itself ([`super::symmetry_group`]): poses that differ
+    /// by one count as the same.
+    pub symmetries: Vec<Pose>,
+}
+
+/// One pose found by a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FoundPose {
+    /// Where the moving part is.
+    pub pose: Pose,
+    /// Energy there under the docking weights, joules; 0 far away.
+    pub energy: f64,
+    /// False if downhill led out of the domain (or the monitor cancelled): the pose is then where it
+    /// was before that stage.
+    pub refined: bool,
+    /// How far along the axis on which the energy rises fastest it rises to half, metres; none if
+    /// it does not within the moving part's radius.
+    pub half_width: Option<f64>,
+    /// Share of the moving part that lies inside the fixed part, 0 ..= 1; faces in contact do not
+    /// count.
+    pub overlap: f64,
+    /// Index of the rotation scored from which it was reached.
+    pub rotation: usize,
+    /// Energy of the lattice pose from which it was reached, joules, coarse lattice.
+    pub lattice_energy: f64,
+}
+
+/// What one stage did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SearchStage {
+    /// `scoring`, `coarse descent`, `fine descent`.
+    pub name: &'static str,
+    /// Rotations scored or poses refined.
+    pub items: usize,
+    /// Wall time, seconds; scoring counts what a resumed search did before.
+    pub seconds: f64,
+}
+
+/// What a search found and what it cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchReport {
+    /// Distinct poses, lowest energy first; those that could not be refined last.
+    pub poses: Vec<FoundPose>,
+    /// Rotations scored; fewer than the domain's if the monitor cancelled.
+    pub scored: usize,
+    /// Rotations of the domain.
+    pub rotations: usize,
+    /// Of the scored, those that a state file already held.
+    pub resumed: usize,
+    /// Translations scored per rotation, along x, y, z.
+    pub window: [usize; 3],
+    /// Points of the transforms.
+    pub transform_size: [usize; 3],
+    /// The model that ranked the poses.
+    pub model: ScoreModel,
+    /// The stages, in order.
+    pub stages: Vec<SearchStage>,
+}
+
+impl SearchReport {
+    /// Wall time per rotation scored, seconds.
+    pub fn seconds_per_rotation(&self) -> f64 {
+        let scoring = self.stages.first().map_or(0.0, |s| s.seconds);
+        scoring / self.scored.max(1) as f64
+    }
+
+    /// Wall time of all stages, seconds.
+    pub fn seconds(&self) -> f64 {
+        self.stages.iter().map(|s| s.seconds).sum()
+    }
+}
+
+/// Why a search cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum SearchError {
+    /// Scoring failed or was cancelled before the first rotation.
+    #[error(transparent)]
+    Dock(#[from] DockError),
+    /// The translations do not make a window.
+    #[error("translations to search: {0}")]
+    Window(#[from] sdf_grid::LatticeError),
+    /// The docking weights are out of range.
+    #[error(transparent)]
+    Pair(#[from] PairError),
+    /// A pair has no direct evaluator.
+    #[error(transparent)]
+    Direct(#[from] DirectError),
+    /// The state file.
+    #[error(transparent)]
+    State(#[from] StateError),
+    /// The two pairs are not of the same parts.
+    #[error("coarse and fine pair must have one pivot, found {coarse} and {fine}")]
+    Pivots {
+        /// The coarse pair's, metres.
+        coarse: DVec3,
+        /// The fine pair's, metres.
+        fine: DVec3,
+    },
+}
+
+/// Searches `domain`. `coarse` and `fine` are the same parts on two lattices, with one pivot; only
+/// gamma is taken from their models. With `state`, what was scored is kept in that file after every
+/// batch of rotations, and a file that is already there is gone on with. When the monitor cancels,
+/// the best of what was scored is returned unrefined. The result does not depend on the number of
+/// threads, nor on where a search was interrupted.
+///
+/// # Errors
+/// If there is no rotation or one is not a unit quaternion, the window cannot be correlated, the
+/// weights are out of range, a part has no interior on a lattice, the state file is unusable or of
+/// another search, or the monitor cancels before any rotation is scored.
+pub fn search(
+    coarse: &Pair,
+    fine: &Pair,
+    domain: &SearchDomain,
+    options: &SearchOptions,
+    state: Option<&Path>,
+    monitor: &dyn Monitor,
+) -> Result<SearchReport, SearchError> {
+    check_rotations(&domain.rotations)?;
+    if coarse.pivot() != fine.pivot() {
+        return Err(SearchError::Pivots {
+            coarse: coarse.pivot(),
+            fine: fine.pivot(),
+        });
+    }
+    let coarse = with_docking_weights(coarse, options.ratio)?;
+    let fine = with_docking_weights(fine, options.ratio)?;
+    let pivot = coarse.pivot();
+    let (min, max) = (domain.places.min - pivot, domain.places.max - pivot);
+    let window = TranslationWindow::new(min, max, coarse.spacing())?;
+    let correlator = Correlator::plan(&coarse, &window).map_err(DockError::from)?;
+    let scan = Scan {
+        pair: &coarse,
+        correlator: &correlator,
+        window: &window,
+        per_rotation: options.per_rotation,
+        distance: 2.0 * coarse.spacing(),
+    };
+    let search = Search {
+        domain,
+        options,
+        window: &window,
+        pivot,
+        radius: super::radius_about_pivot(coarse.moving(), &coarse),
+        monitor,
+    };
+    let (done, resumed) = search.score(&scan, state)?;
+    let mut stages = vec![SearchStage {
+        name: "scoring",
+        items: done.scored,
+        seconds: done.seconds,
+    }];
+    let mut poses = search.lattice_poses(&scan, &done.candidates);
+    if monitor.cancelled() {
+        poses.truncate(options.top);
+    } else {
+        let mut stage = |name, poses: Vec<FoundPose>, work: &dyn Fn(Vec<FoundPose>) -> _| {
+            let (began, items) = (Instant::now(), poses.len());
+            monitor.begin(name, items as u64);
+            let poses: Vec<FoundPose> = work(poses);
+            stages.push(SearchStage {
+                name,
+                items,
+                seconds: began.elapsed().as_secs_f64(),
+            });
+            poses
+        };
+        let source = DirectEvaluator::new(&coarse, &DirectOptions::FULL)?;
+        let count = options.fine_poses.max(options.top);
+        poses = stage("coarse descent", poses, &|poses| {
+            search.descend(poses, &coarse, &[&source], count)
+        });
+        let merged = DirectOptions {
+            max_points: Some(FINE_POINTS),
+            ..DirectOptions::REAL_TIME
+        };
+        let merged = DirectEvaluator::new(&fine, &merged)?;
+        let source = DirectEvaluator::new(&fine, &DirectOptions::FULL)?;
+        poses = stage("fine descent", poses, &|poses| {
+            let poses = search.descend(poses, &fine, &[&merged, &source], count);
+            search.finish(poses, &fine, &source)
+        });
+    }
+    Ok(SearchReport {
+        poses,
+        scored: done.scored,
+        rotations: domain.rotations.len(),
+        resumed,
+        window: window.shape(),
+        transform_size: correlator.description().transform_size,
+        model: *coarse.model(),
+        stages,
+    })
+}
+
+/// The pair under the docking weights: interiors at least `ratio` times as heavy as exteriors, no
+/// separation.
+fn with_docking_weights(pair: &Pair, ratio: f64) -> Result<Pair, PairError> {
+    let model = pair.model();
+    pair.with_model(ScoreModel {
+        lambda_interior: model.lambda_interior.max(ratio * model.lambda_exterior),
+        separation_weight: 0.0,
+        ..*model
+    })
+}
+
+struct Search<'a> {
+    domain: &'a SearchDomain,
+    options: &'a SearchOptions,
+    window: &'a TranslationWindow,
+    pivot: DVec3,
+    /// Of the moving part about the pivot, metres.
+    radius: f64,
+    monitor: &'a dyn Monitor,
+}
+
+impl Search<'_> {
+    /// Scores what is left to score; the state and how many rotations it held before.
+    fn score(&self, scan: &Scan, file: Option<&Path>) -> Result<(State, usize), SearchError> {
+        let rotations = &self.domain.rotations;
+        let print = self.fingerprint(scan.pair);
+        let mut state = match file {
+            Some(path) => State::load(path, print, rotations.len(), self.window.shape())?,
+            None => State::new(print),
+        };
+        let resumed = state.scored;
+        self.monitor
+            .begin("scoring rotations", (rotations.len() - resumed) as u64);
+        while state.scored < rotations.len() && !self.monitor.cancelled() {
+            let began = Instant::now();
+            let range = state.scored..(state.scored + BATCH).min(rotations.len());
+            let (found, scored) = scan.run(rotations, range.clone(), self.monitor);
+            // Which rotations of a batch that was cut short are done depends on the threads: a file
+            // holds whole batches only.
+            if file.is_some() && scored < range.len() {
+                break;
+            }
+            state.add(found, scored);
+            state.seconds += began.elapsed().as_secs_f64();
+            if let Some(path) = file {
+                state.save(path)?;
+            }
+        }
+        if state.scored == 0 {
+            return Err(DockError::Cancelled.into());
+        }
+        Ok((state, resumed))
+    }
+
+    /// A hash of everything that the candidates depend on.
+    fn fingerprint(&self, pair: &Pair) -> String {
+        let model = pair.model();
+        let mut numbers = vec![
+            model.sigma,
+            model.lambda_exterior,
+            model.lambda_interior,
+            model.gamma,
+            pair.spacing(),
+            self.options.per_rotation as f64,
+        ];
+        for field in [pair.fixed(), pair.moving()] {
+            numbers.extend([field.halo, f64::from(field.sampling as u8)]);
+            numbers.extend(field.lattice.origin().to_array());
+        }
+        let window = self.window.lattice();
+        for place in [pair.pivot(), window.origin()] {
+            numbers.extend(place.to_array());
+        }
+        numbers.extend(window.shape().map(|n| n as f64));
+        for q in &self.domain.rotations {
+            numbers.extend(q.to_array());
+        }
+        let mut hash = blake3::Hasher::new();
+        for number in numbers {
+            hash.update(&number.to_le_bytes());
+        }
+        hash.update(&pair.fixed().mesh_hash);
+        hash.update(&pair.moving().mesh_hash);
+        hash.finalize().to_hex().to_string()
+    }
+
+    fn lattice_poses(&self, scan: &Scan, candidates: &[Candidate]) -> Vec<FoundPose> {
+        let pose = |c: &Candidate| FoundPose {
+            pose: scan.pose(&self.domain.rotations, c),
+            energy: c.energy,
+            refined: false,
+            half_width: c.half_width,
+            overlap: 0.0,
+            rotation: c.rotation,
+            lattice_energy: c.energy,
+        };
+        let poses: Vec<_> = candidates.iter().map(pose).collect();
+        let apart = (0.7 * self.domain.step, 2.0 * scan.pair.spacing());
+        self.distinct(&poses, apart, self.options.coarse_poses)
+    }
+
+    /// At most `count` poses farther apart than an angle (radians) and a distance, in order.
+    fn distinct(&self, poses: &[FoundPose], apart: (f64, f64), count: usize) -> Vec<FoundPose> {
+        let spacing = PoseSpacing {
+            angle: apart.0,
+            distance: apart.1,
+            pivot: self.pivot,
+            symmetries: self.domain.symmetries.clone(),
+        };
+        let kept = spacing.distinct(poses.iter().map(|p| &p.pose), count);
+        kept.into_iter().map(|i| poses[i]).collect()
+    }
+
+    /// Sends every pose downhill on the sources of `pair`'s lattice in turn; the `count` lowest
+    /// distinct ones, ranked by the last source.
+    fn descend(
+        &self,
+        mut poses: Vec<FoundPose>,
+        pair: &Pair,
+        sources: &[&DirectEvaluator],
+        count: usize,
+    ) -> Vec<FoundPose> {
+        let h = pair.spacing();
+        let descent = Descent {
+            pivot: self.pivot,
+            radius: self.radius,
+            first_step: h,
+            last_step: 5e-3 * h,
+            max_steps: 60,
+        };
+        poses.par_iter_mut().for_each(|p| {
+            if self.monitor.cancelled() {
+                p.refined = false;
+                return;
+            }
+            let (mut pose, mut energy) = (p.pose, p.energy);
+            for source in sources {
+                (pose, energy) = descent.run(*source, &pose);
+            }
+            // Downhill may lead out of the domain: then the pose at its edge stays.
+            p.refined = covers(self.window, pair.displacement(&pose));
+            if p.refined {
+                (p.pose, p.energy) = (pose, energy);
+            }
+            self.monitor.advance(1);
+        });
+        // Energies of different lattices differ a little: refined poses go first among themselves.
+        poses.sort_by(|a, b| {
+            let order = a.energy.total_cmp(&b.energy);
+            b.refined.cmp(&a.refined).then(order)
+        });
+        self.distinct(&poses, (SAME_ANGLE, 2.0 * h), count)
+    }
+
+    /// Width and overlap of the poses that are returned.
+    fn finish(
+        &self,
+        poses: Vec<FoundPose>,
+        pair: &Pair,
+        source: &DirectEvaluator,
+    ) -> Vec<FoundPose> {
+        let apart = (2.0 * SAME_ANGLE, 0.1 * self.radius);
+        let mut poses = self.distinct(&poses, apart, self.options.top);
+        poses.par_iter_mut().for_each(|p| {
+            let scratch = &mut source.scratch();
+            p.half_width = measure::half_width(source, scratch, &p.pose, p.energy, self.radius);
+            p.overlap = measure::overlap(pair, &p.pose);
+        });
+        poses
+    }
+}
+
+/// Poses that descended to within this angle and two cells of each other count as one, radians.
+const SAME_ANGLE: f64 = 0.07;
+
+#[cfg(test)]
+#[path = "search_tests.rs"]
+mod tests;

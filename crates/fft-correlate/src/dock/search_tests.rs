@@ -1,0 +1,169 @@
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::{DVec2, DVec3};
+use sdf_grid::{Silent, TriangleMesh, shapes, symmetry};
+
+use super::*;
+use crate::PairBuilder;
+use crate::dock::{SearchLattices, search_rotations, symmetry_group};
+
+fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
+    [(-x, -y), (x, -y), (x, y), (-x, y)]
+        .map(|(x, y)| DVec2::new(x, y) * 0.5e-3)
+        .to_vec()
+}
+
+/// A keyed rod in a plate with a hole that fits, and the rod turned and shifted by `off`.
+fn parts(off: &Pose) -> [TriangleMesh; 2] {
+    let plate = shapes::prism(&rectangle(28.0, 32.0), &[rectangle(8.0, 14.0)], 0.012).unwrap();
+    let rod = shapes::prism(&rectangle(8.0, 14.0), &[], 0.012).unwrap();
+    [plate, rod.transformed(off.rotation, off.translation)]
+}
+
+struct Setup {
+    pairs: [Pair; 2],
+    domain: SearchDomain,
+}
+
+fn setup(off: &Pose, step: f64) -> Setup {
+    let [fixed, moving] = parts(off);
+    let axes = symmetry::detect(&moving, 1e-5);
+    let lattices = SearchLattices::new(&moving);
+    let builder = PairBuilder::default();
+    let plans = lattices
+        .plans(&fixed, &moving, &ScoreModel::GUIDED, &builder)
+        .unwrap();
+    let pairs = plans.map(|plan| {
+        plan.build_with(&fixed, &moving, |mesh, kernel, lattice, options| {
+            sdf_grid::DensityField::compute(mesh, kernel, lattice, options, &Silent)
+        })
+        .unwrap()
+    });
+    let step = step.to_radians();
+    Setup {
+        pairs,
+        domain: SearchDomain {
+            rotations: search_rotations(step, &axes),
+            step,
+            places: lattices.places(&fixed.bounds()),
+            symmetries: symmetry_group(&axes),
+        },
+    }
+}
+
+fn run(
+    setup: &Setup,
+    state: Option<&Path>,
+    monitor: &dyn Monitor,
+) -> Result<SearchReport, SearchError> {
+    let options = SearchOptions {
+        top: 3,
+        coarse_poses: 20,
+        fine_poses: 4,
+        ..SearchOptions::default()
+    };
+    let [coarse, fine] = &setup.pairs;
+    search(coarse, fine, &setup.domain, &options, state, monitor)
+}
+
+/// The rod's place is found from a frame that gives nothing away, and told with what was done.
+#[test]
+fn a_turned_rod_finds_its_hole() {
+    let turn = DQuat::from_scaled_axis(DVec3::new(1.1, -0.7, 2.0));
+    let off = Pose::new(turn, DVec3::new(0.02, 0.01, -0.03));
+    let setup = setup(&off, 20.0);
+    let report = run(&setup, None, &Silent).unwrap();
+    let best = &report.poses[0];
+    let pivot = setup.pairs[0].pivot();
+    let miss = |symmetry: &Pose| {
+        let seat = off.inverse() * *symmetry;
+        let away = seat.apply(pivot).distance(best.pose.apply(pivot));
+        (away, seat.angle_to(&best.pose))
+    };
+    let (away, angle) = setup
+        .domain
+        .symmetries
+        .iter()
+        .map(miss)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap();
+    // Half a cell of the fine lattice, 12 cells from the middle.
+    let h = setup.pairs[1].spacing();
+    assert!(
+        away < 0.5 * h && angle < 0.05,
+        "{away} m, {angle} rad, cells of {h} m"
+    );
+    assert!(best.refined && best.overlap < 0.01, "{best:?}");
+    assert!(best.half_width.is_some_and(|w| w < 0.01));
+    assert!(report.poses.windows(2).all(|p| p[0].energy <= p[1].energy));
+    assert_eq!(report.scored, setup.domain.rotations.len());
+    let items: Vec<_> = report.stages.iter().map(|s| s.items).collect();
+    // The fine stage gets what is still distinct.
+    assert_eq!(items[..2], [report.rotations, 20]);
+    assert!((1..=4).contains(&items[2]));
+    assert_eq!(report.model.lambda_interior, DOCKING_RATIO);
+}
+
+struct CancelAfter {
+    after: u64,
+    seen: AtomicU64,
+}
+
+impl Monitor for CancelAfter {
+    fn advance(&self, steps: u64) {
+        self.seen.fetch_add(steps, Ordering::Relaxed);
+    }
+    fn cancelled(&self) -> bool {
+        self.seen.load(Ordering::Relaxed) >= self.after
+    }
+}
+
+#[test]
+fn an_interrupted_search_goes_on_to_the_same_result() {
+    let setup = setup(&Pose::IDENTITY, 16.0);
+    let rotations = setup.domain.rotations.len();
+    assert!(rotations > 2 * BATCH, "{rotations}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("state.json");
+    let straight = run(&setup, None, &Silent).unwrap();
+    let stop = CancelAfter {
+        after: BATCH as u64 + 40,
+        seen: AtomicU64::new(0),
+    };
+    let part = run(&setup, Some(&file), &stop).unwrap();
+    assert_eq!((part.scored, part.resumed), (BATCH, 0));
+    assert!(part.poses.iter().all(|p| !p.refined) && part.poses.len() == 3);
+    let whole = run(&setup, Some(&file), &Silent).unwrap();
+    assert_eq!((whole.scored, whole.resumed), (rotations, BATCH));
+    assert_eq!(whole.poses, straight.poses);
+    // Another search is refused.
+    let mut other = setup;
+    other.domain.rotations[0] = DQuat::from_rotation_x(0.3);
+    assert!(matches!(
+        run(&other, Some(&file), &Silent),
+        Err(SearchError::State(StateError::Other { .. }))
+    ));
+}
+
+#[test]
+fn unusable_searches_are_refused() {
+    let mut setup = setup(&Pose::IDENTITY, 30.0);
+    let cancelled = CancelAfter {
+        after: 0,
+        seen: AtomicU64::new(0),
+    };
+    assert!(matches!(
+        run(&setup, None, &cancelled),
+        Err(SearchError::Dock(DockError::Cancelled))
+    ));
+    setup.domain.rotations[1] *= 2.0;
+    assert!(matches!(
+        run(&setup, None, &Silent),
+        Err(SearchError::Dock(DockError::Rotation { index: 1, .. }))
+    ));
+    setup.domain.rotations.clear();
+    assert!(matches!(
+        run(&setup, None, &Silent),
+        Err(SearchError::Dock(DockError::NoRotations))
+    ));
+}

@@ -12,3 +12,23 @@ demo:
 # The public documentation, warnings denied.
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+
+# Ten minutes of fuzzing per target (needs a nightly toolchain and `cargo install cargo-fuzz`).
+fuzz seconds="600":
+    #!/usr/bin/env bash
+    set -euo pipefail
+    cd fuzz
+    for target in $(cargo +nightly fuzz list); do
+        mkdir -p "corpus/$target"
+        cargo +nightly fuzz run "$target" "corpus/$target" "seeds/$target" -- \
+            -max_total_time={{seconds}} -timeout=30 -rss_limit_mb=4096 -max_len=4096
+    done
+
+# Signed distance beside Open3D, libigl and parry3d (needs benches/peers/requirements.txt).
+peers:
+    cargo build --release -p pegfit-benches --bin peers
+    python3 benches/peers/peers.py
+
+# The ten million queries that the tests leave out.
+stress:
+    cargo test --release -p sdf-grid --test stress -- --include-ignored --nocapture

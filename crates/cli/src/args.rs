@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sdf_grid::LengthUnit;
+use sdf_grid::mesh_io::{ReadOptions, StepOptions};
 
 use crate::device_choice::DeviceChoice;
 
@@ -75,22 +76,55 @@ pub struct DemoArgs {
 /// Arguments of `pegfit check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Mesh files: OBJ, STL or PLY
+    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP
     #[arg(required = true)]
     pub meshes: Vec<PathBuf>,
-    /// Length unit of the files: m, cm, mm, um, inch or foot
+    /// Length unit of files that state none: m, cm, mm, um, inch or foot
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
+    /// What is read of the files.
+    #[command(flatten)]
+    pub choice: MeshChoice,
+}
+
+/// What is read of a mesh file.
+#[derive(Debug, Clone, Args)]
+pub struct MeshChoice {
+    /// Use only this solid of the file, by its name or its number as `pegfit check` lists them
+    #[arg(long, value_name = "NAME")]
+    pub solid: Option<String>,
+    /// STEP: edges around a full turn of a curved face, 6 to 1000
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    pub segments_per_turn: u32,
+}
+
+impl MeshChoice {
+    /// The same for the reading library, with the unit of files that state none.
+    pub fn options(&self, unit: LengthUnit) -> ReadOptions {
+        ReadOptions {
+            unit,
+            solid: self.solid.clone(),
+            step: StepOptions {
+                segments_per_turn: self.segments_per_turn,
+                ..StepOptions::default()
+            },
+            ..ReadOptions::default()
+        }
+    }
 }
 
 /// Arguments of `pegfit field`.
 #[derive(Debug, Args)]
 pub struct FieldArgs {
-    /// Mesh file: OBJ, STL or PLY
+    /// Mesh file: OBJ, STL, PLY, glTF, 3MF or STEP
     pub mesh: PathBuf,
-    /// Length unit of the file and of the lengths below: m, cm, mm, um, inch or foot
+    /// Length unit of the lengths below, and of the file unless it states its own: m, cm, mm, um,
+    /// inch or foot
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
+    /// What is read of the file.
+    #[command(flatten)]
+    pub choice: MeshChoice,
     /// Distance between lattice nodes [default: the longest side / 48]
     #[arg(long)]
     pub spacing: Option<f64>,
@@ -112,6 +146,9 @@ pub struct FieldArgs {
     /// Picture of the slice to write
     #[arg(long, value_name = "P.png")]
     pub png: Option<PathBuf>,
+    /// Picture of the skeleton in space to write: nodes where the density is high
+    #[arg(long, value_name = "P.png")]
+    pub skeleton: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit bake`.

@@ -16,6 +16,7 @@ use sdf_grid::{
     SymmetryOrder, TriangleMesh, mesh_io, symmetry,
 };
 
+use crate::args::MeshChoice;
 use crate::command::Context;
 use crate::error::CommandError;
 use crate::memory;
@@ -318,7 +319,11 @@ pub(crate) fn read_part(
     let options = HygieneOptions::default();
     let mut meshes = Vec::new();
     for placed in &part.meshes {
-        let (mesh, report) = mesh_io::read(&placed.path, scene.unit, &options)?;
+        let reading = MeshChoice {
+            solid: placed.solid.clone(),
+            segments_per_turn: placed.segments_per_turn,
+        };
+        let (mesh, report) = mesh_io::read_with(&placed.path, &reading.options(scene.unit))?;
         for warning in report.warnings() {
             context.progress.note(&format!("note: {warning}"));
         }

@@ -53,6 +53,10 @@ pub enum Command {
     Field(FieldArgs),
     /// Tabulate a scene's energy over its whole domain
     Bake(BakeArgs),
+    /// Say what a table holds, how large it is and how wrong it says it is
+    Table(TableArgs),
+    /// Measure a table's error again at fresh poses and compare it with what the table says
+    Verify(VerifyArgs),
     /// Score, energy, force and torque at listed poses
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
@@ -174,6 +178,70 @@ pub struct BakeArgs {
     /// Only say how much of the table is there
     #[arg(long)]
     pub status: bool,
+    /// Choose lattice, sampling and rotation step so that the rms error of the force is at most this
+    /// share of the rms force, such as 5% or 0.05
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub tolerance: Option<f64>,
+    /// How energies are stored
+    #[arg(long, value_enum, default_value_t = NumbersChoice::Float16)]
+    pub numbers: NumbersChoice,
+    /// Leave out bricks of 8 x 8 x 8 displacements in which no energy differs from the far one by
+    /// more than this share of the largest; 0 keeps all
+    #[arg(long, value_name = "SHARE", default_value = "0.0005", value_parser = share)]
+    pub leave_out: f64,
+    /// Held-out poses at which the error of the finished table is measured
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub poses: usize,
+}
+
+/// Kinds of stored numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NumbersChoice {
+    /// Half precision
+    Float16,
+    /// Whole numbers, with one scale for each rotation
+    Int16,
+}
+
+/// A share written as `0.05` or `5%`.
+fn share(text: &str) -> Result<f64, String> {
+    let number = |t: &str| t.trim().parse::<f64>().map_err(|e| e.to_string());
+    let found = match text.strip_suffix('%') {
+        Some(percent) => number(percent)? / 100.0,
+        None => number(text)?,
+    };
+    match (0.0..=1.0).contains(&found) {
+        true => Ok(found),
+        false => Err("expected 0 to 1, or 0% to 100%".into()),
+    }
+}
+
+/// Arguments of `pegfit table`.
+#[derive(Debug, Args)]
+pub struct TableArgs {
+    /// Table, a Zarr folder
+    #[arg(value_name = "TABLE.zarr")]
+    pub table: PathBuf,
+}
+
+/// Arguments of `pegfit verify`.
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// Table, a Zarr folder
+    #[arg(value_name = "TABLE.zarr")]
+    pub table: PathBuf,
+    /// The scene it was baked from
+    #[arg(long, value_name = "SCENE.toml")]
+    pub scene: PathBuf,
+    /// Seed of the poses [default: one more than that of the table's own measurement]
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// How many poses
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub poses: usize,
+    /// How much more than stated is still accepted, as a share of it: 0.5 allows half as much again
+    #[arg(long, default_value = "0.5", value_parser = share)]
+    pub margin: f64,
 }
 
 /// Arguments of `pegfit score`.

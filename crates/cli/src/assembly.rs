@@ -6,8 +6,8 @@ use std::time::Instant;
 use fft_correlate::bake::PairEnergies;
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
-    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuildError, PairBuilder,
-    PairPlan, Pose, RotationGrid, TableSpec, TranslationWindow,
+    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair,
+    PairBuildError, PairBuilder, PairPlan, Pose, RotationGrid, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
@@ -130,6 +130,10 @@ impl Assembly {
         let mut spec =
             TableSpec::for_pair(&self.pair, &self.window()?, self.scene.rotations.clone());
         spec.symmetry = self.table_symmetry();
+        spec.fields = Some(FieldSampling {
+            sampling: self.scene.lattice.sampling,
+            deaverage: self.scene.lattice.deaverage,
+        });
         [spec.fixed_mesh, spec.moving_mesh] = self.mesh_hashes();
         Ok(spec)
     }

@@ -3,7 +3,8 @@
 //! Input columns are `x, y, z` (metres) and `qx, qy, qz, qw`, found by the header in any order;
 //! other columns are passed over. Output rows repeat the pose and add what was evaluated.
 
-use std::io::{Read, Write};
+use std::fmt::Write;
+use std::io::Read;
 
 use fft_correlate::{Pose, Response};
 use glam::{DQuat, DVec3};
@@ -124,58 +125,40 @@ pub struct ScoredPose {
     pub response: Response,
 }
 
-/// Writes scored poses row by row.
-pub struct ScoreWriter<W: Write> {
-    rows: csv::Writer<W>,
+/// The header of scored poses, with its line end.
+pub fn score_header() -> String {
+    let names: Vec<&str> = POSE_COLUMNS.into_iter().chain(SCORE_COLUMNS).collect();
+    names.join(",") + "\n"
 }
 
-impl<W: Write> ScoreWriter<W> {
-    /// Writes the header.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn new(output: W) -> csv::Result<Self> {
-        let mut rows = csv::Writer::from_writer(output);
-        rows.write_record(POSE_COLUMNS.iter().chain(&SCORE_COLUMNS))?;
-        Ok(Self { rows })
+/// Appends one scored pose as a row.
+pub fn append_score(text: &mut String, scored: &ScoredPose) {
+    let Response {
+        energy,
+        wrench,
+        coverage,
+    } = scored.response;
+    let mut field = |value: f64| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{value},");
+    };
+    pose_fields(&scored.pose).into_iter().for_each(&mut field);
+    field(scored.score_re);
+    match scored.score_im {
+        Some(value) => field(value),
+        None => text.push(','),
     }
-
-    /// Writes one row.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn write(&mut self, scored: &ScoredPose) -> csv::Result<()> {
-        let Response {
-            energy,
-            wrench,
-            coverage,
-        } = scored.response;
-        for value in pose_fields(&scored.pose) {
-            self.rows.write_field(value.to_string())?;
-        }
-        self.rows.write_field(scored.score_re.to_string())?;
-        self.rows
-            .write_field(scored.score_im.map(|v| v.to_string()).unwrap_or_default())?;
-        self.rows.write_field(energy.to_string())?;
-        for value in wrench
-            .torque
-            .to_array()
-            .into_iter()
-            .chain(wrench.force.to_array())
-        {
-            self.rows.write_field(value.to_string())?;
-        }
-        self.rows.write_field(coverage.to_string())?;
-        self.rows.write_record(None::<&[u8]>)
-    }
-
-    /// Sends every buffered row on.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn flush(&mut self) -> std::io::Result<()> {
-        self.rows.flush()
-    }
+    let mut field = |value: f64| {
+        let _ = write!(text, "{value},");
+    };
+    field(energy);
+    let wrench = wrench
+        .torque
+        .to_array()
+        .into_iter()
+        .chain(wrench.force.to_array());
+    wrench.for_each(&mut field);
+    let _ = writeln!(text, "{coverage}");
 }
 
 #[cfg(test)]

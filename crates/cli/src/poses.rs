@@ -3,7 +3,6 @@
 //! Input columns are `x, y, z` (metres) and `qx, qy, qz, qw`, found by the header in any order;
 //! other columns are passed over. Output rows repeat the pose and add what was evaluated.
 
-use std::fmt::Write;
 use std::io::Read;
 
 use fft_correlate::{Pose, Response};
@@ -138,27 +137,26 @@ pub fn append_score(text: &mut String, scored: &ScoredPose) {
         wrench,
         coverage,
     } = scored.response;
-    let mut field = |value: f64| {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{value},");
+    let mut digits = ryu::Buffer::new();
+    let mut field = |value: Option<f64>, end: char| {
+        if let Some(value) = value {
+            text.push_str(digits.format(value));
+        }
+        text.push(end);
     };
-    pose_fields(&scored.pose).into_iter().for_each(&mut field);
-    field(scored.score_re);
-    match scored.score_im {
-        Some(value) => field(value),
-        None => text.push(','),
+    for value in pose_fields(&scored.pose) {
+        field(Some(value), ',');
     }
-    let mut field = |value: f64| {
-        let _ = write!(text, "{value},");
-    };
-    field(energy);
-    let wrench = wrench
-        .torque
-        .to_array()
-        .into_iter()
-        .chain(wrench.force.to_array());
-    wrench.for_each(&mut field);
-    let _ = writeln!(text, "{coverage}");
+    field(Some(scored.score_re), ',');
+    field(scored.score_im, ',');
+    field(Some(energy), ',');
+    for value in wrench.torque.to_array() {
+        field(Some(value), ',');
+    }
+    for value in wrench.force.to_array() {
+        field(Some(value), ',');
+    }
+    field(Some(coverage), '\n');
 }
 
 #[cfg(test)]

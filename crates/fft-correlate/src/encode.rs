@@ -23,7 +23,7 @@ pub struct Storage {
 /// Numbers that hold energies, two bytes each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Numbers {
-    /// Half precision: a relative error of at most 2.4e-4 for every energy of a table.
+    /// Half precision: a relative error of at most 4.9e-4 for every energy of a table.
     #[default]
     #[serde(rename = "float16")]
     Half,

@@ -77,6 +77,25 @@ impl Stencil {
         self.sum_portable(energies, code, taps)
     }
 
+    /// Asks the processor to fetch what [`Stencil::sum`] will read.
+    pub(crate) fn prefetch(&self, energies: &[u16], taps: &[RotationTap]) {
+        #[cfg(target_arch = "x86_64")]
+        for tap in taps {
+            for run in self.runs.iter().take(self.groups).flatten() {
+                // Runs of 32 bytes may reach into a second line.
+                for part in [0, RUN - 1] {
+                    if let Some(line) = energies.get(tap.start + run + part) {
+                        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
+                        // SAFETY: a hint, and about an element of a slice.
+                        unsafe { _mm_prefetch::<_MM_HINT_T1>(std::ptr::from_ref(line).cast()) };
+                    }
+                }
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = (energies, taps);
+    }
+
     /// [`Stencil::sum`] for any processor.
     fn sum_portable(&self, energies: &[u16], code: Code, taps: &[RotationTap]) -> Sums {
         let mut sums = Sums::default();

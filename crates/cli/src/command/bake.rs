@@ -316,7 +316,7 @@ fn print(summary: &Summary, progress: &Progress) {
         summary.repaired
     );
     crate::say!(
-        "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers,          {} less in memory",
+        "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers, {} less in memory",
         summary.bricks_left_out,
         summary.bricks,
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),

@@ -160,8 +160,9 @@ impl Scorer {
             }
             Self::Table(table) => {
                 let gamma = table.spec().model.gamma;
-                for pose in poses {
-                    let response = table.respond(pose);
+                let mut responses = vec![Response::default(); poses.len()];
+                table.respond_each(poses, &mut responses);
+                for (pose, response) in poses.iter().zip(responses) {
                     append(pose, -response.energy / gamma, None, response);
                 }
             }

@@ -233,6 +233,9 @@ pub struct VerifyArgs {
     /// The scene it was baked from
     #[arg(long, value_name = "SCENE.toml")]
     pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
     /// Seed of the poses [default: one more than that of the table's own measurement]
     #[arg(long)]
     pub seed: Option<u64>,

@@ -310,7 +310,12 @@ impl TableStore {
         };
         let mut bytes = 0;
         for entry in fs::read_dir(&folder).map_err(io)? {
-            bytes += entry.and_then(|e| e.metadata()).map_err(io)?.len();
+            // Temporary files of other processes come and go.
+            match entry.and_then(|e| e.metadata()) {
+                Ok(metadata) => bytes += metadata.len(),
+                Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+                Err(e) => return Err(io(e)),
+            }
         }
         Ok(bytes)
     }

@@ -33,7 +33,7 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     let table = bake::load(&store, context)?;
     let truth = reference(
         &store,
-        Scene::read(&args.scene)?,
+        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
         stated.reference_spacing,
         context,
     )?;

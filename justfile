@@ -36,3 +36,14 @@ stress:
 # Devices against a real kernel, in qemu; says what is missing where it cannot run.
 hid-vm:
     tests/hid-vm/run
+
+# Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
+stress:
+    cargo test --release -p fft-correlate --test table -- --ignored
+    cargo test --release -p pegfit --test cli -- --ignored
+
+# Tables by Slurm, mpirun and a Kubernetes Job's command; tables in zarr-python and xarray.
+batch:
+    cargo build --release
+    tests/cluster/run.sh
+    tests/interop/run.sh

@@ -263,7 +263,8 @@ impl EnergyTable {
                 let held = f64::from(u8::from(self.layout().holds(node)));
                 held * weight(0) * weight(1) * weight(2)
             })
-            .sum()
+            .sum::<f64>()
+            .min(1.0)
     }
 }
 

@@ -38,7 +38,7 @@ hid-vm:
     tests/hid-vm/run
 
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
-stress:
+stress-tables:
     cargo test --release -p fft-correlate --test table -- --ignored
     cargo test --release -p pegfit --test cli -- --ignored
 

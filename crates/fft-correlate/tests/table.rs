@@ -469,7 +469,7 @@ fn bad_specifications_are_refused() {
 
 /// Ten million poses near, beyond and far from the domains of tables of every kind; about a minute.
 #[test]
-#[ignore = "long; run by `just stress`"]
+#[ignore = "long; run by `just stress-tables`"]
 fn ten_million_queries_are_finite() {
     let energy = Gaussians::random(18);
     let thin = sdf_grid::Lattice::new(DVec3::new(-0.1, 0.0, 0.2), 0.1, [2, 1, 3]).unwrap();

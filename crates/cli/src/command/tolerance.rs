@@ -77,7 +77,7 @@ fn choose_lattice(
                 budget,
             }) if reached.0.is_finite() => {
                 let reason = format!(
-                    "at a spacing of {:.4} mm; half of {:.4} mm, to compare with, would need {} for \
+                    "of which the lattice may use 70 %, at a spacing of {:.4} mm; half of {:.4} mm, to compare with, would need {} for \
                      {what}, and {} can be used",
                     1e3 * reached.1,
                     1e3 * spacing,

@@ -88,7 +88,7 @@ fn a_killed_bake_goes_on_where_it_was() {
 }
 
 #[test]
-#[ignore = "a minute; run by `just stress`"]
+#[ignore = "a minute; run by `just stress-tables`"]
 fn a_bake_killed_fifty_times_goes_on_where_it_was() {
     let fine = BALL.replace("step_deg = 10.0", "step_deg = 3.0");
     kill_and_resume(&fine, 50, Duration::from_millis(1500));

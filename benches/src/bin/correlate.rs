@@ -27,7 +27,11 @@ const SIZES: [usize; 6] = [64, 96, 128, 160, 192, 256];
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
-    let mut sizes: Vec<usize> = arguments.rest.iter().filter_map(|w| w.parse().ok()).collect();
+    let mut sizes: Vec<usize> = arguments
+        .rest
+        .iter()
+        .filter_map(|w| w.parse().ok())
+        .collect();
     if sizes.is_empty() {
         sizes = SIZES[..if arguments.quick { 3 } else { 6 }].to_vec();
     }
@@ -37,8 +41,18 @@ fn main() -> Outcome<()> {
     println!("milliseconds per rotation; 'x' is our time, resampling included, over theirs");
     println!(
         "{:>4} {:<5}{:>3}{:>10}{:>9}{:>9}{:>9}{:>9}{:>8}{:>10}{:>10}{:>9}",
-        "N", "case", "thr", "resample", "forward", "product", "inverse", "total", "ns/pt", "x rustfft",
-        "x FFTW", "error"
+        "N",
+        "case",
+        "thr",
+        "resample",
+        "forward",
+        "product",
+        "inverse",
+        "total",
+        "ns/pt",
+        "x rustfft",
+        "x FFTW",
+        "error"
     );
     for n in sizes {
         let fftw = if arguments.rest.iter().any(|w| w == "fftw") {
@@ -241,13 +255,21 @@ fn scene(n: usize, case: &str) -> Outcome<(Pair, TranslationWindow)> {
     // The corners of the last cells stay within the quarter of N that the support may fill.
     let moving = noise(half / 2.0 - 1.74, true, &mut rng)?;
     let fixed = noise(reach, false, &mut rng)?;
-    let pair = Pair::new(Arc::new(fixed), Arc::new(moving), ScoreModel::PAPER, DVec3::ZERO)?;
+    let pair = Pair::new(
+        Arc::new(fixed),
+        Arc::new(moving),
+        ScoreModel::PAPER,
+        DVec3::ZERO,
+    )?;
     let (first, last) = if case == "half" {
         (-half / 2.0, half / 2.0 - 1.0)
     } else {
         (1.0 - half, half - 1.0)
     };
-    Ok((pair, TranslationWindow::new(DVec3::splat(first), DVec3::splat(last), 1.0)?))
+    Ok((
+        pair,
+        TranslationWindow::new(DVec3::splat(first), DVec3::splat(last), 1.0)?,
+    ))
 }
 
 /// Noise in a ball, or in the cube around it; cells are of unit size.
@@ -296,7 +318,10 @@ fn plain_seconds(n: usize, seconds: f64) -> f64 {
 /// Seconds of the faster of FFTW's complex and real loops.
 fn fftw(out: &Path, n: usize, seconds: f64) -> Outcome<f64> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/fftw/correlate.c");
-    let program = out.join("fftw-correlate").canonicalize().unwrap_or_default();
+    let program = out
+        .join("fftw-correlate")
+        .canonicalize()
+        .unwrap_or_default();
     let program = if program.is_file() {
         program
     } else {
@@ -316,7 +341,12 @@ fn fftw(out: &Path, n: usize, seconds: f64) -> Outcome<f64> {
         .args([seconds.to_string(), n.to_string()])
         .output()?;
     let text = String::from_utf8(output.stdout)?;
-    let times: Vec<f64> = text.split_whitespace().skip(1).flat_map(str::parse).collect();
+    let times: Vec<f64> = text
+        .split_whitespace()
+        .skip(1)
+        .flat_map(str::parse)
+        .collect();
     let best = times.into_iter().reduce(f64::min);
-    best.map(|ms| 1e-3 * ms).ok_or_else(|| "FFTW's program printed no time".into())
+    best.map(|ms| 1e-3 * ms)
+        .ok_or_else(|| "FFTW's program printed no time".into())
 }

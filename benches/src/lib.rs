@@ -13,6 +13,8 @@ use rand::rngs::SmallRng;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Sampling, Silent};
 
+pub mod meshes;
+pub mod midpoint;
 pub mod plain;
 
 /// Any failure, told to whoever ran the program.

@@ -6,21 +6,22 @@
 use glam::DVec3;
 
 use crate::TriangleMesh;
+use crate::coplanar;
+use crate::face::Face;
 use crate::mesh::Aabb;
 use crate::moments::Moments;
-use crate::triangle::Triangle;
 
 /// A bounding volume hierarchy over the triangles of one mesh.
 #[derive(Debug, Clone)]
 pub struct Bvh {
     pub(crate) nodes: Vec<Node>,
-    /// Triangles in leaf order, normalized coordinates.
-    pub(crate) triangles: Vec<Triangle>,
+    /// Faces in leaf order, normalized coordinates.
+    pub(crate) faces: Vec<Face>,
     centre: DVec3,
     scale: f64,
 }
 
-/// A node: its box and moments cover `triangles[first..first + count]`.
+/// A node: its box and moments cover `faces[first..first + count]`.
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
     pub(crate) bounds: Aabb,
@@ -57,17 +58,29 @@ impl Bvh {
     pub fn build(mesh: &TriangleMesh) -> Self {
         let (centre, scale) = normalization(mesh);
         let corner = |p: DVec3| (p - centre) * scale;
-        let mut triangles: Vec<Triangle> = (0..mesh.triangles().len())
-            .filter_map(|i| Triangle::new(mesh.corners(i).map(corner), i as u32))
-            .collect();
-        let nodes = if triangles.is_empty() {
+        let faces = (0..mesh.triangles().len())
+            .filter_map(|i| Face::triangle(mesh.corners(i).map(corner), i as u32));
+        Self::over(faces.collect(), centre, scale)
+    }
+
+    /// Builds the hierarchy over the same surface in fewer faces: coplanar triangles are merged and
+    /// long faces cut.
+    pub(crate) fn merged(mesh: &TriangleMesh) -> Self {
+        let (centre, scale) = normalization(mesh);
+        let corners = mesh.vertices().iter().map(|p| (*p - centre) * scale);
+        let corners: Vec<DVec3> = corners.collect();
+        Self::over(coplanar::merged(mesh.triangles(), &corners), centre, scale)
+    }
+
+    fn over(mut faces: Vec<Face>, centre: DVec3, scale: f64) -> Self {
+        let nodes = if faces.is_empty() {
             Vec::new()
         } else {
-            build_nodes(&mut triangles, 0, 0)
+            build_nodes(&mut faces, 0, 0)
         };
         Self {
             nodes,
-            triangles,
+            faces,
             centre,
             scale,
         }
@@ -87,7 +100,7 @@ impl Bvh {
     pub fn nearest(&self, p: DVec3) -> Nearest {
         let q = self.normalized(p);
         let (index, squared) = self.nearest_normalized(q);
-        let Some(triangle) = self.triangles.get(index) else {
+        let Some(face) = self.faces.get(index) else {
             return Nearest {
                 distance: f64::INFINITY,
                 point: p,
@@ -96,8 +109,8 @@ impl Bvh {
         };
         Nearest {
             distance: squared.sqrt() / self.scale,
-            point: triangle.closest(q) / self.scale + self.centre,
-            triangle: triangle.source as usize,
+            point: face.closest(q) / self.scale + self.centre,
+            triangle: face.source as usize,
         }
     }
 
@@ -113,7 +126,7 @@ impl Bvh {
         }
     }
 
-    /// Leaf-order index and squared distance of the nearest triangle.
+    /// Leaf-order index and squared distance of the nearest face.
     pub(crate) fn nearest_normalized(&self, q: DVec3) -> (usize, f64) {
         let mut best = (usize::MAX, f64::INFINITY);
         let mut stack = Stack::new();
@@ -127,7 +140,7 @@ impl Bvh {
             let node = &self.nodes[id as usize];
             if node.is_leaf() {
                 for i in node.range() {
-                    let d = self.triangles[i].distance_squared(q);
+                    let d = self.faces[i].distance_squared(q);
                     if d < best.1 {
                         best = (i, d);
                     }
@@ -201,21 +214,21 @@ fn normalization(mesh: &TriangleMesh) -> (DVec3, f64) {
     (0.5 * (lo + hi), (1.0 - extent.log2().ceil()).exp2())
 }
 
-/// Nodes of the subtree over `triangles`, which start at `first` in leaf order; reorders them.
-fn build_nodes(triangles: &mut [Triangle], first: usize, depth: usize) -> Vec<Node> {
+/// Nodes of the subtree over `faces`, which start at `first` in leaf order; reorders them.
+fn build_nodes(faces: &mut [Face], first: usize, depth: usize) -> Vec<Node> {
     let mut nodes = vec![Node {
-        bounds: bounds_of(triangles.iter().flat_map(|t| t.corners)),
+        bounds: bounds_of(faces.iter().flat_map(|t| t.corners)),
         first: first as u32,
-        count: triangles.len() as u32,
+        count: faces.len() as u32,
         second: 0,
-        moments: Moments::of(triangles),
+        moments: Moments::of(faces),
     }];
-    if triangles.len() <= LEAF_SIZE {
+    if faces.len() <= LEAF_SIZE {
         return nodes;
     }
-    let middle = split(triangles, depth);
-    let parallel = triangles.len() > PARALLEL_SIZE;
-    let (a, b) = triangles.split_at_mut(middle);
+    let middle = split(faces, depth);
+    let parallel = faces.len() > PARALLEL_SIZE;
+    let (a, b) = faces.split_at_mut(middle);
     let mut left = || build_nodes(a, first, depth + 1);
     let mut right = || build_nodes(b, first + middle, depth + 1);
     let (left, right) = if parallel {
@@ -236,26 +249,26 @@ fn build_nodes(triangles: &mut [Triangle], first: usize, depth: usize) -> Vec<No
     nodes
 }
 
-/// Reorders `triangles` into two non-empty halves and returns where the second begins.
-fn split(triangles: &mut [Triangle], depth: usize) -> usize {
-    let bounds = bounds_of(triangles.iter().map(|t| t.centroid));
+/// Reorders `faces` into two non-empty halves and returns where the second begins.
+fn split(faces: &mut [Face], depth: usize) -> usize {
+    let bounds = bounds_of(faces.iter().map(|t| t.centroid));
     let extent = bounds.max - bounds.min;
     let axis = (0..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a });
     if depth < MAX_SAH_DEPTH && extent[axis] > 0.0 {
-        let middle = split_by_area(triangles, axis, bounds.min[axis], extent[axis]);
-        if 0 < middle && middle < triangles.len() {
+        let middle = split_by_area(faces, axis, bounds.min[axis], extent[axis]);
+        if 0 < middle && middle < faces.len() {
             return middle;
         }
     }
-    let middle = triangles.len() / 2;
-    let order = |a: &Triangle, b: &Triangle| a.centroid[axis].total_cmp(&b.centroid[axis]);
-    triangles.select_nth_unstable_by(middle, order);
+    let middle = faces.len() / 2;
+    let order = |a: &Face, b: &Face| a.centroid[axis].total_cmp(&b.centroid[axis]);
+    faces.select_nth_unstable_by(middle, order);
     middle
 }
 
 /// Partitions at the bin boundary with the least surface area heuristic; 0 if there is none.
-fn split_by_area(triangles: &mut [Triangle], axis: usize, low: f64, extent: f64) -> usize {
-    let bin = |t: &Triangle| {
+fn split_by_area(faces: &mut [Face], axis: usize, low: f64, extent: f64) -> usize {
+    let bin = |t: &Face| {
         let f = (t.centroid[axis] - low) / extent * BINS as f64;
         (f as usize).min(BINS - 1)
     };
@@ -264,7 +277,7 @@ fn split_by_area(triangles: &mut [Triangle], axis: usize, low: f64, extent: f64)
         max: DVec3::NEG_INFINITY,
     };
     let (mut boxes, mut counts) = ([empty; BINS], [0usize; BINS]);
-    for t in triangles.iter() {
+    for t in faces.iter() {
         let b = bin(t);
         counts[b] += 1;
         boxes[b] = union(boxes[b], bounds_of(t.corners));
@@ -283,15 +296,15 @@ fn split_by_area(triangles: &mut [Triangle], axis: usize, low: f64, extent: f64)
     if !cost(best).is_finite() {
         return 0;
     }
-    partition(triangles, |t| bin(t) < best)
+    partition(faces, |t| bin(t) < best)
 }
 
-/// Moves the triangles that satisfy `keep` to the front and returns how many there are.
-fn partition(triangles: &mut [Triangle], keep: impl Fn(&Triangle) -> bool) -> usize {
+/// Moves the faces that satisfy `keep` to the front and returns how many there are.
+fn partition(faces: &mut [Face], keep: impl Fn(&Face) -> bool) -> usize {
     let mut front = 0;
-    for i in 0..triangles.len() {
-        if keep(&triangles[i]) {
-            triangles.swap(i, front);
+    for i in 0..faces.len() {
+        if keep(&faces[i]) {
+            faces.swap(i, front);
             front += 1;
         }
     }

@@ -6,7 +6,9 @@
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
 pub mod bvh;
+mod coplanar;
 pub mod density;
+mod face;
 pub mod field_cache;
 pub mod hygiene;
 pub mod kernel;
@@ -20,7 +22,6 @@ mod polygon;
 mod quadrature;
 pub mod shapes;
 pub mod symmetry;
-mod triangle;
 mod winding;
 
 pub use bvh::{Bvh, Nearest};
@@ -28,7 +29,7 @@ pub use density::{
     DensityError, DensityField, DensityOptions, ReferenceDensity, Sampling, UnitDensity,
 };
 pub use field_cache::{CacheError, FieldCache};
-pub use hygiene::{ComponentReport, HygieneOptions, HygieneReport};
+pub use hygiene::{HygieneOptions, HygieneReport};
 pub use kernel::{DensityKernel, KernelError};
 pub use lattice::{Lattice, LatticeError};
 pub use mesh::{Aabb, TriangleMesh};

@@ -1,12 +1,12 @@
-//! Second-order moments of a cluster of triangles, for its effect seen from afar.
+//! Second-order moments of a cluster of faces, for its effect seen from afar.
 //!
-//! For an integrand `G(|r|) (r . n)` with `r = (p - q) / |xi|`, expanding `q` about the centroid
-//! `c` to second order needs the area vector `N`, the area covariance `C` and the symmetric first
-//! moment `M` of the normals.
+//! For an integrand `G(|r - d|) ((r - d) . n)` with `r = (p - c) / |xi|` and `d = (q - c) / |xi|`,
+//! expanding in `d` about the centroid `c` to second order needs the area vector `N`, the symmetric
+//! first moment `M` of the normals, and of their second moments a cubic form `S` and a vector `V`.
 
 use glam::{DMat3, DVec3};
 
-use crate::triangle::Triangle;
+use crate::face::Face;
 
 /// Moments about the area centroid.
 #[derive(Debug, Clone)]
@@ -15,10 +15,13 @@ pub(crate) struct Moments {
     pub(crate) centre: DVec3,
     /// `N`, the integral of the normal.
     pub(crate) area_vector: DVec3,
-    /// `C`, the mean of `(q - c)(q - c)^T` over the area.
-    pub(crate) covariance: DMat3,
-    /// `M`, the symmetric part of the integral of `n (q - c)^T`.
-    pub(crate) normal_moment: DMat3,
+    /// `M`, the symmetric part of the integral of `n (q - c)^T`: xx, yy, zz, xy, xz, yz.
+    pub(crate) normal_moment: [f64; 6],
+    /// `S`, the integral of `(r . n) (r . (q - c))^2`, by the coefficients of
+    /// xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz in `r`.
+    pub(crate) cubic: [f64; 10],
+    /// `V`, the integral of `n |q - c|^2 / 2 + (q - c) ((q - c) . n)`.
+    pub(crate) vector: DVec3,
     /// Largest distance of a corner from the centroid.
     pub(crate) radius: f64,
     /// Sine of the largest angle between a normal and `N`; 1 from a right angle on.
@@ -26,43 +29,67 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// Of a non-empty set of triangles with area.
-    pub(crate) fn of(triangles: &[Triangle]) -> Self {
-        let area: f64 = triangles.iter().map(|t| t.area).sum();
-        let weighted = triangles.iter().map(|t| t.centroid * t.area);
+    /// Of a non-empty set of faces.
+    pub(crate) fn of(faces: &[Face]) -> Self {
+        let area: f64 = faces.iter().map(|t| t.area).sum();
+        let weighted = faces.iter().map(|t| t.centroid * t.area);
         let centre = weighted.sum::<DVec3>() / area;
-        let area_vector: DVec3 = triangles.iter().map(|t| t.normal * t.area).sum();
+        let area_vector: DVec3 = faces.iter().map(|t| t.normal * t.area).sum();
         let axis = area_vector.try_normalize().unwrap_or(DVec3::Z);
-        let (mut covariance, mut normal_moment) = (DMat3::ZERO, DMat3::ZERO);
-        let (mut radius, mut cosine) = (0f64, 1f64);
-        for t in triangles {
-            let d = t.centroid - centre;
-            covariance += (triangle_covariance(t) + outer(d, d)) * (t.area / area);
-            normal_moment += (outer(t.normal, d) + outer(d, t.normal)) * (0.5 * t.area);
-            let far = t.corners.iter().map(|c| c.distance(centre));
-            radius = far.fold(radius, f64::max);
+        let mut sums = Self {
+            centre,
+            area_vector,
+            normal_moment: [0.0; 6],
+            cubic: [0.0; 10],
+            vector: DVec3::ZERO,
+            radius: 0.0,
+            spread: 0.0,
+        };
+        let mut cosine = 1f64;
+        for t in faces {
+            sums.add(t);
             cosine = cosine.min(t.normal.dot(axis));
         }
-        let spread = if cosine > 0.0 {
+        sums.spread = if faces.len() == 1 {
+            0.0
+        } else if cosine > 0.0 {
             (1.0 - cosine * cosine).max(0.0).sqrt()
         } else {
             1.0
         };
-        Self {
-            centre,
-            area_vector,
-            covariance,
-            normal_moment,
-            radius,
-            spread,
-        }
+        sums
+    }
+
+    fn add(&mut self, t: &Face) {
+        let (n, d) = (t.normal, t.centroid - self.centre);
+        let m = outer(n, d) * t.area;
+        let m = symmetric(&(0.5 * (m + m.transpose())));
+        let second = second_moment(t) + outer(d, d) * t.area;
+        let q = symmetric(&second);
+        let trace = q[0] + q[1] + q[2];
+        let cubic = [
+            n.x * q[0],
+            2.0 * n.x * q[3] + n.y * q[0],
+            2.0 * n.x * q[4] + n.z * q[0],
+            2.0 * n.y * q[3] + n.x * q[1],
+            2.0 * (n.x * q[5] + n.y * q[4] + n.z * q[3]),
+            2.0 * n.z * q[4] + n.x * q[2],
+            n.y * q[1],
+            2.0 * n.y * q[5] + n.z * q[1],
+            2.0 * n.z * q[5] + n.y * q[2],
+            n.z * q[2],
+        ];
+        self.normal_moment = std::array::from_fn(|k| self.normal_moment[k] + m[k]);
+        self.cubic = std::array::from_fn(|k| self.cubic[k] + cubic[k]);
+        self.vector += n * (0.5 * trace) + second * n;
+        let far = t.corners.iter().map(|c| c.distance(self.centre));
+        self.radius = far.fold(self.radius, f64::max);
     }
 
     /// The integral over the cluster seen from `p`, given `radial(u) = [G, G', G'']` at
     /// `u = |p - c| / xi`, to second order in the cluster's size:
     ///
-    /// `G (r.N) + 1/2 [(G''/u^2 - G'/u^3) (r.Cr)(r.N) + (G'/u) (tr C (r.N) + 2 r.CN)]
-    ///  - [G tr M + (G'/u) r.Mr]`.
+    /// `G r.N - G tr M - (G'/u) r.Mr + (G'/u) r.V + 1/2 (G''/u^2 - G'/u^3) S(r)`.
     pub(crate) fn far_field<T>(&self, p: DVec3, xi: f64, radial: impl Fn(f64) -> [T; 3]) -> T
     where
         T: Copy
@@ -73,17 +100,21 @@ impl Moments {
         let r = (p - self.centre) / xi;
         let u = r.length();
         let [g, g1, g2] = radial(u);
-        let c = self.covariance;
-        let trace = |m: DMat3| m.x_axis.x + m.y_axis.y + m.z_axis.z;
-        let (s, n) = (1.0 / (xi * xi), self.area_vector);
-        let (rn, cr) = (r.dot(n), c * r);
-        let curvature = r.dot(cr) * rn * s;
-        let shape = (trace(c) * rn + 2.0 * cr.dot(n)) * s;
-        let tilt = r.dot(self.normal_moment * r) / xi;
+        let (m, s) = (&self.normal_moment, &self.cubic);
+        let (x, y, z) = (r.x, r.y, r.z);
+        let tilt = x * (m[0] * x + 2.0 * (m[3] * y + m[4] * z))
+            + y * (m[1] * y + 2.0 * m[5] * z)
+            + m[2] * z * z;
+        let cubic = x
+            * (x * (s[0] * x + s[1] * y + s[2] * z) + y * (s[3] * y + s[4] * z) + s[5] * z * z)
+            + y * (y * (s[6] * y + s[7] * z) + s[8] * z * z)
+            + s[9] * z * z * z;
+        let (first, second) = (1.0 / xi, 1.0 / (xi * xi));
         let slope = g1 * (1.0 / u);
-        let second = (g2 - slope) * (0.5 * curvature / (u * u)) + slope * (0.5 * shape);
-        let turn = g * (trace(self.normal_moment) / xi) + slope * tilt;
-        (g * rn + second - turn) * s
+        let value = g * (r.dot(self.area_vector) - (m[0] + m[1] + m[2]) * first)
+            + slope * (r.dot(self.vector) * second - tilt * first)
+            + (g2 - slope) * (0.5 * cubic * second / (u * u));
+        value * second
     }
 }
 
@@ -91,8 +122,21 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// Covariance of the uniform distribution on a triangle.
-pub(crate) fn triangle_covariance(t: &Triangle) -> DMat3 {
-    let square = |c: &DVec3| outer(*c - t.centroid, *c - t.centroid);
-    (square(&t.corners[0]) + square(&t.corners[1]) + square(&t.corners[2])) * (1.0 / 12.0)
+/// xx, yy, zz, xy, xz, yz.
+fn symmetric(m: &DMat3) -> [f64; 6] {
+    [
+        m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z,
+    ]
+}
+
+/// The integral of `(q - centroid) (q - centroid)^T` over the face.
+fn second_moment(t: &Face) -> DMat3 {
+    let mut sum = DMat3::ZERO;
+    for [a, b, c] in t.fan() {
+        let area = 0.5 * (b - a).cross(c - a).dot(t.normal);
+        let [a, b, c] = [a, b, c].map(|p| p - t.centroid);
+        let middle = a + b + c;
+        sum += (outer(a, a) + outer(b, b) + outer(c, c) + outer(middle, middle)) * (area / 12.0);
+    }
+    sum
 }

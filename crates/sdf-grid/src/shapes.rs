@@ -4,12 +4,14 @@
 //! centred on the origin with its axis, if it has one, along z.
 
 mod peg_in_hole;
+mod random_solid;
 
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
 pub use peg_in_hole::PegInHole;
+pub use random_solid::{RANDOM_KINDS, random_solid};
 
 use crate::hygiene::HygieneOptions;
 use crate::mesh::TriangleMesh;

@@ -8,6 +8,9 @@ use crate::bvh::{Bvh, Stack};
 /// error of about 1e-3 in all.
 const FAR: f64 = 3.0;
 
+/// The same to a few hundredths in all: enough for the side of most points.
+const COARSE: f64 = 1.6;
+
 impl Bvh {
     /// Generalized winding number at `p` (metres), to about 1e-3: 1 inside a closed
     /// outward-oriented mesh, 0 outside, a half on a face.
@@ -17,9 +20,11 @@ impl Bvh {
 
     /// Whether the winding number exceeds 1/2, decided by the exact sum where it is near.
     pub(crate) fn inside_normalized(&self, q: DVec3) -> bool {
-        let w = self.winding_normalized(q, FAR);
-        if (w - 0.5).abs() > 0.1 {
-            return w > 0.5;
+        for (far, room) in [(COARSE, 0.25), (FAR, 0.02)] {
+            let w = self.winding_normalized(q, far);
+            if (w - 0.5).abs() > room {
+                return w > 0.5;
+            }
         }
         self.winding_normalized(q, f64::INFINITY) > 0.5
     }
@@ -41,7 +46,7 @@ impl Bvh {
             } else if node.is_leaf() {
                 sum += node
                     .range()
-                    .map(|i| self.triangles[i].solid_angle(q))
+                    .map(|i| self.faces[i].solid_angle(q))
                     .sum::<f64>();
             } else {
                 stack.push(id + 1);

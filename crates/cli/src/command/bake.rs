@@ -7,27 +7,29 @@ use fft_correlate::bake::{BakeError, BakeReport, Share, bake};
 use fft_correlate::launcher::Launcher;
 use fft_correlate::store::{ChunkState, StoreError, TableStore};
 use fft_correlate::table_error::{ErrorReport, measure_error};
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storage};
+use fft_correlate::{DirectOptions, EnergyTable};
 use serde::Serialize;
 
-use super::table::print_error;
-use super::{Context, print_json, tolerance, verify};
-use crate::args::{BakeArgs, NumbersChoice};
+use super::{Context, print_json};
+use crate::args::BakeArgs;
 use crate::assembly::Assembly;
 use crate::error::CommandError;
 use crate::memory::display_bytes;
-use crate::scene::{EnergyScale, LatticeStep, Scene};
+use crate::scene::Scene;
 
-/// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
+/// Held-out poses on which a finished table is compared with the direct evaluator.
+const POSES: usize = 1000;
+
+/// Seed of those poses.
 const SEED: u64 = 1;
 
 /// How much of a table is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub(super) struct Progress {
-    pub(super) rotations: usize,
-    pub(super) finished: usize,
-    pub(super) missing: usize,
-    pub(super) damaged: usize,
+struct Progress {
+    rotations: usize,
+    finished: usize,
+    missing: usize,
+    damaged: usize,
 }
 
 #[derive(Serialize)]
@@ -37,17 +39,8 @@ struct Summary {
     computed: usize,
     repaired: usize,
     kept: usize,
-    /// Of the rotations computed now.
-    bricks: usize,
-    bricks_left_out: usize,
     seconds: f64,
-    /// In memory, if nothing were left out.
-    bytes_dense: u64,
-    /// In memory.
     bytes: u64,
-    bytes_on_disk: u64,
-    /// Metres.
-    spacing: f64,
     complete: bool,
     error: Option<ErrorReport>,
 }
@@ -58,16 +51,12 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     }
     let share = share(args)?;
     super::require_folder(&args.output)?;
-    let (assembly, reference) = prepare(args, context)?;
+    let assembly = Assembly::load(
+        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
+        context,
+    )?;
     let began = Instant::now();
-    let mut spec = assembly.table_spec()?;
-    spec.storage = Storage {
-        numbers: match args.numbers {
-            NumbersChoice::Float16 => Numbers::Half,
-            NumbersChoice::Int16 => Numbers::Integer,
-        },
-        leave_out: args.leave_out,
-    };
+    let spec = assembly.table_spec()?;
     let energies = assembly.energies(context)?;
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| explain(&args.output, e))?;
@@ -75,76 +64,18 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     let seconds = began.elapsed().as_secs_f64();
     let mut store = open(&args.output)?;
     let progress = examine(&store)?;
-    let mut summary = summary(args, &report, &store, seconds)?;
+    let complete = progress.finished == progress.rotations;
     // Of several processes, the one that finds the table whole measures its error.
-    if progress.finished == progress.rotations {
-        let table = load(&store, context)?;
-        summary.bytes = table.memory();
-        let error = measure(&mut store, &table, &assembly, reference, args.poses)?;
-        summary.error = Some(error);
-        summary.complete = true;
-    }
-    match context.json {
-        true => print_json(&summary)?,
-        false => print(&summary, &progress),
-    }
-    check_tolerance(args, summary.error.as_ref())
-}
-
-/// The scene as it is to be baked, and, where a tolerance was asked for, what its error is measured
-/// against. A table that is already there has chosen.
-fn prepare(
-    args: &BakeArgs,
-    context: &Context,
-) -> Result<(Assembly, Option<Reference>), CommandError> {
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let Some(tolerance) = args.tolerance else {
-        return Ok((Assembly::load(scene, context)?, None));
+    let error = match complete {
+        true => Some(measure(&mut store, &assembly, context)?),
+        false => None,
     };
-    if !args.output.exists() {
-        let choice = tolerance::choose(scene, tolerance, context)?;
-        let reference = Reference {
-            truth: choice.truth,
-            spacing: choice.reference_spacing,
-        };
-        return Ok((choice.assembly, Some(reference)));
+    let summary = summary(args, &report, &store, seconds, error);
+    if context.json {
+        return print_json(&summary);
     }
-    let store = open(&args.output)?;
-    let spec = store.spec();
-    let spacing = 0.5 * spec.window.spacing();
-    let truth = verify::reference(&store, scene.clone(), spacing, context)?;
-    let mut scene = scene;
-    scene.energy = EnergyScale::Gamma(spec.model.gamma);
-    scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());
-    scene.rotations = spec.rotations.clone();
-    if let Some(fields) = spec.fields {
-        scene.lattice.sampling = fields.sampling;
-        scene.lattice.deaverage = fields.deaverage;
-    }
-    let assembly = Assembly::load(scene, context)?;
-    Ok((assembly, Some(Reference { truth, spacing })))
-}
-
-/// What a table's error is measured against.
-struct Reference {
-    truth: DirectEvaluator,
-    spacing: f64,
-}
-
-/// The probes may have promised too much.
-fn check_tolerance(args: &BakeArgs, error: Option<&ErrorReport>) -> Result<(), CommandError> {
-    match (args.tolerance, error) {
-        (Some(asked), Some(error)) if error.force.relative() > asked => {
-            Err(CommandError::Tolerance {
-                part: "the whole table",
-                asked,
-                reached: error.force.relative(),
-                reason: "though its probes did; it is kept. Ask for a little less, or more poses"
-                    .into(),
-            })
-        }
-        _ => Ok(()),
-    }
+    print(&summary, &progress);
+    Ok(())
 }
 
 /// The options, else the launcher's environment, else all of it.
@@ -198,7 +129,7 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     Ok(())
 }
 
-pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
+fn examine(store: &TableStore) -> Result<Progress, CommandError> {
     let rotations = store.grid().nodes().len();
     let mut progress = Progress {
         rotations,
@@ -221,20 +152,12 @@ pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
 
 fn measure(
     store: &mut TableStore,
-    table: &EnergyTable,
     assembly: &Assembly,
-    reference: Option<Reference>,
-    poses: usize,
+    context: &Context,
 ) -> Result<ErrorReport, CommandError> {
-    let reference = match reference {
-        Some(reference) => reference,
-        None => Reference {
-            truth: assembly.direct(&DirectOptions::FULL)?,
-            spacing: assembly.pair.spacing(),
-        },
-    };
-    let mut report = measure_error(table, &reference.truth, poses, SEED);
-    report.reference_spacing = reference.spacing;
+    let table = load(store, context)?;
+    let truth = assembly.direct(&DirectOptions::FULL)?;
+    let report = measure_error(&table, &truth, POSES, SEED);
     store
         .write_error_report(&report)
         .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
@@ -265,8 +188,6 @@ pub(super) fn explain(path: &Path, error: BakeError) -> CommandError {
             "nothing, or --resume to go on with it",
             "a table",
         ),
-        // The disk is at fault, not the input.
-        BakeError::Store(e @ StoreError::Io { .. }) => CommandError::failure("baking", e),
         other => CommandError::bad_input(path.display().to_string(), other),
     }
 }
@@ -276,36 +197,28 @@ fn summary(
     report: &BakeReport,
     store: &TableStore,
     seconds: f64,
-) -> Result<Summary, CommandError> {
-    let bytes_dense = u64::try_from(store.spec().bytes(report.rotations)).unwrap_or(u64::MAX);
-    Ok(Summary {
+    error: Option<ErrorReport>,
+) -> Summary {
+    Summary {
         table: args.output.display().to_string(),
         rotations: report.rotations,
         computed: report.computed,
         repaired: report.repaired,
         kept: report.kept,
-        bricks: report.bricks,
-        bricks_left_out: report.bricks_left_out,
         seconds,
-        bytes_dense,
-        bytes: bytes_dense,
-        bytes_on_disk: store
-            .bytes_on_disk()
-            .map_err(|e| CommandError::failure("table", e))?,
-        spacing: store.spec().window.spacing(),
-        complete: false,
-        error: None,
-    })
+        bytes: store.spec().bytes(report.rotations) as u64,
+        complete: error.is_some(),
+        error,
+    }
 }
 
 fn print(summary: &Summary, progress: &Progress) {
     crate::say!(
-        "{}: {} of {} rotations, {} in memory, {} on disk",
+        "{}: {} of {} rotations, {} in memory",
         summary.table,
         progress.finished,
         summary.rotations,
-        display_bytes(summary.bytes),
-        display_bytes(summary.bytes_on_disk)
+        display_bytes(summary.bytes)
     );
     crate::say!(
         "computed {} rotations in {:.2} s ({:.1} ms each), {} were there, {} of them damaged",
@@ -315,15 +228,23 @@ fn print(summary: &Summary, progress: &Progress) {
         summary.kept + summary.repaired,
         summary.repaired
     );
+    let Some(error) = &summary.error else {
+        crate::say!("not complete yet: its error is measured when it is");
+        return;
+    };
     crate::say!(
-        "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers, {} less in memory",
-        summary.bricks_left_out,
-        summary.bricks,
-        display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
-        display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
+        "against direct evaluation at {} held-out poses (rms of the difference / rms):",
+        error.poses
     );
-    match &summary.error {
-        None => crate::say!("not complete yet: its error is measured when it is"),
-        Some(error) => print_error(error),
+    for (name, e) in [
+        ("energy", &error.energy),
+        ("force", &error.force),
+        ("torque", &error.torque),
+    ] {
+        crate::say!(
+            "  {name:<7} {:>7.3} %, worst {:>7.2} %",
+            100.0 * e.rms / e.scale,
+            100.0 * e.worst / e.scale
+        );
     }
 }

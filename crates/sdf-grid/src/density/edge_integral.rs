@@ -1,21 +1,21 @@
-//! The exact reduction of a triangle's surface integral to integrals along its edges, in f64.
+//! The exact reduction of a flat face's surface integral to integrals along its edges, in f64.
 //!
-//! On the plane of a triangle at signed height `h` the solid angle is
+//! On the plane of a face at signed height `h` the solid angle is
 //! `dOmega = h d(eta) d(phi) / eta^2`, so the radial integral is a difference of the cumulative
 //! kernel `K` and what remains is one smooth integral per edge:
 //!
 //! `integral = (h / |xi|) * sum over edges of integral of d (K(u(t)) - K0) / (d^2 + t^2) dt`
 //!
 //! with `u = sqrt(h^2 + d^2 + t^2) / |xi|`, `K0 = K(|h| / |xi|)` and `d` the distance of the
-//! point's foot from the edge's line, positive towards the triangle. Where `u` is beyond the
+//! point's foot from the edge's line, positive towards the face. Where `u` is beyond the
 //! kernel's reach `K` is constant and the integral is an angle.
 
 use glam::DVec3;
 use num_complex::Complex64;
 
+use crate::face::Face;
 use crate::kernel::CumulativeKernel;
 use crate::quadrature::GaussLegendre;
-use crate::triangle::Triangle;
 
 /// How finely the edge integrals are taken.
 #[derive(Debug, Clone)]
@@ -45,30 +45,30 @@ impl EdgeQuadrature {
         self.largest_u * xi
     }
 
-    /// The integral of [`crate::DensityKernel::unit`] over the solid angle of `triangle` seen from
+    /// The integral of [`crate::DensityKernel::unit`] over the solid angle of `face` seen from
     /// `p`, a point at distance `xi > 0` from the whole boundary.
-    pub(crate) fn triangle(
+    pub(crate) fn face(
         &self,
         table: &CumulativeKernel,
-        triangle: &Triangle,
+        face: &Face,
         p: DVec3,
         xi: f64,
     ) -> Complex64 {
-        let h = triangle.height(p);
+        let h = face.height(p);
         let reach = self.radius(xi);
-        if h == 0.0 || h.abs() >= reach || triangle.distance_squared(p) >= reach * reach {
+        if h == 0.0 || h.abs() >= reach || face.distance_squared(p) >= reach * reach {
             return Complex64::ZERO;
         }
         let plane = Plane::new(table, h, xi);
-        let edges = (0..3).map(|k| self.edge(&plane, triangle, k, p));
+        let edges = (0..face.count).map(|k| self.edge(&plane, face, k, p));
         edges.sum::<Complex64>() * (h / xi)
     }
 
-    fn edge(&self, plane: &Plane<'_>, triangle: &Triangle, k: usize, p: DVec3) -> Complex64 {
-        let from = triangle.corners[k] - p;
-        let d = from.dot(triangle.outward[k]);
-        let start = from.dot(triangle.along[k]);
-        let end = start + triangle.length[k];
+    fn edge(&self, plane: &Plane<'_>, face: &Face, k: usize, p: DVec3) -> Complex64 {
+        let from = face.corners[k] - p;
+        let d = from.dot(face.outward[k]);
+        let start = from.dot(face.along[k]);
+        let end = start + face.length[k];
         let reach = self.radius(plane.xi);
         let clip = (reach * reach - plane.h * plane.h - d * d).max(0.0).sqrt();
         let (from, to) = (start.clamp(-clip, clip), end.clamp(-clip, clip));
@@ -89,7 +89,7 @@ impl EdgeQuadrature {
     }
 }
 
-/// What the three edges of a triangle share for one query point.
+/// What the edges of a face share for one query point.
 struct Plane<'a> {
     table: &'a CumulativeKernel,
     h: f64,

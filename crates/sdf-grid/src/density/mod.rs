@@ -1,7 +1,7 @@
 //! The complex skeletal density of a mesh on a lattice.
 //!
 //! - [`reference`]: brute force over all triangles in f64, the measure of everything else;
-//! - `edge_integral`: the exact reduction of a triangle to integrals along its edges;
+//! - `edge_integral`: the exact reduction of a flat face to integrals along its edges;
 //! - `point`: the tree code at single points in f64;
 //! - `fast`: the tree code on packets of sixteen points in f32;
 //! - `patch`: distances, signs and densities of a small regular patch;

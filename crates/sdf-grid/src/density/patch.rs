@@ -36,6 +36,7 @@ pub(crate) struct PatchValues {
     pub(crate) density: Vec<UnitDensity>,
     /// Which points already have sign and density.
     done: Vec<bool>,
+    bricks: Vec<Brick>,
 }
 
 /// Evaluates patches.
@@ -70,32 +71,39 @@ impl Patch {
         [flat / (ny * nz), flat / nz % ny, flat % nz]
     }
 
-    /// Bricks of 2 x 2 x 4 points: their flat indices, the last point repeated where the patch
-    /// ends.
-    fn bricks(&self) -> impl Iterator<Item = [usize; LANES]> + '_ {
-        let [bx, by, bz] = [2, 2, 4];
-        let counts = [
-            self.shape[0].div_ceil(bx),
-            self.shape[1].div_ceil(by),
-            self.shape[2].div_ceil(bz),
-        ];
-        (0..counts.iter().product()).map(move |b: usize| {
-            let brick = [
-                b / (counts[1] * counts[2]) * bx,
-                b / counts[2] % counts[1] * by,
-                b % counts[2] * bz,
-            ];
-            std::array::from_fn(|lane| {
-                let place = [lane / 8, lane / 4 % 2, lane % 4];
-                let last = |k: usize| (brick[k] + place[k]).min(self.shape[k] - 1);
-                self.flat([last(0), last(1), last(2)])
-            })
-        })
+    /// Replaces `bricks` by those of the patch: 2 x 2 x 4 points each, the last point repeated
+    /// where the patch ends.
+    fn cut(&self, bricks: &mut Vec<Brick>) {
+        bricks.clear();
+        let [nx, ny, nz] = self.shape;
+        for x in (0..nx).step_by(2) {
+            for y in (0..ny).step_by(2) {
+                for z in (0..nz).step_by(4) {
+                    let mut brick = Brick {
+                        flat: [0; LANES],
+                        points: [DVec3::ZERO; LANES],
+                    };
+                    for lane in 0..LANES {
+                        let index = [
+                            (x + lane / 8).min(nx - 1),
+                            (y + lane / 4 % 2).min(ny - 1),
+                            (z + lane % 4).min(nz - 1),
+                        ];
+                        brick.flat[lane] = self.flat(index);
+                        brick.points[lane] = self.position(index);
+                    }
+                    bricks.push(brick);
+                }
+            }
+        }
     }
+}
 
-    fn points(&self, brick: &[usize; LANES]) -> Points {
-        brick.map(|flat| self.position(self.unravel(flat)))
-    }
+/// The points of one packet and their places in the patch.
+#[derive(Debug)]
+struct Brick {
+    flat: [usize; LANES],
+    points: Points,
 }
 
 impl<'a> PatchDensity<'a> {
@@ -120,7 +128,7 @@ impl<'a> PatchDensity<'a> {
         }
     }
 
-    /// Fills `values`. `hint` is a leaf-order triangle near the patch, updated.
+    /// Fills `values`. `hint` is a leaf-order face near the patch, updated.
     pub(crate) fn evaluate(
         &self,
         patch: &Patch,
@@ -129,23 +137,24 @@ impl<'a> PatchDensity<'a> {
         values: &mut PatchValues,
     ) {
         values.reset(patch.len());
-        for brick in patch.bricks() {
-            self.measure(&patch.points(&brick), &brick, hint, values);
+        let mut bricks = std::mem::take(&mut values.bricks);
+        patch.cut(&mut bricks);
+        for brick in &bricks {
+            self.measure(brick, hint, values);
         }
         self.give_signs(patch, anchor, values);
-        for brick in patch.bricks() {
-            self.integrate(&patch.points(&brick), &brick, values);
+        for brick in &bricks {
+            self.integrate(brick, values);
         }
+        values.bricks = bricks;
     }
 
     /// Unsigned distances of a brick; everything for points too near for packets.
-    fn measure(
-        &self,
-        points: &Points,
-        brick: &[usize; LANES],
-        hint: &mut usize,
-        values: &mut PatchValues,
-    ) {
+    fn measure(&self, brick: &Brick, hint: &mut usize, values: &mut PatchValues) {
+        let Brick {
+            flat: brick,
+            points,
+        } = brick;
         let distances = self.packets.distances(points, hint);
         let half = 0.5 * points[0].distance(points[LANES - 1]);
         for lane in 0..LANES {
@@ -162,27 +171,35 @@ impl<'a> PatchDensity<'a> {
     }
 
     fn give_signs(&self, patch: &Patch, anchor: Option<Anchor>, values: &mut PatchValues) {
-        for flat in 0..patch.len() {
-            if values.done[flat] {
-                continue;
-            }
-            let inside = self.inside(patch, anchor, flat, &values.distance);
-            if inside {
-                values.distance[flat] = -values.distance[flat];
+        let [nx, ny, nz] = patch.shape;
+        for x in 0..nx {
+            for y in 0..ny {
+                for z in 0..nz {
+                    let flat = patch.flat([x, y, z]);
+                    if !values.done[flat] && self.inside(patch, anchor, [x, y, z], &values.distance)
+                    {
+                        values.distance[flat] = -values.distance[flat];
+                    }
+                }
             }
         }
     }
 
-    /// The side of point `flat`, given the signed distances before it and its own distance.
-    fn inside(&self, patch: &Patch, anchor: Option<Anchor>, flat: usize, distance: &[f32]) -> bool {
-        let index = patch.unravel(flat);
-        let position = patch.position(index);
+    /// The side of a point, given the signed distances before it and its own distance.
+    fn inside(
+        &self,
+        patch: &Patch,
+        anchor: Option<Anchor>,
+        index: [usize; 3],
+        distance: &[f32],
+    ) -> bool {
+        let flat = patch.flat(index);
         // Room for the rounding of single-precision distances.
         let same_side = |other: f32, apart: f64| {
             f64::from(other.abs() + distance[flat]) > apart * 1.0001 + 1e-6
         };
         if let Some(a) = anchor
-            && same_side(a.distance, a.position.distance(position))
+            && same_side(a.distance, a.position.distance(patch.position(index)))
         {
             return a.distance < 0.0;
         }
@@ -196,11 +213,15 @@ impl<'a> PatchDensity<'a> {
                 }
             }
         }
-        self.bvh.inside_normalized(position)
+        self.bvh.inside_normalized(patch.position(index))
     }
 
     /// Densities of a brick whose signed distances are known.
-    fn integrate(&self, points: &Points, brick: &[usize; LANES], values: &mut PatchValues) {
+    fn integrate(&self, brick: &Brick, values: &mut PatchValues) {
+        let Brick {
+            flat: brick,
+            points,
+        } = brick;
         let wanted = |flat: usize| !values.done[flat] && values.distance[flat] < self.horizon;
         let distances: Lanes = brick.map(|flat| {
             if wanted(flat) {

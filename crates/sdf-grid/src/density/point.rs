@@ -9,7 +9,7 @@ use super::reference::UnitDensity;
 use crate::bvh::{Bvh, Stack};
 use crate::kernel::{CumulativeKernel, DensityKernel};
 
-/// Density at single points by the hierarchy: the triangles within the kernel's reach, each by its
+/// Density at single points by the hierarchy: the faces within the kernel's reach, each by its
 /// edge integrals. Coordinates are normalized ([`Bvh::normalized`]).
 pub(crate) struct PointDensity<'a> {
     bvh: &'a Bvh,
@@ -58,20 +58,18 @@ impl<'a> PointDensity<'a> {
     fn integral(&self, q: DVec3, xi: f64) -> Complex64 {
         let mut sum = Complex64::ZERO;
         self.visit(q, self.quadrature.radius(xi), |i| {
-            sum += self
-                .quadrature
-                .triangle(&self.table, &self.bvh.triangles[i], q, xi);
+            sum += self.quadrature.face(&self.table, &self.bvh.faces[i], q, xi);
         });
         sum
     }
 
     fn normal(&self, q: DVec3, band: f64) -> DVec3 {
         let mut near = Vec::new();
-        self.visit(q, band * 1.001, |i| near.push(&self.bvh.triangles[i]));
+        self.visit(q, band * 1.001, |i| near.push(&self.bvh.faces[i]));
         boundary::averaged_normal(near.into_iter(), q, band)
     }
 
-    /// Calls `f` with the triangles of every leaf whose box comes nearer than `radius`.
+    /// Calls `f` with the faces of every leaf whose box comes nearer than `radius`.
     fn visit(&self, q: DVec3, radius: f64, mut f: impl FnMut(usize)) {
         let mut stack = Stack::new();
         stack.push(0u32);

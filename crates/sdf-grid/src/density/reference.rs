@@ -7,8 +7,8 @@ use num_complex::Complex64;
 use super::boundary;
 use super::edge_integral::EdgeQuadrature;
 use crate::TriangleMesh;
+use crate::face::Face;
 use crate::kernel::{CumulativeKernel, DensityKernel};
-use crate::triangle::Triangle;
 
 /// The two unit parts of the density at one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -52,7 +52,7 @@ impl UnitDensity {
 /// Evaluates distance, winding number and density of one mesh point by point.
 #[derive(Debug, Clone)]
 pub struct ReferenceDensity {
-    triangles: Vec<Triangle>,
+    triangles: Vec<Face>,
     table: CumulativeKernel,
     quadrature: EdgeQuadrature,
     size: f64,
@@ -61,8 +61,8 @@ pub struct ReferenceDensity {
 impl ReferenceDensity {
     /// Prepares `mesh` for the kernel. Zero-area triangles do not count.
     pub fn new(mesh: &TriangleMesh, kernel: &DensityKernel) -> Self {
-        let triangles: Vec<Triangle> = (0..mesh.triangles().len())
-            .filter_map(|i| Triangle::new(mesh.corners(i), i as u32))
+        let triangles: Vec<Face> = (0..mesh.triangles().len())
+            .filter_map(|i| Face::triangle(mesh.corners(i), i as u32))
             .collect();
         let corners = || triangles.iter().flat_map(|t| t.corners);
         let lo = corners().fold(DVec3::INFINITY, DVec3::min);
@@ -115,7 +115,7 @@ impl ReferenceDensity {
         if xi == 0.0 {
             return UnitDensity::default();
         }
-        let term = |t| self.quadrature.triangle(&self.table, t, p, xi);
+        let term = |t| self.quadrature.face(&self.table, t, p, xi);
         let integral = self.triangles.iter().map(term).sum();
         UnitDensity::from_integral(integral, self.winding_number(p) > 0.5)
     }
@@ -124,7 +124,7 @@ impl ReferenceDensity {
     pub fn midpoint_sum(&self, p: DVec3) -> UnitDensity {
         let xi = self.distance(p);
         let kernel = self.table.kernel();
-        let term = |t: &Triangle| {
+        let term = |t: &Face| {
             let r = (p - t.centroid) / xi;
             kernel.radial(r.length())[0] * (r.dot(t.normal) * t.area / (xi * xi))
         };

@@ -30,8 +30,8 @@ pub(crate) fn fill(
     tolerance: f64,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
-    let bvh = Bvh::build(mesh);
-    if bvh.triangles.is_empty() {
+    let bvh = Bvh::merged(mesh);
+    if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }
     let sampler = Sampler {

@@ -1,15 +1,15 @@
-//! The walk over the tree: far clusters by their moments, near triangles by edge integrals.
+//! The walk over the tree: far clusters by their moments, near faces by edge integrals.
 
 use fearless_simd::{f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
-use super::near::{Query, add_triangle};
+use super::near::{Query, add_face};
 use super::packet::Packet;
 use super::{Lanes, PacketDensity, Points};
 use crate::bvh::Stack;
-use crate::moments::{Moments, triangle_covariance};
-use crate::triangle::Triangle;
+use crate::face::Face;
+use crate::moments::Moments;
 
 /// Moments of a cluster ([`Moments`]) in single precision, centre in double.
 #[derive(Debug, Clone)]
@@ -17,45 +17,33 @@ pub(crate) struct Cluster {
     centre: DVec3,
     area_vector: Vec3,
     axis: Vec3,
-    /// xx, yy, zz, xy, xz, yz.
-    covariance: [f32; 6],
-    /// None for a flat cluster.
-    normal_moment: Option<[f32; 6]>,
+    normal_moment: [f32; 6],
+    trace: f32,
+    cubic: [f32; 10],
+    vector: Vec3,
     radius: f32,
     spread: f32,
 }
 
 impl Cluster {
     pub(crate) fn new(m: &Moments) -> Self {
+        let [xx, yy, zz, xy, xz, yz] = m.normal_moment;
         Self {
             centre: m.centre,
             area_vector: m.area_vector.as_vec3(),
             axis: m.area_vector.try_normalize().unwrap_or(DVec3::Z).as_vec3(),
-            covariance: symmetric(&m.covariance),
-            normal_moment: Some(symmetric(&m.normal_moment)),
+            normal_moment: [xx, yy, zz, 2.0 * xy, 2.0 * xz, 2.0 * yz].map(|v| v as f32),
+            trace: (xx + yy + zz) as f32,
+            cubic: m.cubic.map(|v| v as f32),
+            vector: m.vector.as_vec3(),
             radius: m.radius as f32,
             spread: m.spread as f32,
         }
     }
 
-    pub(crate) fn of_triangle(t: &Triangle) -> Self {
-        Self {
-            centre: t.centroid,
-            area_vector: (t.normal * t.area).as_vec3(),
-            axis: t.normal.as_vec3(),
-            covariance: symmetric(&triangle_covariance(t)),
-            normal_moment: None,
-            radius: t.radius as f32,
-            spread: 0.0,
-        }
+    pub(crate) fn of_face(t: &Face) -> Self {
+        Self::new(&Moments::of(std::slice::from_ref(t)))
     }
-}
-
-fn symmetric(m: &DMat3) -> [f32; 6] {
-    [
-        m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z,
-    ]
-    .map(|v| v as f32)
 }
 
 /// See [`PacketDensity::integrals`].
@@ -113,7 +101,7 @@ pub(crate) fn integrals<S: Simd>(
                     continue;
                 }
             }
-            add_triangle(density, &packet, &query, i, &mut sum);
+            add_face(density, &packet, &query, i, &mut sum);
         }
     }
     [sum[0].into(), sum[1].into()]
@@ -152,21 +140,6 @@ impl<S: Simd> Seen<S> {
         self.r[0].mul_add(v.x, self.r[1].mul_add(v.y, z))
     }
 
-    /// `m r` for a symmetric matrix.
-    #[inline(always)]
-    fn times(&self, m: &[f32; 6]) -> [f32x16<S>; 3] {
-        [
-            self.dot(Vec3::new(m[0], m[3], m[4])),
-            self.dot(Vec3::new(m[3], m[1], m[5])),
-            self.dot(Vec3::new(m[4], m[5], m[2])),
-        ]
-    }
-
-    #[inline(always)]
-    fn dot_with(&self, v: [f32x16<S>; 3]) -> f32x16<S> {
-        self.r[0].mul_add(v[0], self.r[1].mul_add(v[1], self.r[2] * v[2]))
-    }
-
     /// Whether the second-order expansion is good enough for every point within reach: the spread
     /// of `u` over the cluster, in kernel widths, must be small; less so in the kernel's tail.
     #[inline(always)]
@@ -181,15 +154,15 @@ impl<S: Simd> Seen<S> {
         let x = ((self.u - extent - 1.0) * inverse_sigma).max(zero);
         let x2 = x * x;
         let tail = x2.mul_add(x2 * 0.014 + 0.17, f32x16::splat(self.u.token(), 1.0));
-        let size = extent * inverse_sigma / tail;
+        // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
+        let inverse_width = (inverse_sigma * inverse_sigma + 25.0).sqrt();
+        let size = extent * inverse_width / tail;
         let counts = x.simd_lt(density.kernel.reach) & query.xi.simd_gt(zero);
-        let settings = &density.settings;
         let size = counts.select(size, zero);
-        if size.reduce_max() >= settings.size as f32 {
-            return false;
-        }
-        cluster.spread == 0.0
-            || (size * angular * cluster.spread).reduce_max() < settings.bend as f32
+        let settings = &density.settings;
+        size.reduce_max() < settings.size as f32
+            && (cluster.spread == 0.0
+                || (size * angular * cluster.spread).reduce_max() < settings.bend as f32)
     }
 
     /// Adds the cluster's second-order expansion ([`Moments::far_field`]).
@@ -204,25 +177,42 @@ impl<S: Simd> Seen<S> {
         let x = (self.u - 1.0) * (1.0 / density.kernel.sigma);
         let counts: mask32x16<S> = x.simd_lt(density.kernel.reach) & query.xi.simd_gt(0.0);
         let [g, g1, g2] = density.kernel.radial(self.u, self.inverse_u);
-        let c = &cluster.covariance;
+        let (m, s) = (&cluster.normal_moment, &cluster.cubic);
+        let [x, y, z] = self.r;
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let (xy, xz, yz) = (x * y, x * z, y * z);
         let scale = query.inverse * query.inverse;
-        let rn = self.dot(cluster.area_vector);
-        let cr = self.times(c);
-        let n = cluster.area_vector;
-        let crn = cr[0] * n.x + cr[1] * n.y + cr[2] * n.z;
-        let curvature = self.dot_with(cr) * rn * scale;
-        let shape = (rn * (c[0] + c[1] + c[2]) + crn * 2.0) * scale;
+        let sum_of = |terms: &[(f32x16<S>, f32)]| {
+            let first = terms[0].0 * terms[0].1;
+            let add = |sum: f32x16<S>, t: &(f32x16<S>, f32)| t.0.mul_add(t.1, sum);
+            terms[1..].iter().fold(first, add)
+        };
+        let tilt = sum_of(&[
+            (xx, m[0]),
+            (yy, m[1]),
+            (zz, m[2]),
+            (xy, m[3]),
+            (xz, m[4]),
+            (yz, m[5]),
+        ]);
+        let with_x = sum_of(&[
+            (xx, s[0]),
+            (xy, s[1]),
+            (xz, s[2]),
+            (yy, s[3]),
+            (yz, s[4]),
+            (zz, s[5]),
+        ]);
+        let with_y = sum_of(&[(yy, s[6]), (yz, s[7]), (zz, s[8])]);
+        let cubic = x.mul_add(with_x, y.mul_add(with_y, z * zz * s[9]));
+        let flat = self.dot(cluster.area_vector) - query.inverse * cluster.trace;
+        let first = self.dot(cluster.vector) * scale - tilt * query.inverse;
+        let bow = cubic * scale * (self.inverse_u * self.inverse_u * 0.5);
         let zero = f32x16::splat(self.u.token(), 0.0);
-        let (mut trace, mut tilt) = (zero, zero);
-        if let Some(m) = &cluster.normal_moment {
-            trace = query.inverse * (m[0] + m[1] + m[2]);
-            tilt = self.dot_with(self.times(m)) * query.inverse;
-        }
         for k in 0..2 {
             let slope = g1[k] * self.inverse_u;
-            let bow = (g2[k] - slope) * self.inverse_u * self.inverse_u;
-            let value =
-                g[k] * (rn - trace) + (bow * curvature + slope * shape) * 0.5 - slope * tilt;
+            let second = slope.mul_add(first, (g2[k] - slope) * bow);
+            let value = g[k].mul_add(flat, second);
             sum[k] += counts.select(value * scale, zero);
         }
     }

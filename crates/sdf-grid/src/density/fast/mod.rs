@@ -38,7 +38,7 @@ pub(crate) struct PacketDensity<'a> {
     facets: Vec<Facet>,
     /// Far field of each node.
     clusters: Vec<Cluster>,
-    /// Far field of each triangle.
+    /// Far field of each face.
     singles: Vec<Cluster>,
     kernel: PacketKernel,
     settings: Settings,
@@ -48,19 +48,19 @@ pub(crate) struct PacketDensity<'a> {
 impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
     pub(crate) fn new(bvh: &'a Bvh, kernel: &DensityKernel, tolerance: f64) -> Self {
-        let settings = Settings::new(tolerance);
+        let settings = Settings::new(tolerance, kernel.sigma());
         Self {
             bvh,
-            facets: bvh.triangles.iter().map(Facet::new).collect(),
+            facets: bvh.faces.iter().map(Facet::new).collect(),
             clusters: bvh.nodes.iter().map(|n| Cluster::new(&n.moments)).collect(),
-            singles: bvh.triangles.iter().map(Cluster::of_triangle).collect(),
+            singles: bvh.faces.iter().map(Cluster::of_face).collect(),
             kernel: PacketKernel::new(kernel, &settings, tolerance),
             settings,
             level: Level::new(),
         }
     }
 
-    /// Distances of `points` from the boundary. `hint` is a leaf-order triangle to look at first,
+    /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
     /// replaced by the nearest one found: it changes the time, not the result.
     pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
         dispatch!(self.level, simd => nearest::distances(simd, self, points, hint))

@@ -1,4 +1,4 @@
-//! Edge integrals of one triangle for a packet; the formulas are those of
+//! Edge integrals of one face for a packet; the formulas are those of
 //! [`crate::density::edge_integral`].
 
 use fearless_simd::{f32x16, mask32x16, prelude::*};
@@ -7,7 +7,7 @@ use super::PacketDensity;
 use super::kernel::{MAX_POINTS, PacketKernel, atan2};
 use super::packet::{Packet, View};
 
-/// What all triangles share for one packet: distances and what follows from them.
+/// What all faces share for one packet: distances and what follows from them.
 pub(crate) struct Query<S: Simd> {
     /// Distances; zero in lanes to leave out.
     pub(crate) xi: f32x16<S>,
@@ -17,9 +17,13 @@ pub(crate) struct Query<S: Simd> {
     pub(crate) reach_squared: f32x16<S>,
 }
 
-/// Adds the integral over triangle `index` to `sum`.
+/// The kernel varies over `sqrt(sigma)` along an edge, and whatever sigma over about this to the
+/// power of -1/2, in units of the distance.
+const BROAD: f32 = 3.0;
+
+/// Adds the integral over face `index` to `sum`.
 #[inline(always)]
-pub(crate) fn add_triangle<S: Simd>(
+pub(crate) fn add_face<S: Simd>(
     density: &PacketDensity<'_>,
     packet: &Packet<S>,
     query: &Query<S>,
@@ -27,7 +31,7 @@ pub(crate) fn add_triangle<S: Simd>(
     sum: &mut [f32x16<S>; 2],
 ) {
     let facet = &density.facets[index];
-    let view = View::new(packet, &density.bvh.triangles[index], facet);
+    let view = View::new(packet, &density.bvh.faces[index], facet);
     let active = view.distance_squared(packet).simd_lt(query.reach_squared);
     if !active.any_true() {
         return;
@@ -40,11 +44,20 @@ pub(crate) fn add_triangle<S: Simd>(
         height_squared: view.height * view.height,
         beyond: [kernel.beyond[0] - k0[0], kernel.beyond[1] - k0[1]],
         k0,
-        density: density.settings.density as f32 / kernel.sigma.sqrt(),
+        density: density.settings.density as f32 * (1.0 / kernel.sigma + BROAD).sqrt(),
     };
     let mut integral = [packet.splat(0.0); 2];
-    for k in 0..3 {
-        plane.add_edge(kernel, query, &view, k, &mut integral);
+    // Where no edge is within reach the face is as good as the whole plane.
+    let rest = query.reach_squared - plane.height_squared;
+    let inner = view.innermost();
+    let outside = active & (inner.simd_le(0.0) | (inner * inner).simd_lt(rest));
+    if outside.any_true() {
+        for k in 0..view.count {
+            plane.add_edge(kernel, query, &view, k, &mut integral);
+        }
+    } else {
+        let turn = 2.0 * std::f32::consts::PI;
+        integral = [plane.beyond[0] * turn, plane.beyond[1] * turn];
     }
     let factor = view.height * query.inverse;
     for c in 0..2 {
@@ -53,7 +66,7 @@ pub(crate) fn add_triangle<S: Simd>(
     }
 }
 
-/// What the edges of a triangle share.
+/// What the edges of a face share.
 struct Plane<S: Simd> {
     active: mask32x16<S>,
     height_squared: f32x16<S>,

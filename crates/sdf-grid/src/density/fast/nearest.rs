@@ -16,9 +16,9 @@ pub(crate) fn distances<S: Simd>(
     hint: &mut usize,
 ) -> Lanes {
     let packet = Packet::new(simd, points);
-    let triangles = &density.bvh.triangles;
+    let faces = &density.bvh.faces;
     let facets = &density.facets;
-    let first = View::new(&packet, &triangles[*hint], &facets[*hint]);
+    let first = View::new(&packet, &faces[*hint], &facets[*hint]);
     let mut best = first.distance_squared(&packet);
     let mut worst = best.reduce_max();
     let mut closest = best.reduce_min();
@@ -31,7 +31,7 @@ pub(crate) fn distances<S: Simd>(
         let node = &density.bvh.nodes[id as usize];
         if node.is_leaf() {
             for i in node.range() {
-                let view = View::new(&packet, &triangles[i], &facets[i]);
+                let view = View::new(&packet, &faces[i], &facets[i]);
                 let found = view.distance_squared(&packet);
                 best = best.min(found);
                 let least = found.reduce_min();

@@ -1,11 +1,11 @@
-//! Sixteen points about a common centre, and a triangle as they see it.
+//! Sixteen points about a common centre, and a face as they see it.
 
 use fearless_simd::{f32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{LANES, Points};
 use crate::bvh::Node;
-use crate::triangle::Triangle;
+use crate::face::Face;
 
 /// Points relative to the middle of their box.
 pub(crate) struct Packet<S: Simd> {
@@ -82,16 +82,16 @@ impl<S: Simd> Packet<S> {
     }
 }
 
-/// Directions and edge lengths of a triangle in single precision.
+/// Directions of a face in single precision.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Facet {
     normal: Vec3,
-    along: [Vec3; 3],
-    outward: [Vec3; 3],
+    along: [Vec3; 4],
+    outward: [Vec3; 4],
 }
 
 impl Facet {
-    pub(crate) fn new(t: &Triangle) -> Self {
+    pub(crate) fn new(t: &Face) -> Self {
         Self {
             normal: t.normal.as_vec3(),
             along: t.along.map(DVec3::as_vec3),
@@ -100,54 +100,64 @@ impl Facet {
     }
 }
 
-/// A triangle seen from every point of a packet: signed height above the plane and, for each edge,
-/// the foot's distance `d` from its line (positive towards the triangle) and the places of its ends
+/// A face seen from every point of a packet: signed height above the plane and, for each edge,
+/// the foot's distance `d` from its line (positive towards the face) and the places of its ends
 /// along the line, from the foot.
 pub(crate) struct View<S: Simd> {
+    pub(crate) count: usize,
     pub(crate) height: f32x16<S>,
-    pub(crate) d: [f32x16<S>; 3],
-    pub(crate) start: [f32x16<S>; 3],
-    pub(crate) end: [f32x16<S>; 3],
+    pub(crate) d: [f32x16<S>; 4],
+    pub(crate) start: [f32x16<S>; 4],
+    pub(crate) end: [f32x16<S>; 4],
 }
 
 impl<S: Simd> View<S> {
     /// Offsets from the packet's centre are taken in f64: a point near a face, an edge or a corner
     /// sees it to single precision of that small distance.
     #[inline(always)]
-    pub(crate) fn new(packet: &Packet<S>, t: &Triangle, f: &Facet) -> Self {
-        let from = [
-            t.corners[0] - packet.centre,
-            t.corners[1] - packet.centre,
-            t.corners[2] - packet.centre,
-        ];
+    pub(crate) fn new(packet: &Packet<S>, t: &Face, f: &Facet) -> Self {
+        let first = t.corners[0] - packet.centre;
         let zero = packet.splat(0.0);
         let mut view = Self {
-            height: packet.dot_add(f.normal, -from[0].dot(t.normal) as f32),
-            d: [zero; 3],
-            start: [zero; 3],
-            end: [zero; 3],
+            count: t.count,
+            height: packet.dot_add(f.normal, -first.dot(t.normal) as f32),
+            d: [zero; 4],
+            start: [zero; 4],
+            end: [zero; 4],
         };
-        for k in 0..3 {
+        for (k, corner) in t.outline().iter().enumerate() {
+            let from = *corner - packet.centre;
             let along = packet.dot_add(-f.along[k], 0.0);
-            view.d[k] = packet.dot_add(-f.outward[k], from[k].dot(t.outward[k]) as f32);
-            view.start[k] = along + from[k].dot(t.along[k]) as f32;
-            view.end[k] = along + from[(k + 1) % 3].dot(t.along[k]) as f32;
+            let start = from.dot(t.along[k]);
+            view.d[k] = packet.dot_add(-f.outward[k], from.dot(t.outward[k]) as f32);
+            view.start[k] = along + start as f32;
+            view.end[k] = along + (start + t.length[k]) as f32;
         }
         view
     }
 
-    /// Squared distance of every point from the triangle.
+    /// Squared distance of every point from the face.
     #[inline(always)]
     pub(crate) fn distance_squared(&self, packet: &Packet<S>) -> f32x16<S> {
         let zero = packet.splat(0.0);
         let mut best = packet.splat(f32::INFINITY);
-        let mut innermost = packet.splat(f32::INFINITY);
-        for k in 0..3 {
+        for k in 0..self.count {
             let beyond = self.start[k].max(-self.end[k]).max(zero);
             best = best.min(self.d[k].mul_add(self.d[k], beyond * beyond));
-            innermost = innermost.min(self.d[k]);
         }
+        let innermost = self.innermost();
         let in_plane = innermost.simd_ge(zero).select(zero, best);
         self.height.mul_add(self.height, in_plane)
+    }
+
+    /// How far inside all edges the feet lie; negative outside the face.
+    #[inline(always)]
+    pub(crate) fn innermost(&self) -> f32x16<S> {
+        let least = self.d[0].min(self.d[1]).min(self.d[2]);
+        if self.count == 4 {
+            least.min(self.d[3])
+        } else {
+            least
+        }
     }
 }

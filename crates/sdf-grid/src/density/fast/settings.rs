@@ -9,7 +9,7 @@ pub(crate) struct Settings {
     pub(crate) size: f64,
     /// And that size times its spread of normals, seen from the point, below this.
     pub(crate) bend: f64,
-    /// Gauss points per edge length `2 |xi| sqrt(sigma)`.
+    /// Gauss points per half edge length in units of the length over which the integrand varies.
     pub(crate) density: f64,
 }
 
@@ -18,31 +18,32 @@ const TABLE: [Settings; 4] = [
     Settings {
         reach: 2.7,
         size: 1.1,
-        bend: 0.015,
-        density: 1.1,
+        bend: 0.03,
+        density: 1.2,
     },
     Settings {
         reach: 3.6,
         size: 0.8,
-        bend: 0.006,
+        bend: 0.012,
         density: 1.6,
     },
     Settings {
         reach: 4.5,
         size: 0.4,
-        bend: 0.001,
+        bend: 0.002,
         density: 2.5,
     },
     Settings {
         reach: 5.2,
-        size: 0.2,
+        size: 0.16,
         bend: 0.0002,
         density: 3.8,
     },
 ];
 
 impl Settings {
-    pub(crate) fn new(tolerance: f64) -> Self {
+    /// For a relative L2 error of `tolerance` with kernels of thickness `sigma`.
+    pub(crate) fn new(tolerance: f64, sigma: f64) -> Self {
         let place = (-tolerance.log10() - 2.0).clamp(0.0, 3.0);
         let i = (place as usize).min(2);
         let f = place - i as f64;
@@ -50,7 +51,9 @@ impl Settings {
         let line = |a: f64, b: f64| a + (b - a) * f;
         let power = |a: f64, b: f64| a * (b / a).powf(f);
         Self {
-            reach: line(a.reach, b.reach),
+            // The wider the kernel, the more front and back of thin parts cancel, and the more
+            // the tail of the kernel shows.
+            reach: line(a.reach, b.reach) + 1.4 * sigma,
             size: power(a.size, b.size),
             bend: power(a.bend, b.bend),
             density: line(a.density, b.density),

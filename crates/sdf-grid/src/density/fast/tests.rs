@@ -1,11 +1,11 @@
-//! Single triangles in single precision against the f64 edge integrals.
+//! Single faces in single precision against the f64 edge integrals.
 
 use fearless_simd::{Level, dispatch, f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::near::{Query, add_triangle};
+use super::near::{Query, add_face};
 use super::packet::Packet;
 use super::{LANES, PacketDensity, Points};
 use crate::DensityKernel;
@@ -31,7 +31,7 @@ fn triangle<S: Simd>(
         reach_squared: reach * reach,
     };
     let mut sum = [packet.splat(0.0); 2];
-    add_triangle(density, &packet, &query, index, &mut sum);
+    add_face(density, &packet, &query, index, &mut sum);
     [sum[0][0], sum[1][0]]
 }
 
@@ -50,8 +50,8 @@ fn triangles_match_the_f64_edge_integrals() {
         let exact = EdgeQuadrature::new(sigma, 8.4, 12, 0.25);
         for q in &points {
             let xi = bvh.nearest_normalized(*q).1.sqrt();
-            for (i, t) in bvh.triangles.iter().enumerate() {
-                let expected = exact.triangle(&table, t, *q, xi);
+            for (i, t) in bvh.faces.iter().enumerate() {
+                let expected = exact.face(&table, t, *q, xi);
                 let [re, im] = dispatch!(Level::new(), simd => {
                     triangle(simd, &density, &[*q; LANES], xi as f32, i)
                 });

@@ -13,6 +13,41 @@ demo:
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 
+# Ten minutes of fuzzing per target (needs a nightly toolchain and `cargo install cargo-fuzz`).
+fuzz seconds="600":
+    #!/usr/bin/env bash
+    set -euo pipefail
+    cd fuzz
+    for target in $(cargo +nightly fuzz list); do
+        mkdir -p "corpus/$target"
+        cargo +nightly fuzz run "$target" "corpus/$target" "seeds/$target" -- \
+            -max_total_time={{seconds}} -timeout=30 -rss_limit_mb=4096 -max_len=4096
+    done
+
+# Signed distance beside Open3D, libigl and parry3d (needs benches/peers/requirements.txt).
+peers:
+    cargo build --release -p pegfit-benches --bin peers
+    python3 benches/peers/peers.py
+
+# The ten million queries that the tests leave out.
+stress:
+    cargo test --release -p sdf-grid --test stress -- --include-ignored --nocapture
+
+# Devices against a real kernel, in qemu; says what is missing where it cannot run.
+hid-vm:
+    tests/hid-vm/run
+
+# Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
+stress-tables:
+    cargo test --release -p fft-correlate --test table -- --ignored
+    cargo test --release -p pegfit --test cli -- --ignored
+
+# Tables by Slurm, mpirun and a Kubernetes Job's command; tables in zarr-python and xarray.
+batch:
+    cargo build --release
+    tests/cluster/run.sh
+    tests/interop/run.sh
+
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}

@@ -1,175 +1,352 @@
-//! Time per rotation and error of the correlator, beside a plain rustfft correlation of the same
-//! size in the same run: `correlate [--quick] [--out DIR]`.
+//! Time per rotation of the correlator by stage, its error, and the same work done by others:
+//! `correlate [--quick] [--out DIR] [fftw] [N...]`.
+//!
+//! For each N a made-up pair whose transforms have N points along each axis. `half`: a moving part
+//! and a window of N/2 along each axis, a fixed part without end. `full`: both parts N/2, all
+//! N - 1 displacements at which they meet. Beside it, in the same run, the same product of complex
+//! fields with plain rustfft, and with FFTW if `fftw` is given (a C program, compiled with `cc`;
+//! its library must be installed), neither pruned and neither with resampling.
 
-use fft_correlate::{Correlator, Pair, ScoreModel, TranslationWindow};
-use glam::DQuat;
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+use std::time::Instant;
+
+use fft_correlate::{
+    Correlator, CorrelatorScratch, Pair, ScoreModel, StageTimes, TranslationWindow,
+};
+use glam::{DQuat, DVec3};
 use ndarray::Array3;
-use num_complex::Complex;
-use pegfit_benches::{Arguments, Outcome, Row, Sweep, example, plain, rms, timed};
-use rustfft::{FftDirection, FftNum};
-use sdf_grid::shapes::PegInHole;
-use sdf_grid::{DensityField, Sampling};
+use num_complex::{Complex, Complex32};
+use pegfit_benches::{Arguments, Outcome, plain, rms};
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+use sdf_grid::{DensityField, Lattice, Sampling};
+
+const SIZES: [usize; 6] = [64, 96, 128, 160, 192, 256];
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
-    let spacings: &[f64] = if arguments.quick {
-        &[2e-3]
+    let mut sizes: Vec<usize> = arguments
+        .rest
+        .iter()
+        .filter_map(|w| w.parse().ok())
+        .collect();
+    if sizes.is_empty() {
+        sizes = SIZES[..if arguments.quick { 3 } else { 6 }].to_vec();
+    }
+    let seconds = if arguments.quick { 0.3 } else { 1.0 };
+    let mut table = csv::Writer::from_path(arguments.out.join("correlate.csv"))?;
+    table.write_record(COLUMNS)?;
+    println!("milliseconds per rotation; 'x' is our time, resampling included, over theirs");
+    println!(
+        "{:>4} {:<5}{:>3}{:>10}{:>9}{:>9}{:>9}{:>9}{:>8}{:>10}{:>10}{:>9}",
+        "N",
+        "case",
+        "thr",
+        "resample",
+        "forward",
+        "product",
+        "inverse",
+        "total",
+        "ns/pt",
+        "x rustfft",
+        "x FFTW",
+        "error"
+    );
+    for n in sizes {
+        let fftw = if arguments.rest.iter().any(|w| w == "fftw") {
+            Some(fftw(&arguments.out, n, seconds)?)
+        } else {
+            None
+        };
+        let rustfft = plain_seconds(n, seconds);
+        for case in ["half", "full"] {
+            for row in measure(n, case, seconds, rustfft, fftw, arguments.quick)? {
+                println!("{row}");
+                table.write_record(row.record())?;
+            }
+        }
+    }
+    table.flush()?;
+    Ok(())
+}
+
+const COLUMNS: [&str; 13] = [
+    "n",
+    "case",
+    "threads",
+    "resample_ms",
+    "forward_ms",
+    "product_ms",
+    "inverse_ms",
+    "total_ms",
+    "ns_per_point",
+    "plan_ms",
+    "rustfft_ms",
+    "fftw_ms",
+    "relative_error",
+];
+
+/// One line of the table.
+struct Row {
+    n: usize,
+    case: &'static str,
+    threads: usize,
+    /// Of one thread; with two threads both at once.
+    stages: StageTimes,
+    /// Per rotation, seconds.
+    total: f64,
+    planned: f64,
+    rustfft: f64,
+    fftw: Option<f64>,
+    error: Option<f64>,
+}
+
+impl Row {
+    fn record(&self) -> Vec<String> {
+        let s = self.stages;
+        let ms = |v: f64| format!("{:.4}", 1e3 * v);
+        let maybe = |v: Option<f64>, f: &dyn Fn(f64) -> String| v.map_or(String::new(), f);
+        vec![
+            self.n.to_string(),
+            self.case.to_owned(),
+            self.threads.to_string(),
+            ms(s.resample),
+            ms(s.forward),
+            ms(s.product),
+            ms(s.inverse),
+            ms(self.total),
+            format!("{:.4}", 1e9 * self.total / (self.n as f64).powi(3)),
+            ms(self.planned),
+            ms(self.rustfft),
+            maybe(self.fftw, &ms),
+            maybe(self.error, &|e| format!("{e:.2e}")),
+        ]
+    }
+}
+
+impl std::fmt::Display for Row {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (s, ms) = (self.stages, 1e3);
+        write!(
+            f,
+            "{:>4} {:<5}{:>3}{:>10.3}{:>9.3}{:>9.3}{:>9.3}{:>9.3}{:>8.3}{:>10.3}",
+            self.n,
+            self.case,
+            self.threads,
+            ms * s.resample,
+            ms * s.forward,
+            ms * s.product,
+            ms * s.inverse,
+            ms * self.total,
+            1e9 * self.total / (self.n as f64).powi(3),
+            self.total / self.rustfft
+        )?;
+        match self.fftw {
+            Some(theirs) => write!(f, "{:>10.3}", self.total / theirs)?,
+            None => write!(f, "{:>10}", "-")?,
+        }
+        match self.error {
+            Some(error) => write!(f, "{error:>9.1e}"),
+            None => write!(f, "{:>9}", "-"),
+        }
+    }
+}
+
+/// Our times on one and two threads; the error against double precision up to N = 128.
+fn measure(
+    n: usize,
+    case: &'static str,
+    seconds: f64,
+    rustfft: f64,
+    fftw: Option<f64>,
+    quick: bool,
+) -> Outcome<Vec<Row>> {
+    let (pair, window) = scene(n, case)?;
+    let correlator = Correlator::plan(&pair, &window)?;
+    let plan = correlator.description();
+    if plan.transform_size != [n; 3] {
+        return Err(format!("N = {n}, {case}: planned {:?}", plan.transform_size).into());
+    }
+    let error = if n <= if quick { 64 } else { 128 } {
+        Some(error(&correlator, &pair, &window)?)
     } else {
-        &[1.6e-3, 1.1e-3, 0.8e-3]
+        None
     };
     let mut rows = Vec::new();
-    for (name, model) in [("guided", ScoreModel::GUIDED), ("paper", ScoreModel::PAPER)] {
-        for h in spacings {
-            let h = if name == "paper" { 1.6 * h } else { *h };
-            let pair = example(PegInHole::Rectangular, &model, h, Sampling::CellAverage)?;
-            rows.extend(measure(name, &pair)?);
-        }
+    for threads in [1, 2] {
+        let (stages, total) = timed(&correlator, &window, threads, seconds);
+        rows.push(Row {
+            n,
+            case,
+            threads,
+            stages,
+            total,
+            planned: plan.expected_seconds,
+            rustfft,
+            fftw,
+            error,
+        });
     }
-    let sweep = Sweep {
-        name: "correlate",
-        title: "Correlation of the rectangular pair, one rotation on one thread",
-        cost: "s/rotation",
-        errors: vec!["vs f64"],
-        rows,
-    };
-    sweep.publish(&arguments.out)
+    Ok(rows)
 }
 
-/// The correlator with resampling, and plain transforms without it, at the same size; errors at the
-/// identity, where resampling reads nodes.
-fn measure(name: &str, pair: &Pair) -> Outcome<[Row; 2]> {
-    let window = TranslationWindow::cube(0.012, pair.spacing())?;
-    let correlator = Correlator::plan(pair, &window)?;
-    let plan = correlator.description().clone();
-    let (mut scratch, mut out) = (correlator.scratch(), Array3::zeros(window.shape()));
-    correlator.score(DQuat::IDENTITY, &mut scratch, out.view_mut());
-    let exact = Plain::<f64>::new(pair, &window);
-    let exact = exact.window(&exact.correlate(), &window);
-    let scale = rms(exact.iter().copied());
-    let ours = rms(out.iter().zip(&exact).map(|(a, b)| f64::from(*a) - b)) / scale;
-    let turn = DQuat::from_rotation_x(0.3);
-    let ((), seconds) = timed(3, || correlator.score(turn, &mut scratch, out.view_mut()));
-    let peer = Plain::<f32>::new(pair, &window);
-    let (score, plain_seconds) = timed(2, || peer.correlate());
-    let found = peer.window(&score, &window);
-    let theirs = rms(found.iter().zip(&exact).map(|(a, b)| a - b)) / scale;
-    println!(
-        "{name}, h {:.2} mm: {:.1} times plain rustfft; {:?} against {:?}",
-        1e3 * pair.spacing(),
-        plain_seconds / seconds,
-        plan.transform_size,
-        score.shape()
-    );
-    let row = |what: &str, size: &[usize], seconds, error| Row {
-        series: format!("{name}, {what}"),
-        setting: format!("{size:?}"),
-        seconds,
-        errors: vec![error],
-    };
-    Ok([
-        row(
-            "pegfit with resampling",
-            plan.transform_size.as_slice(),
-            seconds,
-            ours,
-        ),
-        row("plain rustfft f32", score.shape(), plain_seconds, theirs),
-    ])
+/// A rotation that favours no axis.
+fn turn(k: usize) -> DQuat {
+    DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.5) * (1.0 + 0.37 * k as f64))
 }
 
-/// The same correlation of the whole lattices, padded by the window, at the identity.
-struct Plain<T> {
-    spectra: Vec<Array3<Complex<T>>>,
-    moving: Vec<Array3<Complex<T>>>,
-    cell: f64,
+/// Relative L2 distance of the scores from those in double precision.
+fn error(correlator: &Correlator, pair: &Pair, window: &TranslationWindow) -> Outcome<f64> {
+    let exact = Correlator::plan_double(pair, window)?;
+    let mut truth = Array3::zeros(window.shape());
+    exact.score(turn(1), &mut exact.scratch(), truth.view_mut());
+    let mut found = Array3::zeros(window.shape());
+    correlator.score(turn(1), &mut correlator.scratch(), found.view_mut());
+    let wrong = found.iter().zip(&truth).map(|(a, b)| f64::from(*a) - b);
+    Ok(rms(wrong) / rms(truth.iter().copied()))
 }
 
-impl<T: FftNum + Into<f64>> Plain<T> {
-    fn new(pair: &Pair, window: &TranslationWindow) -> Self {
-        let m = pair.model();
-        let (l1, l2) = (m.lambda_exterior, m.lambda_interior);
-        // Weights of (exterior, interior) of the fixed and the moving factor of each product.
-        let products = if m.separation_weight == 1.0 {
-            vec![([l1, l2], [l1, l2])]
-        } else {
-            let second = [m.separation_weight * l1 * l1, l1 * l2];
-            vec![([l1 * l2, l2 * l2], [0.0, 1.0]), (second, [1.0, 0.0])]
-        };
-        let shapes = (pair.fixed().lattice.shape(), pair.moving().lattice.shape());
-        let size =
-            std::array::from_fn(|k| smooth(shapes.0[k].max(shapes.1[k]) + window.shape()[k]));
-        let apart = pair.moving().lattice.origin() - pair.fixed().lattice.origin();
-        let offset = (apart / pair.spacing()).round().to_array();
-        let (mut spectra, mut moving) = (Vec::new(), Vec::new());
-        for (a, b) in products {
-            let mut fixed = periodic::<T>(pair.fixed(), a, size, [0; 3]);
-            plain::transform(fixed.view_mut(), FftDirection::Forward);
-            spectra.push(fixed);
-            moving.push(periodic::<T>(
-                pair.moving(),
-                b,
-                size,
-                offset.map(|c| c as i64),
-            ));
-        }
-        Self {
-            spectra,
-            moving,
-            cell: pair.spacing().powi(3),
-        }
-    }
-
-    fn correlate(&self) -> Array3<T> {
-        plain::correlate(&self.spectra, self.moving.clone())
-    }
-
-    /// The scores of the window, in its order.
-    fn window(&self, score: &Array3<T>, window: &TranslationWindow) -> Array3<f64> {
-        let (first, size) = (window.first(), score.shape());
-        Array3::from_shape_fn(window.shape(), |(i, j, k)| {
-            let at = [i, j, k];
-            let node: [usize; 3] = std::array::from_fn(|a| {
-                (first[a] + at[a] as i64).rem_euclid(size[a] as i64) as usize
-            });
-            score[node].into() * self.cell
-        })
-    }
-}
-
-/// The next length without a prime factor above 5.
-fn smooth(least: usize) -> usize {
-    let rest = |n: usize| {
-        [2, 3, 5].iter().fold(n, |mut n, p| {
-            while n % p == 0 {
-                n /= p;
+/// The stages of the fastest rotation, and seconds per rotation over all threads: the fastest of
+/// several rounds. One rotation per thread at a time.
+fn timed(
+    correlator: &Correlator,
+    window: &TranslationWindow,
+    threads: usize,
+    seconds: f64,
+) -> (StageTimes, f64) {
+    let mut work: Vec<(CorrelatorScratch, Array3<f32>)> = (0..threads)
+        .map(|_| (correlator.scratch(), Array3::zeros(window.shape())))
+        .collect();
+    let (mut stages, mut best) = (StageTimes::default(), f64::INFINITY);
+    let (began, mut per_round) = (Instant::now(), 1);
+    while began.elapsed().as_secs_f64() < seconds || best.is_infinite() {
+        let round = Instant::now();
+        std::thread::scope(|scope| {
+            for (scratch, out) in &mut work {
+                scope.spawn(move || {
+                    for k in 0..per_round {
+                        correlator.score(turn(k), scratch, out.view_mut());
+                    }
+                });
             }
-            n
-        })
-    };
-    (least..)
-        .find(|n| rest(*n) == 1)
-        .expect("a power of two is")
+        });
+        let took = round.elapsed().as_secs_f64();
+        let each = took / (per_round * threads) as f64;
+        // Rounds long enough that starting threads does not count.
+        if took < 0.02 {
+            per_round *= 2;
+            continue;
+        }
+        if each < best {
+            best = each;
+            stages = work[0].0.stage_times();
+        }
+    }
+    (stages, best)
 }
 
-/// A blend of a field's two densities in a periodic box, its first node at `first`.
-fn periodic<T: FftNum>(
-    field: &DensityField,
-    weights: [f64; 2],
-    size: [usize; 3],
-    first: [i64; 3],
-) -> Array3<Complex<T>> {
-    let number = |v: f64| T::from_f64(v).expect("a density is a number");
-    let mut out = Array3::from_elem(size, Complex::new(T::zero(), T::zero()));
-    for ((i, j, k), exterior) in field.exterior.indexed_iter() {
-        let interior = field.interior[[i, j, k]];
-        let at = [i, j, k];
-        let node: [usize; 3] =
-            std::array::from_fn(|a| (first[a] + at[a] as i64).rem_euclid(size[a] as i64) as usize);
-        let blend = |e: f32, i: f32| number(weights[0] * f64::from(e) + weights[1] * f64::from(i));
-        out[node] = Complex::new(
-            blend(exterior.re, interior.re),
-            blend(exterior.im, interior.im),
-        );
+/// A moving ball and a fixed block of noise, with separation weight one (one product).
+fn scene(n: usize, case: &str) -> Outcome<(Pair, TranslationWindow)> {
+    let mut rng = SmallRng::seed_from_u64(n as u64);
+    let half = n as f64 / 2.0;
+    let reach = if case == "half" { half } else { half / 2.0 };
+    // The corners of the last cells stay within the quarter of N that the support may fill.
+    let moving = noise(half / 2.0 - 1.74, true, &mut rng)?;
+    let fixed = noise(reach, false, &mut rng)?;
+    let pair = Pair::new(
+        Arc::new(fixed),
+        Arc::new(moving),
+        ScoreModel::PAPER,
+        DVec3::ZERO,
+    )?;
+    let (first, last) = if case == "half" {
+        (-half / 2.0, half / 2.0 - 1.0)
+    } else {
+        (1.0 - half, half - 1.0)
+    };
+    Ok((
+        pair,
+        TranslationWindow::new(DVec3::splat(first), DVec3::splat(last), 1.0)?,
+    ))
+}
+
+/// Noise in a ball, or in the cube around it; cells are of unit size.
+fn noise(radius: f64, ball: bool, rng: &mut SmallRng) -> Outcome<DensityField> {
+    let nodes = 2 * radius.floor() as usize;
+    let origin = DVec3::splat(0.5 - radius.floor());
+    let lattice = Lattice::new(origin, 1.0, [nodes; 3])?;
+    let exterior = Array3::from_shape_fn([nodes; 3], |(i, j, k)| {
+        if !ball || lattice.position([i, j, k]).length() <= radius {
+            Complex32::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
+        } else {
+            Complex32::default()
+        }
+    });
+    Ok(DensityField {
+        interior: Array3::zeros([nodes; 3]),
+        signed_distance: Array3::zeros([nodes; 3]),
+        exterior,
+        lattice,
+        sigma: ScoreModel::PAPER.sigma,
+        halo: 1.0,
+        sampling: Sampling::Point,
+        mesh_hash: [0; 32],
+    })
+}
+
+/// Seconds of the fastest plain rustfft correlation of complex fields.
+fn plain_seconds(n: usize, seconds: f64) -> f64 {
+    let mut rng = SmallRng::seed_from_u64(1);
+    let mut field = || {
+        Array3::from_shape_simple_fn([n; 3], || {
+            Complex::new(rng.random_range(-1.0f32..1.0), rng.random_range(-1.0..1.0))
+        })
+    };
+    let (spectra, moving) = (vec![field()], field());
+    let (began, mut best) = (Instant::now(), f64::INFINITY);
+    while began.elapsed().as_secs_f64() < seconds || best.is_infinite() {
+        let moving = vec![moving.clone()];
+        let round = Instant::now();
+        std::hint::black_box(plain::correlate(&spectra, moving));
+        best = best.min(round.elapsed().as_secs_f64());
     }
-    out
+    best
+}
+
+/// Seconds of the faster of FFTW's complex and real loops.
+fn fftw(out: &Path, n: usize, seconds: f64) -> Outcome<f64> {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/fftw/correlate.c");
+    let program = out
+        .join("fftw-correlate")
+        .canonicalize()
+        .unwrap_or_default();
+    let program = if program.is_file() {
+        program
+    } else {
+        let program = out.canonicalize()?.join("fftw-correlate");
+        let done = Command::new("cc")
+            .args(["-O3", "-march=native", "-o"])
+            .arg(&program)
+            .arg(source)
+            .args(["-lfftw3f", "-lm"])
+            .status()?;
+        if !done.success() {
+            return Err("cc could not build the FFTW program; is libfftw3 installed?".into());
+        }
+        program
+    };
+    let output = Command::new(program)
+        .args([seconds.to_string(), n.to_string()])
+        .output()?;
+    let text = String::from_utf8(output.stdout)?;
+    let times: Vec<f64> = text
+        .split_whitespace()
+        .skip(1)
+        .flat_map(str::parse)
+        .collect();
+    let best = times.into_iter().reduce(f64::min);
+    best.map(|ms| 1e-3 * ms)
+        .ok_or_else(|| "FFTW's program printed no time".into())
 }

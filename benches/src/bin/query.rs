@@ -1,15 +1,23 @@
 //! Latency of one query and throughput of many: `query [--quick] [--out DIR]`.
+//!
+//! Three tables: a small one of the paper's square pair, which fits in the processor's caches; a
+//! large one of a closed form, of which random queries read main memory; and the large one again as
+//! whole numbers. Then a million poses through `pegfit score`'s own steps.
 
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Interpolation, PairEnergies, Pose,
-    Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow, Twist,
+    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Interpolation, NodeEnergies,
+    Numbers, Pair, PairEnergies, Pose, Response, RotationDomain, ScoreModel, Storage, TableSpec,
+    TranslationWindow, Twist,
 };
+use glam::DQuat;
+use ndarray::ArrayViewMut3;
+use pegfit::poses::{PoseReader, ScoredPose, append_score};
 use pegfit_benches::{Arguments, Outcome, example, random_poses};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Sampling, Silent};
+use sdf_grid::{Lattice, Sampling, Silent};
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
@@ -20,49 +28,147 @@ fn main() -> Outcome<()> {
         h,
         Sampling::CellAverage,
     )?;
-    let (angle, step) = if arguments.quick {
-        (6.0, 3.0)
-    } else {
-        (20.0, 4.0)
-    };
+    println!("{:<46}{:>10}{:>10}{:>10} µs", "", "p50", "p99", "p99.9");
+    small_table(&pair, h, arguments.quick)?;
+    direct(&pair)?;
+    for numbers in [Numbers::Half, Numbers::Integer] {
+        large_table(&pair, numbers, arguments.quick)?;
+    }
+    Ok(())
+}
+
+fn small_table(pair: &Pair, h: f64, quick: bool) -> Outcome<()> {
+    let (angle, step) = if quick { (6.0, 3.0) } else { (20.0, 4.0) };
     let window = TranslationWindow::cube(0.010, h)?;
-    let spec = TableSpec::for_pair(&pair, &window, RotationDomain::ball(angle, step));
-    let table = EnergyTable::compute(spec, &PairEnergies::plan(&pair, &window)?, 4 << 30, &Silent)?;
-    println!(
-        "table: {} rotations x {:?} displacements, {:.1} MB",
-        table.grid().nodes().len(),
-        window.shape(),
-        table.spec().bytes(table.grid().nodes().len()) as f64 / 1e6
-    );
+    let spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(angle, step));
+    let table = EnergyTable::compute(spec, &PairEnergies::plan(pair, &window)?, 4 << 30, &Silent)?;
+    describe("square pair", &table);
     let mut rng = SmallRng::seed_from_u64(4);
-    let radians = f64::to_radians(0.9 * angle);
-    let random = random_poses(&pair, &mut rng, radians, 0.006, 20_000);
+    let random = random_poses(pair, &mut rng, f64::to_radians(0.9 * angle), 0.006, 20_000);
     let path = path_through(&random[..20], 1000);
-    println!("{:<38}{:>12}{:>12}{:>12} µs", "", "p50", "p99", "p99.9");
     for (name, how) in [
         ("cubic", Interpolation::CatmullRom),
         ("linear", Interpolation::Linear),
     ] {
         let table = table.clone().with_interpolation(how);
-        latencies(&format!("table, {name}, along a path"), &table, &path);
-        latencies(&format!("table, {name}, random poses"), &table, &random);
+        latencies(&format!("  {name}, along a path"), &table, &path);
+        latencies(&format!("  {name}, random poses"), &table, &random);
     }
+    throughput(&table, &random);
+    Ok(())
+}
+
+fn direct(pair: &Pair) -> Outcome<()> {
+    let mut rng = SmallRng::seed_from_u64(5);
+    let poses = random_poses(pair, &mut rng, 0.3, 0.006, 2000);
     for points in [5_000, 20_000] {
         let options = DirectOptions {
             max_points: Some(points),
             ..DirectOptions::REAL_TIME
         };
-        let source = DirectEvaluator::new(&pair, &options)?;
+        let source = DirectEvaluator::new(pair, &options)?;
         let name = format!("direct, {} points", source.describe().points());
-        latencies(&name, &source, &path[..2000]);
+        latencies(&name, &source, &poses);
     }
-    let mut responses = vec![Response::default(); random.len()];
-    let (rounds, began) = (if arguments.quick { 2 } else { 20 }, Instant::now());
-    for _ in 0..rounds {
-        table.respond_many(&random, &mut responses);
+    Ok(())
+}
+
+/// Smooth in displacement and rotation, and cheap: a query's cost does not depend on the values.
+struct Waves(Lattice);
+
+impl NodeEnergies for Waves {
+    type Scratch = ();
+
+    fn scratch(&self) {}
+
+    fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
+        let wave = |phase: f64, n: usize| -> Vec<f32> {
+            (0..n)
+                .map(|i| (0.13 * i as f64 + phase).sin() as f32)
+                .collect()
+        };
+        let [nx, ny, nz] = self.0.shape();
+        let (x, y, z) = (
+            wave(5.0 * rotation.x, nx),
+            wave(5.0 * rotation.y, ny),
+            wave(5.0 * rotation.z, nz),
+        );
+        for ((i, j, k), e) in out.indexed_iter_mut() {
+            *e = x[i] * y[j] * z[k];
+        }
     }
-    let rate = (rounds * random.len()) as f64 / began.elapsed().as_secs_f64();
-    println!("batch, cubic, all threads: {rate:.3e} poses/s");
+}
+
+fn large_table(pair: &Pair, numbers: Numbers, quick: bool) -> Outcome<()> {
+    let (angle, step) = if quick { (20.0, 5.0) } else { (30.0, 4.0) };
+    let window = TranslationWindow::cube(0.030, 1e-3)?;
+    let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(angle, step));
+    spec.storage = Storage {
+        numbers,
+        ..Storage::default()
+    };
+    let waves = Waves(spec.window);
+    let table = EnergyTable::compute(spec, &waves, 8 << 30, &Silent)?;
+    describe(&format!("closed form, {numbers:?}"), &table);
+    let mut rng = SmallRng::seed_from_u64(6);
+    let count = if quick { 100_000 } else { 1_000_000 };
+    let random = random_poses(pair, &mut rng, f64::to_radians(angle), 0.029, count);
+    latencies("  along a path", &table, &path_through(&random[..20], 1000));
+    latencies("  random poses", &table, &random[..20_000]);
+    throughput(&table, &random);
+    if numbers == Numbers::Half {
+        stream(&table, &random)?;
+    }
+    Ok(())
+}
+
+fn describe(name: &str, table: &EnergyTable) {
+    println!(
+        "table of the {name}: {} rotations x {:?} displacements, {:.1} MB",
+        table.grid().nodes().len(),
+        table.spec().window.shape(),
+        table.memory() as f64 / 1e6
+    );
+}
+
+/// Poses per second on all threads, in memory.
+fn throughput(table: &EnergyTable, poses: &[Pose]) {
+    let mut responses = vec![Response::default(); poses.len()];
+    table.respond_many(
+        &poses[..poses.len() / 10],
+        &mut responses[..poses.len() / 10],
+    );
+    let began = Instant::now();
+    table.respond_many(poses, &mut responses);
+    let rate = poses.len() as f64 / began.elapsed().as_secs_f64();
+    println!(
+        "  {} random poses, all threads: {rate:.3e} poses/s",
+        poses.len()
+    );
+}
+
+/// One thread's cost of reading a pose from CSV and of writing its row.
+fn stream(table: &EnergyTable, poses: &[Pose]) -> Outcome<()> {
+    let poses = &poses[..poses.len().min(100_000)];
+    let mut text = String::new();
+    let began = Instant::now();
+    for pose in poses {
+        let scored = ScoredPose {
+            pose: *pose,
+            score_re: 0.1,
+            score_im: None,
+            response: table.respond(pose),
+        };
+        append_score(&mut text, &scored);
+    }
+    let writing = 1e6 * began.elapsed().as_secs_f64() / poses.len() as f64;
+    let text = pegfit::poses::score_header() + &text;
+    let began = Instant::now();
+    let count = PoseReader::new("poses", text.as_bytes())?.count();
+    let reading = 1e6 * began.elapsed().as_secs_f64() / count as f64;
+    println!(
+        "  CSV, one thread: {writing:.2} µs a query with its row, {reading:.2} µs to read a pose"
+    );
     Ok(())
 }
 
@@ -102,7 +208,7 @@ fn latencies(name: &str, source: &dyn EnergySource, poses: &[Pose]) {
     micros.sort_unstable_by(f64::total_cmp);
     let at = |q: f64| micros[((micros.len() - 1) as f64 * q) as usize];
     println!(
-        "{name:<38}{:>12.2}{:>12.2}{:>12.2}",
+        "{name:<46}{:>10.2}{:>10.2}{:>10.2}",
         at(0.5),
         at(0.99),
         at(0.999)

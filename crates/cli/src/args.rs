@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sdf_grid::LengthUnit;
+use sdf_grid::mesh_io::{ReadOptions, StepOptions};
 
 use crate::device_choice::DeviceChoice;
 
@@ -52,6 +53,10 @@ pub enum Command {
     Field(FieldArgs),
     /// Tabulate a scene's energy over its whole domain
     Bake(BakeArgs),
+    /// Say what a table holds, how large it is and how wrong it says it is
+    Table(TableArgs),
+    /// Measure a table's error again at fresh poses and compare it with what the table says
+    Verify(VerifyArgs),
     /// Score, energy, force and torque at listed poses
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
@@ -75,22 +80,55 @@ pub struct DemoArgs {
 /// Arguments of `pegfit check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Mesh files: OBJ, STL or PLY
+    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP
     #[arg(required = true)]
     pub meshes: Vec<PathBuf>,
-    /// Length unit of the files: m, cm, mm, um, inch or foot
+    /// Length unit of files that state none: m, cm, mm, um, inch or foot
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
+    /// What is read of the files.
+    #[command(flatten)]
+    pub choice: MeshChoice,
+}
+
+/// What is read of a mesh file.
+#[derive(Debug, Clone, Args)]
+pub struct MeshChoice {
+    /// Use only this solid of the file, by its name or its number as `pegfit check` lists them
+    #[arg(long, value_name = "NAME")]
+    pub solid: Option<String>,
+    /// STEP: edges around a full turn of a curved face, 6 to 1000
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    pub segments_per_turn: u32,
+}
+
+impl MeshChoice {
+    /// The same for the reading library, with the unit of files that state none.
+    pub fn options(&self, unit: LengthUnit) -> ReadOptions {
+        ReadOptions {
+            unit,
+            solid: self.solid.clone(),
+            step: StepOptions {
+                segments_per_turn: self.segments_per_turn,
+                ..StepOptions::default()
+            },
+            ..ReadOptions::default()
+        }
+    }
 }
 
 /// Arguments of `pegfit field`.
 #[derive(Debug, Args)]
 pub struct FieldArgs {
-    /// Mesh file: OBJ, STL or PLY
+    /// Mesh file: OBJ, STL, PLY, glTF, 3MF or STEP
     pub mesh: PathBuf,
-    /// Length unit of the file and of the lengths below: m, cm, mm, um, inch or foot
+    /// Length unit of the lengths below, and of the file unless it states its own: m, cm, mm, um,
+    /// inch or foot
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
+    /// What is read of the file.
+    #[command(flatten)]
+    pub choice: MeshChoice,
     /// Distance between lattice nodes [default: the longest side / 48]
     #[arg(long)]
     pub spacing: Option<f64>,
@@ -112,6 +150,9 @@ pub struct FieldArgs {
     /// Picture of the slice to write
     #[arg(long, value_name = "P.png")]
     pub png: Option<PathBuf>,
+    /// Picture of the skeleton in space to write: nodes where the density is high
+    #[arg(long, value_name = "P.png")]
+    pub skeleton: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit bake`.
@@ -137,6 +178,73 @@ pub struct BakeArgs {
     /// Only say how much of the table is there
     #[arg(long)]
     pub status: bool,
+    /// Choose lattice, sampling and rotation step so that the rms error of the force is at most this
+    /// share of the rms force, such as 5% or 0.05
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub tolerance: Option<f64>,
+    /// How energies are stored
+    #[arg(long, value_enum, default_value_t = NumbersChoice::Float16)]
+    pub numbers: NumbersChoice,
+    /// Leave out bricks of 8 x 8 x 8 displacements in which no energy differs from the far one by
+    /// more than this share of the largest; 0 keeps all
+    #[arg(long, value_name = "SHARE", default_value = "0.0005", value_parser = share)]
+    pub leave_out: f64,
+    /// Held-out poses at which the error of the finished table is measured
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub poses: usize,
+}
+
+/// Kinds of stored numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NumbersChoice {
+    /// Half precision
+    Float16,
+    /// Whole numbers, with one scale for each rotation
+    Int16,
+}
+
+/// A share written as `0.05` or `5%`.
+fn share(text: &str) -> Result<f64, String> {
+    let number = |t: &str| t.trim().parse::<f64>().map_err(|e| e.to_string());
+    let found = match text.strip_suffix('%') {
+        Some(percent) => number(percent)? / 100.0,
+        None => number(text)?,
+    };
+    match (0.0..=1.0).contains(&found) {
+        true => Ok(found),
+        false => Err("expected 0 to 1, or 0% to 100%".into()),
+    }
+}
+
+/// Arguments of `pegfit table`.
+#[derive(Debug, Args)]
+pub struct TableArgs {
+    /// Table, a Zarr folder
+    #[arg(value_name = "TABLE.zarr")]
+    pub table: PathBuf,
+}
+
+/// Arguments of `pegfit verify`.
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// Table, a Zarr folder
+    #[arg(value_name = "TABLE.zarr")]
+    pub table: PathBuf,
+    /// The scene it was baked from
+    #[arg(long, value_name = "SCENE.toml")]
+    pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
+    /// Seed of the poses [default: one more than that of the table's own measurement]
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// How many poses
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub poses: usize,
+    /// How much more than stated is still accepted, as a share of it: 0.5 allows half as much again
+    #[arg(long, default_value = "0.5", value_parser = share)]
+    pub margin: f64,
 }
 
 /// Arguments of `pegfit score`.

@@ -6,8 +6,8 @@ use std::time::Instant;
 use fft_correlate::bake::PairEnergies;
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
-    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuildError, PairBuilder,
-    PairPlan, Pose, RotationGrid, TableSpec, TranslationWindow,
+    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair,
+    PairBuildError, PairBuilder, PairPlan, Pose, RotationGrid, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
@@ -16,6 +16,7 @@ use sdf_grid::{
     SymmetryOrder, TriangleMesh, mesh_io, symmetry,
 };
 
+use crate::args::MeshChoice;
 use crate::command::Context;
 use crate::error::CommandError;
 use crate::memory;
@@ -129,6 +130,10 @@ impl Assembly {
         let mut spec =
             TableSpec::for_pair(&self.pair, &self.window()?, self.scene.rotations.clone());
         spec.symmetry = self.table_symmetry();
+        spec.fields = Some(FieldSampling {
+            sampling: self.scene.lattice.sampling,
+            deaverage: self.scene.lattice.deaverage,
+        });
         [spec.fixed_mesh, spec.moving_mesh] = self.mesh_hashes();
         Ok(spec)
     }
@@ -318,7 +323,11 @@ pub(crate) fn read_part(
     let options = HygieneOptions::default();
     let mut meshes = Vec::new();
     for placed in &part.meshes {
-        let (mesh, report) = mesh_io::read(&placed.path, scene.unit, &options)?;
+        let reading = MeshChoice {
+            solid: placed.solid.clone(),
+            segments_per_turn: placed.segments_per_turn,
+        };
+        let (mesh, report) = mesh_io::read_with(&placed.path, &reading.options(scene.unit))?;
         for warning in report.warnings() {
             context.progress.note(&format!("note: {warning}"));
         }

@@ -78,6 +78,31 @@ pub enum CommandError {
         /// The drawing library's reason.
         reason: String,
     },
+    /// No table of the scene meets the tolerance that was asked for.
+    #[error(
+        "force error of {:.3} % asked for, {:.3} % reached: {part} is what cannot be met, {reason}",
+        100.0 * asked, 100.0 * reached
+    )]
+    Tolerance {
+        /// `the lattice`, `the rotation step` or `the whole table`.
+        part: &'static str,
+        /// Share of the rms force.
+        asked: f64,
+        /// The least share found.
+        reached: f64,
+        /// At which setting it was found, and why there is no finer one.
+        reason: String,
+    },
+    /// A table is further from the truth than it says.
+    #[error(
+        "{table}: {count} of 6 errors are beyond what the table states, by more than the margin"
+    )]
+    Claim {
+        /// The table.
+        table: String,
+        /// How many.
+        count: usize,
+    },
     /// The user asked to stop.
     #[error("interrupted; finished results are kept")]
     Interrupted,
@@ -180,6 +205,7 @@ impl CommandError {
             Self::Input { .. } | Self::Scene(_) | Self::Mesh(_) | Self::Memory { .. } => {
                 Exit::BadInput
             }
+            Self::Tolerance { .. } | Self::Claim { .. } => Exit::Failure,
             Self::Library { input: true, .. } => Exit::BadInput,
             // A file that is missing is a wrong argument; one that cannot be written is not.
             Self::Io { action: "read", .. } => Exit::BadInput,

@@ -1,10 +1,13 @@
 //! The pictures that commands draw: what of the data goes where, and under which words.
 
+use std::collections::HashMap;
+
+use glam::DVec3;
 use ndarray::{Array2, Array3, Axis};
-use sdf_grid::{DensityField, LengthUnit};
+use sdf_grid::{DensityField, DensityKernel, LengthUnit, TriangleMesh};
 
 use crate::picture::heat_map::distance_levels;
-use crate::picture::{ColourScale, Contours, HeatMap};
+use crate::picture::{Cloud, ColourScale, Contours, HeatMap};
 use crate::slice::{AXES, Slice};
 
 /// The sheet of axis `slice.axis` nearest to the plane, as `[across, up]`.
@@ -26,11 +29,13 @@ pub fn distance_contours(
     let levels = distance_levels(&distance, 12);
     let step = levels.iter().map(|l| l.abs()).fold(f64::INFINITY, f64::min);
     let step = crate::picture::canvas::number(step, 3);
-    let note = format!("lines: signed distance every {step} {unit}; bold: the boundary");
+    let note =
+        format!("lines: signed distance every {step} {unit}, negative inside; bold: the boundary");
     let contours = Contours {
         values: distance,
         levels,
         bold: vec![0.0],
+        labelled: true,
     };
     (contours, note)
 }
@@ -61,4 +66,70 @@ pub fn density_map(
         note,
         equal_axes: true,
     }
+}
+
+/// Points of the skeleton have a density this many times that beside a large flat face.
+const SKELETON: f64 = 1.3;
+
+/// Faces that meet at less than this angle (its cosine) are drawn as one.
+const SMOOTH: f64 = 0.9;
+
+/// The nodes where the density is well above that of a flat face: the skeleton of the part
+/// (positive values) and of the space around it (negative).
+pub fn skeleton(
+    title: String,
+    mesh: &TriangleMesh,
+    field: &DensityField,
+    kernel: &DensityKernel,
+    unit: LengthUnit,
+) -> Cloud {
+    let metre = unit.in_metres();
+    let least = SKELETON * kernel.kappa();
+    let (mut points, mut values) = (Vec::new(), Vec::new());
+    for (index, interior) in field.interior.indexed_iter() {
+        let at = [index.0, index.1, index.2];
+        let (inside, outside) = (
+            f64::from(interior.norm()),
+            f64::from(field.exterior[at].norm()),
+        );
+        if inside.max(outside) > least {
+            points.push(field.lattice.position(at) / metre);
+            values.push(if inside > outside { inside } else { -outside });
+        }
+    }
+    let least = crate::picture::canvas::number(least, 2);
+    Cloud {
+        title,
+        note: format!(
+            "nodes with |density| above {least}, {SKELETON} times that of a flat face: {}",
+            points.len()
+        ),
+        scale: ColourScale::diverging(values.iter().copied(), 0.99),
+        points,
+        values,
+        width: field.lattice.spacing() / metre,
+        edges: sharp_edges(mesh).map(|e| e.map(|p| p / metre)).collect(),
+        legend: "|density|\n+ inside\n- outside".to_owned(),
+        unit: unit.to_string(),
+    }
+}
+
+/// Edges where faces meet at an angle, or with one face only.
+fn sharp_edges(mesh: &TriangleMesh) -> impl Iterator<Item = [DVec3; 2]> {
+    let mut edges: HashMap<[u32; 2], Vec<DVec3>> = HashMap::new();
+    for (t, [a, b, c]) in mesh.triangles().iter().zip(mesh.faces()) {
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        for k in 0..3 {
+            let (v, w) = (t[k], t[(k + 1) % 3]);
+            edges.entry([v.min(w), v.max(w)]).or_default().push(normal);
+        }
+    }
+    let sharp = |normals: &[DVec3]| match normals {
+        [a, b] => a.dot(*b) < SMOOTH,
+        _ => true,
+    };
+    edges
+        .into_iter()
+        .filter(move |(_, normals)| sharp(normals))
+        .map(|(ends, _)| ends.map(|v| mesh.vertices()[v as usize]))
 }

@@ -3,7 +3,7 @@
 //! Input columns are `x, y, z` (metres) and `qx, qy, qz, qw`, found by the header in any order;
 //! other columns are passed over. Output rows repeat the pose and add what was evaluated.
 
-use std::io::{Read, Write};
+use std::io::Read;
 
 use fft_correlate::{Pose, Response};
 use glam::{DQuat, DVec3};
@@ -124,58 +124,39 @@ pub struct ScoredPose {
     pub response: Response,
 }
 
-/// Writes scored poses row by row.
-pub struct ScoreWriter<W: Write> {
-    rows: csv::Writer<W>,
+/// The header of scored poses, with its line end.
+pub fn score_header() -> String {
+    let names: Vec<&str> = POSE_COLUMNS.into_iter().chain(SCORE_COLUMNS).collect();
+    names.join(",") + "\n"
 }
 
-impl<W: Write> ScoreWriter<W> {
-    /// Writes the header.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn new(output: W) -> csv::Result<Self> {
-        let mut rows = csv::Writer::from_writer(output);
-        rows.write_record(POSE_COLUMNS.iter().chain(&SCORE_COLUMNS))?;
-        Ok(Self { rows })
-    }
-
-    /// Writes one row.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn write(&mut self, scored: &ScoredPose) -> csv::Result<()> {
-        let Response {
-            energy,
-            wrench,
-            coverage,
-        } = scored.response;
-        for value in pose_fields(&scored.pose) {
-            self.rows.write_field(value.to_string())?;
+/// Appends one scored pose as a row.
+pub fn append_score(text: &mut String, scored: &ScoredPose) {
+    let Response {
+        energy,
+        wrench,
+        coverage,
+    } = scored.response;
+    let mut digits = ryu::Buffer::new();
+    let mut field = |value: Option<f64>, end: char| {
+        if let Some(value) = value {
+            text.push_str(digits.format(value));
         }
-        self.rows.write_field(scored.score_re.to_string())?;
-        self.rows
-            .write_field(scored.score_im.map(|v| v.to_string()).unwrap_or_default())?;
-        self.rows.write_field(energy.to_string())?;
-        for value in wrench
-            .torque
-            .to_array()
-            .into_iter()
-            .chain(wrench.force.to_array())
-        {
-            self.rows.write_field(value.to_string())?;
-        }
-        self.rows.write_field(coverage.to_string())?;
-        self.rows.write_record(None::<&[u8]>)
+        text.push(end);
+    };
+    for value in pose_fields(&scored.pose) {
+        field(Some(value), ',');
     }
-
-    /// Sends every buffered row on.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn flush(&mut self) -> std::io::Result<()> {
-        self.rows.flush()
+    field(Some(scored.score_re), ',');
+    field(scored.score_im, ',');
+    field(Some(energy), ',');
+    for value in wrench.torque.to_array() {
+        field(Some(value), ',');
     }
+    for value in wrench.force.to_array() {
+        field(Some(value), ',');
+    }
+    field(Some(coverage), '\n');
 }
 
 #[cfg(test)]

@@ -13,9 +13,10 @@ use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
+use crate::encode::{Encoded, Probe, Storage, encode, probe};
 use crate::rotation_domain::RotationDomain;
 use crate::store::{ChunkState, StoreError, TableStore};
-use crate::table::{NodeEnergies, TableError, TableSpec, encode, node, probe_unit};
+use crate::table::{NodeEnergies, TableError, TableSpec, node};
 use crate::{CorrelateError, Correlator, CorrelatorScratch, Pair, TranslationWindow};
 
 /// One process's part of a bake.
@@ -49,6 +50,10 @@ pub struct BakeReport {
     pub repaired: usize,
     /// Nodes of this process that were finished before.
     pub kept: usize,
+    /// Bricks of the nodes computed now ([`Storage::BRICK`]).
+    pub bricks: usize,
+    /// Of these, bricks that hold nothing but the far energy.
+    pub bricks_left_out: usize,
 }
 
 /// Why a bake ended early. Finished nodes stay.
@@ -106,21 +111,25 @@ pub fn bake<P: NodeEnergies>(
         if !resume && size == 1 {
             return Err(BakeError::Exists { path: path.into() });
         }
-        // The unit of a table that is there is its own.
-        TableStore::create(path, spec, 1.0)?
+        // What was probed for a table that is there is its own.
+        let none = Probe {
+            unit: 1.0,
+            negligible: 0.0,
+        };
+        TableStore::create(path, spec, none)?
     } else {
         spec.validate()?;
         let grid = spec.grid().map_err(TableError::from)?;
-        TableStore::create(path, spec, probe_unit(spec, &grid, producer)?)?
+        TableStore::create(path, spec, probe(spec, &grid, producer)?)?
     };
     let rotations = store.grid().nodes().len();
     let rows: Vec<usize> = (rank..rotations).step_by(size).collect();
-    let (computed, repaired) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let [computed, repaired, bricks, left_out] = std::array::from_fn(|_| AtomicUsize::new(0));
     monitor.begin("table", rows.len() as u64);
     let length = spec.window.len();
     rows.par_iter().with_max_len(1).try_for_each_init(
-        || (producer.scratch(), vec![0f32; length], vec![0u16; length]),
-        |(scratch, joules, bits), &row| {
+        || (producer.scratch(), vec![0f32; length], Encoded::default()),
+        |(scratch, joules, encoded), &row| {
             if monitor.cancelled() {
                 return Err(BakeError::Cancelled);
             }
@@ -128,9 +137,12 @@ pub fn bake<P: NodeEnergies>(
             let state = store.state(row)?;
             if state != ChunkState::Finished {
                 node(spec, store.grid(), producer, row, scratch, joules);
-                encode(&spec.window, row, joules, store.unit(), bits)?;
-                store.write(row, bits)?;
+                encode(spec, &store.probe(), row, joules, encoded)?;
+                store.write(row, encoded)?;
+                tracing::debug!(row, "rotation finished");
                 computed.fetch_add(1, Relaxed);
+                left_out.fetch_add(encoded.bricks[0], Relaxed);
+                bricks.fetch_add(encoded.bricks[1], Relaxed);
                 repaired.fetch_add(usize::from(state != ChunkState::Missing), Relaxed);
             }
             monitor.advance(1);
@@ -143,6 +155,8 @@ pub fn bake<P: NodeEnergies>(
         computed,
         repaired: repaired.into_inner(),
         kept: rows.len() - computed,
+        bricks: bricks.into_inner(),
+        bricks_left_out: left_out.into_inner(),
     })
 }
 
@@ -199,6 +213,8 @@ impl TableSpec {
             rotations,
             symmetry: None,
             far_energy: 0.0,
+            storage: Storage::default(),
+            fields: None,
             fixed_mesh: String::new(),
             moving_mesh: String::new(),
         }

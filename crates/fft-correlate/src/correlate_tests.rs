@@ -289,6 +289,73 @@ fn the_score_is_quadratic_in_the_weights() {
     assert!(e < TOLERANCE, "{e}");
 }
 
+/// The definition in double precision, and the same code in f32 and f64.
+#[test]
+fn double_precision_is_exact_and_single_is_good_to_rounding() {
+    let rotation = DQuat::from_scaled_axis(DVec3::new(0.5, 0.1, -0.2));
+    let window = window();
+    for w in [0.0, 1.0] {
+        let pair = pair(w, DVec3::new(0.123, -0.04, 0.3));
+        let correlator = Correlator::plan_double(&pair, &window).unwrap();
+        let mut exact = Array3::from_elem(window.shape(), f64::NAN);
+        correlator.score(rotation, &mut correlator.scratch(), exact.view_mut());
+        let e = distance(&score(&pair, rotation, &window), &exact);
+        assert!(e < 1e-6, "w {w}: {e}");
+        let (mut wrong, mut size) = (0.0, 0.0);
+        for n in [[0, 0, 0], [2, 1, 5], [6, 7, 12], [3, 5, 8]] {
+            let truth = direct(&pair, rotation, window.displacement(n));
+            wrong += (exact[n] - truth).powi(2);
+            size += truth * truth;
+        }
+        // The oracle rounds coordinates to 1e-9 cells, across which values differ by ten times the
+        // part of the products that does not cancel.
+        assert!(
+            (wrong / size).sqrt() < 1e-7,
+            "w {w}: {}",
+            (wrong / size).sqrt()
+        );
+    }
+}
+
+/// Against central differences of the definition. A step of 1e-4 cells passes a kink of the
+/// interpolant at about that share of the nodes.
+#[test]
+fn gradients_equal_differences_of_the_definition() {
+    let mut rng = SmallRng::seed_from_u64(7);
+    let window = window();
+    for w in [0.0, 1.0] {
+        let pair = pair(w, DVec3::new(0.123, -0.04, 0.3));
+        let rotation = random_rotation(&mut rng);
+        let correlator = Correlator::plan(&pair, &window).unwrap();
+        let mut found: [Array3<f32>; 6] = std::array::from_fn(|_| Array3::zeros(window.shape()));
+        let views = found.each_mut().map(|a| a.view_mut());
+        correlator.gradient(rotation, &mut correlator.scratch(), views);
+        let (mut wrong, mut size) = ([0.0; 2], [0.0; 2]);
+        for _ in 0..12 {
+            let n = window.shape().map(|s| rng.random_range(0..s));
+            let d = window.displacement(n);
+            for (c, found) in found.iter().enumerate() {
+                let step = DVec3::AXES[c % 3] * if c < 3 { 1e-4 } else { 1e-4 * H };
+                let at = |sign: f64| {
+                    if c < 3 {
+                        let turn = DQuat::from_scaled_axis(sign * step);
+                        direct(&pair, turn * rotation, d)
+                    } else {
+                        direct(&pair, rotation, d + sign * step)
+                    }
+                };
+                let exact = (at(1.0) - at(-1.0)) / (2.0 * step.length());
+                wrong[c / 3] += (f64::from(found[n]) - exact).powi(2);
+                size[c / 3] += exact * exact;
+            }
+        }
+        for part in 0..2 {
+            let e: f64 = (wrong[part] / size[part]).sqrt();
+            assert!(e < 2e-3, "w {w}, part {part}: {e}");
+        }
+    }
+}
+
 #[test]
 fn plans_say_what_is_transformed_and_what_is_skipped() {
     let plan = |w, window: &TranslationWindow| {

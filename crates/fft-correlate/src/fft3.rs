@@ -1,22 +1,25 @@
-//! One-dimensional transforms of many lines, the three-dimensional transform made of them, and
-//! good sizes. The only file that names an FFT library.
+//! One-dimensional transforms of many lines and the three-dimensional transform made of them. The
+//! only file that names an FFT library.
 //!
 //! Nothing here is normalized: a forward and an inverse transform multiply by the number of
 //! points. "Positive" means the kernel `e^{+2 pi i k x / n}`, "negative" its conjugate.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use ndarray::{Array3, ArrayViewMut1, Axis};
-use num_complex::Complex32;
+use num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner};
 use rustfft::{Fft, FftDirection, FftPlanner};
 
+use crate::real::Real;
+
 /// Transforms of complex lines of one length with the positive exponent.
-pub(crate) struct Lines {
-    fft: Arc<dyn Fft<f32>>,
+pub(crate) struct Lines<T> {
+    fft: Arc<dyn Fft<T>>,
 }
 
-impl Lines {
+impl<T: Real> Lines<T> {
     pub(crate) fn new(len: usize) -> Self {
         Self {
             fft: FftPlanner::new().plan_fft(len, FftDirection::Inverse),
@@ -29,18 +32,18 @@ impl Lines {
     }
 
     /// Transforms each of the consecutive lines in `lines` in place.
-    pub(crate) fn process(&self, lines: &mut [Complex32], scratch: &mut [Complex32]) {
+    pub(crate) fn process(&self, lines: &mut [Complex<T>], scratch: &mut [Complex<T>]) {
         self.fft.process_with_scratch(lines, scratch);
     }
 }
 
 /// Transforms of half spectra (`len / 2 + 1` values) of real lines to the lines, with the positive
 /// exponent.
-pub(crate) struct RealLines {
-    fft: Arc<dyn ComplexToReal<f32>>,
+pub(crate) struct RealLines<T> {
+    fft: Arc<dyn ComplexToReal<T>>,
 }
 
-impl RealLines {
+impl<T: Real> RealLines<T> {
     pub(crate) fn new(len: usize) -> Self {
         Self {
             fft: RealFftPlanner::new().plan_fft_inverse(len),
@@ -55,14 +58,14 @@ impl RealLines {
     /// Transforms one half spectrum, which is destroyed, to its real line.
     pub(crate) fn process(
         &self,
-        half: &mut [Complex32],
-        line: &mut [f32],
-        scratch: &mut [Complex32],
+        half: &mut [Complex<T>],
+        line: &mut [T],
+        scratch: &mut [Complex<T>],
     ) {
         // Rounding leaves tiny imaginary parts where a real line has none.
-        half[0].im = 0.0;
+        half[0].im = T::zero();
         if line.len().is_multiple_of(2) {
-            half[line.len() / 2].im = 0.0;
+            half[line.len() / 2].im = T::zero();
         }
         self.fft
             .process_with_scratch(half, line, scratch)
@@ -71,61 +74,52 @@ impl RealLines {
 }
 
 /// The negative-exponent transform of a complex field, in place.
-pub(crate) fn transform_negative(field: &mut Array3<Complex32>) {
-    let mut planner = FftPlanner::new();
+pub(crate) fn transform_negative<T: Real>(field: &mut Array3<Complex<T>>) {
     for axis in 0..3 {
-        let fft = planner.plan_fft_forward(field.len_of(Axis(axis)));
-        let mut line = vec![Complex32::default(); fft.len()];
-        let mut scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
-        let each = |mut lane: ArrayViewMut1<Complex32>| {
-            line.iter_mut().zip(&lane).for_each(|(a, b)| *a = *b);
-            fft.process_with_scratch(&mut line, &mut scratch);
-            lane.iter_mut().zip(&line).for_each(|(a, b)| *a = *b);
+        transform_axis(field, Axis(axis));
+    }
+}
+
+fn transform_axis<T: Real>(field: &mut Array3<Complex<T>>, axis: Axis) {
+    let fft = FftPlanner::new().plan_fft_forward(field.len_of(axis));
+    let mut line = vec![Complex::default(); fft.len()];
+    let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
+    let each = |mut lane: ArrayViewMut1<Complex<T>>| {
+        line.iter_mut().zip(&lane).for_each(|(a, b)| *a = *b);
+        fft.process_with_scratch(&mut line, &mut scratch);
+        lane.iter_mut().zip(&line).for_each(|(a, b)| *a = *b);
+    };
+    field.lanes_mut(axis).into_iter().for_each(each);
+}
+
+/// The negative-exponent spectra of a field's real and imaginary parts, of even length `nz` along
+/// z, at the frequencies `2 k + 1/2`, k below `nz / 2`, along z (see [`crate::fused`]) and all
+/// whole ones along x and y.
+pub(crate) fn negative_spectra<T: Real>(field: &Array3<Complex<T>>) -> [Array3<Complex<T>>; 2] {
+    let (nx, ny, nz) = field.dim();
+    let half = nz / 2;
+    let twist: Vec<Complex<T>> = (0..half)
+        .map(|z| -PI * z as f64 / nz as f64)
+        .map(|angle| Complex::new(T::nearest(angle.cos()), T::nearest(angle.sin())))
+        .collect();
+    [0, 1].map(|part| {
+        let value = |x, y, z| {
+            let v: Complex<T> = field[[x, y, z]];
+            if part == 0 { v.re } else { v.im }
         };
-        field.lanes_mut(Axis(axis)).into_iter().for_each(each);
-    }
-}
-
-/// The cheapest transform length that is at least `min`: a product of 2, 3, 5 and 7, even when
-/// `even`.
-pub(crate) fn good_length(min: usize, even: bool) -> usize {
-    let min = min.max(1);
-    // A power of two lies below 2 * min, so the range is never empty.
-    (min..=2 * min)
-        .filter(|n| !even || n.is_multiple_of(2))
-        .filter_map(|n| Some((line_cost(n)?, n)))
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or(2 * min, |(_, n)| n)
-}
-
-/// Relative cost of a three-dimensional transform against one axis' length `n`, or `None` where
-/// `n` has a prime factor above 7. The weights are operations per point of a radix pass; the other
-/// two axes cost about `2 log2 n` per point and grow with `n` too.
-fn line_cost(n: usize) -> Option<f64> {
-    let (mut rest, mut passes) = (n, 0.0);
-    for (prime, weight) in [(2, 1.0), (3, 1.8), (5, 2.9), (7, 4.2)] {
-        while rest.is_multiple_of(prime) {
-            rest /= prime;
-            passes += weight;
-        }
-    }
-    (rest == 1).then(|| n as f64 * (passes + 2.0 * (n as f64).log2() + 4.0))
+        let mut spectrum = Array3::from_shape_fn([nx, ny, half], |(x, y, z)| {
+            Complex::new(value(x, y, z), -value(x, y, z + half)) * twist[z]
+        });
+        transform_negative(&mut spectrum);
+        spectrum
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use num_complex::Complex32;
 
-    #[test]
-    fn good_lengths_are_smooth_and_large_enough() {
-        for min in 1..2000 {
-            for even in [false, true] {
-                let n = good_length(min, even);
-                assert!(n >= min && n <= 2 * min, "{min} -> {n}");
-                assert!(line_cost(n).is_some() && (!even || n.is_multiple_of(2)));
-            }
-        }
-    }
+    use super::*;
 
     /// A plane wave becomes one peak at its frequency.
     #[test]

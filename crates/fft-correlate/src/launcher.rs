@@ -98,7 +98,14 @@ impl Launcher {
                     found: String::new(),
                 });
             };
-            if rank < first || rank - first >= size {
+            // Only Slurm's arrays may count in steps.
+            let step = match first_name {
+                Some(_) => number(&variable, "SLURM_ARRAY_TASK_STEP")?
+                    .unwrap_or(1)
+                    .max(1),
+                None => 1,
+            };
+            if rank < first || (rank - first) % step != 0 || (rank - first) / step >= size {
                 return Err(LauncherError {
                     name: rank_name,
                     expected: "below the number of processes",
@@ -106,7 +113,7 @@ impl Launcher {
                 });
             }
             return Ok(Some(Self {
-                rank: rank - first,
+                rank: (rank - first) / step,
                 size,
                 source,
             }));
@@ -161,6 +168,14 @@ mod tests {
             (found.rank, found.size, found.source),
             (2, 4, "Slurm array")
         );
+        let stepped = [
+            ("SLURM_ARRAY_TASK_ID", "7"),
+            ("SLURM_ARRAY_TASK_COUNT", "4"),
+            ("SLURM_ARRAY_TASK_MIN", "1"),
+            ("SLURM_ARRAY_TASK_STEP", "3"),
+        ];
+        let found = read(&stepped, None).unwrap().unwrap();
+        assert_eq!((found.rank, found.size), (2, 4));
         let mpi = [("OMPI_COMM_WORLD_RANK", "1"), ("OMPI_COMM_WORLD_SIZE", "2")];
         let found = read(&mpi, Some(9)).unwrap().unwrap();
         assert_eq!((found.rank, found.size), (1, 2));

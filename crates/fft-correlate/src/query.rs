@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::chart::Chart;
 use crate::rotation_grid::{MARGIN, Site};
+use crate::stencil::{RotationTap, Stencil};
 use crate::table::EnergyTable;
 use crate::taps::{Reach, Taps};
 use crate::{EnergySource, Pose, Response, Scratch, Wrench};
@@ -46,19 +47,62 @@ impl EnergyTable {
     pub fn respond_many(&self, poses: &[Pose], responses: &mut [Response]) {
         assert_eq!(poses.len(), responses.len(), "one response per pose");
         poses
-            .par_iter()
-            .with_min_len(64)
-            .zip(responses)
-            .for_each(|(pose, response)| *response = self.respond(pose));
+            .par_chunks(256)
+            .zip(responses.par_chunks_mut(256))
+            .for_each(|(poses, responses)| self.respond_each(poses, responses));
+    }
+
+    /// [`EnergyTable::respond`] for many poses, on this thread. Random poses of a large table take
+    /// less time than one by one: each pose's energies are fetched while the one before is computed.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn respond_each(&self, poses: &[Pose], responses: &mut [Response]) {
+        assert_eq!(poses.len(), responses.len(), "one response per pose");
+        for (n, (pose, response)) in poses.iter().zip(responses).enumerate() {
+            if let Some(next) = poses.get(n + 1) {
+                self.prefetch(next);
+            }
+            *response = self.respond(pose);
+        }
+    }
+
+    /// Asks the processor to fetch what a query at `pose` will read.
+    fn prefetch(&self, pose: &Pose) {
+        if !pose.is_valid() {
+            return;
+        }
+        self.grid().visit(pose, self.interpolation(), |site| {
+            let Some((_, displacement)) = self.place(&site) else {
+                return;
+            };
+            let mut taps = [RotationTap::default(); 64];
+            let (count, _) = self.rotation_taps(site.chart, &site.taps, &mut taps);
+            let [_, ty, _] = &displacement.taps;
+            let groups = if ty.nodes[3] / 4 > ty.nodes[0] / 4 {
+                2
+            } else {
+                1
+            };
+            self.stencil(&displacement.taps, groups)
+                .prefetch(self.energies(), &taps[..count]);
+        });
+    }
+
+    /// Where a patch reads along the translation axes: the moving part's arm from its origin to the
+    /// pivot, and the place in the window, if it is in or near it.
+    fn place(&self, site: &Site<'_>) -> Option<(DVec3, Displacement)> {
+        let pivot = DVec3::from_array(self.spec().pivot);
+        let arm = site.pose.rotation * pivot;
+        let window = &self.spec().window;
+        let x = window.fractional_index(arm + site.pose.translation - pivot);
+        Some((arm, self.displacement(x)?))
     }
 
     /// Adds one patch's share: `share * coverage * (energy - far)`, differentiated as a product.
     fn add(&self, site: &Site<'_>, response: &mut Response) {
         let window = &self.spec().window;
-        let pivot = DVec3::from_array(self.spec().pivot);
-        let arm = site.pose.rotation * pivot;
-        let x = window.fractional_index(arm + site.pose.translation - pivot);
-        let Some(displacement) = self.displacement(x) else {
+        let Some((arm, displacement)) = self.place(site) else {
             return;
         };
         if site.coverage <= 0.0 {
@@ -87,7 +131,7 @@ impl EnergyTable {
         });
         let value = coverage * reading.energy;
         response.energy += site.share * value;
-        response.coverage += site.share * coverage;
+        response.coverage += site.share * coverage * self.kept(&displacement);
         response.wrench += wrench * site.share;
         response.wrench.torque -= value * site.share_gradient;
     }
@@ -100,116 +144,153 @@ impl EnergyTable {
         Some(Displacement { taps, reach })
     }
 
-    /// The interpolated energy and its slopes: a sum over up to 64 rotation nodes of 64 displacement
-    /// nodes each, accumulated in four lanes along z. Absent rotation nodes hold the far energy.
+    /// The interpolated energy and its slopes. Absent rotation nodes hold the far energy.
     fn read(&self, chart: &Chart, rotation: &[Taps; 3], translation: &[Taps; 3]) -> Reading {
-        let rows = RowTaps::new(translation, self.spec().window.shape());
-        let length = self.spec().window.len();
+        let mut taps = [RotationTap::default(); 64];
+        let (count, absent) = self.rotation_taps(chart, rotation, &mut taps);
+        let [_, ty, tz] = translation;
+        let along_y = LaneWeights::new(ty, ty.nodes[0] / 4 * 4);
+        let along_z = LaneWeights::new(tz, tz.nodes[0]);
+        let stencil = self.stencil(translation, if along_y.long { 2 } else { 1 });
+        let code = self.spec().storage.numbers.code();
+        let sums = stencil.sum(
+            self.energies(),
+            self.layout().length(),
+            code,
+            &taps[..count],
+        );
+        let total = |sum: usize, y: &[f64; 8], z: &[f64; 8]| -> f64 {
+            let mut total = 0.0;
+            for (group, sums) in sums.iter().enumerate().take(stencil.groups) {
+                for (lane, &value) in sums[sum].iter().enumerate() {
+                    total += f64::from(value) * z[lane / 4] * y[4 * group + lane % 4];
+                }
+            }
+            total * self.unit()
+        };
+        let (y, z) = (&along_y.weights, &along_z.weights);
+        let far = self.spec().far_energy;
+        Reading {
+            energy: total(0, y, z) + far * absent[0] - far,
+            translation: DVec3::new(
+                total(1, y, z),
+                total(0, &along_y.slopes, z),
+                total(0, y, &along_z.slopes),
+            ),
+            rotation: std::array::from_fn(|k| total(2 + k, y, z) + far * absent[1 + k]),
+        }
+    }
+
+    /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones.
+    fn rotation_taps(
+        &self,
+        chart: &Chart,
+        [tx, ty, tz]: &[Taps; 3],
+        taps: &mut [RotationTap; 64],
+    ) -> (usize, [f64; 4]) {
+        let length = self.layout().length();
         let [_, ny, nz] = chart.shape;
-        let mut sums = [[0f32; 4]; 6];
-        let mut absent = [0f64; 4];
-        let [tx, ty, tz] = rotation;
+        let (mut count, mut absent) = (0, [0f64; 4]);
         for i in 0..4 {
             for j in 0..4 {
+                let both = [
+                    tx.weights[i] * ty.weights[j],
+                    tx.slopes[i] * ty.weights[j],
+                    tx.weights[i] * ty.slopes[j],
+                ];
+                if both == [0.0; 3] {
+                    continue;
+                }
+                let nodes = &chart.rows[(tx.nodes[i] * ny + ty.nodes[j]) * nz..][..nz];
                 for k in 0..4 {
-                    let (x, y, z) = (tx.weights[i], ty.weights[j], tz.weights[k]);
-                    let weights = [
-                        x * y * z,
-                        tx.slopes[i] * y * z,
-                        x * ty.slopes[j] * z,
-                        x * y * tz.slopes[k],
-                    ];
-                    if weights == [0.0; 4] {
+                    let (w, s) = (tz.weights[k], tz.slopes[k]);
+                    if w == 0.0 && s == 0.0 {
                         continue;
                     }
-                    let row = chart.rows[(tx.nodes[i] * ny + ty.nodes[j]) * nz + tz.nodes[k]];
-                    if row == Chart::ABSENT {
+                    let weights = [both[0] * w, both[1] * w, both[2] * w, both[0] * s];
+                    let slot = nodes[tz.nodes[k]];
+                    if slot == Chart::ABSENT {
                         for (sum, w) in absent.iter_mut().zip(weights) {
                             *sum += w;
                         }
-                    } else {
-                        let node = &self.bits()[row as usize * length..];
-                        rows.accumulate(node, weights.map(|w| w as f32), &mut sums);
+                        continue;
                     }
+                    let scale = self.scales()[slot as usize];
+                    taps[count] = RotationTap {
+                        start: slot as usize * length,
+                        weights: weights.map(|w| w as f32 * scale),
+                    };
+                    count += 1;
                 }
             }
         }
-        let along = |lanes: &[f32; 4], weights: &[f64; 4]| -> f64 {
-            (0..4)
-                .map(|s| f64::from(lanes[s]) * weights[s])
-                .sum::<f64>()
-                * self.unit()
+        (count, absent)
+    }
+
+    fn stencil(&self, [tx, ty, tz]: &[Taps; 3], groups: usize) -> Stencil {
+        let first = ty.nodes[0] / 4;
+        let run = |group: usize, s: usize| {
+            let group = if group < groups { first + group } else { first };
+            self.layout().run(tx.nodes[s], group, tz.nodes[0])
         };
-        let (wz, dz) = (&translation[2].weights, &translation[2].slopes);
-        let far = self.spec().far_energy;
-        let [value, by_x, by_y, by_i, by_j, by_k] = sums;
-        Reading {
-            energy: along(&value, wz) + far * absent[0] - far,
-            translation: DVec3::new(along(&by_x, wz), along(&by_y, wz), along(&value, dz)),
-            rotation: [
-                along(&by_i, wz) + far * absent[1],
-                along(&by_j, wz) + far * absent[2],
-                along(&by_k, wz) + far * absent[3],
-            ],
-        }
-    }
-}
-
-/// The 16 rows of four neighbours along z that one rotation node contributes.
-struct RowTaps {
-    offsets: [usize; 16],
-    weights: [f32; 16],
-    by_x: [f32; 16],
-    by_y: [f32; 16],
-}
-
-impl RowTaps {
-    fn new([tx, ty, tz]: &[Taps; 3], [_, ny, nz]: [usize; 3]) -> Self {
-        let product = |s: usize, a: &[f64; 4], b: &[f64; 4]| (a[s / 4] * b[s % 4]) as f32;
-        Self {
-            offsets: std::array::from_fn(|s| {
-                (tx.nodes[s / 4] * ny + ty.nodes[s % 4]) * nz + tz.nodes[0]
-            }),
-            weights: std::array::from_fn(|s| product(s, &tx.weights, &ty.weights)),
-            by_x: std::array::from_fn(|s| product(s, &tx.slopes, &ty.weights)),
-            by_y: std::array::from_fn(|s| product(s, &tx.weights, &ty.slopes)),
+        Stencil {
+            runs: std::array::from_fn(|group| std::array::from_fn(|s| run(group, s))),
+            groups,
+            weights: tx.weights.map(|w| w as f32),
+            slopes: tx.slopes.map(|w| w as f32),
         }
     }
 
-    /// Adds a node's rows to the lane sums of: value, slopes along x and y, slopes along the three
-    /// rotation coordinates; `weights` are those of the node for value and rotation slopes.
-    #[inline]
-    fn accumulate(&self, node: &[u16], weights: [f32; 4], sums: &mut [[f32; 4]; 6]) {
-        let (mut value, mut by_x, mut by_y) = ([0f32; 4], [0f32; 4], [0f32; 4]);
-        for s in 0..16 {
-            let lanes = decode(&node[self.offsets[s]..]);
-            for l in 0..4 {
-                value[l] += self.weights[s] * lanes[l];
-                by_x[l] += self.by_x[s] * lanes[l];
-                by_y[l] += self.by_y[s] * lanes[l];
-            }
+    /// Share of the nodes around a displacement that were not left out, changing linearly between
+    /// nodes; 1 where everything is kept.
+    fn kept(&self, displacement: &Displacement) -> f64 {
+        if self.layout().is_dense() {
+            return 1.0;
         }
-        for l in 0..4 {
-            sums[0][l] += weights[0] * value[l];
-            sums[1][l] += weights[0] * by_x[l];
-            sums[2][l] += weights[0] * by_y[l];
-            sums[3][l] += weights[1] * value[l];
-            sums[4][l] += weights[2] * value[l];
-            sums[5][l] += weights[3] * value[l];
-        }
+        let shape = self.spec().window.shape();
+        let cell: [usize; 3] = std::array::from_fn(|k| {
+            let last = shape[k].saturating_sub(2) as f64;
+            displacement.reach[k].at.floor().clamp(0.0, last) as usize
+        });
+        let part: [f64; 3] =
+            std::array::from_fn(|k| (displacement.reach[k].at - cell[k] as f64).clamp(0.0, 1.0));
+        (0..8)
+            .map(|corner| {
+                let upper: [bool; 3] = std::array::from_fn(|k| corner >> k & 1 == 1);
+                let node =
+                    std::array::from_fn(|k| (cell[k] + usize::from(upper[k])).min(shape[k] - 1));
+                let weight = |k: usize| if upper[k] { part[k] } else { 1.0 - part[k] };
+                let held = f64::from(u8::from(self.layout().holds(node)));
+                held * weight(0) * weight(1) * weight(2)
+            })
+            .sum::<f64>()
+            .min(1.0)
     }
 }
 
-/// The first four half-precision numbers as single precision. Exponent and mantissa move into place
-/// and a product by 2^112 mends the exponent's bias; infinities and NaN do not occur.
-#[inline]
-fn decode(bits: &[u16]) -> [f32; 4] {
-    let bits: &[u16; 4] = bits[..4].try_into().expect("four values");
-    bits.map(|h| {
-        let h = u32::from(h);
-        let magnitude = f32::from_bits((h & 0x7fff) << 13) * f32::from_bits(0x7780_0000);
-        f32::from_bits(magnitude.to_bits() | (h & 0x8000) << 16)
-    })
+/// Weights of up to 8 successive nodes of an axis, of which a query reads 4.
+struct LaneWeights {
+    weights: [f64; 8],
+    slopes: [f64; 8],
+    /// More than the first four nodes are read.
+    long: bool,
+}
+
+impl LaneWeights {
+    /// For nodes from `first` on; absent nodes of the taps repeat one with weight 0.
+    fn new(taps: &Taps, first: usize) -> Self {
+        let mut lanes = Self {
+            weights: [0.0; 8],
+            slopes: [0.0; 8],
+            long: taps.nodes[3] >= first + 4,
+        };
+        for s in 0..4 {
+            let lane = taps.nodes[s] - first;
+            lanes.weights[lane] += taps.weights[s];
+            lanes.slopes[lane] += taps.slopes[s];
+        }
+        lanes
+    }
 }
 
 impl EnergySource for EnergyTable {
@@ -224,14 +305,121 @@ impl EnergySource for EnergyTable {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use glam::DQuat;
+    use ndarray::ArrayViewMut3;
+    use sdf_grid::{Lattice, Silent};
 
+    use super::*;
+    use crate::stencil::value_of;
+    use crate::taps::Interpolation;
+    use crate::{NodeEnergies, Numbers, RotationDomain, ScoreModel, Storage, TableSpec};
+
+    /// The definition: every product of six weights with a stored energy, in double precision.
+    fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> Reading {
+        let far = table.spec().far_energy;
+        let stored = |rotation: [usize; 3], node: [usize; 3]| {
+            let [_, ny, nz] = chart.shape;
+            let slot = chart.rows[(rotation[0] * ny + rotation[1]) * nz + rotation[2]];
+            if slot == Chart::ABSENT {
+                return far;
+            }
+            let place = slot as usize * table.layout().length() + table.layout().place(node);
+            let code = table.spec().storage.numbers.code();
+            let scale = f64::from(table.scales()[slot as usize]);
+            value_of(table.energies()[place], code) * scale * table.unit()
+        };
+        // Value, then slopes along x, y, z and the three rotation coordinates.
+        let mut sums = [0.0; 7];
+        for slots in 0..4usize.pow(6) {
+            let s: [usize; 6] = std::array::from_fn(|k| slots >> (2 * k) & 3);
+            let axes = [&t[0], &t[1], &t[2], &r[0], &r[1], &r[2]];
+            let node = |k: usize| axes[k].nodes[s[k]];
+            let e = stored([node(3), node(4), node(5)], [node(0), node(1), node(2)]);
+            for (which, sum) in sums.iter_mut().enumerate() {
+                let weight = |k: usize| match which == k + 1 {
+                    true => axes[k].slopes[s[k]],
+                    false => axes[k].weights[s[k]],
+                };
+                *sum += (0..6).map(weight).product::<f64>() * e;
+            }
+        }
+        Reading {
+            energy: sums[0] - far,
+            translation: DVec3::new(sums[1], sums[2], sums[3]),
+            rotation: [sums[4], sums[5], sums[6]],
+        }
+    }
+
+    /// Energies that do not repeat.
+    struct Mixed;
+
+    impl NodeEnergies for Mixed {
+        type Scratch = ();
+
+        fn scratch(&self) {}
+
+        fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
+            for ((i, j, k), e) in out.indexed_iter_mut() {
+                let phase = 1.7 * i as f64 + 2.9 * j as f64 + 0.6 * k as f64;
+                let turn = rotation.x + 1.3 * rotation.y - 0.7 * rotation.z;
+                *e = (phase + 9.0 * turn).sin() as f32;
+            }
+        }
+    }
+
+    /// Single precision errs by 6e-8 for each of a few hundred additions of numbers below 1 whose
+    /// weights sum to at most 1.25^6 = 4; slopes have weights twice as large.
     #[test]
-    fn decode_is_exact_for_all_normal_numbers() {
-        for bits in 0..=u16::MAX {
-            let half = half::f16::from_bits(bits);
-            if half.is_finite() {
-                assert_eq!(decode(&[bits; 4]), [half.to_f32(); 4]);
+    fn readings_are_those_of_the_definition() {
+        for (shape, numbers) in [
+            ([1, 1, 1], Numbers::Half),
+            ([2, 5, 3], Numbers::Integer),
+            ([5, 1, 4], Numbers::Half),
+            ([6, 13, 9], Numbers::Half),
+            ([7, 8, 5], Numbers::Integer),
+        ] {
+            for how in [Interpolation::CatmullRom, Interpolation::Linear] {
+                let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
+                let spec = TableSpec {
+                    model: ScoreModel::GUIDED,
+                    pivot: [0.1, 0.2, -0.1],
+                    window,
+                    rotations: RotationDomain::ball(20.0, 10.0),
+                    symmetry: None,
+                    far_energy: 0.2,
+                    storage: Storage {
+                        numbers,
+                        ..Storage::default()
+                    },
+                    fields: None,
+                    fixed_mesh: String::new(),
+                    moving_mesh: String::new(),
+                };
+                let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent)
+                    .unwrap()
+                    .with_interpolation(how);
+                for step in 0..40 {
+                    let s = f64::from(step);
+                    let turn = 0.5 * DVec3::new(s.sin(), (2.0 * s).cos(), (0.7 * s).sin());
+                    let pose = Pose::new(DQuat::from_scaled_axis(turn), DVec3::ZERO);
+                    let x = DVec3::from_array(std::array::from_fn(|k| {
+                        (0.5 + 0.62 * (s * (1.1 + k as f64)).sin()) * (shape[k] - 1) as f64
+                    }));
+                    let Some(displacement) = table.displacement(x) else {
+                        continue;
+                    };
+                    table.grid().visit(&pose, how, |site| {
+                        let (r, t) = (&site.taps, &displacement.taps);
+                        let fast = table.read(site.chart, r, t);
+                        let slow = read_slowly(&table, site.chart, r, t);
+                        let numbers = |r: &Reading| {
+                            [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()
+                        };
+                        for (a, b) in numbers(&fast).iter().zip(numbers(&slow)) {
+                            assert!((a - b).abs() < 2e-5, "{shape:?} {how:?}: {a} {b}");
+                        }
+                    });
+                }
             }
         }
     }

@@ -2,27 +2,87 @@
 
 use std::ops::Range;
 
+use fearless_simd::prelude::*;
+use fearless_simd_macros::simd;
 use glam::{DMat3, DQuat, DVec3};
-use ndarray::Array3;
-use num_complex::Complex32;
+use ndarray::{Array3, Axis};
+use num_complex::{Complex, Complex32};
 
+use crate::fused::lanes;
 use crate::overlap::IndexBox;
+use crate::radix::inlined;
+use crate::real::Real;
 use crate::spectral::MovingRows;
 
-/// Nodes of zeros around the stored values, so that interpolation needs no case at the rim.
-const BORDER: usize = 1;
+/// Nodes of zeros around the stored values: a coordinate beyond them, moved into the outermost
+/// cell, reads zeros, so that interpolation needs no case at the rim.
+const BORDER: usize = 2;
+
+/// Nodes along each side of the blocks whose emptiness is known.
+const BLOCK: f64 = 4.0;
+
+/// Samples along z that are taken or skipped together, for all lanes of y.
+const PATCH: usize = 8;
 
 /// One unit field of the moving part, cropped to its support, ready to be turned.
-pub(crate) struct MovingField {
+pub(crate) struct MovingField<T> {
     /// Values with [`BORDER`] zeros on every side.
-    values: Array3<Complex32>,
+    values: Array3<Complex<T>>,
     /// Position of `values[[0, 0, 0]]` relative to the pivot, in cells of the moving frame.
     first: DVec3,
     /// Largest distance from the pivot at which the interpolated field may be nonzero, cells.
     radius: f64,
+    occupied: Occupied,
 }
 
-impl MovingField {
+/// Where a field may be nonzero within reach of a patch of samples.
+struct Occupied {
+    /// Whether a patch with its middle in this block of [`BLOCK`] cells may see anything.
+    blocks: Array3<bool>,
+    /// Blocks before the one that holds node 0.
+    before: f64,
+}
+
+impl Occupied {
+    /// For patches of `lanes` times [`PATCH`] samples one cell apart.
+    fn new<T: Real>(values: &Array3<Complex<T>>, lanes: usize) -> Self {
+        let half = |n: usize| (n as f64 - 1.0) / 2.0;
+        // From the middle to the farthest sample, and on to the far corner of its cell.
+        let reach = half(lanes).hypot(half(PATCH)) + 3f64.sqrt();
+        let before = (reach / BLOCK).ceil() as usize;
+        let shape = values.dim();
+        let count = |n: usize| n.div_ceil(BLOCK as usize) + 2 * before;
+        let mut blocks = Array3::from_elem([count(shape.0), count(shape.1), count(shape.2)], false);
+        for ((i, j, k), v) in values.indexed_iter() {
+            if *v != Complex::default() {
+                blocks[[i, j, k].map(|n| n / BLOCK as usize + before)] = true;
+            }
+        }
+        for axis in 0..3 {
+            for mut lane in blocks.lanes_mut(Axis(axis)) {
+                let line = lane.to_vec();
+                for (i, v) in lane.iter_mut().enumerate() {
+                    let near = i.saturating_sub(before)..(i + before + 1).min(line.len());
+                    *v = line[near].contains(&true);
+                }
+            }
+        }
+        let before = before as f64;
+        Self { blocks, before }
+    }
+
+    /// Whether a patch with its middle at this index may see anything.
+    fn near(&self, middle: DVec3) -> bool {
+        let at = (middle / BLOCK + self.before).floor();
+        at.min_element() >= 0.0
+            && self
+                .blocks
+                .get(at.to_array().map(|c| c as usize))
+                .is_some_and(|v| *v)
+    }
+}
+
+impl<T: Real> MovingField<T> {
     /// Crops `values`, whose node `[0, 0, 0]` lies `first` cells from the pivot; `None` if all are
     /// zero.
     pub(crate) fn new(values: &Array3<Complex32>, first: DVec3) -> Option<Self> {
@@ -40,12 +100,14 @@ impl MovingField {
             if let Some(v) = get(values, at)
                 && *v != Complex32::default()
             {
-                *value = *v;
+                *value = Complex::new(T::nearest(v.re.into()), T::nearest(v.im.into()));
                 let p = first + DVec3::from_array(at.map(|a| a as f64));
                 radius = radius.max(p.length());
             }
         }
+        let level = fearless_simd::Level::new();
         Some(Self {
+            occupied: Occupied::new(&cropped, lanes::<T>(level)),
             values: cropped,
             first: first + DVec3::from_array(offset.map(|o| o as f64)),
             // Trilinear weights reach to the far corner of a cell.
@@ -66,12 +128,12 @@ impl MovingField {
 
     /// Bytes of the stored values.
     pub(crate) fn bytes(&self) -> u64 {
-        (self.values.len() * size_of::<Complex32>()) as u64
+        (self.values.len() * size_of::<Complex<T>>()) as u64
     }
 
     /// This field turned by `rotation`, at the fixed-lattice indices of `within`; index 0 lies
     /// `origin` cells from the pivot.
-    pub(crate) fn turned(&self, rotation: DQuat, origin: DVec3, within: IndexBox) -> Turned<'_> {
+    pub(crate) fn turned(&self, rotation: DQuat, origin: DVec3, within: IndexBox) -> Turned<'_, T> {
         let matrix = DMat3::from_quat(rotation);
         let back = matrix.transpose();
         let corner = origin + DVec3::from_array(within.lo.map(|v| v as f64));
@@ -87,8 +149,12 @@ impl MovingField {
     fn bounds(&self, matrix: &DMat3, corner: DVec3, shape: [usize; 3]) -> [Range<usize>; 3] {
         let (nx, ny, nz) = self.values.dim();
         let half = DVec3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0) / 2.0;
+        // All but the innermost nodes of the border are beyond reach.
+        let outer = (BORDER - 1) as f64;
         let middle = *matrix * (self.first + half) - corner;
-        let reach = DVec3::from_array(std::array::from_fn(|a| matrix.row(a).abs().dot(half)));
+        let reach = DVec3::from_array(std::array::from_fn(|a| {
+            matrix.row(a).abs().dot(half - outer)
+        }));
         let (lo, hi) = ((middle - reach).to_array(), (middle + reach).to_array());
         std::array::from_fn(|a| {
             let first = lo[a].ceil().clamp(0.0, shape[a] as f64) as usize;
@@ -99,8 +165,8 @@ impl MovingField {
 }
 
 /// A field turned by one rotation; see [`MovingField::turned`].
-pub(crate) struct Turned<'a> {
-    field: &'a MovingField,
+pub(crate) struct Turned<'a, T> {
+    field: &'a MovingField<T>,
     /// Columns: moving-lattice steps per fixed-lattice step.
     step: DMat3,
     /// Moving-lattice index of fixed-lattice index `[0, 0, 0]` of the box.
@@ -108,12 +174,12 @@ pub(crate) struct Turned<'a> {
     bounds: [Range<usize>; 3],
 }
 
-impl MovingRows for Turned<'_> {
+impl<T: Real> MovingRows<T> for Turned<'_, T> {
     fn bounds(&self) -> [Range<usize>; 3] {
         self.bounds.clone()
     }
 
-    fn fill(&self, x: usize, y: usize, row: &mut [Complex32]) -> bool {
+    fn fill(&self, x: usize, y: usize, row: &mut [Complex<T>]) -> bool {
         let start = self.start + self.step.x_axis * x as f64 + self.step.y_axis * y as f64;
         let step = self.step.z_axis;
         let (nx, ny, nz) = self.field.values.dim();
@@ -127,6 +193,143 @@ impl MovingRows for Turned<'_> {
             row[z] = trilinear(values, [nx, ny, nz], start + step * z as f64);
         }
         !inside.is_empty()
+    }
+
+    fn fill_lanes<S: Simd>(&self, simd: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
+        let lanes = T::Native::<S>::LEN;
+        let corner = self.start + self.step.x_axis * x as f64 + self.step.y_axis * y as f64;
+        let middle = self.step.y_axis * (lanes as f64 - 1.0) / 2.0
+            + self.step.z_axis * (PATCH as f64 - 1.0) / 2.0;
+        let Range { start, end } = self.bounds[2].clone();
+        let mut filled = start..start;
+        for z in (start..end).step_by(PATCH) {
+            let count = PATCH.min(end - z);
+            let at = corner + self.step.z_axis * z as f64;
+            let samples = &mut bundle[2 * lanes * z..2 * lanes * (z + count)];
+            if self.field.occupied.near(at + middle) {
+                sample_patch(simd, self, at, samples);
+                filled.start = if filled.is_empty() { z } else { filled.start };
+                filled.end = z + count;
+            } else {
+                samples.fill(T::zero());
+            }
+        }
+        filled
+    }
+}
+
+/// Samples a patch, the first sample at index `at` of the field: lanes along the fixed lattice's y,
+/// elements along its z.
+#[simd]
+fn sample_patch<S: Simd, T: Real>(simd: S, turned: &Turned<'_, T>, at: DVec3, samples: &mut [T]) {
+    let lanes = T::Native::<S>::LEN;
+    let (nx, ny, nz) = turned.field.values.dim();
+    let splat = inlined(
+        #[inline(always)]
+        |v: f64| T::Quad::<S>::splat(simd, T::nearest(v)),
+    );
+    let one = splat(1.0);
+    // Relative to a node nearby, coordinates have no more than seven digits to round.
+    let base = at.floor();
+    let (sy, sz) = (turned.step.y_axis, turned.step.z_axis);
+    let low = [0, 1, 2].map(|a| splat(0.5 - base[a]));
+    let high = [nx, ny, nz].map(|n| n as f64 - 1.5);
+    let high = [0, 1, 2].map(|a| splat(high[a] - base[a]));
+    let step = [0, 1, 2].map(|a| splat(sz[a]));
+    let plane = splat((ny * nz) as f64);
+    let row = splat(nz as f64);
+    let origin = (base.x as i64 * ny as i64 + base.y as i64) * nz as i64 + base.z as i64;
+    let numbers: &[T] = bytemuck::cast_slice(
+        turned
+            .field
+            .values
+            .as_slice()
+            .expect("made in standard layout"),
+    );
+    let [to_row, to_plane] = [2 * nz, 2 * ny * nz];
+    for first in (0..lanes).step_by(4) {
+        let mut start = [one; 3];
+        for a in 0..3 {
+            let lane = |i: usize| T::nearest(at[a] - base[a] + sy[a] * (first + i) as f64);
+            start[a] = T::Quad::<S>::from_slice(simd, &[lane(0), lane(1), lane(2), lane(3)]);
+        }
+        for (z, element) in samples.chunks_exact_mut(2 * lanes).enumerate() {
+            let z = splat(z as f64);
+            let mut cell = [one; 3];
+            let mut f = [one; 3];
+            for a in 0..3 {
+                let x = step[a].mul_add(z, start[a]).max(low[a]).min(high[a]);
+                cell[a] = x.floor();
+                f[a] = x - cell[a];
+            }
+            let offset = plane.mul_add(cell[0], row.mul_add(cell[1], cell[2]));
+            let offset = T::integers::<S>(offset);
+            let (gx, gy) = (one - f[0], one - f[1]);
+            let weights = [gx * gy, gx * f[1], f[0] * gy, f[0] * f[1]];
+            let mut points = [one; 4];
+            for p in 0..4 {
+                let at = 2 * (origin + i64::from(offset[p])) as usize;
+                assert!(at < numbers.len() && at + to_plane + to_row + 4 <= numbers.len());
+                let mut sum = one;
+                for (corner, skip) in [0, to_row, to_plane, to_plane + to_row].iter().enumerate() {
+                    // SAFETY: the assertion above covers the last corner.
+                    let value = unsafe { numbers.get_unchecked(at + skip..at + skip + 4) };
+                    let value = T::Quad::<S>::from_slice(simd, value);
+                    let weight = T::Quad::<S>::splat(simd, weights[corner].as_slice()[p]);
+                    sum = if corner == 0 {
+                        value * weight
+                    } else {
+                        value.mul_add(weight, sum)
+                    };
+                }
+                points[p] = sum;
+            }
+            // Points to real and imaginary parts at both z.
+            let (a, b) = points[0].interleave(points[2]);
+            let (c, d) = points[1].interleave(points[3]);
+            let (re0, im0) = a.interleave(c);
+            let (re1, im1) = b.interleave(d);
+            let re = f[2].mul_add(re1 - re0, re0);
+            let im = f[2].mul_add(im1 - im0, im0);
+            if lanes >= 4 {
+                re.store_slice(&mut element[first..first + 4]);
+                im.store_slice(&mut element[lanes + first..lanes + first + 4]);
+            } else {
+                element[..lanes].copy_from_slice(&re.as_slice()[..lanes]);
+                element[lanes..].copy_from_slice(&im.as_slice()[..lanes]);
+            }
+        }
+    }
+}
+
+impl<T: Real> Turned<'_, T> {
+    /// Gradient of the real and of the imaginary part at a node, per cell along the moving
+    /// lattice's axes; `None` beyond the field.
+    pub(crate) fn gradient(&self, node: [usize; 3]) -> Option<[DVec3; 2]> {
+        let at = self.start + self.step * DVec3::from_array(node.map(|n| n as f64));
+        let (nx, ny, nz) = self.field.values.dim();
+        let last = [nx, ny, nz].map(|n| n as f64 - 1.0);
+        if (0..3).any(|a| at[a] < 0.0 || at[a] >= last[a]) {
+            return None;
+        }
+        let cell = at.floor();
+        let f = at - cell;
+        let mut sum = [DVec3::ZERO; 2];
+        for corner in 0..8 {
+            let c = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+            let v = self.field.values[[0, 1, 2].map(|a| cell[a] as usize + c[a])];
+            let weight = |a: usize| if c[a] == 1 { f[a] } else { 1.0 - f[a] };
+            let slope = |a: usize| if c[a] == 1 { 1.0 } else { -1.0 };
+            let g = DVec3::new(
+                slope(0) * weight(1) * weight(2),
+                weight(0) * slope(1) * weight(2),
+                weight(0) * weight(1) * slope(2),
+            );
+            let (re, im): (f64, f64) = (v.re.into(), v.im.into());
+            sum[0] += re * g;
+            sum[1] += im * g;
+        }
+        Some(sum)
     }
 }
 
@@ -153,15 +356,15 @@ fn inside(start: DVec3, step: DVec3, shape: [usize; 3], range: Range<usize>) -> 
 }
 
 /// The trilinear interpolant at a fractional index inside (to rounding) the lattice.
-fn trilinear(values: &[Complex32], shape: [usize; 3], at: DVec3) -> Complex32 {
+fn trilinear<T: Real>(values: &[Complex<T>], shape: [usize; 3], at: DVec3) -> Complex<T> {
     let cell: [usize; 3] =
         std::array::from_fn(|a| (at[a].max(0.0) as usize).min(shape[a].saturating_sub(2)));
-    let f: [f32; 3] = std::array::from_fn(|a| (at[a] - cell[a] as f64) as f32);
+    let f: [T; 3] = std::array::from_fn(|a| T::nearest(at[a] - cell[a] as f64));
     let (sx, sy) = (shape[1] * shape[2], shape[2]);
     let base = cell[0] * sx + cell[1] * sy + cell[2];
-    let along_z = |o: usize| values[o] * (1.0 - f[2]) + values[o + 1] * f[2];
-    let along_y = |o: usize| along_z(o) * (1.0 - f[1]) + along_z(o + sy) * f[1];
-    along_y(base) * (1.0 - f[0]) + along_y(base + sx) * f[0]
+    let along_z = |o: usize| values[o] * (T::one() - f[2]) + values[o + 1] * f[2];
+    let along_y = |o: usize| along_z(o) * (T::one() - f[1]) + along_z(o + sy) * f[1];
+    along_y(base) * (T::one() - f[0]) + along_y(base + sx) * f[0]
 }
 
 /// The bounding box of the nonzero values, or `None`.
@@ -186,5 +389,99 @@ fn get(values: &Array3<Complex32>, at: [i64; 3]) -> Option<&Complex32> {
     match index {
         [Ok(i), Ok(j), Ok(k)] => values.get([i, j, k]),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fearless_simd::Level;
+    use rand::rngs::SmallRng;
+    use rand::{Rng, SeedableRng};
+
+    use super::*;
+    use crate::lanes::dispatch_lanes;
+
+    /// A shell with a hole and a separate grain: full, empty and partly filled blocks.
+    fn field(rng: &mut SmallRng) -> Array3<Complex32> {
+        Array3::from_shape_fn([33, 66, 41], |(i, j, k)| {
+            let p = DVec3::new(i as f64 - 15.0, j as f64 - 12.0, k as f64 - 17.0);
+            let shell = (8.0..11.0).contains(&p.length());
+            let grain = (p - DVec3::new(0.0, 44.0, 0.0)).length() < 2.0;
+            if shell || grain {
+                Complex32::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
+            } else {
+                Complex32::default()
+            }
+        })
+    }
+
+    /// Largest difference between bundles and rows over all samples, and how many bundles skipped.
+    fn compare<T: Real>(level: Level, turned: &Turned<'_, T>) -> (f64, usize) {
+        let lanes = dispatch_lanes!(level, simd => lanes_of::<_, T>(simd));
+        let [xs, ys, zs] = turned.bounds();
+        let (mut worst, mut skipped) = (0.0f64, 0);
+        let mut bundle = vec![T::nearest(f64::NAN); 2 * lanes * zs.end];
+        for x in xs {
+            for y in ys.clone().step_by(lanes) {
+                let filled =
+                    dispatch_lanes!(level, simd => turned.fill_lanes(simd, x, y, &mut bundle));
+                skipped += usize::from(filled.len() < zs.len());
+                for lane in 0..lanes.min(ys.end - y) {
+                    let mut row = vec![Complex::default(); zs.end];
+                    turned.fill(x, y + lane, &mut row);
+                    for (z, exact) in row.iter().enumerate() {
+                        let mut found = Complex::default();
+                        if filled.contains(&z) {
+                            found.re = bundle[2 * z * lanes + lane];
+                            found.im = bundle[(2 * z + 1) * lanes + lane];
+                        }
+                        let apart: Complex<T> = found - exact;
+                        worst = worst.max(apart.l1_norm().into());
+                    }
+                }
+            }
+        }
+        (worst, skipped)
+    }
+
+    #[inline(always)]
+    fn lanes_of<S: Simd, T: Real>(_: S) -> usize {
+        T::Native::<S>::LEN
+    }
+
+    /// The bundles, in which empty patches are skipped and coordinates are kept relative to a node
+    /// nearby, against the rows, whose coordinates are in double precision. Values are of order
+    /// one; f32 coordinates within 20 cells are good to 1e-6.
+    #[test]
+    fn bundles_equal_rows() {
+        let mut rng = SmallRng::seed_from_u64(6);
+        let values = field(&mut rng);
+        let first = DVec3::new(-15.3, -12.0, -17.8);
+        let (single, double) = (
+            MovingField::<f32>::new(&values, first).unwrap(),
+            MovingField::<f64>::new(&values, first).unwrap(),
+        );
+        let origin = DVec3::new(-30.5, -29.5, -28.5);
+        for turn in 0..6 {
+            let mut c = || rng.random_range(-1.0..1.0);
+            let rotation = match turn {
+                0 => DQuat::IDENTITY,
+                1 => DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2),
+                _ => DQuat::from_xyzw(c(), c(), c(), c()).normalize(),
+            };
+            // Once everything, once a box that cuts the field.
+            let mut within = single.reach(origin);
+            if turn % 2 == 1 {
+                within.hi[1] -= 19;
+                within.lo[2] += 17;
+            }
+            for level in [Level::new(), Level::baseline()] {
+                let (worst, skipped) = compare(level, &single.turned(rotation, origin, within));
+                assert!(worst < 8e-6, "{rotation}: {worst}");
+                assert!(skipped > 0);
+                let (worst, _) = compare(level, &double.turned(rotation, origin, within));
+                assert!(worst < 1e-13, "{rotation}: {worst}");
+            }
+        }
     }
 }

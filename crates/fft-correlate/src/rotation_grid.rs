@@ -133,9 +133,44 @@ impl RotationGrid {
         }
     }
 
+    /// About how many nodes the boxes of a domain's charts have, before any is left out and without
+    /// symmetry; infinite for steps out of range.
+    pub(crate) fn box_nodes(domain: &RotationDomain) -> f64 {
+        let cells = |angle: f64, step: f64| match step > 0.0 {
+            true => angle / step,
+            false => f64::INFINITY,
+        };
+        match domain {
+            RotationDomain::List { rotations, .. } => rotations.len() as f64,
+            RotationDomain::Spin {
+                range_deg,
+                step_deg,
+                ..
+            } => {
+                let [first, last] = range_deg.unwrap_or([0.0, 360.0]);
+                cells(last - first, *step_deg)
+            }
+            RotationDomain::Ball {
+                angle_deg,
+                step_deg,
+                ..
+            } => (2.0 * cells(*angle_deg, *step_deg)).powi(3),
+            RotationDomain::Full { step_deg, .. } => 4.0 * cells(90.0, *step_deg).powi(3),
+        }
+    }
+
     /// Rotations of the nodes, in the order of a table's rows.
     pub fn nodes(&self) -> &[DQuat] {
         &self.nodes
+    }
+
+    /// Replaces, in the charts, each row by `slots[row]`, which may be [`Chart::ABSENT`].
+    pub(crate) fn number(&mut self, slots: &[u32]) {
+        for row in self.charts.iter_mut().flat_map(|c| &mut c.rows) {
+            if *row != Chart::ABSENT {
+                *row = slots[*row as usize];
+            }
+        }
     }
 
     /// Angle between neighbouring nodes, radians; for a list, the angle at which coverage ends.

@@ -2,377 +2,146 @@
 //! `f[n] = Re sum_terms sum_i A_t[i] B_t[i - n]` for `n` in a window, with the `A_t` fixed once and
 //! the `B_t` given anew for every rotation.
 //!
-//! Only real parts are computed: with half spectra of the real and imaginary parts,
-//! `F = Ar conj(Br) - Ai conj(Bi)`, and transforming `B` with the positive exponent gives the
-//! conjugates at once. All terms are summed before one inverse transform. Three stages:
-//!
-//! 1. per x plane of the moving box: z lines (one complex transform carries the real and the
-//!    imaginary part, then splits into two half spectra), then y columns;
-//! 2. per (y, z) column: x transforms of every term, products, one x inverse;
-//! 3. per wanted x plane: y inverse, then z lines from half spectra to real values.
-//!
-//! Lines and planes that are zero going in or unwanted coming out are skipped.
+//! Two ways to the same numbers: [`Fused`], lane-batched kernels of our own, for sizes whose prime
+//! factors they know, and [`Reference`], rustfft and realfft line by line, for every other size and
+//! as the measure of the first.
 
 use std::ops::Range;
 
+use fearless_simd::Level;
+use fearless_simd::prelude::*;
 use ndarray::{Array3, ArrayViewMut3};
-use num_complex::Complex32;
+use num_complex::Complex;
 
-use crate::fft3::{Lines, RealLines, transform_negative};
-
-/// Columns that are transformed together: eight complex f32 fill one cache line.
-const TILE: usize = 8;
+use crate::fused::{Fused, FusedScratch};
+use crate::real::Real;
+use crate::spectral_reference::{Reference, ReferenceScratch};
 
 /// The moving field of one term, asked for line by line.
-pub(crate) trait MovingRows {
+pub(crate) trait MovingRows<T: Real> {
     /// Where the field may be nonzero, as indices into the term's moving box.
     fn bounds(&self) -> [Range<usize>; 3];
 
     /// Writes the values with index `[x, y, z]`, z in the third range of `bounds`, to `row[z]`.
     /// Returns false, and may leave `row` as it is, when all are zero.
-    fn fill(&self, x: usize, y: usize, row: &mut [Complex32]) -> bool;
+    fn fill(&self, x: usize, y: usize, row: &mut [Complex<T>]) -> bool;
+
+    /// Writes the values of as many rows as a vector has lanes, from `[x, y, 0]` on, to
+    /// `bundle`: per z the real parts, then the imaginary parts; rows beyond `bounds` may hold any
+    /// finite values. Returns the range of z outside of which all values are zero.
+    fn fill_lanes<S: Simd>(&self, simd: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize>;
 }
 
 /// The fixed field of one term in the periodic box.
-pub(crate) struct FixedTerm {
-    /// `A` with `A[i]` at `i - i0` modulo the period, where `i0` is the first moving index plus the
-    /// first window index; scaled by everything the result is to be multiplied with.
-    pub(crate) field: Array3<Complex32>,
+pub(crate) struct FixedTerm<T> {
+    /// `A` with `A[i]` at `i - i0`, where `i0` is the first moving index plus the first window
+    /// index; scaled by everything the result is to be multiplied with.
+    pub(crate) field: Array3<Complex<T>>,
     /// Shape of the term's moving box.
     pub(crate) moving_shape: [usize; 3],
 }
 
-/// Transforms, sizes and the spectra of the fixed fields.
-pub(crate) struct Spectral {
-    size: [usize; 3],
-    window: [usize; 3],
-    /// Half-spectrum length along z, and the same rounded up to whole tiles.
-    half: usize,
-    half_padded: usize,
-    row: usize,
-    plane: usize,
-    terms: Vec<Term>,
-    x: Lines,
-    y: Lines,
-    z: Lines,
-    z_real: RealLines,
+/// Seconds that one call spent in its parts.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StageTimes {
+    /// Sampling the moving fields at the nodes of the fixed lattice.
+    pub resample: f64,
+    /// z and y transforms of the moving fields.
+    pub forward: f64,
+    /// x transforms, products with the fixed spectra, x transforms back.
+    pub product: f64,
+    /// y and z transforms to scores.
+    pub inverse: f64,
 }
 
-struct Term {
-    /// Per y, tile, part (real, imaginary) and column: one x line.
-    spectrum: Vec<Complex32>,
-    moving_shape: [usize; 3],
+impl StageTimes {
+    /// All parts together.
+    pub fn total(&self) -> f64 {
+        self.resample + self.forward + self.product + self.inverse
+    }
+}
+
+/// Transforms, sizes and the spectra of the fixed fields.
+pub(crate) enum Spectral<T: Real> {
+    Fused(Fused<T>),
+    Reference(Reference<T>),
 }
 
 /// Working memory of one thread.
-pub(crate) struct SpectralScratch {
-    line: Vec<Complex32>,
-    real_line: Vec<f32>,
-    plane: Vec<Complex32>,
-    tiles: [Vec<Complex32>; 3],
-    fft: Vec<Complex32>,
-    /// Per term: `[x][y][real half, imaginary half]`; the first also takes the result of stage 2.
-    spectra: Vec<Vec<Complex32>>,
+pub(crate) enum SpectralScratch<T: Real> {
+    Fused(FusedScratch<T>),
+    Reference(ReferenceScratch<T>),
 }
 
-/// Layout numbers that follow from the transform size.
-struct Layout {
-    half: usize,
-    half_padded: usize,
-    row: usize,
-    plane: usize,
+/// Which of the two ways to take.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Way {
+    /// The kernels where they know the size, at this level; else the reference.
+    Fastest(Level),
+    #[cfg(test)]
+    Reference,
 }
 
-impl Layout {
-    fn new(size: [usize; 3]) -> Self {
-        let half = size[2] / 2 + 1;
-        let half_padded = half.next_multiple_of(TILE);
-        // Power-of-two strides would map a column onto few cache sets.
-        let row = 2 * half_padded + TILE;
-        Self {
-            half,
-            half_padded,
-            row,
-            plane: size[1] * row + 3 * TILE,
-        }
+impl Way {
+    /// The kernels with what this machine has.
+    pub(crate) fn native() -> Self {
+        Self::Fastest(Level::new())
     }
 }
 
 /// Bytes of the fixed spectra and of one thread's scratch for these sizes.
-pub(crate) fn memory(
+pub(crate) fn memory<T: Real>(
     size: [usize; 3],
     window: [usize; 3],
     moving_shapes: &[[usize; 3]],
 ) -> (u64, u64) {
-    let l = Layout::new(size);
-    let complex = size_of::<Complex32>() as u64;
-    let spectrum = (2 * l.half_padded) as u64 * size[0] as u64 * size[1] as u64;
-    let planes: u64 = moving_shapes
-        .iter()
-        .enumerate()
-        .map(|(t, s)| if t == 0 { s[0].max(window[0]) } else { s[0] } as u64)
-        .sum();
-    let fixed = complex * spectrum * moving_shapes.len() as u64;
-    let scratch = complex * (planes + 1) * l.plane as u64;
-    (fixed, scratch)
+    if Fused::<T>::knows(size) {
+        Fused::<T>::memory(Level::new(), size, window, moving_shapes)
+    } else {
+        Reference::<T>::memory(size, window, moving_shapes)
+    }
 }
 
-impl Spectral {
+impl<T: Real> Spectral<T> {
     /// Transforms the fixed fields, all of one shape, for a window of this shape.
-    pub(crate) fn new(size: [usize; 3], window: [usize; 3], terms: Vec<FixedTerm>) -> Self {
-        let Layout {
-            half,
-            half_padded,
-            row,
-            plane,
-        } = Layout::new(size);
-        Self {
-            size,
-            window,
-            half,
-            half_padded,
-            row,
-            plane,
-            terms: terms
-                .into_iter()
-                .map(|t| Term {
-                    moving_shape: t.moving_shape,
-                    spectrum: packed_half_spectra(t.field, half_padded),
-                })
-                .collect(),
-            x: Lines::new(size[0]),
-            y: Lines::new(size[1]),
-            z: Lines::new(size[2]),
-            z_real: RealLines::new(size[2]),
+    pub(crate) fn new(
+        way: Way,
+        size: [usize; 3],
+        window: [usize; 3],
+        terms: Vec<FixedTerm<T>>,
+    ) -> Self {
+        match way {
+            Way::Fastest(level) if Fused::<T>::knows(size) => {
+                Self::Fused(Fused::new(level, size, window, terms))
+            }
+            _ => Self::Reference(Reference::new(size, window, terms)),
         }
     }
 
-    pub(crate) fn scratch(&self) -> SpectralScratch {
-        let zero = Complex32::default();
-        let longest = self.size[0].max(self.size[1]);
-        let fft = [&self.x, &self.y, &self.z]
-            .iter()
-            .map(|l| l.scratch_len())
-            .chain([self.z_real.scratch_len()])
-            .max()
-            .unwrap_or(0);
-        let planes = |(t, term): (usize, &Term)| {
-            let own = term.moving_shape[0];
-            if t == 0 { own.max(self.window[0]) } else { own }
-        };
-        SpectralScratch {
-            line: vec![zero; self.size[2]],
-            real_line: vec![0.0; self.size[2]],
-            plane: vec![zero; self.plane],
-            tiles: std::array::from_fn(|_| vec![zero; TILE * longest]),
-            fft: vec![zero; fft],
-            spectra: self
-                .terms
-                .iter()
-                .enumerate()
-                .map(|t| vec![zero; planes(t) * self.plane])
-                .collect(),
+    pub(crate) fn scratch(&self) -> SpectralScratch<T> {
+        match self {
+            Self::Fused(s) => SpectralScratch::Fused(s.scratch()),
+            Self::Reference(s) => SpectralScratch::Reference(s.scratch()),
         }
     }
 
     /// Writes `f` at every window index to `out`, whose shape is the window's.
-    pub(crate) fn correlate(
+    ///
+    /// # Panics
+    /// If the number of fields or the shape of `out` is not what was planned, or the scratch is
+    /// another one's.
+    pub(crate) fn correlate<M: MovingRows<T>>(
         &self,
-        moving: &[&dyn MovingRows],
-        scratch: &mut SpectralScratch,
-        out: &mut ArrayViewMut3<f32>,
-    ) {
-        assert_eq!(moving.len(), self.terms.len());
-        assert_eq!(out.shape(), self.window);
-        for (t, rows) in moving.iter().enumerate() {
-            let bounds = rows.bounds();
-            for x in bounds[0].clone() {
-                self.forward_plane(t, *rows, x, &bounds, scratch);
+        moving: &[M],
+        scratch: &mut SpectralScratch<T>,
+        out: &mut ArrayViewMut3<T>,
+    ) -> StageTimes {
+        match (self, scratch) {
+            (Self::Fused(s), SpectralScratch::Fused(scratch)) => s.correlate(moving, scratch, out),
+            (Self::Reference(s), SpectralScratch::Reference(scratch)) => {
+                s.correlate(moving, scratch, out)
             }
-        }
-        let ranges: Vec<_> = moving.iter().map(|m| m.bounds()[0].clone()).collect();
-        if ranges.iter().all(|r| r.is_empty()) {
-            out.fill(0.0);
-            return;
-        }
-        for y in 0..self.size[1] {
-            for tile in 0..self.half.div_ceil(TILE) {
-                self.multiply_columns(y, tile, &ranges, scratch);
-            }
-        }
-        for x in 0..self.window[0] {
-            self.inverse_plane(x, scratch, out);
+            _ => panic!("scratch of another correlator"),
         }
     }
-
-    /// Stage 1: one x plane of one moving field to its half spectra over y and z.
-    fn forward_plane(
-        &self,
-        term: usize,
-        rows: &dyn MovingRows,
-        x: usize,
-        bounds: &[Range<usize>; 3],
-        scratch: &mut SpectralScratch,
-    ) {
-        let zero = Complex32::default();
-        let (ny, nz) = (self.size[1], self.size[2]);
-        for y in bounds[1].clone() {
-            let packed = &mut scratch.plane[y * self.row..][..2 * self.half_padded];
-            scratch.line.fill(zero);
-            if !rows.fill(x, y, &mut scratch.line) {
-                packed.fill(zero);
-                continue;
-            }
-            self.z.process(&mut scratch.line, &mut scratch.fft);
-            let (re, im) = packed.split_at_mut(self.half_padded);
-            for k in 0..self.half {
-                let (a, b) = (scratch.line[k], scratch.line[(nz - k) % nz].conj());
-                re[k] = (a + b) * 0.5;
-                // (a - b) / 2i
-                im[k] = Complex32::new(a.im - b.im, b.re - a.re) * 0.5;
-            }
-        }
-        let tile = &mut scratch.tiles[0][..TILE * ny];
-        let to = &mut scratch.spectra[term][x * self.plane..][..self.plane];
-        for part in 0..2 {
-            for first in (0..self.half).step_by(TILE) {
-                let column = part * self.half_padded + first;
-                gather(&scratch.plane, column, self.row, bounds[1].clone(), tile);
-                self.y.process(tile, &mut scratch.fft);
-                scatter(tile, 0..ny, to, column, self.row);
-            }
-        }
-    }
-
-    /// Stage 2: the x lines of one tile of columns.
-    fn multiply_columns(
-        &self,
-        y: usize,
-        tile: usize,
-        ranges: &[Range<usize>],
-        scratch: &mut SpectralScratch,
-    ) {
-        let nx = self.size[0];
-        let len = TILE * nx;
-        let column = y * self.row + tile * TILE;
-        let [re, im, sum] = &mut scratch.tiles;
-        let (re, im, sum) = (&mut re[..len], &mut im[..len], &mut sum[..len]);
-        sum.fill(Complex32::default());
-        for ((term, range), moving) in self.terms.iter().zip(ranges).zip(&scratch.spectra) {
-            if range.is_empty() {
-                continue;
-            }
-            gather(moving, column, self.plane, range.clone(), re);
-            gather(
-                moving,
-                column + self.half_padded,
-                self.plane,
-                range.clone(),
-                im,
-            );
-            self.x.process(re, &mut scratch.fft);
-            self.x.process(im, &mut scratch.fft);
-            let at = (y * self.half_padded / TILE + tile) * 2 * len;
-            let (ar, ai) = term.spectrum[at..at + 2 * len].split_at(len);
-            for k in 0..len {
-                sum[k] += ar[k] * re[k] - ai[k] * im[k];
-            }
-        }
-        self.x.process(sum, &mut scratch.fft);
-        scatter(
-            sum,
-            0..self.window[0],
-            &mut scratch.spectra[0],
-            column,
-            self.plane,
-        );
-    }
-
-    /// Stage 3: one x plane of the summed half spectrum to real values.
-    fn inverse_plane(&self, x: usize, scratch: &mut SpectralScratch, out: &mut ArrayViewMut3<f32>) {
-        let ny = self.size[1];
-        let from = &scratch.spectra[0][x * self.plane..][..self.plane];
-        let tile = &mut scratch.tiles[0][..TILE * ny];
-        for column in (0..self.half).step_by(TILE) {
-            gather(from, column, self.row, 0..ny, tile);
-            self.y.process(tile, &mut scratch.fft);
-            scatter(
-                tile,
-                0..self.window[1],
-                &mut scratch.plane,
-                column,
-                self.row,
-            );
-        }
-        for y in 0..self.window[1] {
-            let half = &mut scratch.plane[y * self.row..][..self.half];
-            let line = &mut scratch.real_line;
-            self.z_real.process(half, line, &mut scratch.fft);
-            for (z, value) in line[..self.window[2]].iter().enumerate() {
-                out[[x, y, z]] = *value;
-            }
-        }
-    }
-}
-
-/// Copies rows `range` of the `TILE` columns that begin at `column` into lines, zero elsewhere.
-fn gather(
-    from: &[Complex32],
-    column: usize,
-    stride: usize,
-    range: Range<usize>,
-    lines: &mut [Complex32],
-) {
-    let len = lines.len() / TILE;
-    for line in lines.chunks_exact_mut(len) {
-        line[..range.start].fill(Complex32::default());
-        line[range.end..].fill(Complex32::default());
-    }
-    for r in range {
-        let row = &from[column + r * stride..][..TILE];
-        for (b, value) in row.iter().enumerate() {
-            lines[b * len + r] = *value;
-        }
-    }
-}
-
-/// Copies entries `range` of the `TILE` lines into rows `range` of the columns from `column` on.
-fn scatter(
-    lines: &[Complex32],
-    range: Range<usize>,
-    to: &mut [Complex32],
-    column: usize,
-    stride: usize,
-) {
-    let len = lines.len() / TILE;
-    for r in range {
-        let row = &mut to[column + r * stride..][..TILE];
-        for (b, value) in row.iter_mut().enumerate() {
-            *value = lines[b * len + r];
-        }
-    }
-}
-
-/// The half spectra of a field's real and imaginary parts, divided by the number of points, in the
-/// order stage 2 reads them: `[y][tile][part][column][x]`.
-fn packed_half_spectra(mut field: Array3<Complex32>, half_padded: usize) -> Vec<Complex32> {
-    let (nx, ny, nz) = field.dim();
-    transform_negative(&mut field);
-    let scale = 0.5 / (nx * ny * nz) as f32;
-    let mut packed = vec![Complex32::default(); 2 * half_padded * nx * ny];
-    for x in 0..nx {
-        for y in 0..ny {
-            for z in 0..=nz / 2 {
-                let a = field[[x, y, z]];
-                let b = field[[(nx - x) % nx, (ny - y) % ny, (nz - z) % nz]].conj();
-                let re = (a + b) * scale;
-                let im = Complex32::new(a.im - b.im, b.re - a.re) * scale;
-                let block = (y * half_padded + z) / TILE * 2 * TILE * nx;
-                let at = block + z % TILE * nx + x;
-                packed[at] = re;
-                packed[at + TILE * nx] = im;
-            }
-        }
-    }
-    packed
 }

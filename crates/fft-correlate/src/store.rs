@@ -1,8 +1,13 @@
-//! Tables on disk: a Zarr v3 group, one chunk of half-precision energies per rotation node.
+//! Tables on disk: a Zarr v3 group, one chunk of energies per rotation node.
 //!
 //! `docs/table-format.md` describes the files. A table appears whole (its metadata is prepared
 //! beside it and renamed into place), and so does every chunk; a chunk that is there and passes its
 //! checksum is finished.
+
+mod error;
+mod header;
+mod load;
+mod skeleton;
 
 use std::fs;
 use std::io;
@@ -10,127 +15,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use half::f16;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
-use zarrs::array::codec::{
-    BloscCodec, BloscCompressionLevel, BloscCompressor, BloscShuffleMode, Crc32cCodec,
-};
-use zarrs::array::{
-    Array, ArrayBuilder, ArrayError, ArrayMetadataOptions, CodecOptions, data_type,
-};
+use serde_json::{Value, json};
+use zarrs::array::{Array, ArrayBuilder, ArrayError, ArrayMetadataOptions, CodecOptions};
 use zarrs::filesystem::FilesystemStore;
-use zarrs::group::GroupBuilder;
 use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 
+pub use error::StoreError;
+
+use crate::encode::{Encoded, Numbers, Probe, is_storable};
 use crate::rotation_grid::RotationGrid;
-use crate::table::{EnergyTable, TableError, TableSpec};
+use crate::table::{TableError, TableSpec};
 use crate::table_error::ErrorReport;
+use header::Header;
+use skeleton::{energy_array, place, scale_array};
 
 /// Version of the layout and of the meaning of the attributes.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
-/// Why a table on disk cannot be made, read or extended.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// There is nothing at the path.
-    #[error("{}: no table there", path.display())]
-    Missing {
-        /// Where.
-        path: PathBuf,
-    },
-    /// A file cannot be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// Which file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The metadata is not that of a table.
-    #[error("{}: {item} is not that of an energy table: {reason}", path.display())]
-    Metadata {
-        /// The table.
-        path: PathBuf,
-        /// Which file or attribute.
-        item: &'static str,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The table is of another format.
-    #[error("{}: table format {expected} expected, {found} found", path.display())]
-    Version {
-        /// The table.
-        path: PathBuf,
-        /// The format this program reads.
-        expected: u32,
-        /// The table's.
-        found: u64,
-    },
-    /// The table is for another part.
-    #[error("{}: table of another {part} part: mesh {expected} expected, {found} found", path.display())]
-    Mesh {
-        /// The table.
-        path: PathBuf,
-        /// `fixed` or `moving`.
-        part: &'static str,
-        /// Hash expected.
-        expected: String,
-        /// Hash in the table.
-        found: String,
-    },
-    /// The table at the path was baked with another specification.
-    #[error("{}: a table with another {item} is already there", path.display())]
-    Different {
-        /// The table.
-        path: PathBuf,
-        /// What differs first.
-        item: String,
-    },
-    /// Rotation nodes are not baked yet.
-    #[error(
-        "{}: {missing} of {rotations} rotation nodes are missing, the first is {first}; bake with \
-         resume",
-        path.display()
-    )]
-    Incomplete {
-        /// The table.
-        path: PathBuf,
-        /// How many.
-        missing: usize,
-        /// Of how many.
-        rotations: usize,
-        /// The first of them.
-        first: usize,
-    },
-    /// A rotation node's chunk is truncated or does not pass its checksum.
-    #[error("{}: chunk {key} is damaged: {reason}; bake with resume", path.display())]
-    Damaged {
-        /// The table.
-        path: PathBuf,
-        /// File of the chunk within the table.
-        key: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The specification is out of range, or the table too large.
-    #[error(transparent)]
-    Table(#[from] TableError),
-}
-
-/// The attribute `pegfit` of a table's group.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Header {
-    format: u32,
-    program: String,
-    energy_unit: f64,
-    table: TableSpec,
-    #[serde(default)]
-    error: Option<ErrorReport>,
-}
-
-type Storage = AtomicWriteStorageAdapter<FilesystemStore>;
+type Files = AtomicWriteStorageAdapter<FilesystemStore>;
 
 /// A table on disk, finished or not.
 #[derive(Debug)]
@@ -138,7 +40,9 @@ pub struct TableStore {
     path: PathBuf,
     header: Header,
     grid: RotationGrid,
-    energies: Array<Storage>,
+    energies: Array<Files>,
+    /// Scales of whole numbers.
+    scales: Option<Array<Files>>,
 }
 
 /// State of a rotation node's chunk.
@@ -154,19 +58,20 @@ pub enum ChunkState {
 
 impl TableStore {
     /// Makes an empty table at `path`, or opens the one that is there if it has the same
-    /// specification. `unit` is the joules per stored unit of a new table.
+    /// specification. `probe` is for a new table.
     ///
     /// # Errors
     /// If the specification is out of range, the path cannot be written, or there is something else
     /// at the path.
-    pub fn create(path: &Path, spec: &TableSpec, unit: f64) -> Result<Self, StoreError> {
+    pub(crate) fn create(path: &Path, spec: &TableSpec, probe: Probe) -> Result<Self, StoreError> {
         spec.validate()?;
         if !path.exists() {
             let grid = spec.grid().map_err(TableError::from)?;
             let header = Header {
                 format: FORMAT_VERSION,
                 program: concat!("pegfit ", env!("CARGO_PKG_VERSION")).into(),
-                energy_unit: unit,
+                energy_unit: probe.unit,
+                negligible: probe.negligible,
                 table: spec.clone(),
                 error: None,
             };
@@ -182,35 +87,21 @@ impl TableStore {
     /// # Errors
     /// If there is no table, or its metadata is of another format, damaged or out of range.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let header = read_header(path)?;
+        let header = Header::read(path)?;
         header.table.validate()?;
+        expect_rotations(path, &header)?;
         let grid = header.table.grid().map_err(TableError::from)?;
-        let metadata = |reason: String| StoreError::Metadata {
-            path: path.into(),
-            item: "energy/zarr.json",
-            reason,
+        let energies = array(path, "energy", &energy_array(&header.table, &grid))?;
+        let scales = match header.table.storage.numbers {
+            Numbers::Half => None,
+            Numbers::Integer => Some(array(path, "scale", &scale_array(&grid))?),
         };
-        let files = FilesystemStore::new(path).map_err(|e| metadata(e.to_string()))?;
-        let storage = Arc::new(AtomicWriteStorageAdapter::new(Arc::new(files)));
-        // The header decides what the array must be; its own metadata is for other readers.
-        let energies = energy_array(&header.table, &grid)
-            .build(storage, "/energy")
-            .map_err(|e| metadata(e.to_string()))?;
-        let text = fs::read_to_string(path.join("energy").join("zarr.json"))
-            .map_err(|e| metadata(e.to_string()))?;
-        let found: Value = serde_json::from_str(&text).map_err(|e| metadata(e.to_string()))?;
-        let expected = json!(energies.metadata_opt(&metadata_options()));
-        for (key, value) in expected.as_object().into_iter().flatten() {
-            if found.get(key) != Some(value) {
-                let found = found.get(key).unwrap_or(&Value::Null);
-                return Err(metadata(format!("{key} must be {value}, found {found}")));
-            }
-        }
         Ok(Self {
             path: path.into(),
             header,
             grid,
             energies,
+            scales,
         })
     }
 
@@ -232,6 +123,15 @@ impl TableStore {
     /// Joules per stored unit.
     pub fn unit(&self) -> f64 {
         self.header.energy_unit
+    }
+
+    /// Distance from the far energy up to which energies were left out, joules.
+    pub fn negligible(&self) -> f64 {
+        self.header.negligible
+    }
+
+    pub(crate) fn probe(&self) -> Probe {
+        self.header.probe()
     }
 
     /// Name and version of the program that made the table.
@@ -294,46 +194,90 @@ impl TableStore {
         }
     }
 
-    /// The stored energies of a rotation node; `None` if they are not there.
-    fn chunk(&self, row: usize) -> Result<Option<Vec<f16>>, StoreError> {
-        self.energies
-            .retrieve_chunk_if_exists_opt::<Vec<f16>>(&chunk_index(row), &one_thread())
-            .map_err(|e| self.chunk_error(row, e))
-    }
-
-    fn chunk_error(&self, row: usize, error: ArrayError) -> StoreError {
-        let key = self.energies.chunk_key(&chunk_index(row)).to_string();
-        match error {
-            ArrayError::StorageError(e) => StoreError::Io {
-                path: self.path.join(key),
-                source: io::Error::other(e.to_string()),
-            },
-            e => StoreError::Damaged {
-                path: self.path.clone(),
-                key,
-                reason: e.to_string(),
-            },
+    /// The stored numbers of a rotation node, all finite; `None` if they are not there.
+    fn chunk(&self, row: usize) -> Result<Option<Encoded>, StoreError> {
+        let codes = match self.spec().storage.numbers {
+            Numbers::Half => read::<f16>(&self.energies, row)
+                .map(|c| c.map(|c| c.into_iter().map(f16::to_bits).collect())),
+            Numbers::Integer => read::<i16>(&self.energies, row)
+                .map(|c| c.map(|c| c.into_iter().map(|i| i as u16).collect())),
+        };
+        let codes: Option<Vec<u16>> =
+            codes.map_err(|e| self.chunk_error(&self.energies, row, e))?;
+        let Some(codes) = codes else { return Ok(None) };
+        let numbers = self.spec().storage.numbers;
+        if let Some(bad) = codes.iter().position(|&c| !is_storable(c, numbers)) {
+            let reason = format!("value {bad} is not finite");
+            return Err(self.damaged(&self.energies, row, reason));
+        }
+        let Some(scales) = &self.scales else {
+            return Ok(Some(Encoded {
+                codes,
+                scale: 1.0,
+                ..Encoded::default()
+            }));
+        };
+        let scale = read::<f32>(scales, row).map_err(|e| self.chunk_error(scales, row, e))?;
+        // It is written first, so one that is missing was lost.
+        match scale.as_deref() {
+            None => Ok(None),
+            Some([scale]) if scale.is_normal() && *scale > 0.0 => Ok(Some(Encoded {
+                codes,
+                scale: *scale,
+                ..Encoded::default()
+            })),
+            Some(found) => Err(self.damaged(scales, row, format!("the scale is {found:?}"))),
         }
     }
 
-    /// Stores the energies of a rotation node (half-precision bits in [`TableStore::unit`], C
-    /// order). The chunk appears whole or not at all.
+    fn damaged(&self, array: &Array<Files>, row: usize, reason: String) -> StoreError {
+        StoreError::Damaged {
+            path: self.path.clone(),
+            key: array.chunk_key(&chunk_index(array, row)).to_string(),
+            reason,
+        }
+    }
+
+    fn chunk_error(&self, array: &Array<Files>, row: usize, error: ArrayError) -> StoreError {
+        match error {
+            ArrayError::StorageError(e) => {
+                let key = array.chunk_key(&chunk_index(array, row)).to_string();
+                StoreError::Io {
+                    path: self.path.join(key),
+                    source: io::Error::other(e.to_string()),
+                }
+            }
+            e => self.damaged(array, row, e.to_string()),
+        }
+    }
+
+    /// Stores a rotation node. Its chunk appears whole or not at all.
     ///
     /// # Errors
     /// If the chunk cannot be written; what was there before stays.
     ///
     /// # Panics
     /// If there are not as many energies as the window has nodes.
-    pub(crate) fn write(&self, row: usize, energies: &[u16]) -> Result<(), StoreError> {
-        assert_eq!(
-            energies.len(),
-            self.spec().window.len(),
-            "one energy per node"
-        );
-        let energies: &[f16] = bytemuck::cast_slice(energies);
-        self.energies
-            .store_chunk_opt(&chunk_index(row), energies, &one_thread())
-            .map_err(|e| self.chunk_error(row, e))
+    pub(crate) fn write(&self, row: usize, encoded: &Encoded) -> Result<(), StoreError> {
+        let nodes = self.spec().window.len();
+        assert_eq!(encoded.codes.len(), nodes, "one energy per node");
+        if let Some(scales) = &self.scales {
+            scales
+                .store_chunk_opt(&chunk_index(scales, row), &[encoded.scale], &one_thread())
+                .map_err(|e| self.chunk_error(scales, row, e))?;
+        }
+        let (index, options) = (chunk_index(&self.energies, row), one_thread());
+        match self.spec().storage.numbers {
+            Numbers::Half => {
+                let energies: &[f16] = bytemuck::cast_slice(&encoded.codes);
+                self.energies.store_chunk_opt(&index, energies, &options)
+            }
+            Numbers::Integer => {
+                let energies: &[i16] = bytemuck::cast_slice(&encoded.codes);
+                self.energies.store_chunk_opt(&index, energies, &options)
+            }
+        }
+        .map_err(|e| self.chunk_error(&self.energies, row, e))
     }
 
     /// Removes what an interrupted write of a rotation node left behind.
@@ -341,53 +285,39 @@ impl TableStore {
     /// # Errors
     /// If the left-over file cannot be removed.
     pub(crate) fn clean(&self, row: usize) -> Result<(), StoreError> {
-        let key = self.energies.chunk_key(&chunk_index(row));
-        let left = self.path.join(format!("{key}.tmp"));
-        match fs::remove_file(&left) {
-            Err(source) if source.kind() != io::ErrorKind::NotFound => {
-                Err(StoreError::Io { path: left, source })
+        for array in self.scales.iter().chain([&self.energies]) {
+            let key = array.chunk_key(&chunk_index(array, row));
+            let left = self.path.join(format!("{key}.tmp"));
+            match fs::remove_file(&left) {
+                Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                    return Err(StoreError::Io { path: left, source });
+                }
+                _ => {}
             }
-            _ => Ok(()),
         }
+        Ok(())
     }
 
-    /// Reads all energies into memory, in parallel, checking every checksum. `memory_limit` bounds
-    /// the bytes of energies.
+    /// Bytes of the files that hold energies.
     ///
     /// # Errors
-    /// If the table is too large, incomplete, damaged, or holds numbers that are not finite.
-    pub fn load(&self, memory_limit: u64) -> Result<EnergyTable, StoreError> {
-        let rotations = self.grid.nodes().len();
-        self.spec().check_memory(rotations, memory_limit)?;
-        let mut table = EnergyTable::zeroed(self.spec().clone(), self.grid.clone(), self.unit());
-        let missing = table
-            .rows_mut()
-            .enumerate()
-            .map(|(row, out)| match self.chunk(row)? {
-                None => Ok(Some(row)),
-                Some(energies) => {
-                    if let Some(bad) = energies.iter().position(|e| !e.is_finite()) {
-                        return Err(StoreError::Damaged {
-                            path: self.path.clone(),
-                            key: self.energies.chunk_key(&chunk_index(row)).to_string(),
-                            reason: format!("value {bad} is {}", energies[bad]),
-                        });
-                    }
-                    out.copy_from_slice(bytemuck::cast_slice(&energies));
-                    Ok(None)
-                }
-            })
-            .filter_map(Result::transpose)
-            .collect::<Result<Vec<usize>, StoreError>>()?;
-        match missing.iter().min() {
-            None => Ok(table),
-            Some(&first) => Err(StoreError::Incomplete {
-                path: self.path.clone(),
-                missing: missing.len(),
-                rotations,
-                first,
-            }),
+    /// If the folder cannot be read.
+    pub fn bytes_on_disk(&self) -> Result<u64, StoreError> {
+        let folder = self.path.join("energy");
+        let io = |source| StoreError::Io {
+            path: folder.clone(),
+            source,
+        };
+        let mut bytes = 0;
+        for entry in fs::read_dir(&folder).map_err(io)? {
+            // Temporary files of other processes come and go.
+            match entry.and_then(|e| e.metadata()) {
+                Ok(metadata) => bytes += metadata.len(),
+                Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+                Err(e) => return Err(io(e)),
+            }
         }
+        Ok(bytes)
     }
 
     /// Writes the measured error into the table's attributes.
@@ -404,11 +334,8 @@ impl TableStore {
             path: file.clone(),
             source,
         };
-        let metadata = json!({
-            "zarr_format": 3, "node_type": "group", "attributes": attributes(&header),
-        });
         let mut temporary = tempfile::NamedTempFile::new_in(&self.path).map_err(io)?;
-        serde_json::to_writer_pretty(&mut temporary, &metadata).map_err(|e| io(e.into()))?;
+        serde_json::to_writer_pretty(&mut temporary, &header.group()).map_err(|e| io(e.into()))?;
         temporary.as_file().sync_all().map_err(io)?;
         temporary.persist(&file).map_err(|e| io(e.error))?;
         self.header = header;
@@ -416,8 +343,17 @@ impl TableStore {
     }
 }
 
-fn chunk_index(row: usize) -> [u64; 4] {
-    [row as u64, 0, 0, 0]
+fn read<T: zarrs::array::ElementOwned>(
+    array: &Array<Files>,
+    row: usize,
+) -> Result<Option<Vec<T>>, ArrayError> {
+    array.retrieve_chunk_if_exists_opt::<Vec<T>>(&chunk_index(array, row), &one_thread())
+}
+
+fn chunk_index(array: &Array<Files>, row: usize) -> Vec<u64> {
+    let mut index = vec![0; array.shape().len()];
+    index[0] = row as u64;
+    index
 }
 
 /// Nodes are handled in parallel; within one, compression by one thread gives the same bytes always.
@@ -430,156 +366,55 @@ fn metadata_options() -> ArrayMetadataOptions {
     ArrayMetadataOptions::default().with_include_zarrs_metadata(false)
 }
 
-fn attributes(header: &Header) -> Map<String, Value> {
-    let mut attributes = Map::new();
-    attributes.insert("pegfit".into(), json!(header));
-    attributes
-}
-
-fn read_header(path: &Path) -> Result<Header, StoreError> {
-    let file = path.join("zarr.json");
-    let text = fs::read_to_string(&file).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => StoreError::Missing { path: path.into() },
-        _ => StoreError::Io { path: file, source },
-    })?;
-    let metadata = |item, reason: String| StoreError::Metadata {
+/// An array of the table. The header decides what it must be; its own metadata, which is for other
+/// readers, must agree.
+fn array(
+    path: &Path,
+    name: &'static str,
+    builder: &ArrayBuilder,
+) -> Result<Array<Files>, StoreError> {
+    let metadata = |reason: String| StoreError::Metadata {
         path: path.into(),
-        item,
+        item: match name {
+            "energy" => "energy/zarr.json",
+            _ => "scale/zarr.json",
+        },
         reason,
     };
-    let group: Value =
-        serde_json::from_str(&text).map_err(|e| metadata("zarr.json", e.to_string()))?;
-    let header = &group["attributes"]["pegfit"];
-    // Another format may have other keys: look at its number before the rest.
-    let found = header["format"]
-        .as_u64()
-        .ok_or_else(|| metadata("zarr.json", "there is no format number".into()))?;
-    if found != u64::from(FORMAT_VERSION) {
-        return Err(StoreError::Version {
-            path: path.into(),
-            expected: FORMAT_VERSION,
-            found,
-        });
-    }
-    let header =
-        Header::deserialize(header).map_err(|e| metadata("attribute pegfit", e.to_string()))?;
-    let unit = header.energy_unit;
-    if !(unit.is_finite() && unit > 0.0) {
-        return Err(metadata("attribute energy_unit", format!("found {unit}")));
-    }
-    Ok(header)
-}
-
-/// Writes the metadata of an empty table to a folder beside `path` and renames it. If another
-/// process was first, its table stays and this one is dropped.
-fn place(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(), StoreError> {
-    let io = |source: io::Error| StoreError::Io {
-        path: path.into(),
-        source,
-    };
-    let parent = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let folder = tempfile::Builder::new()
-        .prefix(&format!(".{name}."))
-        .suffix(".tmp")
-        .tempdir_in(parent)
-        .map_err(io)?;
-    write_skeleton(folder.path(), header, grid).map_err(|e| io(io::Error::other(e)))?;
-    match fs::rename(folder.path(), path) {
-        Ok(()) => {
-            let _ = folder.keep();
-            fs::File::open(parent)
-                .and_then(|d| d.sync_all())
-                .map_err(io)
+    let files = FilesystemStore::new(path).map_err(|e| metadata(e.to_string()))?;
+    let files = Arc::new(AtomicWriteStorageAdapter::new(Arc::new(files)));
+    let array = builder
+        .build(files, &format!("/{name}"))
+        .map_err(|e| metadata(e.to_string()))?;
+    let text = fs::read_to_string(path.join(name).join("zarr.json"))
+        .map_err(|e| metadata(e.to_string()))?;
+    let found: Value = serde_json::from_str(&text).map_err(|e| metadata(e.to_string()))?;
+    let expected = json!(array.metadata_opt(&metadata_options()));
+    for (key, value) in expected.as_object().into_iter().flatten() {
+        if found.get(key) != Some(value) {
+            let found = found.get(key).unwrap_or(&Value::Null);
+            return Err(metadata(format!("{key} must be {value}, found {found}")));
         }
-        Err(_) if path.join("zarr.json").exists() => Ok(()),
-        Err(source) => Err(io(source)),
     }
+    Ok(array)
 }
 
-type AnyError = Box<dyn std::error::Error + Send + Sync>;
-
-fn write_skeleton(folder: &Path, header: &Header, grid: &RotationGrid) -> Result<(), AnyError> {
-    let files = Arc::new(FilesystemStore::new(folder)?);
-    let window = &header.table.window;
-    GroupBuilder::new()
-        .attributes(attributes(header))
-        .build(files.clone(), "/")?
-        .store_metadata()?;
-    energy_array(&header.table, grid)
-        .build(files.clone(), "/energy")?
-        .store_metadata_opt(&metadata_options())?;
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let values: Vec<f64> = (0..window.shape()[axis])
-            .map(|i| window.position([i; 3]).to_array()[axis])
-            .collect();
-        let about = "displacement of the moving part's pivot";
-        coordinate(&files, name, &[(name, values.len())], &values, about, "m")?;
+/// Refuses a header whose rotation domain is of another order of size than the file of the nodes'
+/// quaternions, before the nodes are made: a damaged step must not fill the memory.
+fn expect_rotations(path: &Path, header: &Header) -> Result<(), StoreError> {
+    let file = path.join("quaternion").join("c").join("0").join("0");
+    let bytes = match fs::metadata(&file) {
+        Ok(m) => m.len(),
+        Err(source) => return Err(StoreError::Io { path: file, source }),
+    };
+    let (stored, box_nodes) = (bytes / 32, RotationGrid::box_nodes(&header.table.rotations));
+    // A box has fewer than 64 nodes for each that is kept, once there are many.
+    if box_nodes <= 64.0 * stored as f64 + 1e5 {
+        return Ok(());
     }
-    let quaternions: Vec<f64> = grid.nodes().iter().flat_map(|q| q.to_array()).collect();
-    let shape = [("rotation", grid.nodes().len()), ("component", 4)];
-    coordinate(
-        &files,
-        "quaternion",
-        &shape,
-        &quaternions,
-        "x, y, z, w",
-        "1",
-    )
-}
-
-fn energy_array(spec: &TableSpec, grid: &RotationGrid) -> ArrayBuilder {
-    let [nx, ny, nz] = spec.window.shape().map(|n| n as u64);
-    let level = BloscCompressionLevel::try_from(5u8).expect("levels reach 9");
-    let blosc = BloscCodec::new(
-        BloscCompressor::LZ4,
-        level,
-        None,
-        BloscShuffleMode::Shuffle,
-        Some(2),
-    )
-    .expect("blosc has lz4 and the element size is given");
-    let attributes = json!({
-        "long_name": "energy in units of energy_unit", "coordinates": "quaternion",
-    });
-    let mut builder = ArrayBuilder::new(
-        vec![grid.nodes().len() as u64, nx, ny, nz],
-        vec![1, nx, ny, nz],
-        data_type::float16(),
-        f16::NAN,
-    );
-    builder
-        .bytes_to_bytes_codecs(vec![Arc::new(blosc), Arc::new(Crc32cCodec::new())])
-        .chunk_key_encoding_default_separator(zarrs::metadata::ChunkKeySeparator::Dot)
-        .dimension_names(Some(["rotation", "x", "y", "z"]))
-        .attributes(attributes.as_object().cloned().unwrap_or_default());
-    builder
-}
-
-fn coordinate(
-    files: &Arc<FilesystemStore>,
-    name: &str,
-    shape: &[(&str, usize)],
-    values: &[f64],
-    about: &str,
-    unit: &str,
-) -> Result<(), AnyError> {
-    let lengths: Vec<u64> = shape.iter().map(|(_, n)| *n as u64).collect();
-    let attributes = json!({ "long_name": about, "units": unit });
-    let array = ArrayBuilder::new(
-        lengths.clone(),
-        lengths.clone(),
-        data_type::float64(),
-        f64::NAN,
-    )
-    .dimension_names(Some(shape.iter().map(|(n, _)| *n)))
-    .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
-    .attributes(attributes.as_object().cloned().unwrap_or_default())
-    .build(files.clone(), &format!("/{name}"))?;
-    array.store_metadata_opt(&metadata_options())?;
-    array.store_chunk_opt(&vec![0; shape.len()], values, &one_thread())?;
-    Ok(())
+    Err(StoreError::Metadata {
+        path: path.into(),
+        item: "quaternion",
+        reason: format!("about {box_nodes:.1e} rotation nodes expected, {stored} found"),
+    })
 }

@@ -1,14 +1,17 @@
 //! Energies over a grid of rotations and a lattice of translations, kept in half precision.
 
 use glam::{DQuat, DVec3};
-use half::f16;
-use ndarray::{ArrayView3, ArrayViewMut3};
+use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
-use sdf_grid::{Lattice, Monitor};
+use sdf_grid::{Lattice, Monitor, Sampling};
 use serde::{Deserialize, Serialize};
 
+use crate::chart::Chart;
+use crate::encode::{Encoded, Probe, Storage, encode, far_code, probe};
+use crate::layout::Layout;
 use crate::rotation_domain::{AxisSymmetry, RotationDomain, RotationError};
 use crate::rotation_grid::RotationGrid;
+use crate::stencil::value_of;
 use crate::taps::Interpolation;
 use crate::{ModelError, ScoreModel};
 
@@ -30,12 +33,28 @@ pub struct TableSpec {
     /// Energy far outside the table, joules. The model's own is 0, as densities fade.
     #[serde(default)]
     pub far_energy: f64,
+    /// How energies are stored.
+    #[serde(default)]
+    pub storage: Storage,
+    /// How the densities were sampled; absent where there are none.
+    #[serde(default)]
+    pub fields: Option<FieldSampling>,
     /// Identity of the fixed part's mesh, as its hash in hexadecimal; empty if there is no mesh.
     #[serde(default)]
     pub fixed_mesh: String,
     /// Identity of the moving part's mesh.
     #[serde(default)]
     pub moving_mesh: String,
+}
+
+/// How the densities of a table's pair were sampled, on lattices of the window's spacing.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldSampling {
+    /// What a lattice value stands for.
+    pub sampling: Sampling,
+    /// What averages lose at coincident boundaries was restored ([`crate::deaverage`]).
+    pub deaverage: bool,
 }
 
 /// Why a table cannot be made.
@@ -118,17 +137,18 @@ pub trait NodeEnergies: Sync {
 #[derive(Debug, Clone)]
 pub struct EnergyTable {
     spec: TableSpec,
+    /// Its charts number the slots of the rotation nodes that are in memory.
     grid: RotationGrid,
-    /// Joules per stored unit; a power of two.
-    unit: f64,
-    /// Half-precision bits, C order `[rotation, x, y, z]`, and three zeros so that any value may be
-    /// read with the three after it.
+    probe: Probe,
+    layout: Layout,
+    /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
+    slots: Vec<u32>,
+    /// What the numbers of each slot are multiplied by, in units.
+    scales: Vec<f32>,
+    /// Arranged by `layout`, slot after slot.
     energies: Vec<u16>,
     interpolation: Interpolation,
 }
-
-/// Zeros behind the last energy.
-const PADDING: usize = 3;
 
 impl TableSpec {
     /// Checks every number.
@@ -137,6 +157,7 @@ impl TableSpec {
     /// Names the first that is out of range.
     pub fn validate(&self) -> Result<(), TableError> {
         self.model.validate()?;
+        self.storage.validate()?;
         // A lattice read from a file has not passed through its constructor.
         let window = &self.window;
         Lattice::new(window.origin(), window.spacing(), window.shape()).map_err(|e| {
@@ -171,13 +192,22 @@ impl TableSpec {
         RotationGrid::new(&self.rotations, self.symmetry.as_ref())
     }
 
-    /// Bytes of energies for `rotations` rotation nodes.
+    /// Bytes of memory for `rotations` rotation nodes of which nothing is left out.
     pub fn bytes(&self, rotations: usize) -> u128 {
-        2 * rotations as u128 * self.window.len() as u128
+        2 * rotations as u128 * Layout::dense_length(self.window.shape())
     }
 
+    /// Refuses more rotation nodes than fit.
     pub(crate) fn check_memory(&self, rotations: usize, limit: u64) -> Result<(), TableError> {
-        let needed = self.bytes(rotations);
+        self.check_bytes(rotations, self.bytes(rotations), limit)
+    }
+
+    pub(crate) fn check_bytes(
+        &self,
+        rotations: usize,
+        needed: u128,
+        limit: u64,
+    ) -> Result<(), TableError> {
         if needed <= u128::from(limit) {
             return Ok(());
         }
@@ -188,6 +218,13 @@ impl TableSpec {
             limit,
         })
     }
+}
+
+/// Rotation nodes in memory, to be filled.
+pub(crate) struct Rows<'a> {
+    pub(crate) layout: &'a Layout,
+    pub(crate) scales: &'a mut [f32],
+    pub(crate) energies: &'a mut [u16],
 }
 
 impl EnergyTable {
@@ -205,41 +242,64 @@ impl EnergyTable {
         spec.validate()?;
         let grid = spec.grid()?;
         spec.check_memory(grid.nodes().len(), memory_limit)?;
-        let unit = probe_unit(&spec, &grid, producer)?;
-        let length = spec.window.len();
+        let probe = probe(&spec, &grid, producer)?;
         monitor.begin("table", grid.nodes().len() as u64);
-        let mut table = Self::zeroed(spec.clone(), grid.clone(), unit);
-        table.rows_mut().enumerate().try_for_each_init(
-            || (producer.scratch(), vec![0f32; length]),
-            |(scratch, joules), (row, out)| {
-                if monitor.cancelled() {
-                    return Err(TableError::Cancelled);
-                }
-                node(&spec, &grid, producer, row, scratch, joules);
-                encode(&spec.window, row, joules, unit, out)?;
-                monitor.advance(1);
-                Ok(())
-            },
-        )?;
+        let layout = Layout::dense(spec.window.shape());
+        let slots = (0..grid.nodes().len() as u32).collect();
+        let mut table = Self::zeroed(spec.clone(), grid.clone(), probe, layout, slots);
+        let rows = table.rows_mut();
+        let (layout, joules) = (rows.layout, vec![0f32; spec.window.len()]);
+        rows.energies
+            .par_chunks_exact_mut(layout.length())
+            .zip(rows.scales)
+            .enumerate()
+            .try_for_each_init(
+                || (producer.scratch(), joules.clone(), Encoded::default()),
+                |(scratch, joules, encoded), (row, (out, scale))| {
+                    if monitor.cancelled() {
+                        return Err(TableError::Cancelled);
+                    }
+                    node(&spec, &grid, producer, row, scratch, joules);
+                    encode(&spec, &probe, row, joules, encoded)?;
+                    let far = far_code(&spec, probe.unit, encoded.scale);
+                    layout.pack(&encoded.codes, far, out);
+                    *scale = encoded.scale;
+                    monitor.advance(1);
+                    Ok(())
+                },
+            )?;
         Ok(table)
     }
 
-    /// A table of zeros, of a size already found acceptable.
-    pub(crate) fn zeroed(spec: TableSpec, grid: RotationGrid, unit: f64) -> Self {
-        let energies = vec![0; grid.nodes().len() * spec.window.len() + PADDING];
+    /// A table to be filled, of a size already found acceptable; `slots` numbers the rotation nodes
+    /// to keep.
+    pub(crate) fn zeroed(
+        spec: TableSpec,
+        mut grid: RotationGrid,
+        probe: Probe,
+        layout: Layout,
+        slots: Vec<u32>,
+    ) -> Self {
+        let kept = slots.iter().filter(|&&s| s != Chart::ABSENT).count();
+        grid.number(&slots);
         Self {
+            energies: zeroed_pages(kept * layout.length()),
+            scales: vec![1.0; kept],
             spec,
             grid,
-            unit,
-            energies,
+            probe,
+            layout,
+            slots,
             interpolation: Interpolation::default(),
         }
     }
 
-    /// The stored bits of each rotation node.
-    pub(crate) fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [u16]> {
-        let length = self.spec.window.len();
-        self.energies[..self.grid.nodes().len() * length].par_chunks_exact_mut(length)
+    pub(crate) fn rows_mut(&mut self) -> Rows<'_> {
+        Rows {
+            layout: &self.layout,
+            scales: &mut self.scales,
+            energies: &mut self.energies,
+        }
     }
 
     /// The same table read with another interpolation.
@@ -266,30 +326,76 @@ impl EnergyTable {
 
     /// Joules per stored unit; a power of two.
     pub fn unit(&self) -> f64 {
-        self.unit
+        self.probe.unit
     }
 
-    /// Stored energies of rotation node `row` in units of [`EnergyTable::unit`], over the window.
+    /// Bytes of memory that the energies take, without what was left out.
+    pub fn memory(&self) -> u64 {
+        2 * self.energies.len() as u64
+    }
+
+    /// True unless the displacement node holds nothing but the far energy for every rotation and
+    /// was left out.
     ///
     /// # Panics
-    /// If there is no such node.
-    pub fn node(&self, row: usize) -> ArrayView3<'_, f16> {
-        let length = self.spec.window.len();
-        let bits = &self.energies[row * length..][..length];
-        ArrayView3::from_shape(self.spec.window.shape(), bytemuck::cast_slice(bits))
-            .expect("a node has the window's shape")
+    /// If the index is outside the window.
+    pub fn holds(&self, index: [usize; 3]) -> bool {
+        self.layout.holds(index)
     }
 
     /// Energy of a node, joules; `None` if there is no such node.
     pub fn node_energy(&self, row: usize, index: [usize; 3]) -> Option<f64> {
-        (row < self.grid.nodes().len())
-            .then(|| self.node(row).get(index).map(|e| e.to_f64() * self.unit))
-            .flatten()
+        let slot = *self.slots.get(row)?;
+        if index
+            .iter()
+            .zip(self.spec.window.shape())
+            .any(|(&i, n)| i >= n)
+        {
+            return None;
+        }
+        if slot == Chart::ABSENT {
+            return Some(self.spec.far_energy);
+        }
+        let slot = slot as usize;
+        let code = self.energies[slot * self.layout.length() + self.layout.place(index)];
+        let value = value_of(code, self.spec.storage.numbers.code());
+        Some(value * f64::from(self.scales[slot]) * self.probe.unit)
     }
 
-    pub(crate) fn bits(&self) -> &[u16] {
+    pub(crate) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    pub(crate) fn energies(&self) -> &[u16] {
         &self.energies
     }
+
+    pub(crate) fn scales(&self) -> &[f32] {
+        &self.scales
+    }
+}
+
+/// Zeros in as few pages as the system can make of them: a query reads some hundred places, and
+/// with small pages most of them would miss the processor's page cache.
+fn zeroed_pages(length: usize) -> Vec<u16> {
+    let zeros = vec![0u16; length];
+    #[cfg(target_os = "linux")]
+    {
+        const PAGE: usize = 2 << 20;
+        let (start, end) = (
+            zeros.as_ptr() as usize,
+            zeros.as_ptr() as usize + 2 * length,
+        );
+        let first = start.next_multiple_of(PAGE);
+        let inside = end.saturating_sub(first) / PAGE * PAGE;
+        if inside > 0 {
+            // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
+            let _ = unsafe {
+                rustix::mm::madvise(first as *mut _, inside, rustix::mm::Advice::LinuxHugepage)
+            };
+        }
+    }
+    zeros
 }
 
 /// Computes the energies of one rotation node, joules.
@@ -304,71 +410,4 @@ pub(crate) fn node<P: NodeEnergies>(
     let out = ArrayViewMut3::from_shape(spec.window.shape(), out)
         .expect("the buffer has the window's length");
     producer.energies(grid.nodes()[row], scratch, out);
-}
-
-/// Largest magnitude of probed energies after scaling: 2^9, which leaves a factor of 2^7 up to the
-/// largest half-precision number and one of 2^23 down to the smallest normal one.
-const PROBE_EXPONENT: i32 = 9;
-
-/// The table's unit of energy: a power of two that brings the largest energy of a few rotation
-/// nodes, fixed by the grid alone, to at most `2^PROBE_EXPONENT`. Every rank finds the same.
-pub(crate) fn probe_unit<P: NodeEnergies>(
-    spec: &TableSpec,
-    grid: &RotationGrid,
-    producer: &P,
-) -> Result<f64, TableError> {
-    let n = grid.nodes().len();
-    let mut rows = vec![n / 2, 0, n / 4, 3 * n / 4, n - 1];
-    rows.sort_unstable();
-    rows.dedup();
-    let (mut scratch, mut joules) = (producer.scratch(), vec![0f32; spec.window.len()]);
-    let mut largest = 0f32;
-    for row in rows {
-        node(spec, grid, producer, row, &mut scratch, &mut joules);
-        for (flat, &e) in joules.iter().enumerate() {
-            check_finite(&spec.window, row, flat, e)?;
-            largest = largest.max(e.abs());
-        }
-    }
-    if largest == 0.0 {
-        return Ok(1.0);
-    }
-    let exponent = f64::from(largest).log2().ceil() as i32;
-    Ok(2f64.powi(exponent - PROBE_EXPONENT))
-}
-
-fn check_finite(window: &Lattice, row: usize, flat: usize, found: f32) -> Result<(), TableError> {
-    if found.is_finite() {
-        Ok(())
-    } else {
-        Err(TableError::NotFinite {
-            row,
-            index: window.unravel(flat),
-            found,
-        })
-    }
-}
-
-/// Energies in joules to half-precision bits in units of `unit`. Numbers too small to be normal
-/// (2^-23 of the largest probed energy) become zero, so that decoding never meets a subnormal.
-pub(crate) fn encode(
-    window: &Lattice,
-    row: usize,
-    joules: &[f32],
-    unit: f64,
-    out: &mut [u16],
-) -> Result<(), TableError> {
-    for (flat, (&e, bits)) in joules.iter().zip(out).enumerate() {
-        check_finite(window, row, flat, e)?;
-        let half = f16::from_f64(f64::from(e) / unit);
-        if half.is_infinite() {
-            return Err(TableError::Overflow {
-                row,
-                found: e,
-                limit: f16::MAX.to_f64() * unit,
-            });
-        }
-        *bits = if half.is_normal() { half.to_bits() } else { 0 };
-    }
-    Ok(())
 }

@@ -18,6 +18,10 @@ pub struct ErrorReport {
     pub poses: usize,
     /// Seed of the poses.
     pub seed: u64,
+    /// Lattice spacing of the densities that the truth was computed from, metres; 0 where there are
+    /// none. Half the table's own shows what the lattice costs, too; the table's own does not.
+    #[serde(default)]
+    pub reference_spacing: f64,
     /// Joules.
     pub energy: Errors,
     /// Newtons; lengths of difference vectors.
@@ -40,6 +44,63 @@ pub struct Errors {
     pub worst: f64,
     /// Where it is: translation x, y, z (metres) and quaternion x, y, z, w.
     pub worst_pose: [f64; 7],
+}
+
+/// A statistic of a fresh measurement that is outside what was claimed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Excess {
+    /// `energy`, `force` or `torque`.
+    pub quantity: &'static str,
+    /// `rms` or `p99`.
+    pub statistic: &'static str,
+    /// What the table says of itself; joules, newtons or newton metres.
+    pub claimed: f64,
+    /// What was measured now.
+    pub found: f64,
+}
+
+impl ErrorReport {
+    /// The quantities by name.
+    pub fn quantities(&self) -> [(&'static str, &Errors); 3] {
+        [
+            ("energy", &self.energy),
+            ("force", &self.force),
+            ("torque", &self.torque),
+        ]
+    }
+
+    /// Where `fresh`, measured at other poses, exceeds this claim by more than `margin` (0.5 allows
+    /// half as much again) in rms or in the 99th percentile. The worst of some poses says little
+    /// about the worst of others and is not compared.
+    pub fn exceeded_by(&self, fresh: &Self, margin: f64) -> Vec<Excess> {
+        let compare = |quantity, statistic, claimed: f64, found: f64| {
+            let holds = found <= (1.0 + margin) * claimed;
+            (!holds).then_some(Excess {
+                quantity,
+                statistic,
+                claimed,
+                found,
+            })
+        };
+        self.quantities()
+            .into_iter()
+            .zip(fresh.quantities())
+            .flat_map(|((quantity, a), (_, b))| {
+                [
+                    compare(quantity, "rms", a.rms, b.rms),
+                    compare(quantity, "p99", a.p99, b.p99),
+                ]
+            })
+            .flatten()
+            .collect()
+    }
+}
+
+impl Errors {
+    /// The rms of the errors as a share of the quantity's own.
+    pub fn relative(&self) -> f64 {
+        self.rms / self.scale
+    }
 }
 
 /// Compares a table with `truth` at `poses` poses drawn from the table's rotations and the inside of
@@ -74,6 +135,7 @@ pub fn measure_error(
     ErrorReport {
         poses: drawn.len(),
         seed,
+        reference_spacing: 0.0,
         energy: summary(&drawn, 0),
         force: summary(&drawn, 1),
         torque: summary(&drawn, 2),
@@ -101,8 +163,8 @@ fn summary(drawn: &[(Pose, [f64; 6])], quantity: usize) -> Errors {
     }
 }
 
-/// Pose `index` of a reproducible series over the table's domain.
-fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
+/// Pose `index` of a reproducible series over a table's rotations and the inside of its window.
+pub fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
     let mut random = Random(seed ^ index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let rotation = random.rotation(&spec.rotations);
     let bounds = spec.window.node_bounds();

@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::f64::consts::{FRAC_PI_4, TAU};
+use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
 use common::*;
 use fft_correlate::{
@@ -465,4 +465,63 @@ fn bad_specifications_are_refused() {
         try_spec(&|s| s.pivot[1] = f64::INFINITY),
         Err(TableError::Spec { name: "pivot", .. })
     ));
+}
+
+/// Ten million poses near, beyond and far from the domains of tables of every kind; about a minute.
+#[test]
+#[ignore = "long; run by `just stress-tables`"]
+fn ten_million_queries_are_finite() {
+    let energy = Gaussians::random(18);
+    let thin = sdf_grid::Lattice::new(DVec3::new(-0.1, 0.0, 0.2), 0.1, [2, 1, 3]).unwrap();
+    let mut folded = spec(window(0.3, 0.1), RotationDomain::full(30.0));
+    folded.symmetry = Some(symmetry(Part::Fixed, 4));
+    let specs = [
+        spec(thin, RotationDomain::ball(30.0, 10.0)),
+        spec(window(0.3, 0.1), RotationDomain::ball(120.0, 25.0)),
+        spec(window(0.3, 0.1), RotationDomain::full(30.0)),
+        folded,
+    ];
+    for spec in specs {
+        let table = table(&energy, spec);
+        let mut rng = SmallRng::seed_from_u64(19);
+        let mut responses = vec![Default::default(); 100_000];
+        for _ in 0..25 {
+            let poses: Vec<_> = (0..100_000)
+                .map(|n| {
+                    let reach = 10f64.powi(n % 9 - 4);
+                    let q = match n % 3 {
+                        // Half turns lie on the charts' far ends.
+                        0 => DQuat::from_scaled_axis(PI * vector(&mut rng).normalize()),
+                        _ => rotation(&mut rng),
+                    };
+                    pose(q, vector(&mut rng) * reach)
+                })
+                .collect();
+            table.respond_many(&poses, &mut responses);
+            for r in &responses {
+                assert!(r.energy.is_finite() && r.wrench.is_finite() && r.coverage.is_finite());
+            }
+        }
+    }
+}
+
+/// Half turns about any axis are the same pose from either side.
+#[test]
+fn half_turns_have_no_seam() {
+    let energy = Gaussians::random(20);
+    let table = table(&energy, spec(window(0.3, 0.15), RotationDomain::full(30.0)));
+    let mut rng = SmallRng::seed_from_u64(21);
+    for n in 0..2000 {
+        let axis = match n % 4 {
+            0 => [DVec3::X, DVec3::Y, DVec3::Z][n / 4 % 3],
+            _ => vector(&mut rng).normalize(),
+        };
+        let d = vector(&mut rng) * 0.3;
+        let at = |angle: f64| table.respond(&pose(DQuat::from_axis_angle(axis, angle), d));
+        let (a, b) = (at(PI - 1e-12), at(PI + 1e-12));
+        // Energies and wrenches are of order one to ten; single-precision sums.
+        assert!((a.energy - b.energy).abs() < 2e-6, "{a:?} {b:?}");
+        let change = a.wrench - b.wrench;
+        assert!(change.force.length().max(change.torque.length()) < 2e-5);
+    }
 }

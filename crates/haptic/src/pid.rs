@@ -6,7 +6,7 @@
 //! gain, pool asked for, and per axis create new effect, block load, set effect. At the end: every
 //! magnitude zero, stop all, blocks freed.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fft_correlate::Wrench;
 
@@ -24,6 +24,10 @@ const LOAD_TRIES: u32 = 20;
 
 /// Pause between two such questions.
 const LOAD_PAUSE: Duration = Duration::from_millis(2);
+
+/// A force that does not change is sent again after this time: that is how an unplugged device is
+/// noticed while it is held still.
+const REFRESH: Duration = Duration::from_millis(100);
 
 /// What a descriptor cannot say.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,6 +122,7 @@ struct Effect {
     block: i64,
     /// The magnitude sent last, to leave out what does not change.
     magnitude: Option<i64>,
+    sent: Instant,
     playing: bool,
 }
 
@@ -149,6 +154,7 @@ impl PidOutput {
                 axis,
                 block,
                 magnitude: None,
+                sent: Instant::now(),
                 playing: false,
             });
             port.write(&self.layout.set_effect(block, axis))?;
@@ -238,9 +244,10 @@ impl OutputHalf for PidOutput {
         for effect in &mut self.effects {
             let full = self.settings.signs[effect.axis] / self.settings.max_force;
             let magnitude = self.layout.magnitude(wrench.force[effect.axis] * full);
-            if effect.magnitude != Some(magnitude) {
+            if effect.magnitude != Some(magnitude) || effect.sent.elapsed() > REFRESH {
                 port.write(&self.layout.constant(effect.block, magnitude))?;
                 effect.magnitude = Some(magnitude);
+                effect.sent = Instant::now();
             }
             if !effect.playing {
                 port.write(&self.layout.start(effect.block))?;

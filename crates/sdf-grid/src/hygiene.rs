@@ -45,6 +45,22 @@ impl Default for HygieneOptions {
     }
 }
 
+/// What hygiene found and changed in one component of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ComponentReport {
+    /// Triangles kept.
+    pub triangles: usize,
+    /// Of these, how many were reversed; all of them if the component was inside out.
+    pub flipped_faces: usize,
+    /// Enclosed volume, cubic metres, negative for a cavity; 0 for a sheet that encloses nothing,
+    /// whose outside is unknown.
+    pub volume: f64,
+    /// It lies inside another component and therefore points inwards.
+    pub cavity: bool,
+    /// It cuts through one at least as large or coincides with it.
+    pub overlaps: bool,
+}
+
 /// What hygiene found and changed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HygieneReport {
@@ -81,6 +97,8 @@ pub struct HygieneReport {
     /// Components that cut through one at least as large or coincide with it; the solid is their
     /// union, but the surface inside it still counts in areas and volumes.
     pub overlapping_components: usize,
+    /// Each of the components, in the order of their first faces.
+    pub per_component: Vec<ComponentReport>,
     /// Edges with only one face.
     pub open_edges: usize,
     /// Edges with more than two faces.
@@ -159,7 +177,9 @@ pub(crate) fn run(
     check_input(name, &vertices, &triangles)?;
     let (input_vertices, input_triangles) = (vertices.len(), triangles.len());
 
-    let diagonal = Aabb::around(vertices.iter().copied()).diagonal();
+    // A stray vertex that no face uses must not coarsen the weld.
+    let used = triangles.iter().flatten().map(|&v| vertices[v as usize]);
+    let diagonal = Aabb::around(used).diagonal();
     let weld_distance = options.weld_tolerance * diagonal;
     let welded = weld::weld(&vertices, weld_distance);
     let mut triangles: Vec<_> = triangles
@@ -189,6 +209,7 @@ pub(crate) fn run(
     }
 
     let oriented = orient::orient(&vertices, triangles);
+    let components = oriented.components;
     let (vertices, triangles) = compact(&vertices, oriented.triangles);
 
     let edges = edges::Edges::of(&triangles);
@@ -209,10 +230,11 @@ pub(crate) fn run(
         zero_area_faces,
         duplicate_faces,
         stitched_edges,
-        flipped_faces: oriented.flipped_faces,
-        components: oriented.components,
-        cavities: oriented.cavities,
-        overlapping_components: oriented.overlapping,
+        flipped_faces: components.iter().map(|c| c.flipped_faces).sum(),
+        components: components.len(),
+        cavities: components.iter().filter(|c| c.cavity).count(),
+        overlapping_components: components.iter().filter(|c| c.overlaps).count(),
+        per_component: components,
         open_edges: edges.count(|faces| faces.len() == 1),
         nonmanifold_edges: edges.count(|faces| faces.len() > 2),
         inconsistent_edges: edges.count(edges::inconsistent),

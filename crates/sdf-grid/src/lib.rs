@@ -29,7 +29,7 @@ pub use density::{
     DensityError, DensityField, DensityOptions, ReferenceDensity, Sampling, UnitDensity,
 };
 pub use field_cache::{CacheError, FieldCache};
-pub use hygiene::{HygieneOptions, HygieneReport};
+pub use hygiene::{ComponentReport, HygieneOptions, HygieneReport};
 pub use kernel::{DensityKernel, KernelError};
 pub use lattice::{Lattice, LatticeError};
 pub use mesh::{Aabb, TriangleMesh};

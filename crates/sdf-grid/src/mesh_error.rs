@@ -58,12 +58,24 @@ pub enum MeshError {
         /// What is there.
         found: String,
     },
+    /// The file has no such solid, or several.
+    #[error("{file}: solid {wanted:?}: expected one, found {matches} of that name among {found}")]
+    Solid {
+        /// The file.
+        file: String,
+        /// The name or number asked for.
+        wanted: String,
+        /// How many have that name.
+        matches: usize,
+        /// Numbers and names of the solids there are.
+        found: String,
+    },
     /// The mesh has more vertices or faces than 32-bit indices can name.
     #[error("{part}: expected at most {limit} {item}, found {found}")]
     TooLarge {
         /// The file or part.
         part: String,
-        /// `vertices` or `triangles`.
+        /// What there is too much of.
         item: &'static str,
         /// The largest number accepted.
         limit: u64,

@@ -1,69 +1,209 @@
 //! Reading and writing mesh files.
 //!
 //! Files are untrusted: nothing is allocated from a count that the file states before the bytes
-//! that back it have been seen, and every mesh goes through [`crate::hygiene`].
+//! that back it have been seen, and every mesh goes through [`crate::hygiene`]. A file is read
+//! into a [`MeshFile`], which lists the solids in it; cleaning turns all of them, or one, into a
+//! [`TriangleMesh`]. `docs/input.md` says what is read of each format.
 
+mod gltf;
 mod obj;
 mod ply;
+mod soup;
 mod step;
 mod stl;
+mod threemf;
 mod unit;
 
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use glam::DVec3;
-
-pub use step::{StepOptions, read_step};
+use soup::Soup;
+pub use step::StepOptions;
 pub use unit::LengthUnit;
 
 use crate::hygiene::{HygieneOptions, HygieneReport};
 use crate::mesh::TriangleMesh;
 use crate::mesh_error::MeshError;
 
-/// The file name endings that [`read`] understands.
-pub const FORMATS: &str = ".obj, .stl, .ply, .step or .stp";
+/// The file name endings that are read.
+pub const FORMATS: &str = ".obj, .stl, .ply, .glb, .gltf, .3mf, .step or .stp";
 
-/// Vertices in the file's unit and triangles, as a file gives them.
-#[derive(Debug, Clone, Default, PartialEq)]
-struct Soup {
-    vertices: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
+/// A mesh format that is read from bytes alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// STL, binary or ASCII.
+    Stl,
+    /// PLY, binary or ASCII.
+    Ply,
+    /// glTF 2.0, JSON or binary.
+    Gltf,
+    /// 3D Manufacturing Format.
+    ThreeMf,
 }
 
-/// Reads a mesh file whose coordinates are in `unit` and cleans it; the mesh is in metres. All
-/// objects or solids in the file become one mesh. The format follows from the name's ending.
-/// A STEP file states its own unit, whatever `unit` says, and needs a converter: see
-/// [`read_step`].
+/// How a mesh file is read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ReadOptions {
+    /// Unit of the coordinates, for formats that do not state one (OBJ, STL, PLY).
+    pub unit: LengthUnit,
+    /// The solid to use, by its name or its number from 1 as [`MeshFile::solids`] lists them; all
+    /// of them if `None`.
+    pub solid: Option<String>,
+    /// What hygiene may change and what it refuses.
+    pub hygiene: HygieneOptions,
+    /// How STEP files become triangles.
+    pub step: StepOptions,
+}
+
+/// One of the solids in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Solid {
+    /// Its name in the file; empty if it has none.
+    pub name: String,
+    /// Number of its triangles, before hygiene.
+    pub triangles: usize,
+}
+
+/// A mesh file's content before hygiene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshFile {
+    name: String,
+    soup: Soup,
+    /// The program that made the triangles, if the file holds none.
+    converter: Option<PathBuf>,
+}
+
+impl MeshFile {
+    /// Reads a file; the format follows from the name's ending.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has an unknown ending or does not follow its format, or if the
+    /// converter of a STEP file is missing, fails or passes a limit.
+    pub fn open(path: impl AsRef<Path>, step: &StepOptions) -> Result<Self, MeshError> {
+        let path = path.as_ref();
+        let ending = path
+            .extension()
+            .map(|e| e.to_string_lossy().to_lowercase())
+            .unwrap_or_default();
+        let format = match ending.as_str() {
+            "obj" => MeshFormat::Obj,
+            "stl" => MeshFormat::Stl,
+            "ply" => MeshFormat::Ply,
+            "glb" | "gltf" => MeshFormat::Gltf,
+            "3mf" => MeshFormat::ThreeMf,
+            "step" | "stp" => return step::open(path, step),
+            _ => {
+                return Err(MeshError::Format {
+                    path: path.to_owned(),
+                    expected: FORMATS,
+                    found: ending,
+                });
+            }
+        };
+        let bytes = read_whole(path)?;
+        Self::parse(&path.display().to_string(), &bytes, format, path.parent())
+    }
+
+    /// Reads a file's bytes. `name` (the file) appears in every error; `folder` is where a glTF
+    /// file's buffers may lie, if they are files of their own.
+    ///
+    /// # Errors
+    /// If the bytes do not follow the format.
+    pub fn parse(
+        name: &str,
+        bytes: &[u8],
+        format: MeshFormat,
+        folder: Option<&Path>,
+    ) -> Result<Self, MeshError> {
+        let soup = match format {
+            MeshFormat::Obj => obj::parse(name, bytes),
+            MeshFormat::Stl => stl::parse(name, bytes),
+            MeshFormat::Ply => ply::parse(name, bytes),
+            MeshFormat::Gltf => gltf::parse(name, bytes, folder),
+            MeshFormat::ThreeMf => threemf::parse(name, bytes),
+        }?;
+        Ok(Self {
+            name: name.to_owned(),
+            soup,
+            converter: None,
+        })
+    }
+
+    /// The solids in the file, in its order; empty if the format knows none (PLY) or the file
+    /// names none (OBJ).
+    pub fn solids(&self) -> Vec<Solid> {
+        self.soup.solids()
+    }
+
+    /// The unit that the file itself states.
+    pub fn stated_unit(&self) -> Option<LengthUnit> {
+        self.soup.unit
+    }
+
+    /// Cleans all solids, or the one that `options` choose, as one mesh in metres.
+    ///
+    /// # Errors
+    /// If there is no such solid, [`TriangleMesh::clean`] refuses the mesh, or what a converter
+    /// made of a STEP file is not watertight.
+    pub fn clean(self, options: &ReadOptions) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+        let Self {
+            name,
+            soup,
+            converter,
+        } = self;
+        let soup = match &options.solid {
+            Some(wanted) => soup.select(&name, wanted)?,
+            None => soup,
+        };
+        let scale = soup.unit.unwrap_or(options.unit).in_metres();
+        let vertices = soup.vertices.iter().map(|v| scale * *v).collect();
+        let (mesh, report) =
+            TriangleMesh::clean(&name, vertices, soup.triangles, &options.hygiene)?;
+        match converter {
+            Some(converter) if !report.watertight => Err(MeshError::Converter {
+                path: PathBuf::from(name),
+                converter,
+                expected: "closed solids".to_owned(),
+                found: format!("{} open edges", report.open_edges),
+            }),
+            _ => Ok((mesh, report)),
+        }
+    }
+}
+
+/// Reads a mesh file whose coordinates are in `unit`, unless the file states its own, and cleans
+/// it; the mesh is in metres. All solids in the file become one mesh.
 ///
 /// # Errors
-/// If the file cannot be read, has an unknown ending or does not follow its format, if the
-/// converter of a STEP file fails, or if [`TriangleMesh::clean`] refuses the mesh.
+/// As [`MeshFile::open`] and [`MeshFile::clean`].
 pub fn read(
     path: impl AsRef<Path>,
     unit: LengthUnit,
     options: &HygieneOptions,
 ) -> Result<(TriangleMesh, HygieneReport), MeshError> {
-    let path = path.as_ref();
-    let name = path.display().to_string();
-    let ending = path
-        .extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default();
-    let parse = match ending.as_str() {
-        "obj" => obj::parse,
-        "ply" => ply::parse,
-        "stl" => stl::parse,
-        "step" | "stp" => return read_step(path, &StepOptions::default(), options),
-        _ => {
-            return Err(MeshError::Format {
-                path: path.to_owned(),
-                expected: FORMATS,
-                found: ending,
-            });
-        }
+    let options = ReadOptions {
+        unit,
+        hygiene: *options,
+        ..ReadOptions::default()
     };
+    read_with(path, &options)
+}
+
+/// Reads a mesh file and cleans it, as [`read`] does, with every option.
+///
+/// # Errors
+/// As [`MeshFile::open`] and [`MeshFile::clean`].
+pub fn read_with(
+    path: impl AsRef<Path>,
+    options: &ReadOptions,
+) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    MeshFile::open(path, &options.step)?.clean(options)
+}
+
+fn read_whole(path: &Path) -> Result<Vec<u8>, MeshError> {
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|mut f| f.read_to_end(&mut bytes))
@@ -71,10 +211,7 @@ pub fn read(
             path: path.to_owned(),
             source,
         })?;
-    let soup = parse(&name, &bytes)?;
-    let scale = unit.in_metres();
-    let vertices = soup.vertices.iter().map(|v| scale * *v).collect();
-    TriangleMesh::clean(&name, vertices, soup.triangles, options)
+    Ok(bytes)
 }
 
 /// Writes a mesh as OBJ in metres, with enough digits to read back the same numbers. The file
@@ -125,19 +262,4 @@ fn write_whole(
     file.as_file().sync_all()?;
     file.persist(path)?;
     Ok(())
-}
-
-/// An error at a place in a file.
-fn syntax(
-    file: &str,
-    place: impl Into<String>,
-    expected: impl Into<String>,
-    found: impl Into<String>,
-) -> MeshError {
-    MeshError::Syntax {
-        file: file.to_owned(),
-        place: place.into(),
-        expected: expected.into(),
-        found: found.into(),
-    }
 }

@@ -7,29 +7,27 @@ use fft_correlate::bake::{BakeError, BakeReport, Share, bake};
 use fft_correlate::launcher::Launcher;
 use fft_correlate::store::{ChunkState, StoreError, TableStore};
 use fft_correlate::table_error::{ErrorReport, measure_error};
-use fft_correlate::{DirectOptions, EnergyTable};
+use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storage};
 use serde::Serialize;
 
-use super::{Context, print_json};
-use crate::args::BakeArgs;
+use super::table::print_error;
+use super::{Context, print_json, tolerance, verify};
+use crate::args::{BakeArgs, NumbersChoice};
 use crate::assembly::Assembly;
 use crate::error::CommandError;
 use crate::memory::display_bytes;
-use crate::scene::Scene;
+use crate::scene::{EnergyScale, LatticeStep, Scene};
 
-/// Held-out poses on which a finished table is compared with the direct evaluator.
-const POSES: usize = 1000;
-
-/// Seed of those poses.
+/// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 const SEED: u64 = 1;
 
 /// How much of a table is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-struct Progress {
-    rotations: usize,
-    finished: usize,
-    missing: usize,
-    damaged: usize,
+pub(super) struct Progress {
+    pub(super) rotations: usize,
+    pub(super) finished: usize,
+    pub(super) missing: usize,
+    pub(super) damaged: usize,
 }
 
 #[derive(Serialize)]
@@ -39,8 +37,17 @@ struct Summary {
     computed: usize,
     repaired: usize,
     kept: usize,
+    /// Of the rotations computed now.
+    bricks: usize,
+    bricks_left_out: usize,
     seconds: f64,
+    /// In memory, if nothing were left out.
+    bytes_dense: u64,
+    /// In memory.
     bytes: u64,
+    bytes_on_disk: u64,
+    /// Metres.
+    spacing: f64,
     complete: bool,
     error: Option<ErrorReport>,
 }
@@ -51,12 +58,16 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     }
     let share = share(args)?;
     super::require_folder(&args.output)?;
-    let assembly = Assembly::load(
-        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
-        context,
-    )?;
+    let (assembly, reference) = prepare(args, context)?;
     let began = Instant::now();
-    let spec = assembly.table_spec()?;
+    let mut spec = assembly.table_spec()?;
+    spec.storage = Storage {
+        numbers: match args.numbers {
+            NumbersChoice::Float16 => Numbers::Half,
+            NumbersChoice::Int16 => Numbers::Integer,
+        },
+        leave_out: args.leave_out,
+    };
     let energies = assembly.energies(context)?;
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| explain(&args.output, e))?;
@@ -64,18 +75,76 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     let seconds = began.elapsed().as_secs_f64();
     let mut store = open(&args.output)?;
     let progress = examine(&store)?;
-    let complete = progress.finished == progress.rotations;
+    let mut summary = summary(args, &report, &store, seconds)?;
     // Of several processes, the one that finds the table whole measures its error.
-    let error = match complete {
-        true => Some(measure(&mut store, &assembly, context)?),
-        false => None,
-    };
-    let summary = summary(args, &report, &store, seconds, error);
-    if context.json {
-        return print_json(&summary);
+    if progress.finished == progress.rotations {
+        let table = load(&store, context)?;
+        summary.bytes = table.memory();
+        let error = measure(&mut store, &table, &assembly, reference, args.poses)?;
+        summary.error = Some(error);
+        summary.complete = true;
     }
-    print(&summary, &progress);
-    Ok(())
+    match context.json {
+        true => print_json(&summary)?,
+        false => print(&summary, &progress),
+    }
+    check_tolerance(args, summary.error.as_ref())
+}
+
+/// The scene as it is to be baked, and, where a tolerance was asked for, what its error is measured
+/// against. A table that is already there has chosen.
+fn prepare(
+    args: &BakeArgs,
+    context: &Context,
+) -> Result<(Assembly, Option<Reference>), CommandError> {
+    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let Some(tolerance) = args.tolerance else {
+        return Ok((Assembly::load(scene, context)?, None));
+    };
+    if !args.output.exists() {
+        let choice = tolerance::choose(scene, tolerance, context)?;
+        let reference = Reference {
+            truth: choice.truth,
+            spacing: choice.reference_spacing,
+        };
+        return Ok((choice.assembly, Some(reference)));
+    }
+    let store = open(&args.output)?;
+    let spec = store.spec();
+    let spacing = 0.5 * spec.window.spacing();
+    let truth = verify::reference(&store, scene.clone(), spacing, context)?;
+    let mut scene = scene;
+    scene.energy = EnergyScale::Gamma(spec.model.gamma);
+    scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());
+    scene.rotations = spec.rotations.clone();
+    if let Some(fields) = spec.fields {
+        scene.lattice.sampling = fields.sampling;
+        scene.lattice.deaverage = fields.deaverage;
+    }
+    let assembly = Assembly::load(scene, context)?;
+    Ok((assembly, Some(Reference { truth, spacing })))
+}
+
+/// What a table's error is measured against.
+struct Reference {
+    truth: DirectEvaluator,
+    spacing: f64,
+}
+
+/// The probes may have promised too much.
+fn check_tolerance(args: &BakeArgs, error: Option<&ErrorReport>) -> Result<(), CommandError> {
+    match (args.tolerance, error) {
+        (Some(asked), Some(error)) if error.force.relative() > asked => {
+            Err(CommandError::Tolerance {
+                part: "the whole table",
+                asked,
+                reached: error.force.relative(),
+                reason: "though its probes did; it is kept. Ask for a little less, or more poses"
+                    .into(),
+            })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The options, else the launcher's environment, else all of it.
@@ -129,7 +198,7 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn examine(store: &TableStore) -> Result<Progress, CommandError> {
+pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
     let rotations = store.grid().nodes().len();
     let mut progress = Progress {
         rotations,
@@ -152,12 +221,20 @@ fn examine(store: &TableStore) -> Result<Progress, CommandError> {
 
 fn measure(
     store: &mut TableStore,
+    table: &EnergyTable,
     assembly: &Assembly,
-    context: &Context,
+    reference: Option<Reference>,
+    poses: usize,
 ) -> Result<ErrorReport, CommandError> {
-    let table = load(store, context)?;
-    let truth = assembly.direct(&DirectOptions::FULL)?;
-    let report = measure_error(&table, &truth, POSES, SEED);
+    let reference = match reference {
+        Some(reference) => reference,
+        None => Reference {
+            truth: assembly.direct(&DirectOptions::FULL)?,
+            spacing: assembly.pair.spacing(),
+        },
+    };
+    let mut report = measure_error(table, &reference.truth, poses, SEED);
+    report.reference_spacing = reference.spacing;
     store
         .write_error_report(&report)
         .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
@@ -188,6 +265,8 @@ pub(super) fn explain(path: &Path, error: BakeError) -> CommandError {
             "nothing, or --resume to go on with it",
             "a table",
         ),
+        // The disk is at fault, not the input.
+        BakeError::Store(e @ StoreError::Io { .. }) => CommandError::failure("baking", e),
         other => CommandError::bad_input(path.display().to_string(), other),
     }
 }
@@ -197,28 +276,36 @@ fn summary(
     report: &BakeReport,
     store: &TableStore,
     seconds: f64,
-    error: Option<ErrorReport>,
-) -> Summary {
-    Summary {
+) -> Result<Summary, CommandError> {
+    let bytes_dense = u64::try_from(store.spec().bytes(report.rotations)).unwrap_or(u64::MAX);
+    Ok(Summary {
         table: args.output.display().to_string(),
         rotations: report.rotations,
         computed: report.computed,
         repaired: report.repaired,
         kept: report.kept,
+        bricks: report.bricks,
+        bricks_left_out: report.bricks_left_out,
         seconds,
-        bytes: store.spec().bytes(report.rotations) as u64,
-        complete: error.is_some(),
-        error,
-    }
+        bytes_dense,
+        bytes: bytes_dense,
+        bytes_on_disk: store
+            .bytes_on_disk()
+            .map_err(|e| CommandError::failure("table", e))?,
+        spacing: store.spec().window.spacing(),
+        complete: false,
+        error: None,
+    })
 }
 
 fn print(summary: &Summary, progress: &Progress) {
     crate::say!(
-        "{}: {} of {} rotations, {} in memory",
+        "{}: {} of {} rotations, {} in memory, {} on disk",
         summary.table,
         progress.finished,
         summary.rotations,
-        display_bytes(summary.bytes)
+        display_bytes(summary.bytes),
+        display_bytes(summary.bytes_on_disk)
     );
     crate::say!(
         "computed {} rotations in {:.2} s ({:.1} ms each), {} were there, {} of them damaged",
@@ -228,23 +315,15 @@ fn print(summary: &Summary, progress: &Progress) {
         summary.kept + summary.repaired,
         summary.repaired
     );
-    let Some(error) = &summary.error else {
-        crate::say!("not complete yet: its error is measured when it is");
-        return;
-    };
     crate::say!(
-        "against direct evaluation at {} held-out poses (rms of the difference / rms):",
-        error.poses
+        "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers, {} less in memory",
+        summary.bricks_left_out,
+        summary.bricks,
+        display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
+        display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
     );
-    for (name, e) in [
-        ("energy", &error.energy),
-        ("force", &error.force),
-        ("torque", &error.torque),
-    ] {
-        crate::say!(
-            "  {name:<7} {:>7.3} %, worst {:>7.2} %",
-            100.0 * e.rms / e.scale,
-            100.0 * e.worst / e.scale
-        );
+    match &summary.error {
+        None => crate::say!("not complete yet: its error is measured when it is"),
+        Some(error) => print_error(error),
     }
 }

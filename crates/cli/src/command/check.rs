@@ -2,14 +2,18 @@
 
 use std::path::Path;
 
+use sdf_grid::mesh_io::{MeshFile, ReadOptions, Solid};
 use sdf_grid::{
-    HygieneOptions, HygieneReport, LengthUnit, SymmetryAxis, SymmetryOrder, mesh_io, symmetry,
+    HygieneReport, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry,
 };
 use serde::Serialize;
 
 use super::{Context, print_json};
 use crate::args::CheckArgs;
 use crate::error::CommandError;
+
+/// Components and solids listed one by one.
+const MOST_LISTED: usize = 12;
 
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
 /// a fine tessellation, below what matters for a fit.
@@ -22,6 +26,8 @@ enum Verdict {
     Usable {
         #[serde(flatten)]
         report: Box<HygieneReport>,
+        solids: Vec<String>,
+        stated_unit: Option<LengthUnit>,
         symmetry: Vec<SymmetryAxis>,
         warnings: Vec<String>,
         usable: bool,
@@ -34,10 +40,11 @@ enum Verdict {
 }
 
 pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
+    let options = args.choice.options(args.unit);
     let verdicts: Vec<Verdict> = args
         .meshes
         .iter()
-        .map(|path| examine(path, args.unit))
+        .map(|path| examine(path, &options))
         .collect();
     if context.json {
         print_json(&verdicts)?;
@@ -59,12 +66,14 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
     }
 }
 
-fn examine(path: &Path, unit: LengthUnit) -> Verdict {
-    match mesh_io::read(path, unit, &HygieneOptions::default()) {
-        Ok((mesh, report)) => Verdict::Usable {
+fn examine(path: &Path, options: &ReadOptions) -> Verdict {
+    match read(path, options) {
+        Ok((mesh, report, solids, stated_unit)) => Verdict::Usable {
             symmetry: symmetry::detect(&mesh, SYMMETRY_TOLERANCE * mesh.bounds().diagonal()),
             warnings: report.warnings(),
             report: Box::new(report),
+            solids: listed(&solids),
+            stated_unit,
             usable: true,
         },
         Err(error) => Verdict::Unusable {
@@ -75,37 +84,140 @@ fn examine(path: &Path, unit: LengthUnit) -> Verdict {
     }
 }
 
+type Reading = (TriangleMesh, HygieneReport, Vec<Solid>, Option<LengthUnit>);
+
+fn read(path: &Path, options: &ReadOptions) -> Result<Reading, MeshError> {
+    let file = MeshFile::open(path, &options.step)?;
+    let (solids, unit) = (file.solids(), file.stated_unit());
+    let (mesh, report) = file.clean(options)?;
+    Ok((mesh, report, solids, unit))
+}
+
+/// Number, name and size of each solid.
+fn listed(solids: &[Solid]) -> Vec<String> {
+    solids
+        .iter()
+        .enumerate()
+        .map(|(i, s)| match s.name.as_str() {
+            "" => format!("{}, no name, {} triangles", i + 1, s.triangles),
+            name => format!("{}, {name:?}, {} triangles", i + 1, s.triangles),
+        })
+        .collect()
+}
+
 fn print(verdict: &Verdict, unit: LengthUnit) {
-    let (report, axes, warnings) = match verdict {
-        Verdict::Usable {
-            report,
-            symmetry,
-            warnings,
-            ..
-        } => (report, symmetry, warnings),
+    match verdict {
         Verdict::Unusable { name, error, .. } => {
             crate::say!("{name}: cannot be used");
             crate::say!("  {error}");
-            return;
         }
-    };
+        Verdict::Usable {
+            report,
+            solids,
+            stated_unit,
+            symmetry,
+            warnings,
+            ..
+        } => {
+            crate::say!("{}: usable", report.name);
+            if let Some(stated) = stated_unit {
+                crate::say!("  unit         {stated}, as the file says");
+            }
+            if solids.len() > 1 {
+                print_list("solid", solids);
+            }
+            print_changes(report, unit);
+            print_surface(report, unit);
+            print_size(report, unit);
+            for axis in symmetry {
+                let [x, y, z] = axis.direction.to_array();
+                let order = match axis.order {
+                    SymmetryOrder::Continuous => "any turn".to_owned(),
+                    SymmetryOrder::Finite(n) => format!("{n}-fold"),
+                };
+                crate::say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
+            }
+            for warning in warnings {
+                crate::say!("  note         {warning}");
+            }
+        }
+    }
+}
+
+fn print_list(title: &str, lines: &[String]) {
+    for line in lines.iter().take(MOST_LISTED) {
+        crate::say!("  {title:<12} {line}");
+    }
+    if let Some(more) = lines.len().checked_sub(MOST_LISTED + 1) {
+        crate::say!("  {title:<12} and {} more", more + 1);
+    }
+}
+
+/// What hygiene did to the triangles.
+fn print_changes(report: &HygieneReport, unit: LengthUnit) {
     let metre = unit.in_metres();
-    let size = report.bounds.size() / metre;
-    let low = report.bounds.min / metre;
-    crate::say!("{}: usable", report.name);
-    crate::say!("  triangles    {}", report.triangles);
+    crate::say!(
+        "  triangles    {} of {} kept: {} without area, {} duplicate, {} edges cut at T-junctions",
+        report.triangles,
+        report.input_triangles,
+        report.zero_area_faces,
+        report.duplicate_faces,
+        report.stitched_edges
+    );
+    crate::say!(
+        "  vertices     {} of {} kept: {} welded within {:.3e} {unit}, {} unused",
+        report.vertices,
+        report.input_vertices,
+        report.welded_vertices,
+        report.weld_distance / metre,
+        report.unused_vertices
+    );
+}
+
+/// How the surface hangs together.
+fn print_surface(report: &HygieneReport, unit: LengthUnit) {
+    let metre = unit.in_metres();
     crate::say!("  components   {}", report.components);
-    match report.open_edges {
-        0 => crate::say!(
-            "  watertight   {}",
-            if report.watertight { "yes" } else { "no" }
+    if report.components > 1 {
+        let lines: Vec<String> = report
+            .per_component
+            .iter()
+            .map(|c| {
+                let mut text = format!(
+                    "{} triangles, {} reversed, volume {:.6} {unit}³",
+                    c.triangles,
+                    c.flipped_faces,
+                    c.volume / metre.powi(3)
+                );
+                if c.cavity {
+                    text += ", a cavity";
+                }
+                if c.overlaps {
+                    text += ", overlaps another";
+                }
+                text
+            })
+            .collect();
+        print_list("component", &lines);
+    }
+    match (report.watertight, report.open_edges) {
+        (true, _) => crate::say!("  watertight   yes"),
+        (false, 0) => crate::say!("  watertight   no"),
+        (false, n) => crate::say!(
+            "  watertight   no, {n} open edges, {:.3} % of the area missing",
+            100.0 * report.open_area_fraction
         ),
-        n => crate::say!("  watertight   no, {n} open edges"),
     }
     match report.flipped_faces {
         0 => crate::say!("  orientation  outwards"),
         n => crate::say!("  orientation  outwards, after {n} faces were reversed"),
     }
+}
+
+fn print_size(report: &HygieneReport, unit: LengthUnit) {
+    let metre = unit.in_metres();
+    let size = report.bounds.size() / metre;
+    let low = report.bounds.min / metre;
     crate::say!(
         "  volume       {:.6} {unit}³",
         report.volume / metre.powi(3)
@@ -120,15 +232,4 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
         low.y,
         low.z
     );
-    for axis in axes {
-        let [x, y, z] = axis.direction.to_array();
-        let order = match axis.order {
-            SymmetryOrder::Continuous => "any turn".to_owned(),
-            SymmetryOrder::Finite(n) => format!("{n}-fold"),
-        };
-        crate::say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
-    }
-    for warning in warnings {
-        crate::say!("  note         {warning}");
-    }
 }

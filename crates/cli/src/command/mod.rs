@@ -19,6 +19,9 @@ mod hand;
 mod pairs;
 mod plot;
 mod score;
+mod table;
+mod tolerance;
+mod verify;
 
 /// What every command gets besides its own arguments.
 #[derive(Debug)]
@@ -48,6 +51,8 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Score(args) => score::run(args, &context),
         Command::Demo(args) => demo::run(args, &context),
         Command::Bake(args) => bake::run(args, &context),
+        Command::Table(args) => table::run(args, &context),
+        Command::Verify(args) => verify::run(args, &context),
         Command::Dock(args) => dock::run(args, &context),
         Command::Feel(args) => feel::run(args, &context),
         Command::Devices(args) => devices::run(args, &context),

@@ -3,8 +3,9 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
+use std::sync::mpsc::{Receiver, sync_channel};
 
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Pose};
+use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Pose, Response};
 use rayon::prelude::*;
 
 use super::{Context, bake, require_folder};
@@ -12,12 +13,15 @@ use crate::args::ScoreArgs;
 use crate::assembly::Assembly;
 use crate::atomic;
 use crate::error::CommandError;
-use crate::poses::{PoseReader, ScoreWriter, ScoredPose};
+use crate::poses::{PoseReader, ScoredPose, append_score, score_header};
 use crate::progress::check_interrupt;
 use crate::scene::Scene;
 
-/// Rows evaluated together.
-const CHUNK: usize = 1024;
+/// Rows read before any of them is evaluated.
+const CHUNK: usize = 16384;
+
+/// Chunks of poses, read ahead by a thread of their own.
+type Chunks = Receiver<Result<Vec<Pose>, CommandError>>;
 
 pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandError> {
     let to_stdout = args.output == Path::new("-");
@@ -26,19 +30,22 @@ pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandErro
     }
     let poses = open(&args.poses)?;
     let scorer = Scorer::new(args, context)?;
+    let poses = read_ahead(poses);
     if to_stdout {
         return stream(
-            poses,
+            &poses,
             &scorer,
             &mut std::io::stdout().lock(),
             "standard output",
         );
     }
     let name = args.output.display().to_string();
-    atomic::write_with(&args.output, |out| stream(poses, &scorer, out, &name))
+    atomic::write_with(&args.output, |out| stream(&poses, &scorer, out, &name))
 }
 
-fn open(path: &Path) -> Result<PoseReader<Box<dyn Read>>, CommandError> {
+type AnyReader = PoseReader<Box<dyn Read + Send>>;
+
+fn open(path: &Path) -> Result<AnyReader, CommandError> {
     if path == Path::new("-") {
         return PoseReader::new("standard input", Box::new(std::io::stdin()));
     }
@@ -46,37 +53,55 @@ fn open(path: &Path) -> Result<PoseReader<Box<dyn Read>>, CommandError> {
     PoseReader::new(&path.display().to_string(), Box::new(file))
 }
 
-/// Reads, evaluates and writes chunk by chunk, in order.
+/// Reads in a thread of its own, which ends with the input or when nobody takes its chunks.
+fn read_ahead(mut poses: AnyReader) -> Chunks {
+    let (sender, chunks) = sync_channel(2);
+    std::thread::spawn(move || {
+        loop {
+            let chunk: Result<Vec<Pose>, _> = poses.by_ref().take(CHUNK).collect();
+            let last = chunk.as_ref().map_or(true, Vec::is_empty);
+            if sender.send(chunk).is_err() || last {
+                return;
+            }
+        }
+    });
+    chunks
+}
+
+/// Evaluates and writes chunk by chunk, in order.
 fn stream(
-    mut poses: PoseReader<Box<dyn Read>>,
+    poses: &Chunks,
     scorer: &Scorer,
     out: &mut dyn Write,
     name: &str,
 ) -> Result<(), CommandError> {
-    let failed = |e: csv::Error| CommandError::failure(format!("writing {name}"), e);
-    let mut writer = ScoreWriter::new(out).map_err(failed)?;
-    loop {
+    let mut write = |text: &str| match out.write_all(text.as_bytes()) {
+        Ok(()) => Ok(true),
+        // The other end of a pipe was closed, as by `head`: no reason to complain.
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
+        Err(e) => Err(CommandError::failure(format!("writing {name}"), e)),
+    };
+    if !write(&score_header())? {
+        return Ok(());
+    }
+    for chunk in poses {
         check_interrupt()?;
-        let chunk: Vec<Pose> = poses.by_ref().take(CHUNK).collect::<Result<_, _>>()?;
-        if chunk.is_empty() {
-            break;
-        }
-        for scored in scorer.score(&chunk) {
-            match writer.write(&scored) {
-                Err(e) if nobody_reads(&e) => return Ok(()),
-                other => other.map_err(failed)?,
+        let pieces: Vec<String> = chunk?
+            .par_chunks(scorer.piece())
+            .map(|piece| scorer.rows(piece))
+            .collect();
+        for text in pieces {
+            if !write(&text)? {
+                return Ok(());
             }
         }
     }
-    match writer.flush().map_err(csv::Error::from) {
-        Err(e) if nobody_reads(&e) => Ok(()),
-        other => other.map_err(failed),
+    match out.flush() {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(CommandError::failure(format!("writing {name}"), e))
+        }
+        _ => Ok(()),
     }
-}
-
-/// True if the other end of a pipe was closed, as by `head`: no reason to complain.
-fn nobody_reads(error: &csv::Error) -> bool {
-    matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
 /// Where scores come from.
@@ -106,38 +131,42 @@ impl Scorer {
         }
     }
 
-    fn score(&self, poses: &[Pose]) -> Vec<ScoredPose> {
+    /// Rows that one thread evaluates at a time.
+    fn piece(&self) -> usize {
         match self {
-            Self::Direct(evaluator) => poses
-                .par_iter()
-                .map(|pose| {
+            Self::Direct(_) => 4,
+            Self::Table(_) => 512,
+        }
+    }
+
+    /// Poses and their scores as rows of text.
+    fn rows(&self, poses: &[Pose]) -> String {
+        let mut text = String::with_capacity(300 * poses.len());
+        let mut append = |pose: &Pose, score_re: f64, score_im, response: Response| {
+            let scored = ScoredPose {
+                pose: *pose,
+                score_re,
+                score_im,
+                response,
+            };
+            append_score(&mut text, &scored);
+        };
+        match self {
+            Self::Direct(evaluator) => {
+                for pose in poses {
                     let full = evaluator.evaluate_full(pose);
-                    ScoredPose {
-                        pose: *pose,
-                        score_re: full.score.re,
-                        score_im: Some(full.score.im),
-                        response: full.response,
-                    }
-                })
-                .collect(),
+                    append(pose, full.score.re, Some(full.score.im), full.response);
+                }
+            }
             Self::Table(table) => {
                 let gamma = table.spec().model.gamma;
-                poses
-                    .par_iter()
-                    .map_init(
-                        || table.scratch(),
-                        |scratch, pose| {
-                            let response = table.evaluate(pose, scratch);
-                            ScoredPose {
-                                pose: *pose,
-                                score_re: -response.energy / gamma,
-                                score_im: None,
-                                response,
-                            }
-                        },
-                    )
-                    .collect()
+                let mut responses = vec![Response::default(); poses.len()];
+                table.respond_each(poses, &mut responses);
+                for (pose, response) in poses.iter().zip(responses) {
+                    append(pose, -response.energy / gamma, None, response);
+                }
             }
         }
+        text
     }
 }

@@ -1,16 +1,16 @@
 //! A field on a plane as colours, with contour lines and a legend.
 
+use std::ops::Range;
+
 use ndarray::Array2;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    self, Drawing, FAINT, GRID, INK, Panel, centred, number, round_ticks, stroke, text, text_size,
-    tick, titled,
+    self, Drawing, FAINT, GRID, INK, Panel, centred, number, stroke, text, text_size, tick, titled,
 };
 use super::colour::ColourScale;
-use super::contour;
+use super::{contour, legend};
 
 /// Values over a rectangle, drawn as colours.
 #[derive(Debug, Clone)]
@@ -48,9 +48,56 @@ pub struct Contours {
     pub levels: Vec<f64>,
     /// Levels of thick lines.
     pub bold: Vec<f64>,
+    /// Write the level on each line.
+    pub labelled: bool,
 }
 
-const LEGEND_WIDTH: u32 = stroke(150);
+/// Where levels are written: once for each, far from the others and from the rim.
+#[derive(Default)]
+struct Labels {
+    chosen: Vec<(f64, (i32, i32))>,
+}
+
+impl Labels {
+    /// Chooses, among the middles of a level's pieces, the one farthest from the labels so far,
+    /// if any is far enough to be read.
+    fn consider(
+        &mut self,
+        level: f64,
+        size: u32,
+        (across, down): (Range<i32>, Range<i32>),
+        pieces: &[[(f64, f64); 2]],
+        pixel: impl Fn(&(f64, f64)) -> (i32, i32),
+    ) {
+        let room = |(x, y): (i32, i32)| {
+            let gap =
+                |(_, (a, b)): &(f64, (i32, i32))| (f64::from(x - a) / 2.0).hypot(f64::from(y - b));
+            self.chosen.iter().map(gap).fold(f64::INFINITY, f64::min)
+        };
+        let middles = pieces.iter().map(|[a, b]| {
+            let (a, b) = (pixel(a), pixel(b));
+            ((a.0 + b.0) / 2, (a.1 + b.1) / 2)
+        });
+        let (x_margin, y_margin) = (2 * size as i32, size as i32);
+        let inner = middles.filter(|(x, y)| {
+            (across.start + x_margin..across.end - x_margin).contains(x)
+                && (down.start + y_margin..down.end - y_margin).contains(y)
+        });
+        let best = inner.max_by(|a, b| room(*a).min(1e4).total_cmp(&room(*b).min(1e4)));
+        if let Some(place) = best.filter(|p| room(*p) > 1.6 * f64::from(size)) {
+            self.chosen.push((level, place));
+        }
+    }
+}
+
+/// A tick label, left out at the ends of the axis, where it would meet that of the other axis.
+fn inner_tick(value: f64, [low, high]: [f64; 2]) -> String {
+    let margin = 0.015 * (high - low);
+    if value < low + margin || value > high - margin {
+        return String::new();
+    }
+    tick(value, [low, high])
+}
 
 impl HeatMap {
     /// Draws the map into a panel.
@@ -64,9 +111,9 @@ impl HeatMap {
         let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
         let place = (width as i32 / 2, size as i32 / 2);
         foot.draw_text(&self.note, &centred(size, FAINT), place)?;
-        let (map, legend) = rest.split_horizontally(width - LEGEND_WIDTH - size);
+        let (map, legend) = rest.split_horizontally(width - legend::WIDTH - size);
         self.draw_map(&map, size)?;
-        self.draw_legend(&legend, size)
+        legend::draw(&legend, &self.scale, &self.legend, size)
     }
 
     /// Half a sample beyond the outer samples on each side.
@@ -106,8 +153,8 @@ impl HeatMap {
             .y_desc(&self.vertical)
             .x_labels(7)
             .y_labels(7)
-            .x_label_formatter(&|v| tick(*v, [x0, x1]))
-            .y_label_formatter(&|v| tick(*v, [y0, y1]))
+            .x_label_formatter(&|v| inner_tick(*v, [x0, x1]))
+            .y_label_formatter(&|v| inner_tick(*v, [y0, y1]))
             .label_style(text(size, INK))
             .axis_desc_style(text(size, INK))
             .draw()?;
@@ -115,13 +162,28 @@ impl HeatMap {
             let thin = INK.mix(0.35).stroke_width(stroke(1));
             let thick = INK.stroke_width(stroke(3) - 1);
             let levels = lines.levels.iter().map(|l| (*l, thin));
+            let mut labels = Labels::default();
             for (level, style) in levels.chain(lines.bold.iter().map(|l| (*l, thick))) {
                 let pieces = contour::segments(lines.values.view(), level);
-                chart.draw_series(
-                    pieces.into_iter().map(|piece| {
-                        PathElement::new(piece.map(|p| self.place(p)).to_vec(), style)
-                    }),
-                )?;
+                let pieces: Vec<_> = pieces
+                    .into_iter()
+                    .map(|piece| piece.map(|p| self.place(p)))
+                    .collect();
+                if lines.labelled && level != 0.0 {
+                    let area = chart.plotting_area();
+                    let rim = area.get_pixel_range();
+                    labels.consider(level, size, rim, &pieces, |p| area.map_coordinate(p));
+                }
+                let lines = pieces
+                    .into_iter()
+                    .map(|p| PathElement::new(p.to_vec(), style));
+                chart.draw_series(lines)?;
+            }
+            let sheet = chart.plotting_area().strip_coord_spec();
+            let (left, top) = sheet.get_base_pixel();
+            for (level, (x, y)) in labels.chosen {
+                let label = centred(size * 3 / 4, INK);
+                sheet.draw_text(&number(level, 3), &label, (x - left, y - top))?;
             }
         }
         Ok(())
@@ -153,41 +215,6 @@ impl HeatMap {
                 let colour = self.scale.colour(f64::from(self.values[[i, j]]));
                 sheet.draw_pixel((px, py), &colour)?;
             }
-        }
-        Ok(())
-    }
-
-    fn draw_legend(&self, panel: &Panel<'_>, size: u32) -> Drawing {
-        let (_, height) = panel.dim_in_pixel();
-        let (top, bottom) = (size as i32, height as i32 - 4 * size as i32);
-        let (left, right) = (size as i32 / 2, size as i32 / 2 + size as i32);
-        let span = f64::from(bottom - top);
-        for y in top..=bottom {
-            let share = f64::from(bottom - y) / span;
-            let value = self.scale.low + share * (self.scale.high - self.scale.low);
-            panel.draw(&Rectangle::new(
-                [(left, y), (right, y + 1)],
-                self.scale.colour(value).filled(),
-            ))?;
-        }
-        panel.draw(&Rectangle::new(
-            [(left, top), (right, bottom + 1)],
-            FAINT.stroke_width(stroke(1)),
-        ))?;
-        let beside = text(size, INK).pos(Pos::new(HPos::Left, VPos::Center));
-        for value in round_ticks(self.scale.low, self.scale.high, 7) {
-            let share = (value - self.scale.low) / (self.scale.high - self.scale.low);
-            let y = bottom - (share * span) as i32;
-            panel.draw(&PathElement::new(
-                vec![(right, y), (right + size as i32 / 4, y)],
-                FAINT,
-            ))?;
-            panel.draw_text(&number(value, 3), &beside, (right + size as i32 / 2, y))?;
-        }
-        let under = text(size, INK).pos(Pos::new(HPos::Left, VPos::Top));
-        for (i, line) in self.legend.lines().enumerate() {
-            let y = bottom + size as i32 / 2 + 6 + i as i32 * (size as i32 + 4);
-            panel.draw_text(line, &under, (left, y))?;
         }
         Ok(())
     }

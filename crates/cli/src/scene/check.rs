@@ -7,11 +7,12 @@ use fft_correlate::{Pose, RotationDomain, ScoreModel};
 use glam::{DQuat, DVec3};
 use haptic::HapticConfig;
 use sdf_grid::Sampling;
+use sdf_grid::mesh_io::StepOptions;
 use toml::Spanned;
 
 use super::raw::{
     Preset, RawEnergy, RawFit, RawFixed, RawLattice, RawLoading, RawMesh, RawModel, RawPart,
-    RawSampling, RawScene, RawWindow,
+    RawSampling, RawScene, RawSolid, RawWindow,
 };
 use super::{
     EnergyScale, FitChoice, LatticeChoice, LatticeStep, Loading, Part, PlacedMesh, Scene, Source,
@@ -124,6 +125,12 @@ fn part(
     source: &Source<'_>,
 ) -> Result<Part, CommandError> {
     let meshes = match (&raw.mesh, &raw.meshes) {
+        (None, Some(meshes)) if raw.solid.is_some() || raw.segments_per_turn.is_some() => {
+            return Err(source.error(
+                meshes.span(),
+                format!("{role}: expected `solid` and `segments_per_turn` in each of the meshes"),
+            ));
+        }
         (Some(_), Some(meshes)) => {
             return Err(source.error(
                 meshes.span(),
@@ -135,12 +142,16 @@ fn part(
         }
         (Some(mesh), None) => vec![PlacedMesh {
             path: path(mesh, &span, role, folder, source)?,
+            solid: raw.solid.as_ref().map(RawSolid::to_text),
+            segments_per_turn: segments(&raw.segments_per_turn, source)?,
             pose: Pose::IDENTITY,
         }],
         (None, Some(list)) => {
             let place = |m: &RawMesh| {
                 Ok(PlacedMesh {
                     path: path(&m.mesh, &list.span(), role, folder, source)?,
+                    solid: m.solid.as_ref().map(RawSolid::to_text),
+                    segments_per_turn: segments(&m.segments_per_turn, source)?,
                     pose: pose(&m.position, &m.rotation, metres, source)?,
                 })
             };
@@ -161,11 +172,29 @@ fn part(
         .file_stem()
         .map(|s| s.to_string_lossy().into_owned());
     Ok(Part {
-        name: raw.name.clone().or(stem).unwrap_or(role.to_owned()),
+        name: raw
+            .name
+            .clone()
+            .or(first.solid.clone())
+            .or(stem)
+            .unwrap_or(role.to_owned()),
         pose: pose(&raw.position, &raw.rotation, metres, source)?,
         table: raw.table.as_ref().map(|t| folder.join(t.get_ref())),
         meshes,
     })
+}
+
+/// Edges around a full turn that a converter of STEP files makes.
+fn segments(raw: &Option<Spanned<u32>>, source: &Source<'_>) -> Result<u32, CommandError> {
+    let Some(value) = raw else {
+        return Ok(StepOptions::default().segments_per_turn);
+    };
+    let count = *value.get_ref();
+    if (6..=1000).contains(&count) {
+        return Ok(count);
+    }
+    let message = format!("segments_per_turn: expected 6 to 1000, found {count}");
+    Err(source.error(value.span(), message))
 }
 
 fn path(

@@ -74,6 +74,10 @@ pub struct Part {
 pub struct PlacedMesh {
     /// The file.
     pub path: PathBuf,
+    /// The solid of the file to use, by name or number; all of them if `None`.
+    pub solid: Option<String>,
+    /// Edges around a full turn of a curved face of a STEP file.
+    pub segments_per_turn: u32,
     /// Where it lies in the part (metres).
     pub pose: Pose,
 }

@@ -72,11 +72,30 @@ fn text_or_table<'de, T: FromPath, D: serde::Deserializer<'de>>(
     deserializer.deserialize_any(Either(PhantomData))
 }
 
+/// A solid of a file: its name, or its number from 1.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged, expecting = "expected the name or the number of a solid")]
+pub(crate) enum RawSolid {
+    Name(String),
+    Number(u32),
+}
+
+impl RawSolid {
+    pub(crate) fn to_text(&self) -> String {
+        match self {
+            Self::Name(name) => name.clone(),
+            Self::Number(number) => number.to_string(),
+        }
+    }
+}
+
 /// A part: a mesh path alone, or a table with more to say.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RawPart {
     pub(crate) mesh: Option<String>,
     pub(crate) meshes: Option<Spanned<Vec<RawMesh>>>,
+    pub(crate) solid: Option<RawSolid>,
+    pub(crate) segments_per_turn: Option<Spanned<u32>>,
     pub(crate) name: Option<String>,
     pub(crate) position: Option<Spanned<[f64; 3]>>,
     pub(crate) rotation: Option<Spanned<[f64; 4]>>,
@@ -88,6 +107,8 @@ pub(crate) struct RawPart {
 pub(crate) struct PartTable {
     mesh: Option<String>,
     meshes: Option<Spanned<Vec<RawMesh>>>,
+    solid: Option<RawSolid>,
+    segments_per_turn: Option<Spanned<u32>>,
     name: Option<String>,
     position: Option<Spanned<[f64; 3]>>,
     rotation: Option<Spanned<[f64; 4]>>,
@@ -96,7 +117,8 @@ pub(crate) struct PartTable {
 
 impl FromPath for RawPart {
     const EXPECTING: &str = "a mesh path, or a table with `mesh` (or `meshes`) and optionally \
-                             `name`, `position`, `rotation`, `table`";
+                             `solid`, `segments_per_turn`, `name`, `position`, `rotation`, \
+                             `table`";
     type Table = PartTable;
 
     fn path(mesh: &str) -> Self {
@@ -110,6 +132,8 @@ impl FromPath for RawPart {
         Self {
             mesh: t.mesh,
             meshes: t.meshes,
+            solid: t.solid,
+            segments_per_turn: t.segments_per_turn,
             name: t.name,
             position: t.position,
             rotation: t.rotation,
@@ -128,6 +152,8 @@ impl<'de> Deserialize<'de> for RawPart {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RawMesh {
     pub(crate) mesh: String,
+    pub(crate) solid: Option<RawSolid>,
+    pub(crate) segments_per_turn: Option<Spanned<u32>>,
     pub(crate) position: Option<Spanned<[f64; 3]>>,
     pub(crate) rotation: Option<Spanned<[f64; 4]>>,
 }
@@ -136,13 +162,15 @@ pub(crate) struct RawMesh {
 #[serde(deny_unknown_fields)]
 pub(crate) struct MeshTable {
     mesh: String,
+    solid: Option<RawSolid>,
+    segments_per_turn: Option<Spanned<u32>>,
     position: Option<Spanned<[f64; 3]>>,
     rotation: Option<Spanned<[f64; 4]>>,
 }
 
 impl FromPath for RawMesh {
-    const EXPECTING: &str =
-        "a mesh path, or a table with `mesh` and optionally `position`, `rotation`";
+    const EXPECTING: &str = "a mesh path, or a table with `mesh` and optionally `solid`, \
+                             `segments_per_turn`, `position`, `rotation`";
     type Table = MeshTable;
 
     fn path(mesh: &str) -> Self {
@@ -155,6 +183,8 @@ impl FromPath for RawMesh {
     fn table(t: MeshTable) -> Self {
         Self {
             mesh: t.mesh,
+            solid: t.solid,
+            segments_per_turn: t.segments_per_turn,
             position: t.position,
             rotation: t.rotation,
         }

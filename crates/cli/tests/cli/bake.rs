@@ -2,7 +2,7 @@
 
 use crate::common::{columns, pegfit, refuse, scene_folder, stderr, stdout, succeed};
 
-const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
+pub(crate) const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
 
 const POSES: &str = "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0.001,0,0,0,0,0,1\n0,0,0.09,0,0,0,1\n";
 
@@ -12,7 +12,7 @@ fn status(folder: &std::path::Path) -> serde_json::Value {
 }
 
 /// Every file of a folder with its content, by name.
-fn content(folder: &std::path::Path) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn content(folder: &std::path::Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     let mut todo = vec![folder.to_owned()];
     while let Some(next) = todo.pop() {
@@ -78,6 +78,96 @@ fn a_table_is_baked_and_read() {
         "-q",
     ];
     assert!(succeed(folder.path(), &args).contains("peak force"));
+}
+
+#[test]
+fn a_table_says_what_it_is_and_is_held_to_it() {
+    let folder = scene_folder(BALL);
+    let root = folder.path();
+    for numbers in ["float16", "int16"] {
+        let args = [
+            "bake",
+            "scene.toml",
+            "-o",
+            numbers,
+            "--numbers",
+            numbers,
+            "-q",
+        ];
+        let said = succeed(root, &args);
+        assert!(
+            said.contains("left out") && said.contains("worst"),
+            "{said}"
+        );
+        let described: serde_json::Value =
+            serde_json::from_str(&succeed(root, &["table", numbers, "--json"])).unwrap();
+        assert_eq!(described["spec"]["storage"]["numbers"], numbers);
+        assert_eq!(described["finished"], described["rotations"]);
+        assert_eq!(described["spec"]["fields"]["sampling"], "point");
+        assert!(described["error"]["reference_spacing"].as_f64().unwrap() > 0.0);
+        assert!(succeed(root, &["table", numbers]).contains("torque"));
+        // Other poses than those of the bake.
+        let verify = ["verify", numbers, "--scene", "scene.toml", "-q"];
+        assert!(succeed(root, &verify).contains("holds"));
+    }
+
+    // A table that claims too much.
+    let file = root.join("int16/zarr.json");
+    let mut group: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    let claim = &mut group["attributes"]["pegfit"]["error"]["force"]["rms"];
+    *claim = (0.2 * claim.as_f64().unwrap()).into();
+    std::fs::write(&file, group.to_string()).unwrap();
+    let output = pegfit(root, &["verify", "int16", "--scene", "scene.toml", "-q"]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(
+        stdout(&output).contains("BEYOND: rms of force"),
+        "{}",
+        stdout(&output)
+    );
+
+    // Of other parts, or of another model.
+    let scene = std::fs::read_to_string(root.join("scene.toml")).unwrap();
+    std::fs::write(root.join("other.toml"), scene + "[model]\nsigma = 0.15\n").unwrap();
+    let said = refuse(root, &["verify", "float16", "--scene", "other.toml", "-q"]);
+    assert!(said.contains("other.toml: model"), "{said}");
+}
+
+#[test]
+fn a_tolerance_is_met_or_said_to_be_out_of_reach() {
+    let folder = scene_folder(BALL);
+    let root = folder.path();
+    let bake = |tolerance: &str, more: &[&str]| {
+        let args = [
+            "bake",
+            "scene.toml",
+            "-o",
+            tolerance,
+            "--tolerance",
+            tolerance,
+        ];
+        pegfit(root, &[&args, more].concat())
+    };
+    let met = bake("60%", &["--json"]);
+    assert_eq!(met.status.code(), Some(0), "{}", stderr(&met));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&met)).unwrap();
+    let force = &summary["error"]["force"];
+    assert!(force["rms"].as_f64().unwrap() <= 0.6 * force["scale"].as_f64().unwrap());
+    let spacing = summary["spacing"].as_f64().unwrap();
+    let reference = summary["error"]["reference_spacing"].as_f64().unwrap();
+    assert!((reference - 0.5 * spacing).abs() < 1e-12);
+    let verify = ["verify", "60%", "--scene", "scene.toml", "-q"];
+    assert!(succeed(root, &verify).contains("holds"));
+
+    // With little memory the lattice can be refined only so far.
+    let missed = bake("0.01%", &["--memory", "0.015"]);
+    assert_eq!(missed.status.code(), Some(1), "{}", stderr(&missed));
+    let said = stderr(&missed);
+    assert!(
+        said.contains("0.010 % asked for") && said.contains("the lattice"),
+        "{said}"
+    );
+    assert!(!root.join("0.01%").exists());
 }
 
 #[test]

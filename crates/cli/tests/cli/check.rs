@@ -11,7 +11,7 @@ fn a_good_mesh_is_reported() {
     let text = stdout(&output);
     for part in [
         "box.obj: usable",
-        "triangles    12",
+        "triangles    12 of 12 kept",
         "watertight   yes",
         "24.000000 mm³",
     ] {
@@ -104,4 +104,38 @@ fn a_closed_pipe_is_no_failure() {
         .unwrap();
     drop(child.stdout.take());
     assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn solids_are_listed_and_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = cuboid_obj([1.0, 1.0, 1.0]);
+    let large: String = cuboid_obj([4.0, 4.0, 4.0])
+        .lines()
+        .map(
+            |line| match line.split_whitespace().collect::<Vec<_>>()[..] {
+                ["f", a, b, c] => {
+                    let [a, b, c] = [a, b, c].map(|i| i.parse::<u32>().unwrap() + 8);
+                    format!("f {a} {b} {c}\n")
+                }
+                _ => format!("{line}\n"),
+            },
+        )
+        .collect();
+    let text = format!("o pin\n{small}o housing\n{large}");
+    std::fs::write(folder.path().join("two.obj"), text).unwrap();
+    let all = stdout(&pegfit(folder.path(), &["check", "two.obj"]));
+    for part in [
+        "1, \"pin\", 12 triangles",
+        "2, \"housing\", 12 triangles",
+        "components   2",
+        "welded within",
+    ] {
+        assert!(all.contains(part), "{part}: {all}");
+    }
+    let one = pegfit(folder.path(), &["check", "two.obj", "--solid", "housing"]);
+    assert!(stdout(&one).contains("64.000000 mm³"), "{}", stdout(&one));
+    let none = pegfit(folder.path(), &["check", "two.obj", "--solid", "lid"]);
+    assert_eq!(none.status.code(), Some(3));
+    assert!(stdout(&none).contains("1 \"pin\", 2 \"housing\""));
 }

@@ -46,7 +46,10 @@ fn a_field_and_its_picture_are_written() {
 fn bad_requests_are_refused_before_anything_is_written() {
     let folder = folder();
     let cases: [(&[&str], &str); 8] = [
-        (&["box.obj"], "--output, --png: expected a file to write"),
+        (
+            &["box.obj"],
+            "--output, --png, --skeleton: expected a file to write",
+        ),
         (
             &["box.obj", "-o", "no/such/f.vti"],
             "expected an existing folder",

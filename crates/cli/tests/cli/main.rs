@@ -8,6 +8,7 @@ mod devices;
 mod dock_and_feel;
 mod field;
 mod interrupt;
+mod kill;
 mod plot;
 mod scenes;
 mod score;

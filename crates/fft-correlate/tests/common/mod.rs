@@ -3,7 +3,7 @@
 
 use fft_correlate::{
     AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, Part, Pose, Response, RotationDomain,
-    ScoreModel, Scratch, TableSpec, Wrench,
+    ScoreModel, Scratch, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -135,6 +135,8 @@ pub fn spec(window: Lattice, rotations: RotationDomain) -> TableSpec {
         rotations,
         symmetry: None,
         far_energy: 0.0,
+        storage: Storage::default(),
+        fields: None,
         fixed_mesh: "aa".into(),
         moving_mesh: "bb".into(),
     }

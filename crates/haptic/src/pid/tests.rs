@@ -183,6 +183,9 @@ fn a_device_comes_back_and_is_set_up_again() {
     let fake = joystick(200);
     let mut device = opened(&fake).unwrap();
     until(|| device.poll(0.0).is_ok());
+    fake.take_sent();
+    // A force that stays the same: only its being sent again shows that nobody takes it.
+    until(|| device.send(&push(1.0, 0.0)).is_ok() && fake.lock().sent.len() >= 4);
     fake.lock().plugged = false;
     until(|| device.poll(0.0) == Err(DeviceError::Disconnected));
     until(|| device.send(&push(1.0, 0.0)) == Err(DeviceError::Disconnected));

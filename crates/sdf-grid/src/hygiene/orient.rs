@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::ComponentReport;
 use super::edges::Edges;
 use crate::mesh::{Aabb, face_area, volume};
 
@@ -16,14 +17,8 @@ const WITNESSES: usize = 8;
 pub(super) struct Oriented {
     /// All faces in their input order.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Faces that were reversed.
-    pub(super) flipped_faces: usize,
-    /// Number of components.
-    pub(super) components: usize,
-    /// Components inside another one.
-    pub(super) cavities: usize,
-    /// Components that cut through or coincide with one at least as large.
-    pub(super) overlapping: usize,
+    /// What became of each component, in the order of their first faces.
+    pub(super) components: Vec<ComponentReport>,
 }
 
 /// One component, oriented so that its volume is not negative.
@@ -48,14 +43,26 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
         .into_par_iter()
         .map(|i| nesting(&components, i))
         .collect();
-    let mut cavities = 0;
+    let mut reports = Vec::with_capacity(components.len());
     for (component, nesting) in components.iter().zip(&nesting) {
-        if nesting.depth % 2 == 1 {
-            cavities += 1;
+        let cavity = nesting.depth % 2 == 1;
+        if cavity {
             for &f in &component.faces {
                 flipped[f as usize] ^= true;
             }
         }
+        let faces = component.faces.iter();
+        reports.push(ComponentReport {
+            triangles: component.faces.len(),
+            flipped_faces: faces.filter(|&&f| flipped[f as usize]).count(),
+            volume: if cavity {
+                -component.volume
+            } else {
+                component.volume
+            },
+            cavity,
+            overlaps: nesting.overlaps,
+        });
     }
     let oriented = triangles
         .iter()
@@ -64,10 +71,7 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
         .collect();
     Oriented {
         triangles: oriented,
-        flipped_faces: flipped.iter().filter(|&&f| f).count(),
-        components: components.len(),
-        cavities,
-        overlapping: nesting.iter().filter(|n| n.overlaps).count(),
+        components: reports,
     }
 }
 

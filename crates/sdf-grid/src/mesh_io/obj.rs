@@ -1,14 +1,13 @@
 //! Wavefront OBJ: positions and faces, in double precision, errors with line numbers.
 //!
 //! Read here rather than through a library because the ones there are round to single precision
-//! or cannot say which line is wrong. Names, groups, materials, normals and texture coordinates
-//! say nothing about the solid and are skipped, as are points and lines.
+//! or cannot say which line is wrong. Objects (`o`) are the file's solids; groups, materials,
+//! normals and texture coordinates say nothing about them and are skipped, as are points and lines.
 
 use glam::DVec3;
 
-use super::{Soup, syntax};
+use super::soup::{Soup, syntax};
 use crate::mesh_error::MeshError;
-use crate::polygon;
 
 /// Reads all objects of an OBJ file; polygons are cut into triangles.
 pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
@@ -25,8 +24,9 @@ pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
                 for word in words {
                     polygon.push(corner(file, place, word, soup.vertices.len())?);
                 }
-                cut(file, place, &polygon, &mut soup)?;
+                soup.push_polygon(file, place, &polygon)?;
             }
+            Some("o") => soup.begin_solid(text.trim_start()[1..].trim()),
             _ => {}
         }
     }
@@ -106,44 +106,4 @@ fn corner(
     // A face may come before its vertices, so only the end of the file says which exist; hygiene
     // checks that.
     u32::try_from(vertex).map_err(|_| wrong())
-}
-
-fn cut(
-    file: &str,
-    place: impl Fn() -> String,
-    corners: &[u32],
-    soup: &mut Soup,
-) -> Result<(), MeshError> {
-    match *corners {
-        [] | [_] | [_, _] => Err(syntax(
-            file,
-            place(),
-            "a face of at least 3 corners",
-            format!("{}", corners.len()),
-        )),
-        [a, b, c] => {
-            soup.triangles.push([a, b, c]);
-            Ok(())
-        }
-        _ => {
-            let mut points = Vec::with_capacity(corners.len());
-            for &c in corners {
-                points.push(*soup.vertices.get(c as usize).ok_or_else(|| {
-                    let expected = format!("a vertex index 1 .. {}", soup.vertices.len());
-                    syntax(file, place(), expected, format!("{}", u64::from(c) + 1))
-                })?);
-            }
-            let cuts = polygon::triangulate_in_space(&points).ok_or_else(|| {
-                syntax(
-                    file,
-                    place(),
-                    "a polygon that does not cross itself",
-                    "one that does",
-                )
-            })?;
-            let named = cuts.iter().map(|t| t.map(|i| corners[i as usize]));
-            soup.triangles.extend(named);
-            Ok(())
-        }
-    }
 }

@@ -7,9 +7,8 @@ use ply_rs_bw::ply::{
     PropertyType, ScalarType,
 };
 
-use super::{Soup, syntax};
+use super::soup::{Soup, syntax};
 use crate::mesh_error::MeshError;
-use crate::polygon;
 
 /// Reads the elements `vertex` (x, y, z) and `face` (`vertex_indices` or `vertex_index`) of a PLY
 /// file and skips others; polygons are cut into triangles.
@@ -96,37 +95,21 @@ fn assemble(file: &str, vertices: &[Vertex], faces: &[Face]) -> Result<Soup, Mes
     let mut soup = Soup {
         vertices: vertices.iter().map(|v| DVec3::from_array(v.0)).collect(),
         triangles: Vec::with_capacity(faces.len()),
+        ..Soup::default()
     };
-    let mut points = Vec::new();
-    for (number, Face(corners)) in faces.iter().enumerate() {
+    let mut corners = Vec::new();
+    for (number, Face(indices)) in faces.iter().enumerate() {
         let place = || format!("face {number}");
-        points.clear();
-        for &c in corners {
-            let point = usize::try_from(c).ok().and_then(|c| soup.vertices.get(c));
-            points.push(*point.ok_or_else(|| {
-                let expected = format!("vertex indices 0 .. {}", soup.vertices.len());
-                syntax(file, place(), expected, c.to_string())
+        corners.clear();
+        for &index in indices {
+            let vertex = u32::try_from(index).ok();
+            let vertex = vertex.filter(|&v| (v as usize) < vertices.len());
+            corners.push(vertex.ok_or_else(|| {
+                let expected = format!("vertex indices 0 .. {}", vertices.len());
+                syntax(file, place(), expected, index.to_string())
             })?);
         }
-        if corners.len() < 3 {
-            let found = corners.len().to_string();
-            return Err(syntax(
-                file,
-                place(),
-                "a list of at least 3 vertices",
-                found,
-            ));
-        }
-        let cuts = polygon::triangulate_in_space(&points).ok_or_else(|| {
-            syntax(
-                file,
-                place(),
-                "a polygon that does not cross itself",
-                "one that does",
-            )
-        })?;
-        let named = cuts.iter().map(|t| t.map(|i| corners[i as usize] as u32));
-        soup.triangles.extend(named);
+        soup.push_polygon(file, place, &corners)?;
     }
     Ok(soup)
 }

@@ -8,30 +8,44 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use super::stl;
-use crate::hygiene::{HygieneOptions, HygieneReport};
-use crate::mesh::TriangleMesh;
+use super::{LengthUnit, MeshFile, stl};
 use crate::mesh_error::MeshError;
+
+/// What Python runs: Gmsh, or else Open CASCADE, through their Python modules.
+const SCRIPT: &str = include_str!("step.py");
+
+/// Looked for on the PATH, in this order, when no converter is given.
+const CONVERTERS: [&str; 3] = ["python3", "python", "gmsh"];
+
+/// Exit codes that say that a converter is not installed: the shell's, and that of [`SCRIPT`]
+/// without a module.
+const NOT_INSTALLED: [i32; 2] = [127, 69];
+
+/// What to do without a converter.
+const INSTALL: &str = "an installed converter (pip install gmsh)";
 
 /// How a STEP file becomes triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepOptions {
-    /// The program to run, [Gmsh](https://gmsh.info) 4.11 or later: a path, or a name on the PATH.
-    pub converter: PathBuf,
-    /// Edges around a full turn of a curved face, 6 .. 1000: the chord error is
-    /// `r (1 - cos(pi / n))`.
+    /// The program to run: a Python interpreter (a file name that starts with `python`) whose
+    /// `gmsh` or `OCP` module does the work, or the [Gmsh](https://gmsh.info) 4.11 program, which
+    /// cannot tell the names of solids. A path, or a name on the PATH; if `None`, the first of
+    /// `python3`, `python` and `gmsh` that will do.
+    pub converter: Option<PathBuf>,
+    /// Edges around a full turn of a curved face, 6 .. 1000: the deflection of an arc of radius r
+    /// is `r (1 - cos(pi / n))`.
     pub segments_per_turn: u32,
     /// Time after which the converter is stopped.
     pub time_limit: Duration,
-    /// Address space the converter may use, bytes.
+    /// Address space the converter may use, and the most it may write to a file, bytes.
     pub memory_limit: u64,
 }
 
 impl Default for StepOptions {
-    /// `gmsh` from the PATH, 64 segments per turn, 2 minutes, 4 GiB.
+    /// A converter from the PATH, 64 segments per turn, 2 minutes, 4 GiB.
     fn default() -> Self {
         Self {
-            converter: PathBuf::from("gmsh"),
+            converter: None,
             segments_per_turn: 64,
             time_limit: Duration::from_secs(120),
             memory_limit: 4 << 30,
@@ -39,105 +53,147 @@ impl Default for StepOptions {
     }
 }
 
-/// Reads all solids of a STEP file as one mesh, metres. The file states its own unit.
-///
-/// # Errors
-/// If the file cannot be read, the converter is not installed, fails or passes a limit, the
-/// result is not watertight, or [`TriangleMesh::clean`] refuses it.
-pub fn read_step(
-    path: impl AsRef<Path>,
-    step: &StepOptions,
-    hygiene: &HygieneOptions,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
-    let path = path.as_ref();
+/// Converts all solids of a STEP file. The file states its own unit; the result is in metres.
+pub(super) fn open(path: &Path, options: &StepOptions) -> Result<MeshFile, MeshError> {
     let name = path.display().to_string();
     // An absolute name cannot be taken for an option of the converter.
     let file = path.canonicalize().map_err(|source| MeshError::Read {
         path: path.to_owned(),
         source,
     })?;
-    if !(6..=1000).contains(&step.segments_per_turn) {
+    if !(6..=1000).contains(&options.segments_per_turn) {
         return Err(MeshError::OutOfRange {
             part: name,
             item: "segments-per-turn",
             expected: "6 .. 1000",
-            found: f64::from(step.segments_per_turn),
+            found: f64::from(options.segments_per_turn),
         });
     }
-    let bytes = convert(&file, step)?;
-    let soup = stl::parse(&name, &bytes)?;
-    let (mesh, report) = TriangleMesh::clean(&name, soup.vertices, soup.triangles, hygiene)?;
-    if report.watertight {
-        return Ok((mesh, report));
-    }
-    let found = format!("{} open edges", report.open_edges);
-    Err(failure(path, step, "closed solids", found))
+    let (converter, bytes) = convert(&file, options)?;
+    let mut soup = stl::parse(&name, &bytes)?;
+    soup.unit = Some(LengthUnit::M);
+    Ok(MeshFile {
+        name,
+        soup,
+        converter: Some(converter),
+    })
 }
 
-fn failure(path: &Path, step: &StepOptions, expected: &str, found: String) -> MeshError {
-    MeshError::Converter {
-        path: path.to_owned(),
-        converter: step.converter.clone(),
-        expected: expected.to_owned(),
-        found,
-    }
-}
-
-/// Runs the converter in a folder of its own and returns the STL file that it writes.
-fn convert(path: &Path, step: &StepOptions) -> Result<Vec<u8>, MeshError> {
-    let fail = |expected: &str, found: String| failure(path, step, expected, found);
-    let no_room = |e: std::io::Error| fail("a temporary folder", e.to_string());
-    let folder = tempfile::tempdir().map_err(no_room)?;
-    let output = folder.path().join("converted.stl");
-    let said = folder.path().join("messages.txt");
-    let messages = File::create(&said).map_err(no_room)?;
-    let mut child = command(path, step, &output)
-        .stdin(Stdio::null())
-        .stdout(messages.try_clone().map_err(no_room)?)
-        .stderr(messages)
-        .spawn()
-        .map_err(|e| fail("a process to run it in", e.to_string()))?;
-    let Some(status) = wait(&mut child, step.time_limit) else {
-        let limit = format!("an end within {} s", step.time_limit.as_secs_f64());
-        return Err(fail(&limit, "a process that still ran: stopped".to_owned()));
+/// Runs the converter, or the first that is installed, and returns it and the STL that it writes.
+fn convert(file: &Path, options: &StepOptions) -> Result<(PathBuf, Vec<u8>), MeshError> {
+    let candidates = match &options.converter {
+        Some(converter) => vec![converter.clone()],
+        None => CONVERTERS.map(PathBuf::from).to_vec(),
     };
-    if status.code() == Some(127) {
-        let expected = "an installed converter (pip install gmsh)";
-        return Err(fail(expected, "no such program".to_owned()));
-    }
-    match std::fs::read(&output) {
-        Ok(bytes) if status.success() => Ok(bytes),
-        _ => {
-            let text = std::fs::read(&said).unwrap_or_default();
-            let text = String::from_utf8_lossy(&text);
-            let last: Vec<&str> = text.lines().rev().take(3).collect();
-            let last = last.into_iter().rev().collect::<Vec<_>>().join(" / ");
-            Err(fail("triangles", format!("{status}, {last:?}")))
+    let mut missing = Vec::new();
+    for converter in &candidates {
+        let run = Conversion {
+            file,
+            converter,
+            options,
+        };
+        match run.run()? {
+            Ok(bytes) => return Ok((converter.clone(), bytes)),
+            Err(why) => missing.push(format!("{}: {why}", converter.display())),
         }
     }
+    Err(MeshError::Converter {
+        path: file.to_owned(),
+        converter: candidates.into_iter().next_back().unwrap_or_default(),
+        expected: INSTALL.to_owned(),
+        found: missing.join("; "),
+    })
 }
 
-/// The shell limits its own address space and then becomes the converter; it exits with 127 if
-/// there is none.
-fn command(path: &Path, step: &StepOptions, output: &Path) -> Command {
-    let mut command = Command::new("sh");
-    command
-        .arg("-c")
-        .arg("ulimit -v \"$1\" && shift && exec \"$@\"")
-        .arg("sh")
-        .arg((step.memory_limit / 1024).to_string())
-        .arg(&step.converter)
-        .arg(path)
-        .args(["-setstring", "Geometry.OCCTargetUnit", "M"])
-        .args(["-setnumber", "Mesh.MeshSizeFromCurvature"])
-        .arg(step.segments_per_turn.to_string())
-        .args(["-setnumber", "Mesh.Binary", "1"])
-        .args(["-2", "-format", "stl", "-o"])
-        .arg(output);
-    command
+/// One converter at work on one file.
+struct Conversion<'a> {
+    file: &'a Path,
+    converter: &'a Path,
+    options: &'a StepOptions,
 }
 
-/// Waits for the child until the limit, then kills it and returns `None`.
+impl Conversion<'_> {
+    fn failure(&self, expected: impl Into<String>, found: impl Into<String>) -> MeshError {
+        MeshError::Converter {
+            path: self.file.to_owned(),
+            converter: self.converter.to_owned(),
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+
+    /// Runs in a folder of its own; `Ok(Err(why))` if the converter is not installed.
+    fn run(&self) -> Result<Result<Vec<u8>, String>, MeshError> {
+        let no_room = |e: std::io::Error| self.failure("a temporary folder", e.to_string());
+        let folder = tempfile::tempdir().map_err(no_room)?;
+        let output = folder.path().join("converted.stl");
+        let said = folder.path().join("messages.txt");
+        let messages = File::create(&said).map_err(no_room)?;
+        let mut command = self.command(folder.path(), &output).map_err(no_room)?;
+        command
+            .stdin(Stdio::null())
+            .stdout(messages.try_clone().map_err(no_room)?)
+            .stderr(messages)
+            .current_dir(folder.path());
+        // A group of its own, so that what the converter starts is stopped with it.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command
+            .spawn()
+            .map_err(|e| self.failure("a process to run it in", e.to_string()))?;
+        let Some(status) = wait(&mut child, self.options.time_limit) else {
+            let limit = format!("an end within {} s", self.options.time_limit.as_secs_f64());
+            return Err(self.failure(limit, "a process that still ran: stopped"));
+        };
+        let text = std::fs::read(&said).unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        let last = |lines: usize| {
+            let skipped = text.lines().count().saturating_sub(lines);
+            text.lines().skip(skipped).collect::<Vec<_>>().join(" / ")
+        };
+        if status
+            .code()
+            .is_some_and(|code| NOT_INSTALLED.contains(&code))
+        {
+            return Ok(Err(last(1)));
+        }
+        match std::fs::read(&output) {
+            Ok(bytes) if status.success() => Ok(Ok(bytes)),
+            _ => Err(self.failure("triangles", format!("{status}, {:?}", last(3)))),
+        }
+    }
+
+    /// The shell limits itself and then becomes the converter; it exits with 127 if there is none.
+    fn command(&self, folder: &Path, output: &Path) -> std::io::Result<Command> {
+        let limit = self.options.memory_limit;
+        let segments = self.options.segments_per_turn.to_string();
+        let mut command = Command::new("sh");
+        command
+            .arg("-c")
+            .arg("ulimit -v \"$1\" && ulimit -f \"$2\" && shift 2 && exec \"$@\"")
+            .arg("sh")
+            .arg((limit / 1024).to_string())
+            .arg((limit / 512).to_string())
+            .arg(self.converter);
+        let name = self.converter.file_name().unwrap_or_default();
+        if name.to_string_lossy().starts_with("python") {
+            let script = folder.join("step.py");
+            std::fs::write(&script, SCRIPT)?;
+            command.arg(script).arg(self.file).arg(output).arg(segments);
+        } else {
+            command
+                .arg(self.file)
+                .args(["-setstring", "Geometry.OCCTargetUnit", "M"])
+                .args(["-setnumber", "Mesh.MeshSizeFromCurvature", &segments])
+                .args(["-setnumber", "Mesh.Binary", "1"])
+                .args(["-2", "-format", "stl", "-o"])
+                .arg(output);
+        }
+        Ok(command)
+    }
+}
+
+/// Waits for the child until the limit, then stops it and all it started and returns `None`.
 fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let start = Instant::now();
     loop {
@@ -145,11 +201,24 @@ fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
             Ok(Some(status)) => return Some(status),
             Ok(None) if start.elapsed() < limit => std::thread::sleep(Duration::from_millis(10)),
             _ => {
+                stop(child);
                 // It may have ended in between; either way it must be reaped.
-                let _ = child.kill();
                 let _ = child.wait();
                 return None;
             }
         }
     }
+}
+
+#[cfg(unix)]
+fn stop(child: &mut Child) {
+    let group = rustix::process::Pid::from_child(child);
+    if rustix::process::kill_process_group(group, rustix::process::Signal::KILL).is_err() {
+        let _ = child.kill();
+    }
+}
+
+#[cfg(not(unix))]
+fn stop(child: &mut Child) {
+    let _ = child.kill();
 }

@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Soup, syntax};
+use super::soup::{Soup, syntax};
 use crate::mesh_error::MeshError;
 
 /// Bytes before the facets of a binary file: a free text and the number of facets.
@@ -13,16 +13,26 @@ const HEADER: usize = 84;
 /// Bytes of a binary facet: normal, three corners, attribute.
 const FACET: usize = 50;
 
+/// How far a binary file is searched for the zero bytes that no text has.
+const PEEK: usize = 512;
+
 /// Reads all solids of an STL file as loose triangles.
 pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
-    // Binary files may start with "solid" too, but ASCII ones never have the size that a binary
-    // header in their place would ask for.
-    let text = bytes.trim_ascii_start().starts_with(b"solid");
-    if text && stated_size(bytes) != Some(bytes.len() as u64) {
+    if is_text(bytes) {
         parse_ascii(file, bytes)
     } else {
         parse_binary(file, bytes)
     }
+}
+
+/// Binary files may start with "solid" too, but ASCII ones have no zero byte and never the size
+/// that a binary header in their place would ask for.
+fn is_text(bytes: &[u8]) -> bool {
+    let start = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let word = start.trim_ascii_start().get(..5).unwrap_or_default();
+    word.eq_ignore_ascii_case(b"solid")
+        && stated_size(bytes) != Some(bytes.len() as u64)
+        && !bytes[..bytes.len().min(PEEK)].contains(&0)
 }
 
 /// The size that a binary header says the file has.
@@ -37,13 +47,15 @@ fn parse_binary(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
         let expected = format!("\"solid\" or a binary header of {HEADER} bytes");
         syntax(file, "start", expected, format!("{found} bytes"))
     })?;
-    if stated != found {
+    // Some programs append data of their own.
+    if stated > found {
         let facets = (stated - HEADER as u64) / FACET as u64;
         let expected = format!("{facets} facets in {stated} bytes");
         return Err(syntax(file, "byte 80", expected, format!("{found} bytes")));
     }
-    let (facets, _) = bytes[HEADER..].as_chunks::<FACET>();
+    let (facets, _) = bytes[HEADER..stated as usize].as_chunks::<FACET>();
     let mut soup = Soup::default();
+    soup.begin_solid("");
     for facet in facets {
         let (numbers, _) = facet.as_chunks::<4>();
         let corner = |k: usize| {
@@ -66,13 +78,17 @@ fn parse_ascii(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     let mut soup = Soup::default();
     let mut corners = Vec::with_capacity(3);
     let mut open_solid = None;
-    for (index, line) in bytes.split(|&b| b == b'\n').enumerate() {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    for (index, line) in lines(bytes).enumerate() {
         let place = || format!("line {}", index + 1);
         let text = String::from_utf8_lossy(line);
         let mut words = text.split_whitespace();
         match words.next().map(str::to_lowercase).as_deref() {
             None | Some("facet" | "endfacet" | "outer") => {}
-            Some("solid") => open_solid = Some(index + 1),
+            Some("solid") => {
+                soup.begin_solid(text.trim()[5..].trim());
+                open_solid = Some(index + 1);
+            }
             Some("endsolid") => open_solid = None,
             Some("vertex") => corners.push(vertex(file, place, words)?),
             Some("endloop") => {
@@ -96,6 +112,12 @@ fn parse_ascii(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
         }
         None => Ok(soup),
     }
+}
+
+/// Lines that end as on Unix, DOS or an old Macintosh.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+    bytes.split(move |&b| b == end)
 }
 
 fn vertex<'a>(

@@ -97,8 +97,9 @@ fn look(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> Look {
     Look {
         time,
         connected,
-        linear: shown.linear.to_array(),
-        angular: shown.angular.to_array(),
+        // Adding zero makes -0 to 0.
+        linear: (shown.linear + DVec3::ZERO).to_array(),
+        angular: (shown.angular + DVec3::ZERO).to_array(),
         buttons: (0..32)
             .filter(|b| state.buttons >> b & 1 == 1)
             .map(|b| b + 1)

@@ -1,0 +1,41 @@
+//! The bar that says which colour is which value.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::canvas::{Drawing, FAINT, INK, Panel, number, round_ticks, stroke, text};
+use super::colour::ColourScale;
+
+/// Room that the bar and its numbers take, drawing pixels.
+pub(super) const WIDTH: u32 = stroke(150);
+
+/// Draws the bar with `caption` (the quantity and its unit, a line or several) above it.
+pub(super) fn draw(panel: &Panel<'_>, scale: &ColourScale, caption: &str, size: u32) -> Drawing {
+    let (_, height) = panel.dim_in_pixel();
+    let line = size as i32 + 4;
+    let (left, right) = (size as i32 / 2, size as i32 / 2 + size as i32);
+    let above = text(size, INK).pos(Pos::new(HPos::Left, VPos::Top));
+    for (i, words) in caption.lines().enumerate() {
+        panel.draw_text(words, &above, (left, i as i32 * line))?;
+    }
+    let top = caption.lines().count() as i32 * line + size as i32 / 2;
+    let bottom = height as i32 - 4 * size as i32;
+    let span = f64::from((bottom - top).max(1));
+    for y in top..=bottom {
+        let share = f64::from(bottom - y) / span;
+        let value = scale.low + share * (scale.high - scale.low);
+        let colour = scale.colour(value).filled();
+        panel.draw(&Rectangle::new([(left, y), (right, y + 1)], colour))?;
+    }
+    let frame = FAINT.stroke_width(stroke(1));
+    panel.draw(&Rectangle::new([(left, top), (right, bottom + 1)], frame))?;
+    let beside = text(size, INK).pos(Pos::new(HPos::Left, VPos::Center));
+    for value in round_ticks(scale.low, scale.high, 7) {
+        let share = (value - scale.low) / (scale.high - scale.low);
+        let y = bottom - (share * span) as i32;
+        let mark = vec![(right, y), (right + size as i32 / 4, y)];
+        panel.draw(&PathElement::new(mark, FAINT))?;
+        panel.draw_text(&number(value, 3), &beside, (right + size as i32 / 2, y))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,120 @@
+//! What a rotation costs before it runs: a model of the stages' times, and the transform sizes that
+//! it finds cheapest.
+//!
+//! Each stage is a number of vectors of lanes that pass through transforms, products and samples;
+//! the model weighs them with times measured on one thread of a Zen 3 server with vectors of eight
+//! f32 (AVX2); at 128 points per axis it is within a few percent, at 64, where everything stays in
+//! the caches, a third too long. Other machines differ by a factor that hardly changes which size
+//! is best.
+
+use crate::lane_fft::radices;
+
+/// Nanoseconds per number of lanes and pass: a radix-2 pass over one complex element of eight
+/// lanes, and what other radices take in comparison.
+const PASS: f64 = 1.5;
+const RADICES: [(usize, f64); 5] = [(2, 1.0), (3, 1.25), (4, 1.3), (5, 1.75), (8, 1.9)];
+
+/// Nanoseconds to read, write and transpose one complex element of eight lanes, of one product
+/// with a spectrum that comes from memory, and of one resampled value.
+const MOVE: f64 = 2.0;
+const PRODUCT: f64 = 6.0;
+const SAMPLE: f64 = 7.0;
+
+/// Lanes that the times are for.
+const LANES: usize = 8;
+
+/// What one product needs: nodes of the moving box.
+pub(crate) type Moving = [usize; 3];
+
+/// Seconds of one rotation on one thread, for transforms of this size; `None` if the kernels have
+/// not all factors of it.
+pub(crate) fn seconds(size: [usize; 3], window: [usize; 3], moving: &[Moving]) -> Option<f64> {
+    let [nx, ny, nz] = size;
+    if !nz.is_multiple_of(2) {
+        return None;
+    }
+    let half = nz / 2;
+    let blocks = half.div_ceil(LANES);
+    let (x, y, z) = (line(nx)?, line(ny)?, line(half)?);
+    let bundles = |rows: usize| rows.div_ceil(LANES) as f64;
+    let columns = (blocks * ny) as f64;
+    let mut total = 0.0;
+    for [mx, my, mz] in moving {
+        let planes = *mx as f64;
+        total += SAMPLE * planes * (my * mz) as f64;
+        // Two real parts each: z lines of the bundles, y lines of the blocks, x lines.
+        total += 2.0 * planes * (bundles(*my) * z + blocks as f64 * y);
+        total += columns * (2.0 * x + nx as f64 * PRODUCT);
+    }
+    let planes = window[0] as f64;
+    total += columns * x + planes * (blocks as f64 * y + bundles(window[1]) * z);
+    Some(1e-9 * total)
+}
+
+/// Nanoseconds of one transform of lines of `len` points.
+fn line(len: usize) -> Option<f64> {
+    let weight = |radix: usize| RADICES.iter().find(|r| r.0 == radix).map_or(1.0, |r| r.1);
+    let passes: f64 = radices(len)?.into_iter().map(weight).sum();
+    Some(len as f64 * (PASS * passes + MOVE))
+}
+
+/// The cheapest transform size of at least `min` points along each axis.
+pub(crate) fn best_size(min: [usize; 3], window: [usize; 3], moving: &[Moving]) -> [usize; 3] {
+    // Per axis the shortest lengths; a power of two lies below twice the least.
+    let lengths = |axis: usize| -> Vec<usize> {
+        let (min, step) = (min[axis].max(1), if axis == 2 { 2 } else { 1 });
+        let known = |n: &usize| n.is_multiple_of(step) && radices(n / step).is_some();
+        (min..=2 * min).filter(known).take(6).collect()
+    };
+    let mut best = (f64::INFINITY, min);
+    let (xs, ys, zs) = (lengths(0), lengths(1), lengths(2));
+    for x in &xs {
+        for y in &ys {
+            for z in &zs {
+                let size = [*x, *y, *z];
+                let cost = seconds(size, window, moving).unwrap_or(f64::MAX);
+                if cost < best.0 {
+                    best = (cost, size);
+                }
+            }
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_known_large_enough_and_no_worse_than_their_neighbours() {
+        for min in (1..300).step_by(7) {
+            let min = [min, 2 * min / 3 + 1, min / 2 + 1];
+            let window = min.map(|n| n / 2 + 1);
+            let moving = [window];
+            let size = best_size(min, window, &moving);
+            let cost = seconds(size, window, &moving).expect("a size of known factors");
+            for axis in 0..3 {
+                assert!(size[axis] >= min[axis], "{min:?} -> {size:?}");
+                let mut longer = size;
+                longer[axis] = 2 * size[axis];
+                assert!(seconds(longer, window, &moving).is_none_or(|c| c > cost));
+            }
+        }
+        let half = [64; 3];
+        assert_eq!(best_size([127; 3], half, &[half]), [128; 3]);
+    }
+
+    #[test]
+    fn more_work_costs_more() {
+        let cost = |moving: usize, window: usize, terms: usize| {
+            seconds([128; 3], [window; 3], &vec![[moving; 3]; terms]).unwrap()
+        };
+        assert!(cost(64, 64, 1) < cost(96, 64, 1));
+        assert!(cost(64, 64, 1) < cost(64, 96, 1));
+        assert!(cost(64, 64, 1) < cost(64, 64, 2));
+        assert!(
+            seconds([7, 8, 8], [1; 3], &[]).is_none() && seconds([8; 3], [1; 3], &[]).is_some()
+        );
+    }
+}

@@ -1,0 +1,231 @@
+//! From energies in joules to the numbers a table stores, and back.
+
+use half::f16;
+use sdf_grid::Lattice;
+use serde::{Deserialize, Serialize};
+
+use crate::rotation_grid::RotationGrid;
+use crate::stencil::{Code, value_of};
+use crate::table::{NodeEnergies, TableError, TableSpec};
+
+/// How a table stores energies.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Storage {
+    /// Kind of number.
+    pub numbers: Numbers,
+    /// Bricks of [`Storage::BRICK`]³ displacement nodes of a rotation node are left out where no
+    /// energy differs from the far energy by more than this share of the largest probed energy.
+    /// 0 leaves out nothing. 0 ..= 0.1.
+    pub leave_out: f64,
+}
+
+/// Numbers that hold energies, two bytes each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Numbers {
+    /// Half precision: a relative error of at most 4.9e-4 for every energy of a table.
+    #[default]
+    #[serde(rename = "float16")]
+    Half,
+    /// Whole numbers and one scale for each rotation node: an absolute error of at most 1.5e-5 of
+    /// the rotation node's largest energy.
+    #[serde(rename = "int16")]
+    Integer,
+}
+
+impl Default for Storage {
+    fn default() -> Self {
+        Self {
+            numbers: Numbers::Half,
+            leave_out: 0.0,
+        }
+    }
+}
+
+impl Storage {
+    /// Displacement nodes along each side of a brick.
+    pub const BRICK: usize = 8;
+
+    pub(crate) fn validate(&self) -> Result<(), TableError> {
+        if (0.0..=0.1).contains(&self.leave_out) {
+            return Ok(());
+        }
+        Err(TableError::Spec {
+            name: "leave_out",
+            expected: "in 0 ..= 0.1",
+            found: self.leave_out.to_string(),
+        })
+    }
+}
+
+impl Numbers {
+    pub(crate) fn code(self) -> Code {
+        match self {
+            Self::Half => Code::Half,
+            Self::Integer => Code::Integer,
+        }
+    }
+}
+
+/// What all rotation nodes of a table share, found by probing a few of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Probe {
+    /// Joules per stored unit; a power of two.
+    pub(crate) unit: f64,
+    /// Distance from the far energy that does not count, joules.
+    pub(crate) negligible: f64,
+}
+
+/// Largest magnitude of probed energies after scaling: 2^9, which leaves a factor of 2^7 up to the
+/// largest half-precision number and one of 2^23 down to the smallest normal one.
+const PROBE_EXPONENT: i32 = 9;
+
+/// Computes a few rotation nodes, fixed by the grid alone so that every rank finds the same. The
+/// unit brings the largest energy to at most `2^PROBE_EXPONENT`.
+pub(crate) fn probe<P: NodeEnergies>(
+    spec: &TableSpec,
+    grid: &RotationGrid,
+    producer: &P,
+) -> Result<Probe, TableError> {
+    let n = grid.nodes().len();
+    let mut rows = vec![n / 2, 0, n / 4, 3 * n / 4, n - 1];
+    rows.sort_unstable();
+    rows.dedup();
+    let (mut scratch, mut joules) = (producer.scratch(), vec![0f32; spec.window.len()]);
+    let mut largest = 0f32;
+    for row in rows {
+        crate::table::node(spec, grid, producer, row, &mut scratch, &mut joules);
+        for (flat, &e) in joules.iter().enumerate() {
+            check_finite(&spec.window, row, flat, e)?;
+            largest = largest.max(e.abs());
+        }
+    }
+    let exponent = f64::from(largest).log2().ceil() as i32;
+    Ok(Probe {
+        unit: match largest {
+            0.0 => 1.0,
+            _ => 2f64.powi(exponent - PROBE_EXPONENT),
+        },
+        negligible: spec.storage.leave_out * f64::from(largest),
+    })
+}
+
+fn check_finite(window: &Lattice, row: usize, flat: usize, found: f32) -> Result<(), TableError> {
+    if found.is_finite() {
+        Ok(())
+    } else {
+        Err(TableError::NotFinite {
+            row,
+            index: window.unravel(flat),
+            found,
+        })
+    }
+}
+
+/// Stored numbers of one rotation node, C order.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Encoded {
+    pub(crate) codes: Vec<u16>,
+    /// What a whole number is multiplied by, in units; 1 for half precision.
+    pub(crate) scale: f32,
+    /// Bricks in which every energy is the far energy, and all bricks.
+    pub(crate) bricks: [usize; 2],
+}
+
+/// Encodes energies in joules; those of bricks that are left out become the far energy.
+pub(crate) fn encode(
+    spec: &TableSpec,
+    probe: &Probe,
+    row: usize,
+    joules: &mut [f32],
+    out: &mut Encoded,
+) -> Result<(), TableError> {
+    for (flat, &e) in joules.iter().enumerate() {
+        check_finite(&spec.window, row, flat, e)?;
+    }
+    out.bricks = leave_out(spec, probe, joules);
+    out.codes.resize(joules.len(), 0);
+    out.scale = match spec.storage.numbers {
+        Numbers::Half => 1.0,
+        Numbers::Integer => integer_scale(spec.far_energy, probe.unit, joules),
+    };
+    let step = f64::from(out.scale) * probe.unit;
+    for (&e, code) in joules.iter().zip(&mut out.codes) {
+        *code = match spec.storage.numbers {
+            Numbers::Half => half(f64::from(e) / probe.unit).ok_or(TableError::Overflow {
+                row,
+                found: e,
+                limit: f16::MAX.to_f64() * probe.unit,
+            })?,
+            Numbers::Integer => (f64::from(e) / step).round() as i16 as u16,
+        };
+    }
+    Ok(())
+}
+
+/// Half-precision bits. Numbers too small to be normal (2^-23 of the largest probed energy) become
+/// zero, so that decoding never meets a subnormal.
+fn half(value: f64) -> Option<u16> {
+    let half = f16::from_f64(value);
+    (!half.is_infinite()).then(|| if half.is_normal() { half.to_bits() } else { 0 })
+}
+
+/// The least scale at which the largest energy of a rotation node is within 16 bits.
+fn integer_scale(far: f64, unit: f64, joules: &[f32]) -> f32 {
+    let largest = joules
+        .iter()
+        .fold(far.abs(), |m, e| m.max(f64::from(e.abs())));
+    match largest {
+        0.0 => 1.0,
+        // A little more, so that rounding the scale leaves the largest number within range.
+        _ => (largest / unit / 32766.0).max(f64::from(f32::MIN_POSITIVE)) as f32,
+    }
+}
+
+/// The code of the far energy in a rotation node of this scale.
+pub(crate) fn far_code(spec: &TableSpec, unit: f64, scale: f32) -> u16 {
+    // Through single precision, as energies come.
+    let far = f64::from(spec.far_energy as f32);
+    match spec.storage.numbers {
+        Numbers::Half => half(far / unit).unwrap_or(0),
+        Numbers::Integer => (far / (f64::from(scale) * unit)).round() as i16 as u16,
+    }
+}
+
+/// True for codes that may be in a file.
+pub(crate) fn is_storable(code: u16, numbers: Numbers) -> bool {
+    match numbers {
+        Numbers::Half => value_of(code, Code::Half).is_finite(),
+        Numbers::Integer => true,
+    }
+}
+
+/// Sets bricks without an energy of note to the far energy. Returns how many there are now of
+/// those, and of all.
+fn leave_out(spec: &TableSpec, probe: &Probe, joules: &mut [f32]) -> [usize; 2] {
+    let (shape, far) = (spec.window.shape(), spec.far_energy as f32);
+    let bricks = shape.map(|n| n.div_ceil(Storage::BRICK));
+    let mut empty = 0;
+    for bx in 0..bricks[0] {
+        for by in 0..bricks[1] {
+            for bz in 0..bricks[2] {
+                let range =
+                    |b: usize, n: usize| b * Storage::BRICK..((b + 1) * Storage::BRICK).min(n);
+                let rows = range(bx, shape[0])
+                    .flat_map(|x| range(by, shape[1]).map(move |y| (x * shape[1] + y) * shape[2]));
+                let along = range(bz, shape[2]);
+                let span = |row: usize| row + along.start..row + along.end;
+                let matters = rows.clone().any(|row| {
+                    joules[span(row)]
+                        .iter()
+                        .any(|&e| f64::from((e - far).abs()) > probe.negligible)
+                });
+                if !matters {
+                    empty += 1;
+                    rows.for_each(|row| joules[span(row)].fill(far));
+                }
+            }
+        }
+    }
+    [empty, bricks.iter().product()]
+}

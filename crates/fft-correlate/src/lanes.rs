@@ -1,0 +1,285 @@
+//! Memory of bundles of lines: aligned buffers, unchecked access to them, transposition of blocks.
+
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+use fearless_simd::prelude::*;
+
+use crate::radix::Complex;
+use crate::real::Real;
+
+/// Runs an expression with the vectors of a level: `dispatch!` without the levels between the
+/// baseline and AVX2, of which no machine in use is the best.
+macro_rules! dispatch_lanes {
+    ($level:expr, $simd:ident => $op:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            use fearless_simd::Simd as _;
+            let level: fearless_simd::Level = $level;
+            if let Some($simd) = level.as_avx512() {
+                $simd.vectorize(
+                    #[inline(always)]
+                    || $op,
+                )
+            } else if let Some($simd) = level.as_avx2() {
+                $simd.vectorize(
+                    #[inline(always)]
+                    || $op,
+                )
+            } else {
+                let $simd = level.as_sse2().expect("every x86-64 machine has SSE2");
+                $simd.vectorize(
+                    #[inline(always)]
+                    || $op,
+                )
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            fearless_simd::dispatch!($level, $simd => $op)
+        }
+    }};
+}
+
+pub(crate) use dispatch_lanes;
+
+/// Numbers of the widest vector that any level has: 16 of f32 with AVX-512.
+const MAX_LANES: usize = 16;
+
+/// One cache line.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Line([u8; 64]);
+
+/// Zeroed numbers that begin on a cache line.
+pub(crate) struct Buffer<T> {
+    lines: Vec<Line>,
+    kind: std::marker::PhantomData<T>,
+}
+
+impl<T: Real> Buffer<T> {
+    pub(crate) fn zeroed(len: usize) -> Self {
+        let lines = (len * size_of::<T>()).div_ceil(size_of::<Line>());
+        Self {
+            lines: bytemuck::zeroed_vec(lines),
+            kind: std::marker::PhantomData,
+        }
+    }
+
+    pub(crate) fn as_slice(&self) -> &[T] {
+        bytemuck::cast_slice(&self.lines)
+    }
+
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [T] {
+        bytemuck::cast_slice_mut(&mut self.lines)
+    }
+
+    /// The whole buffer for unchecked access.
+    pub(crate) fn tile(&mut self) -> Tile<T> {
+        Tile::new(self.as_mut_slice())
+    }
+}
+
+/// Numbers in memory without borrow or bounds checks (those of debug builds excepted): lanes of
+/// lines are read and written in orders that a slice cannot express, by several threads at once.
+#[derive(Debug)]
+pub(crate) struct Tile<T> {
+    start: *mut T,
+    len: usize,
+}
+
+impl<T> Clone for Tile<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Tile<T> {}
+
+// SAFETY: a tile is an address; every access through it is an unsafe call that demands that no one
+// else uses the same elements.
+unsafe impl<T: Send> Send for Tile<T> {}
+// SAFETY: as above.
+unsafe impl<T: Send> Sync for Tile<T> {}
+
+impl<T: Real> Tile<T> {
+    pub(crate) fn new(numbers: &mut [T]) -> Self {
+        Self {
+            start: numbers.as_mut_ptr(),
+            len: numbers.len(),
+        }
+    }
+
+    /// The numbers from `offset` on.
+    ///
+    /// # Safety
+    /// `offset` must not exceed the length.
+    #[inline(always)]
+    pub(crate) unsafe fn from(self, offset: usize) -> Self {
+        debug_assert!(offset <= self.len);
+        Self {
+            // SAFETY: within the allocation, as demanded.
+            start: unsafe { self.start.add(offset) },
+            len: self.len - offset,
+        }
+    }
+
+    /// The vector that begins at `offset`.
+    ///
+    /// # Safety
+    /// It must lie within the memory, which must be alive and not written by anyone else.
+    #[inline(always)]
+    pub(crate) unsafe fn load<S: Simd>(self, simd: S, offset: usize) -> T::Native<S> {
+        let lanes = T::Native::<S>::LEN;
+        debug_assert!(offset + lanes <= self.len, "{offset} of {}", self.len);
+        // SAFETY: as demanded.
+        let from = unsafe { std::slice::from_raw_parts(self.start.add(offset), lanes) };
+        T::Native::<S>::from_slice(simd, from)
+    }
+
+    /// Overwrites the vector that begins at `offset`.
+    ///
+    /// # Safety
+    /// As [`Tile::load`], and no one else may read it.
+    #[inline(always)]
+    pub(crate) unsafe fn store<S: Simd>(self, offset: usize, value: T::Native<S>) {
+        let lanes = T::Native::<S>::LEN;
+        debug_assert!(offset + lanes <= self.len, "{offset} of {}", self.len);
+        // SAFETY: as demanded.
+        let to = unsafe { std::slice::from_raw_parts_mut(self.start.add(offset), lanes) };
+        value.store_slice(to);
+    }
+
+    /// Element `index` of a bundle whose elements follow each other.
+    ///
+    /// # Safety
+    /// As [`Tile::load`].
+    #[inline(always)]
+    pub(crate) unsafe fn get<S: Simd>(self, simd: S, index: usize) -> Complex<T::Native<S>> {
+        let lanes = T::Native::<S>::LEN;
+        let at = 2 * lanes * index;
+        // SAFETY: as demanded.
+        unsafe { [self.load(simd, at), self.load(simd, at + lanes)] }
+    }
+
+    /// Overwrites element `index` of a bundle whose elements follow each other.
+    ///
+    /// # Safety
+    /// As [`Tile::store`].
+    #[inline(always)]
+    pub(crate) unsafe fn put<S: Simd>(self, _: S, index: usize, value: Complex<T::Native<S>>) {
+        let lanes = T::Native::<S>::LEN;
+        let at = 2 * lanes * index;
+        // SAFETY: as demanded.
+        unsafe {
+            self.store::<S>(at, value[0]);
+            self.store::<S>(at + lanes, value[1]);
+        }
+    }
+
+    /// The numbers as a slice.
+    ///
+    /// # Safety
+    /// They must be alive for `'a` and not written by anyone else.
+    #[inline(always)]
+    pub(crate) unsafe fn slice<'a>(self, offset: usize, len: usize) -> &'a [T] {
+        debug_assert!(offset + len <= self.len);
+        // SAFETY: as demanded.
+        unsafe { std::slice::from_raw_parts(self.start.add(offset), len) }
+    }
+}
+
+/// A bundle whose elements lie apart.
+#[derive(Debug, Clone)]
+pub(crate) struct Strided<T> {
+    /// Where element `range.start` lies.
+    pub(crate) tile: Tile<T>,
+    /// Elements that are there; others are zero when read and dropped when written.
+    pub(crate) range: Range<usize>,
+    /// Element `range.start + i` lies at `(i >> bits) * far + (i & (2^bits - 1)) * near`.
+    pub(crate) bits: u32,
+    pub(crate) far: usize,
+    pub(crate) near: usize,
+}
+
+impl<T: Real> Strided<T> {
+    /// Elements `stride` numbers apart.
+    pub(crate) fn even(tile: Tile<T>, range: Range<usize>, stride: usize) -> Self {
+        Self {
+            tile,
+            range,
+            bits: 0,
+            far: stride,
+            near: 0,
+        }
+    }
+
+    #[inline(always)]
+    fn offset(&self, index: usize) -> usize {
+        let i = index - self.range.start;
+        (i >> self.bits) * self.far + (i & ((1 << self.bits) - 1)) * self.near
+    }
+
+    /// Element `index`, zero outside the range.
+    ///
+    /// # Safety
+    /// As [`Tile::load`] for all elements of the range.
+    #[inline(always)]
+    pub(crate) unsafe fn get<S: Simd>(&self, simd: S, index: usize) -> Complex<T::Native<S>> {
+        if self.range.contains(&index) {
+            // SAFETY: as demanded.
+            unsafe { self.tile.from(self.offset(index)).get(simd, 0) }
+        } else {
+            [T::Native::<S>::splat(simd, T::zero()); 2]
+        }
+    }
+
+    /// Overwrites element `index` if it is in the range.
+    ///
+    /// # Safety
+    /// As [`Tile::store`] for all elements of the range.
+    #[inline(always)]
+    pub(crate) unsafe fn put<S: Simd>(&self, simd: S, index: usize, value: Complex<T::Native<S>>) {
+        if self.range.contains(&index) {
+            // SAFETY: as demanded.
+            unsafe { self.tile.from(self.offset(index)).put(simd, 0, value) }
+        }
+    }
+}
+
+/// Transposes a square block of as many rows as a vector has lanes: row `r` is read from
+/// `from + r * from_stride`, column `c` written to `to + c * to_stride`.
+///
+/// # Safety
+/// All rows and columns must lie within their memory, which no one else may use; the two may be
+/// the same.
+#[inline(always)]
+pub(crate) unsafe fn transpose<S: Simd, T: Real>(
+    simd: S,
+    from: Tile<T>,
+    from_stride: usize,
+    to: Tile<T>,
+    to_stride: usize,
+) {
+    let lanes = T::Native::<S>::LEN;
+    let zero = T::Native::<S>::splat(simd, T::zero());
+    let mut rows = [zero; MAX_LANES];
+    for (r, row) in rows.iter_mut().enumerate().take(lanes) {
+        // SAFETY: as demanded.
+        *row = unsafe { from.load(simd, r * from_stride) };
+    }
+    // Each perfect shuffle of the list rotates the bits of (row, lane) by one.
+    let mut done = 1;
+    while done < lanes {
+        let mut next = rows;
+        for i in 0..lanes / 2 {
+            (next[2 * i], next[2 * i + 1]) = rows[i].interleave(rows[i + lanes / 2]);
+        }
+        rows = next;
+        done *= 2;
+    }
+    for (c, column) in rows.iter().enumerate().take(lanes) {
+        // SAFETY: as demanded.
+        unsafe { to.store::<S>(c * to_stride, *column) };
+    }
+}

@@ -1,0 +1,171 @@
+//! Butterflies of the lane-batched transforms, and the Stockham pass made of them.
+
+use fearless_simd::prelude::*;
+
+use crate::real::Real;
+
+/// The closure itself: attributes stand on arguments, but not yet on the right of `let`. Code that
+/// is not inlined has no vector instructions.
+#[inline(always)]
+pub(crate) fn inlined<F>(closure: F) -> F {
+    closure
+}
+
+/// Real and imaginary parts of one element of a bundle of lines.
+pub(crate) type Complex<V> = [V; 2];
+
+#[inline(always)]
+fn add<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+#[inline(always)]
+fn sub<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// `a + i b`.
+#[inline(always)]
+fn add_i<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {
+    [a[0] - b[1], a[1] + b[0]]
+}
+
+/// `a - i b`.
+#[inline(always)]
+fn sub_i<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {
+    [a[0] + b[1], a[1] - b[0]]
+}
+
+/// `a + b s` for a real factor.
+#[inline(always)]
+fn scaled<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>, s: V) -> Complex<V> {
+    [b[0].mul_add(s, a[0]), b[1].mul_add(s, a[1])]
+}
+
+/// `a b`.
+#[inline(always)]
+pub(crate) fn mul<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {
+    [
+        a[0].mul_sub(b[0], a[1] * b[1]),
+        a[0].mul_add(b[1], a[1] * b[0]),
+    ]
+}
+
+#[inline(always)]
+fn four<S: Simd, V: SimdFloat<S>>(a: [Complex<V>; 4]) -> [Complex<V>; 4] {
+    let (s02, d02) = (add(a[0], a[2]), sub(a[0], a[2]));
+    let (s13, d13) = (add(a[1], a[3]), sub(a[1], a[3]));
+    [
+        add(s02, s13),
+        add_i(d02, d13),
+        sub(s02, s13),
+        sub_i(d02, d13),
+    ]
+}
+
+/// The transform of `R` elements with the positive exponent.
+#[inline(always)]
+fn butterfly<S: Simd, T: Real, const R: usize>(
+    simd: S,
+    a: [Complex<T::Native<S>>; R],
+) -> [Complex<T::Native<S>>; R] {
+    let real = inlined(
+        #[inline(always)]
+        |v: f64| T::Native::<S>::splat(simd, T::nearest(v)),
+    );
+    let mut y = a;
+    match R {
+        2 => (y[0], y[1]) = (add(a[0], a[1]), sub(a[0], a[1])),
+        3 => {
+            let (sum, difference) = (add(a[1], a[2]), sub(a[1], a[2]));
+            let middle = scaled(a[0], sum, real(-0.5));
+            let sine = real(3f64.sqrt() / 2.0);
+            let d = [difference[0] * sine, difference[1] * sine];
+            y[0] = add(a[0], sum);
+            (y[1], y[2]) = (add_i(middle, d), sub_i(middle, d));
+        }
+        4 => y[..4].copy_from_slice(&four([a[0], a[1], a[2], a[3]])),
+        5 => {
+            let root = 5f64.sqrt();
+            let (c1, c2) = (real((root - 1.0) / 4.0), real((-root - 1.0) / 4.0));
+            let s1 = real((10.0 + 2.0 * root).sqrt() / 4.0);
+            let s2 = real((10.0 - 2.0 * root).sqrt() / 4.0);
+            let (p, m) = (add(a[1], a[4]), sub(a[1], a[4]));
+            let (q, n) = (add(a[2], a[3]), sub(a[2], a[3]));
+            let t1 = scaled(scaled(a[0], p, c1), q, c2);
+            let t2 = scaled(scaled(a[0], p, c2), q, c1);
+            let u1 = scaled([m[0] * s1, m[1] * s1], n, s2);
+            let u2 = scaled([m[0] * s2, m[1] * s2], n, -s1);
+            y[0] = add(a[0], add(p, q));
+            (y[1], y[4]) = (add_i(t1, u1), sub_i(t1, u1));
+            (y[2], y[3]) = (add_i(t2, u2), sub_i(t2, u2));
+        }
+        8 => {
+            let e = four([a[0], a[2], a[4], a[6]]);
+            let f = four([a[1], a[3], a[5], a[7]]);
+            let half = real(0.5f64.sqrt());
+            // e^{i pi / 4} f1 and e^{3 i pi / 4} f3, before the factor.
+            let g1 = [f[1][0] - f[1][1], f[1][0] + f[1][1]];
+            let g3 = [f[3][0] + f[3][1], f[3][0] - f[3][1]];
+            (y[0], y[4]) = (add(e[0], f[0]), sub(e[0], f[0]));
+            (y[1], y[5]) = (scaled(e[1], g1, half), scaled(e[1], g1, -half));
+            (y[2], y[6]) = (add_i(e[2], f[2]), sub_i(e[2], f[2]));
+            y[3] = [g3[0].mul_add(-half, e[3][0]), g3[1].mul_add(half, e[3][1])];
+            y[7] = [g3[0].mul_add(half, e[3][0]), g3[1].mul_add(-half, e[3][1])];
+        }
+        _ => unreachable!("radices are 2, 3, 4, 5 and 8"),
+    }
+    y
+}
+
+/// One Stockham pass of radix `R` over `stride` interleaved transforms of which `rest` points each
+/// are left: element `q + stride (p + j rest / R)` in, `q + stride (R p + j)` out.
+#[inline(always)]
+pub(crate) fn pass<S: Simd, T: Real, const R: usize>(
+    simd: S,
+    rest: usize,
+    stride: usize,
+    twiddles: &[[T; 2]],
+    load: impl Fn(usize) -> Complex<T::Native<S>>,
+    mut store: impl FnMut(usize, Complex<T::Native<S>>),
+) {
+    let blocks = rest / R;
+    let span = stride * blocks;
+    let zero = T::Native::<S>::splat(simd, T::zero());
+    // Plain loops over arrays: closures of the standard library might not be inlined, and code
+    // outside has no vector instructions.
+    let mut x = [[zero; 2]; R];
+    if blocks == 1 {
+        for q in 0..stride {
+            for (j, x) in x.iter_mut().enumerate() {
+                *x = load(q + j * span);
+            }
+            let y = butterfly::<S, T, R>(simd, x);
+            for (j, y) in y.iter().enumerate() {
+                store(q + j * stride, *y);
+            }
+        }
+        return;
+    }
+    for (p, factors) in twiddles.chunks_exact(R - 1).enumerate() {
+        let mut w = [[zero; 2]; R];
+        for (w, [re, im]) in w[1..].iter_mut().zip(factors) {
+            *w = [
+                T::Native::<S>::splat(simd, *re),
+                T::Native::<S>::splat(simd, *im),
+            ];
+        }
+        for q in 0..stride {
+            let at = q + stride * p;
+            for (j, x) in x.iter_mut().enumerate() {
+                *x = load(at + j * span);
+            }
+            let y = butterfly::<S, T, R>(simd, x);
+            let to = q + stride * R * p;
+            store(to, y[0]);
+            for j in 1..R {
+                store(to + j * stride, mul(y[j], w[j]));
+            }
+        }
+    }
+}

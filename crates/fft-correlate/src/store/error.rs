@@ -1,0 +1,94 @@
+//! What can be wrong with a table on disk.
+
+use std::io;
+use std::path::PathBuf;
+
+use crate::table::TableError;
+
+/// Why a table on disk cannot be made, read or extended.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// There is nothing at the path.
+    #[error("{}: no table there", path.display())]
+    Missing {
+        /// Where.
+        path: PathBuf,
+    },
+    /// A file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Which file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The metadata is not that of a table.
+    #[error("{}: {item} is not that of an energy table: {reason}", path.display())]
+    Metadata {
+        /// The table.
+        path: PathBuf,
+        /// Which file or attribute.
+        item: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The table is of another format.
+    #[error("{}: table format {expected} expected, {found} found", path.display())]
+    Version {
+        /// The table.
+        path: PathBuf,
+        /// The format this program reads.
+        expected: u32,
+        /// The table's.
+        found: u64,
+    },
+    /// The table is for another part.
+    #[error("{}: table of another {part} part: mesh {expected} expected, {found} found", path.display())]
+    Mesh {
+        /// The table.
+        path: PathBuf,
+        /// `fixed` or `moving`.
+        part: &'static str,
+        /// Hash expected.
+        expected: String,
+        /// Hash in the table.
+        found: String,
+    },
+    /// The table at the path was baked with another specification.
+    #[error("{}: a table with another {item} is already there", path.display())]
+    Different {
+        /// The table.
+        path: PathBuf,
+        /// What differs first.
+        item: String,
+    },
+    /// Rotation nodes are not baked yet.
+    #[error(
+        "{}: {missing} of {rotations} rotation nodes are missing, the first is {first}; bake with \
+         resume",
+        path.display()
+    )]
+    Incomplete {
+        /// The table.
+        path: PathBuf,
+        /// How many.
+        missing: usize,
+        /// Of how many.
+        rotations: usize,
+        /// The first of them.
+        first: usize,
+    },
+    /// A rotation node's chunk is truncated or does not pass its checksum.
+    #[error("{}: chunk {key} is damaged: {reason}; bake with resume", path.display())]
+    Damaged {
+        /// The table.
+        path: PathBuf,
+        /// File of the chunk within the table.
+        key: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The specification is out of range, or the table too large.
+    #[error(transparent)]
+    Table(#[from] TableError),
+}

@@ -1,0 +1,95 @@
+//! The attribute `pegfit` of a table: what it holds, how, and what was measured of it.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use super::{FORMAT_VERSION, StoreError};
+use crate::encode::Probe;
+use crate::table::TableSpec;
+use crate::table_error::ErrorReport;
+
+/// Content of the attribute.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Header {
+    pub(super) format: u32,
+    pub(super) program: String,
+    pub(super) energy_unit: f64,
+    /// Distance from the far energy that was left out, joules.
+    pub(super) negligible: f64,
+    pub(super) table: TableSpec,
+    #[serde(default)]
+    pub(super) error: Option<ErrorReport>,
+}
+
+impl Header {
+    pub(super) fn probe(&self) -> Probe {
+        Probe {
+            unit: self.energy_unit,
+            negligible: self.negligible,
+        }
+    }
+
+    /// The metadata of a table's group.
+    pub(super) fn group(&self) -> Value {
+        json!({ "zarr_format": 3, "node_type": "group", "attributes": self.attributes() })
+    }
+
+    pub(super) fn attributes(&self) -> Map<String, Value> {
+        let mut attributes = Map::new();
+        attributes.insert("pegfit".into(), json!(self));
+        attributes
+    }
+
+    pub(super) fn read(path: &Path) -> Result<Self, StoreError> {
+        let file = path.join("zarr.json");
+        let text = fs::read_to_string(&file).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => StoreError::Missing { path: path.into() },
+            // Not text: some other file, or this one damaged.
+            io::ErrorKind::InvalidData => StoreError::Metadata {
+                path: path.into(),
+                item: "zarr.json",
+                reason: source.to_string(),
+            },
+            _ => StoreError::Io { path: file, source },
+        })?;
+        Self::parse(path, &text)
+    }
+
+    fn parse(path: &Path, text: &str) -> Result<Self, StoreError> {
+        let metadata = |item, reason: String| StoreError::Metadata {
+            path: path.into(),
+            item,
+            reason,
+        };
+        let group: Value =
+            serde_json::from_str(text).map_err(|e| metadata("zarr.json", e.to_string()))?;
+        let header = &group["attributes"]["pegfit"];
+        // Another format may have other keys: look at its number before the rest.
+        let found = header["format"]
+            .as_u64()
+            .ok_or_else(|| metadata("zarr.json", "there is no format number".into()))?;
+        if found != u64::from(FORMAT_VERSION) {
+            return Err(StoreError::Version {
+                path: path.into(),
+                expected: FORMAT_VERSION,
+                found,
+            });
+        }
+        let header =
+            Self::deserialize(header).map_err(|e| metadata("attribute pegfit", e.to_string()))?;
+        let unit = header.energy_unit;
+        if !(unit.is_normal() && unit > 0.0) {
+            return Err(metadata("attribute energy_unit", format!("found {unit}")));
+        }
+        if !(header.negligible.is_finite() && header.negligible >= 0.0) {
+            let found = format!("found {}", header.negligible);
+            return Err(metadata("attribute negligible", found));
+        }
+        Ok(header)
+    }
+}

@@ -1,0 +1,161 @@
+//! The files of a table without energies: metadata and coordinates.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+
+use half::f16;
+use serde_json::json;
+use zarrs::array::codec::{
+    BloscCodec, BloscCompressionLevel, BloscCompressor, BloscShuffleMode, Crc32cCodec,
+};
+use zarrs::array::{ArrayBuilder, data_type};
+use zarrs::filesystem::FilesystemStore;
+use zarrs::group::GroupBuilder;
+use zarrs::metadata::ChunkKeySeparator;
+
+use super::header::Header;
+use super::{StoreError, metadata_options, one_thread};
+use crate::encode::Numbers;
+use crate::rotation_grid::RotationGrid;
+use crate::table::TableSpec;
+
+/// Writes the metadata of an empty table to a folder beside `path` and renames it. If another
+/// process was first, its table stays and this one is dropped.
+pub(super) fn place(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(), StoreError> {
+    let io = |source: io::Error| StoreError::Io {
+        path: path.into(),
+        source,
+    };
+    let parent = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let folder = tempfile::Builder::new()
+        .prefix(&format!(".{name}."))
+        .suffix(".tmp")
+        .tempdir_in(parent)
+        .map_err(io)?;
+    write_skeleton(folder.path(), header, grid).map_err(|e| io(io::Error::other(e)))?;
+    match fs::rename(folder.path(), path) {
+        Ok(()) => {
+            let _ = folder.keep();
+            fs::File::open(parent)
+                .and_then(|d| d.sync_all())
+                .map_err(io)
+        }
+        Err(_) if path.join("zarr.json").exists() => Ok(()),
+        Err(source) => Err(io(source)),
+    }
+}
+
+type AnyError = Box<dyn std::error::Error + Send + Sync>;
+
+fn write_skeleton(folder: &Path, header: &Header, grid: &RotationGrid) -> Result<(), AnyError> {
+    let files = Arc::new(FilesystemStore::new(folder)?);
+    let window = &header.table.window;
+    GroupBuilder::new()
+        .attributes(header.attributes())
+        .build(files.clone(), "/")?
+        .store_metadata()?;
+    energy_array(&header.table, grid)
+        .build(files.clone(), "/energy")?
+        .store_metadata_opt(&metadata_options())?;
+    if header.table.storage.numbers == Numbers::Integer {
+        scale_array(grid)
+            .build(files.clone(), "/scale")?
+            .store_metadata_opt(&metadata_options())?;
+    }
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let values: Vec<f64> = (0..window.shape()[axis])
+            .map(|i| window.position([i; 3]).to_array()[axis])
+            .collect();
+        let about = "displacement of the moving part's pivot";
+        coordinate(&files, name, &[(name, values.len())], &values, about, "m")?;
+    }
+    let quaternions: Vec<f64> = grid.nodes().iter().flat_map(|q| q.to_array()).collect();
+    let shape = [("rotation", grid.nodes().len()), ("component", 4)];
+    coordinate(
+        &files,
+        "quaternion",
+        &shape,
+        &quaternions,
+        "x, y, z, w",
+        "1",
+    )
+}
+
+/// One chunk of energies for each rotation node.
+pub(super) fn energy_array(spec: &TableSpec, grid: &RotationGrid) -> ArrayBuilder {
+    let [nx, ny, nz] = spec.window.shape().map(|n| n as u64);
+    let level = BloscCompressionLevel::try_from(5u8).expect("levels reach 9");
+    let blosc = BloscCodec::new(
+        BloscCompressor::LZ4,
+        level,
+        None,
+        BloscShuffleMode::Shuffle,
+        Some(2),
+    )
+    .expect("blosc has lz4 and the element size is given");
+    let (unit, coordinates) = match spec.storage.numbers {
+        Numbers::Half => ("energy_unit", "quaternion"),
+        Numbers::Integer => ("scale times energy_unit", "quaternion scale"),
+    };
+    let attributes = json!({
+        "long_name": format!("energy in units of {unit}"), "coordinates": coordinates,
+    });
+    let (shape, chunk) = (
+        vec![grid.nodes().len() as u64, nx, ny, nz],
+        vec![1, nx, ny, nz],
+    );
+    let mut builder = match spec.storage.numbers {
+        Numbers::Half => ArrayBuilder::new(shape, chunk, data_type::float16(), f16::NAN),
+        Numbers::Integer => ArrayBuilder::new(shape, chunk, data_type::int16(), i16::MIN),
+    };
+    builder
+        .bytes_to_bytes_codecs(vec![Arc::new(blosc), Arc::new(Crc32cCodec::new())])
+        .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
+        .dimension_names(Some(["rotation", "x", "y", "z"]))
+        .attributes(attributes.as_object().cloned().unwrap_or_default());
+    builder
+}
+
+/// What the whole numbers of each rotation node are multiplied by, in units.
+pub(super) fn scale_array(grid: &RotationGrid) -> ArrayBuilder {
+    let attributes = json!({ "long_name": "units of energy per number", "units": "1" });
+    let shape = vec![grid.nodes().len() as u64];
+    let mut builder = ArrayBuilder::new(shape, vec![1], data_type::float32(), f32::NAN);
+    builder
+        .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
+        .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
+        .dimension_names(Some(["rotation"]))
+        .attributes(attributes.as_object().cloned().unwrap_or_default());
+    builder
+}
+
+fn coordinate(
+    files: &Arc<FilesystemStore>,
+    name: &str,
+    shape: &[(&str, usize)],
+    values: &[f64],
+    about: &str,
+    unit: &str,
+) -> Result<(), AnyError> {
+    let lengths: Vec<u64> = shape.iter().map(|(_, n)| *n as u64).collect();
+    let attributes = json!({ "long_name": about, "units": unit });
+    let array = ArrayBuilder::new(
+        lengths.clone(),
+        lengths.clone(),
+        data_type::float64(),
+        f64::NAN,
+    )
+    .dimension_names(Some(shape.iter().map(|(n, _)| *n)))
+    .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
+    .attributes(attributes.as_object().cloned().unwrap_or_default())
+    .build(files.clone(), &format!("/{name}"))?;
+    array.store_metadata_opt(&metadata_options())?;
+    array.store_chunk_opt(&vec![0; shape.len()], values, &one_thread())?;
+    Ok(())
+}

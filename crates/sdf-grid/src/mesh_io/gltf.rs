@@ -1,0 +1,318 @@
+//! glTF 2.0, JSON (`.gltf`) and binary (`.glb`).
+//!
+//! The document is parsed and checked by the `gltf` crate; accessors are read here, because its
+//! readers trust the offsets in the file. Every node with a mesh is a solid, placed by the
+//! transforms above it; the unit is the metre. Axes are left as the file has them.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use glam::{DMat4, DVec3};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::buffer::Source;
+use gltf::mesh::Mode;
+use gltf::{Accessor, Document, Gltf, Node, Primitive};
+
+use super::soup::{Soup, syntax};
+use super::{LengthUnit, read_whole};
+use crate::mesh_error::MeshError;
+
+/// Nodes below one another; deeper trees are refused.
+const DEEPEST: usize = 1000;
+
+/// Reads all meshes of the file's scene, or of its first if none is the default; the solids are
+/// named after their nodes.
+pub(super) fn parse(file: &str, bytes: &[u8], folder: Option<&Path>) -> Result<Soup, MeshError> {
+    let gltf = Gltf::from_slice(bytes)
+        .map_err(|e| syntax(file, "document", "a glTF 2.0 file", e.to_string()))?;
+    let document = &gltf.document;
+    let version = &document.as_json().asset.version;
+    if !version.starts_with("2.") {
+        return Err(syntax(
+            file,
+            "asset",
+            "a glTF 2.0 file",
+            format!("version {version:?}"),
+        ));
+    }
+    let scene = document
+        .default_scene()
+        .or_else(|| document.scenes().next());
+    let Some(scene) = scene else {
+        return Err(syntax(file, "scenes", "a scene", "none"));
+    };
+    let mut reader = GltfReader {
+        file,
+        buffers: buffers(file, &gltf, folder)?,
+        soup: Soup {
+            unit: Some(LengthUnit::M),
+            ..Soup::default()
+        },
+        visited: vec![false; document.nodes().len()],
+    };
+    for node in scene.nodes() {
+        reader.place(&node, DMat4::IDENTITY, 0)?;
+    }
+    Ok(reader.soup)
+}
+
+/// The bytes of every buffer: the binary chunk, `data:` text, or files in `folder`.
+fn buffers<'a>(
+    file: &str,
+    gltf: &'a Gltf,
+    folder: Option<&Path>,
+) -> Result<Vec<Cow<'a, [u8]>>, MeshError> {
+    let document: &Document = &gltf.document;
+    document
+        .buffers()
+        .map(|buffer| {
+            let place = format!("buffer {}", buffer.index());
+            let data = match buffer.source() {
+                Source::Bin => Cow::Borrowed(gltf.blob.as_deref().unwrap_or_default()),
+                Source::Uri(uri) => Cow::Owned(uri_bytes(file, &place, uri, folder)?),
+            };
+            if data.len() < buffer.length() {
+                let expected = format!("{} bytes", buffer.length());
+                return Err(syntax(
+                    file,
+                    place,
+                    expected,
+                    format!("{} bytes", data.len()),
+                ));
+            }
+            Ok(data)
+        })
+        .collect()
+}
+
+fn uri_bytes(
+    file: &str,
+    place: &str,
+    uri: &str,
+    folder: Option<&Path>,
+) -> Result<Vec<u8>, MeshError> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let text = data.split_once(";base64,").map(|(_, text)| text);
+        return text
+            .and_then(|text| BASE64.decode(text).ok())
+            .ok_or_else(|| syntax(file, place, "base64 data", "something else"));
+    }
+    // A file beside this one, never one elsewhere: mesh files are untrusted.
+    let name = percent_decoded(uri);
+    let beside = !uri.contains(':')
+        && Path::new(&name)
+            .components()
+            .all(|c| matches!(c, std::path::Component::Normal(_)));
+    match folder {
+        Some(folder) if beside => read_whole(&folder.join(name)),
+        _ => {
+            let expected = "a buffer in the file or in one beside it";
+            Err(syntax(file, place, expected, format!("{uri:?}")))
+        }
+    }
+}
+
+/// `a%20b` as `a b`; sequences that make no sense stay.
+fn percent_decoded(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut at = 0;
+    while at < bytes.len() {
+        let hex = (bytes[at] == b'%')
+            .then(|| uri.get(at + 1..at + 3))
+            .flatten();
+        match hex.and_then(|h| u8::from_str_radix(h, 16).ok()) {
+            Some(byte) => {
+                out.push(byte);
+                at += 3;
+            }
+            None => {
+                out.push(bytes[at]);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+struct GltfReader<'a> {
+    file: &'a str,
+    buffers: Vec<Cow<'a, [u8]>>,
+    soup: Soup,
+    /// Nodes seen: each may be placed once only.
+    visited: Vec<bool>,
+}
+
+impl GltfReader<'_> {
+    /// Adds the meshes of a node and of those below it.
+    fn place(&mut self, node: &Node<'_>, above: DMat4, depth: usize) -> Result<(), MeshError> {
+        let place = format!("node {}", node.index());
+        if std::mem::replace(&mut self.visited[node.index()], true) {
+            return Err(syntax(self.file, place, "one place in the tree", "several"));
+        }
+        if depth > DEEPEST {
+            let expected = format!("at most {DEEPEST} nodes above it");
+            return Err(syntax(self.file, place, expected, "more"));
+        }
+        let columns = node.transform().matrix().map(|c| c.map(f64::from));
+        let transform = above * DMat4::from_cols_array_2d(&columns);
+        if let Some(mesh) = node.mesh() {
+            let name = node.name().or(mesh.name()).unwrap_or_default();
+            self.soup.begin_solid(name);
+            for primitive in mesh.primitives() {
+                let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
+                self.add(&primitive, transform, &place)?;
+            }
+        }
+        node.children()
+            .try_for_each(|child| self.place(&child, transform, depth + 1))
+    }
+
+    /// Adds a primitive; points and lines say nothing about the solid.
+    fn add(
+        &mut self,
+        primitive: &Primitive<'_>,
+        transform: DMat4,
+        place: &str,
+    ) -> Result<(), MeshError> {
+        if !matches!(
+            primitive.mode(),
+            Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
+        ) {
+            return Ok(());
+        }
+        let positions = primitive
+            .get(&gltf::Semantic::Positions)
+            .ok_or_else(|| syntax(self.file, place, "positions", "none"))?;
+        self.soup.check_room(self.file, positions.count())?;
+        let first = self.soup.vertices.len() as u32;
+        let before = self.soup.triangles.len();
+        let count = positions.count();
+        let types = [DataType::F32];
+        for at in elements(
+            self.file,
+            &self.buffers,
+            &positions,
+            Dimensions::Vec3,
+            &types,
+            place,
+        )? {
+            let (numbers, _) = at.as_chunks::<4>();
+            let [x, y, z] = [0, 1, 2].map(|i| f64::from(f32::from_le_bytes(numbers[i])));
+            self.soup
+                .vertices
+                .push(transform.transform_point3(DVec3::new(x, y, z)));
+        }
+        let indices = match primitive.indices() {
+            Some(accessor) => self.indices(&accessor, count, place)?,
+            None => (0..count as u32).collect(),
+        };
+        let mirrored = transform.determinant() < 0.0;
+        let mut push = |a: u32, b: u32, c: u32| {
+            let [a, b, c] = [a, b, c].map(|i| first + i);
+            self.soup
+                .triangles
+                .push(if mirrored { [a, c, b] } else { [a, b, c] });
+        };
+        match primitive.mode() {
+            Mode::TriangleStrip => indices.windows(3).enumerate().for_each(|(i, w)| {
+                if i % 2 == 0 {
+                    push(w[0], w[1], w[2])
+                } else {
+                    push(w[1], w[0], w[2])
+                }
+            }),
+            Mode::TriangleFan => {
+                indices
+                    .windows(2)
+                    .skip(1)
+                    .for_each(|w| push(indices[0], w[0], w[1]));
+            }
+            _ => indices
+                .as_chunks()
+                .0
+                .iter()
+                .for_each(|&[a, b, c]| push(a, b, c)),
+        }
+        self.soup
+            .check_room(self.file, self.soup.triangles.len() - before)
+    }
+
+    fn indices(
+        &self,
+        accessor: &Accessor<'_>,
+        vertices: usize,
+        place: &str,
+    ) -> Result<Vec<u32>, MeshError> {
+        let types = [DataType::U8, DataType::U16, DataType::U32];
+        elements(
+            self.file,
+            &self.buffers,
+            accessor,
+            Dimensions::Scalar,
+            &types,
+            place,
+        )?
+        .map(|at| {
+            let index = at.iter().rev().fold(0, |n, &b| n << 8 | u32::from(b));
+            if (index as usize) < vertices {
+                return Ok(index);
+            }
+            let expected = format!("vertex indices below {vertices}");
+            Err(syntax(self.file, place, expected, index.to_string()))
+        })
+        .collect()
+    }
+}
+
+/// The bytes of each element of an accessor, which is checked to lie inside its buffer.
+fn elements<'b>(
+    file: &str,
+    buffers: &'b [Cow<'_, [u8]>],
+    accessor: &Accessor<'_>,
+    dimensions: Dimensions,
+    types: &[DataType],
+    place: &str,
+) -> Result<impl Iterator<Item = &'b [u8]> + use<'b>, MeshError> {
+    let place = format!("{place}, accessor {}", accessor.index());
+    let (kind, number) = (accessor.dimensions(), accessor.data_type());
+    if kind != dimensions || !types.contains(&number) {
+        let expected = format!("{dimensions:?} of {types:?}");
+        return Err(syntax(
+            file,
+            place,
+            expected,
+            format!("{kind:?} of {number:?}"),
+        ));
+    }
+    let Some(view) = accessor.view().filter(|_| accessor.sparse().is_none()) else {
+        return Err(syntax(
+            file,
+            place,
+            "values in a buffer",
+            "a sparse accessor",
+        ));
+    };
+    let size = kind.multiplicity() * number.size();
+    let stride = view.stride().unwrap_or(size).max(size);
+    let count = accessor.count();
+    let bytes = buffers.get(view.buffer().index()).and_then(|b| {
+        b.get(view.offset()..)?
+            .get(..view.length())?
+            .get(accessor.offset()..)
+    });
+    let needed = count
+        .checked_sub(1)
+        .map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(size));
+    match (bytes, needed) {
+        (Some(bytes), Some(needed)) if needed <= bytes.len() => {
+            Ok((0..count).map(move |i| &bytes[i * stride..i * stride + size]))
+        }
+        _ => {
+            let expected = format!("{count} values of {size} bytes inside their buffer view");
+            Err(syntax(file, place, expected, "fewer bytes"))
+        }
+    }
+}

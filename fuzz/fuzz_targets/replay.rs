@@ -1,0 +1,6 @@
+//! Recorded logs.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| pegfit_fuzz::replay(bytes));

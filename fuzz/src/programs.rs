@@ -1,0 +1,92 @@
+//! Tables, devices and logs.
+
+use std::fs;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use fft_correlate::bake::{Share, bake};
+use fft_correlate::store::TableStore;
+use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, TableSpec};
+use glam::{DQuat, DVec3};
+use haptic::hid_report::Layouts;
+use haptic::pid::PidLayout;
+use sdf_grid::{Lattice, Silent};
+use tempfile::TempDir;
+
+/// An energy that is a number, wherever.
+struct Constant;
+
+impl NodeEnergies for Constant {
+    type Scratch = ();
+
+    fn scratch(&self) {}
+
+    fn energies(&self, _: DQuat, _: &mut (), mut out: ndarray::ArrayViewMut3<'_, f32>) {
+        out.fill(-1.0);
+    }
+}
+
+/// A whole small table and the paths of its files.
+static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().expect("a folder");
+    let spec = TableSpec {
+        model: ScoreModel::GUIDED,
+        pivot: [0.0; 3],
+        window: Lattice::new(DVec3::splat(-1.0), 1.0, [3; 3]).expect("a lattice"),
+        rotations: RotationDomain::ball(10.0, 10.0),
+        symmetry: None,
+        far_energy: 0.0,
+        fixed_mesh: "aa".into(),
+        moving_mesh: "bb".into(),
+    };
+    let root = folder.path().join("table");
+    bake(&root, &spec, &Constant, Share::ALL, &Silent).expect("a table");
+    let mut files = vec!["zarr.json".to_owned(), "energy/zarr.json".to_owned()];
+    let chunks = fs::read_dir(root.join("energy")).expect("a folder");
+    let first = chunks
+        .filter_map(|e| e.ok()?.file_name().into_string().ok())
+        .filter(|n| n.starts_with("c"))
+        .min();
+    files.extend(first.map(|n| format!("energy/{n}")));
+    (folder, files)
+});
+
+/// Opens and loads a table one of whose files has been replaced: the first byte says which.
+pub fn table(bytes: &[u8]) {
+    let Some((&which, content)) = bytes.split_first() else {
+        return;
+    };
+    let (folder, files) = &*TABLE;
+    let root = folder.path().join("table");
+    let file = root.join(&files[usize::from(which) % files.len()]);
+    let sound = fs::read(&file).expect("a file");
+    fs::write(&file, content).expect("room");
+    if let Ok(store) = TableStore::open(&root) {
+        let _ = store.load(1 << 24);
+    }
+    fs::write(&file, sound).expect("room");
+}
+
+/// Parses a report descriptor, then reads and writes reports by it.
+pub fn hid(bytes: &[u8]) {
+    let _ = PidLayout::parse("fuzz", bytes).map(|pid| pid.output_axes());
+    let Ok(layouts) = Layouts::parse("fuzz", bytes) else {
+        return;
+    };
+    for layout in layouts.input.iter().chain(&layouts.output) {
+        let mut report = layout.blank();
+        for slot in &layout.slots {
+            slot.write(&mut report, i64::MIN);
+            slot.write(&mut report, 1);
+            let _ = (slot.read(&report), slot.read(bytes));
+        }
+    }
+}
+
+/// Reads a recorded log.
+pub fn replay(bytes: &[u8]) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path: &Path = &folder.path().join("log.csv");
+    fs::write(path, bytes).expect("room");
+    let _ = haptic::read_log(path);
+}

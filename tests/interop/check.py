@@ -1,0 +1,83 @@
+"""Opens a table with zarr-python and xarray and compares it with `pegfit score`.
+
+usage: check.py PEGFIT TABLE
+"""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+
+import numpy as np
+import xarray
+import zarr
+
+
+def rotate(q, v):
+    """v turned by the quaternion q = x, y, z, w."""
+    u, w = q[:3], q[3]
+    return v + 2 * np.cross(u, np.cross(u, v) + w * v)
+
+
+def poses(table, pegfit, nodes):
+    """Poses of (rotation, x, y, z) nodes as the rows that `pegfit score` reads."""
+    pivot = np.array(pegfit["table"]["pivot"])
+    for r, i, j, k in nodes:
+        q = table.quaternion.values[r]
+        d = np.array([table.x.values[i], table.y.values[j], table.z.values[k]])
+        yield np.concatenate([pivot + d - rotate(q, pivot), q])
+
+
+def scores(program, path, rows):
+    text = "x,y,z,qx,qy,qz,qw\n" + "".join(",".join(map(repr, map(float, r))) + "\n" for r in rows)
+    command = [program, "score", "--table", path, "--poses", "-", "-q"]
+    out = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
+    return np.array([float(row["energy"]) for row in csv.DictReader(io.StringIO(out))])
+
+
+def main(program, path):
+    table = xarray.open_zarr(path, consolidated=False)
+    pegfit = table.attrs["pegfit"]
+    described = json.loads(
+        subprocess.run(
+            [program, "table", path, "--json"], capture_output=True, text=True, check=True
+        ).stdout
+    )
+    assert pegfit["format"] == 2, pegfit["format"]
+    assert pegfit["table"]["fixed_mesh"] == described["spec"]["fixed_mesh"]
+    assert pegfit["error"]["force"]["rms"] == described["error"]["force"]["rms"]
+    shape = (described["rotations"], *described["displacements"])
+    assert table.energy.dims == ("rotation", "x", "y", "z"), table.energy.dims
+    assert table.energy.shape == shape, (table.energy.shape, shape)
+    spacing = pegfit["table"]["window"]["spacing"]
+    assert np.allclose(np.diff(table.x.values), spacing)
+    assert np.allclose(np.linalg.norm(table.quaternion.values, axis=1), 1)
+
+    # The same numbers through zarr-python.
+    group = zarr.open_group(path, mode="r")
+    raw = group["energy"][:]
+    np.testing.assert_array_equal(raw, table.energy.values)
+    energy = raw.astype("f8") * pegfit["energy_unit"]
+    if "scale" in group:
+        energy *= group["scale"][:].astype("f8")[:, None, None, None]
+    assert np.isfinite(energy).all()
+
+    # At a node the interpolant is the stored energy; a query sums in single precision.
+    random = np.random.default_rng(1)
+    # Nodes outside the ball of rotations are only there for their neighbours' sake.
+    center = np.array(pegfit["table"]["rotations"]["center"])
+    angle = 2 * np.degrees(np.arccos(np.minimum(1, abs(table.quaternion.values @ center))))
+    inside = np.flatnonzero(angle < pegfit["table"]["rotations"]["angle_deg"])
+    nodes = [
+        (random.choice(inside), *(random.integers(n) for n in shape[1:])) for _ in range(200)
+    ]
+    expected = np.array([energy[n] for n in nodes])
+    found = scores(program, path, poses(table, pegfit, nodes))
+    difference = np.abs(found - expected).max() / np.abs(energy).max()
+    assert difference < 1e-5, difference
+    print(f"{path}: {shape}, {raw.dtype}, {len(nodes)} energies agree within {difference:.1e}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

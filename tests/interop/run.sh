@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Tables are readable without pegfit: bakes two small ones and opens them with zarr-python and
+# xarray of the pinned versions, in a virtual environment of its own.
+# usage: tests/interop/run.sh [PEGFIT]      (default: target/release/pegfit)
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+pegfit=$(realpath "${1:-$root/target/release/pegfit}")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+python3 -m venv "$work/venv"
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check -r "$here/requirements.txt"
+cp "$root"/fixtures/rectangular_*.obj "$here/scene.toml" "$work"
+cd "$work"
+for numbers in float16 int16; do
+    "$pegfit" bake scene.toml -o "$numbers.zarr" --numbers "$numbers" --quiet
+    venv/bin/python "$here/check.py" "$pegfit" "$numbers.zarr"
+done

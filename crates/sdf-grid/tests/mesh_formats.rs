@@ -203,6 +203,16 @@ fn what_a_gltf_file_claims_is_checked() {
 }
 
 #[test]
+fn a_glb_shorter_than_its_header_is_refused() {
+    // Found by fuzzing: the stated length of 2 was subtracted from.
+    let found = message(b"glTF\x02\0+\0\x02\0\0\0SO{\"ass", MeshFormat::Gltf);
+    assert!(
+        found.contains("byte 8") && found.contains("found 2"),
+        "{found}"
+    );
+}
+
+#[test]
 fn strips_and_fans_are_triangles() {
     // A tetrahedron as a strip of its four faces, and as a fan closed by one more triangle.
     let corners = [

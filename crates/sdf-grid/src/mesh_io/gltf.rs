@@ -25,6 +25,17 @@ const DEEPEST: usize = 1000;
 /// Reads all meshes of the file's scene, or of its first if none is the default; the solids are
 /// named after their nodes.
 pub(super) fn parse(file: &str, bytes: &[u8], folder: Option<&Path>) -> Result<Soup, MeshError> {
+    // The crate subtracts the header from the length that the file states, and may overflow.
+    if let Some(stated) = bytes.strip_prefix(b"glTF").and_then(|b| b.get(4..8)) {
+        let stated = stated
+            .iter()
+            .rev()
+            .fold(0u64, |n, &b| n << 8 | u64::from(b));
+        if !(12..=bytes.len() as u64).contains(&stated) {
+            let expected = format!("a length of 12 .. {} bytes", bytes.len());
+            return Err(syntax(file, "byte 8", expected, stated.to_string()));
+        }
+    }
     let gltf = Gltf::from_slice(bytes)
         .map_err(|e| syntax(file, "document", "a glTF 2.0 file", e.to_string()))?;
     let document = &gltf.document;

@@ -1,0 +1,108 @@
+//! The C programs, compiled and run.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::table::bake_spring;
+
+/// The folder with the shared library: where cargo puts this test.
+fn library() -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    test.parent().unwrap().to_owned()
+}
+
+/// Compiles a C program of this crate with warnings as errors; `None`, said aloud, without a
+/// compiler.
+fn compile(source: &str, into: &Path) -> Option<PathBuf> {
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
+    if Command::new(&compiler).arg("--version").output().is_err() {
+        eprintln!(
+            "skipped: no C compiler `{compiler}` (apt-get install build-essential, or set CC)"
+        );
+        return None;
+    }
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let program = into.join("program");
+    let library = library();
+    let output = Command::new(&compiler)
+        .args([
+            "-std=c11",
+            "-Wall",
+            "-Wextra",
+            "-Wpedantic",
+            "-Werror",
+            "-I",
+        ])
+        .arg(here.join("include"))
+        .arg(here.join(source))
+        .arg("-L")
+        .arg(&library)
+        .arg("-lpegfit_c")
+        .arg(format!("-Wl,-rpath,{}", library.display()))
+        .arg("-o")
+        .arg(&program)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{source}: {said}");
+    Some(program)
+}
+
+/// Runs a program on a table and returns what it prints; it must succeed.
+fn run(program: &Path, table: &std::ffi::CStr) -> String {
+    // A tool such as `valgrind --error-exitcode=9 -q` may look on.
+    let mut words = std::env::var("PEGFIT_C_RUNNER").unwrap_or_default();
+    words.push(' ');
+    words.push_str(program.to_str().unwrap());
+    let mut words = words.split_whitespace();
+    let output = Command::new(words.next().unwrap())
+        .args(words)
+        .arg(table.to_str().unwrap())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {said}", output.status);
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn the_example_prints_the_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = bake_spring(folder.path());
+    let Some(program) = compile("examples/query.c", folder.path()) else {
+        return;
+    };
+    let text = run(&program, &table);
+    assert_eq!(text.lines().count(), 6, "{text}");
+    // The middle of five is the bottom of the well: no force.
+    let bottom = text.lines().nth(3).unwrap();
+    assert!(
+        bottom.starts_with("z +0.0000 m") && bottom.ends_with("coverage 1.00"),
+        "{text}"
+    );
+    // Force -k z, to half precision of the stored energies.
+    let force = |line: usize| -> f64 {
+        let words: Vec<&str> = text.lines().nth(line).unwrap().split_whitespace().collect();
+        let place = words.iter().position(|w| *w == "force").unwrap();
+        words[place + 1].parse().unwrap()
+    };
+    let z = 0.008 / 3.0;
+    assert!(
+        (force(2) - crate::table::STIFFNESS * z).abs() < 0.02,
+        "{text}"
+    );
+    assert!(
+        (force(4) + crate::table::STIFFNESS * z).abs() < 0.02,
+        "{text}"
+    );
+}
+
+#[test]
+fn misuse_from_c_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = bake_spring(folder.path());
+    let Some(program) = compile("tests/misuse.c", folder.path()) else {
+        return;
+    };
+    assert_eq!(run(&program, &table).trim(), "every misuse was refused");
+}

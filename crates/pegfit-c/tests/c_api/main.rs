@@ -1,0 +1,7 @@
+//! The C interface as C sees it: header, example, misuse, threads.
+
+mod example;
+mod header;
+mod misuse;
+mod table;
+mod threads;

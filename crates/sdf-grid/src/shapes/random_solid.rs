@@ -113,9 +113,9 @@ fn perforated(random: &mut Random) -> Result<TriangleMesh, MeshError> {
         .into_iter()
         .flat_map(|i| [1, 3, 5].map(|j| (i, j)))
     {
-        through.insert((i, j), random.next() % 2 == 0);
+        through.insert((i, j), random.next().is_multiple_of(2));
         for k in [1, 3] {
-            cavity.insert((i, j, k), random.next() % 2 == 0);
+            cavity.insert((i, j, k), random.next().is_multiple_of(2));
         }
     }
     let full = |c: [i64; 3]| {

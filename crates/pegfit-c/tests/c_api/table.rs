@@ -42,6 +42,8 @@ pub(crate) fn bake_spring(folder: &Path) -> CString {
         },
         symmetry: None,
         far_energy: 0.0,
+        storage: Default::default(),
+        fields: None,
         fixed_mesh: String::new(),
         moving_mesh: String::new(),
     };

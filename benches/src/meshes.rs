@@ -15,7 +15,7 @@ use crate::Outcome;
 /// If the shape is refused.
 pub fn cad(count: usize) -> Outcome<TriangleMesh> {
     let (hole, _) = PegInHole::Combined.pair(0.0)?;
-    Ok(refined(&hole, count)?)
+    refined(&hole, count)
 }
 
 /// A block with a round hole of `count` / 4 facets: what fine deflection makes of a CAD part.

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 /// Width of a chart, in its own units.
 const WIDTH: f64 = 960.0;
-/// Left, right, top and bottom margins.
-const MARGINS: [f64; 4] = [70.0, 16.0, 14.0, 40.0];
+/// Left, right, top and bottom margins; the legend is in the top one.
+const MARGINS: [f64; 4] = [70.0, 16.0, 30.0, 40.0];
 /// Columns a curve is reduced to: more could not be seen.
 const COLUMNS: usize = 900;
 /// Curve colours, in order.
@@ -98,7 +98,16 @@ pub(crate) fn histogram(horizontal: &str, bins: &[(f64, f64, u64)]) -> String {
             number(to)
         );
     }
-    frame.labels(&mut svg, &decades(frame.x), power);
+    // One number per factor of ten says little where there are few of them.
+    let steps: &[f64] = match frame.x.1 - frame.x.0 {
+        span if span > 3.0 => &[1.0],
+        _ => &[1.0, 2.0, 5.0],
+    };
+    let below: Vec<f64> = (frame.x.0.floor() as i32..=frame.x.1.ceil() as i32)
+        .flat_map(|k| steps.iter().map(move |m| f64::from(k) + m.log10()))
+        .filter(|v| (frame.x.0..=frame.x.1).contains(v))
+        .collect();
+    frame.labels(&mut svg, &below, power);
     svg + "</svg>\n"
 }
 
@@ -190,15 +199,15 @@ impl Frame {
 }
 
 fn legend(svg: &mut String, curves: &[Curve<'_>]) {
-    let mut x = MARGINS[0] + 10.0;
+    let mut x = MARGINS[0];
     for (curve, colour) in curves.iter().zip(COLOURS.iter().cycle()) {
         let _ = write!(
             svg,
             "<rect x='{x:.0}' y='{0}' width='14' height='4' fill='{colour}'/>\
              <text x='{1:.0}' y='{2}' class='key'>{3}</text>",
-            MARGINS[2] + 8.0,
+            8.0,
             x + 18.0,
-            MARGINS[2] + 14.0,
+            14.0,
             escaped(curve.label)
         );
         x += 40.0 + 7.5 * curve.label.chars().count() as f64;
@@ -270,32 +279,44 @@ fn reduced(points: &[(f64, f64)], (low, high): (f64, f64)) -> Vec<(f64, f64)> {
     }
     let column = |x: f64| ((x - low) / (high - low) * COLUMNS as f64) as usize;
     let mut out: Vec<(f64, f64)> = Vec::with_capacity(2 * COLUMNS + 2);
-    let mut current: Option<(usize, (f64, f64), (f64, f64))> = None;
-    let mut flush = |c: Option<(usize, (f64, f64), (f64, f64))>| {
-        if let Some((_, a, b)) = c {
-            let (first, second) = if a.0 <= b.0 { (a, b) } else { (b, a) };
-            out.push(first);
-            if first != second {
-                out.push(second);
+    let mut current: Option<Column> = None;
+    for p in finite {
+        let index = column(p.0);
+        match &mut current {
+            Some(c) if c.index == index => {
+                c.least = if p.1 < c.least.1 { p } else { c.least };
+                c.most = if p.1 > c.most.1 { p } else { c.most };
+            }
+            other => {
+                out.extend(other.take().into_iter().flat_map(Column::points));
+                *other = Some(Column {
+                    index,
+                    least: p,
+                    most: p,
+                });
             }
         }
-    };
-    for p in finite {
-        let here = column(p.0);
-        current = match current {
-            Some((c, least, most)) if c == here => Some((
-                c,
-                if p.1 < least.1 { p } else { least },
-                if p.1 > most.1 { p } else { most },
-            )),
-            other => {
-                flush(other);
-                Some((here, p, p))
-            }
-        };
     }
-    flush(current);
+    out.extend(current.into_iter().flat_map(Column::points));
     out
+}
+
+/// The lowest and the highest point of one column.
+struct Column {
+    index: usize,
+    least: (f64, f64),
+    most: (f64, f64),
+}
+
+impl Column {
+    /// One point or two, in order of `x`.
+    fn points(self) -> impl Iterator<Item = (f64, f64)> {
+        let (first, second) = match self.least.0 <= self.most.0 {
+            true => (self.least, self.most),
+            false => (self.most, self.least),
+        };
+        std::iter::once(first).chain((first != second).then_some(second))
+    }
 }
 
 #[cfg(test)]

@@ -57,7 +57,7 @@ fn the_rod_finds_its_hole_and_its_half_turn() {
     );
     // The two are equally deep but for rounding.
     let mut poses = found.poses.clone();
-    poses.sort_by(|a, b| a.rotation.cmp(&b.rotation));
+    poses.sort_by_key(|pose| pose.rotation);
     for (pose, seated) in poses.iter().zip([0.0, PI]) {
         let expected = Pose::new(DQuat::from_rotation_z(seated), DVec3::ZERO);
         assert!(pose.pose.angle_to(&expected) < 1e-9, "{pose:?}");

@@ -4,12 +4,16 @@ mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Duration;
 
 use common::{Well, hand, workspace};
-use fft_correlate::Wrench;
+use fft_correlate::{EnergySource, Pose, Wrench};
+use glam::DVec3;
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Script, Session,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveSource,
+    Placed, Script, Session, SumSource,
 };
 
 struct Counting;
@@ -84,6 +88,10 @@ impl<D: Device> Device for Watched<D> {
 }
 
 fn calls_while_ticking(clock: Clock, seconds: f64) -> (u64, u64) {
+    calls_with(&Well::default(), clock, seconds)
+}
+
+fn calls_with(source: &dyn EnergySource, clock: Clock, seconds: f64) -> (u64, u64) {
     let folder = tempfile::tempdir().unwrap();
     let mut device = Watched {
         inner: hand(HandConfig::default(), Script::Snap),
@@ -95,13 +103,7 @@ fn calls_while_ticking(clock: Clock, seconds: f64) -> (u64, u64) {
         Session::new(HapticConfig::default(), workspace()).record_to(folder.path().join("log.csv"));
     let mut viewer = session.viewer();
     session
-        .run(
-            &mut device,
-            &Well::default(),
-            clock,
-            seconds,
-            &AtomicBool::new(false),
-        )
+        .run(&mut device, source, clock, seconds, &AtomicBool::new(false))
         .unwrap();
     assert!(viewer.newest().tick > 0);
     (device.after - device.before, device.polls)
@@ -126,4 +128,32 @@ fn no_tick_allocates_in_real_time() {
     let (calls, polls) = calls_while_ticking(Clock::Real, 0.5);
     assert!(polls > 10);
     assert_eq!(calls, 0);
+}
+
+#[test]
+fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
+    let sum = || {
+        let placed = Placed {
+            source: Some(Arc::new(Well::default()) as Arc<dyn EnergySource>),
+            placement: Pose::IDENTITY,
+            reach: None,
+        };
+        SumSource::new(DVec3::ZERO, vec![placed; 8])
+    };
+    let live = LiveSource::new(DVec3::ZERO, sum(), DVec3::ZERO);
+    let (done, published) = (AtomicBool::new(false), AtomicU32::new(0));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !done.load(Ordering::Relaxed) {
+                live.publish(sum());
+                published.fetch_add(1, Ordering::Relaxed);
+                std::thread::sleep(Duration::from_millis(3));
+            }
+        });
+        let (calls, polls) = calls_with(&live, Clock::Real, 0.7);
+        done.store(true, Ordering::Relaxed);
+        assert!(polls > 10);
+        assert_eq!(calls, 0);
+    });
+    assert!(published.load(Ordering::Relaxed) > 3);
 }

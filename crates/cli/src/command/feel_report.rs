@@ -128,12 +128,9 @@ fn charts(run: &Run<'_>) -> String {
     );
     chart(
         "Energy of the scene",
-        "At the virtual object, and the share of the pairs in reach that is known.",
-        "energy (J), coverage",
-        &[
-            curve(s, "energy", |s| s.energy),
-            curve(s, "coverage", |s| s.coverage),
-        ],
+        "Summed over the pairs in reach, at the virtual object.",
+        "energy (J)",
+        &[curve(s, "energy", |s| s.energy)],
     );
     chart(
         "Energy bookkeeping",
@@ -156,7 +153,7 @@ fn charts(run: &Run<'_>) -> String {
     );
     chart(
         "Rate",
-        "Mean over a tenth of a second, on the loop's clock; strength is the ramp's.",
+        "Mean over a tenth of a second, on the loop's clock.",
         "ticks per second",
         &[Curve {
             label: "rate",
@@ -164,13 +161,20 @@ fn charts(run: &Run<'_>) -> String {
         }],
     );
     chart(
-        "Strength and evaluations",
-        "The ramp's share of the force, and how often a tick asked for the energy.",
-        "",
+        "Strength and coverage",
+        "The ramp's share of the force, and how far the energy is known: below one, a pair in reach \
+         is not loaded, or the edge of a table is near.",
+        "share",
         &[
             curve(s, "strength", |s| s.gain),
-            curve(s, "evaluations", |s| f64::from(s.evaluations)),
+            curve(s, "coverage", |s| s.coverage),
         ],
+    );
+    chart(
+        "Evaluations",
+        "How often a tick asked for the energy.",
+        "per tick",
+        &[curve(s, "evaluations", |s| f64::from(s.evaluations))],
     );
     html
 }

@@ -153,8 +153,9 @@ fn buttons(look: &Look) -> String {
 }
 
 /// A bar from its middle to the left or right; `share` is -1 ..= 1.
+/// Not a number draws nothing.
 fn bar(share: f64) -> String {
-    let length = (share.abs().min(1.0) * HALF as f64).round() as usize;
+    let length = (share.abs().clamp(0.0, 1.0) * HALF as f64).round() as usize;
     let (left, right) = if share < 0.0 {
         (length, 0)
     } else {

@@ -158,11 +158,12 @@ fn stream(table: &EnergyTable, poses: &[Pose]) -> Outcome<()> {
             score_re: 0.1,
             score_im: None,
             response: table.respond(pose),
+            condition: None,
         };
         append_score(&mut text, &scored);
     }
     let writing = 1e6 * began.elapsed().as_secs_f64() / poses.len() as f64;
-    let text = pegfit::poses::score_header() + &text;
+    let text = pegfit::poses::score_header(false) + &text;
     let began = Instant::now();
     let count = PoseReader::new("poses", text.as_bytes())?.count();
     let reading = 1e6 * began.elapsed().as_secs_f64() / count as f64;

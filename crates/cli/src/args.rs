@@ -263,6 +263,10 @@ pub struct ScoreArgs {
     /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
     #[arg(long, value_name = "IN.csv")]
     pub poses: PathBuf,
+    /// Add a column with the score's condition number, the sum of its absolute terms over itself;
+    /// some hundred times slower
+    #[arg(long, requires = "scene")]
+    pub condition: bool,
     /// Scores; - is standard output
     #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
     pub output: PathBuf,

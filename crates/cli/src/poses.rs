@@ -20,6 +20,9 @@ pub const SCORE_COLUMNS: [&str; 10] = [
     "score_re", "score_im", "energy", "tx", "ty", "tz", "fx", "fy", "fz", "coverage",
 ];
 
+/// Column that is added when the condition number of the score is asked for (1 and above).
+pub const CONDITION_COLUMN: &str = "condition";
+
 /// Reads poses row by row.
 pub struct PoseReader<R: Read> {
     name: String,
@@ -122,11 +125,14 @@ pub struct ScoredPose {
     pub score_im: Option<f64>,
     /// Energy, wrench, coverage.
     pub response: Response,
+    /// Condition number of the score, if asked for.
+    pub condition: Option<f64>,
 }
 
 /// The header of scored poses, with its line end.
-pub fn score_header() -> String {
-    let names: Vec<&str> = POSE_COLUMNS.into_iter().chain(SCORE_COLUMNS).collect();
+pub fn score_header(condition: bool) -> String {
+    let names = POSE_COLUMNS.into_iter().chain(SCORE_COLUMNS);
+    let names: Vec<&str> = names.chain(condition.then_some(CONDITION_COLUMN)).collect();
     names.join(",") + "\n"
 }
 
@@ -156,7 +162,13 @@ pub fn append_score(text: &mut String, scored: &ScoredPose) {
     for value in wrench.force.to_array() {
         field(Some(value), ',');
     }
-    field(Some(coverage), '\n');
+    match scored.condition {
+        None => field(Some(coverage), '\n'),
+        Some(condition) => {
+            field(Some(coverage), ',');
+            field(Some(condition), '\n');
+        }
+    }
 }
 
 #[cfg(test)]

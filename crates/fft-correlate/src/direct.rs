@@ -11,6 +11,7 @@
 //! clearance the V of the contact energy is rounded within that distance, and slopes are right
 //! beyond it.
 
+mod condition;
 mod lookup;
 mod plan;
 mod quadrature;
@@ -20,6 +21,7 @@ use num_complex::Complex64;
 use sdf_grid::DensityField;
 
 use crate::{EnergySource, Pair, Pose, Response, Scratch, Wrench};
+pub use condition::Condition;
 use lookup::{LookupGrid, PointSet, Sums};
 pub use plan::{Blend, Side, Term, plan};
 use quadrature::{Blocks, merge_limit};

@@ -48,7 +48,7 @@ pub use bake::{BakeError, BakeReport, PairEnergies, Share, bake};
 pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
 pub use correlate_fields::correlate_fields;
 pub use deaverage::{averaging_strength, deaveraged};
-pub use direct::{DirectError, DirectEvaluator, DirectOptions};
+pub use direct::{Condition, DirectError, DirectEvaluator, DirectOptions};
 pub use dock::{
     DockError, DockOptions, DockedPose, Docking, FoundPose, SearchDomain, SearchError,
     SearchLattices, SearchOptions, SearchReport, dock, domain_rotations, search, search_rotations,
@@ -69,7 +69,7 @@ pub use se3::{Pose, Twist, Wrench};
 pub use spectral::StageTimes;
 pub use store::{StoreError, TableStore};
 pub use table::{EnergyTable, FieldSampling, NodeEnergies, TableError, TableSpec};
-pub use table_error::{ErrorReport, Excess, measure_error, random_pose};
+pub use table_error::{ErrorReport, Excess, measure_error, random_pose, typical_condition};
 pub use taps::Interpolation;
 pub use translation::TranslationWindow;
 pub use well::{Well, WellError, WellOptions};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::rotation_domain::RotationDomain;
 use crate::table::{EnergyTable, TableSpec};
-use crate::{EnergySource, Pose, Response};
+use crate::{Condition, EnergySource, Pair, Pose, Response};
 
 /// Differences between a table and another energy source over random poses of the table's domain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,6 +22,10 @@ pub struct ErrorReport {
     /// none. Half the table's own shows what the lattice costs, too; the table's own does not.
     #[serde(default)]
     pub reference_spacing: f64,
+    /// Median condition number of the score over the first of the poses
+    /// ([`typical_condition`]), if it was measured: how far the terms of a typical energy cancel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition: Option<f64>,
     /// Joules.
     pub energy: Errors,
     /// Newtons; lengths of difference vectors.
@@ -136,6 +140,7 @@ pub fn measure_error(
         poses: drawn.len(),
         seed,
         reference_spacing: 0.0,
+        condition: None,
         energy: summary(&drawn, 0),
         force: summary(&drawn, 1),
         torque: summary(&drawn, 2),
@@ -161,6 +166,16 @@ fn summary(drawn: &[(Pose, [f64; 6])], quantity: usize) -> Errors {
         worst: sizes[quantity],
         worst_pose,
     }
+}
+
+/// Median condition number of a pair's score over `poses` of the poses that [`measure_error`] draws.
+pub fn typical_condition(pair: &Pair, spec: &TableSpec, poses: usize, seed: u64) -> f64 {
+    let mut numbers: Vec<f64> = (0..poses.max(1) as u64)
+        .into_par_iter()
+        .map(|index| Condition::at(pair, &random_pose(spec, seed, index)).number())
+        .collect();
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
 }
 
 /// Pose `index` of a reproducible series over a table's rotations and the inside of its window.

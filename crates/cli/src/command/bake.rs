@@ -6,7 +6,7 @@ use std::time::Instant;
 use fft_correlate::bake::{BakeError, BakeReport, Share, bake};
 use fft_correlate::launcher::Launcher;
 use fft_correlate::store::{ChunkState, StoreError, TableStore};
-use fft_correlate::table_error::{ErrorReport, measure_error};
+use fft_correlate::table_error::{ErrorReport, measure_error, typical_condition};
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storage};
 use serde::Serialize;
 
@@ -20,6 +20,9 @@ use crate::scene::{EnergyScale, LatticeStep, Scene};
 
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 const SEED: u64 = 1;
+
+/// At how many of these poses the condition number of the score is found, cell by cell.
+const CONDITION_POSES: usize = 32;
 
 /// How much of a table is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -235,6 +238,9 @@ fn measure(
     };
     let mut report = measure_error(table, &reference.truth, poses, SEED);
     report.reference_spacing = reference.spacing;
+    let looks = poses.min(CONDITION_POSES);
+    let condition = typical_condition(&assembly.pair, table.spec(), looks, SEED);
+    report.condition = Some(condition);
     store
         .write_error_report(&report)
         .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;

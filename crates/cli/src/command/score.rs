@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, sync_channel};
 
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Pose, Response};
+use fft_correlate::{Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Pose, Response};
 use rayon::prelude::*;
 
 use super::{Context, bake, require_folder};
@@ -81,7 +81,7 @@ fn stream(
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
         Err(e) => Err(CommandError::failure(format!("writing {name}"), e)),
     };
-    if !write(&score_header())? {
+    if !write(&score_header(scorer.condition.is_some()))? {
         return Ok(());
     }
     for chunk in poses {
@@ -104,8 +104,13 @@ fn stream(
     }
 }
 
-/// Where scores come from.
-enum Scorer {
+/// Where scores come from, and what their condition is found from if it is asked for.
+struct Scorer {
+    source: Source,
+    condition: Option<Pair>,
+}
+
+enum Source {
     Direct(Box<DirectEvaluator>),
     Table(Box<EnergyTable>),
 }
@@ -117,11 +122,17 @@ impl Scorer {
                 let scene = Scene::read(scene)?.only(args.fixed.as_deref())?;
                 let assembly = Assembly::load(scene, context)?;
                 let evaluator = assembly.direct(&DirectOptions::FULL)?;
-                Ok(Self::Direct(Box::new(evaluator)))
+                Ok(Self {
+                    source: Source::Direct(Box::new(evaluator)),
+                    condition: args.condition.then_some(assembly.pair),
+                })
             }
             (None, Some(table)) => {
                 let table = bake::load(&bake::open(table)?, context)?;
-                Ok(Self::Table(Box::new(table)))
+                Ok(Self {
+                    source: Source::Table(Box::new(table)),
+                    condition: None,
+                })
             }
             (None, None) => Err(CommandError::option(
                 "--scene, --table",
@@ -133,9 +144,9 @@ impl Scorer {
 
     /// Rows that one thread evaluates at a time.
     fn piece(&self) -> usize {
-        match self {
-            Self::Direct(_) => 4,
-            Self::Table(_) => 512,
+        match self.source {
+            Source::Direct(_) => 4,
+            Source::Table(_) => 512,
         }
     }
 
@@ -148,17 +159,21 @@ impl Scorer {
                 score_re,
                 score_im,
                 response,
+                condition: self
+                    .condition
+                    .as_ref()
+                    .map(|pair| Condition::at(pair, pose).number()),
             };
             append_score(&mut text, &scored);
         };
-        match self {
-            Self::Direct(evaluator) => {
+        match &self.source {
+            Source::Direct(evaluator) => {
                 for pose in poses {
                     let full = evaluator.evaluate_full(pose);
                     append(pose, full.score.re, Some(full.score.im), full.response);
                 }
             }
-            Self::Table(table) => {
+            Source::Table(table) => {
                 let gamma = table.spec().model.gamma;
                 let mut responses = vec![Response::default(); poses.len()];
                 table.respond_each(poses, &mut responses);

@@ -134,6 +134,9 @@ pub(super) fn print_error(report: &ErrorReport) {
             percent(e.worst)
         );
     }
+    if let Some(condition) = report.condition {
+        crate::say!("    the terms of a score are {condition:.3} times the score in all (median)");
+    }
 }
 
 fn domain(domain: &RotationDomain) -> String {

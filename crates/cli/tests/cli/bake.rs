@@ -48,6 +48,7 @@ fn a_table_is_baked_and_read() {
             .unwrap()
             .is_finite()
     );
+    assert!(summary["error"]["condition"].as_f64().unwrap() >= 1.0);
     assert_eq!(status(folder.path())["missing"], 0);
 
     let args = ["score", "--table", "t.zarr", "--poses", "in.csv", "-q"];

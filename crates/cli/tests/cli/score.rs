@@ -46,6 +46,38 @@ fn poses_in_scores_out() {
     assert_eq!(rows[3]["qw"], 1.0);
 }
 
+/// The score is that without the column; apart in z by more than both parts' halos nothing cancels,
+/// and a wall cut into cancels more than the fit does.
+#[test]
+fn condition_is_one_column_more() {
+    let folder = scene_folder("");
+    let poses = "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0.004,0,0,0,0,0,1\n0,0,0.09,0,0,0,1\n";
+    std::fs::write(folder.path().join("in.csv"), poses).unwrap();
+    let args = ["score", "--scene", "scene.toml", "--poses", "in.csv", "-q"];
+    let plain = columns(&succeed(folder.path(), &args));
+    let rows = columns(&succeed(
+        folder.path(),
+        &[&args[..], &["--condition"]].concat(),
+    ));
+    assert!(!plain[0].contains_key("condition"));
+    assert_eq!(rows[1]["score_re"], plain[1]["score_re"]);
+    let number = |row: usize| rows[row]["condition"];
+    assert!(number(0) >= 1.0 && number(1) > number(0), "{rows:?}");
+    assert_eq!(number(2), 1.0);
+    let table = [
+        "score",
+        "--table",
+        "t.zarr",
+        "--poses",
+        "in.csv",
+        "--condition",
+    ];
+    assert_eq!(
+        crate::common::pegfit(folder.path(), &table).status.code(),
+        Some(2)
+    );
+}
+
 #[test]
 fn standard_input_and_output_give_the_same() {
     let folder = scene_folder("");

@@ -1,0 +1,121 @@
+//! How far the terms of a score cancel: the number by which relative errors of the terms grow in
+//! the sum.
+//!
+//! Near the fit a score is the small difference of a large reward and a large penalty, so an error
+//! of a score says little without its condition number `Σ|terms| / |Σ terms|`. A term is the real
+//! part of the product of one unit density at one cell and one at the place where it comes to lie,
+//! with its weights (eq_11): the reward, penalty and separation of every cell count by themselves.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use sdf_grid::DensityField;
+
+use super::plan::{Blend, Side, Term, plan};
+use crate::{Pair, Pose};
+
+/// A score and the sum of the absolute values of its terms.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Condition {
+    /// `Re f(T)`, cubic metres (eq_5), summed in double precision.
+    pub score: f64,
+    /// `Σ|terms|`, cubic metres; at least `|score|`.
+    pub magnitude: f64,
+}
+
+impl Condition {
+    /// The condition number, 1 and above: `magnitude / |score|`; 1 where there are no terms,
+    /// infinite where they cancel completely. A relative error `e` of the terms is one of up to
+    /// `number() * e` of score and energy.
+    pub fn number(&self) -> f64 {
+        if self.magnitude == 0.0 {
+            return 1.0;
+        }
+        // Rounding may leave the sum above the sum of absolute values.
+        (self.magnitude / self.score.abs()).max(1.0)
+    }
+
+    /// The score and the magnitude of `pair` at `pose`, cell by cell in double precision: a
+    /// reference, some hundred times slower than [`super::DirectEvaluator`]. Not-a-number densities
+    /// give not-a-number sums.
+    pub fn at(pair: &Pair, pose: &Pose) -> Self {
+        let inverse = pose.inverse();
+        let mut total = Self::default();
+        for term in plan(pair.model(), pair.fixed(), pair.moving()) {
+            let (points, looked_up, motion) = match term.points {
+                Side::Moving => (pair.moving(), pair.fixed(), pose),
+                Side::Fixed => (pair.fixed(), pair.moving(), &inverse),
+            };
+            let part = Self::of_term(&term, points, looked_up, motion);
+            total.score += part.score;
+            total.magnitude += part.magnitude;
+        }
+        total
+    }
+
+    /// `motion` brings the points into the frame of the part that is looked up.
+    fn of_term(
+        term: &Term,
+        points: &DensityField,
+        looked_up: &DensityField,
+        motion: &Pose,
+    ) -> Self {
+        let mut sums = Self::default();
+        let nodes = points.exterior.indexed_iter().zip(&points.interior);
+        for (((i, j, k), exterior), interior) in nodes {
+            let here = weighted(&term.weights, *exterior, *interior);
+            if here == [Complex64::ZERO; 2] {
+                continue;
+            }
+            let place = motion.apply(points.lattice.position([i, j, k]));
+            let Some(there) = interpolated(looked_up, &term.lookup, place) else {
+                continue;
+            };
+            for product in here.iter().flat_map(|a| there.map(|b| (a * b).re)) {
+                sums.score += product;
+                sums.magnitude += product.abs();
+            }
+        }
+        let volume = points.lattice.cell_volume();
+        Self {
+            score: volume * sums.score,
+            magnitude: volume * sums.magnitude,
+        }
+    }
+}
+
+/// The exterior and the interior density, each with its weight.
+fn weighted(blend: &Blend, exterior: Complex32, interior: Complex32) -> [Complex64; 2] {
+    let widen = |v: Complex32| Complex64::new(v.re.into(), v.im.into());
+    [
+        blend.exterior * widen(exterior),
+        blend.interior * widen(interior),
+    ]
+}
+
+/// Both weighted densities at `place`, trilinear, with zeros around the lattice; `None` beyond
+/// those.
+fn interpolated(field: &DensityField, blend: &Blend, place: DVec3) -> Option<[Complex64; 2]> {
+    let at = field.lattice.fractional_index(place);
+    let shape = field.lattice.shape();
+    let reached = |(u, n): (f64, usize)| u > -1.0 && u < n as f64;
+    if !at.to_array().into_iter().zip(shape).all(reached) {
+        return None;
+    }
+    let (base, part) = (at.floor(), (at - at.floor()).to_array());
+    let mut values = [Complex64::ZERO; 2];
+    for corner in 0..8 {
+        let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+        let node: [f64; 3] = std::array::from_fn(|a| base[a] + f64::from(bits[a]));
+        if (0..3).any(|a| node[a] < 0.0 || node[a] >= shape[a] as f64) {
+            continue;
+        }
+        let share: f64 = (0..3)
+            .map(|a| if bits[a] == 1 { part[a] } else { 1.0 - part[a] })
+            .product();
+        let node = node.map(|n| n as usize);
+        let [exterior, interior] = weighted(blend, field.exterior[node], field.interior[node]);
+        values[0] += share * exterior;
+        values[1] += share * interior;
+    }
+    Some(values)
+}

@@ -43,7 +43,7 @@ pub enum CommandError {
         budget: u64,
     },
     /// The operating system refused to read or write a file.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}", path.display())]
     Io {
         /// `read` or `write`.
         action: &'static str,
@@ -61,7 +61,7 @@ pub enum CommandError {
         total: usize,
     },
     /// A library refused or failed for a reason not listed above.
-    #[error("{context}: {source}")]
+    #[error("{context}")]
     Library {
         /// What was being done, and to which file.
         context: String,

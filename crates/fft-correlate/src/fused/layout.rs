@@ -1,0 +1,114 @@
+//! Where spectra and scratch of the fused correlation lie in memory.
+
+use fearless_simd::Level;
+use fearless_simd::prelude::*;
+
+use crate::lanes::dispatch_lanes;
+use crate::real::Real;
+
+/// Numbers by which rows are apart beyond their length, so that equal places of many rows do not
+/// fall into the same few cache sets.
+const PAD: usize = 16;
+
+/// Numbers that neighbouring y share in one visit of a plane: 1 KiB of f32.
+const CHUNK: usize = 256;
+
+/// Where things lie. Half spectra of one term are `[kz block][part][y chunk][x][y in chunk]`, each
+/// element real and imaginary lanes of kz.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Layout {
+    pub(super) lanes: usize,
+    /// Points of the complex z transforms, and blocks of lanes of kz.
+    pub(super) half: usize,
+    pub(super) blocks: usize,
+    /// y in one chunk, a power of two as its binary logarithm; and chunks.
+    pub(super) chunk_bits: u32,
+    chunks: usize,
+    /// From x to x within a chunk.
+    pub(super) x_stride: usize,
+    /// From bundle to bundle of y rows in a transformed plane.
+    pub(super) row: usize,
+}
+
+impl Layout {
+    pub(super) fn new(size: [usize; 3], lanes: usize) -> Self {
+        let half = size[2] / 2;
+        let blocks = half.div_ceil(lanes);
+        let chunk_bits = (CHUNK / (2 * lanes)).ilog2();
+        Self {
+            lanes,
+            half,
+            blocks,
+            chunk_bits,
+            chunks: size[1].div_ceil(1 << chunk_bits),
+            x_stride: CHUNK + PAD,
+            row: blocks * lanes * 2 * lanes + PAD,
+        }
+    }
+
+    /// Numbers of the half spectra of a term with this many x planes.
+    pub(super) fn spectra(&self, planes: usize) -> usize {
+        self.blocks * 2 * self.chunks * self.chunk(planes)
+    }
+
+    /// From bundle to bundle of y rows in a resampled plane.
+    pub(super) fn bundle(&self, moving_shapes: &[[usize; 3]]) -> usize {
+        let longest = moving_shapes.iter().map(|s| s[2]).max().unwrap_or(0);
+        (longest * 2 * self.lanes + PAD).next_multiple_of(PAD)
+    }
+
+    pub(super) fn chunk(&self, planes: usize) -> usize {
+        planes * self.x_stride
+    }
+
+    /// Offset of the element at x = 0 in a column.
+    pub(super) fn column(&self, planes: usize, block: usize, part: usize, y: usize) -> usize {
+        let chunk = (block * 2 + part) * self.chunks + (y >> self.chunk_bits);
+        chunk * self.chunk(planes) + (y & ((1 << self.chunk_bits) - 1)) * 2 * self.lanes
+    }
+
+    /// Bundles that hold `rows` rows.
+    pub(super) fn bundles(&self, rows: usize) -> usize {
+        rows.div_ceil(self.lanes)
+    }
+}
+
+/// x planes of a term's half spectra: the first term's also take the sum of all.
+pub(super) fn planes(term: usize, moving_shape: [usize; 3], window: [usize; 3]) -> usize {
+    if term == 0 {
+        moving_shape[0].max(window[0])
+    } else {
+        moving_shape[0]
+    }
+}
+
+pub(super) fn spectrum_len(layout: &Layout, [nx, ny, _]: [usize; 3]) -> usize {
+    layout.blocks * ny * nx * 4 * layout.lanes
+}
+
+/// Numbers in the bundles of a moving plane, bundles, numbers in a plane between its transforms,
+/// numbers in a tile.
+pub(super) fn plane_scratch(
+    layout: &Layout,
+    size: [usize; 3],
+    moving_shapes: &[[usize; 3]],
+) -> [usize; 4] {
+    let bundles = layout.bundles(size[1]);
+    let longest = size[0].max(size[1]).max(layout.half);
+    [
+        bundles * layout.bundle(moving_shapes),
+        bundles,
+        2 * bundles * layout.row,
+        (longest + layout.lanes) * 2 * layout.lanes,
+    ]
+}
+
+/// Lanes of this machine's vectors of `T`.
+pub(crate) fn lanes<T: Real>(level: Level) -> usize {
+    dispatch_lanes!(level, simd => lanes_of::<_, T>(simd))
+}
+
+#[inline(always)]
+fn lanes_of<S: Simd, T: Real>(_: S) -> usize {
+    T::Native::<S>::LEN
+}

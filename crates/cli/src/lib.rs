@@ -10,6 +10,7 @@ pub mod device_choice;
 pub mod error;
 pub mod exit;
 pub mod figure;
+pub mod hold;
 pub mod memory;
 mod parquet_log;
 pub mod picture;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+#[cfg(not(feature = "parquet"))]
 use haptic::record::SampleWriter;
 
 use crate::error::CommandError;

@@ -9,6 +9,7 @@ use sdf_grid::Monitor;
 
 use crate::error::CommandError;
 use crate::exit::Exit;
+use crate::hold;
 
 /// Set by the first Ctrl-C; every long computation looks at it between units of work.
 static CANCELLED: AtomicBool = AtomicBool::new(false);
@@ -16,10 +17,16 @@ static CANCELLED: AtomicBool = AtomicBool::new(false);
 /// Work shorter than this shows no bar.
 const QUIET_TIME: Duration = Duration::from_millis(700);
 
-/// Makes Ctrl-C and termination signals ask for a clean stop; a second one ends the process.
+/// Longest wait of a second Ctrl-C for a held device to be stopped. The loop ends within a tick, a
+/// device confirms within a fifth of a second, and one that the loop has left alone stops by itself.
+const STOP_WAIT: Duration = Duration::from_secs(3);
+
+/// Makes Ctrl-C and termination signals ask for a clean stop; a second one ends the process, as soon
+/// as no device is held.
 pub fn watch_for_interrupts() {
     let handler = || {
         if CANCELLED.swap(true, Ordering::SeqCst) {
+            hold::wait_for_none(STOP_WAIT);
             std::process::exit(Exit::Interrupted as i32);
         }
     };

@@ -11,6 +11,7 @@ use super::plot::force_chart;
 use super::{Context, devices, hand, print_json, require_folder};
 use crate::args::{FeelArgs, ScriptChoice};
 use crate::error::CommandError;
+use crate::hold::Hold;
 use crate::parquet_log;
 use crate::progress::interrupted;
 use crate::scene::Scene;
@@ -37,6 +38,7 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     };
     let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
+    let held = Hold::begin();
     let mut device = match devices::choose(&args.device, context)? {
         Some(device) => device,
         None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
@@ -58,13 +60,16 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
             samples: args.png.is_some() || args.report.is_some(),
         },
     )?;
+    let spec = device.spec().clone();
+    drop(device);
+    drop(held);
     let samples = &outcome.samples;
     if let Some(path) = &args.png {
         draw(path, samples, title(script, &outcome.report.device))?;
     }
     if let Some(path) = &args.report {
         let title = title(script, &outcome.report.device);
-        let page = report(title, device.spec(), &pairs, &outcome, samples);
+        let page = report(title, &spec, &pairs, &outcome, samples);
         atomic::write(path, page.as_bytes())?;
     }
     if context.json {

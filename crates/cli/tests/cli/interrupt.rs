@@ -2,8 +2,16 @@
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+
+use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
+use haptic::{
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Session,
+};
+use pegfit::hold::Hold;
+use pegfit::progress;
 
 use crate::common::{scene_folder, succeed};
 
@@ -64,4 +72,126 @@ fn an_interrupted_loop_still_reports() {
     let code = child.wait().unwrap().code();
     assert_eq!(code, Some(130));
     assert!(log.exists());
+}
+
+/// Sends both signals that end a process, microseconds apart.
+fn interrupt_twice(child: &std::process::Child) {
+    let pid = child.id();
+    let status = Command::new("sh")
+        .args(["-c", &format!("kill -INT {pid}; kill -TERM {pid}")])
+        .status()
+        .unwrap();
+    assert!(status.success());
+}
+
+#[test]
+fn a_loop_interrupted_twice_still_ends_well() {
+    let folder = scene_folder("[device]\nrealtime = false\n");
+    let log = folder.path().join("log.csv");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
+        .current_dir(folder.path())
+        .args(["feel", "scene.toml", "--seconds", "600", "--log", "log.csv"])
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let started = |line: std::io::Result<String>| line.unwrap().contains("simulated hand holds");
+    assert!(said.into_iter().any(started));
+    std::thread::sleep(Duration::from_millis(200));
+    interrupt_twice(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    // The log appears after the device was stopped.
+    assert!(log.exists());
+}
+
+/// Where the child of [`a_slow_device_is_stopped_whatever_is_pressed`] leaves its files.
+const FOLDER: &str = "PEGFIT_TEST_FOLDER";
+
+/// Takes long to stop, and leaves a file when it runs and one when it has stopped.
+struct Slow {
+    spec: DeviceSpec,
+    folder: PathBuf,
+}
+
+impl Device for Slow {
+    fn spec(&self) -> &DeviceSpec {
+        &self.spec
+    }
+
+    fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
+        std::fs::write(self.folder.join("running"), "").unwrap();
+        Ok(DeviceState::at(Pose::IDENTITY, now))
+    }
+
+    fn send(&mut self, _: &Wrench) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn stop_all(&mut self) -> Result<(), DeviceError> {
+        std::thread::sleep(Duration::from_millis(400));
+        std::fs::write(self.folder.join("stopped"), "").unwrap();
+        Ok(())
+    }
+}
+
+/// No field at all.
+struct Nothing;
+
+impl EnergySource for Nothing {
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    fn evaluate(&self, _: &Pose, _: &mut Scratch) -> Response {
+        Response::default()
+    }
+}
+
+/// What runs in the child process.
+#[test]
+#[ignore = "run by another test of this file in a process of its own"]
+fn holds_a_slow_device() {
+    let Some(folder) = std::env::var_os(FOLDER) else {
+        return;
+    };
+    progress::watch_for_interrupts();
+    let _held = Hold::begin();
+    let mut device = Slow {
+        spec: HandConfig::default().spec(),
+        folder: folder.into(),
+    };
+    let config = HapticConfig::default();
+    let place = config.workspace(Pose::IDENTITY, Default::default());
+    Session::new(config, place)
+        .run(
+            &mut device,
+            &Nothing,
+            Clock::Real,
+            60.0,
+            progress::cancel_flag(),
+        )
+        .unwrap();
+}
+
+#[test]
+fn a_slow_device_is_stopped_whatever_is_pressed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "interrupt::holds_a_slow_device", "--ignored"])
+        .env(FOLDER, folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while !folder.path().join("running").exists() {
+        assert!(began.elapsed() < Duration::from_secs(60), "never ran");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    interrupt_twice(&child);
+    std::thread::sleep(Duration::from_millis(50));
+    interrupt_twice(&child);
+    child.wait().unwrap();
+    assert!(folder.path().join("stopped").exists());
 }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::{Context, open};
 use crate::error::CommandError;
+use crate::hold::Hold;
 use crate::progress::interrupted;
 
 /// Time between two pictures.
@@ -55,6 +56,7 @@ pub(super) fn run(
         }
         other => other.unwrap_or(f64::INFINITY),
     };
+    let _held = Hold::begin();
     let mut device = open(info)?;
     let spec = device.spec().clone();
     let redraw = std::io::stdout().is_terminal() && !context.json;

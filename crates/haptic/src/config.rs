@@ -5,6 +5,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::Workspace;
+use crate::pid::PidSettings;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
 ///
@@ -46,6 +47,8 @@ pub struct HapticConfig {
     pub limits: LimitConfig,
     /// The energy watchdog.
     pub passivity: PassivityConfig,
+    /// What the descriptor of a USB HID PID device cannot say; other devices do not look at it.
+    pub pid: PidSettings,
 }
 
 /// The virtual coupling, in newtons and metres at the device.
@@ -117,6 +120,7 @@ impl Default for HapticConfig {
             coupling: CouplingConfig::default(),
             limits: LimitConfig::default(),
             passivity: PassivityConfig::default(),
+            pid: PidSettings::default(),
         }
     }
 }
@@ -233,7 +237,23 @@ impl HapticConfig {
             self.limits.device_angular_speed,
         )?;
         natural("passivity.credit", self.passivity.credit)?;
-        natural("passivity.max_damping", self.passivity.max_damping)
+        natural("passivity.max_damping", self.passivity.max_damping)?;
+        self.validate_pid()
+    }
+
+    fn validate_pid(&self) -> Result<(), ConfigError> {
+        let pid = &self.pid;
+        for (key, found) in [
+            ("pid.max_force", pid.max_force),
+            ("pid.workspace", pid.workspace),
+            ("pid.max_stiffness", pid.max_stiffness),
+            ("pid.rate", pid.rate),
+        ] {
+            check(key, found, "a number > 0", found > 0.0)?;
+        }
+        check("pid.gain", pid.gain, "0 ..= 1", (0.0..=1.0).contains(&pid.gain))?;
+        let sign = |&found: &f64| check("pid.signs", found, "1 or -1", found.abs() == 1.0);
+        pid.signs.iter().try_for_each(sign)
     }
 }
 
@@ -275,13 +295,16 @@ mod tests {
     #[test]
     fn every_range_is_checked() {
         type Change = fn(&mut HapticConfig);
-        let broken: [(&str, Change); 6] = [
+        let broken: [(&str, Change); 9] = [
             ("rate_hz", |c| c.rate_hz = 0.0),
             ("workspace_scale", |c| c.workspace_scale = -1.0),
             ("coupling.evaluations", |c| c.coupling.evaluations = 0),
             ("coupling.stiffness", |c| c.coupling.stiffness = f64::NAN),
             ("limits.force", |c| c.limits.force = f64::INFINITY),
             ("passivity.credit", |c| c.passivity.credit = -1.0),
+            ("pid.max_force", |c| c.pid.max_force = 0.0),
+            ("pid.gain", |c| c.pid.gain = 1.1),
+            ("pid.signs", |c| c.pid.signs[1] = 0.5),
         ];
         for (key, change) in broken {
             let mut config = HapticConfig::default();

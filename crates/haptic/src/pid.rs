@@ -9,6 +9,7 @@
 use std::time::{Duration, Instant};
 
 use fft_correlate::Wrench;
+use serde::{Deserialize, Serialize};
 
 use crate::hid::{Connector, Decoder, HidInput, HidPort};
 use crate::io_thread::{Cursor, OutputHalf, Reading, Threaded};
@@ -29,20 +30,22 @@ const LOAD_PAUSE: Duration = Duration::from_millis(2);
 /// noticed while it is held still.
 const REFRESH: Duration = Duration::from_millis(100);
 
-/// What a descriptor cannot say.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What a descriptor cannot say: the table `pid` of a scene's `[device]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct PidSettings {
-    /// Force of the full magnitude, N.
+    /// Force of the full magnitude at the handle, N, > 0. Default 5. A force of the loop becomes the
+    /// magnitude `force / max_force`; stated too low, the device pushes harder than the log says.
     pub max_force: f64,
-    /// Edge of the workspace that the full range of the axes stands for, metres.
+    /// Edge of the workspace that the full range of the axes stands for, metres, > 0. Default 0.2.
     pub workspace: f64,
-    /// Stiffest wall, N/m, at `rate`.
+    /// Stiffest wall, N/m, at `rate`, > 0. Default 500.
     pub max_stiffness: f64,
-    /// Reports per second the device takes.
+    /// Reports per second the device takes, > 0. Default 500.
     pub rate: f64,
-    /// Device gain, 0 ..= 1.
+    /// Device gain, 0 ..= 1. Default 1: less makes full magnitude weaker than `max_force`.
     pub gain: f64,
-    /// +1 or -1 per axis: which way a positive magnitude pushes.
+    /// +1 or -1 per axis x, y, z: which way a positive magnitude pushes. Default +1.
     pub signs: [f64; 3],
 }
 

@@ -189,7 +189,10 @@ fn joystick_pushes() {
         DVec2::new(-0.2, 0.0),
     );
     device.stop_all().expect("stop");
-    assert_eq!(motors.lock().expect("motors").push(), DVec2::ZERO);
+    // The kernel hands reports on after the write has returned.
+    until("stopped", || {
+        (motors.lock().expect("motors").push() == DVec2::ZERO).then_some(())
+    });
     // A loop that falls silent is stopped as well.
     push_until(
         device.as_mut(),
@@ -245,15 +248,15 @@ fn joystick_comes_back() {
         clock.elapsed().as_secs_f64() * 1e3
     );
     let second = motors();
+    let plugged = Instant::now();
     let stick = Virtual::plug(&joystick(), Arc::clone(&second) as _);
-    let mut last = 0.0;
     until("full force again", || {
         let _ = device.send(&push(5.0, 0.0)); // refused until it is back
         let now = second.lock().expect("motors").push().x;
-        assert!(now >= last, "the force rises: {now} after {last}");
-        last = now;
         (now > 0.999).then_some(())
     });
+    // The force rises over half a second from when it was found again.
+    assert!(plugged.elapsed() > Duration::from_millis(499));
     poll_until(
         device.as_mut(),
         &clock,

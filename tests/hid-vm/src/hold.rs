@@ -8,6 +8,9 @@ use std::time::Duration;
 use crate::models::{Motors, Silent, compact, joystick};
 use crate::uhid::Virtual;
 
+/// The joystick's x at a twentieth of its range, 5 mm: where a wall pushes.
+const ASIDE: [u8; 6] = [1, 0, 0x66, 0x06, 0, 0];
+
 /// Plugs in what `name` says: the compact mouse is pushed right with button 2 held, the joystick
 /// held at the middle. Unplugged when the file `release` appears.
 pub(crate) fn hold(name: &str, release: &Path) -> ExitCode {
@@ -25,18 +28,24 @@ pub(crate) fn hold(name: &str, release: &Path) -> ExitCode {
             mouse.input(&[1, 0x5e, 0x01, 0, 0, 0, 0]);
         }
         if let Some(stick) = &stick {
-            stick.input(&[1, 0, 0, 0, 0, 0]);
+            stick.input(&ASIDE);
         }
-        greatest = greatest.max(motors.lock().expect("motors").push().length());
+        let push = motors.lock().expect("motors").push().length();
+        if greatest == 0.0 && push > 0.0 {
+            println!("pushing");
+        }
+        greatest = greatest.max(push);
         std::thread::sleep(Duration::from_millis(8));
     }
     if stick.is_some() {
         let motors = motors.lock().expect("motors");
         println!(
-            "joystick: {} magnitudes, greatest push {greatest:.3} of full, {} stops, {} effects left",
+            "joystick: {} magnitudes, greatest push {greatest:.3} of full, {} stops, {} effects left, \
+             push at the end {:.3}",
             motors.magnitudes,
             motors.stops,
-            motors.effects.len()
+            motors.effects.len(),
+            motors.push().length()
         );
     }
     ExitCode::SUCCESS

@@ -39,7 +39,7 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let held = Hold::begin();
-    let mut device = match devices::choose(&args.device, context)? {
+    let mut device = match devices::choose(&args.device, assembly.scene.device.pid, context)? {
         Some(device) => device,
         None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
     };

@@ -25,7 +25,10 @@ fn joystick(room: u8) -> Fake {
 }
 
 fn opened(fake: &Fake) -> Result<Threaded, DeviceError> {
-    let settings = PidSettings::default();
+    opened_with(fake, PidSettings::default())
+}
+
+fn opened_with(fake: &Fake, settings: PidSettings) -> Result<Threaded, DeviceError> {
     open("fake", fake.connector(), fake.connector(), settings)
 }
 
@@ -87,6 +90,24 @@ fn forces_become_magnitudes_and_effects_start_once() {
     let stopped = fake.take_sent();
     assert_eq!(stopped.last(), Some(&vec![0x0c, 0x04]));
     assert!(stopped.contains(&vec![0x05, 1, 0, 0]));
+}
+
+#[test]
+fn the_scale_and_the_signs_are_the_settings() {
+    let fake = joystick(8);
+    let settings = PidSettings {
+        max_force: 10.0,
+        signs: [1.0, -1.0, 1.0],
+        ..PidSettings::default()
+    };
+    let mut device = opened_with(&fake, settings).unwrap();
+    assert_eq!(device.spec().max_force, 10.0);
+    fake.take_sent();
+    device.send(&push(2.5, -5.0)).unwrap();
+    until(|| fake.lock().sent.len() >= 4);
+    let sent = fake.take_sent();
+    assert_eq!(sent[0], [0x05, 1, 0xc4, 0x09]);
+    assert_eq!(sent[2], [0x05, 2, 0x88, 0x13]);
 }
 
 #[test]

@@ -1,0 +1,110 @@
+//! The bound on energy that a hand can get out, against a hand that knows how: it circles in a bowl
+//! while every tick comes ten periods late, so that the held force drives it on.
+
+mod common;
+
+use common::workspace;
+use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
+use glam::DVec3;
+use haptic::{DeviceState, ForcePath, HandConfig, HapticConfig};
+
+/// A bowl, `E = c r² / 2`.
+struct Bowl {
+    /// N/m.
+    stiffness: f64,
+}
+
+impl EnergySource for Bowl {
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+        Response {
+            energy: 0.5 * self.stiffness * pose.translation.length_squared(),
+            wrench: Wrench {
+                force: pose.translation * -self.stiffness,
+                ..Wrench::ZERO
+            },
+            coverage: 1.0,
+        }
+    }
+}
+
+/// Ten periods of 1 ms: late, yet no fault.
+const DT: f64 = 0.01;
+
+/// Turns per second of the circling hand.
+const TURNS: f64 = 5.0;
+
+/// Metres from the bottom at which the hand starts; 4.5 N there, under every limit.
+const START: f64 = 0.006;
+
+/// Radius of the hand's path: it waits, spirals in to half, circles, and goes to the bottom.
+fn radius(time: f64) -> f64 {
+    let share = match time {
+        t if t < 0.1 => 1.0,
+        t if t < 1.1 => 1.0 - 0.5 * (t - 0.1),
+        t if t < 19.0 => 0.5,
+        t => 0.5 * (20.0 - t),
+    };
+    START * share
+}
+
+struct Run {
+    /// Joules that the hand got out.
+    out: f64,
+    /// Joules that field and springs held at the start beyond those at the bottom.
+    held: f64,
+    credit: f64,
+    /// Greatest work of one tick, joules: what may be out before the controller hears of it.
+    tick: f64,
+}
+
+fn circle(control: bool) -> Run {
+    let mut config = HapticConfig {
+        ramp_s: 0.0,
+        ..HapticConfig::default()
+    };
+    config.passivity.control = control;
+    let bowl = Bowl { stiffness: 3000.0 };
+    let spec = HandConfig::default().spec();
+    let mut path = ForcePath::new(&spec, &config, workspace(), bowl.scratch()).unwrap();
+    let spring = path.gains().stiffness;
+    let together = spring * bowl.stiffness / (spring + bowl.stiffness);
+    let (mut out, mut tick) = (0.0, 0.0f64);
+    let mut last: Option<(Pose, Wrench)> = None;
+    for step in 0..=2000 {
+        let time = f64::from(step) * DT;
+        let angle = std::f64::consts::TAU * TURNS * time;
+        let at = Pose::from_translation(radius(time) * DVec3::new(angle.cos(), angle.sin(), 0.0));
+        if let Some((before, held)) = &last {
+            let work = held.dot(&before.twist_to(&at));
+            out += work;
+            tick = tick.max(work);
+        }
+        let state = DeviceState::at(at, time);
+        let sample = path.step(&bowl, Some(&state), time, DT);
+        // Full strength from the first input on, so that the start is held in full.
+        last = Some((at, sample.wrench));
+    }
+    Run {
+        out,
+        held: 0.5 * together * START * START,
+        credit: config.passivity.credit,
+        tick,
+    }
+}
+
+#[test]
+fn the_bound_is_reached_with_the_controller_and_left_far_behind_without() {
+    let with = circle(true);
+    let bound = with.held + with.credit + with.tick;
+    println!("with the controller {:.1} mJ of {:.1} mJ", 1e3 * with.out, 1e3 * bound);
+    assert!(with.out <= bound, "{} {bound}", with.out);
+    // Not by a margin that would hide a fault: most of what is allowed is got.
+    assert!(with.out > 0.5 * bound, "{} {bound}", with.out);
+    let without = circle(false);
+    println!("without {:.1} mJ", 1e3 * without.out);
+    assert!(without.out > 10.0 * bound, "{} {bound}", without.out);
+}

@@ -51,3 +51,8 @@ batch:
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}
+
+# Logs as Parquet against logs as CSV: a build with the feature takes a minute more.
+parquet:
+    cargo clippy -p pegfit --features parquet --all-targets -- -D warnings
+    cargo test -p pegfit --features parquet --lib -- parquet

@@ -50,10 +50,9 @@ mod with_feature {
     use std::sync::Arc;
 
     use haptic::Sample;
-    use haptic::record::numbers;
-    use haptic::record::{COLUMNS, RecordError, SampleWriter};
-    use parquet::basic::{Compression, Repetition, Type as Physical};
-    use parquet::data_type::{DoubleType, Int64Type};
+    use haptic::record::{COLUMNS, RecordError, SampleWriter, faults, numbers};
+    use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+    use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
     use parquet::errors::ParquetError;
     use parquet::file::properties::WriterProperties;
     use parquet::file::writer::SerializedFileWriter;
@@ -65,7 +64,7 @@ mod with_feature {
     /// Ticks in a row group: 16 s at 1 kHz.
     const GROUP: usize = 16_384;
 
-    /// Columns of numbers; the CSV's last one spells out `flags`.
+    /// Columns of numbers; the last one of all spells out `flags`.
     const NUMBERS: usize = COLUMNS.len() - 1;
 
     /// Columns of whole numbers.
@@ -76,6 +75,7 @@ mod with_feature {
         path: PathBuf,
         writer: SerializedFileWriter<BufWriter<NamedTempFile>>,
         columns: Vec<Vec<Option<f64>>>,
+        faults: Vec<ByteArray>,
     }
 
     fn whole(column: usize) -> bool {
@@ -93,7 +93,12 @@ mod with_feature {
                 .build()
                 .map(Arc::new)
         };
-        let fields = (0..NUMBERS).map(field).collect::<Result<_, _>>()?;
+        let text = Type::primitive_type_builder(COLUMNS[NUMBERS], Physical::BYTE_ARRAY)
+            .with_logical_type(Some(LogicalType::String))
+            .with_repetition(Repetition::REQUIRED)
+            .build();
+        let fields = (0..NUMBERS).map(field).chain([text.map(Arc::new)]);
+        let fields = fields.collect::<Result<_, _>>()?;
         Type::group_type_builder("tick").with_fields(fields).build()
     }
 
@@ -108,6 +113,13 @@ mod with_feature {
             _ => Path::new("."),
         };
         let file = NamedTempFile::new_in(folder).map_err(failed)?;
+        // Temporary files are made for their owner only; a log is an ordinary file.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = std::fs::Permissions::from_mode(0o644);
+            file.as_file().set_permissions(mode).map_err(failed)?;
+        }
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .build();
@@ -124,16 +136,20 @@ mod with_feature {
             path: path.to_owned(),
             writer,
             columns: vec![Vec::with_capacity(GROUP); NUMBERS],
+            faults: Vec::with_capacity(GROUP),
         }))
+    }
+
+    fn missing() -> ParquetError {
+        ParquetError::General("the schema has fewer columns than the log".into())
     }
 
     impl ParquetLog {
         /// Writes the rows collected so far as one group.
         fn flush(&mut self) -> Result<(), ParquetError> {
             let mut group = self.writer.next_row_group()?;
-            let mut columns = self.columns.iter_mut().enumerate();
-            while let (Some(mut out), Some((index, rows))) = (group.next_column()?, columns.next())
-            {
+            for (index, rows) in self.columns.iter_mut().enumerate() {
+                let mut out = group.next_column()?.ok_or_else(missing)?;
                 let there: Vec<i16> = rows.iter().map(|v| i16::from(v.is_some())).collect();
                 let values = rows.drain(..).flatten();
                 if whole(index) {
@@ -147,6 +163,11 @@ mod with_feature {
                 }
                 out.close()?;
             }
+            let mut out = group.next_column()?.ok_or_else(missing)?;
+            out.typed::<ByteArrayType>()
+                .write_batch(&self.faults, None, None)?;
+            out.close()?;
+            self.faults.clear();
             group.close().map(|_| ())
         }
 
@@ -166,6 +187,7 @@ mod with_feature {
             for (column, value) in self.columns.iter_mut().zip(numbers(sample)) {
                 column.push(value);
             }
+            self.faults.push(faults(sample).as_str().into());
             match self.columns[0].len() < GROUP {
                 true => Ok(()),
                 false => self.flush().map_err(|e| self.failed(e)),
@@ -199,42 +221,113 @@ mod with_feature {
     #[cfg(test)]
     mod tests {
         use super::*;
-        use haptic::DeviceState;
+        use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
+        use haptic::{Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig};
+        use haptic::{HapticConfig, Session};
         use parquet::file::reader::{FileReader, SerializedFileReader};
-        use parquet::record::RowAccessor;
+        use parquet::record::Field;
+        use std::sync::atomic::AtomicBool;
+
+        /// A hand that swings, and is gone for one tick in seven.
+        struct Swinging(DeviceSpec);
+
+        impl Device for Swinging {
+            fn spec(&self) -> &DeviceSpec {
+                &self.0
+            }
+
+            fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
+                if (now * 1e3).round() % 7.0 == 3.0 {
+                    return Err(DeviceError::NoInput);
+                }
+                let x = 0.01 * (6.0 * now).sin();
+                Ok(DeviceState::at(
+                    Pose::from_translation([x, 0.0, 0.0].into()),
+                    now,
+                ))
+            }
+
+            fn send(&mut self, _: &Wrench) -> Result<(), DeviceError> {
+                Ok(())
+            }
+
+            fn stop_all(&mut self) -> Result<(), DeviceError> {
+                Ok(())
+            }
+        }
+
+        /// `E = 100 r²`.
+        struct Bowl;
+
+        impl EnergySource for Bowl {
+            fn scratch(&self) -> Scratch {
+                Scratch::default()
+            }
+
+            fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+                let at = pose.translation;
+                Response {
+                    energy: 100.0 * at.length_squared(),
+                    wrench: Wrench {
+                        force: at * -200.0,
+                        ..Wrench::ZERO
+                    },
+                    coverage: 1.0,
+                }
+            }
+        }
+
+        /// The same run, whose ticks are the same to the bit, into whatever `record` says.
+        fn run(ticks: usize, record: impl FnOnce(Session) -> Session) {
+            let config = HapticConfig::default();
+            let place = config.workspace(Pose::IDENTITY, Default::default());
+            let mut device = Swinging(HandConfig::default().spec());
+            let seconds = (ticks as f64 - 0.5) * config.period();
+            let outcome = record(Session::new(config, place))
+                .run(
+                    &mut device,
+                    &Bowl,
+                    Clock::Simulated,
+                    seconds,
+                    &AtomicBool::new(false),
+                )
+                .unwrap();
+            assert_eq!(outcome.report.ticks, ticks as u64);
+            assert_eq!(outcome.report.dropped_samples, 0);
+        }
 
         #[test]
-        fn what_is_written_is_read_back_by_another_reader() {
+        fn every_cell_is_that_of_the_csv() {
             let folder = tempfile::tempdir().unwrap();
-            let path = folder.path().join("log.parquet");
-            let mut log = create(&path).unwrap();
-            let ticks = GROUP as u64 + 10;
-            for tick in 0..ticks {
-                let mut sample = Sample {
-                    tick,
-                    time: tick as f64 * 1e-3,
-                    ..Sample::default()
-                };
-                if tick % 2 == 0 {
-                    sample.input = Some(DeviceState::at(Default::default(), sample.time));
-                }
-                sample.wrench.force.y = 0.1 * tick as f64;
-                log.write(&sample).unwrap();
-            }
-            assert!(!path.exists(), "not before it is whole");
-            log.finish().unwrap();
-            let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+            let (text, binary) = (folder.path().join("a.csv"), folder.path().join("a.parquet"));
+            let ticks = GROUP + 10;
+            run(ticks, |session| session.record_to(&text));
+            let log = create(&binary).unwrap();
+            assert!(!binary.exists(), "not before it is whole");
+            run(ticks, |session| session.record_with(log));
+            let reader = SerializedFileReader::new(std::fs::File::open(&binary).unwrap()).unwrap();
             assert_eq!(reader.metadata().num_row_groups(), 2);
-            let at = |name: &str| COLUMNS.iter().position(|c| *c == name).unwrap();
-            let mut count = 0;
-            for (tick, row) in reader.get_row_iter(None).unwrap().enumerate() {
-                let row = row.unwrap();
-                assert_eq!(row.get_long(at("tick")).unwrap(), tick as i64);
-                assert_eq!(row.get_double(at("fy")).unwrap(), 0.1 * tick as f64);
-                assert_eq!(row.get_double(at("qw")).is_ok(), tick % 2 == 0);
+            let mut rows = csv::Reader::from_path(&text).unwrap();
+            assert!(rows.headers().unwrap().iter().eq(COLUMNS));
+            let (mut count, mut empty) = (0, 0);
+            for (row, found) in rows.records().zip(reader.get_row_iter(None).unwrap()) {
+                let (row, found) = (row.unwrap(), found.unwrap());
+                for ((name, cell), wanted) in found.get_column_iter().zip(&row) {
+                    let same = match cell {
+                        Field::Null => wanted.is_empty(),
+                        Field::Long(v) => wanted.parse() == Ok(*v),
+                        Field::Double(v) => wanted.parse() == Ok(*v),
+                        Field::Str(v) => wanted == v,
+                        _ => false,
+                    };
+                    assert!(same, "row {count}, {name}: {cell:?}, CSV {wanted}");
+                    empty += usize::from(*cell == Field::Null);
+                }
                 count += 1;
             }
             assert_eq!(count, ticks);
+            assert!(rows.records().next().is_none());
+            assert!(empty > ticks, "ticks without input are there too");
         }
     }
 }

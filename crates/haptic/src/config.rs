@@ -251,7 +251,12 @@ impl HapticConfig {
         ] {
             check(key, found, "a number > 0", found > 0.0)?;
         }
-        check("pid.gain", pid.gain, "0 ..= 1", (0.0..=1.0).contains(&pid.gain))?;
+        check(
+            "pid.gain",
+            pid.gain,
+            "0 ..= 1",
+            (0.0..=1.0).contains(&pid.gain),
+        )?;
         let sign = |&found: &f64| check("pid.signs", found, "1 or -1", found.abs() == 1.0);
         pid.signs.iter().try_for_each(sign)
     }

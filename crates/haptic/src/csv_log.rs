@@ -175,7 +175,12 @@ fn pose(pose: &Pose) -> [f64; 7] {
 fn fill_row(row: &mut Vec<String>, s: &Sample) {
     let text = |v: Option<f64>| v.map_or_else(String::new, |v| v.to_string());
     row.extend(numbers(s).map(text));
+    row.push(faults(s));
+}
+
+/// The last of [`COLUMNS`]: names of the flags that are set, with spaces between.
+pub fn faults(s: &Sample) -> String {
     let names = crate::flags::NAMES;
     let set = (0..names.len()).filter(|bit| s.flags & (1 << bit) != 0);
-    row.push(set.map(|bit| names[bit]).collect::<Vec<_>>().join(" "));
+    set.map(|bit| names[bit]).collect::<Vec<_>>().join(" ")
 }

@@ -12,7 +12,7 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::Sample;
-pub use crate::csv_log::{COLUMNS, numbers};
+pub use crate::csv_log::{COLUMNS, faults, numbers};
 
 /// Samples the ring holds: 16 s at 1 kHz, for the time that the collecting thread gets no processor.
 const RING: usize = 16_384;

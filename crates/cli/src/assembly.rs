@@ -1,29 +1,29 @@
 //! From a scene to a pair that can be scored: meshes read, placed and checked, fields computed or
 //! found in the cache, the energy scale fixed.
 
+mod fields;
+mod parts;
+
 use std::time::Instant;
 
 use fft_correlate::bake::PairEnergies;
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
-    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair,
-    PairBuildError, PairBuilder, PairPlan, Pose, RotationGrid, TableSpec, TranslationWindow,
+    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair, Pose,
+    RotationGrid, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
-use sdf_grid::{
-    Aabb, DensityError, FieldCache, HygieneOptions, HygieneReport, LengthUnit, SymmetryAxis,
-    SymmetryOrder, TriangleMesh, mesh_io, symmetry,
-};
+use sdf_grid::{Aabb, LengthUnit, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};
 
-use crate::args::MeshChoice;
 use crate::command::Context;
 use crate::error::CommandError;
 use crate::memory;
-use crate::scene::{EnergyScale, LatticeStep, Part, Scene};
-
-/// Parts whose diagonals differ by more than this are probably in different units.
-const SUSPICIOUS_RATIO: f64 = 30.0;
+use crate::scene::{EnergyScale, Scene};
+use fields::compute_pair;
+pub(crate) use fields::plan;
+use parts::warn_of_scale;
+pub(crate) use parts::{hash_text, read_part};
 
 /// Deviation from symmetry that counts as none, in lattice spacings.
 const SYMMETRY_TOLERANCE: f64 = 0.02;
@@ -304,143 +304,6 @@ impl Assembly {
     /// What errors say they are about: the scene file and a part of it.
     pub fn context(&self, item: &str) -> String {
         format!("{}: {item}", self.scene.path.display())
-    }
-}
-
-/// The hash of a mesh in hexadecimal.
-pub(crate) fn hash_text(mesh: &TriangleMesh) -> String {
-    mesh.hash()
-        .iter()
-        .fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
-}
-
-/// Reads, cleans and places the meshes of a part; several become one.
-pub(crate) fn read_part(
-    scene: &Scene,
-    part: &Part,
-    context: &Context,
-) -> Result<TriangleMesh, CommandError> {
-    let options = HygieneOptions::default();
-    let mut meshes = Vec::new();
-    for placed in &part.meshes {
-        let reading = MeshChoice {
-            solid: placed.solid.clone(),
-            segments_per_turn: placed.segments_per_turn,
-        };
-        let (mesh, report) = mesh_io::read_with(&placed.path, &reading.options(scene.unit))?;
-        for warning in report.warnings() {
-            context.progress.note(&format!("note: {warning}"));
-        }
-        meshes.push(moved(mesh, &placed.pose));
-    }
-    let mesh = match meshes.len() {
-        1 => meshes.remove(0),
-        _ => {
-            let (mesh, report) = joined(&part.name, &meshes, &options)?;
-            for warning in report.warnings() {
-                context.progress.note(&format!("note: {warning}"));
-            }
-            mesh
-        }
-    };
-    Ok(moved(mesh, &part.pose))
-}
-
-fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {
-    match *pose == Pose::IDENTITY {
-        true => mesh,
-        false => mesh.transformed(pose.rotation, pose.translation),
-    }
-}
-
-/// All meshes as one. Walls between solids that touch disappear.
-fn joined(
-    name: &str,
-    meshes: &[TriangleMesh],
-    options: &HygieneOptions,
-) -> Result<(TriangleMesh, HygieneReport), CommandError> {
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for mesh in meshes {
-        // Each mesh was small enough for 32-bit indices; together they are checked when cleaned.
-        let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
-        vertices.extend_from_slice(mesh.vertices());
-        let shifted = |t: &[u32; 3]| t.map(|v| v.saturating_add(first));
-        triangles.extend(mesh.triangles().iter().map(shifted));
-    }
-    Ok(TriangleMesh::clean(name, vertices, triangles, options)?)
-}
-
-fn warn_of_scale(scene: &Scene, fixed: &TriangleMesh, moving: &TriangleMesh, context: &Context) {
-    let (a, b) = (fixed.bounds().diagonal(), moving.bounds().diagonal());
-    let ratio = a.max(b) / a.min(b);
-    if ratio > SUSPICIOUS_RATIO {
-        let unit = scene.unit;
-        let metre = unit.in_metres();
-        context.progress.note(&format!(
-            "warning: {} is {:.4} {unit} across and {} is {:.4} {unit}: are both in {unit}?",
-            scene.fixed.name,
-            a / metre,
-            scene.moving.name,
-            b / metre
-        ));
-    }
-}
-
-/// Lattices, halo and memory of the scene's pair; nothing is computed.
-pub(crate) fn plan(
-    scene: &Scene,
-    fixed: &TriangleMesh,
-    moving: &TriangleMesh,
-    context: &Context,
-) -> Result<PairPlan, CommandError> {
-    let spacing = match scene.lattice.step {
-        LatticeStep::Spacing(h) => Some(h),
-        LatticeStep::Points(n) => {
-            let longest = |m: &TriangleMesh| m.bounds().size().max_element();
-            Some(longest(fixed).max(longest(moving)) / f64::from(n))
-        }
-        LatticeStep::Automatic => None,
-    };
-    let builder = PairBuilder {
-        spacing,
-        halo: scene.lattice.halo,
-        tolerance: scene.lattice.field_tolerance,
-        sampling: scene.lattice.sampling,
-        deaverage: scene.lattice.deaverage,
-        memory_limit: Some(context.memory),
-    };
-    builder
-        .plan(fixed, moving, &scene.model)
-        .map_err(|error| explain(scene, error))
-}
-
-fn compute_pair(
-    scene: &Scene,
-    fixed: &TriangleMesh,
-    moving: &TriangleMesh,
-    context: &Context,
-) -> Result<Pair, CommandError> {
-    let plan = plan(scene, fixed, moving, context)?;
-    let cache = FieldCache::new(&scene.cache)
-        .map_err(|e| CommandError::failure(format!("{}: cache", scene.path.display()), e))?;
-    plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-        cache.get_or_compute(mesh, kernel, lattice, options, &context.progress)
-    })
-    .map_err(|error| explain(scene, error))
-}
-
-fn explain(scene: &Scene, error: PairBuildError) -> CommandError {
-    match error {
-        PairBuildError::Memory { needed, limit, .. } => CommandError::Memory {
-            what: format!("{}: the density fields", scene.path.display()),
-            needed,
-            budget: limit,
-        },
-        PairBuildError::Density {
-            source: DensityError::Cancelled,
-            ..
-        } => CommandError::Interrupted,
-        other => CommandError::bad_input(scene.path.display().to_string(), other),
     }
 }
 

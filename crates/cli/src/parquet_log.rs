@@ -135,8 +135,8 @@ mod with_feature {
         Ok(Box::new(ParquetLog {
             path: path.to_owned(),
             writer,
-            columns: vec![Vec::with_capacity(GROUP); NUMBERS],
-            faults: Vec::with_capacity(GROUP),
+            columns: vec![Vec::new(); NUMBERS],
+            faults: Vec::new(),
         }))
     }
 

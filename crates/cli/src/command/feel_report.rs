@@ -1,5 +1,7 @@
 //! The page of `pegfit feel --report`: one file that needs no other.
 
+mod charts;
+
 use std::fmt::Write;
 use std::path::Path;
 
@@ -8,7 +10,7 @@ use haptic::{DeviceSpec, HapticConfig, LoopReport, Outcome, Sample, flags};
 use hdrhistogram::Histogram;
 
 use crate::memory::display_bytes;
-use crate::svg::{self, Curve, Mark};
+use crate::svg;
 
 const STYLE: &str = include_str!("demo/page.css");
 
@@ -16,13 +18,10 @@ const STYLE: &str = include_str!("demo/page.css");
 const CHARTS: &str = "svg{width:100%;height:auto;font:12px system-ui,sans-serif}\
 .grid{stroke:#8884;stroke-width:.6}.mark{stroke:#c0392b88;stroke-width:1}.bar{fill:#1f5fa8}\
 text{fill:currentColor}.axis,.below{text-anchor:middle}.left{text-anchor:end}\
-td.num{text-align:right}";
+table{margin-bottom:1.5rem}th,td{text-align:left}td.num,th.num{text-align:right}";
 
 /// Events listed; the rest is counted.
 const LISTED: usize = 200;
-
-/// Seconds over which the rate is a mean.
-const RATE_WINDOW: f64 = 0.1;
 
 /// What the page is about.
 pub(super) struct Run<'a> {
@@ -66,159 +65,20 @@ pub(super) fn page(run: &Run<'_>) -> String {
             report.dropped_samples
         );
     }
-    html += &charts(run);
+    html += &charts::charts(run);
     html += &timing(run.outcome);
     html += &events(run);
     html += &conditions(run);
     html + "</main>\n</html>\n"
 }
 
-fn charts(run: &Run<'_>) -> String {
-    let events: Vec<(f64, String)> = starts(run.samples, flags::CHANGED | flags::OVERRUN)
-        .map(|s| (s.time, names(s.flags)))
-        .collect();
-    let marks: Vec<Mark<'_>> = events
-        .iter()
-        .take(LISTED)
-        .map(|(at, label)| Mark { at: *at, label })
-        .collect();
-    let mut html = String::new();
-    let mut chart = |heading: &str, words: &str, vertical: &str, curves: &[Curve<'_>]| {
-        let svg = svg::lines("time (s)", vertical, curves, &marks);
-        let _ = writeln!(html, "<h2>{heading}</h2>\n<p>{words}</p>\n{svg}");
-    };
-    let s = run.samples;
-    chart(
-        "Force",
-        "On the hand. Red lines: a part was exchanged, or ticks were left out.",
-        "force (N)",
-        &[
-            curve(s, "size", |s| s.wrench.force.length()),
-            curve(s, "x", |s| s.wrench.force.x),
-            curve(s, "y", |s| s.wrench.force.y),
-            curve(s, "z", |s| s.wrench.force.z),
-        ],
-    );
-    chart(
-        "Torque",
-        "On the hand, about the grip.",
-        "torque (N·m)",
-        &[
-            curve(s, "size", |s| s.wrench.torque.length()),
-            curve(s, "x", |s| s.wrench.torque.x),
-            curve(s, "y", |s| s.wrench.torque.y),
-            curve(s, "z", |s| s.wrench.torque.z),
-        ],
-    );
-    chart(
-        "Position of the moving part",
-        "In the scene's frame.",
-        "position (mm)",
-        &[
-            curve(s, "x", |s| 1e3 * s.object.translation.x),
-            curve(s, "y", |s| 1e3 * s.object.translation.y),
-            curve(s, "z", |s| 1e3 * s.object.translation.z),
-        ],
-    );
-    chart(
-        "Rotation of the moving part",
-        "Rotation vector in the scene's frame.",
-        "rotation (degrees)",
-        &rotations(s),
-    );
-    chart(
-        "Energy of the scene",
-        "Summed over the pairs in reach, at the virtual object.",
-        "energy (J)",
-        &[curve(s, "energy", |s| s.energy)],
-    );
-    chart(
-        "Energy bookkeeping",
-        "Work of the hand through force and torque, energy made by sampling and lag, taken back by \
-         the passivity controller, and brought by exchanged parts.",
-        "energy (J)",
-        &[
-            curve(s, "work, force", |s| s.account.work_force),
-            curve(s, "work, torque", |s| s.account.work_torque),
-            curve(s, "made", |s| s.account.made),
-            curve(s, "taken", |s| s.account.taken),
-            curve(s, "exchanged", |s| s.account.exchanged),
-        ],
-    );
-    chart(
-        "Passivity balance",
-        "Below zero the controller damps.",
-        "balance (mJ)",
-        &[curve(s, "balance", |s| 1e3 * s.account.balance)],
-    );
-    chart(
-        "Rate",
-        "Mean over a tenth of a second, on the loop's clock.",
-        "ticks per second",
-        &[Curve {
-            label: "rate",
-            points: rate(s),
-        }],
-    );
-    chart(
-        "Strength and coverage",
-        "The ramp's share of the force, and how far the energy is known: below one, a pair in reach \
-         is not loaded, or the edge of a table is near.",
-        "share",
-        &[
-            curve(s, "strength", |s| s.gain),
-            curve(s, "coverage", |s| s.coverage),
-        ],
-    );
-    chart(
-        "Evaluations",
-        "How often a tick asked for the energy.",
-        "per tick",
-        &[curve(s, "evaluations", |s| f64::from(s.evaluations))],
-    );
-    html
-}
-
-fn curve<'a>(samples: &[Sample], label: &'a str, value: impl Fn(&Sample) -> f64) -> Curve<'a> {
-    Curve {
-        label,
-        points: samples.iter().map(|s| (s.time, value(s))).collect(),
-    }
-}
-
-fn rotations(samples: &[Sample]) -> Vec<Curve<'static>> {
-    let vector = |s: &Sample| {
-        fft_correlate::Pose::IDENTITY
-            .twist_to(&s.object)
-            .angular
-            .map(f64::to_degrees)
-    };
-    ["x", "y", "z"]
-        .into_iter()
-        .enumerate()
-        .map(|(k, label)| curve(samples, label, |s| vector(s)[k]))
-        .collect()
-}
-
-fn rate(samples: &[Sample]) -> Vec<(f64, f64)> {
-    let mut points = Vec::new();
-    let mut first = 0;
-    for (index, sample) in samples.iter().enumerate() {
-        let span = sample.time - samples[first].time;
-        if span >= RATE_WINDOW {
-            let ticks = sample.tick.saturating_sub(samples[first].tick);
-            points.push((sample.time, ticks as f64 / span));
-            first = index;
-        }
-    }
-    points
-}
-
 fn timing(outcome: &Outcome) -> String {
     let report = &outcome.report;
-    let mut html = String::from(
-        "<h2>Time</h2>\n<table><tr><th></th><th>p50</th><th>p99</th><th>p99.9</th><th>max</th></tr>",
-    );
+    let mut html = String::from("<h2>Time</h2>\n<table><tr><th></th>");
+    for quantile in ["p50", "p99", "p99.9", "max"] {
+        let _ = write!(html, "<th class='num'>{quantile}</th>");
+    }
+    html += "</tr>";
     for (name, q) in [
         ("computing a tick (µs)", report.latency_us),
         ("start after the deadline (µs)", report.lateness_us),
@@ -273,7 +133,8 @@ fn names(set: u16) -> String {
 
 fn events(run: &Run<'_>) -> String {
     let report = &run.outcome.report;
-    let mut html = String::from("<h2>Events</h2>\n<table><tr><th>what</th><th>ticks</th></tr>");
+    let mut html =
+        String::from("<h2>Events</h2>\n<table><tr><th>what</th><th class='num'>ticks</th></tr>");
     for (bit, name) in flags::NAMES.iter().enumerate() {
         let count = run.samples.iter().filter(|s| s.flags & (1 << bit) != 0);
         let _ = write!(
@@ -304,7 +165,7 @@ fn events(run: &Run<'_>) -> String {
     for (at, what) in list.iter().take(LISTED) {
         let _ = write!(
             html,
-            "<tr><td class='num'>{at:.3}</td><td>{}</td></tr>",
+            "<tr><td>{at:.3}</td><td>{}</td></tr>",
             svg::escaped(what)
         );
     }

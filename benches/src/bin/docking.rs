@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use fft_correlate::{
     Pair, PairBuilder, PairPlan, Pose, ScoreModel, SearchDomain, SearchLattices, SearchOptions,
-    SearchReport, search, search_rotations, symmetry_group,
+    SearchReport, decide, search, search_rotations, symmetry_group,
 };
 use glam::{DQuat, DVec3};
 use pegfit_benches::{Arguments, Outcome};
@@ -74,6 +74,7 @@ fn main() -> Outcome<()> {
         "scoring_s",
         "coarse_descent_s",
         "fine_descent_s",
+        "decision_s",
     ])?;
     for task in tasks(arguments.rest.first().map(Path::new))? {
         if only
@@ -155,8 +156,13 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
             pivot: moving.centroid(),
             ..SearchLattices::new(&task.moving)
         };
-        let [coarse, fine] = pairs(&task.fixed, &moving, &lattices, &mut kept)?;
-        let fields = began.elapsed().as_secs_f64();
+        let (fixed, builder) = (&task.fixed, PairBuilder::default());
+        let plans = lattices.plans(fixed, &moving, &ScoreModel::GUIDED, &builder)?;
+        let [coarse, fine] = [
+            build(&plans[0], fixed, &moving, &mut kept)?,
+            build(&plans[1], fixed, &moving, &mut kept)?,
+        ];
+        let mut fields = began.elapsed().as_secs_f64();
         let domain = SearchDomain {
             rotations: search_rotations(STEP_DEG.to_radians(), &axes),
             step: STEP_DEG.to_radians(),
@@ -164,7 +170,15 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
             symmetries: symmetry_group(&axes),
         };
         let options = SearchOptions::default();
-        let report = search(&coarse, &fine, &domain, &options, None, &Silent)?;
+        let mut report = search(&coarse, &fine, &domain, &options, None, &Silent)?;
+        let close = report.close();
+        if close > 1 {
+            let began = Instant::now();
+            let plan = lattices.deciding_plan(fixed, &moving, &ScoreModel::GUIDED, &builder)?;
+            let finer = build(&plan, fixed, &moving, &mut kept)?;
+            fields += began.elapsed().as_secs_f64();
+            decide(&mut report, &finer, &domain, &options, &Silent)?;
+        }
         let judged = judge(
             task,
             &off,
@@ -181,7 +195,7 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
             worst = worst.min(judged.margin);
         }
         println!(
-            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}; {} rotations x {:?}, \
+            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; {} rotations x {:?}, \
              {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
             if judged.first {
                 "true fit first,"
@@ -192,6 +206,7 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
             1e3 * judged.distance,
             judged.angle.to_degrees(),
             best.overlap,
+            close,
             report.scored,
             report.window,
             report.transform_size,
@@ -229,6 +244,7 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
             fields.to_string(),
         ];
         row.extend(report.stages.iter().map(|s| s.seconds.to_string()));
+        row.resize(14, "0".into());
         csv.write_record(row)?;
         csv.flush()?;
     }
@@ -262,17 +278,15 @@ fn carried(axis: &SymmetryAxis, motion: &Pose) -> SymmetryAxis {
     }
 }
 
-/// The coarse and the fine pair; the fixed part's fields are computed once.
-fn pairs(
+/// The pair of a plan; the fixed part's fields are computed once.
+fn build(
+    plan: &PairPlan,
     fixed: &TriangleMesh,
     moving: &TriangleMesh,
-    lattices: &SearchLattices,
     kept: &mut Vec<DensityField>,
-) -> Outcome<[Pair; 2]> {
+) -> Outcome<Pair> {
     let hash = fixed.hash();
-    let builder = PairBuilder::default();
-    let [coarse, fine] = lattices.plans(fixed, moving, &ScoreModel::GUIDED, &builder)?;
-    let mut build = |plan: &PairPlan| {
+    Ok(
         plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
             let is_fixed = mesh.hash() == hash;
             let known = |f: &&DensityField| {
@@ -288,9 +302,8 @@ fn pairs(
                 kept.push(field.clone());
             }
             Ok(field)
-        })
-    };
-    Ok([build(&coarse)?, build(&fine)?])
+        })?,
+    )
 }
 
 struct Judged {

@@ -6,6 +6,7 @@
 
 mod lattices;
 mod measure;
+mod report;
 mod rotations;
 mod scan;
 mod search;
@@ -16,12 +17,10 @@ use rayon::prelude::*;
 use sdf_grid::{DensityField, Monitor};
 
 pub use lattices::{SearchLattices, domain_rotations};
+pub use report::{CLOSE, FoundPose, SearchReport, SearchStage};
 pub use rotations::{search_rotations, symmetry_group};
 use scan::{Candidate, Scan};
-pub use search::{
-    DOCKING_RATIO, FoundPose, SearchDomain, SearchError, SearchOptions, SearchReport, SearchStage,
-    search,
-};
+pub use search::{DOCKING_RATIO, SearchDomain, SearchError, SearchOptions, decide, search};
 pub use state::StateError;
 
 use crate::peaks::PoseSpacing;

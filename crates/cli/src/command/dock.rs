@@ -124,7 +124,9 @@ fn look(
     state: Option<&Path>,
     context: &Context,
 ) -> Result<Searched, CommandError> {
-    let (lattices, [coarse, fine]) = pairs(assembly, context)?;
+    let builder = Builder::new(assembly, context)?;
+    let lattices = builder.lattices;
+    let [coarse, mut finest] = builder.pairs()?;
     let domain = domain(assembly, &lattices)?;
     require_memory(assembly, &lattices, &domain.places, context)?;
     let options = SearchOptions {
@@ -133,17 +135,25 @@ fn look(
         fine_poses: (3 * top / 2).max(16),
         ..SearchOptions::default()
     };
-    let found = fft_correlate::search(&coarse, &fine, &domain, &options, state, &context.progress);
-    let report = found.map_err(|e| match e {
+    let progress = &context.progress;
+    let found = fft_correlate::search(&coarse, &finest, &domain, &options, state, progress);
+    let mut report = found.map_err(|e| match e {
         SearchError::Dock(DockError::Cancelled) => CommandError::Interrupted,
-        other => CommandError::bad_input(assembly.context("docking"), other),
+        other => builder.bad(other),
     })?;
+    if report.close() > 1
+        && !interrupted()
+        && let Some(finer) = builder.deciding()?
+    {
+        fft_correlate::decide(&mut report, &finer, &domain, &options, progress)
+            .map_err(|e| builder.bad(e))?;
+        finest = finer;
+    }
     context.progress.finish();
-    let fine = fine
+    let finest = finest
         .with_model(*assembly.pair.model())
         .map_err(|e| CommandError::bad_input(assembly.context("model"), e))?;
-    let source = DirectEvaluator::new(&fine, &DirectOptions::FULL)
-        .map_err(|e| CommandError::bad_input(assembly.context("docking"), e))?;
+    let source = DirectEvaluator::new(&finest, &DirectOptions::FULL).map_err(|e| builder.bad(e))?;
     let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
     let told = |p: &FoundPose| Found {
         position: p.pose.translation.to_array(),
@@ -166,45 +176,85 @@ fn look(
     })
 }
 
-/// The parts on the two lattices of a search. A spacing or halo that the scene gives is kept for
-/// the fine one.
-fn pairs(
-    assembly: &Assembly,
-    context: &Context,
-) -> Result<(SearchLattices, [Pair; 2]), CommandError> {
-    let scene = &assembly.scene;
-    let (fixed, moving) = (&assembly.fixed, &assembly.moving);
-    let mut lattices = SearchLattices::new(moving);
-    if scene.lattice.step != LatticeStep::Automatic {
-        lattices.fine = assembly.pair.spacing();
-        lattices.coarse = lattices.coarse.max(lattices.fine);
+/// The parts of a scene on the lattices of a search. A spacing or halo that the scene gives is kept
+/// for the fine one.
+struct Builder<'a> {
+    assembly: &'a Assembly,
+    context: &'a Context,
+    lattices: SearchLattices,
+    builder: PairBuilder,
+    cache: FieldCache,
+}
+
+impl<'a> Builder<'a> {
+    fn new(assembly: &'a Assembly, context: &'a Context) -> Result<Self, CommandError> {
+        let scene = &assembly.scene;
+        let mut lattices = SearchLattices::new(&assembly.moving);
+        if scene.lattice.step != LatticeStep::Automatic {
+            lattices.fine = assembly.pair.spacing();
+            lattices.coarse = lattices.coarse.max(lattices.fine);
+        }
+        if let Some(halo) = scene.lattice.halo {
+            lattices.halo = halo;
+        }
+        let builder = PairBuilder {
+            tolerance: scene.lattice.field_tolerance,
+            sampling: scene.lattice.sampling,
+            deaverage: scene.lattice.deaverage,
+            memory_limit: Some(context.memory),
+            ..PairBuilder::default()
+        };
+        let cache = FieldCache::new(&scene.cache)
+            .map_err(|e| CommandError::failure(assembly.context("cache"), e))?;
+        Ok(Self {
+            assembly,
+            context,
+            lattices,
+            builder,
+            cache,
+        })
     }
-    if let Some(halo) = scene.lattice.halo {
-        lattices.halo = halo;
+
+    /// The coarse and the fine pair.
+    fn pairs(&self) -> Result<[Pair; 2], CommandError> {
+        let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
+        let model = self.assembly.pair.model();
+        let plans = self.lattices.plans(fixed, moving, model, &self.builder);
+        let [coarse, fine] = plans.map_err(|e| self.bad(e))?;
+        Ok([self.build(&coarse)?, self.build(&fine)?])
     }
-    let builder = PairBuilder {
-        tolerance: scene.lattice.field_tolerance,
-        sampling: scene.lattice.sampling,
-        deaverage: scene.lattice.deaverage,
-        memory_limit: Some(context.memory),
-        ..PairBuilder::default()
-    };
-    let bad = |e| CommandError::bad_input(assembly.context("docking"), e);
-    let plans = lattices
-        .plans(fixed, moving, assembly.pair.model(), &builder)
-        .map_err(bad)?;
-    let cache = FieldCache::new(&scene.cache)
-        .map_err(|e| CommandError::failure(assembly.context("cache"), e))?;
-    let build = |plan: &PairPlan| {
+
+    /// The pair on half the fine spacing; none, with a remark, if it cannot be had.
+    fn deciding(&self) -> Result<Option<Pair>, CommandError> {
+        let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
+        let model = self.assembly.pair.model();
+        let plan = self
+            .lattices
+            .deciding_plan(fixed, moving, model, &self.builder);
+        match plan {
+            Ok(plan) => self.build(&plan).map(Some),
+            Err(reason) => {
+                crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
+                Ok(None)
+            }
+        }
+    }
+
+    fn build(&self, plan: &PairPlan) -> Result<Pair, CommandError> {
+        let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
         plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-            cache.get_or_compute(mesh, kernel, lattice, options, &context.progress)
+            self.cache
+                .get_or_compute(mesh, kernel, lattice, options, &self.context.progress)
         })
         .map_err(|e| match interrupted() {
             true => CommandError::Interrupted,
-            false => bad(e),
+            false => self.bad(e),
         })
-    };
-    Ok((lattices, [build(&plans[0])?, build(&plans[1])?]))
+    }
+
+    fn bad(&self, error: impl std::error::Error + Send + Sync + 'static) -> CommandError {
+        CommandError::bad_input(self.assembly.context("docking"), error)
+    }
 }
 
 fn domain(assembly: &Assembly, lattices: &SearchLattices) -> Result<SearchDomain, CommandError> {

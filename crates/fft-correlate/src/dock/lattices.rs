@@ -64,18 +64,42 @@ impl SearchLattices {
         model: &ScoreModel,
         builder: &PairBuilder,
     ) -> Result<[PairPlan; 2], PairBuildError> {
-        let plan = |spacing| -> Result<PairPlan, PairBuildError> {
-            let builder = PairBuilder {
-                spacing: Some(spacing),
-                halo: Some(self.halo),
-                ..*builder
-            };
-            Ok(PairPlan {
-                pivot: self.pivot,
-                ..builder.plan(fixed, moving, model)?
-            })
-        };
+        let plan = |spacing| self.plan(spacing, fixed, moving, model, builder);
         Ok([plan(self.coarse)?, plan(self.fine)?])
+    }
+
+    /// The plan of the pair by which [`super::decide`] tells close poses apart: half the fine
+    /// spacing, eight times its memory and time.
+    ///
+    /// # Errors
+    /// As [`PairBuilder::plan`].
+    pub fn deciding_plan(
+        &self,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+        model: &ScoreModel,
+        builder: &PairBuilder,
+    ) -> Result<PairPlan, PairBuildError> {
+        self.plan(0.5 * self.fine, fixed, moving, model, builder)
+    }
+
+    fn plan(
+        &self,
+        spacing: f64,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+        model: &ScoreModel,
+        builder: &PairBuilder,
+    ) -> Result<PairPlan, PairBuildError> {
+        let builder = PairBuilder {
+            spacing: Some(spacing),
+            halo: Some(self.halo),
+            ..*builder
+        };
+        Ok(PairPlan {
+            pivot: self.pivot,
+            ..builder.plan(fixed, moving, model)?
+        })
     }
 }
 

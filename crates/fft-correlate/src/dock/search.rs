@@ -6,6 +6,8 @@
 //!    coarse lattice, rotation included: between the rotations scored, the rest of the way.
 //! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with
 //!    merged points, and once more with every cell its own point, whose energy ranks them.
+//! 4. **Decision**, by [`decide`] and only if poses are too close to call: those go downhill once
+//!    more on a lattice of half the spacing.
 //!
 //! All stages weigh the interiors [`DOCKING_RATIO`] times the exteriors, or as the model does if
 //! that is more, and leave separation out. A force that a hand is to feel wants lighter interiors:
@@ -21,6 +23,7 @@ use rayon::prelude::*;
 use sdf_grid::{Aabb, Monitor};
 use serde::Serialize;
 
+use super::report::{FoundPose, SearchReport, SearchStage};
 use super::scan::{Candidate, Scan};
 use super::state::{State, StateError};
 use super::{DockError, check_rotations, covers, measure};
@@ -79,73 +82,6 @@ pub struct SearchDomain {
     /// Motions that map the moving part onto itself ([`super::symmetry_group`]): poses that differ
     /// by one count as the same.
     pub symmetries: Vec<Pose>,
-}
-
-/// One pose found by a search.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FoundPose {
-    /// Where the moving part is.
-    pub pose: Pose,
-    /// Energy there under the docking weights, joules; 0 far away.
-    pub energy: f64,
-    /// False if downhill led out of the domain (or the monitor cancelled): the pose is then where it
-    /// was before that stage.
-    pub refined: bool,
-    /// How far along the axis on which the energy rises fastest it rises to half, metres; none if
-    /// it does not within the moving part's radius.
-    pub half_width: Option<f64>,
-    /// Share of the moving part that lies inside the fixed part, 0 ..= 1; faces in contact do not
-    /// count.
-    pub overlap: f64,
-    /// Index of the rotation scored from which it was reached.
-    pub rotation: usize,
-    /// Energy of the lattice pose from which it was reached, joules, coarse lattice.
-    pub lattice_energy: f64,
-}
-
-/// What one stage did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SearchStage {
-    /// `scoring`, `coarse descent`, `fine descent`.
-    pub name: &'static str,
-    /// Rotations scored or poses refined.
-    pub items: usize,
-    /// Wall time, seconds; scoring counts what a resumed search did before.
-    pub seconds: f64,
-}
-
-/// What a search found and what it cost.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SearchReport {
-    /// Distinct poses, lowest energy first; those that could not be refined last.
-    pub poses: Vec<FoundPose>,
-    /// Rotations scored; fewer than the domain's if the monitor cancelled.
-    pub scored: usize,
-    /// Rotations of the domain.
-    pub rotations: usize,
-    /// Of the scored, those that a state file already held.
-    pub resumed: usize,
-    /// Translations scored per rotation, along x, y, z.
-    pub window: [usize; 3],
-    /// Points of the transforms.
-    pub transform_size: [usize; 3],
-    /// The model that ranked the poses.
-    pub model: ScoreModel,
-    /// The stages, in order.
-    pub stages: Vec<SearchStage>,
-}
-
-impl SearchReport {
-    /// Wall time per rotation scored, seconds.
-    pub fn seconds_per_rotation(&self) -> f64 {
-        let scoring = self.stages.first().map_or(0.0, |s| s.seconds);
-        scoring / self.scored.max(1) as f64
-    }
-
-    /// Wall time of all stages, seconds.
-    pub fn seconds(&self) -> f64 {
-        self.stages.iter().map(|s| s.seconds).sum()
-    }
 }
 
 /// Why a search cannot start or go on.
@@ -248,12 +184,7 @@ pub fn search(
         poses = stage("coarse descent", poses, &|poses| {
             search.descend(poses, &coarse, &[&source], count)
         });
-        let merged = DirectOptions {
-            max_points: Some(FINE_POINTS),
-            ..DirectOptions::REAL_TIME
-        };
-        let merged = DirectEvaluator::new(&fine, &merged)?;
-        let source = DirectEvaluator::new(&fine, &DirectOptions::FULL)?;
+        let [merged, source] = fine_sources(&fine)?;
         poses = stage("fine descent", poses, &|poses| {
             let poses = search.descend(poses, &fine, &[&merged, &source], count);
             search.finish(poses, &fine, &source)
@@ -269,6 +200,76 @@ pub fn search(
         model: *coarse.model(),
         stages,
     })
+}
+
+/// Ranks the poses of a search anew where it left them too close to call ([`SearchReport::close`]):
+/// those go downhill on the lattice of `finer`, and all take their energy, width and overlap from
+/// it. `finer` is the same parts with the search's pivot, usually on half the spacing
+/// ([`super::SearchLattices::deciding_plan`]); `domain` and `options` are the search's. When the
+/// monitor cancels, the report stays as it is.
+///
+/// # Errors
+/// If the weights are out of range or a part has no interior on the lattice.
+pub fn decide(
+    report: &mut SearchReport,
+    finer: &Pair,
+    domain: &SearchDomain,
+    options: &SearchOptions,
+    monitor: &dyn Monitor,
+) -> Result<(), SearchError> {
+    let began = Instant::now();
+    let finer = with_docking_weights(finer, options.ratio)?;
+    let pivot = finer.pivot();
+    let (min, max) = (domain.places.min - pivot, domain.places.max - pivot);
+    let window = TranslationWindow::new(min, max, finer.spacing())?;
+    let search = Search {
+        domain,
+        options,
+        window: &window,
+        pivot,
+        radius: super::radius_about_pivot(finer.moving(), &finer),
+        monitor,
+    };
+    let [merged, source] = fine_sources(&finer)?;
+    let (close, rest) = report.poses.split_at(report.close());
+    monitor.begin("decision", close.len() as u64);
+    let mut poses = search.descend(close.to_vec(), &finer, &[&merged, &source], close.len());
+    poses.extend(rest.iter().map(|p| FoundPose {
+        energy: source.evaluate_full(&p.pose).response.energy,
+        ..*p
+    }));
+    sort(&mut poses);
+    let poses = search.finish(poses, &finer, &source);
+    if !monitor.cancelled() {
+        report.stages.push(SearchStage {
+            name: "decision",
+            items: close.len(),
+            seconds: began.elapsed().as_secs_f64(),
+        });
+        report.poses = poses;
+    }
+    Ok(())
+}
+
+/// The evaluators that descend one after the other on a fine lattice: merged points, every cell.
+fn fine_sources(pair: &Pair) -> Result<[DirectEvaluator; 2], DirectError> {
+    let merged = DirectOptions {
+        max_points: Some(FINE_POINTS),
+        ..DirectOptions::REAL_TIME
+    };
+    Ok([
+        DirectEvaluator::new(pair, &merged)?,
+        DirectEvaluator::new(pair, &DirectOptions::FULL)?,
+    ])
+}
+
+/// Refined poses first, the lowest energy first among each: energies of different lattices differ a
+/// little.
+fn sort(poses: &mut [FoundPose]) {
+    poses.sort_by(|a, b| {
+        let order = a.energy.total_cmp(&b.energy);
+        b.refined.cmp(&a.refined).then(order)
+    });
 }
 
 /// The pair under the docking weights: interiors at least `ratio` times as heavy as exteriors, no
@@ -417,11 +418,7 @@ impl Search<'_> {
             }
             self.monitor.advance(1);
         });
-        // Energies of different lattices differ a little: refined poses go first among themselves.
-        poses.sort_by(|a, b| {
-            let order = a.energy.total_cmp(&b.energy);
-            b.refined.cmp(&a.refined).then(order)
-        });
+        sort(&mut poses);
         self.distinct(&poses, (SAME_ANGLE, 2.0 * h), count)
     }
 

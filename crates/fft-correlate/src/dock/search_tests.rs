@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use sdf_grid::{Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
-use crate::PairBuilder;
+use crate::{PairBuilder, PairPlan};
 use crate::dock::{SearchLattices, search_rotations, symmetry_group};
 
 fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
@@ -20,6 +20,13 @@ fn parts(off: &Pose) -> [TriangleMesh; 2] {
     [plate, rod.transformed(off.rotation, off.translation)]
 }
 
+fn built(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Pair {
+    plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
+        sdf_grid::DensityField::compute(mesh, kernel, lattice, options, &Silent)
+    })
+    .unwrap()
+}
+
 struct Setup {
     pairs: [Pair; 2],
     domain: SearchDomain,
@@ -33,12 +40,7 @@ fn setup(off: &Pose, step: f64) -> Setup {
     let plans = lattices
         .plans(&fixed, &moving, &ScoreModel::GUIDED, &builder)
         .unwrap();
-    let pairs = plans.map(|plan| {
-        plan.build_with(&fixed, &moving, |mesh, kernel, lattice, options| {
-            sdf_grid::DensityField::compute(mesh, kernel, lattice, options, &Silent)
-        })
-        .unwrap()
-    });
+    let pairs = plans.map(|plan| built(&plan, &fixed, &moving));
     let step = step.to_radians();
     Setup {
         pairs,
@@ -102,6 +104,57 @@ fn a_turned_rod_finds_its_hole() {
     assert_eq!(items[..2], [report.rotations, 20]);
     assert!((1..=4).contains(&items[2]));
     assert_eq!(report.model.lambda_interior, DOCKING_RATIO);
+}
+
+/// A pose that the fine lattice calls deeper than the fit, by less than it can know, loses to the
+/// fit on half the spacing, and every energy is then of that lattice.
+#[test]
+fn close_poses_are_told_apart_on_a_finer_lattice() {
+    let setup = setup(&Pose::IDENTITY, 30.0);
+    let mut report = run(&setup, None, &Silent).unwrap();
+    let best = report.poses[0];
+    let pivot = setup.pairs[0].pivot();
+    let tilt = DQuat::from_rotation_x(0.15);
+    report.poses.insert(
+        0,
+        FoundPose {
+            pose: Pose::new(tilt, pivot - tilt * pivot),
+            energy: 1.01 * best.energy,
+            ..best
+        },
+    );
+    let close = report.close();
+    assert!(close >= 2, "{:?}", report.poses);
+    let [fixed, moving] = parts(&Pose::IDENTITY);
+    let lattices = SearchLattices::new(&moving);
+    let builder = PairBuilder::default();
+    let plan = lattices
+        .deciding_plan(&fixed, &moving, &ScoreModel::GUIDED, &builder)
+        .unwrap();
+    let finer = built(&plan, &fixed, &moving);
+    decide(
+        &mut report,
+        &finer,
+        &setup.domain,
+        &SearchOptions::default(),
+        &Silent,
+    )
+    .unwrap();
+    let stage = report.stages.last().unwrap();
+    assert_eq!((stage.name, stage.items), ("decision", close));
+    let first = &report.poses[0];
+    let symmetries = setup.domain.symmetries.iter();
+    let angle = symmetries
+        .map(|s| s.angle_to(&first.pose))
+        .fold(f64::INFINITY, f64::min);
+    assert!(angle < 0.02, "{angle} rad");
+    assert!(report.poses.windows(2).all(|p| p[0].energy <= p[1].energy));
+    let weighed = with_docking_weights(&finer, DOCKING_RATIO).unwrap();
+    let source = DirectEvaluator::new(&weighed, &DirectOptions::FULL).unwrap();
+    for p in &report.poses {
+        let energy = source.evaluate_full(&p.pose).response.energy;
+        assert!((p.energy / energy - 1.0).abs() < 1e-9, "{p:?}: {energy} J");
+    }
 }
 
 struct CancelAfter {

@@ -13,6 +13,7 @@ use rand::rngs::SmallRng;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Sampling, Silent};
 
+pub mod frontier;
 pub mod meshes;
 pub mod midpoint;
 pub mod plain;

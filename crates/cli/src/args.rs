@@ -163,7 +163,8 @@ pub struct BakeArgs {
     /// Which fixed part of a scene with several, by its name
     #[arg(long, value_name = "NAME")]
     pub fixed: Option<String>,
-    /// Table to write, a Zarr folder
+    /// Table to write, a Zarr folder; or its URL (file://, and with the cargo feature `cloud` s3://,
+    /// gs://, http://, https://)
     #[arg(short, long, value_name = "TABLE.zarr")]
     pub output: PathBuf,
     /// Go on with a table that was interrupted

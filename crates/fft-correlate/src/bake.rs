@@ -15,7 +15,7 @@ use sdf_grid::Monitor;
 
 use crate::encode::{Encoded, Probe, Storage, encode, probe};
 use crate::rotation_domain::RotationDomain;
-use crate::store::{ChunkState, StoreError, TableStore};
+use crate::store::{ChunkState, StoreError, TableFiles, TableStore};
 use crate::table::{NodeEnergies, TableError, TableSpec, node};
 use crate::{CorrelateError, Correlator, CorrelatorScratch, Pair, TranslationWindow};
 
@@ -90,8 +90,8 @@ impl From<TableError> for BakeError {
     }
 }
 
-/// Computes this process's missing rotation nodes of the table at `path`, making the table if there
-/// is none, on all threads of the current rayon pool.
+/// Computes this process's missing rotation nodes of the table at a path or URL
+/// ([`TableFiles::at`]), making the table if there is none, on all threads of the current rayon pool.
 ///
 /// # Errors
 /// If the specification or share is out of range, the table is of another specification or cannot be
@@ -103,24 +103,40 @@ pub fn bake<P: NodeEnergies>(
     share: Share,
     monitor: &dyn Monitor,
 ) -> Result<BakeReport, BakeError> {
+    bake_files(&TableFiles::at(path)?, spec, producer, share, monitor)
+}
+
+/// The same, wherever the table's files are.
+///
+/// # Errors
+/// As [`bake`].
+pub fn bake_files<P: NodeEnergies>(
+    files: &TableFiles,
+    spec: &TableSpec,
+    producer: &P,
+    share: Share,
+    monitor: &dyn Monitor,
+) -> Result<BakeReport, BakeError> {
     let Share { rank, size, resume } = share;
     if rank >= size {
         return Err(BakeError::Share { rank, size });
     }
-    let store = if path.exists() {
+    let store = if files.exist()? {
         if !resume && size == 1 {
-            return Err(BakeError::Exists { path: path.into() });
+            return Err(BakeError::Exists {
+                path: files.place().into(),
+            });
         }
         // What was probed for a table that is there is its own.
         let none = Probe {
             unit: 1.0,
             negligible: 0.0,
         };
-        TableStore::create(path, spec, none)?
+        TableStore::create(files, spec, none)?
     } else {
         spec.validate()?;
         let grid = spec.grid().map_err(TableError::from)?;
-        TableStore::create(path, spec, probe(spec, &grid, producer)?)?
+        TableStore::create(files, spec, probe(spec, &grid, producer)?)?
     };
     let rotations = store.grid().nodes().len();
     let rows: Vec<usize> = (rank..rotations).step_by(size).collect();

@@ -2,6 +2,36 @@
 //! quadrature, and tables that interpolate them.
 //!
 //! Formulas, signs, FFT normalization and quaternion order are fixed in `docs/conventions.md`.
+//!
+//! # Energy, force and torque at any pose
+//!
+//! | what | whose full wrench | cost |
+//! |---|---|---|
+//! | [`DirectEvaluator`] | any rotation and translation, exact gradient of its quadrature | 0.1 - 10 ms |
+//! | [`EnergyTable`] ([`EnergyTable::respond`], [`EnergyTable::respond_many`]) | within the table's rotations and window, exact gradient of its interpolant | microseconds |
+//! | [`Correlator::gradient`] | one rotation, all displacements of a window at once: the exact gradient of [`Correlator::score`] | six correlations |
+//!
+//! The first two answer through one trait, [`EnergySource::evaluate`], with energy, wrench (torque first, about
+//! the moving part's origin, fixed frame) and coverage:
+//!
+//! ```
+//! use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, PairBuilder, Pose, ScoreModel};
+//! use glam::DVec3;
+//! use sdf_grid::{Silent, shapes::PegInHole};
+//!
+//! let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+//! let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+//! let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+//! let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+//! // 2 mm out of the fit: drawn back in.
+//! let pose = Pose::from_translation(DVec3::new(0.0, 0.0, 0.002));
+//! let response = source.evaluate(&pose, &mut source.scratch());
+//! assert!(response.energy < 0.0 && response.wrench.force.z < 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`Condition::at`] says how far the terms of a score cancel; [`measure_error`] compares a table with
+//! any other source at poses it has never seen.
 
 pub mod bake;
 mod chart;
@@ -44,7 +74,7 @@ pub mod taps;
 pub mod translation;
 pub mod well;
 
-pub use bake::{BakeError, BakeReport, PairEnergies, Share, bake};
+pub use bake::{BakeError, BakeReport, PairEnergies, Share, bake, bake_files};
 pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
 pub use correlate_fields::correlate_fields;
 pub use deaverage::{averaging_strength, deaveraged};
@@ -67,7 +97,7 @@ pub use rotation_domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotation_grid::RotationGrid;
 pub use se3::{Pose, Twist, Wrench};
 pub use spectral::StageTimes;
-pub use store::{StoreError, TableStore};
+pub use store::{StoreError, TableFiles, TableStore};
 pub use table::{EnergyTable, FieldSampling, NodeEnergies, TableError, TableSpec};
 pub use table_error::{ErrorReport, Excess, measure_error, random_pose, typical_condition};
 pub use taps::Interpolation;

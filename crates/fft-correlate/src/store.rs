@@ -1,48 +1,57 @@
-//! Tables on disk: a Zarr v3 group, one chunk of energies per rotation node.
+//! Tables on disk or in an object store: a Zarr v3 group, one chunk of energies per rotation node.
 //!
 //! `docs/table-format.md` describes the files. A table appears whole (its metadata is prepared
-//! beside it and renamed into place), and so does every chunk; a chunk that is there and passes its
-//! checksum is finished.
+//! beside it and renamed into place, or in an object store written last), and so does every chunk;
+//! a chunk that is there and passes its checksum is finished.
 
+#[cfg(feature = "cloud")]
+mod cloud;
 mod error;
+mod files;
 mod header;
 mod load;
 mod skeleton;
 
-use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use half::f16;
 use serde_json::{Value, json};
 use zarrs::array::{Array, ArrayBuilder, ArrayError, ArrayMetadataOptions, CodecOptions};
-use zarrs::filesystem::FilesystemStore;
-use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 
 pub use error::StoreError;
+pub use files::TableFiles;
 
 use crate::encode::{Encoded, Numbers, Probe, is_storable};
 use crate::rotation_grid::RotationGrid;
 use crate::table::{TableError, TableSpec};
 use crate::table_error::ErrorReport;
+use files::Storage;
 use header::Header;
 use skeleton::{energy_array, place, scale_array};
 
 /// Version of the layout and of the meaning of the attributes.
 pub const FORMAT_VERSION: u32 = 2;
 
-type Files = AtomicWriteStorageAdapter<FilesystemStore>;
-
-/// A table on disk, finished or not.
-#[derive(Debug)]
+/// A table on disk or in an object store, finished or not.
 pub struct TableStore {
-    path: PathBuf,
+    files: TableFiles,
     header: Header,
     grid: RotationGrid,
-    energies: Array<Files>,
+    energies: Array<Storage>,
     /// Scales of whole numbers.
-    scales: Option<Array<Files>>,
+    scales: Option<Array<Storage>>,
+}
+
+impl std::fmt::Debug for TableStore {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { files, header, .. } = self;
+        let fields = &mut f.debug_struct("TableStore");
+        fields
+            .field("files", files)
+            .field("header", header)
+            .finish_non_exhaustive()
+    }
 }
 
 /// State of a rotation node's chunk.
@@ -57,15 +66,19 @@ pub enum ChunkState {
 }
 
 impl TableStore {
-    /// Makes an empty table at `path`, or opens the one that is there if it has the same
+    /// Makes an empty table, or opens the one that is there if it has the same
     /// specification. `probe` is for a new table.
     ///
     /// # Errors
     /// If the specification is out of range, the path cannot be written, or there is something else
     /// at the path.
-    pub(crate) fn create(path: &Path, spec: &TableSpec, probe: Probe) -> Result<Self, StoreError> {
+    pub(crate) fn create(
+        files: &TableFiles,
+        spec: &TableSpec,
+        probe: Probe,
+    ) -> Result<Self, StoreError> {
         spec.validate()?;
-        if !path.exists() {
+        if !files.exist()? {
             let grid = spec.grid().map_err(TableError::from)?;
             let header = Header {
                 format: FORMAT_VERSION,
@@ -75,29 +88,45 @@ impl TableStore {
                 table: spec.clone(),
                 error: None,
             };
-            place(path, &header, &grid)?;
+            place(files, &header, &grid)?;
         }
-        let store = Self::open(path)?;
+        let store = Self::open_files(files)?;
         store.expect_spec(spec)?;
         Ok(store)
     }
 
-    /// Opens the table at `path` without reading energies.
+    /// Opens the table at a path or URL ([`TableFiles::at`]) without reading energies.
     ///
     /// # Errors
     /// If there is no table, or its metadata is of another format, damaged or out of range.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let header = Header::read(path)?;
+        Self::open_files(&TableFiles::at(path)?)
+    }
+
+    /// The same, wherever its files are.
+    ///
+    /// # Errors
+    /// As [`TableStore::open`].
+    pub fn open_files(files: &TableFiles) -> Result<Self, StoreError> {
+        let header = Header::read(files)?;
         header.table.validate()?;
-        expect_rotations(path, &header)?;
+        expect_rotations(files, &header)?;
         let grid = header.table.grid().map_err(TableError::from)?;
-        let energies = array(path, "energy", &energy_array(&header.table, &grid))?;
+        let energies = array(
+            files,
+            ["energy", "energy/zarr.json"],
+            &energy_array(&header.table, &grid),
+        )?;
         let scales = match header.table.storage.numbers {
             Numbers::Half => None,
-            Numbers::Integer => Some(array(path, "scale", &scale_array(&grid))?),
+            Numbers::Integer => Some(array(
+                files,
+                ["scale", "scale/zarr.json"],
+                &scale_array(&grid),
+            )?),
         };
         Ok(Self {
-            path: path.into(),
+            files: files.clone(),
             header,
             grid,
             energies,
@@ -105,9 +134,9 @@ impl TableStore {
         })
     }
 
-    /// Where the table is.
+    /// Where the table is: a path or a URL.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.files.place()
     }
 
     /// What the table holds.
@@ -156,7 +185,7 @@ impl TableStore {
         ] {
             if expected != found {
                 return Err(StoreError::Mesh {
-                    path: self.path.clone(),
+                    path: self.path().into(),
                     part,
                     expected: expected.into(),
                     found: found.clone(),
@@ -176,7 +205,7 @@ impl TableStore {
             return Ok(());
         };
         Err(StoreError::Different {
-            path: self.path.clone(),
+            path: self.path().into(),
             item: item.0.clone(),
         })
     }
@@ -230,22 +259,19 @@ impl TableStore {
         }
     }
 
-    fn damaged(&self, array: &Array<Files>, row: usize, reason: String) -> StoreError {
+    fn damaged(&self, array: &Array<Storage>, row: usize, reason: String) -> StoreError {
         StoreError::Damaged {
-            path: self.path.clone(),
+            path: self.path().into(),
             key: array.chunk_key(&chunk_index(array, row)).to_string(),
             reason,
         }
     }
 
-    fn chunk_error(&self, array: &Array<Files>, row: usize, error: ArrayError) -> StoreError {
+    fn chunk_error(&self, array: &Array<Storage>, row: usize, error: ArrayError) -> StoreError {
         match error {
             ArrayError::StorageError(e) => {
-                let key = array.chunk_key(&chunk_index(array, row)).to_string();
-                StoreError::Io {
-                    path: self.path.join(key),
-                    source: io::Error::other(e.to_string()),
-                }
+                let key = array.chunk_key(&chunk_index(array, row));
+                self.files.io(key.as_str(), e)
             }
             e => self.damaged(array, row, e.to_string()),
         }
@@ -286,38 +312,18 @@ impl TableStore {
     /// If the left-over file cannot be removed.
     pub(crate) fn clean(&self, row: usize) -> Result<(), StoreError> {
         for array in self.scales.iter().chain([&self.energies]) {
-            let key = array.chunk_key(&chunk_index(array, row));
-            let left = self.path.join(format!("{key}.tmp"));
-            match fs::remove_file(&left) {
-                Err(source) if source.kind() != io::ErrorKind::NotFound => {
-                    return Err(StoreError::Io { path: left, source });
-                }
-                _ => {}
-            }
+            self.files
+                .clean(&array.chunk_key(&chunk_index(array, row)))?;
         }
         Ok(())
     }
 
-    /// Bytes of the files that hold energies.
+    /// Bytes of the files or objects that hold energies.
     ///
     /// # Errors
-    /// If the folder cannot be read.
+    /// If they cannot be listed.
     pub fn bytes_on_disk(&self) -> Result<u64, StoreError> {
-        let folder = self.path.join("energy");
-        let io = |source| StoreError::Io {
-            path: folder.clone(),
-            source,
-        };
-        let mut bytes = 0;
-        for entry in fs::read_dir(&folder).map_err(io)? {
-            // Temporary files of other processes come and go.
-            match entry.and_then(|e| e.metadata()) {
-                Ok(metadata) => bytes += metadata.len(),
-                Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-                Err(e) => return Err(io(e)),
-            }
-        }
-        Ok(bytes)
+        self.files.bytes("energy/")
     }
 
     /// Writes the measured error into the table's attributes.
@@ -329,28 +335,24 @@ impl TableStore {
             error: Some(report.clone()),
             ..self.header.clone()
         };
-        let file = self.path.join("zarr.json");
-        let io = |source: io::Error| StoreError::Io {
-            path: file.clone(),
-            source,
-        };
-        let mut temporary = tempfile::NamedTempFile::new_in(&self.path).map_err(io)?;
-        serde_json::to_writer_pretty(&mut temporary, &header.group()).map_err(|e| io(e.into()))?;
-        temporary.as_file().sync_all().map_err(io)?;
-        temporary.persist(&file).map_err(|e| io(e.error))?;
+        let text = serde_json::to_vec_pretty(&header.group()).map_err(|e| StoreError::Io {
+            path: self.path().join("zarr.json"),
+            source: e.into(),
+        })?;
+        self.files.replace("zarr.json", text)?;
         self.header = header;
         Ok(())
     }
 }
 
 fn read<T: zarrs::array::ElementOwned>(
-    array: &Array<Files>,
+    array: &Array<Storage>,
     row: usize,
 ) -> Result<Option<Vec<T>>, ArrayError> {
     array.retrieve_chunk_if_exists_opt::<Vec<T>>(&chunk_index(array, row), &one_thread())
 }
 
-fn chunk_index(array: &Array<Files>, row: usize) -> Vec<u64> {
+fn chunk_index(array: &Array<Storage>, row: usize) -> Vec<u64> {
     let mut index = vec![0; array.shape().len()];
     index[0] = row as u64;
     index
@@ -369,26 +371,22 @@ fn metadata_options() -> ArrayMetadataOptions {
 /// An array of the table. The header decides what it must be; its own metadata, which is for other
 /// readers, must agree.
 fn array(
-    path: &Path,
-    name: &'static str,
+    files: &TableFiles,
+    [name, item]: [&'static str; 2],
     builder: &ArrayBuilder,
-) -> Result<Array<Files>, StoreError> {
+) -> Result<Array<Storage>, StoreError> {
     let metadata = |reason: String| StoreError::Metadata {
-        path: path.into(),
-        item: match name {
-            "energy" => "energy/zarr.json",
-            _ => "scale/zarr.json",
-        },
+        path: files.place().into(),
+        item,
         reason,
     };
-    let files = FilesystemStore::new(path).map_err(|e| metadata(e.to_string()))?;
-    let files = Arc::new(AtomicWriteStorageAdapter::new(Arc::new(files)));
     let array = builder
-        .build(files, &format!("/{name}"))
+        .build(files.storage().clone(), &format!("/{name}"))
         .map_err(|e| metadata(e.to_string()))?;
-    let text = fs::read_to_string(path.join(name).join("zarr.json"))
-        .map_err(|e| metadata(e.to_string()))?;
-    let found: Value = serde_json::from_str(&text).map_err(|e| metadata(e.to_string()))?;
+    let text = files
+        .read(item)?
+        .ok_or_else(|| metadata("there is no such file".into()))?;
+    let found: Value = serde_json::from_slice(&text).map_err(|e| metadata(e.to_string()))?;
     let expected = json!(array.metadata_opt(&metadata_options()));
     for (key, value) in expected.as_object().into_iter().flatten() {
         if found.get(key) != Some(value) {
@@ -401,19 +399,19 @@ fn array(
 
 /// Refuses a header whose rotation domain is of another order of size than the file of the nodes'
 /// quaternions, before the nodes are made: a damaged step must not fill the memory.
-fn expect_rotations(path: &Path, header: &Header) -> Result<(), StoreError> {
-    let file = path.join("quaternion").join("c").join("0").join("0");
-    let bytes = match fs::metadata(&file) {
-        Ok(m) => m.len(),
-        Err(source) => return Err(StoreError::Io { path: file, source }),
-    };
+fn expect_rotations(files: &TableFiles, header: &Header) -> Result<(), StoreError> {
+    const KEY: &str = "quaternion/c/0/0";
+    let bytes = files.size(KEY)?.ok_or_else(|| StoreError::Io {
+        path: files.place().join(KEY),
+        source: io::ErrorKind::NotFound.into(),
+    })?;
     let (stored, box_nodes) = (bytes / 32, RotationGrid::box_nodes(&header.table.rotations));
     // A box has fewer than 64 nodes for each that is kept, once there are many.
     if box_nodes <= 64.0 * stored as f64 + 1e5 {
         return Ok(());
     }
     Err(StoreError::Metadata {
-        path: path.into(),
+        path: files.place().into(),
         item: "quaternion",
         reason: format!("about {box_nodes:.1e} rotation nodes expected, {stored} found"),
     })

@@ -1,7 +1,7 @@
-//! Tables on disk: exact round trips, bakes split and interrupted in every way, damaged and foreign
-//! files.
+//! Tables on disk: exact round trips, bakes split and interrupted in every way, what is left out.
 
 mod common;
+mod store_support;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,49 +20,7 @@ use ndarray::ArrayViewMut3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{Monitor, Silent};
-use serde_json::{Value, json};
-
-fn small() -> (Gaussians, TableSpec) {
-    // A spacing and pivot whose decimal text is long: every digit must survive.
-    let window = window(0.3, 0.1 / 3.0 * 2.0);
-    (
-        Gaussians::random(21),
-        spec(window, RotationDomain::ball(20.0, 10.0)),
-    )
-}
-
-fn baked(path: &Path, share: Share) -> Result<fft_correlate::BakeReport, BakeError> {
-    let (energy, spec) = small();
-    bake(path, &spec, &OnWindow(&energy, spec.window), share, &Silent)
-}
-
-/// All files of a folder by relative path.
-fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    fn visit(root: &Path, folder: &Path, found: &mut BTreeMap<PathBuf, Vec<u8>>) {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                visit(root, &path, found);
-            } else {
-                let key = path.strip_prefix(root).unwrap().to_path_buf();
-                found.insert(key, fs::read(&path).unwrap());
-            }
-        }
-    }
-    let mut found = BTreeMap::new();
-    visit(root, root, &mut found);
-    found
-}
-
-fn chunk(root: &Path, row: usize) -> PathBuf {
-    root.join(format!("energy/c.{row}.0.0.0"))
-}
-
-const SHARED: Share = Share {
-    rank: 0,
-    size: 1,
-    resume: true,
-};
+use store_support::*;
 
 #[test]
 fn what_is_loaded_is_what_was_computed() {
@@ -140,21 +98,6 @@ fn ranks_and_threads_do_not_show_in_the_files() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
 }
 
-/// Cancels after some nodes.
-struct StopAfter(AtomicU64);
-
-impl Monitor for StopAfter {
-    fn advance(&self, steps: u64) {
-        let _ = self
-            .0
-            .fetch_update(Relaxed, Relaxed, |n| Some(n.saturating_sub(steps)));
-    }
-
-    fn cancelled(&self) -> bool {
-        self.0.load(Relaxed) == 0
-    }
-}
-
 #[test]
 fn a_cancelled_bake_keeps_what_was_finished_and_resumes_to_the_same_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -175,179 +118,6 @@ fn a_cancelled_bake_keeps_what_was_finished_and_resumes_to_the_same_files() {
     assert!(resumed.kept >= 40 && resumed.kept + resumed.computed == total);
     assert!(files(&path) == files(&whole));
     assert_eq!(baked(&path, SHARED).unwrap().computed, 0);
-}
-
-#[test]
-fn damaged_and_lost_chunks_are_named_and_baked_again_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("t.zarr");
-    let total = baked(&path, Share::ALL).unwrap().rotations;
-    let whole = files(&path);
-    let mut rng = SmallRng::seed_from_u64(23);
-    for round in 0..4 {
-        let mut rows: Vec<usize> = (0..6).map(|_| rng.random_range(0..total)).collect();
-        rows.sort_unstable();
-        rows.dedup();
-        for (k, &row) in rows.iter().enumerate() {
-            let file = chunk(&path, row);
-            let mut bytes = fs::read(&file).unwrap();
-            match k % 4 {
-                0 => {
-                    fs::remove_file(&file).unwrap();
-                    // As a killed writer leaves it.
-                    fs::write(format!("{}.tmp", file.display()), &bytes[..9]).unwrap();
-                }
-                1 => {
-                    let at = rng.random_range(0..bytes.len());
-                    bytes[at] ^= 1 << rng.random_range(0..8);
-                    fs::write(&file, bytes).unwrap();
-                }
-                2 => fs::write(&file, &bytes[..rng.random_range(0..bytes.len())]).unwrap(),
-                _ => fs::write(&file, b"").unwrap(),
-            }
-        }
-        let store = TableStore::open(&path).unwrap();
-        for row in 0..total {
-            let finished = store.state(row).unwrap() == ChunkState::Finished;
-            assert_eq!(finished, !rows.contains(&row), "round {round} row {row}");
-        }
-        match store.load(1 << 30) {
-            Err(StoreError::Damaged { key, .. }) => {
-                assert!(
-                    rows.iter().any(|r| key == format!("energy/c.{r}.0.0.0")),
-                    "{key}"
-                );
-            }
-            Err(StoreError::Incomplete { first, .. }) => assert!(rows.contains(&first)),
-            other => panic!("{other:?}"),
-        }
-        let report = baked(&path, SHARED).unwrap();
-        assert_eq!(
-            (report.computed, report.kept),
-            (rows.len(), total - rows.len())
-        );
-        assert!(files(&path) == whole, "round {round}");
-    }
-}
-
-/// Changes the table's header and says what opening and loading then gives.
-fn with_header(change: impl Fn(&mut Value)) -> StoreError {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("t.zarr");
-    baked(&path, Share::ALL).unwrap();
-    let file = path.join("zarr.json");
-    let mut group: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
-    change(&mut group["attributes"]["pegfit"]);
-    fs::write(&file, group.to_string()).unwrap();
-    let load = TableStore::open(&path).and_then(|s| s.load(1 << 24));
-    load.expect_err("the table was spoiled")
-}
-
-#[test]
-fn foreign_metadata_is_refused_by_name() {
-    let version = with_header(|h| h["format"] = json!(FORMAT_VERSION + 1));
-    assert!(
-        matches!(version, StoreError::Version { expected, found, .. }
-        if expected == FORMAT_VERSION && found == u64::from(FORMAT_VERSION + 1))
-    );
-    let none = with_header(|h| *h = Value::Null);
-    assert!(matches!(
-        none,
-        StoreError::Metadata {
-            item: "zarr.json",
-            ..
-        }
-    ));
-    let unit = with_header(|h| h["energy_unit"] = json!(-1.0));
-    assert!(matches!(unit, StoreError::Metadata { .. }));
-    let unknown = with_header(|h| h["table"]["surprise"] = json!(1));
-    assert!(matches!(unknown, StoreError::Metadata { .. }));
-    // Absurd sizes are refused before anything is allocated for them.
-    let huge = with_header(|h| h["table"]["window"]["shape"] = json!([4000000, 4000000, 4000000]));
-    assert!(
-        matches!(
-            huge,
-            StoreError::Table(TableError::Spec { name: "window", .. })
-        ),
-        "{huge}"
-    );
-    let large = with_header(|h| h["table"]["window"]["shape"] = json!([1000, 1000, 1000]));
-    assert!(
-        matches!(
-            large,
-            StoreError::Metadata {
-                item: "energy/zarr.json",
-                ..
-            }
-        ),
-        "{large}"
-    );
-    let fine = with_header(|h| h["table"]["rotations"]["step_deg"] = json!(1e-5));
-    assert!(
-        matches!(
-            fine,
-            StoreError::Metadata {
-                item: "quaternion",
-                ..
-            }
-        ),
-        "{fine}"
-    );
-    let sigma = with_header(|h| h["table"]["model"]["sigma"] = json!(7));
-    assert!(
-        matches!(sigma, StoreError::Table(TableError::Model(_))),
-        "{sigma}"
-    );
-}
-
-#[test]
-fn broken_files_are_refused_by_name() {
-    let folder = tempfile::tempdir().unwrap();
-    let open = |path: &Path| TableStore::open(path).unwrap_err();
-    assert!(matches!(
-        open(&folder.path().join("none")),
-        StoreError::Missing { .. }
-    ));
-    let path = folder.path().join("t.zarr");
-    baked(&path, Share::ALL).unwrap();
-    let store = TableStore::open(&path).unwrap();
-    store.expect_meshes("aa", "bb").unwrap();
-    assert!(matches!(
-        store.expect_meshes("aa", "cc"),
-        Err(StoreError::Mesh { part: "moving", .. })
-    ));
-    let (energy, mut spec) = small();
-    spec.model.sigma = 0.1;
-    let other = bake(
-        &path,
-        &spec,
-        &OnWindow(&energy, spec.window),
-        SHARED,
-        &Silent,
-    );
-    assert!(
-        matches!(other, Err(BakeError::Store(StoreError::Different { ref item, .. }))
-        if item == "model")
-    );
-    for (file, keep) in [("energy/zarr.json", 100), ("zarr.json", 60)] {
-        let file = path.join(file);
-        let bytes = fs::read(&file).unwrap();
-        fs::write(&file, &bytes[..keep]).unwrap();
-        assert!(
-            matches!(open(&path), StoreError::Metadata { .. }),
-            "{}",
-            file.display()
-        );
-        fs::write(&file, bytes).unwrap();
-    }
-    fs::remove_file(path.join("energy/zarr.json")).unwrap();
-    assert!(matches!(
-        open(&path),
-        StoreError::Metadata {
-            item: "energy/zarr.json",
-            ..
-        }
-    ));
 }
 
 /// Energies that cannot be stored.
@@ -528,76 +298,6 @@ fn energy_wrench_and_coverage_are_continuous_where_bricks_end() {
     assert!(jump < 1e-6 * energy_scale, "{jump} {energy_scale}");
     assert!(turn < 1e-6 * wrench_scale, "{turn} {wrench_scale}");
     assert!(cover < 1e-6, "{cover}");
-}
-
-/// Every byte of every file changed, and every file cut anywhere: an error or a table that answers,
-/// never a panic, and nothing is allocated for what a damaged number says.
-#[test]
-fn no_damage_is_fatal() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("t.zarr");
-    let energy = Gaussians::random(34);
-    for (numbers, rotations, every) in [
-        (Numbers::Half, RotationDomain::single(DQuat::IDENTITY), 1),
-        (Numbers::Integer, RotationDomain::ball(10.0, 30.0), 5),
-    ] {
-        let _ = fs::remove_dir_all(&path);
-        let mut spec = spec(window(0.3, 0.3), rotations);
-        spec.storage.numbers = numbers;
-        bake(
-            &path,
-            &spec,
-            &OnWindow(&energy, spec.window),
-            Share::ALL,
-            &Silent,
-        )
-        .unwrap();
-        let whole = files(&path);
-        let mut rng = SmallRng::seed_from_u64(35);
-        let mut refused = 0;
-        let mut check = |file: &PathBuf, bytes: &[u8]| {
-            fs::write(path.join(file), bytes).unwrap();
-            match TableStore::open(&path).and_then(|s| s.load(1 << 24)) {
-                Err(e) => {
-                    assert!(!e.to_string().is_empty());
-                    refused += 1;
-                }
-                Ok(table) => {
-                    let r = table.respond(&pose(DQuat::IDENTITY, DVec3::splat(0.1)));
-                    assert!(
-                        r.energy.is_finite() && r.wrench.is_finite(),
-                        "{}",
-                        file.display()
-                    );
-                }
-            }
-        };
-        for (file, bytes) in &whole {
-            let chunk = file.to_string_lossy().contains("/c.");
-            // One rotation's chunk stands for all; coordinates are for other readers.
-            let read = [
-                "zarr.json",
-                "energy/zarr.json",
-                "scale/zarr.json",
-                "scale/c.0",
-            ];
-            let read = read.iter().any(|r| file == Path::new(r));
-            if !read && !file.to_string_lossy().contains("/c.0.") {
-                continue;
-            }
-            for at in (0..bytes.len()).step_by(if chunk { 1 } else { every }) {
-                let mut changed = bytes.clone();
-                changed[at] ^= 1 << rng.random_range(0..8);
-                check(file, &changed);
-                if chunk || at % 7 == 0 {
-                    check(file, &bytes[..at]);
-                }
-            }
-            fs::write(path.join(file), bytes).unwrap();
-        }
-        assert!(refused > 300, "{refused}");
-        assert!(TableStore::open(&path).unwrap().load(1 << 24).is_ok());
-    }
 }
 
 #[test]

@@ -485,6 +485,7 @@ fn ten_million_queries_are_finite() {
         let table = table(&energy, spec);
         let mut rng = SmallRng::seed_from_u64(19);
         let mut responses = vec![Default::default(); 100_000];
+        let mut covered = 0;
         for _ in 0..25 {
             let poses: Vec<_> = (0..100_000)
                 .map(|n| {
@@ -500,8 +501,11 @@ fn ten_million_queries_are_finite() {
             table.respond_many(&poses, &mut responses);
             for r in &responses {
                 assert!(r.energy.is_finite() && r.wrench.is_finite() && r.coverage.is_finite());
+                covered += usize::from(r.coverage > 0.0);
             }
         }
+        println!("2500000 queries finite, {covered} of them with coverage");
+        assert!(covered > 100_000);
     }
 }
 

@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use fft_correlate::bake::{BakeError, BakeReport, Share, bake};
 use fft_correlate::launcher::Launcher;
-use fft_correlate::store::{ChunkState, StoreError, TableStore};
+use fft_correlate::store::{ChunkState, StoreError, TableFiles, TableStore};
 use fft_correlate::table_error::{ErrorReport, measure_error, typical_condition};
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storage};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::table::print_error;
@@ -60,7 +61,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         return status(args, context);
     }
     let share = share(args)?;
-    super::require_folder(&args.output)?;
+    require_place(&args.output)?;
     let (assembly, reference) = prepare(args, context)?;
     let began = Instant::now();
     let mut spec = assembly.table_spec()?;
@@ -104,7 +105,7 @@ fn prepare(
     let Some(tolerance) = args.tolerance else {
         return Ok((Assembly::load(scene, context)?, None));
     };
-    if !args.output.exists() {
+    if !exists(&args.output)? {
         let choice = tolerance::choose(scene, tolerance, context)?;
         let reference = Reference {
             truth: choice.truth,
@@ -126,6 +127,20 @@ fn prepare(
     }
     let assembly = Assembly::load(scene, context)?;
     Ok((assembly, Some(Reference { truth, spacing })))
+}
+
+/// Checks that the folder of a table to be exists; object stores have no folders.
+fn require_place(output: &Path) -> Result<(), CommandError> {
+    let files = TableFiles::at(output).map_err(bad_table)?;
+    if TableFiles::is_remote(output) {
+        return Ok(());
+    }
+    super::require_folder(files.place())
+}
+
+fn exists(output: &Path) -> Result<bool, CommandError> {
+    let files = TableFiles::at(output).map_err(bad_table)?;
+    files.exist().map_err(bad_table)
 }
 
 /// What a table's error is measured against.
@@ -203,23 +218,18 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
 
 pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
     let rotations = store.grid().nodes().len();
-    let mut progress = Progress {
+    let states: Vec<ChunkState> = (0..rotations)
+        .into_par_iter()
+        .map(|row| store.state(row))
+        .collect::<Result<_, _>>()
+        .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
+    let count = |kind: fn(&ChunkState) -> bool| states.iter().filter(|s| kind(s)).count();
+    Ok(Progress {
         rotations,
-        finished: 0,
-        missing: 0,
-        damaged: 0,
-    };
-    for row in 0..rotations {
-        let state = store
-            .state(row)
-            .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
-        match state {
-            ChunkState::Finished => progress.finished += 1,
-            ChunkState::Missing => progress.missing += 1,
-            ChunkState::Damaged(_) => progress.damaged += 1,
-        }
-    }
-    Ok(progress)
+        finished: count(|s| matches!(s, ChunkState::Finished)),
+        missing: count(|s| matches!(s, ChunkState::Missing)),
+        damaged: count(|s| matches!(s, ChunkState::Damaged(_))),
+    })
 }
 
 fn measure(

@@ -57,6 +57,10 @@ fn kill_and_resume(extra: &str, kills: usize, longest: Duration) {
         assert!(done >= before, "finished rotations stay");
         before = done;
     }
+    println!(
+        "{kills} kills while {before} rotations were baked, {} of them by runs that were logged",
+        finished.len()
+    );
     assert!(!finished.is_empty(), "the log tells what was computed");
     assert!(finished.values().all(|&n| n == 1), "{finished:?}");
     assert_eq!(
@@ -133,9 +137,15 @@ fn full_and_read_only_disks_are_errors_that_lose_nothing() {
     };
     let bake = ["bake", "scene.toml", "-o", "disk/t.zarr", "--resume", "-q"];
     let full = pegfit(root, &bake);
+    let there = content(&root.join("disk/t.zarr")).len();
     assert_eq!(full.status.code(), Some(1), "{}", stderr(&full));
     assert!(stderr(&full).contains("disk/t.zarr"), "{}", stderr(&full));
 
+    println!(
+        "full at {} kB, with {there} of {} files there",
+        size / 2,
+        content(&root.join("whole.zarr")).len()
+    );
     assert!(mount(&["-o", "remount,size=64m"], &root.join("disk")));
     succeed(root, &bake);
     assert_eq!(

@@ -3,6 +3,8 @@
 
 mod bake;
 mod check;
+#[cfg(feature = "cloud")]
+mod cloud;
 mod common;
 mod devices;
 mod dock_and_feel;

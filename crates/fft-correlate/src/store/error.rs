@@ -8,16 +8,24 @@ use crate::table::TableError;
 /// Why a table on disk cannot be made, read or extended.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// There is nothing at the path.
+    /// There is nothing at the path or URL.
     #[error("{}: no table there", path.display())]
     Missing {
         /// Where.
         path: PathBuf,
     },
+    /// A URL that names no store.
+    #[error("{}: {reason}", url.display())]
+    Url {
+        /// What was given.
+        url: PathBuf,
+        /// Why it cannot be used.
+        reason: String,
+    },
     /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
-        /// Which file or folder.
+        /// Which file, folder or object.
         path: PathBuf,
         /// What the system said.
         source: io::Error,

@@ -1,12 +1,11 @@
 //! The attribute `pegfit` of a table: what it holds, how, and what was measured of it.
 
-use std::fs;
-use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::files::TableFiles;
 use super::{FORMAT_VERSION, StoreError};
 use crate::encode::Probe;
 use crate::table::TableSpec;
@@ -45,29 +44,22 @@ impl Header {
         attributes
     }
 
-    pub(super) fn read(path: &Path) -> Result<Self, StoreError> {
-        let file = path.join("zarr.json");
-        let text = fs::read_to_string(&file).map_err(|source| match source.kind() {
-            io::ErrorKind::NotFound => StoreError::Missing { path: path.into() },
-            // Not text: some other file, or this one damaged.
-            io::ErrorKind::InvalidData => StoreError::Metadata {
-                path: path.into(),
-                item: "zarr.json",
-                reason: source.to_string(),
-            },
-            _ => StoreError::Io { path: file, source },
-        })?;
-        Self::parse(path, &text)
+    pub(super) fn read(files: &TableFiles) -> Result<Self, StoreError> {
+        let path = files.place();
+        match files.read("zarr.json")? {
+            Some(text) => Self::parse(path, &text),
+            None => Err(StoreError::Missing { path: path.into() }),
+        }
     }
 
-    fn parse(path: &Path, text: &str) -> Result<Self, StoreError> {
+    fn parse(path: &Path, text: &[u8]) -> Result<Self, StoreError> {
         let metadata = |item, reason: String| StoreError::Metadata {
             path: path.into(),
             item,
             reason,
         };
         let group: Value =
-            serde_json::from_str(text).map_err(|e| metadata("zarr.json", e.to_string()))?;
+            serde_json::from_slice(text).map_err(|e| metadata("zarr.json", e.to_string()))?;
         let header = &group["attributes"]["pegfit"];
         // Another format may have other keys: look at its number before the rest.
         let found = header["format"]

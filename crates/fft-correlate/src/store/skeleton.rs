@@ -11,19 +11,35 @@ use zarrs::array::codec::{
     BloscCodec, BloscCompressionLevel, BloscCompressor, BloscShuffleMode, Crc32cCodec,
 };
 use zarrs::array::{ArrayBuilder, data_type};
-use zarrs::filesystem::FilesystemStore;
 use zarrs::group::GroupBuilder;
 use zarrs::metadata::ChunkKeySeparator;
 
+use super::files::{Storage, TableFiles};
 use super::header::Header;
 use super::{StoreError, metadata_options, one_thread};
 use crate::encode::Numbers;
 use crate::rotation_grid::RotationGrid;
 use crate::table::TableSpec;
 
-/// Writes the metadata of an empty table to a folder beside `path` and renames it. If another
-/// process was first, its table stays and this one is dropped.
-pub(super) fn place(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(), StoreError> {
+/// Writes the metadata of an empty table, its own last: what makes it one. In a store of objects,
+/// processes that do this at the same time write the same bytes.
+pub(super) fn place(
+    files: &TableFiles,
+    header: &Header,
+    grid: &RotationGrid,
+) -> Result<(), StoreError> {
+    let Some(folder) = files.folder() else {
+        return write_skeleton(files.storage(), header, grid).map_err(|e| StoreError::Io {
+            path: files.place().into(),
+            source: io::Error::other(e.to_string()),
+        });
+    };
+    place_folder(folder, header, grid)
+}
+
+/// Writes to a folder beside `path` and renames it. If another process was first, its table stays
+/// and this one is dropped.
+fn place_folder(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(), StoreError> {
     let io = |source: io::Error| StoreError::Io {
         path: path.into(),
         source,
@@ -38,7 +54,8 @@ pub(super) fn place(path: &Path, header: &Header, grid: &RotationGrid) -> Result
         .suffix(".tmp")
         .tempdir_in(parent)
         .map_err(io)?;
-    write_skeleton(folder.path(), header, grid).map_err(|e| io(io::Error::other(e)))?;
+    let beside = TableFiles::in_folder(folder.path())?;
+    write_skeleton(beside.storage(), header, grid).map_err(|e| io(io::Error::other(e)))?;
     match fs::rename(folder.path(), path) {
         Ok(()) => {
             let _ = folder.keep();
@@ -53,13 +70,12 @@ pub(super) fn place(path: &Path, header: &Header, grid: &RotationGrid) -> Result
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-fn write_skeleton(folder: &Path, header: &Header, grid: &RotationGrid) -> Result<(), AnyError> {
-    let files = Arc::new(FilesystemStore::new(folder)?);
+fn write_skeleton(
+    files: &Arc<Storage>,
+    header: &Header,
+    grid: &RotationGrid,
+) -> Result<(), AnyError> {
     let window = &header.table.window;
-    GroupBuilder::new()
-        .attributes(header.attributes())
-        .build(files.clone(), "/")?
-        .store_metadata()?;
     energy_array(&header.table, grid)
         .build(files.clone(), "/energy")?
         .store_metadata_opt(&metadata_options())?;
@@ -73,18 +89,17 @@ fn write_skeleton(folder: &Path, header: &Header, grid: &RotationGrid) -> Result
             .map(|i| window.position([i; 3]).to_array()[axis])
             .collect();
         let about = "displacement of the moving part's pivot";
-        coordinate(&files, name, &[(name, values.len())], &values, about, "m")?;
+        coordinate(files, name, &[(name, values.len())], &values, about, "m")?;
     }
     let quaternions: Vec<f64> = grid.nodes().iter().flat_map(|q| q.to_array()).collect();
     let shape = [("rotation", grid.nodes().len()), ("component", 4)];
-    coordinate(
-        &files,
-        "quaternion",
-        &shape,
-        &quaternions,
-        "x, y, z, w",
-        "1",
-    )
+    let about = "x, y, z, w";
+    coordinate(files, "quaternion", &shape, &quaternions, about, "1")?;
+    GroupBuilder::new()
+        .attributes(header.attributes())
+        .build(files.clone(), "/")?
+        .store_metadata()?;
+    Ok(())
 }
 
 /// One chunk of energies for each rotation node.
@@ -136,7 +151,7 @@ pub(super) fn scale_array(grid: &RotationGrid) -> ArrayBuilder {
 }
 
 fn coordinate(
-    files: &Arc<FilesystemStore>,
+    files: &Arc<Storage>,
     name: &str,
     shape: &[(&str, usize)],
     values: &[f64],

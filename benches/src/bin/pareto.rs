@@ -1,0 +1,473 @@
+//! Error of energy, force and torque against a converged reference, and what it costs:
+//! `pareto [--quick] [--out DIR]`.
+//!
+//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation of
+//! tables, and spacing, sampling and number of points of the direct evaluator, on the square
+//! peg-in-hole at zero clearance. Poses are held out: random ones, and paths in contact. Prints a
+//! table, writes `pareto.csv` and `pareto.png` with the efficient frontiers.
+
+use std::collections::HashMap;
+
+use fft_correlate::{
+    Condition, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, NodeEnergies, Numbers,
+    Pair, PairBuilder, PairEnergies, Pose, Response, RotationDomain, ScoreModel, TableSpec,
+    TranslationWindow,
+};
+use glam::{DQuat, DVec3};
+use ndarray::ArrayViewMut3;
+use pegfit_benches::frontier::{Kind, ParetoPanel, draw, frontier};
+use pegfit_benches::{Arguments, Outcome, ask, random_poses, response_errors, rms, timed};
+use rand::{SeedableRng, rngs::SmallRng};
+use rayon::prelude::*;
+use sdf_grid::shapes::PegInHole;
+use sdf_grid::{Sampling, Silent, TriangleMesh};
+
+/// Rotations of the tables and of random poses, degrees.
+const BALL: f64 = 8.0;
+/// Displacements of the tables, metres; poses stay within nine tenths of it.
+const REACH: f64 = 0.004;
+
+/// What densities are sampled by: name, sampling, whether averages are undone.
+const SCHEMES: [(&str, Sampling, bool); 3] = [
+    ("points", Sampling::Point, false),
+    ("cell averages", Sampling::CellAverage, false),
+    ("averages undone", Sampling::CellAverage, true),
+];
+
+/// What is swept. The spacings are such that no face of the parts lies on a node or between cells
+/// of the lattice, as in life.
+struct Sweep {
+    spacings_mm: &'static [f64],
+    steps_deg: &'static [f64],
+    points: &'static [Option<usize>],
+    reference_mm: f64,
+    random: usize,
+    along: usize,
+}
+
+const QUICK: Sweep = Sweep {
+    spacings_mm: &[2.1, 1.4],
+    steps_deg: &[8.0, 4.0],
+    points: &[Some(5_000), None],
+    reference_mm: 0.625,
+    random: 60,
+    along: 20,
+};
+
+const FULL: Sweep = Sweep {
+    spacings_mm: &[2.1, 1.4, 0.9, 0.65],
+    steps_deg: &[8.0, 4.0, 2.0],
+    points: &[Some(2_000), Some(5_000), Some(20_000), Some(80_000), None],
+    reference_mm: 0.4,
+    random: 200,
+    along: 60,
+};
+
+/// One way to answer, what it costs and how wrong it is.
+struct Measured {
+    kind: String,
+    setting: [String; 5],
+    /// Seconds of fields and table, on all threads.
+    bake: f64,
+    /// Seconds for one random pose, on one thread.
+    query: f64,
+    bytes: u64,
+    /// Energy, force, torque at random poses, then along the paths.
+    errors: [Vec<f64>; 2],
+}
+
+impl Measured {
+    /// What the frontiers are of: the rms of the errors of force and torque, at random poses and in
+    /// contact.
+    fn wrench(&self) -> f64 {
+        rms(self.errors.iter().flat_map(|e| e[1..].iter().copied()))
+    }
+}
+
+/// Held-out poses and the true responses there.
+struct Truth {
+    pair: Pair,
+    random: Vec<Pose>,
+    paths: Vec<Pose>,
+    truth: [Vec<Response>; 2],
+}
+
+fn main() -> Outcome<()> {
+    let arguments = Arguments::parse()?;
+    let sweep = if arguments.quick { QUICK } else { FULL };
+    let parts = PegInHole::Rectangular.pair(0.0)?;
+    let truth = reference(&parts, &sweep)?;
+    let mut found = Vec::new();
+    for &mm in sweep.spacings_mm {
+        for (scheme, sampling, deaverage) in SCHEMES {
+            let (pair, fields) = timed(1, || build(&parts, mm, sampling, deaverage));
+            let base = [format!("{mm}"), scheme.to_owned()];
+            let pair = pair?;
+            for points in sweep.points {
+                found.push(direct(&truth, &pair, fields, &base, *points)?);
+            }
+            for &step in sweep.steps_deg {
+                let all_numbers = mm == sweep.spacings_mm[1] && step == sweep.steps_deg[1];
+                found.extend(tables(&truth, &pair, fields, &base, step, all_numbers)?);
+            }
+        }
+    }
+    publish(&found, &arguments)
+}
+
+fn build(
+    parts: &(TriangleMesh, TriangleMesh),
+    mm: f64,
+    sampling: Sampling,
+    deaverage: bool,
+) -> Outcome<Pair> {
+    let builder = PairBuilder {
+        spacing: Some(1e-3 * mm),
+        // The same for all spacings: it is part of the model.
+        halo: Some(0.016),
+        sampling,
+        deaverage,
+        ..PairBuilder::default()
+    };
+    Ok(builder.build(&parts.0, &parts.1, &ScoreModel::GUIDED, &Silent)?)
+}
+
+/// The mean of point samples and cell averages on a fine lattice: at zero clearance both err to
+/// first order in the spacing, with opposite signs. Prints how far apart they are, which bounds
+/// what is left, and what single precision loses.
+fn reference(parts: &(TriangleMesh, TriangleMesh), sweep: &Sweep) -> Outcome<Truth> {
+    let mm = sweep.reference_mm;
+    let pairs = [Sampling::Point, Sampling::CellAverage].map(|s| build(parts, mm, s, false));
+    let [points, averages] = pairs;
+    let (points, pair) = (points?, averages?);
+    let mut rng = SmallRng::seed_from_u64(9);
+    let (angle, reach) = ((0.9 * BALL).to_radians(), 0.9 * REACH);
+    let random = random_poses(&pair, &mut rng, angle, reach, sweep.random);
+    let paths = contact_paths(&pair, sweep.along);
+    let sources = [&points, &pair].map(|p| DirectEvaluator::new(p, &DirectOptions::FULL));
+    let [a, b] = sources;
+    let (a, b) = (a?, b?);
+    let mut uncertain = Vec::new();
+    let truth = [&random, &paths].map(|poses| {
+        let each = |s: &DirectEvaluator| poses.par_iter().map(|p| ask(s, p)).collect::<Vec<_>>();
+        let (a, b) = (each(&a), each(&b));
+        let mean: Vec<Response> = a.iter().zip(&b).map(|(a, b)| middle(a, b)).collect();
+        uncertain.push(response_errors(&pair, poses, &mean, &b));
+        mean
+    });
+    println!("reference: mean of point samples and cell averages every {mm} mm");
+    for (poses, u) in ["random poses", "contact paths"].iter().zip(&uncertain) {
+        println!(
+            "  {poses}: each differs from it by {:.2} % in energy, {:.2} % in force, {:.2} % in torque",
+            100.0 * u[0],
+            100.0 * u[1],
+            100.0 * u[2]
+        );
+    }
+    let mut numbers: Vec<(f64, f64)> = random
+        .iter()
+        .chain(&paths)
+        .step_by(8)
+        .map(|pose| {
+            let exact = Condition::at(&pair, pose);
+            let rounding = (b.score(pose).re - exact.score).abs() / exact.magnitude;
+            (exact.number(), rounding)
+        })
+        .collect();
+    numbers.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let worst = numbers.iter().map(|n| n.1).fold(0.0, f64::max);
+    println!(
+        "  condition number of the score: median {:.2}, largest {:.1}; single precision loses at \
+         most {worst:.1e} of the sum of absolute terms",
+        numbers[numbers.len() / 2].0,
+        numbers[numbers.len() - 1].0
+    );
+    Ok(Truth {
+        pair,
+        random,
+        paths,
+        truth,
+    })
+}
+
+fn middle(a: &Response, b: &Response) -> Response {
+    let mut mean = *a;
+    mean.energy = 0.5 * (a.energy + b.energy);
+    mean.wrench.force = 0.5 * (a.wrench.force + b.wrench.force);
+    mean.wrench.torque = 0.5 * (a.wrench.torque + b.wrench.torque);
+    mean
+}
+
+/// Sliding in along a wall, pressing from wall to wall, and turning in the hole.
+fn contact_paths(pair: &Pair, count: usize) -> Vec<Pose> {
+    let reach = 0.9 * REACH;
+    let at = |k: usize| k as f64 / (count - 1) as f64;
+    let slide = (0..count).map(|k| {
+        let tilt = DQuat::from_rotation_y(0.01);
+        pair.pose(tilt, DVec3::new(3e-4, 0.0, reach * (1.0 - at(k))))
+    });
+    let press = (0..count).map(|k| {
+        let across = reach * (at(k) - 0.5);
+        pair.pose(DQuat::IDENTITY, DVec3::new(across, 1e-4, 2e-4))
+    });
+    let turn = (0..count).map(|k| {
+        let angle = (0.9 * BALL).to_radians() * (2.0 * at(k) - 1.0);
+        pair.pose(DQuat::from_rotation_z(angle), DVec3::new(2e-4, -1e-4, 3e-4))
+    });
+    slide.chain(press).chain(turn).collect()
+}
+
+/// Errors and the time of a query of anything that answers.
+fn compare(truth: &Truth, mut answer: impl FnMut(&Pose) -> Response) -> (f64, [Vec<f64>; 2]) {
+    let mut query = 0.0;
+    let errors = [(&truth.random, 0), (&truth.paths, 1)].map(|(poses, which)| {
+        let times = if which == 0 { 3 } else { 1 };
+        let (found, seconds) = timed(times, || {
+            poses.iter().map(&mut answer).collect::<Vec<Response>>()
+        });
+        if which == 0 {
+            query = seconds / poses.len() as f64;
+        }
+        response_errors(&truth.pair, poses, &truth.truth[which], &found)
+    });
+    (query, errors)
+}
+
+fn direct(
+    truth: &Truth,
+    pair: &Pair,
+    fields: f64,
+    base: &[String; 2],
+    points: Option<usize>,
+) -> Outcome<Measured> {
+    let options = match points {
+        None => DirectOptions::FULL,
+        max_points => DirectOptions {
+            max_points,
+            ..DirectOptions::REAL_TIME
+        },
+    };
+    let source = DirectEvaluator::new(pair, &options)?;
+    let (query, errors) = compare(truth, |pose| ask(&source, pose));
+    let [mm, scheme] = base.clone();
+    let number = format!("{} points", source.describe().points());
+    Ok(Measured {
+        kind: match points {
+            None => "direct, every cell".into(),
+            Some(_) => "direct, merged".into(),
+        },
+        setting: [mm, scheme, String::new(), number, "trilinear".into()],
+        bake: fields,
+        query,
+        bytes: source.describe().bytes,
+        errors,
+    })
+}
+
+/// A table in half precision, cubic and linear; with `all_numbers` in whole numbers and in what
+/// amounts to single precision, too.
+fn tables(
+    truth: &Truth,
+    pair: &Pair,
+    fields: f64,
+    base: &[String; 2],
+    step: f64,
+    all_numbers: bool,
+) -> Outcome<Vec<Measured>> {
+    let window = TranslationWindow::cube(REACH, pair.spacing())?;
+    let energies = PairEnergies::plan(pair, &window)?;
+    let spec = |numbers| {
+        let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(BALL, step));
+        spec.storage.numbers = numbers;
+        spec
+    };
+    let half = spec(Numbers::Half);
+    let (table, seconds) = timed(1, || {
+        EnergyTable::compute(half.clone(), &energies, 4 << 30, &Silent)
+    });
+    let table = table?;
+    let [mm, scheme] = base.clone();
+    let row = |numbers: &str, how: &str, bytes, (query, errors)| Measured {
+        kind: format!("table, {how}"),
+        setting: [
+            mm.clone(),
+            scheme.clone(),
+            format!("{step}"),
+            numbers.into(),
+            how.into(),
+        ],
+        bake: fields + seconds,
+        query,
+        bytes,
+        errors,
+    };
+    let mut rows = Vec::new();
+    for (how, interpolation) in [
+        ("cubic", Interpolation::CatmullRom),
+        ("linear", Interpolation::Linear),
+    ] {
+        let table = table.clone().with_interpolation(interpolation);
+        let compared = compare(truth, |pose| table.respond(pose));
+        rows.push(row("float16", how, table.memory(), compared));
+    }
+    if all_numbers {
+        let whole = EnergyTable::compute(spec(Numbers::Integer), &energies, 4 << 30, &Silent)?;
+        let compared = compare(truth, |pose| whole.respond(pose));
+        rows.push(row("int16", "cubic", whole.memory(), compared));
+        // Interpolation is linear in the stored energies: two tables of 16 bits, the second of what
+        // the first lost, answer like one of about 30.
+        let lost = Lost::new(&energies, &whole);
+        let rest = EnergyTable::compute(spec(Numbers::Integer), &lost, 4 << 30, &Silent)?;
+        let compared = compare(truth, |pose| {
+            let (a, b) = (whole.respond(pose), rest.respond(pose));
+            let mut sum = a;
+            sum.energy += b.energy;
+            sum.wrench += b.wrench;
+            sum
+        });
+        let bytes = whole.memory() + rest.memory();
+        rows.push(row("2 x int16 (as float32)", "cubic", bytes, compared));
+    }
+    Ok(rows)
+}
+
+/// What the numbers of a table lost of its energies.
+struct Lost<'a> {
+    energies: &'a PairEnergies,
+    table: &'a EnergyTable,
+    /// Rows by the bits of their rotation.
+    rows: HashMap<[u64; 4], usize>,
+}
+
+impl<'a> Lost<'a> {
+    fn new(energies: &'a PairEnergies, table: &'a EnergyTable) -> Self {
+        let nodes = table.grid().nodes().iter().enumerate();
+        Self {
+            energies,
+            table,
+            rows: nodes.map(|(row, q)| (bits(*q), row)).collect(),
+        }
+    }
+}
+
+fn bits(q: DQuat) -> [u64; 4] {
+    q.to_array().map(f64::to_bits)
+}
+
+impl NodeEnergies for Lost<'_> {
+    type Scratch = <PairEnergies as NodeEnergies>::Scratch;
+
+    fn scratch(&self) -> Self::Scratch {
+        self.energies.scratch()
+    }
+
+    fn energies(
+        &self,
+        rotation: DQuat,
+        scratch: &mut Self::Scratch,
+        mut out: ArrayViewMut3<'_, f32>,
+    ) {
+        self.energies.energies(rotation, scratch, out.view_mut());
+        let row = self.rows[&bits(rotation)];
+        for ((i, j, k), energy) in out.indexed_iter_mut() {
+            let kept = self.table.node_energy(row, [i, j, k]);
+            *energy = (f64::from(*energy) - kept.expect("the same window")) as f32;
+        }
+    }
+}
+
+const COLUMNS: [&str; 6] = [
+    "energy_random",
+    "force_random",
+    "torque_random",
+    "energy_contact",
+    "force_contact",
+    "torque_contact",
+];
+
+fn publish(found: &[Measured], arguments: &Arguments) -> Outcome<()> {
+    let points = |cost: fn(&Measured) -> f64| -> Vec<(f64, f64)> {
+        found.iter().map(|m| (cost(m), m.wrench())).collect()
+    };
+    let by_time = frontier(&points(|m| m.query));
+    let by_memory = frontier(&points(|m| m.bytes as f64));
+    let mut csv = csv::Writer::from_path(arguments.out.join("pareto.csv"))?;
+    let names = [
+        "kind",
+        "spacing_mm",
+        "sampling",
+        "step_deg",
+        "numbers",
+        "interpolation",
+        "bake_s",
+        "query_s",
+        "bytes",
+        "wrench_error",
+        "on_time_frontier",
+        "on_memory_frontier",
+    ];
+    csv.write_record(names.iter().chain(&COLUMNS))?;
+    println!(
+        "\n{:<20}{:<17}{:>6}{:>6}  {:<23}{:>8}{:>10}{:>9}  wrench   error, random: E, F, T; in contact: E, F, T (%)",
+        "", "", "h, mm", "step", "numbers", "bake, s", "query, µs", "MiB"
+    );
+    for (index, m) in found.iter().enumerate() {
+        let (time, memory) = (by_time.contains(&index), by_memory.contains(&index));
+        let mark = |on: bool, c| if on { c } else { ' ' };
+        let [mm, scheme, step, numbers, how] = &m.setting;
+        print!(
+            "{:<20}{scheme:<17}{mm:>6}{step:>6}  {numbers:<23}{:>8.2}{:>10.2}{:>9.3}{:>8.1} {}{}",
+            m.kind,
+            m.bake,
+            1e6 * m.query,
+            m.bytes as f64 / f64::from(1 << 20),
+            100.0 * m.wrench(),
+            mark(time, 't'),
+            mark(memory, 'm'),
+        );
+        let errors = m.errors.iter().flatten();
+        errors.clone().for_each(|e| print!("{:>8.2}", 100.0 * e));
+        println!();
+        let mut record: Vec<String> = [&m.kind, mm, scheme, step, numbers, how]
+            .map(String::clone)
+            .to_vec();
+        record.extend([m.bake, m.query, m.bytes as f64, m.wrench()].map(|v| v.to_string()));
+        record.extend([time, memory].map(|v| v.to_string()));
+        record.extend(errors.map(f64::to_string));
+        csv.write_record(record)?;
+    }
+    csv.flush()?;
+    println!(
+        "t, m: on the frontier of wrench error (rms of the four of force and torque) and time, memory"
+    );
+    let panel = |title: &str, cost: &str, of: fn(&Measured) -> f64| {
+        let mut kinds: Vec<Kind> = Vec::new();
+        for m in found {
+            let point = (of(m), m.wrench());
+            match kinds.iter_mut().find(|k| k.label == m.kind) {
+                Some(kind) => kind.points.push(point),
+                None => kinds.push(Kind {
+                    label: m.kind.clone(),
+                    points: vec![point],
+                }),
+            }
+        }
+        ParetoPanel {
+            title: title.into(),
+            cost: cost.into(),
+            error: "the wrench error".into(),
+            kinds,
+        }
+    };
+    let panels = [
+        panel(
+            "Error of the wrench against time of a query",
+            "seconds",
+            |m| m.query,
+        ),
+        panel("Error of the wrench against memory", "bytes", |m| {
+            m.bytes as f64
+        }),
+    ];
+    draw(&panels, &arguments.out.join("pareto.png"))
+}

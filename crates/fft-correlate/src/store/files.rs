@@ -1,0 +1,252 @@
+//! Where the files of a table are: a folder, an object store, or memory.
+//!
+//! All three give the same keys and the same bytes, and a value that appears whole or not at all: a
+//! folder by writing beside and renaming, an object store because a PUT is atomic, memory by its
+//! lock.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use zarrs::filesystem::FilesystemStore;
+use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
+use zarrs::storage::store::MemoryStore;
+use zarrs::storage::{
+    Bytes, ReadableWritableListableStorageTraits, StorageError, StoreKey, StorePrefix,
+};
+
+use super::StoreError;
+
+/// What arrays are read from and written to.
+pub(super) type Storage = dyn ReadableWritableListableStorageTraits;
+
+/// The place of a table. Clones are the same place.
+#[derive(Clone)]
+pub struct TableFiles {
+    /// A path, a URL, or what errors call a table in memory.
+    place: PathBuf,
+    is_folder: bool,
+    storage: Arc<Storage>,
+}
+
+impl std::fmt::Debug for TableFiles {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("TableFiles").field(&self.place).finish()
+    }
+}
+
+impl TableFiles {
+    /// A folder by its path or `file:///its/path` (taken literally), or an object store by its URL
+    /// (`s3://bucket/t.zarr`, `gs://`, `http://`, `https://`), which needs the feature `cloud`.
+    /// Nothing is read or written yet.
+    ///
+    /// # Errors
+    /// If a URL is none, or names no store that this program can use.
+    pub fn at(path: &Path) -> Result<Self, StoreError> {
+        let Some((scheme, rest)) = url(path) else {
+            return Self::in_folder(path);
+        };
+        match scheme {
+            "file" if rest.starts_with('/') => Self::in_folder(Path::new(rest)),
+            "file" => Err(StoreError::Url {
+                url: path.into(),
+                reason: "file URLs need three slashes and an absolute path".into(),
+            }),
+            _ => Self::in_object_store(path),
+        }
+    }
+
+    /// A folder.
+    ///
+    /// # Errors
+    /// If the path is not text.
+    pub fn in_folder(path: &Path) -> Result<Self, StoreError> {
+        let files = FilesystemStore::new(path).map_err(|e| StoreError::Io {
+            path: path.into(),
+            source: io::Error::new(io::ErrorKind::InvalidInput, e),
+        })?;
+        Ok(Self {
+            place: path.into(),
+            is_folder: true,
+            storage: Arc::new(AtomicWriteStorageAdapter::new(Arc::new(files))),
+        })
+    }
+
+    /// Memory, freed with the last clone; `name` is what errors call it.
+    pub fn in_memory(name: &str) -> Self {
+        Self {
+            place: name.into(),
+            is_folder: false,
+            storage: Arc::new(MemoryStore::new()),
+        }
+    }
+
+    #[cfg(not(feature = "cloud"))]
+    fn in_object_store(path: &Path) -> Result<Self, StoreError> {
+        Err(StoreError::Url {
+            url: path.into(),
+            reason: "this program was built without object stores (cargo feature `cloud`)".into(),
+        })
+    }
+
+    #[cfg(feature = "cloud")]
+    fn in_object_store(path: &Path) -> Result<Self, StoreError> {
+        let storage = super::cloud::connect(path)?;
+        Ok(Self {
+            place: path.into(),
+            is_folder: false,
+            storage,
+        })
+    }
+
+    /// True for a URL that is not of a folder.
+    pub fn is_remote(path: &Path) -> bool {
+        url(path).is_some_and(|(scheme, _)| scheme != "file")
+    }
+
+    /// The path, URL or name.
+    pub fn place(&self) -> &Path {
+        &self.place
+    }
+
+    /// The folder, if it is one.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        self.is_folder.then_some(&self.place)
+    }
+
+    pub(super) fn storage(&self) -> &Arc<Storage> {
+        &self.storage
+    }
+
+    /// True if something is there, of which a table's metadata is the first to look for.
+    ///
+    /// # Errors
+    /// If an object store does not answer.
+    pub fn exist(&self) -> Result<bool, StoreError> {
+        match self.folder() {
+            Some(folder) => Ok(folder.exists()),
+            None => Ok(self.size("zarr.json")?.is_some()),
+        }
+    }
+
+    /// Keys of all files, paths with slashes from the table's place on, in order.
+    ///
+    /// # Errors
+    /// If they cannot be listed.
+    pub fn keys(&self) -> Result<Vec<String>, StoreError> {
+        let keys = self.storage.list().map_err(|e| self.io("", e))?;
+        let mut keys: Vec<String> = keys.iter().map(|k| k.as_str().to_owned()).collect();
+        keys.sort_unstable();
+        Ok(keys)
+    }
+
+    /// The bytes of a file; `None` if there is no such file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or the key begins or ends with a slash.
+    pub fn read(&self, key: &str) -> Result<Option<Bytes>, StoreError> {
+        let get = store_key(key).and_then(|k| self.storage.get(&k));
+        get.map_err(|e| self.io(key, e))
+    }
+
+    pub(super) fn size(&self, key: &str) -> Result<Option<u64>, StoreError> {
+        let size = store_key(key).and_then(|k| self.storage.size_key(&k));
+        size.map_err(|e| self.io(key, e))
+    }
+
+    /// Replaces a file, whole or not at all.
+    ///
+    /// # Errors
+    /// If it cannot be written; what was there before stays.
+    pub fn replace(&self, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
+        let Some(folder) = self.folder() else {
+            let set = store_key(key).and_then(|k| self.storage.set(&k, bytes.into()));
+            return set.map_err(|e| self.io(key, e));
+        };
+        let file = folder.join(key);
+        let io = |source: io::Error| StoreError::Io {
+            path: file.clone(),
+            source,
+        };
+        let mut temporary = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
+        io::Write::write_all(&mut temporary, &bytes).map_err(io)?;
+        temporary.as_file().sync_all().map_err(io)?;
+        temporary.persist(&file).map_err(|e| io(e.error))?;
+        Ok(())
+    }
+
+    /// Removes what an interrupted write of `key` left behind. Only folders keep such files.
+    pub(super) fn clean(&self, key: &StoreKey) -> Result<(), StoreError> {
+        let Some(folder) = self.folder() else {
+            return Ok(());
+        };
+        let left = folder.join(format!("{key}.tmp"));
+        match fs::remove_file(&left) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                Err(StoreError::Io { path: left, source })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Bytes of all files whose keys begin with `prefix`, which ends with a slash. Temporary files
+    /// of other processes come and go meanwhile.
+    pub(super) fn bytes(&self, prefix: &'static str) -> Result<u64, StoreError> {
+        let key = StorePrefix::new(prefix).expect("prefixes are literals that end with a slash");
+        self.storage
+            .size_prefix(&key)
+            .map_err(|e| self.io(prefix, e))
+    }
+
+    pub(super) fn io(&self, key: &str, error: StorageError) -> StoreError {
+        let source = match error {
+            StorageError::IOError(e) => io::Error::new(e.kind(), e.to_string()),
+            e => io::Error::other(e.to_string()),
+        };
+        StoreError::Io {
+            path: self.place.join(key),
+            source,
+        }
+    }
+}
+
+fn store_key(key: &str) -> Result<StoreKey, StorageError> {
+    Ok(StoreKey::new(key)?)
+}
+
+/// Scheme and rest of a URL; `None` for a path.
+fn url(path: &Path) -> Option<(&str, &str)> {
+    let (scheme, rest) = path.to_str()?.split_once("://")?;
+    let letters = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
+    (scheme.starts_with(|c: char| c.is_ascii_alphabetic()) && scheme.chars().all(letters))
+        .then_some((scheme, rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn urls_are_told_from_paths() {
+        let remote = |text: &str| TableFiles::is_remote(Path::new(text));
+        assert!(remote("s3://bucket/t.zarr") && remote("https://host/t.zarr"));
+        for path in [
+            "t.zarr",
+            "/a/b",
+            "a:b/t.zarr",
+            "a b://c",
+            "://c",
+            "file:///a",
+        ] {
+            assert!(!remote(path), "{path}");
+        }
+        let files = TableFiles::at(Path::new("file:///a/t.zarr")).unwrap();
+        assert_eq!(files.folder(), Some(Path::new("/a/t.zarr")));
+        for bad in ["file://a", "gopher://host/t.zarr"] {
+            let error = TableFiles::at(Path::new(bad)).unwrap_err();
+            assert!(matches!(error, StoreError::Url { .. }), "{error}");
+            assert!(error.to_string().starts_with(bad), "{error}");
+        }
+    }
+}

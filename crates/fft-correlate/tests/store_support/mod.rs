@@ -1,0 +1,83 @@
+//! What the tests of tables on disk share: a small table, its files, a bake that stops.
+
+#![allow(dead_code, reason = "each test file uses its part")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use fft_correlate::bake::{BakeError, Share, bake};
+use fft_correlate::{RotationDomain, TableSpec};
+use sdf_grid::{Monitor, Silent};
+
+use crate::common::*;
+
+pub(crate) fn small() -> (Gaussians, TableSpec) {
+    // A spacing and pivot whose decimal text is long: every digit must survive.
+    let window = window(0.3, 0.1 / 3.0 * 2.0);
+    (
+        Gaussians::random(21),
+        spec(window, RotationDomain::ball(20.0, 10.0)),
+    )
+}
+
+pub(crate) fn baked(path: &Path, share: Share) -> Result<fft_correlate::BakeReport, BakeError> {
+    let (energy, spec) = small();
+    bake(path, &spec, &OnWindow(&energy, spec.window), share, &Silent)
+}
+
+/// All files of a folder by relative path.
+pub(crate) fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    fn visit(root: &Path, folder: &Path, found: &mut BTreeMap<PathBuf, Vec<u8>>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                visit(root, &path, found);
+            } else {
+                let key = path.strip_prefix(root).unwrap().to_path_buf();
+                found.insert(key, fs::read(&path).unwrap());
+            }
+        }
+    }
+    let mut found = BTreeMap::new();
+    visit(root, root, &mut found);
+    found
+}
+
+pub(crate) fn chunk(root: &Path, row: usize) -> PathBuf {
+    root.join(format!("energy/c.{row}.0.0.0"))
+}
+
+pub(crate) const SHARED: Share = Share {
+    rank: 0,
+    size: 1,
+    resume: true,
+};
+
+/// Cancels after some nodes.
+pub(crate) struct StopAfter(pub(crate) AtomicU64);
+
+impl Monitor for StopAfter {
+    fn advance(&self, steps: u64) {
+        let _ = self
+            .0
+            .fetch_update(Relaxed, Relaxed, |n| Some(n.saturating_sub(steps)));
+    }
+
+    fn cancelled(&self) -> bool {
+        self.0.load(Relaxed) == 0
+    }
+}
+
+impl Monitor for StopAfter {
+    fn advance(&self, steps: u64) {
+        let _ = self
+            .0
+            .fetch_update(Relaxed, Relaxed, |n| Some(n.saturating_sub(steps)));
+    }
+
+    fn cancelled(&self) -> bool {
+        self.0.load(Relaxed) == 0
+    }
+}

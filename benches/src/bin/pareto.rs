@@ -19,6 +19,7 @@ use pegfit_benches::frontier::{Kind, ParetoPanel, draw, frontier};
 use pegfit_benches::{Arguments, Outcome, ask, random_poses, response_errors, rms, timed};
 use rand::{SeedableRng, rngs::SmallRng};
 use rayon::prelude::*;
+use rustix::time::{ClockId, clock_gettime};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Sampling, Silent, TriangleMesh};
 
@@ -67,7 +68,7 @@ const FULL: Sweep = Sweep {
 struct Measured {
     kind: String,
     setting: [String; 5],
-    /// Seconds of fields and table, on all threads.
+    /// Processor seconds of fields and table, on all threads together.
     bake: f64,
     /// Seconds for one random pose, on one thread.
     query: f64,
@@ -100,7 +101,7 @@ fn main() -> Outcome<()> {
     let mut found = Vec::new();
     for &mm in sweep.spacings_mm {
         for (scheme, sampling, deaverage) in SCHEMES {
-            let (pair, fields) = timed(1, || build(&parts, mm, sampling, deaverage));
+            let (pair, fields) = charged(|| build(&parts, mm, sampling, deaverage));
             let base = [format!("{mm}"), scheme.to_owned()];
             let pair = pair?;
             for points in sweep.points {
@@ -217,20 +218,32 @@ fn contact_paths(pair: &Pair, count: usize) -> Vec<Pose> {
     slide.chain(press).chain(turn).collect()
 }
 
-/// Errors and the time of a query of anything that answers.
-fn compare(truth: &Truth, mut answer: impl FnMut(&Pose) -> Response) -> (f64, [Vec<f64>; 2]) {
-    let mut query = 0.0;
+/// Errors, and the median time of a query at a random pose, of anything that answers. Each query is
+/// timed by itself and its fastest run of three counts, so that other programs disturb little.
+fn compare(truth: &Truth, answer: impl Fn(&Pose) -> Response) -> (f64, [Vec<f64>; 2]) {
+    let mut times = Vec::new();
     let errors = [(&truth.random, 0), (&truth.paths, 1)].map(|(poses, which)| {
-        let times = if which == 0 { 3 } else { 1 };
-        let (found, seconds) = timed(times, || {
-            poses.iter().map(&mut answer).collect::<Vec<Response>>()
-        });
+        let found: Vec<(Response, f64)> = poses.iter().map(|p| timed(3, || answer(p))).collect();
         if which == 0 {
-            query = seconds / poses.len() as f64;
+            times.extend(found.iter().map(|f| f.1));
         }
+        let found: Vec<Response> = found.into_iter().map(|f| f.0).collect();
         response_errors(&truth.pair, poses, &truth.truth[which], &found)
     });
-    (query, errors)
+    times.sort_by(f64::total_cmp);
+    (times[times.len() / 2], errors)
+}
+
+/// The result of `work` and the processor seconds it took, on all threads together: unlike the time
+/// that passed, they hardly depend on what else the machine does.
+fn charged<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let now = || {
+        let at = clock_gettime(ClockId::ProcessCPUTime);
+        at.tv_sec as f64 + 1e-9 * at.tv_nsec as f64
+    };
+    let began = now();
+    let result = work();
+    (result, now() - began)
 }
 
 fn direct(
@@ -282,9 +295,8 @@ fn tables(
         spec
     };
     let half = spec(Numbers::Half);
-    let (table, seconds) = timed(1, || {
-        EnergyTable::compute(half.clone(), &energies, 4 << 30, &Silent)
-    });
+    let (table, seconds) =
+        charged(|| EnergyTable::compute(half.clone(), &energies, 4 << 30, &Silent));
     let table = table?;
     let [mm, scheme] = base.clone();
     let row = |numbers: &str, how: &str, bytes, (query, errors)| Measured {
@@ -399,7 +411,7 @@ fn publish(found: &[Measured], arguments: &Arguments) -> Outcome<()> {
         "step_deg",
         "numbers",
         "interpolation",
-        "bake_s",
+        "bake_cpu_s",
         "query_s",
         "bytes",
         "wrench_error",

@@ -3,14 +3,12 @@
 mod common;
 mod store_support;
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::AtomicU64;
 
 use common::*;
 use fft_correlate::bake::{BakeError, Share, bake};
-use fft_correlate::store::{ChunkState, FORMAT_VERSION, StoreError, TableStore};
+use fft_correlate::store::{StoreError, TableStore};
 use fft_correlate::{
     EnergyTable, NodeEnergies, Numbers, RotationDomain, Storage, TableError, TableSpec,
     measure_error,
@@ -19,7 +17,7 @@ use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{Monitor, Silent};
+use sdf_grid::Silent;
 use store_support::*;
 
 #[test]

@@ -7,14 +7,14 @@ mod store_support;
 use common::*;
 use fft_correlate::bake::{BakeError, Share, bake};
 use fft_correlate::store::{ChunkState, FORMAT_VERSION, StoreError, TableStore};
-use fft_correlate::{Numbers, RotationDomain, TableError, TableSpec};
-use glam::DVec3;
+use fft_correlate::{Numbers, RotationDomain, TableError};
+use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::Silent;
 use serde_json::{Value, json};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use store_support::*;
 
 #[test]

@@ -69,15 +69,3 @@ impl Monitor for StopAfter {
         self.0.load(Relaxed) == 0
     }
 }
-
-impl Monitor for StopAfter {
-    fn advance(&self, steps: u64) {
-        let _ = self
-            .0
-            .fetch_update(Relaxed, Relaxed, |n| Some(n.saturating_sub(steps)));
-    }
-
-    fn cancelled(&self) -> bool {
-        self.0.load(Relaxed) == 0
-    }
-}

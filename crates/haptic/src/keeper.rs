@@ -9,7 +9,7 @@ use glam::DVec3;
 use sdf_grid::Aabb;
 
 use crate::scene::{
-    Loaded, PairSpec, PairState, SceneChange, SceneError, SceneEvent, SceneOptions,
+    LoadFailure, Loaded, PairSpec, PairState, SceneChange, SceneError, SceneEvent, SceneOptions,
 };
 use crate::servo::panic_message;
 use crate::{LiveSource, Placed, SumSource};
@@ -19,6 +19,8 @@ type Stamps = Vec<Option<(SystemTime, u64)>>;
 
 struct Slot {
     spec: PairSpec,
+    /// The first pair with the same source.
+    group: usize,
     loaded: Option<Loaded>,
     state: PairState,
     /// The files as they were when last loaded.
@@ -45,7 +47,12 @@ impl Keeper {
         options: SceneOptions,
         start: DVec3,
     ) -> (Self, Arc<LiveSource>) {
-        let slots: Vec<Slot> = pairs.into_iter().map(Slot::new).collect();
+        let mut slots: Vec<Slot> = Vec::with_capacity(pairs.len());
+        for spec in pairs {
+            let first = spec.same_as.and_then(|same| slots.get(same));
+            let group = first.map_or(slots.len(), |same| same.group);
+            slots.push(Slot::new(spec, group));
+        }
         let sum = sum(&slots, options.pivot);
         let source = Arc::new(LiveSource::new(options.pivot, sum, start));
         let keeper = Self {
@@ -69,7 +76,7 @@ impl Keeper {
                 source,
             })?;
         }
-        let (needed, budget) = (self.bytes(), self.options.memory);
+        let (needed, budget) = (self.bytes(|_, _| true), self.options.memory);
         if needed > budget {
             let names = near.iter().map(|&i| self.slots[i].spec.name.as_str());
             return Err(SceneError::Memory {
@@ -82,9 +89,12 @@ impl Keeper {
         Ok(())
     }
 
-    /// Marks a pair to be loaded again.
+    /// Marks a pair, and those that share its source, to be loaded again.
     pub(crate) fn reload(&mut self, index: usize) {
-        if let Some(slot) = self.slots.get_mut(index) {
+        let Some(group) = self.slots.get(index).map(|s| s.group) else {
+            return;
+        };
+        for slot in self.slots.iter_mut().filter(|s| s.group == group) {
             slot.reload = true;
         }
     }
@@ -123,17 +133,42 @@ impl Keeper {
         })
     }
 
-    fn bytes(&self) -> u64 {
-        let loaded = self.slots.iter().filter_map(|s| s.loaded.as_ref());
-        loaded.map(|l| l.bytes).sum()
+    /// Bytes of the sources of the loaded pairs that count; a shared one once.
+    fn bytes(&self, counts: impl Fn(usize, &Slot) -> bool) -> u64 {
+        let counted = self.slots.iter().enumerate().filter(|(i, s)| counts(*i, s));
+        let mut sources = std::collections::BTreeMap::new();
+        for loaded in counted.filter_map(|(_, s)| s.loaded.as_ref()) {
+            sources.insert(Arc::as_ptr(&loaded.source).cast::<()>(), loaded.bytes);
+        }
+        sources.values().sum()
+    }
+
+    /// Whether pair `other` holds what loading `index` is about to replace.
+    fn outdated(&self, index: usize, other: usize) -> bool {
+        let slot = &self.slots[other];
+        other != index && slot.reload && slot.group == self.slots[index].group
+    }
+
+    /// What another pair has loaded that is this one's too, from the files as they are.
+    fn shared(&self, index: usize, files: &Stamps) -> Option<Loaded> {
+        let group = self.slots[index].group;
+        let mut others = self.slots.iter().enumerate();
+        let twin = others.find(|(i, s)| {
+            let same = *i != index && s.group == group;
+            same && s.loaded.is_some() && !s.reload && s.stamps == *files
+        });
+        twin.and_then(|(_, s)| s.loaded.clone())
     }
 
     /// Unloads the farthest pairs out of reach until `index` fits. Pairs in reach stay.
     fn make_room(&mut self, index: usize, point: DVec3) -> bool {
-        let needed = self.slots[index].spec.bytes;
-        let mine = |s: &Slot| s.loaded.as_ref().map_or(0, |l| l.bytes);
+        let files = stamps(&self.slots[index].spec.files);
         loop {
-            let others = self.bytes() - mine(&self.slots[index]);
+            let needed = match self.shared(index, &files) {
+                Some(_) => 0,
+                None => self.slots[index].spec.bytes,
+            };
+            let others = self.bytes(|i, _| i != index && !self.outdated(index, i));
             if others.saturating_add(needed) <= self.options.memory {
                 return true;
             }
@@ -184,25 +219,30 @@ impl Keeper {
         };
         self.tell(index, what);
         // It may have turned out larger than expected.
-        if self.bytes() > self.options.memory {
+        if self.bytes(|i, _| !self.outdated(index, i)) > self.options.memory {
             let needed = self.slots[index].spec.bytes;
             self.slots[index].loaded = None;
-            let free = self.options.memory.saturating_sub(self.bytes());
+            let others = self.bytes(|i, _| !self.outdated(index, i));
+            let free = self.options.memory.saturating_sub(others);
             self.no_room(index, needed, free);
         }
         self.publish();
     }
 
-    /// Loads a pair; what was loaded before stays if that fails.
-    fn load(&mut self, index: usize) -> Result<u64, crate::scene::LoadFailure> {
+    /// Loads a pair, or shares what was loaded for another, and gives the bytes that this takes;
+    /// what was loaded before stays if it fails.
+    fn load(&mut self, index: usize) -> Result<u64, LoadFailure> {
+        let files = stamps(&self.slots[index].spec.files);
+        let shared = self.shared(index, &files);
+        let more = u64::from(shared.is_none());
         let slot = &mut self.slots[index];
         slot.reload = false;
-        slot.stamps = stamps(&slot.spec.files);
-        slot.seen = slot.stamps.clone();
-        // A loader that panics has failed; the pairs that are loaded go on.
-        let load = AssertUnwindSafe(|| (slot.spec.load)());
-        let result =
-            catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()));
+        slot.seen.clone_from(&files);
+        slot.stamps = files;
+        let result = match shared {
+            Some(loaded) => Ok(loaded),
+            None => slot.load(),
+        };
         match result {
             Ok(loaded) => {
                 let bytes = loaded.bytes;
@@ -210,7 +250,7 @@ impl Keeper {
                 slot.spec.bytes = bytes;
                 slot.loaded = Some(loaded);
                 slot.state = PairState::Loaded;
-                Ok(bytes)
+                Ok(bytes * more)
             }
             Err(why) => {
                 if slot.loaded.is_none() {
@@ -235,16 +275,23 @@ impl Keeper {
 }
 
 impl Slot {
-    fn new(spec: PairSpec) -> Self {
+    fn new(spec: PairSpec, group: usize) -> Self {
         let stamps = stamps(&spec.files);
         Self {
             seen: stamps.clone(),
             stamps,
             spec,
+            group,
             loaded: None,
             state: PairState::Waiting,
             reload: false,
         }
+    }
+
+    /// A loader that panics has failed; the pairs that are loaded go on.
+    fn load(&mut self) -> Result<Loaded, LoadFailure> {
+        let load = AssertUnwindSafe(|| (self.spec.load)());
+        catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()))
     }
 
     /// Metres from the reach to a point of the scene; 0 inside.

@@ -41,6 +41,7 @@ fn pair(k: u32, loads: &Arc<AtomicU32>) -> PairSpec {
         reach: REACH,
         bytes: 100,
         files: Vec::new(),
+        same_as: None,
         load: Box::new(move || {
             loads.fetch_add(1, Ordering::Relaxed);
             Ok(Loaded {
@@ -166,6 +167,49 @@ fn a_changed_file_is_loaded_again_once_it_stands_still() {
         matches!(last, SceneChange::Reloaded { bytes: 100, .. }),
         "{last:?}"
     );
+}
+
+#[test]
+fn the_same_part_in_several_places_is_loaded_and_counted_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.obj");
+    std::fs::write(&file, "1").unwrap();
+    let loads = Arc::new(AtomicU32::new(0));
+    let mut pairs: Vec<_> = (0..3).map(|k| pair(k, &loads)).collect();
+    for (k, pair) in pairs.iter_mut().enumerate() {
+        pair.placement = Pose::from_translation(at(0.05 * k as f64));
+        pair.files = vec![file.clone()];
+        // By way of another one too.
+        pair.same_as = k.checked_sub(1);
+    }
+    // Room for one.
+    let (mut keeper, source) = Keeper::new(pairs, options(100), at(0.0));
+    keeper.load_in_reach(at(0.05)).unwrap();
+    assert_eq!(states(&keeper), [In, In, In]);
+    assert_eq!(loads.load(Ordering::Relaxed), 1);
+    let mut reader = source.scratch();
+    let pose = Pose::from_translation(at(0.05));
+    let answer = source.evaluate(&pose, &mut reader);
+    // Each pushes with one newton, from where it stands.
+    assert_eq!(answer.wrench.force.x, 3.0);
+    assert!(answer.energy.abs() < 1e-12);
+    // A change of the file: loaded once more, again for all.
+    std::fs::write(&file, "two").unwrap();
+    settle(&mut keeper, 0.05);
+    assert_eq!(loads.load(Ordering::Relaxed), 2);
+    let again = keeper.events.iter();
+    let again = again.filter(|e| matches!(e.what, SceneChange::Reloaded { .. }));
+    assert_eq!(again.count(), 3);
+    assert_eq!(states(&keeper), [In, In, In]);
+    keeper.reload(1);
+    settle(&mut keeper, 0.05);
+    assert_eq!(loads.load(Ordering::Relaxed), 3);
+    let pointers = keeper.slots.iter().map(|s| {
+        let source = &s.loaded.as_ref().unwrap().source;
+        Arc::as_ptr(source).cast::<()>()
+    });
+    let pointers: Vec<_> = pointers.collect();
+    assert!(pointers.iter().all(|p| *p == pointers[0]));
 }
 
 #[test]

@@ -47,6 +47,10 @@ pub struct PairSpec {
     pub bytes: u64,
     /// The pair is loaded again when one of these changes.
     pub files: Vec<PathBuf>,
+    /// The pair before it in the list whose source is this one's too, if the parts are the same but
+    /// for where they stand: they share memory, and what is loaded for one serves all. Their
+    /// `files` are the same, their `load` gives the same.
+    pub same_as: Option<usize>,
     /// Loads it.
     pub load: Loader,
 }
@@ -122,14 +126,14 @@ pub enum SceneChange {
     Loaded {
         /// Time it took.
         seconds: f64,
-        /// Memory it takes.
+        /// Memory it takes; nothing if it shares what another pair has loaded.
         bytes: u64,
     },
     /// It changed and was loaded again.
     Reloaded {
         /// Time it took.
         seconds: f64,
-        /// Memory it takes.
+        /// Memory it takes; nothing if it shares what another pair has loaded.
         bytes: u64,
     },
     /// It made room for a nearer pair.

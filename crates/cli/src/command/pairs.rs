@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use fft_correlate::{DirectOptions, EnergySource, Pose};
 use glam::DVec3;
-use haptic::scene::{LiveScene, LoadFailure, Loaded, PairSpec, SceneError, SceneOptions};
+use haptic::scene::{LiveScene, LoadFailure, Loaded, Loader, PairSpec, SceneError, SceneOptions};
 use sdf_grid::{Aabb, TriangleMesh};
 
 use super::{Context, bake};
@@ -38,7 +38,8 @@ impl LivePairs {
         let parts: Vec<Part> = scene.fixed_parts().cloned().collect();
         let assembly = Assembly::load(scene.clone().only(Some(&scene.fixed.name))?, context)?;
         let pivot = assembly.pair.pivot();
-        let mut pairs = Vec::new();
+        let mut pairs: Vec<PairSpec> = Vec::new();
+        let mut kinds: Vec<PairFiles> = Vec::new();
         for (index, part) in parts.iter().enumerate() {
             let mut single = scene.clone().only(Some(&part.name))?;
             single.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
@@ -48,6 +49,24 @@ impl LivePairs {
                 scene: single,
                 pivot,
             };
+            if let Some(same) = kinds.iter().position(|other| other.same_part(&pair)) {
+                let away = part.pose * parts[same].pose.inverse();
+                let files = kinds[same].clone();
+                let load = files.loader(None, context);
+                let first = &pairs[same];
+                pairs.push(PairSpec {
+                    name: part.name.clone(),
+                    placement: away,
+                    reach: first.reach,
+                    bytes: first.bytes,
+                    files: first.files.clone(),
+                    same_as: Some(same),
+                    load,
+                });
+                kinds.push(pair);
+                continue;
+            }
+            kinds.push(pair.clone());
             let first = match index {
                 0 => Some(pair.loaded(Some(&assembly), context)?),
                 _ => None,
@@ -104,6 +123,12 @@ struct PairFiles {
 }
 
 impl PairFiles {
+    /// Whether both are the same solids, wherever they stand, asked in the same way.
+    fn same_part(&self, other: &Self) -> bool {
+        let (a, b) = (&self.scene.fixed, &other.scene.fixed);
+        a.meshes == b.meshes && self.table == other.table
+    }
+
     /// `first` is given on the first load.
     fn spec(
         self,
@@ -120,7 +145,19 @@ impl PairFiles {
             .flat_map(|part| part.meshes.iter().map(|m| m.path.clone()))
             .collect();
         files.extend(self.table.iter().map(|t| t.join("zarr.json")));
-        let (name, mut first) = (self.scene.fixed.name.clone(), first);
+        Ok(PairSpec {
+            name: self.scene.fixed.name.clone(),
+            // Parts are placed when their meshes are read.
+            placement: Pose::IDENTITY,
+            reach,
+            bytes,
+            files,
+            same_as: None,
+            load: self.loader(first, context),
+        })
+    }
+
+    fn loader(self, mut first: Option<Loaded>, context: &Context) -> Loader {
         let quiet = Context {
             progress: Progress::new(true),
             json: false,
@@ -137,15 +174,7 @@ impl PairFiles {
                 .build()?;
             Ok(pool.install(|| self.loaded(None, &quiet))?)
         };
-        Ok(PairSpec {
-            name,
-            // Parts are placed when their meshes are read.
-            placement: Pose::IDENTITY,
-            reach,
-            bytes,
-            files,
-            load: Box::new(load),
-        })
+        Box::new(load)
     }
 
     /// The reach and an upper estimate of the memory, from meshes and metadata alone.

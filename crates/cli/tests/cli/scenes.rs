@@ -79,6 +79,40 @@ fn a_memory_budget_that_is_too_small_is_refused_with_both_numbers() {
     );
 }
 
+/// The page of a run with three holes in three places, one of them turned, and memory for one.
+fn three_holes(meshes: [&str; 3]) -> String {
+    let folder = scene_folder("");
+    let path = folder.path().join("scene.toml");
+    let old = std::fs::read_to_string(&path).unwrap();
+    let mut scene = old.replace("fixed = \"hole.obj\"\n", "");
+    scene += "[loading]\nmemory_mib = 0.7\nahead = 1.0\n";
+    let places = [
+        "position = [0, 0, 0]",
+        "position = [0.3, 0, 0]\nrotation = [0, 0, 0.6, 0.8]",
+        "position = [0, 0.3, 0]",
+    ];
+    for (k, (mesh, place)) in meshes.iter().zip(places).enumerate() {
+        scene += &format!("[[fixed]]\nname = \"hole {k}\"\nmeshes = [{mesh}]\n{place}\n");
+    }
+    std::fs::write(&path, scene).unwrap();
+    let args = ["feel", "scene.toml", "--seconds", "1", "--report", "r.html"];
+    println!("{}", succeed(folder.path(), &args));
+    std::fs::read_to_string(folder.path().join("r.html")).unwrap()
+}
+
+#[test]
+fn the_same_part_in_several_places_shares_its_memory() {
+    let page = three_holes(["\"hole.obj\""; 3]);
+    assert_eq!(page.matches("<td>loaded</td>").count(), 3);
+    // Each turned a little within its part: nothing to share, and no room.
+    let page = three_holes([
+        "\"hole.obj\"",
+        "{ mesh = \"hole.obj\", rotation = [0.0005, 0, 0, 1] }",
+        "{ mesh = \"hole.obj\", rotation = [-0.0005, 0, 0, 1] }",
+    ]);
+    assert!(page.contains("not loaded: no room"));
+}
+
 #[test]
 fn a_part_that_changes_is_loaded_again_while_the_loop_runs() {
     let folder = scene_folder("[loading]\nwatch_s = 0.05\n");

@@ -159,6 +159,27 @@ impl Bvh {
         }
         best
     }
+
+    /// Calls `f` with the leaf-order index of every face of every leaf whose box comes nearer to `q`
+    /// than `radius` (normalized).
+    pub(crate) fn visit_within(&self, q: DVec3, radius: f64, mut f: impl FnMut(usize)) {
+        let mut stack = Stack::new();
+        if !self.nodes.is_empty() {
+            stack.push(0u32);
+        }
+        while let Some(id) = stack.pop() {
+            let node = &self.nodes[id as usize];
+            if node.distance_squared(q) >= radius * radius {
+                continue;
+            }
+            if node.is_leaf() {
+                node.range().for_each(&mut f);
+            } else {
+                stack.push(node.second);
+                stack.push(id + 1);
+            }
+        }
+    }
 }
 
 impl Node {

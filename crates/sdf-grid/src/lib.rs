@@ -26,7 +26,8 @@ mod winding;
 
 pub use bvh::{Bvh, Nearest};
 pub use density::{
-    DensityError, DensityField, DensityOptions, ReferenceDensity, Sampling, UnitDensity,
+    DensityError, DensityField, DensityGradient, DensityOptions, ReferenceDensity, Sampling,
+    UnitDensity, UnitGradient,
 };
 pub use field_cache::{CacheError, FieldCache};
 pub use hygiene::{ComponentReport, HygieneOptions, HygieneReport};

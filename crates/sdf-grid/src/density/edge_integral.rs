@@ -21,7 +21,7 @@ use crate::quadrature::GaussLegendre;
 #[derive(Debug, Clone)]
 pub(crate) struct EdgeQuadrature {
     rule: GaussLegendre,
-    short: GaussLegendre,
+    pub(super) short: GaussLegendre,
     /// Panels per `|xi|` of edge length.
     panels: f64,
     /// `1 + reach * sigma`: beyond this `u` the kernel is zero.
@@ -76,16 +76,26 @@ impl EdgeQuadrature {
         if from >= to {
             return plane.beyond * angle(start, end);
         }
-        let count = ((to - from) / plane.xi * self.panels).ceil().max(1.0) as usize;
-        let width = (to - from) / count as f64;
         let mut sum = plane.beyond * (angle(start, end) - angle(from, to));
-        for i in 0..count {
-            let a = from + width * i as f64;
-            for (t, w) in self.rule.on(a, a + width) {
-                sum += plane.integrand(d * d + t * t, &self.short) * (w * d);
-            }
+        for (t, w) in self.nodes(from, to, plane.xi) {
+            sum += plane.integrand(d * d + t * t, &self.short) * (w * d);
         }
         sum
+    }
+
+    /// Nodes and weights between `from` and `to` along an edge.
+    pub(super) fn nodes(
+        &self,
+        from: f64,
+        to: f64,
+        xi: f64,
+    ) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let count = ((to - from) / xi * self.panels).ceil().max(1.0) as usize;
+        let width = (to - from) / count as f64;
+        (0..count).flat_map(move |i| {
+            let a = from + width * i as f64;
+            self.rule.on(a, a + width)
+        })
     }
 }
 

@@ -2,24 +2,32 @@
 //!
 //! - [`reference`]: brute force over all triangles in f64, the measure of everything else;
 //! - `edge_integral`: the exact reduction of a flat face to integrals along its edges;
+//! - `gradient`: the gradient at single points (`edge_gradient` of a face, `distance_gradient` on the
+//!   medial axis);
 //! - `point`: the tree code at single points in f64;
 //! - `fast`: the tree code on packets of sixteen points in f32;
 //! - `patch`: distances, signs and densities of a small regular patch;
+//! - `smooth`: blocks of a patch that are interpolated from some of their points;
 //! - `sampling`: from points to lattice values (blocks, halo, cell averages).
 
 mod boundary;
+mod distance_gradient;
+mod edge_gradient;
 mod edge_integral;
 mod fast;
+mod gradient;
 mod patch;
 mod point;
 pub mod reference;
 mod sampling;
+mod smooth;
 
 use ndarray::{Array3, Zip};
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
 use crate::{DensityKernel, Lattice, Monitor, TriangleMesh};
+pub use gradient::{DensityGradient, UnitGradient};
 pub use reference::{ReferenceDensity, UnitDensity};
 
 /// How a lattice value represents the density around its node.

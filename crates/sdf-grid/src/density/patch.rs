@@ -10,6 +10,7 @@ use glam::DVec3;
 use super::fast::{LANES, Lanes, PacketDensity, Points};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
+use super::smooth::SmoothBlock;
 use crate::bvh::Bvh;
 
 /// A regular patch of `shape` points in normalized coordinates.
@@ -42,6 +43,7 @@ pub(crate) struct PatchValues {
 /// Evaluates patches.
 pub(crate) struct PatchDensity<'a> {
     bvh: &'a Bvh,
+    smooth: SmoothBlock,
     packets: PacketDensity<'a>,
     points: PointDensity<'a>,
     /// Points nearer to the boundary than this, in units of half the packet's diagonal, are taken
@@ -71,6 +73,11 @@ impl Patch {
         [flat / (ny * nz), flat / nz % ny, flat % nz]
     }
 
+    fn brick(&self, flat: [usize; LANES]) -> Brick {
+        let points = flat.map(|f| self.position(self.unravel(f)));
+        Brick { flat, points }
+    }
+
     /// Replaces `bricks` by those of the patch: 2 x 2 x 4 points each, the last point repeated
     /// where the patch ends.
     fn cut(&self, bricks: &mut Vec<Brick>) {
@@ -79,20 +86,14 @@ impl Patch {
         for x in (0..nx).step_by(2) {
             for y in (0..ny).step_by(2) {
                 for z in (0..nz).step_by(4) {
-                    let mut brick = Brick {
-                        flat: [0; LANES],
-                        points: [DVec3::ZERO; LANES],
-                    };
-                    for lane in 0..LANES {
-                        let index = [
+                    let flat = std::array::from_fn(|lane| {
+                        self.flat([
                             (x + lane / 8).min(nx - 1),
                             (y + lane / 4 % 2).min(ny - 1),
                             (z + lane % 4).min(nz - 1),
-                        ];
-                        brick.flat[lane] = self.flat(index);
-                        brick.points[lane] = self.position(index);
-                    }
-                    bricks.push(brick);
+                        ])
+                    });
+                    bricks.push(self.brick(flat));
                 }
             }
         }
@@ -113,11 +114,12 @@ impl<'a> PatchDensity<'a> {
         points: PointDensity<'a>,
         horizon: f64,
         step: f64,
-        tolerance: f64,
+        [tolerance, sigma]: [f64; 2],
     ) -> Self {
         let horizon = horizon as f32;
         Self {
             bvh,
+            smooth: SmoothBlock::new(tolerance, sigma),
             packets,
             points,
             // Packet coordinates are rounded to 1e-7 of the half diagonal: so much of the distance
@@ -143,10 +145,54 @@ impl<'a> PatchDensity<'a> {
             self.measure(brick, hint, values);
         }
         self.give_signs(patch, anchor, values);
-        for brick in &bricks {
-            self.integrate(brick, values);
+        if self.may_be_smooth(patch, values) {
+            self.integrate_smooth(patch, values);
+        } else {
+            for brick in &bricks {
+                self.integrate(brick, values);
+            }
         }
         values.bricks = bricks;
+    }
+
+    /// Whether every density of a block is wanted, none is known, none lies beyond the boundary from
+    /// another, and distances vary smoothly.
+    fn may_be_smooth(&self, patch: &Patch, values: &PatchValues) -> bool {
+        let inside = values.distance[0] < 0.0;
+        SmoothBlock::covers(patch.shape)
+            && values
+                .distance
+                .iter()
+                .zip(&values.done)
+                .all(|(d, done)| !done && *d < self.horizon && (*d < 0.0) == inside)
+            && self.smooth.promises(&values.distance, patch.spacing)
+    }
+
+    /// Some densities of a block, and the rest interpolated if that agrees, else computed.
+    fn integrate_smooth(&self, patch: &Patch, values: &mut PatchValues) {
+        let compute = |nodes: &[[usize; LANES]], values: &mut PatchValues| {
+            for flat in nodes {
+                self.integrate(&patch.brick(*flat), values);
+            }
+        };
+        compute(&self.smooth.first, values);
+        let Some(filled) = self.smooth.fill(&values.density) else {
+            return compute(&self.smooth.rest, values);
+        };
+        let inside = values.distance[0] < 0.0;
+        for flat in self.smooth.rest.iter().flatten() {
+            values.density[*flat] = if inside {
+                UnitDensity {
+                    interior: filled[*flat],
+                    ..UnitDensity::default()
+                }
+            } else {
+                UnitDensity {
+                    exterior: filled[*flat],
+                    ..UnitDensity::default()
+                }
+            };
+        }
     }
 
     /// Unsigned distances of a brick; everything for points too near for packets.

@@ -6,7 +6,7 @@ use num_complex::Complex64;
 use super::boundary;
 use super::edge_integral::EdgeQuadrature;
 use super::reference::UnitDensity;
-use crate::bvh::{Bvh, Stack};
+use crate::bvh::Bvh;
 use crate::kernel::{CumulativeKernel, DensityKernel};
 
 /// Density at single points by the hierarchy: the faces within the kernel's reach, each by its
@@ -57,7 +57,7 @@ impl<'a> PointDensity<'a> {
 
     fn integral(&self, q: DVec3, xi: f64) -> Complex64 {
         let mut sum = Complex64::ZERO;
-        self.visit(q, self.quadrature.radius(xi), |i| {
+        self.bvh.visit_within(q, self.quadrature.radius(xi), |i| {
             sum += self.quadrature.face(&self.table, &self.bvh.faces[i], q, xi);
         });
         sum
@@ -65,25 +65,8 @@ impl<'a> PointDensity<'a> {
 
     fn normal(&self, q: DVec3, band: f64) -> DVec3 {
         let mut near = Vec::new();
-        self.visit(q, band * 1.001, |i| near.push(&self.bvh.faces[i]));
+        self.bvh
+            .visit_within(q, band * 1.001, |i| near.push(&self.bvh.faces[i]));
         boundary::averaged_normal(near.into_iter(), q, band)
-    }
-
-    /// Calls `f` with the faces of every leaf whose box comes nearer than `radius`.
-    fn visit(&self, q: DVec3, radius: f64, mut f: impl FnMut(usize)) {
-        let mut stack = Stack::new();
-        stack.push(0u32);
-        while let Some(id) = stack.pop() {
-            let node = &self.bvh.nodes[id as usize];
-            if node.distance_squared(q) >= radius * radius {
-                continue;
-            }
-            if node.is_leaf() {
-                node.range().for_each(&mut f);
-            } else {
-                stack.push(node.second);
-                stack.push(id + 1);
-            }
-        }
     }
 }

@@ -41,7 +41,7 @@ pub(crate) fn fill(
             PointDensity::new(&bvh, kernel),
             field.halo * bvh.scale(),
             boundary::STEP * field.lattice.spacing() * bvh.scale(),
-            tolerance,
+            [tolerance, kernel.sigma()],
         ),
         bvh: &bvh,
         lattice: field.lattice,

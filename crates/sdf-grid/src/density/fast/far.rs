@@ -7,22 +7,75 @@ use glam::{DVec3, Vec3};
 use super::near::{Query, add_face};
 use super::packet::Packet;
 use super::{Lanes, PacketDensity, Points};
-use crate::bvh::Stack;
+use crate::bvh::{Node, Stack};
 use crate::face::Face;
+use crate::mesh::Aabb;
 use crate::moments::Moments;
+
+/// What the walk needs of a node or face before it is added: one cache line.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Outline {
+    pub(crate) min: Vec3,
+    pub(crate) max: Vec3,
+    centre: Vec3,
+    axis: Vec3,
+    radius: f32,
+    spread: f32,
+    /// See [`crate::bvh::Node::second`].
+    second: u32,
+    count: u32,
+}
+
+impl Outline {
+    pub(crate) fn of_node(n: &Node) -> Self {
+        let outline = Self::new(&n.moments, n.bounds);
+        Self {
+            second: n.second,
+            count: n.count,
+            ..outline
+        }
+    }
+
+    pub(crate) fn of_face(t: &Face) -> Self {
+        let first = t.corners[0];
+        let grow = |b: Aabb, p: &DVec3| Aabb {
+            min: b.min.min(*p),
+            max: b.max.max(*p),
+        };
+        let point = Aabb {
+            min: first,
+            max: first,
+        };
+        let bounds = t.outline().iter().fold(point, grow);
+        Self::new(&Moments::of(std::slice::from_ref(t)), bounds)
+    }
+
+    fn new(m: &Moments, bounds: Aabb) -> Self {
+        // Rounding to single precision must not lose a face: normalized coordinates are below 2.
+        let room = DVec3::splat(2.5e-7);
+        Self {
+            min: (bounds.min - room).as_vec3(),
+            max: (bounds.max + room).as_vec3(),
+            centre: m.centre.as_vec3(),
+            axis: m.area_vector.try_normalize().unwrap_or(DVec3::Z).as_vec3(),
+            radius: m.radius as f32,
+            spread: m.spread as f32,
+            second: 0,
+            count: 1,
+        }
+    }
+}
 
 /// Moments of a cluster ([`Moments`]) in single precision, centre in double.
 #[derive(Debug, Clone)]
 pub(crate) struct Cluster {
     centre: DVec3,
     area_vector: Vec3,
-    axis: Vec3,
     normal_moment: [f32; 6],
     trace: f32,
     cubic: [f32; 10],
     vector: Vec3,
-    radius: f32,
-    spread: f32,
 }
 
 impl Cluster {
@@ -31,13 +84,10 @@ impl Cluster {
         Self {
             centre: m.centre,
             area_vector: m.area_vector.as_vec3(),
-            axis: m.area_vector.try_normalize().unwrap_or(DVec3::Z).as_vec3(),
             normal_moment: [xx, yy, zz, 2.0 * xy, 2.0 * xz, 2.0 * yz].map(|v| v as f32),
             trace: (xx + yy + zz) as f32,
             cubic: m.cubic.map(|v| v as f32),
             vector: m.vector.as_vec3(),
-            radius: m.radius as f32,
-            spread: m.spread as f32,
         }
     }
 
@@ -64,39 +114,37 @@ pub(crate) fn integrals<S: Simd>(
         reach_squared: reach * reach,
     };
     let farthest = query.reach_squared.reduce_max();
-    // No larger cluster can be far: saves its test.
-    let largest = 8.0 * xi.reduce_max() * kernel.sigma * density.settings.size as f32;
+    let glance = Glance::new(density, &packet, xi);
     let mut sum = [packet.splat(0.0); 2];
     let mut stack = Stack::new();
     stack.push(0u32);
     while let Some(id) = stack.pop() {
-        let node = &density.bvh.nodes[id as usize];
-        if packet.box_gap_squared(node) >= farthest
-            || !packet
-                .box_distance_squared(node)
-                .simd_lt(query.reach_squared)
-                .any_true()
-        {
+        let outline = &density.outlines[id as usize];
+        if glance.gap_squared(outline) >= farthest {
             continue;
         }
-        let cluster = &density.clusters[id as usize];
-        if node.count > 1 && cluster.radius < largest {
+        if outline.count > 1 && glance.may_be_far(outline) {
+            let cluster = &density.clusters[id as usize];
             let seen = Seen::new(&packet, &query, cluster);
-            if seen.is_far(density, cluster, &query) {
+            if seen.is_far(density, outline, &query) {
                 seen.add(density, cluster, &query, &mut sum);
                 continue;
             }
         }
-        if !node.is_leaf() {
-            stack.push(node.second);
+        if outline.second != 0 {
+            stack.push(outline.second);
             stack.push(id + 1);
             continue;
         }
-        for i in node.range() {
-            let single = &density.singles[i];
-            if single.radius < largest {
+        for i in density.bvh.nodes[id as usize].range() {
+            let outline = &density.face_outlines[i];
+            if glance.gap_squared(outline) >= farthest {
+                continue;
+            }
+            if glance.may_be_far(outline) {
+                let single = &density.singles[i];
                 let seen = Seen::new(&packet, &query, single);
-                if seen.is_far(density, single, &query) {
+                if seen.is_far(density, outline, &query) {
                     seen.add(density, single, &query, &mut sum);
                     continue;
                 }
@@ -105,6 +153,73 @@ pub(crate) fn integrals<S: Simd>(
         }
     }
     [sum[0].into(), sum[1].into()]
+}
+
+/// What tells whether a cluster may be far from a packet, or out of reach, without a look at its points.
+struct Glance {
+    centre: Vec3,
+    /// Half the size of the points' box, and half its diagonal.
+    box_half: Vec3,
+    half: f32,
+    /// One over the least distance from the boundary, and over the mean one.
+    inverse: [f32; 2],
+    inverse_sigma: f32,
+    /// One over the length, in distances, over which the kernel varies.
+    inverse_width: f32,
+    size: f32,
+    bend: f32,
+}
+
+impl Glance {
+    #[inline(always)]
+    fn new<S: Simd>(density: &PacketDensity<'_>, packet: &Packet<S>, xi: f32x16<S>) -> Self {
+        let counts = xi.simd_gt(0.0);
+        let least = counts.select(xi, packet.splat(f32::INFINITY)).reduce_min();
+        let most = xi.reduce_max();
+        let inverse_sigma = 1.0 / density.kernel.sigma;
+        Self {
+            centre: packet.centre.as_vec3(),
+            box_half: packet.half + 2.5e-7,
+            half: packet.half.length(),
+            inverse: [1.0 / least, 2.0 / (least + most)],
+            inverse_sigma,
+            // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
+            inverse_width: (inverse_sigma * inverse_sigma + 25.0).sqrt(),
+            size: density.settings.size as f32,
+            bend: density.settings.bend as f32,
+        }
+    }
+
+    /// A least squared distance between the box of points and the outline's box.
+    #[inline(always)]
+    fn gap_squared(&self, outline: &Outline) -> f32 {
+        let lo = outline.min - self.centre - self.box_half;
+        let hi = self.centre - outline.max - self.box_half;
+        lo.max(hi).max(Vec3::ZERO).length_squared()
+    }
+
+    /// Whether [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves most of
+    /// the tests that fail.
+    #[inline(always)]
+    fn may_be_far(&self, cluster: &Outline) -> bool {
+        // No larger cluster can be.
+        let relative = cluster.radius * self.inverse[0];
+        if relative > 8.0 * self.size / self.inverse_sigma {
+            return false;
+        }
+        let from = self.centre - cluster.centre;
+        let eta = from.length();
+        let nearest = (eta - self.half).max(1.0 / self.inverse[0]);
+        let angular = cluster.radius / nearest;
+        let cosine = from.dot(cluster.axis) / eta;
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let tilt = (sine + cluster.spread + 0.5 * angular).min(1.0);
+        let extent = tilt * relative;
+        let x = ((eta * self.inverse[1] - extent - 1.0) * self.inverse_sigma).max(0.0);
+        let tail = 1.0 + x * x * (0.17 + 0.014 * x * x);
+        let size = extent * self.inverse_width / tail;
+        size < self.size && size * angular * cluster.spread < self.bend
+    }
 }
 
 /// A cluster as the points of a packet see it, in units of their distances.
@@ -143,14 +258,14 @@ impl<S: Simd> Seen<S> {
     /// Whether the second-order expansion is good enough for every point within reach: the spread
     /// of `u` over the cluster, in kernel widths, must be small; less so in the kernel's tail.
     #[inline(always)]
-    fn is_far(&self, density: &PacketDensity<'_>, cluster: &Cluster, query: &Query<S>) -> bool {
+    fn is_far(&self, density: &PacketDensity<'_>, outline: &Outline, query: &Query<S>) -> bool {
         let inverse_sigma = 1.0 / density.kernel.sigma;
         let zero = f32x16::splat(self.u.token(), 0.0);
-        let angular = query.inverse * self.inverse_u * cluster.radius;
-        let cosine = self.dot(cluster.axis) * self.inverse_u;
+        let angular = query.inverse * self.inverse_u * outline.radius;
+        let cosine = self.dot(outline.axis) * self.inverse_u;
         let sine = (1.0 - cosine * cosine).max(zero).sqrt();
-        let tilt = (sine + cluster.spread + angular * 0.5).min(1.0);
-        let extent = tilt * query.inverse * cluster.radius;
+        let tilt = (sine + outline.spread + angular * 0.5).min(1.0);
+        let extent = tilt * query.inverse * outline.radius;
         let x = ((self.u - extent - 1.0) * inverse_sigma).max(zero);
         let x2 = x * x;
         let tail = x2.mul_add(x2 * 0.014 + 0.17, f32x16::splat(self.u.token(), 1.0));
@@ -161,8 +276,8 @@ impl<S: Simd> Seen<S> {
         let size = counts.select(size, zero);
         let settings = &density.settings;
         size.reduce_max() < settings.size as f32
-            && (cluster.spread == 0.0
-                || (size * angular * cluster.spread).reduce_max() < settings.bend as f32)
+            && (outline.spread == 0.0
+                || (size * angular * outline.spread).reduce_max() < settings.bend as f32)
     }
 
     /// Adds the cluster's second-order expansion ([`Moments::far_field`]).
@@ -176,6 +291,9 @@ impl<S: Simd> Seen<S> {
     ) {
         let x = (self.u - 1.0) * (1.0 / density.kernel.sigma);
         let counts: mask32x16<S> = x.simd_lt(density.kernel.reach) & query.xi.simd_gt(0.0);
+        if !counts.any_true() {
+            return;
+        }
         let [g, g1, g2] = density.kernel.radial(self.u, self.inverse_u);
         let (m, s) = (&cluster.normal_moment, &cluster.cubic);
         let [x, y, z] = self.r;

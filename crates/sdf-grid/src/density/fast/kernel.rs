@@ -37,8 +37,10 @@ impl PacketKernel {
         };
         let slope = kernel.cumulative_slope(0.0);
         let slope = Complex64::new(slope.re * gain.re, slope.im * gain.im);
+        let above = |y: f64| scaled(((1.0 + y).sqrt() - 1.0) / sigma);
         // Errors of the kernel pass into the density one to one; single precision is the floor.
-        let error = (0.05 * tolerance).max(2e-7) * whole.norm();
+        let error = (0.1 * tolerance).max(2e-7) * whole.norm();
+        let square = |x: f64| (1.0 + sigma * x).powi(2) - 1.0;
         let deepest = -(1.0 / sigma).min(settings.reach + 0.5);
         let rule = |n| {
             let rule = GaussLegendre::new(n);
@@ -49,24 +51,32 @@ impl PacketKernel {
             sigma: sigma as f32,
             reach: settings.reach as f32,
             gain: [gain.re as f32, gain.im as f32],
-            above: Rise::fit(0.0, settings.reach, slope, error, scaled),
+            above: Rise::fit(
+                0.0,
+                square(settings.reach),
+                slope / (2.0 * sigma),
+                error,
+                above,
+            ),
             below: Rise::fit(deepest, 0.0, slope, error, scaled),
             beyond: [whole.re as f32, whole.im as f32],
             rules: (0..=MAX_POINTS).map(rule).collect(),
         }
     }
 
-    /// `K(x) - K(0)` for `x >= 0`.
+    /// `K - K(x = 0)` at `y = u^2 - 1 >= 0`.
     #[inline(always)]
-    pub(crate) fn rise<S: Simd>(&self, x: f32x16<S>) -> [f32x16<S>; 2] {
-        self.above.at(x)
+    pub(crate) fn rise<S: Simd>(&self, y: f32x16<S>) -> [f32x16<S>; 2] {
+        self.above.at(y)
     }
 
-    /// `K(x) - K(0)` for any `x`.
+    /// The same for any `u >= 0`. Below 1 by `x`: at zero `K` is no smooth function of `u^2`.
     #[inline(always)]
-    pub(crate) fn rise_from_below<S: Simd>(&self, x: f32x16<S>) -> [f32x16<S>; 2] {
-        let (above, below) = (self.above.at(x), self.below.at(x));
-        let positive = x.simd_ge(0.0);
+    pub(crate) fn rise_from_below<S: Simd>(&self, u: f32x16<S>) -> [f32x16<S>; 2] {
+        let y = u * u - 1.0;
+        let above = self.above.at(y);
+        let below = self.below.at((u - 1.0) * (1.0 / self.sigma));
+        let positive = y.simd_ge(0.0);
         [
             positive.select(above[0], below[0]),
             positive.select(above[1], below[1]),

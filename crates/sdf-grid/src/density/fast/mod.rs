@@ -16,7 +16,7 @@ mod tests;
 use fearless_simd::{Level, dispatch};
 use glam::DVec3;
 
-use self::far::Cluster;
+use self::far::{Cluster, Outline};
 use self::kernel::PacketKernel;
 use self::packet::Facet;
 use self::settings::Settings;
@@ -36,6 +36,8 @@ pub(crate) type Lanes = [f32; LANES];
 pub(crate) struct PacketDensity<'a> {
     bvh: &'a Bvh,
     facets: Vec<Facet>,
+    outlines: Vec<Outline>,
+    face_outlines: Vec<Outline>,
     /// Far field of each node.
     clusters: Vec<Cluster>,
     /// Far field of each face.
@@ -52,6 +54,8 @@ impl<'a> PacketDensity<'a> {
         Self {
             bvh,
             facets: bvh.faces.iter().map(Facet::new).collect(),
+            outlines: bvh.nodes.iter().map(Outline::of_node).collect(),
+            face_outlines: bvh.faces.iter().map(Outline::of_face).collect(),
             clusters: bvh.nodes.iter().map(|n| Cluster::new(&n.moments)).collect(),
             singles: bvh.faces.iter().map(Cluster::of_face).collect(),
             kernel: PacketKernel::new(kernel, &settings, tolerance),

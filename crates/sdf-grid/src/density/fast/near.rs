@@ -37,8 +37,7 @@ pub(crate) fn add_face<S: Simd>(
         return;
     }
     let kernel = &density.kernel;
-    let u0 = view.height.abs() * query.inverse;
-    let k0 = kernel.rise_from_below((u0 - 1.0) * (1.0 / kernel.sigma));
+    let k0 = kernel.rise_from_below(view.height.abs() * query.inverse);
     let plane = Plane {
         active,
         height_squared: view.height * view.height,
@@ -122,7 +121,8 @@ impl<S: Simd> Plane<S> {
     ) -> [f32x16<S>; 2] {
         let half = (ends[1] - ends[0]) * 0.5;
         let middle = (ends[1] + ends[0]) * 0.5;
-        let inverse_sigma = 1.0 / kernel.sigma;
+        let inverse_squared = query.inverse * query.inverse;
+        let base = self.height_squared * inverse_squared - 1.0;
         // Nearer to the foot than this, numerator and denominator are both rounding noise; the
         // quotient is smooth and hardly differs there.
         let least = query.xi * query.xi * (4e-4 * kernel.sigma);
@@ -132,8 +132,7 @@ impl<S: Simd> Plane<S> {
         for (node, weight) in nodes.iter().zip(weights) {
             let t = half.mul_add(f32x16::splat(d.token(), *node), middle);
             let r2 = t.mul_add(t, d2).max(least);
-            let u = (r2 + self.height_squared).sqrt() * query.inverse;
-            let rise = kernel.rise((u - 1.0) * inverse_sigma);
+            let rise = kernel.rise(r2.mul_add(inverse_squared, base));
             let w = *weight / r2;
             for c in 0..2 {
                 sum[c] = (rise[c] - self.k0[c]).mul_add(w, sum[c]);

@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3};
 use sdf_grid::{Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
-use crate::{PairBuilder, PairPlan};
 use crate::dock::{SearchLattices, search_rotations, symmetry_group};
+use crate::{PairBuilder, PairPlan};
 
 fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
     [(-x, -y), (x, -y), (x, y), (-x, y)]

@@ -97,6 +97,42 @@ fn the_example_prints_the_well() {
     );
 }
 
+/// The Python example says about the same table what the C example says.
+#[test]
+fn python_prints_the_same_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = bake_spring(folder.path());
+    if Command::new("python3").arg("--version").output().is_err() {
+        eprintln!("skipped: no python3 (apt-get install python3)");
+        return;
+    }
+    let Some(program) = compile("examples/query.c", folder.path()) else {
+        return;
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/query.py");
+    let python = |table: &str| {
+        let mut command = Command::new("python3");
+        command
+            .arg(&script)
+            .arg(library().join("libpegfit_c.so"))
+            .arg(table);
+        command.output().unwrap()
+    };
+    let output = python(table.to_str().unwrap());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    let c = run(&program, &table);
+    assert_eq!(text.lines().count(), 6, "{text}");
+    assert!(text.lines().skip(1).eq(c.lines().skip(1)), "{text}{c}");
+    let output = python("nowhere.zarr");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && said.contains("nowhere.zarr"),
+        "{said}"
+    );
+}
+
 #[test]
 fn misuse_from_c_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -62,3 +62,7 @@ bench-field *ARGS:
 parquet:
     cargo clippy -p pegfit --features parquet --all-targets -- -D warnings
     cargo test -p pegfit --features parquet --lib -- parquet
+
+# Error against time and memory of tables and of the direct evaluator, frontiers marked, in ./out.
+pareto *ARGS:
+    cargo run --release -p pegfit-benches --bin pareto -- {{ARGS}}

@@ -53,7 +53,10 @@ pub(super) fn connect(place: &Path) -> Result<Arc<Storage>, StoreError> {
     let _ = rustls::crypto::ring::default_provider().install_default();
     let text = place.to_str().unwrap_or_default();
     let url = url::Url::parse(text).map_err(|e| fail(e.to_string()))?;
-    let environment = std::env::vars().map(|(name, value)| (name.to_lowercase(), value));
+    let environment = std::env::vars_os().filter_map(|(name, value)| {
+        let name = name.into_string().ok()?.to_lowercase();
+        Some((name, value.into_string().ok()?))
+    });
     let settings = environment.filter(|(name, _)| PREFIXES.iter().any(|p| name.starts_with(p)));
     // Whoever writes http:// means it.
     let plain = (url.scheme() == "http").then(|| ("allow_http".into(), "true".into()));

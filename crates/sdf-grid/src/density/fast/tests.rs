@@ -7,12 +7,12 @@ use num_complex::Complex64;
 
 use super::near::{Query, add_face};
 use super::packet::Packet;
-use super::{LANES, PacketDensity, Points};
+use super::{LANES, Lanes, PacketDensity, Points};
 use crate::DensityKernel;
 use crate::bvh::Bvh;
 use crate::density::edge_integral::EdgeQuadrature;
 use crate::kernel::CumulativeKernel;
-use crate::shapes::PegInHole;
+use crate::shapes::{PegInHole, random_solid};
 
 #[simd]
 fn triangle<S: Simd>(
@@ -58,6 +58,74 @@ fn triangles_match_the_f64_edge_integrals() {
                 let error = (Complex64::new(re.into(), im.into()) - expected).norm();
                 // Of densities near 1, at the setting for 1e-5.
                 assert!(error < 1e-5, "{sigma} {q} triangle {i}: {error:e}");
+            }
+        }
+    }
+}
+
+/// Every instruction set that this machine has.
+fn levels() -> Vec<Level> {
+    let best = Level::new();
+    let mut levels = vec![best];
+    #[cfg(target_arch = "x86_64")]
+    {
+        levels.extend(best.as_sse2().map(Level::Sse2));
+        levels.extend(best.as_sse4_2().map(Level::Sse4_2));
+        levels.extend(best.as_avx2().map(Level::Avx2));
+    }
+    levels
+}
+
+/// Distances and integrals of packets all over a box of twice the part.
+fn values(density: &PacketDensity<'_>) -> (Vec<Lanes>, Vec<[Lanes; 2]>) {
+    let place = |i: usize| DVec3::new((i / 64) as f64, (i / 8 % 8) as f64, (i % 8) as f64);
+    let corner = |i: usize| (place(i) - 3.47) * 0.5;
+    let packet = |i: usize| -> Points {
+        std::array::from_fn(|lane| {
+            let step = [lane / 8, lane / 4 % 2, lane % 4].map(|k| 0.07 * k as f64);
+            corner(i) + DVec3::from_array(step)
+        })
+    };
+    (0..512)
+        .map(|i| {
+            let points = packet(i);
+            let distances = density.distances(&points, &mut 0);
+            (distances, density.integrals(&points, &distances))
+        })
+        .unzip()
+}
+
+fn relative<'a>(found: impl Iterator<Item = (&'a f32, &'a f32)>) -> f64 {
+    let (wrong, all) = found.fold((0.0, 0.0), |(e, s), (a, b)| {
+        let (a, b) = (f64::from(*a), f64::from(*b));
+        (e + (a - b).powi(2), s + b * b)
+    });
+    f64::sqrt(wrong / all)
+}
+
+#[test]
+fn instruction_sets_agree() {
+    let (_, peg) = PegInHole::Combined.pair(0.0).unwrap();
+    for mesh in [peg, random_solid(0).unwrap()] {
+        let bvh = Bvh::merged(&mesh);
+        let kernel = DensityKernel::new(0.1).unwrap();
+        for tolerance in [1e-3, 1e-5] {
+            let mut density = PacketDensity::new(&bvh, &kernel, tolerance);
+            let (distances, integrals) = values(&density);
+            for level in levels() {
+                density.level = level;
+                let found = values(&density);
+                let pairs = found.0.as_flattened().iter().zip(distances.as_flattened());
+                let error = relative(pairs);
+                // Rounding of single precision: with and without fused multiplication.
+                assert!(error < 1e-6, "{level:?} distances: {error:e}");
+                let flat = |v: &[[Lanes; 2]]| v.as_flattened().as_flattened().to_vec();
+                let error = relative(flat(&found.1).iter().zip(&flat(&integrals)));
+                // Rounding, seen as 3e-7; and clusters at the edge of acceptance, each good to the
+                // tolerance, of which few change sides.
+                let bound = 3e-6 + 5e-3 * tolerance;
+                assert!(error < bound, "{level:?} {tolerance}: {error:e}");
+                println!("{level:?} {tolerance:e}: {error:.1e}");
             }
         }
     }

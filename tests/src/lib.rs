@@ -8,6 +8,7 @@ use fft_correlate::{
     ScoreModel, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
+use haptic::{Geometry, Workspace};
 use ndarray::Array3;
 use rand::Rng;
 use rand::rngs::SmallRng;
@@ -40,6 +41,19 @@ pub fn pair_of(
 pub fn example(which: PegInHole, model: &ScoreModel, spacing: f64) -> Pair {
     let (hole, peg) = which.pair(0.0).expect("zero clearance is in range");
     pair_of(&hole, &peg, model, spacing)
+}
+
+/// Where a pair's fit is and how a hand gets there, and a device whose origin is the fit.
+pub fn hand_at_fit(pair: &Pair) -> (Geometry, Workspace) {
+    let seated = pair.pose(DQuat::IDENTITY, DVec3::ZERO);
+    let geometry = Geometry {
+        seated,
+        axis: DVec3::NEG_Z,
+        depth: PegInHole::HEIGHT,
+        radius: 0.5 * PegInHole::RADIUS,
+        tilt: 0.08,
+    };
+    (geometry, Workspace::new(1.0, seated, pair.pivot()))
 }
 
 /// Real part of the score at every displacement of the window, by FFT, cubic metres.

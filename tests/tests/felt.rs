@@ -6,10 +6,8 @@ use std::sync::atomic::AtomicBool;
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{DirectEvaluator, DirectOptions, ScoreModel};
 use glam::{DQuat, DVec3};
-use haptic::{
-    Clock, Geometry, HandConfig, HapticConfig, Outcome, Script, Session, SimulatedHand, Workspace,
-};
-use pegfit_tests::example;
+use haptic::{Clock, HandConfig, HapticConfig, Outcome, Script, Session, SimulatedHand};
+use pegfit_tests::{example, hand_at_fit};
 use sdf_grid::shapes::PegInHole;
 
 /// Largest force of the scene, newtons.
@@ -28,14 +26,7 @@ fn run(which: PegInHole, script: Script, seconds: f64) -> Outcome {
         .with_gamma(gamma.expect("forces act"))
         .expect("a scale");
     let source = DirectEvaluator::new(&pair, &options).expect("a source");
-    let geometry = Geometry {
-        seated,
-        axis: DVec3::NEG_Z,
-        depth: PegInHole::HEIGHT,
-        radius: 0.5 * PegInHole::RADIUS,
-        tilt: 0.08,
-    };
-    let workspace = Workspace::new(1.0, seated, pair.pivot());
+    let (geometry, workspace) = hand_at_fit(&pair);
     let hand = HandConfig {
         duration: seconds,
         ..HandConfig::default()

@@ -13,12 +13,9 @@ use fft_correlate::{
     ScoreModel, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
-use haptic::{
-    Clock, Geometry, HandConfig, HapticConfig, Outcome, Sample, Script, Session, SimulatedHand,
-    Workspace,
-};
-use pegfit_tests::example;
+use haptic::{Clock, HandConfig, HapticConfig, Outcome, Sample, Script, Session, SimulatedHand};
 use pegfit_tests::spectrum::rms_above;
+use pegfit_tests::{example, hand_at_fit};
 use sdf_grid::Silent;
 use sdf_grid::shapes::PegInHole;
 
@@ -65,15 +62,7 @@ fn table(pair: &Pair) -> EnergyTable {
 
 /// The hand holds the part seated and trembles.
 fn rest(pair: &Pair, source: &dyn EnergySource, stiffness: f64) -> Outcome {
-    let seated = pair.pose(DQuat::IDENTITY, DVec3::ZERO);
-    let geometry = Geometry {
-        seated,
-        axis: DVec3::NEG_Z,
-        depth: PegInHole::HEIGHT,
-        radius: 0.5 * PegInHole::RADIUS,
-        tilt: 0.08,
-    };
-    let workspace = Workspace::new(1.0, seated, pair.pivot());
+    let (geometry, workspace) = hand_at_fit(pair);
     let hand = HandConfig {
         push: 0.0,
         duration: SECONDS,

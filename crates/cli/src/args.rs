@@ -47,7 +47,7 @@ pub struct Global {
 pub enum Command {
     /// See it all: three pegs find their holes, with pictures and a page that explains them
     Demo(DemoArgs),
-    /// Say whether meshes can be used, and what had to be repaired
+    /// Say whether meshes, or those of a scene, can be used, and what had to be repaired
     Check(CheckArgs),
     /// Compute the density field of one mesh and write it for ParaView
     Field(FieldArgs),
@@ -80,10 +80,11 @@ pub struct DemoArgs {
 /// Arguments of `pegfit check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP
+    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP; or scene files, whose meshes are looked at as the
+    /// scene reads them
     #[arg(required = true)]
     pub meshes: Vec<PathBuf>,
-    /// Length unit of files that state none: m, cm, mm, um, inch or foot
+    /// Length unit of files that state none: m, cm, mm, um, inch or foot; a scene states its own
     #[arg(long, default_value = "mm")]
     pub unit: LengthUnit,
     /// What is read of the files.
@@ -92,7 +93,7 @@ pub struct CheckArgs {
 }
 
 /// What is read of a mesh file.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, PartialEq, Args)]
 pub struct MeshChoice {
     /// Use only this solid of the file, by its name or its number as `pegfit check` lists them
     #[arg(long, value_name = "NAME")]

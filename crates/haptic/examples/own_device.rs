@@ -1,11 +1,13 @@
-//! A loop with a device and an energy of your own: `cargo run -p haptic --example own_device`.
+//! A table felt through a device of your own: `pegfit bake scene.toml -o peg.zarr`, then
+//! `cargo run --release -p haptic --example own_device peg.zarr`.
 //!
-//! The device here is a finger that presses a button along -z; replace its `poll` and `send` with
-//! those of your hardware, and the energy with a table or a direct evaluator of `fft_correlate`.
+//! The device here is a finger that goes up and down along z; replace its `poll` and `send` with
+//! those of your hardware.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
+use fft_correlate::{Pose, TableStore, Wrench};
 use glam::DVec3;
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Session,
@@ -36,38 +38,20 @@ impl Device for Finger {
     }
 }
 
-/// A floor that pushes back with 3 N.
-struct Floor;
-
-impl EnergySource for Floor {
-    fn scratch(&self) -> Scratch {
-        Scratch::default()
-    }
-
-    fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
-        let z = pose.translation.z;
-        let push = if z < 0.0 { 3.0 } else { 0.0 };
-        Response {
-            energy: -z * push,
-            wrench: Wrench {
-                torque: DVec3::ZERO,
-                force: DVec3::new(0.0, 0.0, push),
-            },
-            coverage: 1.0,
-        }
-    }
-}
-
-fn main() -> Result<(), haptic::HapticError> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args_os().nth(1).ok_or("which table?")?;
+    // At most a gibibyte of it.
+    let table = TableStore::open(Path::new(&path))?.load(1 << 30)?;
     let spec = DeviceSpec {
         name: "finger".into(),
         ..HandConfig::default().spec()
     };
+    // The device's origin is where the parts were placed: the fit, unless the scene says otherwise.
     let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
     let stop = AtomicBool::new(false); // set it from a signal handler
     let outcome = Session::new(HapticConfig::default(), workspace).run(
         &mut Finger { spec },
-        &Floor,
+        &table,
         Clock::Real,
         2.0,
         &stop,

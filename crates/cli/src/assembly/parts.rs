@@ -3,7 +3,6 @@
 use fft_correlate::Pose;
 use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh, mesh_io};
 
-use crate::args::MeshChoice;
 use crate::command::Context;
 use crate::error::CommandError;
 use crate::scene::{Part, Scene};
@@ -27,11 +26,8 @@ pub(crate) fn read_part(
     let options = HygieneOptions::default();
     let mut meshes = Vec::new();
     for placed in &part.meshes {
-        let reading = MeshChoice {
-            solid: placed.solid.clone(),
-            segments_per_turn: placed.segments_per_turn,
-        };
-        let (mesh, report) = mesh_io::read_with(&placed.path, &reading.options(scene.unit))?;
+        let reading = placed.choice().options(scene.unit);
+        let (mesh, report) = mesh_io::read_with(&placed.path, &reading)?;
         for warning in report.warnings() {
             context.progress.note(&format!("note: {warning}"));
         }

@@ -1,6 +1,6 @@
-//! `pegfit check`: can these meshes be used, and what had to be repaired?
+//! `pegfit check`: can these meshes, or those of a scene, be used, and what had to be repaired?
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sdf_grid::mesh_io::{MeshFile, ReadOptions, Solid};
 use sdf_grid::{
@@ -9,8 +9,9 @@ use sdf_grid::{
 use serde::Serialize;
 
 use super::{Context, print_json};
-use crate::args::CheckArgs;
+use crate::args::{CheckArgs, MeshChoice};
 use crate::error::CommandError;
+use crate::scene::Scene;
 
 /// Components and solids listed one by one.
 const MOST_LISTED: usize = 12;
@@ -39,18 +40,33 @@ enum Verdict {
     },
 }
 
+/// A mesh to look at, and how to read it.
+#[derive(Debug, Clone, PartialEq)]
+struct Subject {
+    path: PathBuf,
+    choice: MeshChoice,
+    unit: LengthUnit,
+}
+
 pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
-    let options = args.choice.options(args.unit);
-    let verdicts: Vec<Verdict> = args
-        .meshes
-        .iter()
-        .map(|path| examine(path, &options))
-        .collect();
+    let mut subjects = Vec::new();
+    for path in &args.meshes {
+        match path.extension().is_some_and(|e| e == "toml") {
+            true => subjects.extend(meshes_of(&Scene::read(path)?)),
+            false => subjects.push(Subject {
+                path: path.clone(),
+                choice: args.choice.clone(),
+                unit: args.unit,
+            }),
+        }
+    }
+    let look = |s: &Subject| examine(&s.path, &s.choice.options(s.unit));
+    let verdicts: Vec<Verdict> = subjects.iter().map(look).collect();
     if context.json {
         print_json(&verdicts)?;
     } else {
-        for verdict in &verdicts {
-            print(verdict, args.unit);
+        for (verdict, subject) in verdicts.iter().zip(&subjects) {
+            print(verdict, subject.unit);
         }
     }
     let unusable = verdicts
@@ -64,6 +80,24 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
             total: verdicts.len(),
         }),
     }
+}
+
+/// Every mesh of a scene once, however often it stands there.
+fn meshes_of(scene: &Scene) -> Vec<Subject> {
+    let mut subjects = Vec::new();
+    for part in scene.fixed_parts().chain([&scene.moving]) {
+        for mesh in &part.meshes {
+            let subject = Subject {
+                path: mesh.path.clone(),
+                choice: mesh.choice(),
+                unit: scene.unit,
+            };
+            if !subjects.contains(&subject) {
+                subjects.push(subject);
+            }
+        }
+    }
+    subjects
 }
 
 fn examine(path: &Path, options: &ReadOptions) -> Verdict {

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use plotters::prelude::*;
 
-use super::canvas::{Drawing, FAINT, GRID, INK, Panel, centred, stroke, text_size, titled};
+use super::canvas::{Drawing, GRID, INK, Panel, centred, stroke, text_size};
 use super::colour::ColourScale;
 use super::legend;
 
@@ -39,13 +39,8 @@ impl Cloud {
     /// # Errors
     /// If the drawing library refuses.
     pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
-        let width = panel.dim_in_pixel().0;
         let size = text_size(panel);
-        let rest = titled(panel, &self.title)?;
-        let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
-        let place = (width as i32 / 2, size as i32 / 2);
-        foot.draw_text(&self.note, &centred(size, FAINT), place)?;
-        let (scene, bar) = rest.split_horizontally(width - legend::WIDTH - size);
+        let (scene, bar) = legend::framed(panel, &self.title, &self.note)?;
         let view = View::of(self, scene.dim_in_pixel(), size);
         self.draw_edges(&scene, &view)?;
         self.draw_points(&scene, &view)?;

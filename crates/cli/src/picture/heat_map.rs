@@ -7,7 +7,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use super::canvas::{
-    self, Drawing, FAINT, GRID, INK, Panel, centred, number, stroke, text, text_size, tick, titled,
+    self, Drawing, FAINT, GRID, INK, Panel, centred, number, stroke, text, text_size, tick,
 };
 use super::colour::ColourScale;
 use super::{contour, legend};
@@ -105,15 +105,10 @@ impl HeatMap {
     /// # Errors
     /// If the drawing library refuses.
     pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
-        let width = panel.dim_in_pixel().0;
         let size = text_size(panel);
-        let rest = titled(panel, &self.title)?;
-        let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
-        let place = (width as i32 / 2, size as i32 / 2);
-        foot.draw_text(&self.note, &centred(size, FAINT), place)?;
-        let (map, legend) = rest.split_horizontally(width - legend::WIDTH - size);
+        let (map, bar) = legend::framed(panel, &self.title, &self.note)?;
         self.draw_map(&map, size)?;
-        legend::draw(&legend, &self.scale, &self.legend, size)
+        legend::draw(&bar, &self.scale, &self.legend, size)
     }
 
     /// Half a sample beyond the outer samples on each side.

@@ -3,11 +3,32 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::canvas::{Drawing, FAINT, INK, Panel, number, round_ticks, stroke, text};
+use super::canvas::{
+    Drawing, FAINT, INK, Panel, centred, number, round_ticks, stroke, text, text_size, titled,
+};
 use super::colour::ColourScale;
 
 /// Room that the bar and its numbers take, drawing pixels.
 pub(super) const WIDTH: u32 = stroke(150);
+
+/// Draws `title` at the top of a panel and `note` at its foot; gives what is between, without and with
+/// the room for the bar.
+///
+/// # Errors
+/// If the drawing library refuses.
+pub(super) fn framed<'a>(
+    panel: &Panel<'a>,
+    title: &str,
+    note: &str,
+) -> Result<(Panel<'a>, Panel<'a>), Box<dyn std::error::Error + Send + Sync>> {
+    let width = panel.dim_in_pixel().0;
+    let size = text_size(panel);
+    let rest = titled(panel, title)?;
+    let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
+    let place = (width as i32 / 2, size as i32 / 2);
+    foot.draw_text(note, &centred(size, FAINT), place)?;
+    Ok(rest.split_horizontally(width - WIDTH - size))
+}
 
 /// Draws the bar with `caption` (the quantity and its unit, a line or several) above it.
 pub(super) fn draw(panel: &Panel<'_>, scale: &ColourScale, caption: &str, size: u32) -> Drawing {

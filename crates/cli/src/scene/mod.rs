@@ -18,6 +18,7 @@ use haptic::HapticConfig;
 use miette::{NamedSource, SourceSpan};
 use sdf_grid::{LengthUnit, Sampling};
 
+use crate::args::MeshChoice;
 use crate::error::{CommandError, SceneError};
 pub(crate) use check::quaternion;
 
@@ -80,6 +81,16 @@ pub struct PlacedMesh {
     pub segments_per_turn: u32,
     /// Where it lies in the part (metres).
     pub pose: Pose,
+}
+
+impl PlacedMesh {
+    /// What of the file it is.
+    pub fn choice(&self) -> MeshChoice {
+        MeshChoice {
+            solid: self.solid.clone(),
+            segments_per_turn: self.segments_per_turn,
+        }
+    }
 }
 
 /// What is kept in memory while the loop runs.

@@ -20,6 +20,34 @@ fn a_good_mesh_is_reported() {
 }
 
 #[test]
+fn a_scene_stands_for_its_meshes_as_it_reads_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("box.obj", &cuboid_obj([2.0, 3.0, 4.0]));
+    write("pin.obj", &cuboid_obj([1.0, 1.0, 5.0]));
+    let parts = "moving = \"pin.obj\"\n[[fixed]]\nname = \"a\"\nmesh = \"box.obj\"\n\
+                 [[fixed]]\nname = \"b\"\nmesh = \"box.obj\"\nposition = [9, 0, 0]\n";
+    write("scene.toml", &format!("unit = \"cm\"\n{parts}"));
+    let check = |args: &[&str]| pegfit(folder.path(), args);
+    let output = check(&["check", "scene.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = stdout(&output);
+    // Each mesh once, in the scene's unit.
+    assert_eq!(text.matches("usable").count(), 2, "{text}");
+    assert!(text.contains("24.000000 cm³") && text.contains("5.000000 cm³"));
+    // The scene itself may be wrong, or one of its meshes.
+    write("scene.toml", &format!("unit = \"ell\"\n{parts}"));
+    assert_eq!(check(&["check", "scene.toml"]).status.code(), Some(2));
+    write("scene.toml", &format!("unit = \"cm\"\n{parts}"));
+    write("pin.obj", "v 0 0 0\n");
+    let output = check(&["check", "scene.toml", "--json"]);
+    assert_eq!(output.status.code(), Some(3));
+    let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(value[0]["usable"], true);
+    assert_eq!(value[1]["usable"], false);
+}
+
+#[test]
 fn json_parses_and_repairs_are_said() {
     let folder = tempfile::tempdir().unwrap();
     let inverted = cuboid_obj([2.0, 3.0, 4.0])

@@ -169,7 +169,13 @@ impl TableFiles {
             path: file.clone(),
             source,
         };
-        let mut temporary = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
+        // Beside the table, not in it: what a kill leaves is then no part of the table.
+        let (parent, prefix) = beside(folder);
+        let mut temporary = tempfile::Builder::new()
+            .prefix(&prefix)
+            .suffix(".tmp")
+            .tempfile_in(parent)
+            .map_err(io)?;
         io::Write::write_all(&mut temporary, &bytes).map_err(io)?;
         temporary.as_file().sync_all().map_err(io)?;
         temporary.persist(&file).map_err(|e| io(e.error))?;
@@ -209,6 +215,16 @@ impl TableFiles {
             source,
         }
     }
+}
+
+/// Where temporary files of a table are made, and what their names begin with.
+pub(super) fn beside(table: &Path) -> (&Path, String) {
+    let parent = match table.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let name = table.file_name().unwrap_or_default().to_string_lossy();
+    (parent, format!(".{name}."))
 }
 
 fn store_key(key: &str) -> Result<StoreKey, StorageError> {

@@ -14,7 +14,7 @@ use zarrs::array::{ArrayBuilder, data_type};
 use zarrs::group::GroupBuilder;
 use zarrs::metadata::ChunkKeySeparator;
 
-use super::files::{Storage, TableFiles};
+use super::files::{Storage, TableFiles, beside};
 use super::header::Header;
 use super::{StoreError, metadata_options, one_thread};
 use crate::encode::Numbers;
@@ -44,13 +44,9 @@ fn place_folder(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(),
         path: path.into(),
         source,
     };
-    let parent = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let (parent, prefix) = beside(path);
     let folder = tempfile::Builder::new()
-        .prefix(&format!(".{name}."))
+        .prefix(&prefix)
         .suffix(".tmp")
         .tempdir_in(parent)
         .map_err(io)?;

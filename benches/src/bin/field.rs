@@ -1,11 +1,12 @@
-//! Density fields, run time against error: `field [--quick] [--out DIR] [solids] [PARTS_DIR]`.
+//! Density fields, run time against error: `field [--quick] [--out DIR] [solids] [only=NAME] [PARTS_DIR]`.
 //!
 //! For meshes of 1k to 1M triangles, lattices of 64 to 192 nodes per axis over twice the part and
 //! every tolerance: nanoseconds per node (wall clock, all cores) and relative L2 error against the
 //! f64 reference at sampled nodes; how many times faster that is than the paper's sum over all
 //! triangles, plain and with SIMD on all cores, both timed on sampled nodes; how long the tree takes
 //! to build. With a folder of meshes (metres), those too. `solids` measures instead the worst error of
-//! 200 random solids (12 with `--quick`) per sigma and tolerance.
+//! 200 random solids (12 with `--quick`) per sigma and tolerance. `only=NAME` leaves out meshes whose names
+//! do not contain NAME.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -27,6 +28,8 @@ fn main() -> Outcome<()> {
     if arguments.rest.iter().any(|word| word == "solids") {
         return solids(if quick { 12 } else { 200 });
     }
+    let named = |word: &String| word.strip_prefix("only=").map(str::to_owned);
+    let only = arguments.rest.iter().find_map(named);
     let mut parts = Vec::new();
     for which in PegInHole::ALL {
         let (hole, peg) = which.pair(0.0)?;
@@ -34,18 +37,28 @@ fn main() -> Outcome<()> {
         parts.push((format!("{} peg", which.name()), peg));
     }
     for count in [1_000, 10_000, 100_000, 1_000_000] {
-        if quick && count > 100_000 {
+        if quick && count > 100_000 && only.is_none() {
             continue;
         }
-        let k = count / 1000;
-        parts.push((format!("cad {k}k"), meshes::cad(count)?));
-        parts.push((format!("curved {k}k"), meshes::curved(count)?));
-        if count <= 10_000 {
-            parts.push((format!("facets {k}k"), meshes::facets(count)?));
+        type Make = fn(usize) -> Outcome<TriangleMesh>;
+        let kinds: [(&str, Make, usize); 3] = [
+            ("cad", meshes::cad, usize::MAX),
+            ("curved", meshes::curved, usize::MAX),
+            ("facets", meshes::facets, 10_000),
+        ];
+        for (kind, make, most) in kinds {
+            let name = format!("{kind} {}k", count / 1000);
+            // Large meshes are made only if they are wanted.
+            if count <= most && only.as_ref().is_none_or(|o| name.contains(o)) {
+                parts.push((name, make(count)?));
+            }
         }
     }
-    for folder in &arguments.rest {
+    for folder in arguments.rest.iter().filter(|w| named(w).is_none()) {
         parts.extend(read(folder)?);
+    }
+    if let Some(only) = &only {
+        parts.retain(|(name, _)| name.contains(only));
     }
     let mut rows = Vec::new();
     println!(

@@ -27,7 +27,7 @@ mod winding;
 pub use bvh::{Bvh, Nearest};
 pub use density::{
     DensityError, DensityField, DensityGradient, DensityOptions, ReferenceDensity, Sampling,
-    UnitDensity, UnitGradient,
+    UnitDensity, UnitGradient, signed_distances,
 };
 pub use field_cache::{CacheError, FieldCache};
 pub use hygiene::{ComponentReport, HygieneOptions, HygieneReport};

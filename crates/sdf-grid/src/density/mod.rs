@@ -8,6 +8,7 @@
 //! - `fast`: the tree code on packets of sixteen points in f32;
 //! - `patch`: distances, signs and densities of a small regular patch;
 //! - `smooth`: blocks of a patch that are interpolated from some of their points;
+//! - `signed_distance`: distances alone;
 //! - `sampling`: from points to lattice values (blocks, halo, cell averages).
 
 mod boundary;
@@ -20,6 +21,7 @@ mod patch;
 mod point;
 pub mod reference;
 mod sampling;
+mod signed_distance;
 mod smooth;
 
 use ndarray::{Array3, Zip};
@@ -29,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use crate::{DensityKernel, Lattice, Monitor, TriangleMesh};
 pub use gradient::{DensityGradient, UnitGradient};
 pub use reference::{ReferenceDensity, UnitDensity};
+pub use signed_distance::signed_distances;
 
 /// How a lattice value represents the density around its node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

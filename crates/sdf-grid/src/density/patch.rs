@@ -56,7 +56,7 @@ pub(crate) struct PatchDensity<'a> {
 }
 
 impl Patch {
-    fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.shape.iter().product()
     }
 
@@ -64,13 +64,44 @@ impl Patch {
         self.origin + DVec3::from_array(index.map(|i| i as f64)) * self.spacing
     }
 
-    fn flat(&self, index: [usize; 3]) -> usize {
+    pub(crate) fn flat(&self, index: [usize; 3]) -> usize {
         (index[0] * self.shape[1] + index[1]) * self.shape[2] + index[2]
     }
 
     pub(crate) fn unravel(&self, flat: usize) -> [usize; 3] {
         let [_, ny, nz] = self.shape;
         [flat / (ny * nz), flat / nz % ny, flat % nz]
+    }
+
+    /// The side of a point, given the signed distances before it and its own distance.
+    pub(crate) fn inside(
+        &self,
+        bvh: &Bvh,
+        anchor: Option<Anchor>,
+        index: [usize; 3],
+        distance: &[f32],
+    ) -> bool {
+        let flat = self.flat(index);
+        // Room for the rounding of single-precision distances.
+        let same_side = |other: f32, apart: f64| {
+            f64::from(other.abs() + distance[flat]) > apart * 1.0001 + 1e-6
+        };
+        if let Some(a) = anchor
+            && same_side(a.distance, a.position.distance(self.position(index)))
+        {
+            return a.distance < 0.0;
+        }
+        for axis in [2, 1, 0] {
+            let mut before = index;
+            if index[axis] > 0 {
+                before[axis] -= 1;
+                let other = distance[self.flat(before)];
+                if same_side(other, self.spacing) {
+                    return other < 0.0;
+                }
+            }
+        }
+        bvh.inside_normalized(self.position(index))
     }
 
     fn brick(&self, flat: [usize; LANES]) -> Brick {
@@ -80,7 +111,7 @@ impl Patch {
 
     /// Replaces `bricks` by those of the patch: 2 x 2 x 4 points each, the last point repeated
     /// where the patch ends.
-    fn cut(&self, bricks: &mut Vec<Brick>) {
+    pub(crate) fn cut(&self, bricks: &mut Vec<Brick>) {
         bricks.clear();
         let [nx, ny, nz] = self.shape;
         for x in (0..nx).step_by(2) {
@@ -102,9 +133,9 @@ impl Patch {
 
 /// The points of one packet and their places in the patch.
 #[derive(Debug)]
-struct Brick {
-    flat: [usize; LANES],
-    points: Points,
+pub(crate) struct Brick {
+    pub(crate) flat: [usize; LANES],
+    pub(crate) points: Points,
 }
 
 impl<'a> PatchDensity<'a> {
@@ -222,44 +253,14 @@ impl<'a> PatchDensity<'a> {
             for y in 0..ny {
                 for z in 0..nz {
                     let flat = patch.flat([x, y, z]);
-                    if !values.done[flat] && self.inside(patch, anchor, [x, y, z], &values.distance)
+                    if !values.done[flat]
+                        && patch.inside(self.bvh, anchor, [x, y, z], &values.distance)
                     {
                         values.distance[flat] = -values.distance[flat];
                     }
                 }
             }
         }
-    }
-
-    /// The side of a point, given the signed distances before it and its own distance.
-    fn inside(
-        &self,
-        patch: &Patch,
-        anchor: Option<Anchor>,
-        index: [usize; 3],
-        distance: &[f32],
-    ) -> bool {
-        let flat = patch.flat(index);
-        // Room for the rounding of single-precision distances.
-        let same_side = |other: f32, apart: f64| {
-            f64::from(other.abs() + distance[flat]) > apart * 1.0001 + 1e-6
-        };
-        if let Some(a) = anchor
-            && same_side(a.distance, a.position.distance(patch.position(index)))
-        {
-            return a.distance < 0.0;
-        }
-        for axis in [2, 1, 0] {
-            let mut before = index;
-            if index[axis] > 0 {
-                before[axis] -= 1;
-                let other = distance[patch.flat(before)];
-                if same_side(other, patch.spacing) {
-                    return other < 0.0;
-                }
-            }
-        }
-        self.bvh.inside_normalized(patch.position(index))
     }
 
     /// Densities of a brick whose signed distances are known.

@@ -99,7 +99,7 @@ fn blocks(field: &mut DensityField) -> Vec<Block<'_>> {
 }
 
 /// Disjoint views of at most [`BLOCK`] nodes per axis, each with the index it starts at.
-fn cut<T>(view: ArrayViewMut3<'_, T>) -> Vec<([usize; 3], ArrayViewMut3<'_, T>)> {
+pub(crate) fn cut<T>(view: ArrayViewMut3<'_, T>) -> Vec<([usize; 3], ArrayViewMut3<'_, T>)> {
     (0..3).fold(vec![([0; 3], view)], |parts, axis| {
         let slices = |(start, view)| cut_axis(start, view, axis);
         parts.into_iter().flat_map(slices).collect()

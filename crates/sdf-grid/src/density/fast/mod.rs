@@ -32,10 +32,37 @@ pub(crate) type Points = [DVec3; LANES];
 /// One number per point.
 pub(crate) type Lanes = [f32; LANES];
 
+/// Distances of packets.
+pub(crate) struct PacketDistance<'a> {
+    bvh: &'a Bvh,
+    facets: Vec<Facet>,
+    level: Level,
+}
+
+impl<'a> PacketDistance<'a> {
+    pub(crate) fn new(bvh: &'a Bvh) -> Self {
+        Self {
+            bvh,
+            facets: bvh.faces.iter().map(Facet::new).collect(),
+            level: Level::new(),
+        }
+    }
+
+    fn facet(&self, index: usize) -> &Facet {
+        &self.facets[index]
+    }
+
+    /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
+    /// replaced by the nearest one found: it changes the time, not the result.
+    pub(crate) fn at(&self, points: &Points, hint: &mut usize) -> Lanes {
+        dispatch!(self.level, simd => nearest::distances(simd, self, points, hint))
+    }
+}
+
 /// Distances and density integrals of packets.
 pub(crate) struct PacketDensity<'a> {
     bvh: &'a Bvh,
-    facets: Vec<Facet>,
+    distance: PacketDistance<'a>,
     outlines: Vec<Outline>,
     face_outlines: Vec<Outline>,
     /// Far field of each node.
@@ -53,7 +80,7 @@ impl<'a> PacketDensity<'a> {
         let settings = Settings::new(tolerance, kernel.sigma());
         Self {
             bvh,
-            facets: bvh.faces.iter().map(Facet::new).collect(),
+            distance: PacketDistance::new(bvh),
             outlines: bvh.nodes.iter().map(Outline::of_node).collect(),
             face_outlines: bvh.faces.iter().map(Outline::of_face).collect(),
             clusters: bvh.nodes.iter().map(|n| Cluster::new(&n.moments)).collect(),
@@ -64,10 +91,9 @@ impl<'a> PacketDensity<'a> {
         }
     }
 
-    /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
-    /// replaced by the nearest one found: it changes the time, not the result.
+    /// See [`PacketDistance::at`].
     pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
-        dispatch!(self.level, simd => nearest::distances(simd, self, points, hint))
+        self.distance.at(points, hint)
     }
 
     /// Real and imaginary part of the integral of the unit kernel over the solid angle, at points

@@ -30,7 +30,7 @@ pub(crate) fn add_face<S: Simd>(
     index: usize,
     sum: &mut [f32x16<S>; 2],
 ) {
-    let facet = &density.facets[index];
+    let facet = density.distance.facet(index);
     let view = View::new(packet, &density.bvh.faces[index], facet);
     let active = view.distance_squared(packet).simd_lt(query.reach_squared);
     if !active.any_true() {

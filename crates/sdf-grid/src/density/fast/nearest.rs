@@ -4,20 +4,20 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 
 use super::packet::{Packet, View};
-use super::{Lanes, PacketDensity, Points};
+use super::{Lanes, PacketDistance, Points};
 use crate::bvh::Stack;
 
-/// See [`PacketDensity::distances`].
+/// See [`PacketDistance::at`].
 #[simd]
 pub(crate) fn distances<S: Simd>(
     simd: S,
-    density: &PacketDensity<'_>,
+    distance: &PacketDistance<'_>,
     points: &Points,
     hint: &mut usize,
 ) -> Lanes {
     let packet = Packet::new(simd, points);
-    let faces = &density.bvh.faces;
-    let facets = &density.facets;
+    let faces = &distance.bvh.faces;
+    let facets = &distance.facets;
     let first = View::new(&packet, &faces[*hint], &facets[*hint]);
     let mut best = first.distance_squared(&packet);
     let mut worst = best.reduce_max();
@@ -28,7 +28,7 @@ pub(crate) fn distances<S: Simd>(
         if gap >= worst {
             continue;
         }
-        let node = &density.bvh.nodes[id as usize];
+        let node = &distance.bvh.nodes[id as usize];
         if node.is_leaf() {
             for i in node.range() {
                 let view = View::new(&packet, &faces[i], &facets[i]);
@@ -44,7 +44,7 @@ pub(crate) fn distances<S: Simd>(
         }
         let mut near = [(id + 1, 0f32, 0f32), (node.second, 0.0, 0.0)];
         for (child, gap, from_centre) in &mut near {
-            let child = &density.bvh.nodes[*child as usize];
+            let child = &distance.bvh.nodes[*child as usize];
             *gap = packet.box_gap_squared(child);
             // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
             *from_centre = child.distance_squared(packet.centre) as f32;

@@ -1,0 +1,101 @@
+//! Signed distance on a lattice, without the density.
+
+use glam::DVec3;
+use ndarray::{Array3, ArrayViewMut3};
+use rayon::prelude::*;
+
+use super::fast::{LANES, PacketDistance};
+use super::patch::{Brick, Patch};
+use super::sampling::cut;
+use super::{DensityError, zeros};
+use crate::bvh::Bvh;
+use crate::{Lattice, Monitor, TriangleMesh};
+
+/// Packet coordinates are rounded to 1e-7 of half the packet's diagonal. Points nearer to the
+/// boundary than this many of it are taken in f64, so that their distance, too, is good to 1e-4.
+const NEAR: f64 = 1e-3;
+
+/// Distance from the boundary of `mesh` at every node of `lattice`, metres, negative where the
+/// generalized winding number exceeds 1/2; zero or either sign on the boundary itself. Good to 1e-6
+/// of the part's size, far away to 1e-6 of the distance. Runs on rayon's current thread pool; the result does not depend on the
+/// number of threads. Takes 4 bytes per node and one tree.
+///
+/// # Errors
+/// If no triangle of the mesh has an area, the memory cannot be had, or the monitor cancels.
+pub fn signed_distances(
+    mesh: &TriangleMesh,
+    lattice: &Lattice,
+    monitor: &dyn Monitor,
+) -> Result<Array3<f32>, DensityError> {
+    let bvh = Bvh::merged(mesh);
+    if bvh.faces.is_empty() {
+        return Err(DensityError::EmptyMesh);
+    }
+    let bytes = 4 * lattice.len() as u64;
+    let mut values = zeros(lattice).ok_or(DensityError::Memory { bytes })?;
+    let packets = PacketDistance::new(&bvh);
+    let mut blocks = cut(values.view_mut());
+    monitor.begin("signed distance", blocks.len() as u64);
+    let batch = blocks.len().div_ceil(2048);
+    blocks.par_chunks_mut(batch).try_for_each(|batch| {
+        let mut scratch = Scratch::default();
+        for (start, block) in batch.iter_mut() {
+            if monitor.cancelled() {
+                return Err(DensityError::Cancelled);
+            }
+            let patch = Patch {
+                origin: bvh.normalized(lattice.position(*start)),
+                spacing: lattice.spacing() * bvh.scale(),
+                shape: block.dim().into(),
+            };
+            fill(&bvh, &packets, &patch, &mut scratch, block);
+        }
+        monitor.advance(batch.len() as u64);
+        Ok(())
+    })?;
+    Ok(values)
+}
+
+#[derive(Default)]
+struct Scratch {
+    bricks: Vec<Brick>,
+    distance: Vec<f32>,
+}
+
+fn fill(
+    bvh: &Bvh,
+    packets: &PacketDistance<'_>,
+    patch: &Patch,
+    scratch: &mut Scratch,
+    block: &mut ArrayViewMut3<'_, f32>,
+) {
+    let Scratch { bricks, distance } = scratch;
+    patch.cut(bricks);
+    distance.clear();
+    distance.resize(patch.len(), 0.0);
+    // Started anew for every block: results must not depend on which thread took which block.
+    let mut hint = 0;
+    for Brick { flat, points } in bricks.iter() {
+        let found = packets.at(points, &mut hint);
+        let near = NEAR * 0.5 * points[0].distance(points[LANES - 1]);
+        for lane in 0..LANES {
+            distance[flat[lane]] = if f64::from(found[lane]) > near {
+                found[lane]
+            } else {
+                unsigned(bvh, points[lane])
+            };
+        }
+    }
+    for ((x, y, z), value) in block.indexed_iter_mut() {
+        let index = [x, y, z];
+        let flat = patch.flat(index);
+        if patch.inside(bvh, None, index, distance) {
+            distance[flat] = -distance[flat];
+        }
+        *value = (f64::from(distance[flat]) / bvh.scale()) as f32;
+    }
+}
+
+fn unsigned(bvh: &Bvh, q: DVec3) -> f32 {
+    bvh.nearest_normalized(q).1.sqrt() as f32
+}

@@ -36,6 +36,8 @@ static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
         rotations: RotationDomain::ball(10.0, 10.0),
         symmetry: None,
         far_energy: 0.0,
+        storage: Default::default(),
+        fields: None,
         fixed_mesh: "aa".into(),
         moving_mesh: "bb".into(),
     };

@@ -177,6 +177,11 @@ fn what_a_gltf_file_claims_is_checked() {
         ("/accessors/0/componentType", json!(5123), "F32"),
         ("/scenes/0/nodes", json!([1, 1]), "one place in the tree"),
         ("/scenes/0/nodes", json!([7]), "glTF 2.0"),
+        (
+            "/meshes/0/primitives/0/attributes/POSITION",
+            json!(900),
+            "accessors, found 900",
+        ),
         ("/asset/version", json!("1.0"), "glTF 2.0"),
     ];
     for (pointer, value, expected) in cases {

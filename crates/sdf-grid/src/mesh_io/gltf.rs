@@ -12,7 +12,8 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::Source;
-use gltf::mesh::Mode;
+use gltf::json::validation::Checked;
+use gltf::mesh::{Mode, Semantic};
 use gltf::{Accessor, Document, Gltf, Node, Primitive};
 
 use super::soup::{Soup, syntax};
@@ -36,8 +37,7 @@ pub(super) fn parse(file: &str, bytes: &[u8], folder: Option<&Path>) -> Result<S
             return Err(syntax(file, "byte 8", expected, stated.to_string()));
         }
     }
-    let gltf = Gltf::from_slice(bytes)
-        .map_err(|e| syntax(file, "document", "a glTF 2.0 file", e.to_string()))?;
+    let gltf = checked(file, bytes)?;
     let document = &gltf.document;
     let version = &document.as_json().asset.version;
     if !version.starts_with("2.") {
@@ -67,6 +67,27 @@ pub(super) fn parse(file: &str, bytes: &[u8], folder: Option<&Path>) -> Result<S
         reader.place(&node, DMat4::IDENTITY, 0)?;
     }
     Ok(reader.soup)
+}
+
+/// The parsed document, every index in it valid.
+fn checked(file: &str, bytes: &[u8]) -> Result<Gltf, MeshError> {
+    let refused = |e: gltf::Error| syntax(file, "document", "a glTF 2.0 file", e.to_string());
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(refused)?;
+    // The crate's validation looks this accessor up before it checks that there is one.
+    let json = document.into_json();
+    let positions = Checked::Valid(Semantic::Positions);
+    for (m, mesh) in json.meshes.iter().enumerate() {
+        for primitive in &mesh.primitives {
+            let accessor = primitive.attributes.get(&positions);
+            if let Some(found) = accessor.filter(|a| a.value() >= json.accessors.len()) {
+                let expected = format!("one of {} accessors", json.accessors.len());
+                let place = format!("mesh {m}, POSITION");
+                return Err(syntax(file, place, expected, found.value().to_string()));
+            }
+        }
+    }
+    let document = Document::from_json(json).map_err(refused)?;
+    Ok(Gltf { document, blob })
 }
 
 /// The bytes of every buffer: the binary chunk, `data:` text, or files in `folder`.

@@ -2,8 +2,8 @@
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
@@ -16,7 +16,7 @@ use pegfit::progress;
 use crate::common::{scene_folder, succeed};
 
 /// Sends the interrupt signal that Ctrl-C sends.
-fn interrupt(child: &std::process::Child) {
+fn interrupt(child: &Child) {
     let status = Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status()
@@ -54,12 +54,10 @@ fn an_interrupted_bake_keeps_its_rotations_and_resumes() {
     assert_eq!(status["damaged"], 0);
 }
 
-#[test]
-fn an_interrupted_loop_still_reports() {
-    let folder = scene_folder("[device]\nrealtime = false\n");
-    let log = folder.path().join("log.csv");
+/// A loop of ten minutes that logs to `log.csv`, once it runs.
+fn feeling(folder: &Path) -> Child {
     let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
-        .current_dir(folder.path())
+        .current_dir(folder)
         .args(["feel", "scene.toml", "--seconds", "600", "--log", "log.csv"])
         .stderr(Stdio::piped())
         .stdout(Stdio::null())
@@ -68,6 +66,14 @@ fn an_interrupted_loop_still_reports() {
     let said = BufReader::new(child.stderr.take().unwrap()).lines();
     let started = |line: std::io::Result<String>| line.unwrap().contains("simulated hand holds");
     assert!(said.into_iter().any(started));
+    child
+}
+
+#[test]
+fn an_interrupted_loop_still_reports() {
+    let folder = scene_folder("[device]\nrealtime = false\n");
+    let log = folder.path().join("log.csv");
+    let mut child = feeling(folder.path());
     interrupt(&child);
     let code = child.wait().unwrap().code();
     assert_eq!(code, Some(130));
@@ -75,7 +81,7 @@ fn an_interrupted_loop_still_reports() {
 }
 
 /// Sends both signals that end a process, microseconds apart.
-fn interrupt_twice(child: &std::process::Child) {
+fn interrupt_twice(child: &Child) {
     let pid = child.id();
     let status = Command::new("sh")
         .args(["-c", &format!("kill -INT {pid}; kill -TERM {pid}")])
@@ -88,16 +94,7 @@ fn interrupt_twice(child: &std::process::Child) {
 fn a_loop_interrupted_twice_still_ends_well() {
     let folder = scene_folder("[device]\nrealtime = false\n");
     let log = folder.path().join("log.csv");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
-        .current_dir(folder.path())
-        .args(["feel", "scene.toml", "--seconds", "600", "--log", "log.csv"])
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    let said = BufReader::new(child.stderr.take().unwrap()).lines();
-    let started = |line: std::io::Result<String>| line.unwrap().contains("simulated hand holds");
-    assert!(said.into_iter().any(started));
+    let mut child = feeling(folder.path());
     std::thread::sleep(Duration::from_millis(200));
     interrupt_twice(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));

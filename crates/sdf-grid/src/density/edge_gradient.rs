@@ -18,7 +18,7 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::edge_integral::EdgeQuadrature;
+use super::edge_integral::{EdgeQuadrature, Span};
 use crate::face::Face;
 use crate::kernel::CumulativeKernel;
 
@@ -92,19 +92,11 @@ impl EdgeQuadrature {
         k: usize,
         p: DVec3,
     ) -> (Radial, Complex64) {
-        let from = face.corners[k] - p;
-        let d = from.dot(face.outward[k]);
-        let start = from.dot(face.along[k]);
-        let end = start + face.length[k];
-        let reach = self.radius(plane.xi);
-        let clip = (reach * reach - plane.h * plane.h - d * d).max(0.0).sqrt();
-        let (from, to) = (start.clamp(-clip, clip), end.clamp(-clip, clip));
-        let angle = |a: f64, b: f64| (d * (b - a)).atan2(d * d + a * b);
-        if from >= to {
-            return (plane.beyond.map(|v| v * angle(start, end)), Complex64::ZERO);
-        }
-        let outer = angle(start, end) - angle(from, to);
-        let mut sum = plane.beyond.map(|v| v * outer);
+        let Span { d, near, beyond } = self.span(plane.h, plane.xi, face, k, p);
+        let mut sum = plane.beyond.map(|v| v * beyond);
+        let Some((from, to)) = near else {
+            return (sum, Complex64::ZERO);
+        };
         let mut length = Complex64::ZERO;
         for (t, w) in self.nodes(from, to, plane.xi) {
             let (rise, g) = plane.integrand(d * d + t * t, self);

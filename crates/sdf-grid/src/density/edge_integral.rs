@@ -28,6 +28,16 @@ pub(crate) struct EdgeQuadrature {
     largest_u: f64,
 }
 
+/// An edge from the foot of a point on its line.
+pub(super) struct Span {
+    /// Distance of the point's foot in the plane from the line, positive towards the face.
+    pub(super) d: f64,
+    /// The part within reach, along the line from the foot.
+    pub(super) near: Option<(f64, f64)>,
+    /// Angle under which the foot sees the rest, radians.
+    pub(super) beyond: f64,
+}
+
 impl EdgeQuadrature {
     /// `reach` in kernel widths; panels of `order` points are at most `panel * sqrt(sigma) * |xi|`
     /// long, the width over which `K` varies along an edge.
@@ -64,19 +74,37 @@ impl EdgeQuadrature {
         edges.sum::<Complex64>() * (h / xi)
     }
 
-    fn edge(&self, plane: &Plane<'_>, face: &Face, k: usize, p: DVec3) -> Complex64 {
+    /// Edge `k` seen from `p`, whose face's plane is `h` away, within the kernel's reach at `xi`.
+    pub(super) fn span(&self, h: f64, xi: f64, face: &Face, k: usize, p: DVec3) -> Span {
         let from = face.corners[k] - p;
         let d = from.dot(face.outward[k]);
         let start = from.dot(face.along[k]);
         let end = start + face.length[k];
-        let reach = self.radius(plane.xi);
-        let clip = (reach * reach - plane.h * plane.h - d * d).max(0.0).sqrt();
+        let reach = self.radius(xi);
+        let clip = (reach * reach - h * h - d * d).max(0.0).sqrt();
         let (from, to) = (start.clamp(-clip, clip), end.clamp(-clip, clip));
         let angle = |a: f64, b: f64| (d * (b - a)).atan2(d * d + a * b);
         if from >= to {
-            return plane.beyond * angle(start, end);
+            let beyond = angle(start, end);
+            return Span {
+                d,
+                near: None,
+                beyond,
+            };
         }
-        let mut sum = plane.beyond * (angle(start, end) - angle(from, to));
+        Span {
+            d,
+            near: Some((from, to)),
+            beyond: angle(start, end) - angle(from, to),
+        }
+    }
+
+    fn edge(&self, plane: &Plane<'_>, face: &Face, k: usize, p: DVec3) -> Complex64 {
+        let Span { d, near, beyond } = self.span(plane.h, plane.xi, face, k, p);
+        let mut sum = plane.beyond * beyond;
+        let Some((from, to)) = near else {
+            return sum;
+        };
         for (t, w) in self.nodes(from, to, plane.xi) {
             sum += plane.integrand(d * d + t * t, &self.short) * (w * d);
         }

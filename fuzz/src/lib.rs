@@ -27,13 +27,13 @@ pub fn mesh(format: MeshFormat, bytes: &[u8]) {
         options.solid = None;
     }
     if let Ok((mesh, _)) = file.clean(&options) {
-        check(&mesh);
+        check(&mesh, options.hygiene.weld_tolerance);
     }
 }
 
 /// What hygiene promises of a mesh: every number finite, every index valid, every face with an
-/// area, and nothing to do a second time.
-fn check(mesh: &TriangleMesh) {
+/// area, and a mesh that the same tolerance accepts a second time.
+fn check(mesh: &TriangleMesh, weld_tolerance: f64) {
     assert!(!mesh.triangles().is_empty());
     assert!(mesh.vertices().iter().all(|v| v.is_finite()));
     assert!(mesh.volume().is_finite() && mesh.centroid().is_finite());
@@ -42,7 +42,7 @@ fn check(mesh: &TriangleMesh) {
     assert!(mesh.triangles().iter().flatten().all(|&v| v < count));
     let options = HygieneOptions {
         max_open_fraction: 1.0,
-        ..HygieneOptions::default()
+        weld_tolerance,
     };
     let (vertices, triangles) = (mesh.vertices().to_vec(), mesh.triangles().to_vec());
     let again = TriangleMesh::clean("again", vertices, triangles, &options);
@@ -82,7 +82,7 @@ pub fn hygiene(bytes: &[u8]) {
     };
     if let Ok((mesh, report)) = TriangleMesh::clean("fuzz", vertices, triangles, &options) {
         assert!(report.area.is_finite() && report.volume.is_finite());
-        check(&mesh);
+        check(&mesh, options.weld_tolerance);
     }
 }
 

@@ -188,11 +188,14 @@ pub(crate) fn run(
         .collect();
 
     let (mut zero_area_faces, mut duplicate_faces, mut stitched_edges) = (0, 0, 0);
+    // A corner on a line where faces meet cuts about one side. In a knot of faces hardly larger than
+    // the weld distance cuts can open sides to cut, in numbers that grow exponentially.
+    let mut budget = 3 * triangles.len();
     // Cutting faces can repeat one that exists; dropping that one can open an edge.
     loop {
         zero_area_faces += faces::drop_zero_area(&vertices, &mut triangles, diagonal);
         duplicate_faces += faces::drop_duplicates(&mut triangles);
-        let cut = stitch::stitch(&vertices, &mut triangles, weld_distance);
+        let cut = stitch::stitch(&vertices, &mut triangles, weld_distance, &mut budget);
         stitched_edges += cut;
         if cut == 0 {
             break;

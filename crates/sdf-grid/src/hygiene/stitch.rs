@@ -6,16 +6,28 @@ use glam::DVec3;
 
 use super::edges::Edges;
 
+/// How far a vertex may be from a side that it cuts, in distances from the nearer end of that side:
+/// the two parts are then shorter than the whole.
+const BEND: f64 = 0.1;
+
 /// Cuts faces whose open edge passes within `distance` of the ends of other open edges, so that
-/// the edge gains those vertices. Vertices do not move. Returns the number of edges cut.
-pub(super) fn stitch(vertices: &[DVec3], triangles: &mut Vec<[u32; 3]>, distance: f64) -> usize {
+/// the edge gains those vertices. Vertices do not move. Returns the number of edges cut. Every cut
+/// takes from `budget` the faces that it adds; when that is spent, edges stay open.
+pub(super) fn stitch(
+    vertices: &[DVec3],
+    triangles: &mut Vec<[u32; 3]>,
+    distance: f64,
+    budget: &mut usize,
+) -> usize {
     let mut stitched = 0;
     // Each round cuts at most one side of a face and strictly shortens open edges.
     loop {
         let cuts = cuts(vertices, triangles, distance);
-        if cuts.is_empty() {
+        let added: usize = cuts.values().map(|cut| cut.side.len() - 2).sum();
+        if cuts.is_empty() || added > *budget {
             return stitched;
         }
+        *budget -= added;
         stitched += cuts.len();
         for (face, cut) in cuts {
             let mut pieces = cut.pieces();
@@ -95,6 +107,7 @@ impl<'a> Rim<'a> {
     fn between(&self, a: u32, b: u32, opposite: u32, distance: f64) -> Vec<u32> {
         let [start, end] = [a, b].map(|v| self.vertices[v as usize]);
         let along = (end - start) / start.distance_squared(end);
+        let length = start.distance(end);
         let low = start.x.min(end.x) - distance;
         let high = start.x.max(end.x) + distance;
         let first = self
@@ -106,7 +119,10 @@ impl<'a> Rim<'a> {
             .take_while(|(_, p)| p.x <= high)
             .filter(|(v, _)| ![a, b, opposite].contains(v))
             .map(|(v, p)| ((p - start).dot(along), v, p))
-            .filter(|&(s, _, p)| s > 0.0 && s < 1.0 && p.distance(start.lerp(end, s)) <= distance)
+            .filter(|&(s, _, p)| {
+                let room = distance.min(BEND * length * s.min(1.0 - s));
+                s > 0.0 && s < 1.0 && p.distance(start.lerp(end, s)) <= room
+            })
             .map(|(s, v, _)| (s, v))
             .collect();
         found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));

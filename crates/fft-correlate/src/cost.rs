@@ -7,12 +7,10 @@
 //! the caches, a third too long. Other machines differ by a factor that hardly changes which size
 //! is best.
 
-use crate::lane_fft::radices;
+use crate::lane_plan::{Ends, Step, cost, known, steps, turning_steps};
 
-/// Nanoseconds per number of lanes and pass: a radix-2 pass over one complex element of eight
-/// lanes, and what other radices take in comparison.
-const PASS: f64 = 1.5;
-const RADICES: [(usize, f64); 5] = [(2, 1.0), (3, 1.25), (4, 1.3), (5, 1.75), (8, 1.9)];
+/// Nanoseconds of a radix-2 pass over one complex element of eight lanes.
+const PASS: f64 = 1.2;
 
 /// Nanoseconds to read, write and transpose one complex element of eight lanes, of one product
 /// with a spectrum that comes from memory, and of one resampled value.
@@ -35,7 +33,23 @@ pub(crate) fn seconds(size: [usize; 3], window: [usize; 3], moving: &[Moving]) -
     }
     let half = nz / 2;
     let blocks = half.div_ceil(LANES);
-    let (x, y, z) = (line(nx)?, line(ny)?, line(half)?);
+    let halves = |axis: usize| {
+        let half = size[axis] / 2;
+        (moving.iter().all(|m| m[axis] <= half), window[axis] <= half)
+    };
+    let (from_half, to_half) = halves(0);
+    let [x, x_back] = turning_steps(nx, from_half, to_half)?.map(|s| line(nx, &s));
+    let (from_half, to_half) = halves(1);
+    let y = |from_half, to_half| {
+        let ends = Ends {
+            from_half,
+            to_half,
+            ..Ends::default()
+        };
+        Some(line(ny, &steps(ny, ends)?))
+    };
+    let (y, y_back) = (y(from_half, false)?, y(false, to_half)?);
+    let z = line(half, &steps(half, Ends::default())?);
     let bundles = |rows: usize| rows.div_ceil(LANES) as f64;
     let columns = (blocks * ny) as f64;
     let mut total = 0.0;
@@ -47,15 +61,13 @@ pub(crate) fn seconds(size: [usize; 3], window: [usize; 3], moving: &[Moving]) -
         total += columns * (2.0 * x + nx as f64 * PRODUCT);
     }
     let planes = window[0] as f64;
-    total += columns * x + planes * (blocks as f64 * y + bundles(window[1]) * z);
+    total += columns * x_back + planes * (blocks as f64 * y_back + bundles(window[1]) * z);
     Some(1e-9 * total)
 }
 
 /// Nanoseconds of one transform of lines of `len` points.
-fn line(len: usize) -> Option<f64> {
-    let weight = |radix: usize| RADICES.iter().find(|r| r.0 == radix).map_or(1.0, |r| r.1);
-    let passes: f64 = radices(len)?.into_iter().map(weight).sum();
-    Some(len as f64 * (PASS * passes + MOVE))
+fn line(len: usize, steps: &[Step]) -> f64 {
+    len as f64 * (PASS * cost(steps) + MOVE)
 }
 
 /// The cheapest transform size of at least `min` points along each axis.
@@ -63,8 +75,8 @@ pub(crate) fn best_size(min: [usize; 3], window: [usize; 3], moving: &[Moving]) 
     // Per axis the shortest lengths; a power of two lies below twice the least.
     let lengths = |axis: usize| -> Vec<usize> {
         let (min, step) = (min[axis].max(1), if axis == 2 { 2 } else { 1 });
-        let known = |n: &usize| n.is_multiple_of(step) && radices(n / step).is_some();
-        (min..=2 * min).filter(known).take(6).collect()
+        let fits = |n: &usize| n.is_multiple_of(step) && known(n / step);
+        (min..=2 * min).filter(fits).take(6).collect()
     };
     let mut best = (f64::INFINITY, min);
     let (xs, ys, zs) = (lengths(0), lengths(1), lengths(2));

@@ -31,7 +31,8 @@ pub(crate) use self::layout::lanes;
 use self::layout::{Layout, plane_scratch, planes, spectrum_len};
 use self::stages::{forward_plane, inverse_plane, multiply_columns, resample_plane};
 use crate::fft3::negative_spectra;
-use crate::lane_fft::{LaneFft, radices};
+use crate::lane_fft::LaneFft;
+use crate::lane_plan::{Ends, known};
 use crate::lanes::{Buffer, Tile, dispatch_lanes};
 use crate::real::Real;
 use crate::spectral::{FixedTerm, MovingRows, StageTimes};
@@ -45,15 +46,22 @@ pub(crate) struct Fused<T> {
     /// Numbers of one resampled bundle.
     bundle: usize,
     terms: Vec<Term<T>>,
-    x: LaneFft<T>,
-    y: LaneFft<T>,
+    /// There and back.
+    x: [LaneFft<T>; 2],
+    y: [LaneFft<T>; 2],
     /// `nz / 2` points.
     z: LaneFft<T>,
     /// Cosine and sine of `pi z / nz`.
     twist: Vec<[T; 2]>,
+    /// Where the elements of bundles begin whose elements follow each other, and those of the sum's
+    /// x lines.
+    places: Vec<usize>,
+    x_to: Vec<usize>,
 }
 
 struct Term<T> {
+    /// Where the elements of the y lines of its half spectra begin.
+    y_places: Vec<usize>,
     /// Per kz block, y and x: real and imaginary lanes of the spectrum of the real part, then of
     /// the imaginary part with its sign changed.
     spectrum: Buffer<T>,
@@ -64,6 +72,8 @@ struct Term<T> {
 pub(crate) struct FusedScratch<T> {
     own: PlaneScratch<T>,
     spectra: Vec<Buffer<T>>,
+    /// Where the elements of the terms' x lines begin under the present rotation.
+    x_from: Vec<Vec<usize>>,
 }
 
 /// Memory for one plane or column.
@@ -73,26 +83,30 @@ struct PlaneScratch<T> {
     filled: Vec<Range<usize>>,
     /// One plane between its z and its y transforms.
     plane: Buffer<T>,
-    tiles: [Buffer<T>; 4],
+    tiles: [Buffer<T>; TILES],
 }
 
 /// The half spectra of one term under the present rotation.
 #[derive(Debug, Clone)]
-pub(crate) struct Spectra<T> {
+pub(crate) struct Spectra<'a, T> {
     pub(crate) tile: Tile<T>,
     /// x planes that there is room for, and those that are not zero.
     pub(crate) planes: usize,
     pub(crate) filled: Range<usize>,
+    pub(crate) x_from: &'a [usize],
 }
 
 /// The largest number of terms of one sum.
 const MAX_TERMS: usize = 2;
 
+/// Tiles of one thread: both parts of all terms, the sum, and one to spare.
+const TILES: usize = 2 * MAX_TERMS + 2;
+
 impl<T: Real> Fused<T> {
     /// Whether the kernels have all factors of this size.
     pub(crate) fn knows(size: [usize; 3]) -> bool {
         let [x, y, z] = size;
-        z.is_multiple_of(2) && [x, y, z / 2].iter().all(|n| radices(*n).is_some())
+        z.is_multiple_of(2) && [x, y, z / 2].into_iter().all(known)
     }
 
     /// Bytes of the fixed spectra and of one thread's scratch.
@@ -107,7 +121,7 @@ impl<T: Real> Fused<T> {
         let spectra = moving_shapes.iter().enumerate();
         let planes = spectra.map(|(t, s)| layout.spectra(planes(t, *s, window)));
         let [bundles, _, plane, tile] = plane_scratch(&layout, size, moving_shapes);
-        let scratch = planes.sum::<usize>() + bundles + plane + 4 * tile;
+        let scratch = planes.sum::<usize>() + bundles + plane + TILES * tile;
         let bytes = |numbers: usize| (numbers * size_of::<T>()) as u64;
         (bytes(spectrum), bytes(scratch))
     }
@@ -123,10 +137,25 @@ impl<T: Real> Fused<T> {
         terms: Vec<FixedTerm<T>>,
     ) -> Self {
         let layout = Layout::new(size, lanes::<T>(level));
-        let fft = |len| LaneFft::new(len).expect("a size that `knows` accepted");
+        let accepted = "a size that `knows` accepted";
+        let fft = |len, ends| LaneFft::new(len, ends).expect(accepted);
         let angle = |z: usize| PI * z as f64 / size[2] as f64;
         assert!(terms.len() <= MAX_TERMS, "at most two terms");
         let shapes: Vec<_> = terms.iter().map(|t| t.moving_shape).collect();
+        // Whether all moving parts, and the window, fill no more than half of an axis.
+        let halves = |axis: usize| {
+            let half = size[axis] / 2;
+            let from_half = shapes.iter().all(|s| s[axis] <= half);
+            (from_half, window[axis] <= half)
+        };
+        let y = |from_half, to_half| {
+            let ends = Ends {
+                from_half,
+                to_half,
+                ..Ends::default()
+            };
+            fft(size[1], ends)
+        };
         let fused = Self {
             bundle: layout.bundle(&shapes),
             level,
@@ -134,14 +163,19 @@ impl<T: Real> Fused<T> {
             window,
             layout,
             terms: Vec::new(),
-            x: fft(size[0]),
-            y: fft(size[1]),
-            z: fft(layout.half),
+            x: LaneFft::pair(size[0], halves(0).0, halves(0).1).expect(accepted),
+            y: [y(halves(1).0, false), y(false, halves(1).1)],
+            z: fft(layout.half, Ends::default()),
             twist: (0..layout.half)
                 .map(|z| [angle(z).cos(), angle(z).sin()].map(T::nearest))
                 .collect(),
+            places: (0..size[1]).map(|y| y * 2 * layout.lanes).collect(),
+            x_to: (0..size[0])
+                .map(|x| layout.x_to(planes(0, shapes[0], window), window[0], x))
+                .collect(),
         };
-        let terms = terms.into_iter().map(|t| Term {
+        let terms = terms.into_iter().enumerate().map(|(i, t)| Term {
+            y_places: layout.y_places(planes(i, t.moving_shape, window), size[1]),
             moving_shape: t.moving_shape,
             spectrum: fused.packed(t),
         });
@@ -156,14 +190,18 @@ impl<T: Real> Fused<T> {
         let [nx, ny, _] = self.size;
         let Layout { lanes, half, .. } = self.layout;
         let scale = 1.0 / (nx * ny * half) as f64;
+        let radix = self.x[1].first_radix();
+        let blocks = nx / radix;
         let parts = negative_spectra(&term.field);
         let mut packed = Buffer::zeroed(spectrum_len(&self.layout, self.size));
         let to = packed.as_mut_slice();
         for (part, (spectrum, scale)) in parts.iter().zip([scale, -scale]).enumerate() {
             let scale = T::nearest(scale);
             for ((x, y, z), v) in spectrum.indexed_iter() {
-                let element = ((z / lanes * ny + y) * nx + x) * 4 * lanes;
-                let at = element + part * 2 * lanes + z % lanes;
+                // The order in which the turning pass meets them.
+                let (p, j) = (x % blocks, x / blocks);
+                let element = ((z / lanes * ny + y) * nx + p * radix) * 2 + part * radix + j;
+                let at = element * 2 * lanes + z % lanes;
                 to[at] = v.re * scale;
                 to[at + lanes] = v.im * scale;
             }
@@ -188,6 +226,7 @@ impl<T: Real> Fused<T> {
                 .enumerate()
                 .map(|t| Buffer::zeroed(self.layout.spectra(planes(t))))
                 .collect(),
+            x_from: vec![vec![0; self.size[0]]; shapes.len()],
         }
     }
 
@@ -205,17 +244,29 @@ impl<T: Real> Fused<T> {
             out.fill(T::zero());
             return times;
         }
-        let FusedScratch { own, spectra } = scratch;
+        let FusedScratch {
+            own,
+            spectra,
+            x_from,
+        } = scratch;
+        let planes = |t: usize| planes(t, self.terms[t].moving_shape, self.window);
+        for (t, (places, field)) in x_from.iter_mut().zip(moving).enumerate() {
+            let [filled, ..] = field.bounds();
+            for (x, place) in places.iter_mut().enumerate() {
+                *place = self.layout.x_from(planes(t), &filled, x);
+            }
+        }
         let views: [Spectra<T>; MAX_TERMS] = std::array::from_fn(|t| {
             let t = t.min(moving.len() - 1);
             Spectra {
                 tile: spectra[t].tile(),
-                planes: planes(t, self.terms[t].moving_shape, self.window),
+                planes: planes(t),
                 filled: moving[t].bounds()[0].clone(),
+                x_from: &x_from[t],
             }
         });
         let views = &views[..moving.len()];
-        for (field, to) in moving.iter().zip(views) {
+        for ((field, to), term) in moving.iter().zip(views).zip(&self.terms) {
             for x in to.filled.clone() {
                 let began = Instant::now();
                 dispatch_lanes!(self.level, simd => resample_plane(simd, self, field, x, own));
@@ -223,7 +274,7 @@ impl<T: Real> Fused<T> {
                 let rows = field.bounds()[1].clone();
                 // SAFETY: the spectra are borrowed, and only this call uses them.
                 dispatch_lanes!(self.level, simd => unsafe {
-                    forward_plane(simd, self, x, rows, to, own)
+                    forward_plane(simd, self, term, x, rows, to, own)
                 });
                 times.resample += (sampled - began).as_secs_f64();
                 times.forward += sampled.elapsed().as_secs_f64();

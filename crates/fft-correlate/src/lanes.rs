@@ -1,7 +1,5 @@
 //! Memory of bundles of lines: aligned buffers, unchecked access to them, transposition of blocks.
 
-use std::ops::Range;
-
 use bytemuck::{Pod, Zeroable};
 use fearless_simd::prelude::*;
 
@@ -49,19 +47,42 @@ const MAX_LANES: usize = 16;
 /// One cache line.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(64))]
-struct Line([u8; 64]);
+struct CacheLine([u8; 64]);
+
+/// Large buffers are read in strides of a kibibyte and more: with pages of 4 KiB the addresses of
+/// most of them would have to be looked up again and again.
+fn ask_for_huge_pages(lines: &[CacheLine]) {
+    #[cfg(target_os = "linux")]
+    {
+        const PAGE: usize = 4096;
+        let bytes = lines.as_ptr_range();
+        let first = (bytes.start as usize).next_multiple_of(PAGE);
+        let len = (bytes.end as usize).saturating_sub(first) / PAGE * PAGE;
+        if len >= 2 << 20 {
+            use rustix::mm::{Advice, madvise};
+            let start = bytes.start.wrapping_byte_add(first - bytes.start as usize);
+            // SAFETY: whole pages of the allocation; the advice changes no content. If the kernel
+            // knows no such pages, nothing is lost.
+            let _ = unsafe { madvise(start.cast_mut().cast(), len, Advice::LinuxHugepage) };
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = lines;
+}
 
 /// Zeroed numbers that begin on a cache line.
 pub(crate) struct Buffer<T> {
-    lines: Vec<Line>,
+    lines: Vec<CacheLine>,
     kind: std::marker::PhantomData<T>,
 }
 
 impl<T: Real> Buffer<T> {
     pub(crate) fn zeroed(len: usize) -> Self {
-        let lines = (len * size_of::<T>()).div_ceil(size_of::<Line>());
+        let lines = (len * size_of::<T>()).div_ceil(size_of::<CacheLine>());
+        let lines = bytemuck::zeroed_vec(lines);
+        ask_for_huge_pages(&lines);
         Self {
-            lines: bytemuck::zeroed_vec(lines),
+            lines,
             kind: std::marker::PhantomData,
         }
     }
@@ -108,6 +129,10 @@ impl<T: Real> Tile<T> {
             start: numbers.as_mut_ptr(),
             len: numbers.len(),
         }
+    }
+
+    pub(crate) fn address(self) -> *const T {
+        self.start
     }
 
     /// The numbers from `offset` on.
@@ -189,61 +214,55 @@ impl<T: Real> Tile<T> {
     }
 }
 
-/// A bundle whose elements lie apart.
-#[derive(Debug, Clone)]
-pub(crate) struct Strided<T> {
-    /// Where element `range.start` lies.
-    pub(crate) tile: Tile<T>,
-    /// Elements that are there; others are zero when read and dropped when written.
-    pub(crate) range: Range<usize>,
-    /// Element `range.start + i` lies at `(i >> bits) * far + (i & (2^bits - 1)) * near`.
-    pub(crate) bits: u32,
-    pub(crate) far: usize,
-    pub(crate) near: usize,
+/// Asks for a cache line that will be read soon, by this machine's first-level cache.
+#[inline(always)]
+pub(crate) fn prefetch<T>(address: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a hint, for any address.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(address.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = address;
 }
 
-impl<T: Real> Strided<T> {
-    /// Elements `stride` numbers apart.
-    pub(crate) fn even(tile: Tile<T>, range: Range<usize>, stride: usize) -> Self {
-        Self {
-            tile,
-            range,
-            bits: 0,
-            far: stride,
-            near: 0,
-        }
-    }
+/// A bundle whose elements lie apart.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Line<'a, T> {
+    pub(crate) tile: Tile<T>,
+    /// Where in the tile each element begins.
+    pub(crate) places: &'a [usize],
+}
 
+impl<T: Real> Line<'_, T> {
+    /// # Safety
+    /// As [`Tile::from`]; there must be a place with this index.
     #[inline(always)]
-    fn offset(&self, index: usize) -> usize {
-        let i = index - self.range.start;
-        (i >> self.bits) * self.far + (i & ((1 << self.bits) - 1)) * self.near
+    unsafe fn at(&self, index: usize) -> Tile<T> {
+        debug_assert!(index < self.places.len());
+        // SAFETY: as demanded.
+        unsafe { self.tile.from(*self.places.get_unchecked(index)) }
     }
 
-    /// Element `index`, zero outside the range.
+    /// Element `index`.
     ///
     /// # Safety
-    /// As [`Tile::load`] for all elements of the range.
+    /// As [`Tile::load`]; there must be a place with this index.
     #[inline(always)]
     pub(crate) unsafe fn get<S: Simd>(&self, simd: S, index: usize) -> Complex<T::Native<S>> {
-        if self.range.contains(&index) {
-            // SAFETY: as demanded.
-            unsafe { self.tile.from(self.offset(index)).get(simd, 0) }
-        } else {
-            [T::Native::<S>::splat(simd, T::zero()); 2]
-        }
+        // SAFETY: as demanded.
+        unsafe { self.at(index).get(simd, 0) }
     }
 
-    /// Overwrites element `index` if it is in the range.
+    /// Overwrites element `index`.
     ///
     /// # Safety
-    /// As [`Tile::store`] for all elements of the range.
+    /// As [`Tile::store`]; there must be a place with this index.
     #[inline(always)]
     pub(crate) unsafe fn put<S: Simd>(&self, simd: S, index: usize, value: Complex<T::Native<S>>) {
-        if self.range.contains(&index) {
-            // SAFETY: as demanded.
-            unsafe { self.tile.from(self.offset(index)).put(simd, 0, value) }
-        }
+        // SAFETY: as demanded.
+        unsafe { self.at(index).put(simd, 0, value) }
     }
 }
 

@@ -48,6 +48,7 @@ mod fold;
 mod fused;
 mod gradient;
 mod lane_fft;
+mod lane_plan;
 mod lanes;
 pub mod launcher;
 mod layout;

@@ -2,6 +2,8 @@
 
 use fearless_simd::prelude::*;
 
+use crate::lanes::{Tile, prefetch};
+
 use crate::real::Real;
 
 /// The closure itself: attributes stand on arguments, but not yet on the right of `let`. Code that
@@ -51,6 +53,15 @@ pub(crate) fn mul<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Com
     ]
 }
 
+/// A factor for all lanes.
+#[inline(always)]
+fn splat<S: Simd, T: Real>(simd: S, [re, im]: [T; 2]) -> Complex<T::Native<S>> {
+    [
+        T::Native::<S>::splat(simd, re),
+        T::Native::<S>::splat(simd, im),
+    ]
+}
+
 #[inline(always)]
 fn four<S: Simd, V: SimdFloat<S>>(a: [Complex<V>; 4]) -> [Complex<V>; 4] {
     let (s02, d02) = (add(a[0], a[2]), sub(a[0], a[2]));
@@ -75,6 +86,7 @@ fn butterfly<S: Simd, T: Real, const R: usize>(
     );
     let mut y = a;
     match R {
+        1 => {}
         2 => (y[0], y[1]) = (add(a[0], a[1]), sub(a[0], a[1])),
         3 => {
             let (sum, difference) = (add(a[1], a[2]), sub(a[1], a[2]));
@@ -113,7 +125,7 @@ fn butterfly<S: Simd, T: Real, const R: usize>(
             y[3] = [g3[0].mul_add(-half, e[3][0]), g3[1].mul_add(half, e[3][1])];
             y[7] = [g3[0].mul_add(half, e[3][0]), g3[1].mul_add(-half, e[3][1])];
         }
-        _ => unreachable!("radices are 2, 3, 4, 5 and 8"),
+        _ => unreachable!("radices are 1 to 5 and 8"),
     }
     y
 }
@@ -149,11 +161,8 @@ pub(crate) fn pass<S: Simd, T: Real, const R: usize>(
     }
     for (p, factors) in twiddles.chunks_exact(R - 1).enumerate() {
         let mut w = [[zero; 2]; R];
-        for (w, [re, im]) in w[1..].iter_mut().zip(factors) {
-            *w = [
-                T::Native::<S>::splat(simd, *re),
-                T::Native::<S>::splat(simd, *im),
-            ];
+        for (w, factor) in w[1..].iter_mut().zip(factors) {
+            *w = splat::<S, T>(simd, *factor);
         }
         for q in 0..stride {
             let at = q + stride * p;
@@ -168,4 +177,171 @@ pub(crate) fn pass<S: Simd, T: Real, const R: usize>(
             }
         }
     }
+}
+
+/// Real parts of `e^{i pi j / 8}`; the imaginary part is that of `j` four places on, negated.
+const ROOTS: [f64; 12] = [
+    1.0,
+    0.923_879_532_511_286_8,
+    std::f64::consts::FRAC_1_SQRT_2,
+    0.382_683_432_365_089_8,
+    0.0,
+    -0.382_683_432_365_089_8,
+    -std::f64::consts::FRAC_1_SQRT_2,
+    -0.923_879_532_511_286_8,
+    -1.0,
+    -0.923_879_532_511_286_8,
+    -std::f64::consts::FRAC_1_SQRT_2,
+    -0.382_683_432_365_089_8,
+];
+
+/// `a e^{i pi j / H}` for `H` of 4 or 8.
+#[inline(always)]
+fn turned<S: Simd, T: Real, const H: usize>(
+    simd: S,
+    a: Complex<T::Native<S>>,
+    j: usize,
+) -> Complex<T::Native<S>> {
+    let eighth = j * 8 / H;
+    match eighth {
+        0 => a,
+        4 => [-a[1], a[0]],
+        _ => {
+            let cos = T::Native::<S>::splat(simd, T::nearest(ROOTS[eighth]));
+            let sin = T::Native::<S>::splat(simd, T::nearest(-ROOTS[eighth + 4]));
+            mul(a, [cos, sin])
+        }
+    }
+}
+
+/// The first pass, of radix `2 H`, of a transform of `len` points whose second half is zero and is
+/// never read. Even outputs are a butterfly of `H` inputs, odd ones another of the same inputs
+/// turned.
+#[inline(always)]
+pub(crate) fn pass_from_half<S: Simd, T: Real, const H: usize>(
+    simd: S,
+    len: usize,
+    twiddles: &[[T; 2]],
+    load: impl Fn(usize) -> Complex<T::Native<S>>,
+    mut store: impl FnMut(usize, Complex<T::Native<S>>),
+) {
+    let blocks = len / (2 * H);
+    let zero = T::Native::<S>::splat(simd, T::zero());
+    let mut x = [[zero; 2]; H];
+    for (p, factors) in twiddles.chunks_exact(2 * H - 1).enumerate().take(blocks) {
+        let factor = inlined(
+            #[inline(always)]
+            |j: usize| splat::<S, T>(simd, factors[j - 1]),
+        );
+        let to = 2 * H * p;
+        for (j, x) in x.iter_mut().enumerate() {
+            *x = load(p + j * blocks);
+        }
+        let y = butterfly::<S, T, H>(simd, x);
+        store(to, y[0]);
+        for j in 1..H {
+            store(to + 2 * j, mul(y[j], factor(2 * j)));
+        }
+        // Read again: there are not enough registers to keep them.
+        for (j, x) in x.iter_mut().enumerate() {
+            *x = turned::<S, T, H>(simd, load(p + j * blocks), j);
+        }
+        let y = butterfly::<S, T, H>(simd, x);
+        for j in 0..H {
+            store(to + 2 * j + 1, mul(y[j], factor(2 * j + 1)));
+        }
+    }
+}
+
+/// The last pass, of radix `2 H`, of a transform of which only the first half is wanted and
+/// stored.
+#[inline(always)]
+pub(crate) fn pass_to_half<S: Simd, T: Real, const H: usize>(
+    simd: S,
+    stride: usize,
+    load: impl Fn(usize) -> Complex<T::Native<S>>,
+    mut store: impl FnMut(usize, Complex<T::Native<S>>),
+) {
+    let zero = T::Native::<S>::splat(simd, T::zero());
+    let mut x = [[zero; 2]; H];
+    for q in 0..stride {
+        for (j, x) in x.iter_mut().enumerate() {
+            *x = load(q + (2 * j + 1) * stride);
+        }
+        let odd = butterfly::<S, T, H>(simd, x);
+        for (j, x) in x.iter_mut().enumerate() {
+            *x = load(q + 2 * j * stride);
+        }
+        let even = butterfly::<S, T, H>(simd, x);
+        for j in 0..H {
+            let turned = turned::<S, T, H>(simd, odd[j], j);
+            store(q + j * stride, add(even[j], turned));
+        }
+    }
+}
+
+/// The last pass, of radix `R`, of the transforms of all `lines`, the sum of their products with
+/// the fixed spectra, and the first pass of its transform back, `2 lanes` numbers per element:
+/// outputs of the one are inputs of the other, so that no spectrum is ever stored.
+///
+/// `fixed` holds, for each line, the elements in the order in which they are met: `R` for each of
+/// the `len / R` blocks, blocks `fixed_stride` numbers apart.
+///
+/// # Safety
+/// Lines and `out` must hold `len` elements; no one else may use them.
+#[inline(always)]
+pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
+    simd: S,
+    blocks: usize,
+    twiddles: &[[T; 2]],
+    lines: &[(Tile<T>, &[T])],
+    fixed_stride: usize,
+    out: Tile<T>,
+) {
+    let lanes = T::Native::<S>::LEN;
+    let zero = T::Native::<S>::splat(simd, T::zero());
+    for p in 0..blocks {
+        let mut sum = [[zero; 2]; R];
+        for (line, fixed) in lines {
+            let mut x = [[zero; 2]; R];
+            for (j, x) in x.iter_mut().enumerate() {
+                // SAFETY: an element of the line.
+                *x = unsafe { line.get(simd, p + j * blocks) };
+            }
+            let y = butterfly::<S, T, R>(simd, x);
+            let ahead =
+                fixed[(p * fixed_stride + AHEAD * fixed_stride).min(fixed.len())..].as_ptr();
+            for line in 0..(2 * R * lanes * size_of::<T>()).div_ceil(64) {
+                prefetch(ahead.wrapping_byte_add(64 * line));
+            }
+            let fixed = &fixed[p * fixed_stride..][..2 * R * lanes];
+            for j in 0..R {
+                let a = &fixed[2 * j * lanes..][..2 * lanes];
+                let a = [
+                    T::Native::<S>::from_slice(simd, &a[..lanes]),
+                    T::Native::<S>::from_slice(simd, &a[lanes..]),
+                ];
+                sum[j] = add_mul(sum[j], a, y[j]);
+            }
+        }
+        let y = butterfly::<S, T, R>(simd, sum);
+        let factors = &twiddles[p * (R - 1)..][..R - 1];
+        // SAFETY (of both): elements of `out`.
+        unsafe { out.put(simd, R * p, y[0]) };
+        for j in 1..R {
+            let w = splat::<S, T>(simd, factors[j - 1]);
+            // SAFETY: as above.
+            unsafe { out.put(simd, R * p + j, mul(y[j], w)) };
+        }
+    }
+}
+
+const AHEAD: usize = 4;
+
+/// `sum + a b`.
+#[inline(always)]
+fn add_mul<S: Simd, V: SimdFloat<S>>(sum: Complex<V>, a: Complex<V>, b: Complex<V>) -> Complex<V> {
+    let re = a[0].mul_add(b[0], sum[0]);
+    let im = a[0].mul_add(b[1], sum[1]);
+    [a[1].mul_add(-b[1], re), a[1].mul_add(b[0], im)]
 }

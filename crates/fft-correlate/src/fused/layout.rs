@@ -1,5 +1,7 @@
 //! Where spectra and scratch of the fused correlation lie in memory.
 
+use std::ops::Range;
+
 use fearless_simd::Level;
 use fearless_simd::prelude::*;
 
@@ -14,7 +16,8 @@ const PAD: usize = 16;
 const CHUNK: usize = 256;
 
 /// Where things lie. Half spectra of one term are `[kz block][part][y chunk][x][y in chunk]`, each
-/// element real and imaginary lanes of kz.
+/// element real and imaginary lanes of kz. Behind the x planes lie two more: one that is always zero,
+/// read for planes that hold nothing, and one that takes what is not wanted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
     pub(super) lanes: usize,
@@ -54,11 +57,29 @@ impl Layout {
     /// From bundle to bundle of y rows in a resampled plane.
     pub(super) fn bundle(&self, moving_shapes: &[[usize; 3]]) -> usize {
         let longest = moving_shapes.iter().map(|s| s[2]).max().unwrap_or(0);
+        let longest = longest.max(self.half);
         (longest * 2 * self.lanes + PAD).next_multiple_of(PAD)
     }
 
     pub(super) fn chunk(&self, planes: usize) -> usize {
-        planes * self.x_stride
+        (planes + 2) * self.x_stride
+    }
+
+    /// Where the elements of a y line begin.
+    pub(super) fn y_places(&self, planes: usize, ny: usize) -> Vec<usize> {
+        (0..ny).map(|y| self.column(planes, 0, 0, y)).collect()
+    }
+
+    /// Where an element of an x line begins: of a plane that is there, or of the zero plane.
+    pub(super) fn x_from(&self, planes: usize, filled: &Range<usize>, x: usize) -> usize {
+        let plane = if filled.contains(&x) { x } else { planes };
+        plane * self.x_stride
+    }
+
+    /// The same for writing: of a wanted plane, or of the one for what is not.
+    pub(super) fn x_to(&self, planes: usize, wanted: usize, x: usize) -> usize {
+        let plane = if x < wanted { x } else { planes + 1 };
+        plane * self.x_stride
     }
 
     /// Offset of the element at x = 0 in a column.

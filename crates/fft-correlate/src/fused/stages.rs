@@ -16,50 +16,26 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use ndarray::ArrayViewMut2;
 
-use super::{Fused, PlaneScratch, Spectra};
-use crate::lane_fft::transform;
-use crate::lanes::{Strided, Tile, transpose};
+use super::{Fused, MAX_TERMS, PlaneScratch, Spectra, Term};
+use crate::lane_fft::{first_passes, transform};
+use crate::lanes::{Line, Tile, prefetch, transpose};
 use crate::radix::{inlined, mul};
 use crate::real::Real;
 use crate::spectral::MovingRows;
 
-impl<T: Real> Fused<T> {
-    /// The y line at `x` in the half spectra.
-    ///
-    /// # Safety
-    /// `x` must be one of the planes.
-    #[inline(always)]
-    unsafe fn y_line(&self, of: &Spectra<T>, block: usize, part: usize, x: usize) -> Strided<T> {
-        let l = &self.layout;
-        let at = l.column(of.planes, block, part, 0) + x * l.x_stride;
-        Strided {
-            // SAFETY: as demanded.
-            tile: unsafe { of.tile.from(at) },
-            range: 0..self.size[1],
-            bits: l.chunk_bits,
-            far: l.chunk(of.planes),
-            near: 2 * l.lanes,
-        }
-    }
-
-    /// The x line at `y` in the half spectra.
-    ///
-    /// # Safety
-    /// The range must lie within the planes.
-    #[inline(always)]
-    unsafe fn x_line(
-        &self,
-        of: &Spectra<T>,
-        block: usize,
-        part: usize,
-        y: usize,
-        range: Range<usize>,
-    ) -> Strided<T> {
-        let l = &self.layout;
-        let at = l.column(of.planes, block, part, y) + range.start * l.x_stride;
-        // SAFETY: as demanded.
-        Strided::even(unsafe { of.tile.from(at) }, range, l.x_stride)
-    }
+/// The line of a column or row of half spectra that begins at `offset`.
+///
+/// # Safety
+/// As [`Tile::from`].
+#[inline(always)]
+unsafe fn line<'a, T: Real>(
+    of: &Spectra<'_, T>,
+    offset: usize,
+    places: &'a [usize],
+) -> Line<'a, T> {
+    // SAFETY: as demanded.
+    let tile = unsafe { of.tile.from(offset) };
+    Line { tile, places }
 }
 
 /// Samples one x plane of a moving field.
@@ -90,47 +66,65 @@ pub(super) fn resample_plane<S: Simd, T: Real, M: MovingRows<T>>(
 pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
+    term: &Term<T>,
     x: usize,
     rows: Range<usize>,
-    to: &Spectra<T>,
+    to: &Spectra<'_, T>,
     own: &mut PlaneScratch<T>,
 ) {
     let l = f.layout;
     let (plane, bundles) = (own.plane.tile(), own.bundles.tile());
-    let [a, b, lines, _] = &mut own.tiles;
+    let [a, b, lines, ..] = &mut own.tiles;
     let (a, b, lines) = (a.tile(), b.tile(), lines.tile());
     let count = l.bundles(rows.len());
+    let real = term.moving_shape[2] <= l.half;
     for bundle in 0..count {
-        // SAFETY: laid out so, see the module.
-        let from = unsafe { bundles.from(bundle * f.bundle) };
+        let filled = own.filled[bundle].clone();
         for part in 0..2 {
             // SAFETY: laid out so, see the module.
-            let to = unsafe { plane.from((2 * bundle + part) * l.row) };
-            // SAFETY: laid out so, see the module.
-            unsafe { z_forward(simd, f, from, part, own.filled[bundle].clone(), to, [a, b]) };
+            unsafe {
+                let from = bundles.from(bundle * f.bundle);
+                let to = plane.from((2 * bundle + part) * l.row);
+                z_forward(simd, f, from, part, filled.clone(), real, to, [a, b]);
+            }
         }
+    }
+    let element = 2 * l.lanes;
+    let zero = [T::Native::<S>::splat(simd, T::zero()); 2];
+    let from = Line {
+        tile: lines,
+        places: &f.places,
+    };
+    for y in 0..rows.start {
+        // SAFETY: laid out so, see the module.
+        unsafe { lines.put(simd, y, zero) };
     }
     for block in 0..l.blocks {
         for part in 0..2 {
             for bundle in 0..count {
-                let offset = (2 * bundle + part) * l.row + block * l.lanes * 2 * l.lanes;
+                let offset = (2 * bundle + part) * l.row + block * l.lanes * element;
                 // SAFETY: laid out so, see the module.
                 unsafe {
-                    let from = plane.from(offset);
-                    transpose_block(simd, from, lines.from(bundle * l.lanes * 2 * l.lanes));
+                    let to = lines.from((rows.start + bundle * l.lanes) * element);
+                    transpose_block(simd, plane.from(offset), to);
                 }
+            }
+            // Rows beyond the last one may hold anything.
+            for y in rows.end..f.size[1].max(rows.start + count * l.lanes) {
+                // SAFETY: laid out so, see the module.
+                unsafe { lines.put(simd, y, zero) };
             }
             // SAFETY: laid out so, see the module.
             unsafe {
-                let from = Strided::even(lines, rows.clone(), 2 * l.lanes);
-                transform(simd, &f.y, [a, b], &from, &f.y_line(to, block, part, x));
+                let at = l.column(to.planes, block, part, 0) + x * l.x_stride;
+                transform(simd, &f.y[0], [a, b], from, line(to, at, &term.y_places));
             }
         }
     }
 }
 
 /// The half spectra of one part (0 real, 1 imaginary) of a bundle of lines that is zero outside
-/// `filled`, written as a bundle.
+/// `filled`, written as a bundle. `real` says that nothing lies beyond half of the period.
 ///
 /// # Safety
 /// The bundle must hold the filled elements, `to` half the period, the tiles whatever `f` asks for;
@@ -142,6 +136,7 @@ unsafe fn z_forward<S: Simd, T: Real>(
     from: Tile<T>,
     part: usize,
     filled: Range<usize>,
+    real: bool,
     to: Tile<T>,
     tiles: [Tile<T>; 2],
 ) {
@@ -182,11 +177,22 @@ unsafe fn z_forward<S: Simd, T: Real>(
     );
     // SAFETY: as demanded.
     unsafe {
-        let load = inlined(
-            #[inline(always)]
-            |z: usize| mul([read(z), read(z + half)], twist(z)),
-        );
-        f.z.process(simd, tiles, load, store);
+        if real {
+            let load = inlined(
+                #[inline(always)]
+                |z: usize| {
+                    let (value, [cos, sin]) = (read(z), twist(z));
+                    [value * cos, value * sin]
+                },
+            );
+            f.z.process(simd, tiles, load, store);
+        } else {
+            let load = inlined(
+                #[inline(always)]
+                |z: usize| mul([read(z), read(z + half)], twist(z)),
+            );
+            f.z.process(simd, tiles, load, store);
+        }
     }
 }
 
@@ -215,59 +221,59 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
     f: &Fused<T>,
     block: usize,
     rows: Range<usize>,
-    spectra: &[Spectra<T>],
+    spectra: &[Spectra<'_, T>],
     own: &mut PlaneScratch<T>,
 ) {
     let l = f.layout;
     let [nx, ny, _] = f.size;
-    let [work, re, im, sum] = &mut own.tiles;
-    let (work, re, im) = (work.tile(), re.tile(), im.tile());
-    let sum = if spectra.len() == 1 { re } else { sum.tile() };
-    let zero = [T::Native::<S>::splat(simd, T::zero()); 2];
+    let [there, back] = &f.x;
+    let [tiles @ .., spare] = &mut own.tiles;
+    let column = nx * 4 * l.lanes;
+    let block_len = back.first_radix() * 2 * l.lanes;
     for y in rows {
-        let mut first = true;
+        let mut lines = [(spare.tile(), &[][..]); 2 * MAX_TERMS];
+        let mut count = 0;
+        let mut free = spare.tile();
         for (term, moving) in f.terms.iter().zip(spectra) {
             if moving.filled.is_empty() {
                 continue;
             }
-            for (part, to) in [re, im].into_iter().enumerate() {
+            let fixed = &term.spectrum.as_slice()[(block * ny + y) * column..][..column];
+            for part in 0..2 {
+                let next = l.column(moving.planes, block, part, (y + 2).min(ny - 1));
+                for x in moving.filled.clone() {
+                    // SAFETY: laid out so, see the module.
+                    prefetch(unsafe { moving.tile.from(next + x * l.x_stride) }.address());
+                }
                 // SAFETY: laid out so, see the module.
                 unsafe {
-                    let from = f.x_line(moving, block, part, y, moving.filled.clone());
-                    let to = Strided::even(to, 0..nx, 2 * l.lanes);
-                    transform(simd, &f.x, f.x.tiles_to(to.tile, work), &from, &to);
+                    let from = line(
+                        moving,
+                        l.column(moving.planes, block, part, y),
+                        moving.x_from,
+                    );
+                    let [done, other] =
+                        first_passes(simd, there, [tiles[count].tile(), free], from);
+                    free = other;
+                    lines[count] = (done, &fixed[part * block_len..]);
                 }
+                count += 1;
             }
-            let fixed = &term.spectrum.as_slice()[(block * ny + y) * nx * 4 * l.lanes..];
-            for (k, a) in fixed
-                .chunks_exact(4 * T::Native::<S>::LEN)
-                .take(nx)
-                .enumerate()
-            {
-                let vector = inlined(
-                    #[inline(always)]
-                    |i: usize| T::Native::<S>::from_slice(simd, &a[i * l.lanes..][..l.lanes]),
-                );
-                // SAFETY: laid out so, see the module.
-                let (br, bi) = unsafe { (re.get(simd, k), im.get(simd, k)) };
-                let start = if first {
-                    zero
-                } else {
-                    // SAFETY: laid out so, see the module.
-                    unsafe { sum.get(simd, k) }
-                };
-                let v = add_mul(start, [vector(0), vector(1)], br);
-                let v = add_mul(v, [vector(2), vector(3)], bi);
-                // SAFETY: laid out so, see the module.
-                unsafe { sum.put(simd, k, v) };
-            }
-            first = false;
         }
         // SAFETY: laid out so, see the module.
         unsafe {
-            let from = Strided::even(sum, 0..nx, 2 * l.lanes);
-            let to = f.x_line(&spectra[0], block, 0, y, 0..f.window[0]);
-            transform(simd, &f.x, [sum, work], &from, &to);
+            let tiles = [tiles[2 * MAX_TERMS].tile(), free];
+            let sum = &spectra[0];
+            let to = line(sum, l.column(sum.planes, block, 0, y), &f.x_to);
+            let lines = &lines[..count];
+            back.turn(
+                simd,
+                lines,
+                2 * block_len,
+                tiles,
+                #[inline(always)]
+                |x, v| to.put(simd, x, v),
+            );
         }
     }
 }
@@ -281,21 +287,26 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     x: usize,
-    sum: &Spectra<T>,
+    sum: &Spectra<'_, T>,
     own: &mut PlaneScratch<T>,
     out: &mut ArrayViewMut2<'_, T>,
 ) {
     let l = f.layout;
     let plane = own.plane.tile();
-    let [a, b, lines, real] = &mut own.tiles;
+    let [a, b, lines, real, ..] = &mut own.tiles;
     let (a, b, lines, real) = (a.tile(), b.tile(), lines.tile(), real.tile());
     let [_, wy, wz] = f.window;
     let count = l.bundles(wy);
+    let to = Line {
+        tile: lines,
+        places: &f.places,
+    };
     for block in 0..l.blocks {
         // SAFETY: laid out so, see the module.
         unsafe {
-            let to = Strided::even(lines, 0..wy, 2 * l.lanes);
-            transform(simd, &f.y, [a, b], &f.y_line(sum, block, 0, x), &to);
+            let at = l.column(sum.planes, block, 0, 0) + x * l.x_stride;
+            let from = line(sum, at, &f.terms[0].y_places);
+            transform(simd, &f.y[1], [a, b], from, to);
         }
         for bundle in 0..count {
             let offset = 2 * bundle * l.row + block * l.lanes * 2 * l.lanes;
@@ -363,12 +374,4 @@ unsafe fn z_inverse<S: Simd, T: Real>(
     );
     // SAFETY: as demanded.
     unsafe { f.z.process(simd, tiles, load, store) };
-}
-
-/// `sum + a b`.
-#[inline(always)]
-fn add_mul<S: Simd, V: SimdFloat<S>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2] {
-    let re = a[0].mul_add(b[0], sum[0]);
-    let im = a[0].mul_add(b[1], sum[1]);
-    [a[1].mul_add(-b[1], re), a[1].mul_add(b[0], im)]
 }

@@ -346,10 +346,11 @@ mod tests {
         let lanes = dispatch_lanes!(level, simd => bundle(simd, &ours, &mut lines));
         let fft = FftPlanner::new().plan_fft_inverse(len);
         // A plan may do without leaving out halves.
-        let steps = ours.passes.iter().map(|p| p.step);
+        let mut steps = ours.passes.iter().map(|p| p.step);
         let kept = |half: bool| if half { len / 2 } else { len };
-        let read = kept(steps.clone().next().is_some_and(|s| s.half) && ends.from_half);
-        let written = kept(steps.last().is_some_and(|s| s.half) && ends.to_half);
+        let half = |s: Option<Step>| s.is_some_and(|s| s.half);
+        let read = kept(ends.from_half && half(steps.clone().next()));
+        let written = kept(ends.to_half && half(steps.next_back()));
         let (mut wrong, mut size) = (0.0, 0.0);
         for lane in 0..lanes {
             let at = |i: usize, part: usize| (2 * i + part) * lanes + lane;

@@ -131,6 +131,27 @@ impl<T: Real> Tile<T> {
         }
     }
 
+    /// Numbers that no one writes while they are read here.
+    pub(crate) fn shared(numbers: &[T]) -> Self {
+        Self {
+            start: numbers.as_ptr().cast_mut(),
+            len: numbers.len(),
+        }
+    }
+
+    /// The four numbers that begin at `offset`.
+    ///
+    /// # Safety
+    /// As [`Tile::load`].
+    #[inline(always)]
+    pub(crate) unsafe fn quad<S: Simd>(self, simd: S, offset: usize) -> T::Quad<S> {
+        debug_assert!(offset + 4 <= self.len, "{offset} of {}", self.len);
+        // SAFETY: as demanded.
+        let from = unsafe { std::slice::from_raw_parts(self.start.add(offset), 4) };
+        T::Quad::<S>::from_slice(simd, from)
+    }
+
+    /// Where the numbers begin.
     pub(crate) fn address(self) -> *const T {
         self.start
     }

@@ -239,16 +239,16 @@ pub(crate) fn pass_from_half<S: Simd, T: Real, const H: usize>(
         }
         let y = butterfly::<S, T, H>(simd, x);
         store(to, y[0]);
-        for j in 1..H {
-            store(to + 2 * j, mul(y[j], factor(2 * j)));
+        for (j, y) in y.iter().enumerate().skip(1) {
+            store(to + 2 * j, mul(*y, factor(2 * j)));
         }
         // Read again: there are not enough registers to keep them.
         for (j, x) in x.iter_mut().enumerate() {
             *x = turned::<S, T, H>(simd, load(p + j * blocks), j);
         }
         let y = butterfly::<S, T, H>(simd, x);
-        for j in 0..H {
-            store(to + 2 * j + 1, mul(y[j], factor(2 * j + 1)));
+        for (j, y) in y.iter().enumerate() {
+            store(to + 2 * j + 1, mul(*y, factor(2 * j + 1)));
         }
     }
 }
@@ -326,7 +326,7 @@ pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
         }
         let y = butterfly::<S, T, R>(simd, sum);
         let factors = &twiddles[p * (R - 1)..][..R - 1];
-        // SAFETY (of both): elements of `out`.
+        // SAFETY: an element of `out`.
         unsafe { out.put(simd, R * p, y[0]) };
         for j in 1..R {
             let w = splat::<S, T>(simd, factors[j - 1]);

@@ -21,17 +21,36 @@ pub trait Real:
     /// The nearest number of this type.
     fn nearest(value: f64) -> Self;
 
-    /// Whole numbers below 2^31 as integers.
+    /// `base + cell[0] strides[0] + cell[1] strides[1] + cell[2]` for four cells of whole
+    /// coordinates, at least 0 and at most `last`.
     #[doc(hidden)]
-    fn integers<S: Simd>(values: Self::Quad<S>) -> [i32; 4];
+    fn places<S: Simd>(
+        simd: S,
+        cells: [Self::Quad<S>; 3],
+        strides: [i32; 2],
+        base: i32,
+        last: i32,
+    ) -> [i32; 4];
 }
 
 impl Real for f32 {
     type Quad<S: Simd> = f32x4<S>;
 
     #[inline(always)]
-    fn integers<S: Simd>(values: f32x4<S>) -> [i32; 4] {
-        values.to_int::<i32x4<S>>().into()
+    fn places<S: Simd>(
+        simd: S,
+        cells: [f32x4<S>; 3],
+        strides: [i32; 2],
+        base: i32,
+        last: i32,
+    ) -> [i32; 4] {
+        let x = cells[0].to_int::<i32x4<S>>();
+        let y = cells[1].to_int::<i32x4<S>>();
+        let z = cells[2].to_int::<i32x4<S>>();
+        let rows = x * i32x4::splat(simd, strides[0]) + y * i32x4::splat(simd, strides[1]);
+        let place = rows + (z + i32x4::splat(simd, base));
+        let (first, last) = (i32x4::splat(simd, 0), i32x4::splat(simd, last));
+        place.max(first).min(last).into()
     }
 
     #[inline(always)]
@@ -44,9 +63,22 @@ impl Real for f64 {
     type Quad<S: Simd> = f64x4<S>;
 
     #[inline(always)]
-    fn integers<S: Simd>(values: f64x4<S>) -> [i32; 4] {
-        let values: [f64; 4] = values.into();
-        values.map(|v| v as i32)
+    fn places<S: Simd>(
+        _: S,
+        cells: [f64x4<S>; 3],
+        strides: [i32; 2],
+        base: i32,
+        last: i32,
+    ) -> [i32; 4] {
+        let mut places = [base; 4];
+        for (i, place) in places.iter_mut().enumerate() {
+            for (cell, stride) in cells.iter().zip([strides[0], strides[1], 1]) {
+                let cell = cell.as_slice()[i] as i32;
+                *place = place.wrapping_add(cell.wrapping_mul(stride));
+            }
+            *place = (*place).max(0).min(last);
+        }
+        places
     }
 
     #[inline(always)]

@@ -9,6 +9,7 @@ use ndarray::{Array3, Axis};
 use num_complex::{Complex, Complex32};
 
 use crate::fused::lanes;
+use crate::lanes::Tile;
 use crate::overlap::IndexBox;
 use crate::radix::inlined;
 use crate::real::Real;
@@ -232,57 +233,69 @@ fn sample_patch<S: Simd, T: Real>(simd: S, turned: &Turned<'_, T>, at: DVec3, sa
     // Relative to a node nearby, coordinates have no more than seven digits to round.
     let base = at.floor();
     let (sy, sz) = (turned.step.y_axis, turned.step.z_axis);
-    let low = [0, 1, 2].map(|a| splat(0.5 - base[a]));
-    let high = [nx, ny, nz].map(|n| n as f64 - 1.5);
-    let high = [0, 1, 2].map(|a| splat(high[a] - base[a]));
-    let step = [0, 1, 2].map(|a| splat(sz[a]));
-    let plane = splat((ny * nz) as f64);
-    let row = splat(nz as f64);
-    let origin = (base.x as i64 * ny as i64 + base.y as i64) * nz as i64 + base.z as i64;
-    let numbers: &[T] = bytemuck::cast_slice(
-        turned
-            .field
-            .values
-            .as_slice()
-            .expect("made in standard layout"),
+    let low = [
+        splat(0.5 - base.x),
+        splat(0.5 - base.y),
+        splat(0.5 - base.z),
+    ];
+    let high = inlined(
+        #[inline(always)]
+        |n: usize, base: f64| splat(n as f64 - 1.5 - base),
     );
+    let high = [high(nx, base.x), high(ny, base.y), high(nz, base.z)];
+    let step = [splat(sz.x), splat(sz.y), splat(sz.z)];
+    let across = [splat(sy.x), splat(sy.y), splat(sy.z)];
+    let corner = at - base;
+    let corner = [splat(corner.x), splat(corner.y), splat(corner.z)];
+    let values: &[Complex<T>] = turned
+        .field
+        .values
+        .as_slice()
+        .expect("made in standard layout");
     let [to_row, to_plane] = [2 * nz, 2 * ny * nz];
+    // The last place whose cell lies within the field.
+    let last = (values.len() - ny * nz - nz - 2) as i32;
+    let numbers = Tile::<T>::shared(bytemuck::cast_slice(values));
+    let origin = (base.x as i64 * ny as i64 + base.y as i64) * nz as i64 + base.z as i64;
+    let strides = [(ny * nz) as i32, nz as i32];
+    let lane_numbers = [0.0, 1.0, 2.0, 3.0].map(T::nearest);
+    let mut lane = T::Quad::<S>::from_slice(simd, &lane_numbers);
     for first in (0..lanes).step_by(4) {
-        let mut start = [one; 3];
+        let mut place = corner;
         for a in 0..3 {
-            let lane = |i: usize| T::nearest(at[a] - base[a] + sy[a] * (first + i) as f64);
-            start[a] = T::Quad::<S>::from_slice(simd, &[lane(0), lane(1), lane(2), lane(3)]);
+            place[a] = across[a].mul_add(lane, corner[a]);
         }
-        for (z, element) in samples.chunks_exact_mut(2 * lanes).enumerate() {
-            let z = splat(z as f64);
+        lane += splat(4.0);
+        let mut count = splat(0.0);
+        for element in samples.chunks_exact_mut(2 * lanes) {
             let mut cell = [one; 3];
             let mut f = [one; 3];
             for a in 0..3 {
-                let x = step[a].mul_add(z, start[a]).max(low[a]).min(high[a]);
+                let x = step[a].mul_add(count, place[a]).max(low[a]).min(high[a]);
                 cell[a] = x.floor();
                 f[a] = x - cell[a];
             }
-            let offset = plane.mul_add(cell[0], row.mul_add(cell[1], cell[2]));
-            let offset = T::integers::<S>(offset);
+            count += one;
+            let places = T::places(simd, cell, strides, origin as i32, last);
             let (gx, gy) = (one - f[0], one - f[1]);
             let weights = [gx * gy, gx * f[1], f[0] * gy, f[0] * f[1]];
             let mut points = [one; 4];
             for p in 0..4 {
-                let at = 2 * (origin + i64::from(offset[p])) as usize;
-                assert!(at < numbers.len() && at + to_plane + to_row + 4 <= numbers.len());
-                let mut sum = one;
-                for (corner, skip) in [0, to_row, to_plane, to_plane + to_row].iter().enumerate() {
-                    // SAFETY: the assertion above covers the last corner.
-                    let value = unsafe { numbers.get_unchecked(at + skip..at + skip + 4) };
-                    let value = T::Quad::<S>::from_slice(simd, value);
-                    let weight = T::Quad::<S>::splat(simd, weights[corner].as_slice()[p]);
-                    sum = if corner == 0 {
-                        value * weight
-                    } else {
-                        value.mul_add(weight, sum)
-                    };
-                }
-                points[p] = sum;
+                let at = 2 * places[p] as usize;
+                let value = inlined(
+                    #[inline(always)]
+                    // SAFETY: `places` are no further than `last`, from where all corners of a
+                    // cell lie within the field.
+                    |skip: usize| -> T::Quad<S> { unsafe { numbers.quad(simd, at + skip) } },
+                );
+                let weight = inlined(
+                    #[inline(always)]
+                    |corner: usize| T::Quad::<S>::splat(simd, weights[corner].as_slice()[p]),
+                );
+                let sum = value(0) * weight(0);
+                let sum = value(to_row).mul_add(weight(1), sum);
+                let sum = value(to_plane).mul_add(weight(2), sum);
+                points[p] = value(to_plane + to_row).mul_add(weight(3), sum);
             }
             // Points to real and imaginary parts at both z.
             let (a, b) = points[0].interleave(points[2]);

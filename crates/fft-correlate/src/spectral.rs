@@ -63,7 +63,7 @@ impl StageTimes {
 
 /// Transforms, sizes and the spectra of the fixed fields.
 pub(crate) enum Spectral<T: Real> {
-    Fused(Fused<T>),
+    Fused(Box<Fused<T>>),
     Reference(Reference<T>),
 }
 
@@ -112,7 +112,7 @@ impl<T: Real> Spectral<T> {
     ) -> Self {
         match way {
             Way::Fastest(level) if Fused::<T>::knows(size) => {
-                Self::Fused(Fused::new(level, size, window, terms))
+                Self::Fused(Box::new(Fused::new(level, size, window, terms)))
             }
             _ => Self::Reference(Reference::new(size, window, terms)),
         }

@@ -6,11 +6,12 @@
 //! to more than the distance between them lie on the same side.
 
 use glam::DVec3;
+use num_complex::Complex64;
 
 use super::fast::{LANES, Lanes, PacketDensity, Points};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
-use super::smooth::SmoothBlock;
+use super::smooth::{Attempt, SmoothBlock};
 use crate::bvh::Bvh;
 
 /// A regular patch of `shape` points in normalized coordinates.
@@ -37,6 +38,8 @@ pub(crate) struct PatchValues {
     pub(crate) density: Vec<UnitDensity>,
     /// Which points already have sign and density.
     done: Vec<bool>,
+    /// Interpolated densities.
+    filled: Vec<Complex64>,
     bricks: Vec<Brick>,
 }
 
@@ -206,24 +209,20 @@ impl<'a> PatchDensity<'a> {
                 self.integrate(&patch.brick(*flat), values);
             }
         };
-        compute(&self.smooth.first, values);
-        let Some(filled) = self.smooth.fill(&values.density) else {
-            return compute(&self.smooth.rest, values);
+        let mut filled = std::mem::take(&mut values.filled);
+        let attempt = |attempt: &Attempt| {
+            compute(&attempt.nodes, values);
+            self.smooth.fill(attempt, &values.density, &mut filled)
         };
-        let inside = values.distance[0] < 0.0;
-        for flat in self.smooth.rest.iter().flatten() {
-            values.density[*flat] = if inside {
-                UnitDensity {
-                    interior: filled[*flat],
-                    ..UnitDensity::default()
-                }
-            } else {
-                UnitDensity {
-                    exterior: filled[*flat],
-                    ..UnitDensity::default()
-                }
-            };
+        if self.smooth.attempts.iter().any(attempt) {
+            let inside = values.distance[0] < 0.0;
+            for (density, filled) in values.density.iter_mut().zip(&filled) {
+                *density = UnitDensity::of_side(*filled, inside);
+            }
+        } else {
+            compute(&self.smooth.rest, values);
         }
+        values.filled = filled;
     }
 
     /// Unsigned distances of a brick; everything for points too near for packets.
@@ -284,7 +283,7 @@ impl<'a> PatchDensity<'a> {
         for lane in 0..LANES {
             let flat = brick[lane];
             if distances[lane] > 0.0 {
-                let integral = num_complex::Complex64::new(re[lane].into(), im[lane].into());
+                let integral = Complex64::new(re[lane].into(), im[lane].into());
                 let inside = values.distance[flat] < 0.0;
                 values.density[flat] = UnitDensity::from_integral(integral, inside);
             }

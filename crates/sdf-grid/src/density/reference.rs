@@ -26,17 +26,19 @@ impl UnitDensity {
     /// The parts from the integral of [`DensityKernel::unit`] over the signed solid angle, outside
     /// (`inside` false, positive solid angle) or inside (negative).
     pub(crate) fn from_integral(integral: Complex64, inside: bool) -> Self {
-        if inside {
-            Self {
-                exterior: Complex64::ZERO,
-                interior: -integral,
-            }
+        let value = if inside { -integral } else { integral.conj() };
+        Self::of_side(value, inside)
+    }
+
+    /// A point's unit density, inside or outside.
+    pub(crate) fn of_side(value: Complex64, inside: bool) -> Self {
+        let mut parts = Self::default();
+        *if inside {
+            &mut parts.interior
         } else {
-            Self {
-                exterior: integral.conj(),
-                interior: Complex64::ZERO,
-            }
-        }
+            &mut parts.exterior
+        } = value;
+        parts
     }
 
     /// `l1 * exterior + l2 * interior`.

@@ -12,8 +12,9 @@ use super::reference::UnitDensity;
 /// Nodes along each edge of a block.
 const EDGE: usize = 8;
 
-/// Nodes per axis that are computed in every block.
-const KNOTS: [usize; 5] = [0, 2, 3, 5, 7];
+/// Nodes per axis between which a block is interpolated: as few as do, from the first on. All belong to
+/// the last.
+const KNOTS: [&[usize]; 3] = [&[0, 3, 7], &[0, 2, 5, 7], &[0, 2, 3, 5, 7]];
 
 /// Nodes to check at: off the knots on every axis, where interpolation is worst, and next to the
 /// block's edges, behind which a branch of the skeleton may lie.
@@ -44,14 +45,12 @@ const ALLOWED: f64 = 1.5;
 /// over that root times the distance.
 const RESOLVED: f64 = 1.2;
 
-/// Which nodes of a block to compute first, and how to fill in the rest.
+/// Which nodes of a block to compute, and how to fill in the rest.
 pub(crate) struct SmoothBlock {
-    /// Nodes (C order) to compute before [`SmoothBlock::fill`], in compact packets.
-    pub(crate) first: Vec<[usize; LANES]>,
-    /// The others.
+    /// One attempt after the other.
+    pub(crate) attempts: Vec<Attempt>,
+    /// Nodes (C order) that none of them computes, in compact packets.
     pub(crate) rest: Vec<[usize; LANES]>,
-    /// Of each knot for every other place along an axis.
-    weights: Vec<(usize, [f64; KNOTS.len()])>,
     /// Largest error of the interpolated distance, relative to the distance.
     crease: f64,
     /// Least distance from the boundary, in spacings.
@@ -60,22 +59,39 @@ pub(crate) struct SmoothBlock {
     allowed: f64,
 }
 
+/// Interpolation from one set of knots.
+pub(crate) struct Attempt {
+    /// Nodes (C order) to compute before [`SmoothBlock::fill`] beside those of the attempts before, in
+    /// compact packets.
+    pub(crate) nodes: Vec<[usize; LANES]>,
+    knots: &'static [usize],
+    /// Of each knot for every place along an axis.
+    weights: [Vec<f64>; EDGE],
+}
+
 impl SmoothBlock {
     /// For fields of relative L2 error `tolerance` and thickness `sigma`.
     pub(crate) fn new(tolerance: f64, sigma: f64) -> Self {
-        let checks = CHECKS.map(flat);
-        let is_knot = |n: usize| place(n).iter().all(|i| KNOTS.contains(i));
-        let knots = (0..EDGE.pow(3)).filter(|n| is_knot(*n));
-        let others = (0..EDGE.pow(3)).filter(|n| !is_knot(*n) && !checks.contains(n));
-        let mut first = packets(knots.collect());
-        first.push(checks);
+        let mut known = CHECKS.map(flat).to_vec();
+        let mut attempts = Vec::new();
+        for knots in KNOTS {
+            let is_knot = |n: usize| place(n).iter().all(|i| knots.contains(i));
+            let is_new = |n: &usize| is_knot(*n) && !known.contains(n);
+            let mut new: Vec<usize> = (0..EDGE.pow(3)).filter(is_new).collect();
+            known.extend(&new);
+            if attempts.is_empty() {
+                new.extend(CHECKS.map(flat));
+            }
+            attempts.push(Attempt {
+                nodes: packets(new),
+                knots,
+                weights: std::array::from_fn(|place| weights(knots, place)),
+            });
+        }
+        let others = (0..EDGE.pow(3)).filter(|n| !known.contains(n));
         Self {
-            first,
+            attempts,
             rest: packets(others.collect()),
-            weights: (0..EDGE)
-                .filter(|k| !KNOTS.contains(k))
-                .map(|k| (k, weights(k)))
-                .collect(),
             crease: 0.3 * tolerance.sqrt() * sigma,
             resolved: RESOLVED / sigma.sqrt(),
             allowed: ALLOWED * tolerance,
@@ -94,7 +110,12 @@ impl SmoothBlock {
         if distance.iter().any(|d| d.abs() < least) {
             return false;
         }
-        let filled = self.interpolated(|n| f64::from(distance[n]));
+        let finest = &self.attempts[KNOTS.len() - 1];
+        let mut filled = [0.0; EDGE * EDGE * EDGE];
+        for (filled, d) in filled.iter_mut().zip(distance) {
+            *filled = f64::from(*d);
+        }
+        finest.interpolate(&mut filled);
         let close = |(a, b): (&f64, &f32)| {
             let b = f64::from(*b);
             (a - b).abs() <= self.crease * b.abs()
@@ -102,47 +123,83 @@ impl SmoothBlock {
         filled.iter().zip(distance).all(close)
     }
 
-    /// Interpolates the density of all nodes of a block, all inside or all outside, from its knots.
-    /// None if that disagrees with the checks.
-    pub(crate) fn fill(&self, density: &[UnitDensity]) -> Option<[Complex64; EDGE * EDGE * EDGE]> {
+    /// Interpolates the density of all nodes of a block, all inside or all outside, from the knots of
+    /// an attempt. False if that disagrees with the checks.
+    pub(crate) fn fill(
+        &self,
+        attempt: &Attempt,
+        density: &[UnitDensity],
+        filled: &mut Vec<Complex64>,
+    ) -> bool {
         let value = |n: usize| density[n].combined(1.0, 1.0);
-        let filled = self.interpolated(value);
         let (mut error, mut size) = (0.0, 0.0);
-        for n in CHECKS.map(flat) {
-            error += (filled[n] - value(n)).norm_sqr();
-            size += value(n).norm_sqr();
+        for check in CHECKS {
+            let exact = value(flat(check));
+            error += (attempt.at(check, value) - exact).norm_sqr();
+            size += exact.norm_sqr();
         }
-        (error <= self.allowed * self.allowed * size).then_some(filled)
-    }
-
-    /// What the values at the knots become at all nodes of a block.
-    fn interpolated<T>(&self, value: impl Fn(usize) -> T) -> [T; EDGE * EDGE * EDGE]
-    where
-        T: Copy + std::ops::Mul<f64, Output = T> + std::iter::Sum,
-    {
-        let mut filled = std::array::from_fn(value);
-        // Axis by axis: lines between knots first, then planes, then all.
-        for axis in 0..3 {
-            let known = |a: usize| if a < axis { &ALL[..] } else { &KNOTS[..] };
-            let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-            let mut strides = [EDGE * EDGE, EDGE, 1];
-            strides.rotate_left(axis);
-            for &i in known(u) {
-                for &j in known(v) {
-                    let at = |k: usize| k * strides[0] + i * strides[1] + j * strides[2];
-                    let line = KNOTS.map(|k| filled[at(k)]);
-                    for (k, weights) in &self.weights {
-                        let terms = weights.iter().zip(&line).map(|(w, z)| *z * *w);
-                        filled[at(*k)] = terms.sum();
-                    }
-                }
-            }
+        if error > self.allowed * self.allowed * size {
+            return false;
         }
-        filled
+        filled.clear();
+        filled.extend((0..density.len()).map(value));
+        attempt.interpolate(filled);
+        true
     }
 }
 
-const ALL: [usize; EDGE] = [0, 1, 2, 3, 4, 5, 6, 7];
+impl Attempt {
+    /// What the values at the knots become at one node.
+    fn at(&self, [x, y, z]: [usize; 3], value: impl Fn(usize) -> Complex64) -> Complex64 {
+        let mut sum = Complex64::ZERO;
+        for (i, a) in self.knots.iter().zip(&self.weights[x]) {
+            for (j, b) in self.knots.iter().zip(&self.weights[y]) {
+                for (k, c) in self.knots.iter().zip(&self.weights[z]) {
+                    sum += value(flat([*i, *j, *k])) * (a * b * c);
+                }
+            }
+        }
+        sum
+    }
+
+    /// Replaces the values of a block by what those at the knots become there.
+    fn interpolate<T: Number>(&self, values: &mut [T]) {
+        // Lines between knots first, then planes, then all.
+        for x in self.knots {
+            let plane = &mut values[x * EDGE * EDGE..][..EDGE * EDGE];
+            for y in self.knots {
+                self.along(1, &mut plane[y * EDGE..][..EDGE]);
+            }
+            self.along(EDGE, plane);
+        }
+        self.along(EDGE * EDGE, values);
+    }
+
+    /// The same along one axis, of whose places each has `stride` values.
+    fn along<T: Number>(&self, stride: usize, values: &mut [T]) {
+        let mut sum = [T::default(); EDGE * EDGE];
+        let sum = &mut sum[..stride];
+        for (place, weights) in self.weights.iter().enumerate() {
+            if self.knots.contains(&place) {
+                continue;
+            }
+            sum.fill(T::default());
+            for (knot, weight) in self.knots.iter().zip(weights) {
+                for (sum, value) in sum.iter_mut().zip(&values[knot * stride..]) {
+                    *sum += *value * *weight;
+                }
+            }
+            values[place * stride..][..stride].copy_from_slice(sum);
+        }
+    }
+}
+
+/// What can be interpolated.
+trait Number: Copy + Default + std::ops::AddAssign + std::ops::Mul<f64, Output = Self> {}
+
+impl Number for f64 {}
+
+impl Number for Complex64 {}
 
 fn flat([x, y, z]: [usize; 3]) -> usize {
     (x * EDGE + y) * EDGE + z
@@ -153,12 +210,13 @@ fn place(n: usize) -> [usize; 3] {
 }
 
 /// Lagrange's weights of the knots at `place`.
-fn weights(place: usize) -> [f64; KNOTS.len()] {
-    KNOTS.map(|k| {
-        let others = KNOTS.iter().filter(|j| **j != k);
-        let factor = |j: &usize| (place as f64 - *j as f64) / (k as f64 - *j as f64);
+fn weights(knots: &[usize], place: usize) -> Vec<f64> {
+    let weight = |k: &usize| {
+        let others = knots.iter().filter(|j| *j != k);
+        let factor = |j: &usize| (place as f64 - *j as f64) / (*k as f64 - *j as f64);
         others.map(factor).product()
-    })
+    };
+    knots.iter().map(weight).collect()
 }
 
 /// Nodes in packets of neighbours, the last one repeated at the end.
@@ -190,30 +248,46 @@ mod tests {
     #[test]
     fn every_node_is_computed_once() {
         let block = SmoothBlock::new(1e-3, 0.1);
-        let mut nodes: Vec<usize> = block.first.concat();
-        nodes.extend(block.rest.concat());
+        let first = block.attempts.iter().flat_map(|a| a.nodes.concat());
+        let mut nodes: Vec<usize> = first.chain(block.rest.concat()).collect();
         nodes.sort_unstable();
         nodes.dedup();
         assert_eq!(nodes, (0..EDGE.pow(3)).collect::<Vec<_>>());
     }
 
-    #[test]
-    fn quartic_densities_are_filled_exactly_and_creases_refused() {
-        let quartic = |[x, y, z]: [f64; 3]| {
-            Complex64::new(1.0 + x.powi(4) - y.powi(3) * z, z.powi(4) * x * y - 2.0)
-        };
-        let density = block(quartic);
+    /// What each attempt makes of a density of which it knows only what it asked for.
+    fn attempts(density: &[UnitDensity]) -> Vec<Option<Vec<Complex64>>> {
         let smooth = SmoothBlock::new(1e-5, 0.1);
         let mut known = vec![UnitDensity::default(); density.len()];
-        for n in smooth.first.concat() {
-            known[n] = density[n];
-        }
-        let filled = smooth.fill(&known).expect("smooth");
-        for (n, d) in density.iter().enumerate() {
-            // Of order one, in f64.
-            assert!((filled[n] - d.exterior).norm() < 1e-12, "{n}");
+        let attempt = |attempt: &Attempt| {
+            for n in attempt.nodes.concat() {
+                known[n] = density[n];
+            }
+            let mut filled = Vec::new();
+            smooth.fill(attempt, &known, &mut filled).then_some(filled)
+        };
+        smooth.attempts.iter().map(attempt).collect()
+    }
+
+    #[test]
+    fn polynomials_are_filled_exactly_by_the_first_attempt_that_can_and_creases_refused() {
+        for degree in 2..=4 {
+            let density = block(|[x, y, z]| {
+                Complex64::new(
+                    1.0 + x.powi(degree) - y.powi(degree - 1) * z,
+                    z.powi(degree) * x * y - 2.0,
+                )
+            });
+            let filled = attempts(&density);
+            let first = degree as usize - 2;
+            assert!(filled[..first].iter().all(Option::is_none));
+            let filled = filled[first].as_ref().expect("smooth");
+            for (n, d) in density.iter().enumerate() {
+                // Of order one, in f64.
+                assert!((filled[n] - d.exterior).norm() < 1e-12, "{degree} {n}");
+            }
         }
         let crease = block(|[x, y, _]| Complex64::new(1.0 + (x + 0.3 * y - 0.6).abs(), 0.0));
-        assert!(smooth.fill(&crease).is_none());
+        assert!(attempts(&crease).iter().all(Option::is_none));
     }
 }

@@ -210,15 +210,17 @@ impl Glance {
         let from = self.centre - cluster.centre;
         let eta = from.length();
         let nearest = (eta - self.half).max(1.0 / self.inverse[0]);
-        let angular = cluster.radius / nearest;
-        let cosine = from.dot(cluster.axis) / eta;
+        // One division for two: the next steps wait for it.
+        let both = 1.0 / (eta * nearest);
+        let angular = cluster.radius * eta * both;
+        let cosine = from.dot(cluster.axis) * nearest * both;
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
         let tilt = (sine + cluster.spread + 0.5 * angular).min(1.0);
         let extent = tilt * relative;
         let x = ((eta * self.inverse[1] - extent - 1.0) * self.inverse_sigma).max(0.0);
         let tail = 1.0 + x * x * (0.17 + 0.014 * x * x);
-        let size = extent * self.inverse_width / tail;
-        size < self.size && size * angular * cluster.spread < self.bend
+        let size = extent * self.inverse_width;
+        size < self.size * tail && size * angular * cluster.spread < self.bend * tail
     }
 }
 

@@ -21,7 +21,7 @@ pub(crate) struct PacketKernel {
     /// `K(reach) - K(0)`.
     pub(crate) beyond: [f32; 2],
     /// Nodes and weights by number of points.
-    pub(crate) rules: Vec<(Vec<f32>, Vec<f32>)>,
+    pub(crate) rules: Vec<Vec<[f32; 2]>>,
 }
 
 impl PacketKernel {
@@ -44,8 +44,8 @@ impl PacketKernel {
         let deepest = -(1.0 / sigma).min(settings.reach + 0.5);
         let rule = |n| {
             let rule = GaussLegendre::new(n);
-            let single = |v: &[f64]| v.iter().map(|x| *x as f32).collect();
-            (single(&rule.nodes), single(&rule.weights))
+            let pairs = rule.nodes.iter().zip(&rule.weights);
+            pairs.map(|(x, w)| [*x as f32, *w as f32]).collect()
         };
         Self {
             sigma: sigma as f32,
@@ -66,7 +66,7 @@ impl PacketKernel {
 
     /// `K - K(x = 0)` at `y = u^2 - 1 >= 0`.
     #[inline(always)]
-    pub(crate) fn rise<S: Simd>(&self, y: f32x16<S>) -> [f32x16<S>; 2] {
+    pub(crate) fn rise<S: Simd, const N: usize>(&self, y: [f32x16<S>; N]) -> [[f32x16<S>; 2]; N] {
         self.above.at(y)
     }
 
@@ -74,8 +74,8 @@ impl PacketKernel {
     #[inline(always)]
     pub(crate) fn rise_from_below<S: Simd>(&self, u: f32x16<S>) -> [f32x16<S>; 2] {
         let y = u * u - 1.0;
-        let above = self.above.at(y);
-        let below = self.below.at((u - 1.0) * (1.0 / self.sigma));
+        let [above] = self.above.at([y]);
+        let [below] = self.below.at([(u - 1.0) * (1.0 / self.sigma)]);
         let positive = y.simd_ge(0.0);
         [
             positive.select(above[0], below[0]),
@@ -158,18 +158,27 @@ impl Rise {
         }
     }
 
+    /// At several places at once: the steps of one wait for each other, those of several do not.
+    /// Loops, not closures: these would not be compiled for the instruction set.
     #[inline(always)]
-    fn at<S: Simd>(&self, x: f32x16<S>) -> [f32x16<S>; 2] {
-        let x = x.max(self.start).min(self.end);
-        let t = (x - self.middle) * self.inverse_half;
-        let simd = x.token();
+    fn at<S: Simd, const N: usize>(&self, mut x: [f32x16<S>; N]) -> [[f32x16<S>; 2]; N] {
+        let simd = x[0].token();
         let zero = f32x16::splat(simd, 0.0);
-        let (mut re, mut im) = (zero, zero);
-        for c in &self.coefficients {
-            re = re.mul_add(t, f32x16::splat(simd, c[0]));
-            im = im.mul_add(t, f32x16::splat(simd, c[1]));
+        let (mut t, mut sum) = ([zero; N], [[zero; 2]; N]);
+        for i in 0..N {
+            x[i] = x[i].max(self.start).min(self.end);
+            t[i] = (x[i] - self.middle) * self.inverse_half;
         }
-        [re * x, im * x]
+        for c in &self.coefficients {
+            let (re, im) = (f32x16::splat(simd, c[0]), f32x16::splat(simd, c[1]));
+            for i in 0..N {
+                sum[i] = [sum[i][0].mul_add(t[i], re), sum[i][1].mul_add(t[i], im)];
+            }
+        }
+        for i in 0..N {
+            sum[i] = [sum[i][0] * x[i], sum[i][1] * x[i]];
+        }
+        sum
     }
 }
 

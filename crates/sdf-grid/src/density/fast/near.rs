@@ -119,26 +119,64 @@ impl<S: Simd> Plane<S> {
         ends: [f32x16<S>; 2],
         count: usize,
     ) -> [f32x16<S>; 2] {
-        let half = (ends[1] - ends[0]) * 0.5;
-        let middle = (ends[1] + ends[0]) * 0.5;
         let inverse_squared = query.inverse * query.inverse;
-        let base = self.height_squared * inverse_squared - 1.0;
-        // Nearer to the foot than this, numerator and denominator are both rounding noise; the
-        // quotient is smooth and hardly differs there.
-        let least = query.xi * query.xi * (4e-4 * kernel.sigma);
-        let d2 = d * d;
+        let edge = Edge {
+            half: (ends[1] - ends[0]) * 0.5,
+            middle: (ends[1] + ends[0]) * 0.5,
+            d2: d * d,
+            // Nearer to the foot than this, numerator and denominator are both rounding noise; the
+            // quotient is smooth and hardly differs there.
+            least: query.xi * query.xi * (4e-4 * kernel.sigma),
+            inverse_squared,
+            base: self.height_squared * inverse_squared - 1.0,
+        };
         let mut sum = [f32x16::splat(d.token(), 0.0); 2];
-        let (nodes, weights) = &kernel.rules[count];
-        for (node, weight) in nodes.iter().zip(weights) {
-            let t = half.mul_add(f32x16::splat(d.token(), *node), middle);
-            let r2 = t.mul_add(t, d2).max(least);
-            let rise = kernel.rise(r2.mul_add(inverse_squared, base));
-            let w = *weight / r2;
-            for c in 0..2 {
-                sum[c] = (rise[c] - self.k0[c]).mul_add(w, sum[c]);
-            }
+        let (pairs, last) = kernel.rules[count].as_chunks::<2>();
+        for pair in pairs {
+            edge.add(kernel, *pair, self.k0, &mut sum);
+        }
+        for single in last {
+            edge.add(kernel, [*single], self.k0, &mut sum);
         }
         sum
+    }
+}
+
+/// The part of an edge within reach.
+struct Edge<S: Simd> {
+    half: f32x16<S>,
+    middle: f32x16<S>,
+    d2: f32x16<S>,
+    least: f32x16<S>,
+    inverse_squared: f32x16<S>,
+    base: f32x16<S>,
+}
+
+impl<S: Simd> Edge<S> {
+    /// Adds Gauss points, several at once, each a place in `-1 ..= 1` and a weight.
+    #[inline(always)]
+    fn add<const N: usize>(
+        &self,
+        kernel: &PacketKernel,
+        points: [[f32; 2]; N],
+        k0: [f32x16<S>; 2],
+        sum: &mut [f32x16<S>; 2],
+    ) {
+        let simd = self.half.token();
+        let (mut r2, mut y) = ([self.half; N], [self.half; N]);
+        for i in 0..N {
+            let place = f32x16::splat(simd, points[i][0]);
+            let t = self.half.mul_add(place, self.middle);
+            r2[i] = t.mul_add(t, self.d2).max(self.least);
+            y[i] = r2[i].mul_add(self.inverse_squared, self.base);
+        }
+        let rise = kernel.rise(y);
+        for i in 0..N {
+            let w = points[i][1] / r2[i];
+            for c in 0..2 {
+                sum[c] = (rise[i][c] - k0[c]).mul_add(w, sum[c]);
+            }
+        }
     }
 }
 

@@ -132,7 +132,7 @@ fn overhead(ticks: usize) -> Outcome<()> {
         reach: None,
     };
     let sum = SumSource::new(DVec3::ZERO, vec![placed]);
-    let live = LiveSource::new(DVec3::ZERO, sum, DVec3::ZERO);
+    let live = LiveSource::new(sum, &Pose::IDENTITY);
     let [median, p99] = tick_times(&live, ticks)?;
     println!("force path, scene of one part{median:>25.0}{p99:>10.0}");
     let folder = std::env::temp_dir().join(format!("pegfit-runtime-{}.csv", std::process::id()));

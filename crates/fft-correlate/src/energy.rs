@@ -46,4 +46,18 @@ pub trait EnergySource: Send + Sync {
     fn refresh(&self, _pose: &Pose, _scratch: &mut Scratch) -> Option<Response> {
         None
     }
+
+    /// Whether all that the response depends on, at `pose` and a little around it, is in memory.
+    /// True for a source that is always whole. Where it is false the response may be that of a pose
+    /// far away, without notice of where that begins. Like `evaluate` it allocates nothing and takes
+    /// no lock.
+    fn is_loaded(&self, _pose: &Pose, _scratch: &Scratch) -> bool {
+        true
+    }
+
+    /// What the source interpolates or computes, as a number: two sources that exist at the same time
+    /// and have the same one give the same response wherever both are loaded.
+    fn field(&self) -> usize {
+        std::ptr::from_ref(self).cast::<()>() as usize
+    }
 }

@@ -1,5 +1,7 @@
 //! Interpolation of a table's energy and its exact gradient.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -25,19 +27,21 @@ struct Displacement {
 }
 
 impl EnergyTable {
-    /// Energy, wrench and coverage at a pose. Far outside the table, and for an invalid pose, the
-    /// energy is the specification's far energy, the wrench and coverage zero.
+    /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that would
+    /// be read is not in memory, and for an invalid pose, the energy is the specification's far
+    /// energy, the wrench and coverage zero.
     pub fn respond(&self, pose: &Pose) -> Response {
-        let mut response = Response {
+        let far = Response {
             energy: self.spec().far_energy,
             ..Response::default()
         };
+        let (mut response, mut whole) = (far, true);
         if pose.is_valid() {
             self.grid().visit(pose, self.interpolation(), |site| {
-                self.add(&site, &mut response)
+                whole &= self.add(&site, &mut response).is_some();
             });
         }
-        response
+        if whole { response } else { far }
     }
 
     /// [`EnergyTable::respond`] for many poses, on all threads of the current rayon pool.
@@ -77,7 +81,9 @@ impl EnergyTable {
                 return;
             };
             let mut taps = [RotationTap::default(); 64];
-            let (count, _) = self.rotation_taps(site.chart, &site.taps, &mut taps);
+            let Some((count, _)) = self.rotation_taps(site.chart, &site.taps, &mut taps) else {
+                return;
+            };
             let [_, ty, _] = &displacement.taps;
             let groups = if ty.nodes[3] / 4 > ty.nodes[0] / 4 {
                 2
@@ -85,7 +91,7 @@ impl EnergyTable {
                 1
             };
             self.stencil(&displacement.taps, groups)
-                .prefetch(self.energies(), &taps[..count]);
+                .prefetch(&taps[..count]);
         });
     }
 
@@ -100,15 +106,16 @@ impl EnergyTable {
     }
 
     /// Adds one patch's share: `share * coverage * (energy - far)`, differentiated as a product.
-    fn add(&self, site: &Site<'_>, response: &mut Response) {
+    /// `None` if what it reads is not in memory.
+    fn add(&self, site: &Site<'_>, response: &mut Response) -> Option<()> {
         let window = &self.spec().window;
         let Some((arm, displacement)) = self.place(site) else {
-            return;
+            return Some(());
         };
         if site.coverage <= 0.0 {
-            return;
+            return Some(());
         }
-        let reading = self.read(site.chart, &site.taps, &displacement.taps);
+        let reading = self.read(site.chart, &site.taps, &displacement.taps)?;
         let [cx, cy, cz] = displacement.reach.map(|r| r.coverage);
         let [sx, sy, sz] = displacement.reach.map(|r| r.coverage_slope);
         let window_coverage = cx * cy * cz;
@@ -134,6 +141,7 @@ impl EnergyTable {
         response.coverage += site.share * coverage * self.kept(&displacement);
         response.wrench += wrench * site.share;
         response.wrench.torque -= value * site.share_gradient;
+        Some(())
     }
 
     fn displacement(&self, x: DVec3) -> Option<Displacement> {
@@ -144,21 +152,22 @@ impl EnergyTable {
         Some(Displacement { taps, reach })
     }
 
-    /// The interpolated energy and its slopes. Absent rotation nodes hold the far energy.
-    fn read(&self, chart: &Chart, rotation: &[Taps; 3], translation: &[Taps; 3]) -> Reading {
+    /// The interpolated energy and its slopes. Absent rotation nodes hold the far energy. `None` if a
+    /// rotation node is not in memory.
+    fn read(
+        &self,
+        chart: &Chart,
+        rotation: &[Taps; 3],
+        translation: &[Taps; 3],
+    ) -> Option<Reading> {
         let mut taps = [RotationTap::default(); 64];
-        let (count, absent) = self.rotation_taps(chart, rotation, &mut taps);
+        let (count, absent) = self.rotation_taps(chart, rotation, &mut taps)?;
         let [_, ty, tz] = translation;
         let along_y = LaneWeights::new(ty, ty.nodes[0] / 4 * 4);
         let along_z = LaneWeights::new(tz, tz.nodes[0]);
         let stencil = self.stencil(translation, if along_y.long { 2 } else { 1 });
         let code = self.spec().storage.numbers.code();
-        let sums = stencil.sum(
-            self.energies(),
-            self.layout().length(),
-            code,
-            &taps[..count],
-        );
+        let sums = stencil.sum(code, &taps[..count]);
         let total = |sum: usize, y: &[f64; 8], z: &[f64; 8]| -> f64 {
             let mut total = 0.0;
             for (group, sums) in sums.iter().enumerate().take(stencil.groups) {
@@ -170,7 +179,7 @@ impl EnergyTable {
         };
         let (y, z) = (&along_y.weights, &along_z.weights);
         let far = self.spec().far_energy;
-        Reading {
+        Some(Reading {
             energy: total(0, y, z) + far * absent[0] - far,
             translation: DVec3::new(
                 total(1, y, z),
@@ -178,17 +187,17 @@ impl EnergyTable {
                 total(0, y, &along_z.slopes),
             ),
             rotation: std::array::from_fn(|k| total(2 + k, y, z) + far * absent[1 + k]),
-        }
+        })
     }
 
-    /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones.
-    fn rotation_taps(
-        &self,
+    /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones. `None`
+    /// if one is not in memory.
+    fn rotation_taps<'a>(
+        &'a self,
         chart: &Chart,
         [tx, ty, tz]: &[Taps; 3],
-        taps: &mut [RotationTap; 64],
-    ) -> (usize, [f64; 4]) {
-        let length = self.layout().length();
+        taps: &mut [RotationTap<'a>; 64],
+    ) -> Option<(usize, [f64; 4])> {
         let [_, ny, nz] = chart.shape;
         let (mut count, mut absent) = (0, [0f64; 4]);
         for i in 0..4 {
@@ -215,23 +224,23 @@ impl EnergyTable {
                         }
                         continue;
                     }
-                    let scale = self.scales()[slot as usize];
+                    let (codes, scale) = self.row(slot)?;
                     taps[count] = RotationTap {
-                        start: slot as usize * length,
+                        codes,
                         weights: weights.map(|w| w as f32 * scale),
                     };
                     count += 1;
                 }
             }
         }
-        (count, absent)
+        Some((count, absent))
     }
 
     fn stencil(&self, [tx, ty, tz]: &[Taps; 3], groups: usize) -> Stencil {
         let first = ty.nodes[0] / 4;
         let run = |group: usize, s: usize| {
             let group = if group < groups { first + group } else { first };
-            self.layout().run(tx.nodes[s], group, tz.nodes[0])
+            self.plan().layout.run(tx.nodes[s], group, tz.nodes[0])
         };
         Stencil {
             runs: std::array::from_fn(|group| std::array::from_fn(|s| run(group, s))),
@@ -244,7 +253,7 @@ impl EnergyTable {
     /// Share of the nodes around a displacement that were not left out, changing linearly between
     /// nodes; 1 where everything is kept.
     fn kept(&self, displacement: &Displacement) -> f64 {
-        if self.layout().is_dense() {
+        if self.plan().layout.is_dense() {
             return 1.0;
         }
         let shape = self.spec().window.shape();
@@ -260,7 +269,7 @@ impl EnergyTable {
                 let node =
                     std::array::from_fn(|k| (cell[k] + usize::from(upper[k])).min(shape[k] - 1));
                 let weight = |k: usize| if upper[k] { part[k] } else { 1.0 - part[k] };
-                let held = f64::from(u8::from(self.layout().holds(node)));
+                let held = f64::from(u8::from(self.plan().layout.holds(node)));
                 held * weight(0) * weight(1) * weight(2)
             })
             .sum::<f64>()
@@ -301,6 +310,14 @@ impl EnergySource for EnergyTable {
     fn evaluate(&self, pose: &Pose, _scratch: &mut Scratch) -> Response {
         self.respond(pose)
     }
+
+    fn is_loaded(&self, pose: &Pose, _scratch: &Scratch) -> bool {
+        self.has_around(pose)
+    }
+
+    fn field(&self) -> usize {
+        Arc::as_ptr(self.plan()) as usize
+    }
 }
 
 #[cfg(test)]
@@ -323,10 +340,10 @@ mod tests {
             if slot == Chart::ABSENT {
                 return far;
             }
-            let place = slot as usize * table.layout().length() + table.layout().place(node);
+            let (codes, scale) = table.row(slot).unwrap();
             let code = table.spec().storage.numbers.code();
-            let scale = f64::from(table.scales()[slot as usize]);
-            value_of(table.energies()[place], code) * scale * table.unit()
+            let value = value_of(codes[table.plan().layout.place(node)], code);
+            value * f64::from(scale) * table.unit()
         };
         // Value, then slopes along x, y, z and the three rotation coordinates.
         let mut sums = [0.0; 7];
@@ -410,7 +427,7 @@ mod tests {
                     };
                     table.grid().visit(&pose, how, |site| {
                         let (r, t) = (&site.taps, &displacement.taps);
-                        let fast = table.read(site.chart, r, t);
+                        let fast = table.read(site.chart, r, t).unwrap();
                         let slow = read_slowly(&table, site.chart, r, t);
                         let numbers = |r: &Reading| {
                             [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()

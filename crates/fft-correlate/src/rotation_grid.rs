@@ -7,6 +7,7 @@
 //! rotations without twist about its axis, a two-dimensional chart.
 
 mod build;
+mod near;
 
 use std::f64::consts::FRAC_PI_4;
 

@@ -16,11 +16,11 @@ pub(crate) enum Code {
     Integer,
 }
 
-/// One rotation node to read: where its numbers start, and its weights in the value and in the
-/// slopes along the three rotation coordinates.
+/// One rotation node to read: its numbers, and its weights in the value and in the slopes along the
+/// three rotation coordinates.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct RotationTap {
-    pub(crate) start: usize,
+pub(crate) struct RotationTap<'a> {
+    pub(crate) codes: &'a [u16],
     pub(crate) weights: [f32; 4],
 }
 
@@ -43,48 +43,41 @@ pub(crate) type Lanes = [f32; RUN];
 pub(crate) type Sums = [[Lanes; 5]; 2];
 
 impl Stencil {
-    /// Adds up what `taps` contribute. `energies` holds rotation nodes of `length` numbers.
+    /// Adds up what `taps` contribute.
     ///
     /// # Panics
-    /// If a tap or a run reaches beyond its rotation node.
+    /// If a run reaches beyond a rotation node.
     #[inline]
-    pub(crate) fn sum(
-        &self,
-        energies: &[u16],
-        length: usize,
-        code: Code,
-        taps: &[RotationTap],
-    ) -> Sums {
+    pub(crate) fn sum(&self, code: Code, taps: &[RotationTap<'_>]) -> Sums {
         let furthest = self.runs.iter().flatten().max().copied().unwrap_or(0);
-        assert!(furthest + RUN <= length && self.groups <= 2);
-        let last = taps.iter().map(|t| t.start).max().unwrap_or(0);
-        assert!(taps.is_empty() || last + length <= energies.len());
+        let shortest = taps.iter().map(|t| t.codes.len()).min();
+        assert!(shortest.is_none_or(|length| furthest + RUN <= length) && self.groups <= 2);
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") {
                 // SAFETY: the processor has AVX-512; every read lies within a rotation node by the
-                // first assertion, and every rotation node within `energies` by the second.
-                return unsafe { x86::sum_512(self, energies, code, taps) };
+                // assertion.
+                return unsafe { x86::sum_512(self, code, taps) };
             }
             if is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("fma")
                 && is_x86_feature_detected!("f16c")
             {
                 // SAFETY: as above with AVX2, FMA and F16C.
-                return unsafe { x86::sum_256(self, energies, code, taps) };
+                return unsafe { x86::sum_256(self, code, taps) };
             }
         }
-        self.sum_portable(energies, code, taps)
+        self.sum_portable(code, taps)
     }
 
     /// Asks the processor to fetch what [`Stencil::sum`] will read.
-    pub(crate) fn prefetch(&self, energies: &[u16], taps: &[RotationTap]) {
+    pub(crate) fn prefetch(&self, taps: &[RotationTap<'_>]) {
         #[cfg(target_arch = "x86_64")]
         for tap in taps {
             for run in self.runs.iter().take(self.groups).flatten() {
                 // Runs of 32 bytes may reach into a second line.
                 for part in [0, RUN - 1] {
-                    if let Some(line) = energies.get(tap.start + run + part) {
+                    if let Some(line) = tap.codes.get(run + part) {
                         use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
                         // SAFETY: a hint, and about an element of a slice.
                         unsafe { _mm_prefetch::<_MM_HINT_T1>(std::ptr::from_ref(line).cast()) };
@@ -93,18 +86,17 @@ impl Stencil {
             }
         }
         #[cfg(not(target_arch = "x86_64"))]
-        let _ = (energies, taps);
+        let _ = taps;
     }
 
     /// [`Stencil::sum`] for any processor.
-    fn sum_portable(&self, energies: &[u16], code: Code, taps: &[RotationTap]) -> Sums {
+    fn sum_portable(&self, code: Code, taps: &[RotationTap<'_>]) -> Sums {
         let mut sums = Sums::default();
         for tap in taps {
-            let node = &energies[tap.start..];
             for (runs, sums) in self.runs.iter().zip(&mut sums).take(self.groups) {
                 let (mut value, mut by_x) = (Lanes::default(), Lanes::default());
                 for ((&run, weight), slope) in runs.iter().zip(self.weights).zip(self.slopes) {
-                    let lanes = decode(&node[run..run + RUN], code);
+                    let lanes = decode(&tap.codes[run..run + RUN], code);
                     for l in 0..RUN {
                         value[l] += weight * lanes[l];
                         by_x[l] += slope * lanes[l];
@@ -160,14 +152,9 @@ mod x86 {
     use super::{Code, Lanes, RotationTap, Stencil, Sums};
 
     /// # Safety
-    /// Needs AVX-512F. All runs of all taps must lie within `energies`.
+    /// Needs AVX-512F. All runs must lie within the numbers of all taps.
     #[target_feature(enable = "avx512f,avx2,f16c")]
-    pub(super) unsafe fn sum_512(
-        stencil: &Stencil,
-        energies: &[u16],
-        code: Code,
-        taps: &[RotationTap],
-    ) -> Sums {
+    pub(super) unsafe fn sum_512(stencil: &Stencil, code: Code, taps: &[RotationTap<'_>]) -> Sums {
         let wide = |v: [f32; 4]| v.map(|x| _mm512_set1_ps(x));
         let (weights, slopes) = (wide(stencil.weights), wide(stencil.slopes));
         let mut sums = [[_mm512_setzero_ps(); 5]; 2];
@@ -177,9 +164,8 @@ mod x86 {
                 let (mut value, mut by_x) = (_mm512_setzero_ps(), _mm512_setzero_ps());
                 for s in 0..4 {
                     // SAFETY: the caller vouches for every run.
-                    let codes = unsafe {
-                        _mm256_loadu_si256(energies.as_ptr().add(tap.start + runs[s]).cast())
-                    };
+                    let codes =
+                        unsafe { _mm256_loadu_si256(tap.codes.as_ptr().add(runs[s]).cast()) };
                     let lanes = match code {
                         Code::Half => _mm512_cvtph_ps(codes),
                         Code::Integer => _mm512_cvtepi32_ps(_mm512_cvtepi16_epi32(codes)),
@@ -205,14 +191,9 @@ mod x86 {
     }
 
     /// # Safety
-    /// Needs AVX2, FMA and F16C. All runs of all taps must lie within `energies`.
+    /// Needs AVX2, FMA and F16C. All runs must lie within the numbers of all taps.
     #[target_feature(enable = "avx2,fma,f16c")]
-    pub(super) unsafe fn sum_256(
-        stencil: &Stencil,
-        energies: &[u16],
-        code: Code,
-        taps: &[RotationTap],
-    ) -> Sums {
+    pub(super) unsafe fn sum_256(stencil: &Stencil, code: Code, taps: &[RotationTap<'_>]) -> Sums {
         let wide = |v: [f32; 4]| v.map(|x| _mm256_set1_ps(x));
         let (weights, slopes) = (wide(stencil.weights), wide(stencil.slopes));
         let mut out = Sums::default();
@@ -225,7 +206,7 @@ mod x86 {
                     for s in 0..4 {
                         // SAFETY: the caller vouches for every run.
                         let codes = unsafe {
-                            let run = energies.as_ptr().add(tap.start + group[s] + 8 * half);
+                            let run = tap.codes.as_ptr().add(group[s] + 8 * half);
                             _mm_loadu_si128(run.cast())
                         };
                         let lanes = match code {
@@ -294,7 +275,7 @@ mod tests {
                 .collect();
             let taps: Vec<RotationTap> = (0..count)
                 .map(|k| RotationTap {
-                    start: k % rows * length,
+                    codes: &energies[k % rows * length..][..length],
                     weights: std::array::from_fn(|_| weight()),
                 })
                 .collect();
@@ -309,8 +290,7 @@ mod tests {
                 for (g, expected) in expected.iter_mut().enumerate().take(groups) {
                     for s in 0..4 {
                         for l in 0..RUN {
-                            let at = tap.start + stencil.runs[g][s] + l;
-                            let e = value_of(energies[at], code);
+                            let e = value_of(tap.codes[stencil.runs[g][s] + l], code);
                             let [w, a, b, c] = tap.weights.map(f64::from);
                             let (x, dx) = (f64::from(weights[s]), f64::from(slopes[s]));
                             for (sum, f) in
@@ -324,14 +304,11 @@ mod tests {
                     }
                 }
             }
-            let mut found = vec![
-                stencil.sum(&energies, length, code, &taps),
-                stencil.sum_portable(&energies, code, &taps),
-            ];
+            let mut found = vec![stencil.sum(code, &taps), stencil.sum_portable(code, &taps)];
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("f16c") {
                 // SAFETY: the features are there, and the runs above end within 96 numbers.
-                found.push(unsafe { x86::sum_256(&stencil, &energies, code, &taps) });
+                found.push(unsafe { x86::sum_256(&stencil, code, &taps) });
             }
             for sums in found {
                 for (found, expected) in sums.iter().flatten().zip(expected.iter().flatten()) {

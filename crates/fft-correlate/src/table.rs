@@ -1,5 +1,7 @@
 //! Energies over a grid of rotations and a lattice of translations, kept in half precision.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
@@ -12,6 +14,7 @@ use crate::layout::Layout;
 use crate::rotation_domain::{AxisSymmetry, RotationDomain, RotationError};
 use crate::rotation_grid::RotationGrid;
 use crate::stencil::value_of;
+use crate::table_rows::{Row, Rows, zeroed_pages};
 use crate::taps::Interpolation;
 use crate::{ModelError, ScoreModel};
 
@@ -136,18 +139,47 @@ pub trait NodeEnergies: Sync {
 /// the interpolated energy, so its field is conservative.
 #[derive(Debug, Clone)]
 pub struct EnergyTable {
-    spec: TableSpec,
-    /// Its charts number the slots of the rotation nodes that are in memory.
-    grid: RotationGrid,
-    probe: Probe,
-    layout: Layout,
+    plan: Arc<Plan>,
+    rows: Rows,
+    interpolation: Interpolation,
+}
+
+/// Everything of a table but its energies; tables of which different parts are in memory share it.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    pub(crate) spec: TableSpec,
+    /// Its charts number the slots of the rotation nodes that are kept.
+    pub(crate) grid: RotationGrid,
+    pub(crate) probe: Probe,
+    /// Arranges the numbers of every slot.
+    pub(crate) layout: Layout,
     /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
     slots: Vec<u32>,
-    /// What the numbers of each slot are multiplied by, in units.
-    scales: Vec<f32>,
-    /// Arranged by `layout`, slot after slot.
-    energies: Vec<u16>,
-    interpolation: Interpolation,
+}
+
+impl Plan {
+    /// `slots` numbers the rotation nodes to keep.
+    pub(crate) fn new(
+        spec: TableSpec,
+        mut grid: RotationGrid,
+        probe: Probe,
+        layout: Layout,
+        slots: Vec<u32>,
+    ) -> Self {
+        grid.number(&slots);
+        Self {
+            spec,
+            grid,
+            probe,
+            layout,
+            slots,
+        }
+    }
+
+    /// Rotation nodes that are kept.
+    pub(crate) fn kept(&self) -> usize {
+        self.slots.iter().filter(|&&s| s != Chart::ABSENT).count()
+    }
 }
 
 impl TableSpec {
@@ -220,13 +252,6 @@ impl TableSpec {
     }
 }
 
-/// Rotation nodes in memory, to be filled.
-pub(crate) struct Rows<'a> {
-    pub(crate) layout: &'a Layout,
-    pub(crate) scales: &'a mut [f32],
-    pub(crate) energies: &'a mut [u16],
-}
-
 impl EnergyTable {
     /// Computes a table in memory. `memory_limit` bounds the bytes of energies.
     ///
@@ -246,59 +271,62 @@ impl EnergyTable {
         monitor.begin("table", grid.nodes().len() as u64);
         let layout = Layout::dense(spec.window.shape());
         let slots = (0..grid.nodes().len() as u32).collect();
-        let mut table = Self::zeroed(spec.clone(), grid.clone(), probe, layout, slots);
-        let rows = table.rows_mut();
-        let (layout, joules) = (rows.layout, vec![0f32; spec.window.len()]);
-        rows.energies
-            .par_chunks_exact_mut(layout.length())
-            .zip(rows.scales)
+        let plan = Plan::new(spec, grid, probe, layout, slots);
+        Self::filled(
+            plan,
+            || (producer.scratch(), Vec::new(), Encoded::default()),
+            |plan, row, out, (scratch, joules, encoded)| {
+                if monitor.cancelled() {
+                    return Err(TableError::Cancelled);
+                }
+                let Plan {
+                    spec, grid, layout, ..
+                } = plan;
+                joules.resize(spec.window.len(), 0f32);
+                node(spec, grid, producer, row, scratch, joules);
+                encode(spec, &probe, row, joules, encoded)?;
+                let far = far_code(spec, probe.unit, encoded.scale);
+                layout.pack(&encoded.codes, far, out);
+                monitor.advance(1);
+                Ok(encoded.scale)
+            },
+        )
+    }
+
+    /// A table of a size already found acceptable, whose every slot `fill` fills, in parallel, and
+    /// gives the scale of.
+    pub(crate) fn filled<S, E: Send>(
+        plan: Plan,
+        scratch: impl Fn() -> S + Sync + Send,
+        fill: impl Fn(&Plan, usize, &mut [u16], &mut S) -> Result<f32, E> + Sync + Send,
+    ) -> Result<Self, E> {
+        let (kept, length) = (plan.kept(), plan.layout.length());
+        let mut codes = zeroed_pages(kept * length);
+        let mut scales = vec![1.0; kept];
+        codes
+            .par_chunks_exact_mut(length)
+            .zip(&mut scales)
             .enumerate()
-            .try_for_each_init(
-                || (producer.scratch(), joules.clone(), Encoded::default()),
-                |(scratch, joules, encoded), (row, (out, scale))| {
-                    if monitor.cancelled() {
-                        return Err(TableError::Cancelled);
-                    }
-                    node(&spec, &grid, producer, row, scratch, joules);
-                    encode(&spec, &probe, row, joules, encoded)?;
-                    let far = far_code(&spec, probe.unit, encoded.scale);
-                    layout.pack(&encoded.codes, far, out);
-                    *scale = encoded.scale;
-                    monitor.advance(1);
-                    Ok(())
-                },
-            )?;
-        Ok(table)
-    }
-
-    /// A table to be filled, of a size already found acceptable; `slots` numbers the rotation nodes
-    /// to keep.
-    pub(crate) fn zeroed(
-        spec: TableSpec,
-        mut grid: RotationGrid,
-        probe: Probe,
-        layout: Layout,
-        slots: Vec<u32>,
-    ) -> Self {
-        let kept = slots.iter().filter(|&&s| s != Chart::ABSENT).count();
-        grid.number(&slots);
-        Self {
-            energies: zeroed_pages(kept * layout.length()),
-            scales: vec![1.0; kept],
-            spec,
-            grid,
-            probe,
-            layout,
-            slots,
+            .try_for_each_init(scratch, |scratch, (slot, (out, scale))| {
+                *scale = fill(&plan, slot, out, scratch)?;
+                Ok(())
+            })?;
+        Ok(Self {
+            plan: Arc::new(plan),
+            rows: Rows::Whole { codes, scales },
             interpolation: Interpolation::default(),
-        }
+        })
     }
 
-    pub(crate) fn rows_mut(&mut self) -> Rows<'_> {
-        Rows {
-            layout: &self.layout,
-            scales: &mut self.scales,
-            energies: &mut self.energies,
+    /// A table of which only some slots may be in memory.
+    pub(crate) fn of_parts(plan: Arc<Plan>, rows: Vec<Option<Arc<Row>>>) -> Self {
+        Self {
+            plan,
+            rows: Rows::Parts {
+                all: rows.iter().all(Option::is_some),
+                rows,
+            },
+            interpolation: Interpolation::default(),
         }
     }
 
@@ -311,12 +339,12 @@ impl EnergyTable {
 
     /// What the table holds.
     pub fn spec(&self) -> &TableSpec {
-        &self.spec
+        &self.plan.spec
     }
 
     /// The rotation nodes.
     pub fn grid(&self) -> &RotationGrid {
-        &self.grid
+        &self.plan.grid
     }
 
     /// How values between nodes are found.
@@ -326,12 +354,12 @@ impl EnergyTable {
 
     /// Joules per stored unit; a power of two.
     pub fn unit(&self) -> f64 {
-        self.probe.unit
+        self.plan.probe.unit
     }
 
-    /// Bytes of memory that the energies take, without what was left out.
+    /// Bytes of memory that the energies take, without what was left out or is not in memory.
     pub fn memory(&self) -> u64 {
-        2 * self.energies.len() as u64
+        self.rows.bytes()
     }
 
     /// True unless the displacement node holds nothing but the far energy for every rotation and
@@ -340,62 +368,41 @@ impl EnergyTable {
     /// # Panics
     /// If the index is outside the window.
     pub fn holds(&self, index: [usize; 3]) -> bool {
-        self.layout.holds(index)
+        self.plan.layout.holds(index)
     }
 
-    /// Energy of a node, joules; `None` if there is no such node.
+    /// Energy of a node, joules; `None` if there is no such node or it is not in memory.
     pub fn node_energy(&self, row: usize, index: [usize; 3]) -> Option<f64> {
-        let slot = *self.slots.get(row)?;
+        let slot = *self.plan.slots.get(row)?;
         if index
             .iter()
-            .zip(self.spec.window.shape())
+            .zip(self.spec().window.shape())
             .any(|(&i, n)| i >= n)
         {
             return None;
         }
         if slot == Chart::ABSENT {
-            return Some(self.spec.far_energy);
+            return Some(self.spec().far_energy);
         }
-        let slot = slot as usize;
-        let code = self.energies[slot * self.layout.length() + self.layout.place(index)];
-        let value = value_of(code, self.spec.storage.numbers.code());
-        Some(value * f64::from(self.scales[slot]) * self.probe.unit)
+        let (codes, scale) = self.row(slot)?;
+        let code = codes[self.plan.layout.place(index)];
+        let value = value_of(code, self.spec().storage.numbers.code());
+        Some(value * f64::from(scale) * self.unit())
     }
 
-    pub(crate) fn layout(&self) -> &Layout {
-        &self.layout
+    pub(crate) fn plan(&self) -> &Arc<Plan> {
+        &self.plan
     }
 
-    pub(crate) fn energies(&self) -> &[u16] {
-        &self.energies
+    pub(crate) fn rows(&self) -> &Rows {
+        &self.rows
     }
 
-    pub(crate) fn scales(&self) -> &[f32] {
-        &self.scales
+    /// The numbers of a slot and their scale; `None` if they are not in memory.
+    #[inline]
+    pub(crate) fn row(&self, slot: u32) -> Option<(&[u16], f32)> {
+        self.rows.get(slot as usize, self.plan.layout.length())
     }
-}
-
-/// Zeros in as few pages as the system can make of them: a query reads some hundred places, and
-/// with small pages most of them would miss the processor's page cache.
-fn zeroed_pages(length: usize) -> Vec<u16> {
-    let zeros = vec![0u16; length];
-    #[cfg(target_os = "linux")]
-    {
-        const PAGE: usize = 2 << 20;
-        let (start, end) = (
-            zeros.as_ptr() as usize,
-            zeros.as_ptr() as usize + 2 * length,
-        );
-        let first = start.next_multiple_of(PAGE);
-        let inside = end.saturating_sub(first) / PAGE * PAGE;
-        if inside > 0 {
-            // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
-            let _ = unsafe {
-                rustix::mm::madvise(first as *mut _, inside, rustix::mm::Advice::LinuxHugepage)
-            };
-        }
-    }
-    zeros
 }
 
 /// Computes the energies of one rotation node, joules.

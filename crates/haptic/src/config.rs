@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Workspace;
 use crate::pid::PidSettings;
+use crate::spacemouse::Feel;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
 ///
@@ -49,6 +50,8 @@ pub struct HapticConfig {
     pub passivity: PassivityConfig,
     /// What the descriptor of a USB HID PID device cannot say; other devices do not look at it.
     pub pid: PidSettings,
+    /// How fast a 3Dconnexion device's cursor moves; other devices do not look at it.
+    pub spacemouse: Feel,
 }
 
 /// The virtual coupling, in newtons and metres at the device.
@@ -121,6 +124,7 @@ impl Default for HapticConfig {
             limits: LimitConfig::default(),
             passivity: PassivityConfig::default(),
             pid: PidSettings::default(),
+            spacemouse: Feel::default(),
         }
     }
 }
@@ -238,7 +242,24 @@ impl HapticConfig {
         )?;
         natural("passivity.credit", self.passivity.credit)?;
         natural("passivity.max_damping", self.passivity.max_damping)?;
-        self.validate_pid()
+        self.validate_pid()?;
+        self.validate_spacemouse()
+    }
+
+    fn validate_spacemouse(&self) -> Result<(), ConfigError> {
+        let feel = &self.spacemouse;
+        for (key, found) in [
+            ("spacemouse.speed", feel.speed),
+            ("spacemouse.angular_speed", feel.angular_speed),
+        ] {
+            check(key, found, "a number > 0", found > 0.0)?;
+        }
+        check(
+            "spacemouse.dead_zone",
+            feel.dead_zone,
+            "0 ..= 0.9",
+            (0.0..=0.9).contains(&feel.dead_zone),
+        )
     }
 
     fn validate_pid(&self) -> Result<(), ConfigError> {
@@ -289,6 +310,9 @@ mod tests {
         let read: HapticConfig = toml::from_str("[coupling]\nstiffness = 700.0").unwrap();
         assert_eq!(read.coupling.stiffness, 700.0);
         assert_eq!(read.limits, LimitConfig::default());
+        let read: HapticConfig = toml::from_str("spacemouse.speed = 0.02").unwrap();
+        assert_eq!(read.spacemouse.speed, 0.02);
+        assert_eq!(read.spacemouse.angular_speed, Feel::default().angular_speed);
     }
 
     #[test]
@@ -300,7 +324,7 @@ mod tests {
     #[test]
     fn every_range_is_checked() {
         type Change = fn(&mut HapticConfig);
-        let broken: [(&str, Change); 9] = [
+        let broken: [(&str, Change); 12] = [
             ("rate_hz", |c| c.rate_hz = 0.0),
             ("workspace_scale", |c| c.workspace_scale = -1.0),
             ("coupling.evaluations", |c| c.coupling.evaluations = 0),
@@ -310,6 +334,11 @@ mod tests {
             ("pid.max_force", |c| c.pid.max_force = 0.0),
             ("pid.gain", |c| c.pid.gain = 1.1),
             ("pid.signs", |c| c.pid.signs[1] = 0.5),
+            ("spacemouse.speed", |c| c.spacemouse.speed = 0.0),
+            ("spacemouse.angular_speed", |c| {
+                c.spacemouse.angular_speed = f64::NAN;
+            }),
+            ("spacemouse.dead_zone", |c| c.spacemouse.dead_zone = 1.0),
         ];
         for (key, change) in broken {
             let mut config = HapticConfig::default();

@@ -1,15 +1,24 @@
-//! Decides which pairs of a scene are in memory: one decision and at most one load per step.
+//! Decides which pairs of a scene, and which rotations of their tables, are in memory: one decision
+//! and at most one load per step.
 
+mod tables;
+#[cfg(test)]
+mod tables_tests;
+
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
+use fft_correlate::{EnergySource, PartialTable, Pose};
 use glam::DVec3;
 use sdf_grid::Aabb;
 
+use crate::rotations::Rotations;
 use crate::scene::{
-    LoadFailure, Loaded, PairSpec, PairState, SceneChange, SceneError, SceneEvent, SceneOptions,
+    Content, LoadFailure, Loaded, PairSpec, PairState, SceneChange, SceneError, SceneEvent,
+    SceneOptions,
 };
 use crate::servo::panic_message;
 use crate::{LiveSource, Placed, SumSource};
@@ -17,11 +26,20 @@ use crate::{LiveSource, Placed, SumSource};
 /// Time and length of each file; `None` for one that is not there.
 type Stamps = Vec<Option<(SystemTime, u64)>>;
 
+/// A source in memory; several pairs may hold the same.
+#[derive(Clone)]
+struct Held {
+    source: Arc<dyn EnergySource>,
+    reach: Aabb,
+    /// 0 for a table that is kept in part: its rotations count.
+    bytes: u64,
+}
+
 struct Slot {
     spec: PairSpec,
     /// The first pair with the same source.
     group: usize,
-    loaded: Option<Loaded>,
+    loaded: Option<Held>,
     state: PairState,
     /// The files as they were when last loaded.
     stamps: Stamps,
@@ -33,19 +51,29 @@ struct Slot {
 /// The pairs of a scene and what is loaded of them.
 pub(crate) struct Keeper {
     slots: Vec<Slot>,
+    /// The tables that are kept in part, by group.
+    tables: BTreeMap<usize, Rotations>,
+    /// Tables that were replaced or unloaded but that readers may still hold.
+    retired: Vec<PartialTable>,
     options: SceneOptions,
     source: Arc<LiveSource>,
     watched: Instant,
+    /// Where the pivot was at the last look at the tables.
+    last: DVec3,
+    /// Nothing is left to do for the tables until something changes.
+    settled: bool,
+    /// Threads that read tables while the loop runs.
+    pool: Option<rayon::ThreadPool>,
     /// Not yet posted.
     pub(crate) events: Vec<SceneEvent>,
 }
 
 impl Keeper {
-    /// Nothing loaded; `start` is where the pivot is, scene frame.
+    /// Nothing loaded; `start` is where the moving part is.
     pub(crate) fn new(
         pairs: Vec<PairSpec>,
         options: SceneOptions,
-        start: DVec3,
+        start: &Pose,
     ) -> (Self, Arc<LiveSource>) {
         let mut slots: Vec<Slot> = Vec::with_capacity(pairs.len());
         for spec in pairs {
@@ -54,19 +82,25 @@ impl Keeper {
             slots.push(Slot::new(spec, group));
         }
         let sum = sum(&slots, options.pivot);
-        let source = Arc::new(LiveSource::new(options.pivot, sum, start));
+        let source = Arc::new(LiveSource::new(sum, start));
         let keeper = Self {
             slots,
+            tables: BTreeMap::new(),
+            retired: Vec::new(),
+            last: DVec3::ZERO,
             options,
             source: Arc::clone(&source),
             watched: Instant::now(),
+            settled: false,
+            pool: None,
             events: Vec::new(),
         };
         (keeper, source)
     }
 
-    /// Loads every pair in reach of `point`, or says why not.
-    pub(crate) fn load_in_reach(&mut self, point: DVec3) -> Result<(), SceneError> {
+    /// Loads every pair in reach at `start`, and of tables the rotations near it, or says why not.
+    pub(crate) fn load_in_reach(&mut self, start: &Pose) -> Result<(), SceneError> {
+        let point = self.point(start);
         let near: Vec<usize> = (0..self.slots.len())
             .filter(|&i| self.slots[i].distance(point) <= 0.0)
             .collect();
@@ -76,7 +110,11 @@ impl Keeper {
                 source,
             })?;
         }
-        let (needed, budget) = (self.bytes(|_, _| true), self.options.memory);
+        self.look(start);
+        let (needed, budget) = (
+            self.bytes(|_, _| true) + self.needed_bytes(),
+            self.options.memory,
+        );
         if needed > budget {
             let names = near.iter().map(|&i| self.slots[i].spec.name.as_str());
             return Err(SceneError::Memory {
@@ -85,8 +123,18 @@ impl Keeper {
                 budget,
             });
         }
+        while self.load_rotations(self.options.turn_ahead as f32)? {}
         self.publish();
+        // The loop's core is left alone from now on.
+        let threads = rayon::current_num_threads().saturating_sub(1).max(1);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        self.pool = pool.ok();
         Ok(())
+    }
+
+    /// Where the moving part's pivot is, scene frame.
+    fn point(&self, pose: &Pose) -> DVec3 {
+        pose.apply(self.options.pivot)
     }
 
     /// Marks a pair, and those that share its source, to be loaded again.
@@ -102,21 +150,34 @@ impl Keeper {
     /// The states of all pairs, into `states`.
     pub(crate) fn states(&self, states: &mut Vec<PairState>) {
         states.clear();
-        states.extend(self.slots.iter().map(|s| s.state));
+        states.extend(self.slots.iter().map(|s| match self.tables.get(&s.group) {
+            Some(Rotations { table, .. }) if s.state == PairState::Loaded => {
+                match (table.resident(), table.nodes()) {
+                    (rotations, of) if rotations < of => PairState::Partly { rotations, of },
+                    _ => PairState::Loaded,
+                }
+            }
+            _ => s.state,
+        }));
     }
 
-    /// Looks at the files if it is time, and loads the most urgent pair for a moving part at
-    /// `point`.
-    pub(crate) fn step(&mut self, point: DVec3, now: Instant) {
+    /// Looks at the files if it is time, and loads the most urgent pair, or else the most urgent
+    /// rotations, for a moving part at `pose`. True if there is more to do.
+    pub(crate) fn step(&mut self, pose: &Pose, now: Instant) -> bool {
         if now.saturating_duration_since(self.watched) >= self.options.watch {
             self.watched = now;
             for slot in &mut self.slots {
                 slot.look();
             }
         }
+        self.source.tend();
+        let point = self.point(pose);
         match self.next(point) {
-            Some(index) if self.make_room(index, point) => self.bring(index),
-            _ => self.source.tend(),
+            Some(index) if self.make_room(index, point) => {
+                self.bring(index);
+                true
+            }
+            _ => self.turn(pose),
         }
     }
 
@@ -150,7 +211,7 @@ impl Keeper {
     }
 
     /// What another pair has loaded that is this one's too, from the files as they are.
-    fn shared(&self, index: usize, files: &Stamps) -> Option<Loaded> {
+    fn shared(&self, index: usize, files: &Stamps) -> Option<Held> {
         let group = self.slots[index].group;
         let mut others = self.slots.iter().enumerate();
         let twin = others.find(|(i, s)| {
@@ -160,7 +221,8 @@ impl Keeper {
         twin.and_then(|(_, s)| s.loaded.clone())
     }
 
-    /// Unloads the farthest pairs out of reach until `index` fits. Pairs in reach stay.
+    /// Drops rotations that are far and unloads the farthest pairs out of reach until `index` fits.
+    /// Pairs in reach stay.
     fn make_room(&mut self, index: usize, point: DVec3) -> bool {
         let files = stamps(&self.slots[index].spec.files);
         loop {
@@ -168,11 +230,16 @@ impl Keeper {
                 Some(_) => 0,
                 None => self.slots[index].spec.bytes,
             };
-            let others = self.bytes(|i, _| i != index && !self.outdated(index, i));
+            let whole = self.bytes(|i, _| i != index && !self.outdated(index, i));
+            let others = whole + self.rotation_bytes();
             if others.saturating_add(needed) <= self.options.memory {
                 return true;
             }
             let own = self.slots[index].distance(point);
+            let excess = others.saturating_add(needed) - self.options.memory;
+            if self.shed(excess, own <= 0.0) {
+                continue;
+            }
             let farthest = (0..self.slots.len())
                 .filter(|&i| i != index && self.slots[i].loaded.is_some())
                 .map(|i| (self.slots[i].distance(point), i))
@@ -199,6 +266,15 @@ impl Keeper {
         let slot = &mut self.slots[index];
         slot.loaded = None;
         slot.state = PairState::Waiting;
+        let group = slot.group;
+        if self
+            .slots
+            .iter()
+            .all(|s| s.group != group || s.loaded.is_none())
+        {
+            self.change_table(group, None);
+        }
+        self.settled = false;
         self.publish();
         self.tell(index, SceneChange::Unloaded);
     }
@@ -211,18 +287,24 @@ impl Keeper {
             Err(why) => SceneChange::Failed(why.to_string()),
             Ok(bytes) => {
                 let seconds = began.elapsed().as_secs_f64();
-                match again {
-                    true => SceneChange::Reloaded { seconds, bytes },
-                    false => SceneChange::Loaded { seconds, bytes },
+                match (self.tables.get(&self.slots[index].group), again) {
+                    (Some(Rotations { table, .. }), _) => SceneChange::Opened {
+                        rotations: table.nodes(),
+                        each: table.node_bytes(),
+                    },
+                    (None, true) => SceneChange::Reloaded { seconds, bytes },
+                    (None, false) => SceneChange::Loaded { seconds, bytes },
                 }
             }
         };
         self.tell(index, what);
         // It may have turned out larger than expected.
-        if self.bytes(|i, _| !self.outdated(index, i)) > self.options.memory {
+        let all = self.bytes(|i, _| !self.outdated(index, i)) + self.rotation_bytes();
+        if all > self.options.memory && self.slots[index].spec.bytes > 0 {
             let needed = self.slots[index].spec.bytes;
             self.slots[index].loaded = None;
-            let others = self.bytes(|i, _| !self.outdated(index, i));
+            let whole = self.bytes(|i, _| !self.outdated(index, i));
+            let others = whole + self.rotation_bytes();
             let free = self.options.memory.saturating_sub(others);
             self.no_room(index, needed, free);
         }
@@ -240,16 +322,19 @@ impl Keeper {
         slot.seen.clone_from(&files);
         slot.stamps = files;
         let result = match shared {
-            Some(loaded) => Ok(loaded),
-            None => slot.load(),
+            Some(held) => Ok((held, None)),
+            None => slot.load().map(hold),
         };
         match result {
-            Ok(loaded) => {
-                let bytes = loaded.bytes;
+            Ok((loaded, table)) => {
+                let (group, bytes) = (slot.group, loaded.bytes);
                 slot.spec.reach = loaded.reach;
                 slot.spec.bytes = bytes;
                 slot.loaded = Some(loaded);
                 slot.state = PairState::Loaded;
+                if more == 1 {
+                    self.change_table(group, table);
+                }
                 Ok(bytes * more)
             }
             Err(why) => {
@@ -319,6 +404,21 @@ impl Slot {
         }
         self.seen = now;
     }
+}
+
+/// What the pairs of a group share, and the table if it is kept in part.
+fn hold(loaded: Loaded) -> (Held, Option<PartialTable>) {
+    let Loaded { content, reach } = loaded;
+    let (source, bytes, table): (Arc<dyn EnergySource>, _, _) = match content {
+        Content::Whole { source, bytes } => (source, bytes, None),
+        Content::Table(table) => (Arc::new(table.table()), 0, Some(*table)),
+    };
+    let held = Held {
+        source,
+        reach,
+        bytes,
+    };
+    (held, table)
 }
 
 fn stamps(files: &[PathBuf]) -> Stamps {

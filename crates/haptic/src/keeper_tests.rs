@@ -45,9 +45,11 @@ fn pair(k: u32, loads: &Arc<AtomicU32>) -> PairSpec {
         load: Box::new(move || {
             loads.fetch_add(1, Ordering::Relaxed);
             Ok(Loaded {
-                source: Arc::new(Push(f64::from(k) + 1.0)),
+                content: Content::Whole {
+                    source: Arc::new(Push(f64::from(k) + 1.0)),
+                    bytes: 100,
+                },
                 reach: REACH,
-                bytes: 100,
             })
         }),
     }
@@ -62,8 +64,8 @@ fn options(memory: u64) -> SceneOptions {
     }
 }
 
-fn at(x: f64) -> DVec3 {
-    DVec3::new(x, 0.0, 0.0)
+fn at(x: f64) -> Pose {
+    Pose::from_translation(DVec3::new(x, 0.0, 0.0))
 }
 
 fn states(keeper: &Keeper) -> Vec<PairState> {
@@ -74,7 +76,7 @@ fn states(keeper: &Keeper) -> Vec<PairState> {
 
 fn settle(keeper: &mut Keeper, x: f64) {
     for _ in 0..10 {
-        keeper.step(at(x), Instant::now());
+        keeper.step(&at(x), Instant::now());
     }
 }
 
@@ -84,8 +86,8 @@ use PairState::{Loaded as In, NoRoom, Waiting};
 fn only_near_pairs_are_loaded_and_far_ones_make_room() {
     let loads = Arc::new(AtomicU32::new(0));
     let pairs = (0..6).map(|k| pair(k, &loads)).collect();
-    let (mut keeper, _source) = Keeper::new(pairs, options(200), at(0.0));
-    keeper.load_in_reach(at(0.0)).unwrap();
+    let (mut keeper, _source) = Keeper::new(pairs, options(200), &at(0.0));
+    keeper.load_in_reach(&at(0.0)).unwrap();
     settle(&mut keeper, 0.0);
     assert_eq!(
         states(&keeper),
@@ -109,9 +111,9 @@ fn only_near_pairs_are_loaded_and_far_ones_make_room() {
 fn pairs_in_reach_are_not_unloaded_for_others() {
     let loads = Arc::default();
     let mut pairs: Vec<_> = (0..2).map(|k| pair(k, &loads)).collect();
-    pairs[1].placement = Pose::from_translation(at(0.25));
-    let (mut keeper, _source) = Keeper::new(pairs, options(100), at(0.0));
-    keeper.load_in_reach(at(0.0)).unwrap();
+    pairs[1].placement = at(0.25);
+    let (mut keeper, _source) = Keeper::new(pairs, options(100), &at(0.0));
+    keeper.load_in_reach(&at(0.0)).unwrap();
     settle(&mut keeper, 0.09);
     assert_eq!(states(&keeper), [In, NoRoom]);
     let told = keeper.events.iter().filter(|e| {
@@ -150,14 +152,14 @@ fn a_changed_file_is_loaded_again_once_it_stands_still() {
     let loads = Arc::new(AtomicU32::new(0));
     let mut spec = pair(0, &loads);
     spec.files = vec![file.clone()];
-    let (mut keeper, _source) = Keeper::new(vec![spec], options(1000), at(0.0));
-    keeper.load_in_reach(at(0.0)).unwrap();
+    let (mut keeper, _source) = Keeper::new(vec![spec], options(1000), &at(0.0));
+    keeper.load_in_reach(&at(0.0)).unwrap();
     settle(&mut keeper, 0.0);
     assert_eq!(loads.load(Ordering::Relaxed), 1);
     // Growing at every look: still being written.
     for size in 2..6 {
         std::fs::write(&file, "x".repeat(size)).unwrap();
-        keeper.step(at(0.0), Instant::now());
+        keeper.step(&at(0.0), Instant::now());
     }
     assert_eq!(loads.load(Ordering::Relaxed), 1);
     settle(&mut keeper, 0.0);
@@ -177,18 +179,18 @@ fn the_same_part_in_several_places_is_loaded_and_counted_once() {
     let loads = Arc::new(AtomicU32::new(0));
     let mut pairs: Vec<_> = (0..3).map(|k| pair(k, &loads)).collect();
     for (k, pair) in pairs.iter_mut().enumerate() {
-        pair.placement = Pose::from_translation(at(0.05 * k as f64));
+        pair.placement = at(0.05 * k as f64);
         pair.files = vec![file.clone()];
         // By way of another one too.
         pair.same_as = k.checked_sub(1);
     }
     // Room for one.
-    let (mut keeper, source) = Keeper::new(pairs, options(100), at(0.0));
-    keeper.load_in_reach(at(0.05)).unwrap();
+    let (mut keeper, source) = Keeper::new(pairs, options(100), &at(0.0));
+    keeper.load_in_reach(&at(0.05)).unwrap();
     assert_eq!(states(&keeper), [In, In, In]);
     assert_eq!(loads.load(Ordering::Relaxed), 1);
     let mut reader = source.scratch();
-    let pose = Pose::from_translation(at(0.05));
+    let pose = at(0.05);
     let answer = source.evaluate(&pose, &mut reader);
     // Each pushes with one newton, from where it stands.
     assert_eq!(answer.wrench.force.x, 3.0);
@@ -223,12 +225,12 @@ fn what_cannot_be_loaded_leaves_what_was_there() {
         assert!(!flag.load(Ordering::Relaxed), "the mesh has a hole");
         good()
     });
-    let (mut keeper, source) = Keeper::new(vec![spec], options(1000), at(0.0));
-    keeper.load_in_reach(at(0.0)).unwrap();
+    let (mut keeper, source) = Keeper::new(vec![spec], options(1000), &at(0.0));
+    keeper.load_in_reach(&at(0.0)).unwrap();
     let mut reader = source.scratch();
     broken.store(true, Ordering::Relaxed);
     keeper.reload(0);
-    keeper.step(at(0.0), Instant::now());
+    keeper.step(&at(0.0), Instant::now());
     let what = &keeper.events.last().unwrap().what;
     assert!(
         matches!(what, SceneChange::Failed(why) if why.contains("hole")),
@@ -246,7 +248,7 @@ fn a_scene_loads_while_it_is_asked_and_ends_when_dropped() {
     let scene = LiveScene::start(pairs, options(1000), &Pose::IDENTITY).unwrap();
     let source = scene.source();
     let mut reader = source.scratch();
-    let pose = Pose::from_translation(at(2.0));
+    let pose = at(2.0);
     assert_eq!(
         source.evaluate(&pose, &mut reader).coverage,
         0.0,

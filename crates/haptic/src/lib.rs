@@ -32,6 +32,7 @@ pub mod realtime;
 pub mod record;
 pub mod replay;
 pub mod report;
+mod rotations;
 pub mod sample;
 pub mod scene;
 pub mod script;

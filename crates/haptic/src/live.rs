@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::SumSource;
@@ -17,12 +17,14 @@ use crate::SumSource;
 const RING: usize = 4;
 
 /// The newest [`SumSource`] for every reader.
+///
+/// A pair of which not all that matters at the pose is in memory does not count for a reader, and its
+/// going and coming are changes like an exchange: they happen in [`EnergySource::refresh`] only.
 pub struct LiveSource {
-    pivot: DVec3,
     newest: Mutex<Shared>,
-    /// Where the moving part's pivot was last asked for, metres, as bits. Torn reads are harmless:
-    /// it only says what to load next.
-    asked: [AtomicU64; 3],
+    /// The pose last asked for, metres and a quaternion, as bits. Torn reads are harmless: it only
+    /// says what to load next.
+    asked: [AtomicU64; 7],
 }
 
 struct Shared {
@@ -48,28 +50,53 @@ struct View {
 struct Snapshot {
     sum: SumSource,
     scratch: Scratch,
+    /// Whether each pair counts.
+    on: Vec<bool>,
 }
 
 impl Snapshot {
     fn new(sum: &SumSource) -> Box<Self> {
         Box::new(Self {
             scratch: sum.scratch(),
+            on: vec![true; sum.len()],
             sum: sum.clone(),
         })
     }
 }
 
+impl View {
+    /// Takes over the next snapshot, if there is one, and says what that changed at `pose`.
+    fn exchange(&mut self, pose: &Pose) -> Option<Response> {
+        if self.retired.is_full() {
+            return None;
+        }
+        let mut next = self.updates.pop().ok()?;
+        let old = &mut self.current;
+        for (i, on) in next.on.iter_mut().enumerate() {
+            *on = !next.sum.same_field(&old.sum, i) || old.on[i];
+        }
+        let change = next.sum.change_since(
+            &old.sum,
+            pose,
+            (&mut next.scratch, &next.on),
+            (&mut old.scratch, &old.on),
+        );
+        let old = std::mem::replace(&mut self.current, next);
+        // There is room: this end alone fills the ring.
+        let _ = self.retired.push(old);
+        change
+    }
+}
+
 impl LiveSource {
-    /// Begins with `sum`, whose pivot (metres, moving part's frame) is `pivot`; `start` is what
-    /// [`LiveSource::asked`] says before the first evaluation.
-    pub fn new(pivot: DVec3, sum: SumSource, start: DVec3) -> Self {
+    /// Begins with `sum`; `start` is what [`LiveSource::asked`] says before the first evaluation.
+    pub fn new(sum: SumSource, start: &Pose) -> Self {
         Self {
-            pivot,
             newest: Mutex::new(Shared {
                 sum,
                 ports: Vec::new(),
             }),
-            asked: start.to_array().map(|v| AtomicU64::new(v.to_bits())),
+            asked: numbers(start).map(|v| AtomicU64::new(v.to_bits())),
         }
     }
 
@@ -89,16 +116,22 @@ impl LiveSource {
         self.shared().tend();
     }
 
-    /// Where the moving part's pivot was last asked for, scene frame, metres.
-    pub fn asked(&self) -> DVec3 {
+    /// The moving part's pose that was last asked for, in the scene.
+    pub fn asked(&self) -> Pose {
         let at = |k: usize| f64::from_bits(self.asked[k].load(Ordering::Relaxed));
-        DVec3::new(at(0), at(1), at(2))
+        let rotation = DQuat::from_xyzw(at(3), at(4), at(5), at(6));
+        Pose::new(rotation, DVec3::new(at(0), at(1), at(2)))
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
         // What is behind the lock is whole at every step: a panic elsewhere leaves it usable.
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+fn numbers(pose: &Pose) -> [f64; 7] {
+    let ([x, y, z], [a, b, c, w]) = (pose.translation.to_array(), pose.rotation.to_array());
+    [x, y, z, a, b, c, w]
 }
 
 impl Shared {
@@ -145,32 +178,34 @@ impl EnergySource for LiveSource {
     }
 
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
-        let asked = pose.apply(self.pivot).to_array();
-        for (cell, value) in self.asked.iter().zip(asked) {
+        for (cell, value) in self.asked.iter().zip(numbers(pose)) {
             cell.store(value.to_bits(), Ordering::Relaxed);
         }
         let Some(view) = view(scratch) else {
             debug_assert!(false, "scratch of another source");
             return Response::default();
         };
-        let Snapshot { sum, scratch } = &mut *view.current;
-        sum.evaluate(pose, scratch)
+        let Snapshot { sum, scratch, on } = &mut *view.current;
+        sum.respond(pose, scratch, |i| on[i])
     }
 
     fn refresh(&self, pose: &Pose, scratch: &mut Scratch) -> Option<Response> {
         let view = view(scratch)?;
-        if view.retired.is_full() {
-            return None;
+        let exchanged = view.exchange(pose);
+        let Snapshot { sum, scratch, on } = &mut *view.current;
+        match (exchanged, sum.switch(pose, scratch, on)) {
+            (Some(a), Some(b)) => Some(Response {
+                energy: a.energy + b.energy,
+                wrench: a.wrench + b.wrench,
+                coverage: a.coverage.max(b.coverage),
+            }),
+            (a, b) => a.or(b),
         }
-        let mut next = view.updates.pop().ok()?;
-        let old = &mut view.current;
-        let change = next
-            .sum
-            .change_since(&old.sum, pose, &mut next.scratch, &mut old.scratch);
-        let old = std::mem::replace(&mut view.current, next);
-        // There is room: this end alone fills the ring.
-        let _ = view.retired.push(old);
-        Some(change)
+    }
+
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        let view = scratch.view.as_ref().and_then(|v| v.downcast_ref::<View>());
+        view.is_some_and(|v| v.current.sum.counts_all(pose, &v.current.on))
     }
 }
 
@@ -216,11 +251,11 @@ mod tests {
     #[test]
     fn a_reader_sees_the_newest_only_after_it_refreshes_and_frees_nothing() {
         let drops = Arc::new(AtomicU64::new(0));
-        let live = LiveSource::new(DVec3::Z, sum(1.0, &drops), DVec3::ZERO);
+        let live = LiveSource::new(sum(1.0, &drops), &Pose::IDENTITY);
         let pose = Pose::from_translation(DVec3::X);
         let mut reader = live.scratch();
         assert_eq!(live.evaluate(&pose, &mut reader).energy, 1.0);
-        assert_eq!(live.asked(), DVec3::new(1.0, 0.0, 1.0));
+        assert_eq!(live.asked(), pose);
         assert!(live.refresh(&pose, &mut reader).is_none());
         live.publish(sum(3.5, &drops));
         assert_eq!(live.evaluate(&pose, &mut reader).energy, 1.0);
@@ -234,7 +269,7 @@ mod tests {
     #[test]
     fn a_reader_that_does_not_refresh_holds_nobody_up_and_ends_with_the_newest() {
         let drops = Arc::new(AtomicU64::new(0));
-        let live = LiveSource::new(DVec3::ZERO, sum(0.0, &drops), DVec3::ZERO);
+        let live = LiveSource::new(sum(0.0, &drops), &Pose::IDENTITY);
         let mut reader = live.scratch();
         for k in 1..=100 {
             live.publish(sum(f64::from(k), &drops));

@@ -182,6 +182,9 @@ impl ForcePath {
             sample.flags |= flags::DAMPED;
         }
         sample.object = self.workspace.part_pose(&out.object);
+        if !source.is_loaded(&sample.object, &self.scratch) {
+            sample.flags |= flags::NOT_LOADED;
+        }
         sample.energy = out.response.energy;
         sample.coverage = out.response.coverage;
         sample.evaluations = out.evaluations;

@@ -75,6 +75,9 @@ pub struct LoopReport {
     pub input_faults: u64,
     /// Times the energy source was exchanged ([`flags::CHANGED`]).
     pub changes: u64,
+    /// Ticks in which a part in reach, or rotations of its table that matter, were not in memory
+    /// ([`flags::NOT_LOADED`]).
+    pub not_loaded: u64,
     /// Ticks in which the passivity controller acted.
     pub damped: u64,
     /// Wrenches the device did not take.
@@ -125,6 +128,7 @@ pub(crate) struct Tally {
     missed: u64,
     input_faults: u64,
     changes: u64,
+    not_loaded: u64,
     damped: u64,
     not_sent: u64,
     evaluations: u64,
@@ -148,6 +152,7 @@ impl Tally {
             missed: 0,
             input_faults: 0,
             changes: 0,
+            not_loaded: 0,
             damped: 0,
             not_sent: 0,
             evaluations: 0,
@@ -161,6 +166,7 @@ impl Tally {
         self.seconds = sample.time + sample.dt.min(1.0);
         self.input_faults += has(flags::NO_INPUT | flags::BAD_INPUT | flags::STALE | flags::JUMP);
         self.changes += has(flags::CHANGED);
+        self.not_loaded += has(flags::NOT_LOADED);
         self.damped += has(flags::DAMPED);
         self.not_sent += has(flags::NOT_SENT);
         self.evaluations += u64::from(sample.evaluations);
@@ -202,6 +208,7 @@ impl Tally {
             missed: self.missed,
             input_faults: self.input_faults,
             changes: self.changes,
+            not_loaded: self.not_loaded,
             damped: self.damped,
             not_sent: self.not_sent,
             dropped_samples: dropped,

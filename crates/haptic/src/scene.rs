@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fft_correlate::{EnergySource, Pose};
+use fft_correlate::{EnergySource, PartialTable, Pose};
 use glam::DVec3;
 use sdf_grid::Aabb;
 
@@ -17,22 +17,35 @@ use crate::keeper::Keeper;
 /// Pause of the loading thread between two looks at where the part is.
 const LOOK: Duration = Duration::from_millis(10);
 
+/// The same while there is more to load: time for the loop to give back what it no longer needs.
+const BUSY: Duration = Duration::from_millis(1);
+
 /// What a loader may fail with.
 pub type LoadFailure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Makes the energy source of a pair; called on the loading thread, as often as the pair is loaded.
 pub type Loader = Box<dyn FnMut() -> Result<Loaded, LoadFailure> + Send>;
 
+/// The energy of a pair.
+pub enum Content {
+    /// All in memory.
+    Whole {
+        /// Energy of the moving part in the fixed part's frame.
+        source: Arc<dyn EnergySource>,
+        /// Memory it takes, bytes.
+        bytes: u64,
+    },
+    /// A table on disk, of which the rotations near the part's own are kept in memory.
+    Table(Box<PartialTable>),
+}
+
 /// A pair ready to be asked.
-#[derive(Clone)]
 pub struct Loaded {
-    /// Energy of the moving part in the fixed part's frame.
-    pub source: Arc<dyn EnergySource>,
+    /// Its energy.
+    pub content: Content,
     /// Where the moving part's pivot must be, in the fixed part's frame, for the energy to differ
     /// from zero, metres.
     pub reach: Aabb,
-    /// Memory it takes, bytes.
-    pub bytes: u64,
 }
 
 /// A fixed part and how to get the energy of the moving part against it.
@@ -43,7 +56,8 @@ pub struct PairSpec {
     pub placement: Pose,
     /// What [`Loaded::reach`] will be; known before anything is loaded.
     pub reach: Aabb,
-    /// What [`Loaded::bytes`] will be, as far as it is known.
+    /// Memory that it will take if it is whole, as far as it is known; 0 for a table that is kept in
+    /// part.
     pub bytes: u64,
     /// The pair is loaded again when one of these changes.
     pub files: Vec<PathBuf>,
@@ -64,17 +78,21 @@ pub struct SceneOptions {
     pub memory: u64,
     /// Pairs whose reach is nearer than this to the pivot are loaded ahead, metres.
     pub ahead: f64,
+    /// Rotations of a table that the part can reach by turning no farther than this, radians, are
+    /// loaded before the loop starts, and make no room for a pair that is not yet in reach.
+    pub turn_ahead: f64,
     /// Time between two looks at the files.
     pub watch: Duration,
 }
 
 impl Default for SceneOptions {
-    /// The part's origin, no limit, 20 mm ahead, files twice a second.
+    /// The part's origin, no limit, 20 mm and 10 degrees ahead, files twice a second.
     fn default() -> Self {
         Self {
             pivot: DVec3::ZERO,
             memory: u64::MAX,
             ahead: 0.02,
+            turn_ahead: 10f64.to_radians(),
             watch: Duration::from_millis(500),
         }
     }
@@ -138,10 +156,24 @@ pub enum SceneChange {
     },
     /// It made room for a nearer pair.
     Unloaded,
-    /// It could not be loaded; what was loaded before stays. It is tried again when its files
-    /// change or a reload is asked for.
+    /// The table of a pair that came near was opened, or opened again because it changed: its rotations
+    /// are loaded as the part comes near them.
+    Opened {
+        /// Rotations of the whole table.
+        rotations: usize,
+        /// Memory that each takes, bytes.
+        each: u64,
+    },
+    /// All rotations of its table are in memory.
+    Complete {
+        /// Memory that they take.
+        bytes: u64,
+    },
+    /// It, or rotations of its table, could not be loaded; what was loaded before stays. It is tried
+    /// again when its files change or a reload is asked for.
     Failed(String),
-    /// It is near but does not fit into the budget beside the pairs in reach.
+    /// It, or rotations of its table that are needed, are near but do not fit into the budget beside what
+    /// is in reach.
     NoRoom {
         /// Bytes it needs.
         needed: u64,
@@ -157,6 +189,13 @@ pub enum PairState {
     Waiting,
     /// Loaded and asked where it is in reach.
     Loaded,
+    /// Asked where it is in reach and the rotations that matter are in memory.
+    Partly {
+        /// Rotations in memory.
+        rotations: usize,
+        /// Rotations of the whole table.
+        of: usize,
+    },
     /// Could not be loaded.
     Failed,
     /// Does not fit into the budget.
@@ -188,9 +227,8 @@ impl LiveScene {
         options: SceneOptions,
         start: &Pose,
     ) -> Result<Self, SceneError> {
-        let point = start.apply(options.pivot);
-        let (mut keeper, source) = Keeper::new(pairs, options, point);
-        keeper.load_in_reach(point)?;
+        let (mut keeper, source) = Keeper::new(pairs, options, start);
+        keeper.load_in_reach(start)?;
         let board = Arc::new(Mutex::new(Board::default()));
         post(&board, &mut keeper);
         let (commands, orders) = mpsc::channel();
@@ -199,13 +237,17 @@ impl LiveScene {
             .name("haptic-loader".into())
             .spawn(move || {
                 let (board, source) = shared;
+                let mut pause = LOOK;
                 loop {
-                    match orders.recv_timeout(LOOK) {
+                    match orders.recv_timeout(pause) {
                         Ok(pair) => keeper.reload(pair),
                         Err(RecvTimeoutError::Timeout) => {}
                         Err(RecvTimeoutError::Disconnected) => return,
                     }
-                    keeper.step(source.asked(), Instant::now());
+                    pause = match keeper.step(&source.asked(), Instant::now()) {
+                        true => BUSY,
+                        false => LOOK,
+                    };
                     post(&board, &mut keeper);
                 }
             })

@@ -22,6 +22,7 @@ use std::time::Duration;
 
 use fft_correlate::Twist;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::hid::{Decoder, HidPort};
 use crate::io_thread::{Motion, Reading};
@@ -126,15 +127,16 @@ pub fn parse(bytes: &[u8]) -> Report {
     }
 }
 
-/// How deflections become speeds.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// How deflections become speeds: the table `spacemouse` of a scene's `[device]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Feel {
-    /// m/s at full deflection.
+    /// m/s of the device at full deflection, > 0. Default 0.1.
     pub speed: f64,
-    /// rad/s at full deflection.
+    /// rad/s at full deflection, > 0. Default 1.
     pub angular_speed: f64,
-    /// Share of the full deflection that counts as none, 0 .. 1. The speed rises from zero at its
-    /// edge.
+    /// Share of the full deflection that counts as none, 0 ..= 0.9. Default 0.05. The speed rises
+    /// from zero at its edge.
     pub dead_zone: f64,
 }
 

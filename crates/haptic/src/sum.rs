@@ -23,7 +23,8 @@ pub struct Placed {
 /// The sum of several pairs. Pairs whose reach the moving part's pivot is not in are not looked at.
 ///
 /// Among the pairs in reach the coverage is the greatest of those that are loaded, times the share
-/// that is: a pair that is in reach and not loaded pulls it below one and adds no force. Leaving a
+/// that is: a pair that is in reach and not loaded, in whole or in the part that matters, pulls it
+/// below one and adds no force. Leaving a
 /// box where the pair's energy is not near zero makes a step in the sum: make boxes as wide as the
 /// source's own domain.
 #[derive(Clone)]
@@ -89,30 +90,96 @@ impl SumSource {
         source.as_ref().map(|s| s.scratch()).unwrap_or_default()
     }
 
-    /// What this sum gives beyond `old` at `pose`. Pairs that are the same object in both are not
-    /// asked.
+    /// What this sum gives beyond `old` at `pose`; `None` if all pairs are the same fields in both,
+    /// whatever of them is in memory. Pairs that are the same are not asked. `on` and `old_on` say
+    /// which pairs count.
     pub(crate) fn change_since(
         &self,
         old: &Self,
         pose: &Pose,
-        scratch: &mut Scratch,
-        old_scratch: &mut Scratch,
-    ) -> Response {
+        (scratch, on): (&mut Scratch, &[bool]),
+        (old_scratch, old_on): (&mut Scratch, &[bool]),
+    ) -> Option<Response> {
+        if self.len() == old.len() && (0..self.len()).all(|i| self.same_field(old, i)) {
+            return None;
+        }
         let mut change = Response::default();
         self.visit(pose, |i, pair| {
-            if !old.pairs.get(i).is_some_and(|o| pair.same(o)) {
+            if on[i] && !self.same_field(old, i) {
                 add(&mut change, &pair.answer(pose, &mut scratch.nested[i]));
             }
         });
         let mut gone = Response::default();
         old.visit(pose, |i, pair| {
-            if !self.pairs.get(i).is_some_and(|n| pair.same(n)) {
+            if old_on[i] && !self.same_field(old, i) {
                 add(&mut gone, &pair.answer(pose, &mut old_scratch.nested[i]));
             }
         });
         change.energy -= gone.energy;
         change.wrench += gone.wrench * -1.0;
+        Some(change)
+    }
+
+    /// Whether pair `index` is the same field in both sums, whatever of it is in memory.
+    pub(crate) fn same_field(&self, other: &Self, index: usize) -> bool {
+        let pair = (self.pairs.get(index), other.pairs.get(index));
+        matches!(pair, (Some(a), Some(b)) if a.same_field(b))
+    }
+
+    /// Lets every pair in reach count if all that matters of it at `pose` is in memory, and gives what
+    /// that changed; `None` if nothing.
+    pub(crate) fn switch(
+        &self,
+        pose: &Pose,
+        scratch: &mut Scratch,
+        on: &mut [bool],
+    ) -> Option<Response> {
+        let mut change: Option<Response> = None;
+        self.visit(pose, |i, pair| {
+            let scratch = &mut scratch.nested[i];
+            let loaded = pair.placed.source.is_none() || pair.is_loaded(pose, scratch);
+            if loaded != on[i] {
+                on[i] = loaded;
+                let answer = pair.answer(pose, scratch);
+                let sign = if loaded { 1.0 } else { -1.0 };
+                let part = Response {
+                    energy: sign * answer.energy,
+                    wrench: answer.wrench * sign,
+                    coverage: if loaded { answer.coverage } else { 0.0 },
+                };
+                add(change.get_or_insert_default(), &part);
+            }
+        });
         change
+    }
+
+    /// Whether every pair in reach is loaded and counts.
+    pub(crate) fn counts_all(&self, pose: &Pose, on: &[bool]) -> bool {
+        let mut all = true;
+        self.visit(pose, |i, pair| all &= on[i] && pair.placed.source.is_some());
+        all
+    }
+
+    /// The sum over the pairs in reach for which `counts` holds; the others count as not loaded.
+    pub(crate) fn respond(
+        &self,
+        pose: &Pose,
+        scratch: &mut Scratch,
+        counts: impl Fn(usize) -> bool,
+    ) -> Response {
+        let mut sum = Response::default();
+        let (mut in_reach, mut loaded) = (0u32, 0u32);
+        self.visit(pose, |i, pair| {
+            in_reach += 1;
+            if pair.placed.source.is_some() && counts(i) {
+                loaded += 1;
+                add(&mut sum, &pair.answer(pose, &mut scratch.nested[i]));
+            }
+        });
+        if loaded < in_reach {
+            sum.coverage *= f64::from(loaded) / f64::from(in_reach);
+        }
+        sum
     }
 
     /// The pairs in reach, in the order of their boxes.
@@ -160,10 +227,17 @@ impl Pair {
         reach.is_none_or(|r| r.contains(self.inverse.apply(pivot)))
     }
 
-    fn same(&self, other: &Self) -> bool {
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        let source = &self.placed.source;
+        source
+            .as_ref()
+            .is_some_and(|s| s.is_loaded(&(self.inverse * *pose), scratch))
+    }
+
+    fn same_field(&self, other: &Self) -> bool {
         match (&self.placed.source, &other.placed.source) {
             (Some(a), Some(b)) => {
-                Arc::ptr_eq(a, b)
+                a.field() == b.field()
                     && self.placed.placement == other.placed.placement
                     && self.placed.reach == other.placed.reach
             }
@@ -199,17 +273,15 @@ impl EnergySource for SumSource {
     }
 
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
-        let mut sum = Response::default();
-        let (mut reached, mut loaded) = (0u32, 0u32);
-        self.visit(pose, |index, pair| {
-            reached += 1;
-            loaded += u32::from(pair.placed.source.is_some());
-            add(&mut sum, &pair.answer(pose, &mut scratch.nested[index]));
+        self.respond(pose, scratch, |_| true)
+    }
+
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        let mut all = true;
+        self.visit(pose, |i, pair| {
+            all &= pair.is_loaded(pose, &scratch.nested[i])
         });
-        if loaded < reached {
-            sum.coverage *= f64::from(loaded) / f64::from(reached);
-        }
-        sum
+        all
     }
 }
 
@@ -316,7 +388,10 @@ mod tests {
         pairs[1].source = Some(spring);
         let loaded = SumSource::new(PIVOT, pairs);
         let mut fresh = loaded.scratch();
-        let change = loaded.change_since(&part, &here, &mut fresh, &mut scratch);
+        let on = vec![true; 64];
+        let change = loaded
+            .change_since(&part, &here, (&mut fresh, &on), (&mut scratch, &on))
+            .unwrap();
         let after = loaded.evaluate(&here, &mut fresh);
         assert_eq!(after, whole.evaluate(&here, &mut whole.scratch()));
         let expected = after.wrench + answer.wrench * -1.0;
@@ -324,5 +399,8 @@ mod tests {
         assert!((change.wrench.force - expected.force).length() < 1e-14);
         assert!((change.energy - (after.energy - answer.energy)).abs() < 1e-14);
         assert!(change.wrench.force.length() > 0.1);
+        let other = loaded.clone();
+        let none = loaded.change_since(&other, &here, (&mut fresh, &on), (&mut scratch, &on));
+        assert_eq!(none, None);
     }
 }

@@ -9,12 +9,19 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use common::{Well, hand, workspace};
-use fft_correlate::{EnergySource, Pose, Wrench};
-use glam::DVec3;
-use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveSource,
-    Placed, Script, Session, SumSource,
+use fft_correlate::bake::{Share, bake_files};
+use fft_correlate::{
+    EnergySource, NodeEnergies, PartialTable, Pose, RotationDomain, ScoreModel, Storage,
+    TableFiles, TableSpec, TableStore, Wrench,
 };
+use glam::{DQuat, DVec3};
+use haptic::scene::{Content, Loaded, PairState};
+use haptic::{
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveScene,
+    LiveSource, PairSpec, Placed, SceneOptions, Script, Session, SumSource, flags,
+};
+use ndarray::ArrayViewMut3;
+use sdf_grid::{Aabb, Lattice, Silent};
 
 struct Counting;
 
@@ -140,7 +147,7 @@ fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
         };
         SumSource::new(DVec3::ZERO, vec![placed; 8])
     };
-    let live = LiveSource::new(DVec3::ZERO, sum(), DVec3::ZERO);
+    let live = LiveSource::new(sum(), &Pose::IDENTITY);
     let (done, published) = (AtomicBool::new(false), AtomicU32::new(0));
     std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -156,4 +163,134 @@ fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
         assert_eq!(calls, 0);
     });
     assert!(published.load(Ordering::Relaxed) > 3);
+}
+
+/// A spring about zero and a valley for every turn.
+struct Valleys;
+
+impl NodeEnergies for Valleys {
+    type Scratch = ();
+
+    fn scratch(&self) {}
+
+    fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
+        let turn = rotation.to_scaled_axis();
+        for ((i, j, k), e) in out.indexed_iter_mut() {
+            let p = DVec3::new(i as f64, j as f64, k as f64) - 2.0;
+            *e = (2.0 * p.length_squared() - 24.0 + (5.0 * turn).dot(p).cos()) as f32 * 1e-2;
+        }
+    }
+}
+
+/// Holds the part off its middle and turns it to and fro, 55 degrees each way; jumps once.
+struct Turner(DeviceSpec);
+
+impl Device for Turner {
+    fn spec(&self) -> &DeviceSpec {
+        &self.0
+    }
+
+    fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
+        let angle = 0.95 * (1.5 * now).sin() * if now < 1.5 { 1.0 } else { -1.0 };
+        let turn = DQuat::from_axis_angle(DVec3::new(0.3, 0.8, -0.5).normalize(), angle);
+        Ok(DeviceState::at(
+            Pose::new(turn, DVec3::new(0.008, 0.0, -0.006)),
+            now,
+        ))
+    }
+
+    fn send(&mut self, _: &Wrench) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn stop_all(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// A scene of one table that keeps a quarter of its rotations in memory.
+fn quarter_of_a_table() -> LiveScene {
+    let spec = TableSpec {
+        model: ScoreModel::GUIDED,
+        pivot: [0.0; 3],
+        window: Lattice::new(DVec3::splat(-0.02), 0.01, [5; 3]).unwrap(),
+        rotations: RotationDomain::ball(60.0, 6.0),
+        symmetry: None,
+        far_energy: 0.0,
+        storage: Storage::default(),
+        fields: None,
+        fixed_mesh: String::new(),
+        moving_mesh: String::new(),
+    };
+    let files = TableFiles::in_memory("valleys");
+    bake_files(&files, &spec, &Valleys, Share::ALL, &Silent).unwrap();
+    let table = PartialTable::new(TableStore::open_files(&files).unwrap()).unwrap();
+    let options = SceneOptions {
+        memory: table.node_bytes() * table.nodes() as u64 / 4,
+        ..SceneOptions::default()
+    };
+    let reach = Aabb {
+        min: DVec3::splat(-0.04),
+        max: DVec3::splat(0.04),
+    };
+    let mut table = Some(Box::new(table));
+    let pair = PairSpec {
+        name: "valleys".into(),
+        placement: Pose::IDENTITY,
+        reach,
+        bytes: 0,
+        files: Vec::new(),
+        same_as: None,
+        load: Box::new(move || {
+            let table = table.take().ok_or("opened twice")?;
+            Ok(Loaded {
+                content: Content::Table(table),
+                reach,
+            })
+        }),
+    };
+    LiveScene::start(vec![pair], options, &Pose::IDENTITY).unwrap()
+}
+
+#[test]
+fn no_tick_allocates_or_knocks_while_the_rotations_of_a_table_come_and_go() {
+    let scene = quarter_of_a_table();
+    let mut device = Watched {
+        inner: Turner(HandConfig::default().spec()),
+        polls: 0,
+        before: 0,
+        after: 0,
+    };
+    let config = HapticConfig {
+        ramp_s: 0.1,
+        ..HapticConfig::default()
+    };
+    let rates = (config.limits.force_rate, config.limits.torque_rate);
+    let outcome = Session::new(config, workspace())
+        .keep_samples()
+        .run(
+            &mut device,
+            scene.source(),
+            Clock::Real,
+            3.0,
+            &AtomicBool::new(false),
+        )
+        .unwrap();
+    assert!(device.polls > 100);
+    assert_eq!(device.after - device.before, 0);
+    assert!(outcome.report.peak_force > 0.5, "it was felt");
+    for pair in outcome.samples.windows(2) {
+        let step = pair[1].wrench + pair[0].wrench * -1.0;
+        // The rate limits, and the rounding of their own arithmetic.
+        let most = pair[1].dt * (1.0 + 1e-9) + 1e-12;
+        assert!(step.force.length() <= rates.0 * most, "{:?}", pair[1]);
+        assert!(step.torque.length() <= rates.1 * most, "{:?}", pair[1]);
+        if pair[1].flags & flags::NOT_LOADED != 0 {
+            assert_eq!((pair[1].energy, pair[1].coverage), (0.0, 0.0));
+        }
+    }
+    let not_loaded = outcome.samples.iter();
+    let not_loaded = not_loaded.filter(|s| s.flags & flags::NOT_LOADED != 0);
+    assert_eq!(outcome.report.not_loaded, not_loaded.count() as u64);
+    assert!(matches!(scene.states()[0], PairState::Partly { .. }));
 }

@@ -58,7 +58,7 @@ fn sum(wells: &[(Well, DVec3)]) -> SumSource {
 }
 
 fn run(before: SumSource, after: SumSource) -> Outcome {
-    let live = Arc::new(LiveSource::new(DVec3::ZERO, before, DVec3::ZERO));
+    let live = Arc::new(LiveSource::new(before, &Pose::IDENTITY));
     let mut device = Holder {
         spec: HandConfig::default().spec(),
         polls: 0,

@@ -1,9 +1,7 @@
 //! `pegfit devices`: what is attached, what it can do, and which one `--device` means.
 
 use haptic::hid::{self, Access, DeviceInfo, DeviceKind};
-use haptic::pid::PidSettings;
-use haptic::spacemouse::Feel;
-use haptic::{Device, DeviceError, DeviceSpec, HandConfig, Replay, read_log};
+use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
 use super::{Context, print_json};
 use crate::args::DevicesArgs;
@@ -50,10 +48,10 @@ pub(super) fn run(args: &DevicesArgs, context: &Context) -> Result<(), CommandEr
     Err(unusable(&found))
 }
 
-/// The device that `choice` means, opened with these settings; `None` for the simulated hand.
+/// The device that `choice` means, opened with the settings of its kind; `None` for the simulated hand.
 pub(super) fn choose(
     choice: &DeviceChoice,
-    pid: PidSettings,
+    config: &HapticConfig,
     context: &Context,
 ) -> Result<Option<Box<dyn Device>>, CommandError> {
     match choice {
@@ -70,14 +68,14 @@ pub(super) fn choose(
             let found = enumerate()?;
             let wanted = |d: &DeviceInfo| d.kind == *kind && which.means(d);
             let text = format!("{} {}", kind_name(*kind), which_text(which));
-            open(pick(&found, wanted, text.trim())?, pid).map(Some)
+            open(pick(&found, wanted, text.trim())?, config).map(Some)
         }
         DeviceChoice::Auto => {
             let found = enumerate()?;
             let ready = |kind| move |d: &&DeviceInfo| d.kind == kind && d.access == Access::Ready;
             let push = found.iter().find(ready(DeviceKind::ForceFeedback));
             match push.or_else(|| found.iter().find(ready(DeviceKind::SpaceMouse))) {
-                Some(device) => open(device, pid).map(Some),
+                Some(device) => open(device, config).map(Some),
                 None => {
                     context
                         .progress
@@ -94,8 +92,8 @@ fn enumerate() -> Result<Vec<DeviceInfo>, CommandError> {
     hid::enumerate().map_err(|e| CommandError::failure("listing devices", e))
 }
 
-fn open(device: &DeviceInfo, pid: PidSettings) -> Result<Box<dyn Device>, CommandError> {
-    hid::open_with(device, Feel::default(), pid)
+fn open(device: &DeviceInfo, config: &HapticConfig) -> Result<Box<dyn Device>, CommandError> {
+    hid::open_with(device, config.spacemouse, config.pid)
         .map_err(|e: DeviceError| CommandError::failure(device.path.clone(), e))
 }
 

@@ -39,7 +39,7 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
     let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let held = Hold::begin();
-    let mut device = match devices::choose(&args.device, assembly.scene.device.pid, context)? {
+    let mut device = match devices::choose(&args.device, &assembly.scene.device, context)? {
         Some(device) => device,
         None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
     };
@@ -76,6 +76,12 @@ pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError
         print_json(&outcome.report)?;
     } else {
         print(&outcome.report);
+        if outcome.report.not_loaded > 0 {
+            crate::say!(
+                "scene       {} ticks in which something in reach was not loaded",
+                outcome.report.not_loaded
+            );
+        }
         for event in pairs.live.events() {
             crate::say!("scene       {}: {}", event.pair, told(&event.what));
         }
@@ -106,10 +112,13 @@ fn report(
     samples: &[Sample],
 ) -> String {
     let states = pairs.live.states().into_iter().map(|state| match state {
-        PairState::Waiting => "not loaded: far away",
-        PairState::Loaded => "loaded",
-        PairState::Failed => "could not be loaded",
-        PairState::NoRoom => "not loaded: no room in the scene's memory",
+        PairState::Waiting => "not loaded: far away".to_owned(),
+        PairState::Loaded => "loaded".to_owned(),
+        PairState::Partly { rotations, of } => {
+            format!("{rotations} of its table's {of} rotations loaded")
+        }
+        PairState::Failed => "could not be loaded".to_owned(),
+        PairState::NoRoom => "not loaded: no room in the scene's memory".to_owned(),
     });
     let scene = &pairs.assembly.scene;
     page(&Run {

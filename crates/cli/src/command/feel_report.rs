@@ -32,7 +32,7 @@ pub(super) struct Run<'a> {
     pub(super) outcome: &'a Outcome,
     pub(super) samples: &'a [Sample],
     pub(super) events: &'a [SceneEvent],
-    pub(super) pairs: Vec<(String, &'static str)>,
+    pub(super) pairs: Vec<(String, String)>,
 }
 
 /// The page's text.
@@ -188,6 +188,16 @@ pub(super) fn told(what: &SceneChange) -> String {
                 display_bytes(*bytes)
             )
         }
+        SceneChange::Opened { rotations, each } => format!(
+            "table opened, {rotations} rotations of {} each",
+            display_bytes(*each)
+        ),
+        SceneChange::Complete { bytes } => {
+            format!(
+                "all rotations of the table loaded, {}",
+                display_bytes(*bytes)
+            )
+        }
         SceneChange::Unloaded => "unloaded to make room".to_owned(),
         SceneChange::Failed(why) => format!("cannot be loaded: {why}"),
         SceneChange::NoRoom { needed, free } => format!(
@@ -239,7 +249,7 @@ fn conditions(run: &Run<'_>) -> String {
         ),
     );
     for (name, state) in &run.pairs {
-        row(&format!("part {name}"), (*state).to_owned());
+        row(&format!("part {name}"), state.clone());
     }
     let mut html = String::from("<h2>Conditions</h2>\n<table>");
     for (key, value) in rows {

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fft_correlate::{DirectOptions, EnergySource, Pose};
+use fft_correlate::{DirectOptions, EnergySource, PartialTable, Pose};
 use glam::DVec3;
-use haptic::scene::{LiveScene, LoadFailure, Loaded, Loader, PairSpec, SceneError, SceneOptions};
+use haptic::scene::{
+    Content, LiveScene, LoadFailure, Loaded, Loader, PairSpec, SceneError, SceneOptions,
+};
 use sdf_grid::{Aabb, TriangleMesh};
 
 use super::{Context, bake};
@@ -79,6 +81,7 @@ impl LivePairs {
             pivot,
             memory: loading.memory.unwrap_or(context.memory),
             ahead: loading.ahead.unwrap_or(longest),
+            turn_ahead: loading.turn_ahead,
             watch: loading.watch,
         };
         let start = assembly.assembled();
@@ -137,7 +140,10 @@ impl PairFiles {
         context: &Context,
     ) -> Result<PairSpec, CommandError> {
         let (reach, bytes) = match &first {
-            Some(loaded) => (loaded.reach, loaded.bytes),
+            Some(loaded) => match &loaded.content {
+                Content::Whole { bytes, .. } => (loaded.reach, *bytes),
+                Content::Table(_) => (loaded.reach, 0),
+            },
             None => self.survey(moving, context)?,
         };
         let mut files: Vec<PathBuf> = [&self.scene.fixed, &self.scene.moving]
@@ -185,12 +191,7 @@ impl PairFiles {
     ) -> Result<(Aabb, u64), CommandError> {
         if let Some(path) = &self.table {
             let store = bake::open(path)?;
-            let spec = store.spec();
-            let bytes = spec.bytes(store.grid().nodes().len());
-            return Ok((
-                self.table_reach(spec),
-                u64::try_from(bytes).unwrap_or(u64::MAX),
-            ));
+            return Ok((self.table_reach(store.spec()), 0));
         }
         let fixed = assembly::read_part(&self.scene, &self.scene.fixed, context)?;
         let plan = assembly::plan(&self.scene, &fixed, moving, context)?;
@@ -213,8 +214,10 @@ impl PairFiles {
         let source = assembly.direct(&DirectOptions::REAL_TIME)?;
         let halo = assembly.pair.fixed().halo;
         Ok(Loaded {
-            bytes: source.describe().bytes,
-            source: Arc::new(source) as Arc<dyn EnergySource>,
+            content: Content::Whole {
+                bytes: source.describe().bytes,
+                source: Arc::new(source) as Arc<dyn EnergySource>,
+            },
             reach: self.direct_reach(&assembly.fixed, &assembly.moving, halo),
         })
     }
@@ -247,11 +250,10 @@ impl PairFiles {
             ));
         }
         let reach = self.table_reach(store.spec());
-        let bytes = store.spec().bytes(store.grid().nodes().len());
+        let table = PartialTable::new(store).map_err(|e| CommandError::bad_input("table", e))?;
         Ok(Loaded {
-            source: Arc::new(bake::load(&store, context)?),
+            content: Content::Table(Box::new(table)),
             reach,
-            bytes: u64::try_from(bytes).unwrap_or(u64::MAX),
         })
     }
 

@@ -26,6 +26,10 @@ const DEFAULT_PEAK_FORCE: f64 = 5.0;
 /// Relative L2 error of a field unless the scene asks for another.
 const DEFAULT_TOLERANCE: f64 = 1e-3;
 
+/// Degrees to which rotations of a table are loaded ahead: a hand that turns by 5 rad/s, as fast as
+/// hands do, takes 35 ms for it, in which the loader looks, reads and shows what it has read.
+const DEFAULT_TURN_AHEAD: f64 = 10.0;
+
 /// Seconds between two looks at a scene's files unless it asks for another.
 const DEFAULT_WATCH: f64 = 0.5;
 
@@ -227,9 +231,16 @@ fn loading(raw: &RawLoading, metres: f64, source: &Source<'_>) -> Result<Loading
         Some(w) => positive(w, "watch_s", source)?.clamp(0.01, 3600.0),
         None => DEFAULT_WATCH,
     };
+    let turn_ahead = match &raw.turn_ahead_deg {
+        Some(a) => natural(a, "turn_ahead_deg", source)?
+            .min(360.0)
+            .to_radians(),
+        None => DEFAULT_TURN_AHEAD.to_radians(),
+    };
     Ok(Loading {
         memory,
         ahead,
+        turn_ahead,
         watch: Duration::from_secs_f64(watch),
     })
 }

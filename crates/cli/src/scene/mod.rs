@@ -100,6 +100,9 @@ pub struct Loading {
     pub memory: Option<u64>,
     /// How far ahead of the moving part pairs are loaded, metres; its longest side if absent.
     pub ahead: Option<f64>,
+    /// How far, radians, the part may turn to rotations of a table that are loaded before the loop
+    /// starts.
+    pub turn_ahead: f64,
     /// Time between two looks at the files.
     pub watch: Duration,
 }

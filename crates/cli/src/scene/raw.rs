@@ -39,6 +39,7 @@ pub(crate) struct RawScene {
 pub(crate) struct RawLoading {
     pub(crate) memory_mib: Option<Spanned<f64>>,
     pub(crate) ahead: Option<Spanned<f64>>,
+    pub(crate) turn_ahead_deg: Option<Spanned<f64>>,
     pub(crate) watch_s: Option<Spanned<f64>>,
 }
 

@@ -180,6 +180,7 @@ fn several_fixed_parts_and_subassemblies_are_read_and_chosen_by_name() {
         [loading]
         memory_mib = 64
         ahead = 5
+        turn_ahead_deg = 18
         watch_s = 0.2
         "#;
     let scene = parse(text).unwrap();
@@ -193,6 +194,7 @@ fn several_fixed_parts_and_subassemblies_are_read_and_chosen_by_name() {
     );
     assert_eq!(scene.loading.memory, Some(64 << 20));
     assert_eq!(scene.loading.ahead, Some(5e-3));
+    assert!((scene.loading.turn_ahead - std::f64::consts::PI / 10.0).abs() < 1e-12);
     let one = scene.clone().only(Some("bearing")).unwrap();
     assert_eq!((one.fixed.name.as_str(), one.others.len()), ("bearing", 0));
     let refused = |name| scene.clone().only(name).unwrap_err().to_string();

@@ -205,6 +205,14 @@ impl TableFiles {
             .map_err(|e| self.io(prefix, e))
     }
 
+    /// Keys of the files directly and deeper under `prefix`, which ends with a slash.
+    pub(super) fn keys_under(&self, prefix: &'static str) -> Result<Vec<String>, StoreError> {
+        let key = StorePrefix::new(prefix).expect("prefixes are literals that end with a slash");
+        let keys = self.storage.list_prefix(&key);
+        let keys = keys.map_err(|e| self.io(prefix, e))?;
+        Ok(keys.iter().map(|k| k.as_str().to_owned()).collect())
+    }
+
     pub(super) fn io(&self, key: &str, error: StorageError) -> StoreError {
         let source = match error {
             StorageError::IOError(e) => io::Error::new(e.kind(), e.to_string()),

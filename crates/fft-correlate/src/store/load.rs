@@ -6,7 +6,7 @@ use super::{StoreError, TableStore};
 use crate::chart::Chart;
 use crate::encode::far_code;
 use crate::layout::Layout;
-use crate::table::EnergyTable;
+use crate::table::{EnergyTable, Plan};
 
 /// What a first look at the chunks finds.
 struct Survey {
@@ -107,12 +107,32 @@ impl TableStore {
     fn complete(&self, missing: Vec<usize>) -> Result<(), StoreError> {
         match missing.iter().min() {
             None => Ok(()),
-            Some(&first) => Err(StoreError::Incomplete {
-                path: self.path().into(),
-                missing: missing.len(),
-                rotations: self.grid().nodes().len(),
-                first,
-            }),
+            Some(&first) => Err(self.incomplete(missing.len(), first)),
+        }
+    }
+
+    /// Checks, by the names of the files alone, that there is a chunk for every rotation node.
+    pub(crate) fn expect_all_there(&self) -> Result<(), StoreError> {
+        let mut there = vec![false; self.grid().nodes().len()];
+        for key in self.files.keys_under("energy/")? {
+            let row = key
+                .strip_prefix("energy/c.")
+                .and_then(|k| k.split('.').next());
+            let row = row.and_then(|row| row.parse::<usize>().ok());
+            if let Some(there) = row.and_then(|row| there.get_mut(row)) {
+                *there = true;
+            }
+        }
+        let missing = there.iter().enumerate().filter(|(_, there)| !**there);
+        self.complete(missing.map(|(row, _)| row).collect())
+    }
+
+    fn incomplete(&self, missing: usize, first: usize) -> StoreError {
+        StoreError::Incomplete {
+            path: self.path().into(),
+            missing,
+            rotations: self.grid().nodes().len(),
+            first,
         }
     }
 
@@ -122,25 +142,29 @@ impl TableStore {
             slots[row] = slot as u32;
         }
         let (spec, grid) = (self.spec().clone(), self.grid().clone());
-        let mut table = EnergyTable::zeroed(spec, grid, self.probe(), layout, slots);
-        let rows = table.rows_mut();
-        let missing = rows
-            .energies
-            .par_chunks_exact_mut(rows.layout.length())
-            .zip(rows.scales)
-            .zip(kept)
-            .map(|((out, scale), &row)| {
-                let Some(chunk) = self.chunk(row)? else {
-                    return Ok(Some(row));
-                };
-                let far = far_code(self.spec(), self.unit(), chunk.scale);
-                rows.layout.pack(&chunk.codes, far, out);
-                *scale = chunk.scale;
-                Ok(None)
-            })
-            .filter_map(Result::transpose)
-            .collect::<Result<Vec<usize>, StoreError>>()?;
-        self.complete(missing)?;
-        Ok(table)
+        let plan = Plan::new(spec, grid, self.probe(), layout, slots);
+        let fill = |plan: &Plan, slot: usize, out: &mut [u16], (): &mut ()| {
+            self.read_row(kept[slot], &plan.layout, out)
+        };
+        EnergyTable::filled(plan, || (), fill)
+    }
+
+    /// Reads a rotation node into `out`, arranged by `layout`, checking its checksum, and gives its
+    /// scale.
+    ///
+    /// # Errors
+    /// If it is not there or damaged.
+    pub(crate) fn read_row(
+        &self,
+        row: usize,
+        layout: &Layout,
+        out: &mut [u16],
+    ) -> Result<f32, StoreError> {
+        let Some(chunk) = self.chunk(row)? else {
+            return Err(self.incomplete(1, row));
+        };
+        let far = far_code(self.spec(), self.unit(), chunk.scale);
+        layout.pack(&chunk.codes, far, out);
+        Ok(chunk.scale)
     }
 }

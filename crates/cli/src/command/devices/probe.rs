@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 use fft_correlate::Twist;
 use glam::DVec3;
 use haptic::hid::DeviceInfo;
-use haptic::pid::PidSettings;
-use haptic::{Device, DeviceError, DeviceSpec, DeviceState};
+use haptic::{Device, DeviceError, DeviceSpec, DeviceState, HapticConfig};
 use serde::Serialize;
 
 use super::{Context, open};
@@ -58,7 +57,7 @@ pub(super) fn run(
         other => other.unwrap_or(f64::INFINITY),
     };
     let _held = Hold::begin();
-    let mut device = open(info, PidSettings::default())?;
+    let mut device = open(info, &HapticConfig::default())?;
     let spec = device.spec().clone();
     let redraw = std::io::stdout().is_terminal() && !context.json;
     let begin = Instant::now();

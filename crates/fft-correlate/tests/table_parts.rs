@@ -56,7 +56,7 @@ fn specs() -> Vec<TableSpec> {
         RotationDomain::ball(40.0, 8.0),
         RotationDomain::full(20.0),
         RotationDomain::Spin {
-            center: [0.1, 0.0, 0.2, 0.9],
+            center: [0.0, 0.6, 0.0, 0.8],
             axis: [0.0, 0.6, 0.8],
             range_deg: None,
             step_deg: 12.0,

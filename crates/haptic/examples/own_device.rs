@@ -1,8 +1,6 @@
 //! A table felt through a device of your own: `pegfit bake scene.toml -o peg.zarr`, then
-//! `cargo run --release -p haptic --example own_device peg.zarr`.
-//!
-//! The device here is a finger that goes up and down along z; replace its `poll` and `send` with
-//! those of your hardware.
+//! `cargo run --release -p haptic --example own_device peg.zarr`. The device here is a finger that
+//! goes up and down along z; replace its `poll` and `send` with those of your hardware.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;

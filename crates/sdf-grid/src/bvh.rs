@@ -3,7 +3,10 @@
 //! Inside, coordinates are normalized in f64: `q = (p - centre) * scale` with `scale` a power of
 //! two that brings the part's largest extent into `(1, 2]`. All public functions speak metres.
 
+mod build;
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::TriangleMesh;
 use crate::coplanar;
@@ -47,10 +50,6 @@ pub struct Nearest {
 /// 2^32 triangles. Fixed stacks rely on it.
 pub(crate) const MAX_DEPTH: usize = MAX_SAH_DEPTH + 32;
 const MAX_SAH_DEPTH: usize = 64;
-const LEAF_SIZE: usize = 4;
-const BINS: usize = 16;
-/// Subtrees of more triangles than this are built in parallel.
-const PARALLEL_SIZE: usize = 2048;
 
 impl Bvh {
     /// Builds the hierarchy by binned surface area heuristic, in parallel; the result does not
@@ -58,9 +57,15 @@ impl Bvh {
     pub fn build(mesh: &TriangleMesh) -> Self {
         let (centre, scale) = normalization(mesh);
         let corner = |p: DVec3| (p - centre) * scale;
-        let faces = (0..mesh.triangles().len())
-            .filter_map(|i| Face::triangle(mesh.corners(i).map(corner), i as u32));
-        Self::over(faces.collect(), centre, scale)
+        let faces: Vec<Option<Face>> = (0..mesh.triangles().len())
+            .into_par_iter()
+            .map(|i| Face::triangle(mesh.corners(i).map(corner), i as u32))
+            .collect();
+        Self::over(
+            &faces.into_iter().flatten().collect::<Vec<_>>(),
+            centre,
+            scale,
+        )
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: coplanar triangles are merged and
@@ -69,15 +74,11 @@ impl Bvh {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
-        Self::over(coplanar::merged(mesh.triangles(), &corners), centre, scale)
+        Self::over(&coplanar::merged(mesh.triangles(), &corners), centre, scale)
     }
 
-    fn over(mut faces: Vec<Face>, centre: DVec3, scale: f64) -> Self {
-        let nodes = if faces.is_empty() {
-            Vec::new()
-        } else {
-            build_nodes(&mut faces, 0, 0)
-        };
+    fn over(faces: &[Face], centre: DVec3, scale: f64) -> Self {
+        let (nodes, faces) = build::tree(faces);
         Self {
             nodes,
             faces,
@@ -233,125 +234,4 @@ fn normalization(mesh: &TriangleMesh) -> (DVec3, f64) {
         return (DVec3::ZERO, 1.0);
     }
     (0.5 * (lo + hi), (1.0 - extent.log2().ceil()).exp2())
-}
-
-/// Nodes of the subtree over `faces`, which start at `first` in leaf order; reorders them.
-fn build_nodes(faces: &mut [Face], first: usize, depth: usize) -> Vec<Node> {
-    let mut nodes = vec![Node {
-        bounds: bounds_of(faces.iter().flat_map(|t| t.corners)),
-        first: first as u32,
-        count: faces.len() as u32,
-        second: 0,
-        moments: Moments::of(faces),
-    }];
-    if faces.len() <= LEAF_SIZE {
-        return nodes;
-    }
-    let middle = split(faces, depth);
-    let parallel = faces.len() > PARALLEL_SIZE;
-    let (a, b) = faces.split_at_mut(middle);
-    let mut left = || build_nodes(a, first, depth + 1);
-    let mut right = || build_nodes(b, first + middle, depth + 1);
-    let (left, right) = if parallel {
-        rayon::join(left, right)
-    } else {
-        (left(), right())
-    };
-    let shift = |mut node: Node, by: u32| {
-        if node.second != 0 {
-            node.second += by;
-        }
-        node
-    };
-    let second = 1 + left.len() as u32;
-    nodes[0].second = second;
-    nodes.extend(left.into_iter().map(|n| shift(n, 1)));
-    nodes.extend(right.into_iter().map(|n| shift(n, second)));
-    nodes
-}
-
-/// Reorders `faces` into two non-empty halves and returns where the second begins.
-fn split(faces: &mut [Face], depth: usize) -> usize {
-    let bounds = bounds_of(faces.iter().map(|t| t.centroid));
-    let extent = bounds.max - bounds.min;
-    let axis = (0..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a });
-    if depth < MAX_SAH_DEPTH && extent[axis] > 0.0 {
-        let middle = split_by_area(faces, axis, bounds.min[axis], extent[axis]);
-        if 0 < middle && middle < faces.len() {
-            return middle;
-        }
-    }
-    let middle = faces.len() / 2;
-    let order = |a: &Face, b: &Face| a.centroid[axis].total_cmp(&b.centroid[axis]);
-    faces.select_nth_unstable_by(middle, order);
-    middle
-}
-
-/// Partitions at the bin boundary with the least surface area heuristic; 0 if there is none.
-fn split_by_area(faces: &mut [Face], axis: usize, low: f64, extent: f64) -> usize {
-    let bin = |t: &Face| {
-        let f = (t.centroid[axis] - low) / extent * BINS as f64;
-        (f as usize).min(BINS - 1)
-    };
-    let empty = Aabb {
-        min: DVec3::INFINITY,
-        max: DVec3::NEG_INFINITY,
-    };
-    let (mut boxes, mut counts) = ([empty; BINS], [0usize; BINS]);
-    for t in faces.iter() {
-        let b = bin(t);
-        counts[b] += 1;
-        boxes[b] = union(boxes[b], bounds_of(t.corners));
-    }
-    let side = |range: std::ops::Range<usize>| {
-        let bounds = boxes[range.clone()].iter().fold(empty, |a, b| union(a, *b));
-        let count: usize = counts[range].iter().sum();
-        if count == 0 {
-            f64::INFINITY
-        } else {
-            half_area(&bounds) * count as f64
-        }
-    };
-    let cost = |s: usize| side(0..s) + side(s..BINS);
-    let best = (1..BINS).fold(1, |a, s| if cost(s) < cost(a) { s } else { a });
-    if !cost(best).is_finite() {
-        return 0;
-    }
-    partition(faces, |t| bin(t) < best)
-}
-
-/// Moves the faces that satisfy `keep` to the front and returns how many there are.
-fn partition(faces: &mut [Face], keep: impl Fn(&Face) -> bool) -> usize {
-    let mut front = 0;
-    for i in 0..faces.len() {
-        if keep(&faces[i]) {
-            faces.swap(i, front);
-            front += 1;
-        }
-    }
-    front
-}
-
-fn bounds_of(points: impl IntoIterator<Item = DVec3>) -> Aabb {
-    let empty = Aabb {
-        min: DVec3::INFINITY,
-        max: DVec3::NEG_INFINITY,
-    };
-    let grow = |b: Aabb, p: DVec3| Aabb {
-        min: b.min.min(p),
-        max: b.max.max(p),
-    };
-    points.into_iter().fold(empty, grow)
-}
-
-fn union(a: Aabb, b: Aabb) -> Aabb {
-    Aabb {
-        min: a.min.min(b.min),
-        max: a.max.max(b.max),
-    }
-}
-
-fn half_area(b: &Aabb) -> f64 {
-    let d = b.max - b.min;
-    d.x * d.y + d.y * d.z + d.z * d.x
 }

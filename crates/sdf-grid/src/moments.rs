@@ -11,6 +11,8 @@ use crate::face::Face;
 /// Moments about the area centroid.
 #[derive(Debug, Clone)]
 pub(crate) struct Moments {
+    /// Area of the faces.
+    area: f64,
     /// Area centroid `c`.
     pub(crate) centre: DVec3,
     /// `N`, the integral of the normal.
@@ -33,57 +35,94 @@ impl Moments {
     pub(crate) fn of(faces: &[Face]) -> Self {
         let area: f64 = faces.iter().map(|t| t.area).sum();
         let weighted = faces.iter().map(|t| t.centroid * t.area);
-        let centre = weighted.sum::<DVec3>() / area;
-        let area_vector: DVec3 = faces.iter().map(|t| t.normal * t.area).sum();
-        let axis = area_vector.try_normalize().unwrap_or(DVec3::Z);
         let mut sums = Self {
-            centre,
-            area_vector,
+            area,
+            centre: weighted.sum::<DVec3>() / area,
+            area_vector: faces.iter().map(|t| t.normal * t.area).sum(),
             normal_moment: [0.0; 6],
             cubic: [0.0; 10],
             vector: DVec3::ZERO,
             radius: 0.0,
             spread: 0.0,
         };
-        let mut cosine = 1f64;
         for t in faces {
             sums.add(t);
+        }
+        sums.bound(faces);
+        sums
+    }
+
+    /// Of two sets of faces together, from the moments of each; without radius and spread, which only
+    /// the faces tell ([`Moments::bound`]).
+    pub(crate) fn joined(&self, other: &Self) -> Self {
+        let area = self.area + other.area;
+        let mut sums = Self {
+            area,
+            centre: (self.centre * self.area + other.centre * other.area) / area,
+            area_vector: self.area_vector + other.area_vector,
+            normal_moment: [0.0; 6],
+            cubic: [0.0; 10],
+            vector: DVec3::ZERO,
+            radius: 0.0,
+            spread: 0.0,
+        };
+        for part in [self, other] {
+            sums.add_part(part);
+        }
+        sums
+    }
+
+    /// Sets radius and spread to those of `faces`, whose moments these are.
+    pub(crate) fn bound(&mut self, faces: &[Face]) {
+        let axis = self.area_vector.try_normalize().unwrap_or(DVec3::Z);
+        let (mut far, mut cosine) = (0f64, 1f64);
+        for t in faces {
+            for c in t.outline() {
+                far = far.max(c.distance_squared(self.centre));
+            }
             cosine = cosine.min(t.normal.dot(axis));
         }
-        sums.spread = if faces.len() == 1 {
+        self.radius = far.sqrt();
+        self.spread = if faces.len() == 1 {
             0.0
         } else if cosine > 0.0 {
             (1.0 - cosine * cosine).max(0.0).sqrt()
         } else {
             1.0
         };
-        sums
     }
 
     fn add(&mut self, t: &Face) {
         let (n, d) = (t.normal, t.centroid - self.centre);
-        let m = outer(n, d) * t.area;
-        let m = symmetric(&(0.5 * (m + m.transpose())));
         let second = second_moment(t) + outer(d, d) * t.area;
         let q = symmetric(&second);
         let trace = q[0] + q[1] + q[2];
-        let cubic = [
-            n.x * q[0],
-            2.0 * n.x * q[3] + n.y * q[0],
-            2.0 * n.x * q[4] + n.z * q[0],
-            2.0 * n.y * q[3] + n.x * q[1],
-            2.0 * (n.x * q[5] + n.y * q[4] + n.z * q[3]),
-            2.0 * n.z * q[4] + n.x * q[2],
-            n.y * q[1],
-            2.0 * n.y * q[5] + n.z * q[1],
-            2.0 * n.z * q[5] + n.y * q[2],
-            n.z * q[2],
-        ];
+        self.add_terms(
+            &(outer(n, d) * t.area),
+            product(n, q),
+            n * (0.5 * trace) + second * n,
+        );
+    }
+
+    /// Adds the moments of a part, taken about its own centre.
+    fn add_part(&mut self, part: &Self) {
+        let (n, d) = (part.area_vector, part.centre - self.centre);
+        let m = matrix(&part.normal_moment);
+        let trace = part.normal_moment[..3].iter().sum::<f64>();
+        let twist = product(2.0 * d, part.normal_moment);
+        let shift = product(n, symmetric(&outer(d, d)));
+        self.add_terms(
+            &(m + outer(n, d)),
+            std::array::from_fn(|k| part.cubic[k] + twist[k] + shift[k]),
+            part.vector + 2.0 * (m * d) + d * (trace + d.dot(n)) + n * (0.5 * d.length_squared()),
+        );
+    }
+
+    fn add_terms(&mut self, normal_moment: &DMat3, cubic: [f64; 10], vector: DVec3) {
+        let m = symmetric(&(0.5 * (*normal_moment + normal_moment.transpose())));
         self.normal_moment = std::array::from_fn(|k| self.normal_moment[k] + m[k]);
         self.cubic = std::array::from_fn(|k| self.cubic[k] + cubic[k]);
-        self.vector += n * (0.5 * trace) + second * n;
-        let far = t.corners.iter().map(|c| c.distance(self.centre));
-        self.radius = far.fold(self.radius, f64::max);
+        self.vector += vector;
     }
 
     /// The integral over the cluster seen from `p`, given `radial(u) = [G, G', G'']` at
@@ -122,6 +161,31 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
+/// The cubic form `(r . n) (r . Q r)`, `q` as from [`symmetric`]; see [`Moments::cubic`].
+fn product(n: DVec3, q: [f64; 6]) -> [f64; 10] {
+    [
+        n.x * q[0],
+        2.0 * n.x * q[3] + n.y * q[0],
+        2.0 * n.x * q[4] + n.z * q[0],
+        2.0 * n.y * q[3] + n.x * q[1],
+        2.0 * (n.x * q[5] + n.y * q[4] + n.z * q[3]),
+        2.0 * n.z * q[4] + n.x * q[2],
+        n.y * q[1],
+        2.0 * n.y * q[5] + n.z * q[1],
+        2.0 * n.z * q[5] + n.y * q[2],
+        n.z * q[2],
+    ]
+}
+
+/// The matrix of [`symmetric`].
+fn matrix([xx, yy, zz, xy, xz, yz]: &[f64; 6]) -> DMat3 {
+    DMat3::from_cols(
+        DVec3::new(*xx, *xy, *xz),
+        DVec3::new(*xy, *yy, *yz),
+        DVec3::new(*xz, *yz, *zz),
+    )
+}
+
 /// xx, yy, zz, xy, xz, yz.
 fn symmetric(m: &DMat3) -> [f64; 6] {
     [
@@ -139,4 +203,37 @@ fn second_moment(t: &Face) -> DMat3 {
         sum += (outer(a, a) + outer(b, b) + outer(c, c) + outer(middle, middle)) * (area / 12.0);
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::Bvh;
+    use crate::shapes::random_solid;
+
+    #[test]
+    fn moments_of_nodes_are_those_of_their_faces() {
+        for seed in 0..6 {
+            let bvh = Bvh::build(&random_solid(seed).expect("a solid"));
+            for node in &bvh.nodes {
+                let exact = Moments::of(&bvh.faces[node.range()]);
+                let found = &node.moments;
+                // Rounding, in units of what the faces' sizes and areas allow at most.
+                let unit = |power: i32| 1e-12 * exact.area * exact.radius.powi(power);
+                let near = |a: f64, b: f64, unit: f64| assert!((a - b).abs() <= unit, "{a} {b}");
+                assert!(found.centre.distance(exact.centre) < 1e-13);
+                assert!(found.area_vector.distance(exact.area_vector) < unit(0));
+                assert!(found.vector.distance(exact.vector) < unit(2));
+                near(found.area, exact.area, unit(0));
+                near(found.radius, exact.radius, 1e-13);
+                near(found.spread, exact.spread, 1e-7);
+                for (a, b) in found.normal_moment.iter().zip(exact.normal_moment) {
+                    near(*a, b, unit(1));
+                }
+                for (a, b) in found.cubic.iter().zip(exact.cubic) {
+                    near(*a, b, unit(2));
+                }
+            }
+        }
+    }
 }

@@ -37,18 +37,8 @@ impl Outline {
         }
     }
 
-    pub(crate) fn of_face(t: &Face) -> Self {
-        let first = t.corners[0];
-        let grow = |b: Aabb, p: &DVec3| Aabb {
-            min: b.min.min(*p),
-            max: b.max.max(*p),
-        };
-        let point = Aabb {
-            min: first,
-            max: first,
-        };
-        let bounds = t.outline().iter().fold(point, grow);
-        Self::new(&Moments::of(std::slice::from_ref(t)), bounds)
+    pub(crate) fn of_face(t: &Face, moments: &Moments) -> Self {
+        Self::new(moments, Aabb::around(t.outline().iter().copied()))
     }
 
     fn new(m: &Moments, bounds: Aabb) -> Self {
@@ -89,10 +79,6 @@ impl Cluster {
             cubic: m.cubic.map(|v| v as f32),
             vector: m.vector.as_vec3(),
         }
-    }
-
-    pub(crate) fn of_face(t: &Face) -> Self {
-        Self::new(&Moments::of(std::slice::from_ref(t)))
     }
 }
 

@@ -15,13 +15,16 @@ mod tests;
 
 use fearless_simd::{Level, dispatch};
 use glam::DVec3;
+use rayon::prelude::*;
 
 use self::far::{Cluster, Outline};
 use self::kernel::PacketKernel;
 use self::packet::Facet;
 use self::settings::Settings;
 use crate::bvh::Bvh;
+use crate::face::Face;
 use crate::kernel::DensityKernel;
+use crate::moments::Moments;
 
 /// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
 pub(crate) const LANES: usize = 16;
@@ -78,13 +81,18 @@ impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
     pub(crate) fn new(bvh: &'a Bvh, kernel: &DensityKernel, tolerance: f64) -> Self {
         let settings = Settings::new(tolerance, kernel.sigma());
+        let single = |face: &Face| {
+            let moments = Moments::of(std::slice::from_ref(face));
+            (Outline::of_face(face, &moments), Cluster::new(&moments))
+        };
+        let (face_outlines, singles) = bvh.faces.par_iter().map(single).unzip();
         Self {
             bvh,
             distance: PacketDistance::new(bvh),
             outlines: bvh.nodes.iter().map(Outline::of_node).collect(),
-            face_outlines: bvh.faces.iter().map(Outline::of_face).collect(),
+            face_outlines,
             clusters: bvh.nodes.iter().map(|n| Cluster::new(&n.moments)).collect(),
-            singles: bvh.faces.iter().map(Cluster::of_face).collect(),
+            singles,
             kernel: PacketKernel::new(kernel, &settings, tolerance),
             settings,
             level: Level::new(),

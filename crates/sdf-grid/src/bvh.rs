@@ -6,7 +6,6 @@
 mod build;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::TriangleMesh;
 use crate::coplanar;
@@ -57,15 +56,8 @@ impl Bvh {
     pub fn build(mesh: &TriangleMesh) -> Self {
         let (centre, scale) = normalization(mesh);
         let corner = |p: DVec3| (p - centre) * scale;
-        let faces: Vec<Option<Face>> = (0..mesh.triangles().len())
-            .into_par_iter()
-            .map(|i| Face::triangle(mesh.corners(i).map(corner), i as u32))
-            .collect();
-        Self::over(
-            &faces.into_iter().flatten().collect::<Vec<_>>(),
-            centre,
-            scale,
-        )
+        let triangle = |i: usize| Face::triangle(mesh.corners(i).map(corner), i as u32);
+        Self::over(build::tree(mesh.triangles().len(), triangle), centre, scale)
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: coplanar triangles are merged and
@@ -74,11 +66,11 @@ impl Bvh {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
-        Self::over(&coplanar::merged(mesh.triangles(), &corners), centre, scale)
+        let faces = coplanar::merged(mesh.triangles(), &corners);
+        Self::over(build::tree(faces.len(), |i| Some(faces[i])), centre, scale)
     }
 
-    fn over(faces: &[Face], centre: DVec3, scale: f64) -> Self {
-        let (nodes, faces) = build::tree(faces);
+    fn over((nodes, faces): (Vec<Node>, Vec<Face>), centre: DVec3, scale: f64) -> Self {
         Self {
             nodes,
             faces,

@@ -14,16 +14,23 @@ const BINS: usize = 16;
 /// Subtrees of more faces than this are built in parallel.
 const PARALLEL_SIZE: usize = 2048;
 
-/// Nodes, and the faces in leaf order.
-pub(super) fn tree(faces: &[Face]) -> (Vec<Node>, Vec<Face>) {
-    if faces.is_empty() {
+/// Nodes, and the faces in leaf order, of those of the `count` faces `make(i)` that there are. Makes
+/// them twice: that is cheaper than to move them.
+pub(super) fn tree(
+    count: usize,
+    make: impl Fn(usize) -> Option<Face> + Sync,
+) -> (Vec<Node>, Vec<Face>) {
+    let indices = (0..count).into_par_iter();
+    let mut boxes: Vec<FaceBox> = indices
+        .filter_map(|i| Some(FaceBox::of(i, &make(i)?)))
+        .collect();
+    if boxes.is_empty() {
         return Default::default();
     }
-    let mut boxes: Vec<FaceBox> = faces.par_iter().enumerate().map(FaceBox::of).collect();
     let mut branches = Vec::new();
     grow(&mut boxes, 0, 0, &mut branches);
-    let face = |b: &FaceBox| faces[b.index as usize];
-    let faces: Vec<Face> = boxes.par_iter().map(face).collect();
+    let faces = boxes.par_iter().filter_map(|b| make(b.index as usize));
+    let faces: Vec<Face> = faces.collect();
     let nodes = moments(&branches, &faces)
         .into_par_iter()
         .zip(&branches)
@@ -46,7 +53,7 @@ struct FaceBox {
 }
 
 impl FaceBox {
-    fn of((index, face): (usize, &Face)) -> Self {
+    fn of(index: usize, face: &Face) -> Self {
         Self {
             bounds: Aabb::around(face.outline().iter().copied()),
             centroid: face.centroid,

@@ -75,6 +75,8 @@ fn main() -> Outcome<()> {
         "coarse_descent_s",
         "fine_descent_s",
         "decision_s",
+        "false_distance_m",
+        "false_angle_rad",
     ])?;
     for task in tasks(arguments.rest.first().map(Path::new))? {
         if only
@@ -219,6 +221,11 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
                 .collect::<Vec<_>>()
                 .join(" + "),
         );
+        println!(
+            "      best false pose: {:.2} mm {:.2}° from a true one",
+            1e3 * judged.next.0,
+            judged.next.1.to_degrees()
+        );
         if !judged.first {
             for p in report.poses.iter().take(4) {
                 let seen = p.pose * off;
@@ -245,6 +252,7 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
         ];
         row.extend(report.stages.iter().map(|s| s.seconds.to_string()));
         row.resize(14, "0".into());
+        row.extend([judged.next.0.to_string(), judged.next.1.to_string()]);
         csv.write_record(row)?;
         csv.flush()?;
     }
@@ -313,6 +321,8 @@ struct Judged {
     /// From the best pose to the nearest true one.
     distance: f64,
     angle: f64,
+    /// The same from the best false one.
+    next: (f64, f64),
 }
 
 fn judge(
@@ -351,7 +361,10 @@ fn judge(
         energies.map(|p| p.energy).fold(0.0, f64::min)
     };
     let (distance, angle) = miss(&report.poses[0].pose);
+    let next = report.poses.iter().filter(|p| !is_true(&p.pose));
+    let next = next.min_by(|a, b| a.energy.total_cmp(&b.energy));
     Judged {
+        next: next.map_or((f64::NAN, f64::NAN), |p| miss(&p.pose)),
         first: is_true(&report.poses[0].pose),
         margin: 1.0 - lowest(false) / lowest(true),
         distance,

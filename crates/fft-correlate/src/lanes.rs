@@ -151,11 +151,6 @@ impl<T: Real> Tile<T> {
         T::Quad::<S>::from_slice(simd, from)
     }
 
-    /// Where the numbers begin.
-    pub(crate) fn address(self) -> *const T {
-        self.start
-    }
-
     /// The numbers from `offset` on.
     ///
     /// # Safety
@@ -233,19 +228,6 @@ impl<T: Real> Tile<T> {
         // SAFETY: as demanded.
         unsafe { std::slice::from_raw_parts(self.start.add(offset), len) }
     }
-}
-
-/// Asks for a cache line that will be read soon, by this machine's first-level cache.
-#[inline(always)]
-pub(crate) fn prefetch<T>(address: *const T) {
-    #[cfg(target_arch = "x86_64")]
-    // SAFETY: a hint, for any address.
-    unsafe {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(address.cast());
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = address;
 }
 
 /// A bundle whose elements lie apart.

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use crate::lanes::{Tile, prefetch};
+use crate::lanes::Tile;
 
 use crate::real::Real;
 
@@ -309,11 +309,6 @@ pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
                 *x = unsafe { line.get(simd, p + j * blocks) };
             }
             let y = butterfly::<S, T, R>(simd, x);
-            let ahead =
-                fixed[(p * fixed_stride + AHEAD * fixed_stride).min(fixed.len())..].as_ptr();
-            for line in 0..(2 * R * lanes * size_of::<T>()).div_ceil(64) {
-                prefetch(ahead.wrapping_byte_add(64 * line));
-            }
             let fixed = &fixed[p * fixed_stride..][..2 * R * lanes];
             for j in 0..R {
                 let a = &fixed[2 * j * lanes..][..2 * lanes];
@@ -335,8 +330,6 @@ pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
         }
     }
 }
-
-const AHEAD: usize = 4;
 
 /// `sum + a b`.
 #[inline(always)]

@@ -23,7 +23,7 @@ use crate::scene::{EnergyScale, LatticeStep, Scene};
 const SEED: u64 = 1;
 
 /// At how many of these poses the condition number of the score is found, cell by cell.
-const CONDITION_POSES: usize = 32;
+pub(super) const CONDITION_POSES: usize = 32;
 
 /// How much of a table is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -116,7 +116,7 @@ fn prepare(
     let store = open(&args.output)?;
     let spec = store.spec();
     let spacing = 0.5 * spec.window.spacing();
-    let truth = verify::reference(&store, scene.clone(), spacing, context)?;
+    let (truth, _) = verify::reference(&store, scene.clone(), spacing, context)?;
     let mut scene = scene;
     scene.energy = EnergyScale::Gamma(spec.model.gamma);
     scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, DockError, FoundPose, Pair, PairBuilder, PairPlan,
+    Condition, DirectEvaluator, DirectOptions, DockError, FoundPose, Pair, PairBuilder, PairPlan,
     RotationDomain, ScoreModel, SearchDomain, SearchError, SearchLattices, SearchOptions,
     SearchReport, TranslationWindow, domain_rotations, symmetry_group,
 };
+use rayon::prelude::*;
 use sdf_grid::{Aabb, FieldCache};
 use serde::Serialize;
 
@@ -25,6 +26,9 @@ const MOST: usize = 100_000;
 
 /// Angle between rotations of a scene that names none, degrees.
 const STEP_DEG: f64 = 15.0;
+
+/// How many of the best poses have the condition number of their score found, cell by cell.
+const CONDITION_POSES: usize = 16;
 
 #[derive(Serialize)]
 struct Summary {
@@ -54,6 +58,9 @@ struct Found {
     half_width: Option<f64>,
     overlap: f64,
     refined: bool,
+    /// The sum of the absolute terms of the score under the docking weights over the score: how far
+    /// they cancel. Of the best poses only.
+    condition: Option<f64>,
 }
 
 /// A search and what it was done on.
@@ -150,12 +157,22 @@ fn look(
         finest = finer;
     }
     context.progress.finish();
+    let weights = assembly.context("docking weights");
+    finest = finest
+        .with_model(report.model)
+        .map_err(|e| CommandError::bad_input(weights, e))?;
+    let conditions: Vec<f64> = report
+        .poses
+        .par_iter()
+        .take(CONDITION_POSES)
+        .map(|p| Condition::at(&finest, &p.pose).number())
+        .collect();
     let finest = finest
         .with_model(*assembly.pair.model())
         .map_err(|e| CommandError::bad_input(assembly.context("model"), e))?;
     let source = DirectEvaluator::new(&finest, &DirectOptions::FULL).map_err(|e| builder.bad(e))?;
     let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
-    let told = |p: &FoundPose| Found {
+    let told = |(index, p): (usize, &FoundPose)| Found {
         position: p.pose.translation.to_array(),
         rotation: p.pose.rotation.to_array(),
         energy: p.energy,
@@ -168,9 +185,10 @@ fn look(
         half_width: p.half_width,
         overlap: p.overlap,
         refined: p.refined,
+        condition: conditions.get(index).copied(),
     };
     Ok(Searched {
-        poses: report.poses.iter().map(told).collect(),
+        poses: report.poses.iter().enumerate().map(told).collect(),
         report,
         lattices,
     })
@@ -335,6 +353,7 @@ fn write(found: &Searched, out: impl std::io::Write) -> csv::Result<()> {
         "half_width",
         "overlap",
         "refined",
+        "condition",
     ];
     rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
     for (pose, told) in found.report.poses.iter().zip(&found.poses) {
@@ -352,6 +371,7 @@ fn write(found: &Searched, out: impl std::io::Write) -> csv::Result<()> {
             rows.write_field(value.to_string())?;
         }
         rows.write_field(told.refined.to_string())?;
+        rows.write_field(told.condition.map_or(String::new(), |c| c.to_string()))?;
         rows.write_record(None::<&[u8]>)?;
     }
     Ok(rows.flush()?)
@@ -370,16 +390,17 @@ fn say(assembly: &Assembly, found: &Searched) {
     let unit = assembly.display_unit();
     let metre = unit.in_metres();
     crate::say!(
-        "  depth   energy (mJ), docking and scene's   overlap   from the fit ({unit}, degrees)"
+        "  depth   energy (mJ), docking and scene's   overlap   condition   from the fit ({unit}, degrees)"
     );
     for (pose, told) in report.poses.iter().zip(&found.poses).take(10) {
         let (shift, turn) = assembly.from_fit(&pose.pose);
         crate::say!(
-            "  {:>5.3}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9.4}  {:>8.3}",
+            "  {:>5.3}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9}   {:>9.4}  {:>8.3}",
             told.depth,
             1e3 * told.energy,
             1e3 * told.model_energy,
             100.0 * told.overlap,
+            told.condition.map_or("-".to_owned(), |c| format!("{c:.2}")),
             shift / metre,
             turn.to_degrees()
         );

@@ -1,7 +1,9 @@
 //! `pegfit verify`: is a table as right as it says?
 
 use fft_correlate::store::TableStore;
-use fft_correlate::{DirectEvaluator, DirectOptions, ErrorReport, Excess, measure_error};
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, ErrorReport, Excess, Pair, measure_error, typical_condition,
+};
 use serde::Serialize;
 
 use super::{Context, bake, print_json};
@@ -31,7 +33,7 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
         ));
     };
     let table = bake::load(&store, context)?;
-    let truth = reference(
+    let (truth, pair) = reference(
         &store,
         Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
         stated.reference_spacing,
@@ -40,6 +42,8 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
     let mut found = measure_error(&table, &truth, args.poses, seed);
     found.reference_spacing = stated.reference_spacing;
+    let looks = args.poses.min(bake::CONDITION_POSES);
+    found.condition = Some(typical_condition(&pair, table.spec(), looks, seed));
     let beyond = stated.exceeded_by(&found, args.margin);
     let count = beyond.len();
     let verdict = Verdict {
@@ -59,14 +63,15 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     }
 }
 
-/// The evaluator that a table's error is measured against: direct quadrature on densities of
-/// `spacing` (0: the table's own), with the table's sampling and energy scale.
+/// The evaluator that a table's error is measured against, direct quadrature on densities of
+/// `spacing` (0: the table's own), with the table's sampling and energy scale; and the pair that it
+/// evaluates.
 pub(super) fn reference(
     store: &TableStore,
     mut scene: Scene,
     spacing: f64,
     context: &Context,
-) -> Result<DirectEvaluator, CommandError> {
+) -> Result<(DirectEvaluator, Pair), CommandError> {
     let spec = store.spec();
     let model = &spec.model;
     let numbers = |m: &fft_correlate::ScoreModel| {
@@ -101,7 +106,7 @@ pub(super) fn reference(
     store
         .expect_meshes(&fixed, &moving)
         .map_err(|e| CommandError::bad_input("table", e))?;
-    assembly.direct(&DirectOptions::FULL)
+    Ok((assembly.direct(&DirectOptions::FULL)?, assembly.pair))
 }
 
 fn print(verdict: &Verdict) {
@@ -134,6 +139,12 @@ fn print(verdict: &Verdict) {
             percent(b.p99)
         );
     }
+    let terms = |r: &ErrorReport| r.condition.map_or("-".to_owned(), |c| format!("{c:.3}"));
+    crate::say!(
+        "terms of a score over the score (median): {} stated, {} found",
+        terms(&verdict.stated),
+        terms(&verdict.found)
+    );
     for excess in &verdict.beyond {
         crate::say!(
             "BEYOND: {} of {} is {:.4e}, {:.4e} stated, {:.0} % more than that is accepted",

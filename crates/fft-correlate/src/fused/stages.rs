@@ -18,7 +18,7 @@ use ndarray::ArrayViewMut2;
 
 use super::{Fused, MAX_TERMS, PlaneScratch, Spectra, Term};
 use crate::lane_fft::{first_passes, transform};
-use crate::lanes::{Line, Tile, prefetch, transpose};
+use crate::lanes::{Line, Tile, transpose};
 use crate::radix::{inlined, mul};
 use crate::real::Real;
 use crate::spectral::MovingRows;
@@ -240,11 +240,6 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
             }
             let fixed = &term.spectrum.as_slice()[(block * ny + y) * column..][..column];
             for part in 0..2 {
-                let next = l.column(moving.planes, block, part, (y + 2).min(ny - 1));
-                for x in moving.filled.clone() {
-                    // SAFETY: laid out so, see the module.
-                    prefetch(unsafe { moving.tile.from(next + x * l.x_stride) }.address());
-                }
                 // SAFETY: laid out so, see the module.
                 unsafe {
                     let from = line(

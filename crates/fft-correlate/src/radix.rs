@@ -298,35 +298,74 @@ pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
     fixed_stride: usize,
     out: Tile<T>,
 ) {
-    let lanes = T::Native::<S>::LEN;
     let zero = T::Native::<S>::splat(simd, T::zero());
     for p in 0..blocks {
-        let mut sum = [[zero; 2]; R];
-        for (line, fixed) in lines {
-            let mut x = [[zero; 2]; R];
-            for (j, x) in x.iter_mut().enumerate() {
-                // SAFETY: an element of the line.
-                *x = unsafe { line.get(simd, p + j * blocks) };
-            }
-            let y = butterfly::<S, T, R>(simd, x);
-            let fixed = &fixed[p * fixed_stride..][..2 * R * lanes];
-            for j in 0..R {
-                let a = &fixed[2 * j * lanes..][..2 * lanes];
-                let a = [
-                    T::Native::<S>::from_slice(simd, &a[..lanes]),
-                    T::Native::<S>::from_slice(simd, &a[lanes..]),
-                ];
-                sum[j] = add_mul(sum[j], a, y[j]);
+        // The sum of the products waits in memory: in registers there is no room for it.
+        // SAFETY (of all below): elements of the lines and of `out`.
+        let sum = unsafe { out.from(R * p * 2 * T::Native::<S>::LEN) };
+        for (i, (line, fixed)) in lines.iter().enumerate() {
+            let fixed = &fixed[p * fixed_stride..];
+            if i == 0 {
+                // SAFETY: as above.
+                unsafe { products::<S, T, R, true>(simd, *line, p, blocks, fixed, sum) };
+            } else {
+                // SAFETY: as above.
+                unsafe { products::<S, T, R, false>(simd, *line, p, blocks, fixed, sum) };
             }
         }
-        let y = butterfly::<S, T, R>(simd, sum);
+        let mut x = [[zero; 2]; R];
+        for (j, x) in x.iter_mut().enumerate() {
+            // SAFETY: as above.
+            *x = unsafe { sum.get(simd, j) };
+        }
+        let y = butterfly::<S, T, R>(simd, x);
         let factors = &twiddles[p * (R - 1)..][..R - 1];
-        // SAFETY: an element of `out`.
-        unsafe { out.put(simd, R * p, y[0]) };
+        // SAFETY: as above.
+        unsafe { sum.put(simd, 0, y[0]) };
         for j in 1..R {
             let w = splat::<S, T>(simd, factors[j - 1]);
             // SAFETY: as above.
-            unsafe { out.put(simd, R * p + j, mul(y[j], w)) };
+            unsafe { sum.put(simd, j, mul(y[j], w)) };
+        }
+    }
+}
+
+/// The last pass of one line for block `p`, times the fixed spectrum: the first products or added
+/// to those there are.
+///
+/// # Safety
+/// As [`turning_pass`].
+#[inline(always)]
+unsafe fn products<S: Simd, T: Real, const R: usize, const FIRST: bool>(
+    simd: S,
+    line: Tile<T>,
+    p: usize,
+    blocks: usize,
+    fixed: &[T],
+    sum: Tile<T>,
+) {
+    let lanes = T::Native::<S>::LEN;
+    let mut x = [[T::Native::<S>::splat(simd, T::zero()); 2]; R];
+    for (j, x) in x.iter_mut().enumerate() {
+        // SAFETY: as demanded.
+        *x = unsafe { line.get(simd, p + j * blocks) };
+    }
+    let y = butterfly::<S, T, R>(simd, x);
+    let fixed = &fixed[..2 * R * lanes];
+    for (j, y) in y.iter().enumerate() {
+        let a = &fixed[2 * j * lanes..][..2 * lanes];
+        let a = [
+            T::Native::<S>::from_slice(simd, &a[..lanes]),
+            T::Native::<S>::from_slice(simd, &a[lanes..]),
+        ];
+        // SAFETY: as demanded.
+        unsafe {
+            let product = if FIRST {
+                mul(a, *y)
+            } else {
+                add_mul(sum.get(simd, j), a, *y)
+            };
+            sum.put(simd, j, product);
         }
     }
 }

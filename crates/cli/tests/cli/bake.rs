@@ -109,7 +109,18 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
         assert!(succeed(root, &["table", numbers]).contains("torque"));
         // Other poses than those of the bake.
         let verify = ["verify", numbers, "--scene", "scene.toml", "-q"];
-        assert!(succeed(root, &verify).contains("holds"));
+        let said = succeed(root, &verify);
+        assert!(said.contains("holds"), "{said}");
+        // Fresh poses cancel about as much as those that the table was measured at.
+        let line = said.lines().find(|l| l.starts_with("terms of a score"));
+        let words = line.unwrap().split([' ', ',']);
+        let [stated, found] = words.flat_map(str::parse).collect::<Vec<f64>>()[..] else {
+            panic!("{said}");
+        };
+        assert!(
+            stated > 1.0 && (0.5..2.0).contains(&(found / stated)),
+            "{said}"
+        );
     }
 
     // A table that claims too much.

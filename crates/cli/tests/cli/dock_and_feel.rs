@@ -32,6 +32,9 @@ fn docking_reports_as_json() {
     let report: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(report["poses"].as_array().unwrap().len(), 1);
     assert_eq!(report["rotations"], report["rotations_scored"]);
+    // Reward and penalty cancel at the fit, but not by orders of magnitude.
+    let condition = report["poses"][0]["condition"].as_f64().unwrap();
+    assert!((1.01..30.0).contains(&condition), "{condition}");
 }
 
 #[test]

@@ -2,10 +2,11 @@
 //! once:
 //!
 //! 1. per x plane of the moving box: z transforms of bundles of y rows, a transposition of small
-//!    blocks from lanes of y to lanes of kz, y transforms;
-//! 2. per column of x lines: x transforms of every term, products with the fixed spectra, one x
-//!    transform back;
-//! 3. per wanted x plane: y transforms, blocks back to lanes of y, z transforms to real values.
+//!    blocks from lanes of y to lanes of kz;
+//! 2. per block of kz lanes: y transforms; per column of x lines x transforms of every term,
+//!    products with the fixed spectra, one x transform back; y transforms back. One block at a time
+//!    lies in memory, small enough for the caches;
+//! 3. per wanted x plane: blocks back to lanes of y, z transforms to real values.
 //!
 //! Only real parts are computed: `Re(A B) = Ar Br - Ai Bi`, two real transforms going in, and one
 //! coming out of the sum of all products. Along z the period is `nz` but the frequencies are
@@ -29,7 +30,9 @@ use ndarray::{ArrayViewMut3, Axis};
 
 pub(crate) use self::layout::lanes;
 use self::layout::{Layout, plane_scratch, planes, spectrum_len};
-use self::stages::{forward_plane, inverse_plane, multiply_columns, resample_plane};
+use self::stages::{
+    forward_block, forward_plane, inverse_block, inverse_plane, multiply_columns, resample_plane,
+};
 use crate::fft3::negative_spectra;
 use crate::lane_fft::LaneFft;
 use crate::lane_plan::{Ends, known};
@@ -71,6 +74,8 @@ struct Term<T> {
 /// Working memory of one thread.
 pub(crate) struct FusedScratch<T> {
     own: PlaneScratch<T>,
+    /// Per term: the lines along y of all kz blocks, and the half spectra of one.
+    lines: Vec<Buffer<T>>,
     spectra: Vec<Buffer<T>>,
     /// Where the elements of the terms' x lines begin under the present rotation.
     x_from: Vec<Vec<usize>>,
@@ -86,9 +91,10 @@ struct PlaneScratch<T> {
     tiles: [Buffer<T>; TILES],
 }
 
-/// The half spectra of one term under the present rotation.
+/// The lines along y, and one block of the half spectra, of one term under the present rotation.
 #[derive(Debug, Clone)]
 pub(crate) struct Spectra<'a, T> {
+    pub(crate) lines: Tile<T>,
     pub(crate) tile: Tile<T>,
     /// x planes that there is room for, and those that are not zero.
     pub(crate) planes: usize,
@@ -101,6 +107,31 @@ const MAX_TERMS: usize = 2;
 
 /// Tiles of one thread: both parts of all terms, the sum, and one to spare.
 const TILES: usize = 2 * MAX_TERMS + 2;
+
+/// Whether all moving parts, and the window, fill no more than half of an axis.
+fn halves(
+    axis: usize,
+    size: [usize; 3],
+    window: [usize; 3],
+    shapes: &[[usize; 3]],
+) -> (bool, bool) {
+    let half = size[axis] / 2;
+    let from_half = shapes.iter().all(|s| s[axis] <= half);
+    (from_half, window[axis] <= half)
+}
+
+fn layout_of<T: Real>(
+    level: Level,
+    size: [usize; 3],
+    window: [usize; 3],
+    shapes: &[[usize; 3]],
+) -> Layout {
+    let line = match halves(1, size, window, shapes) {
+        (true, true) => size[1] / 2,
+        _ => size[1],
+    };
+    Layout::new(size, line, lanes::<T>(level))
+}
 
 impl<T: Real> Fused<T> {
     /// Whether the kernels have all factors of this size.
@@ -116,10 +147,13 @@ impl<T: Real> Fused<T> {
         window: [usize; 3],
         moving_shapes: &[[usize; 3]],
     ) -> (u64, u64) {
-        let layout = Layout::new(size, lanes::<T>(level));
+        let layout = layout_of::<T>(level, size, window, moving_shapes);
         let spectrum = spectrum_len(&layout, size) * moving_shapes.len();
         let spectra = moving_shapes.iter().enumerate();
-        let planes = spectra.map(|(t, s)| layout.spectra(planes(t, *s, window)));
+        let planes = spectra.map(|(t, s)| {
+            let planes = planes(t, *s, window);
+            layout.lines(planes) + layout.block(planes)
+        });
         let [bundles, _, plane, tile] = plane_scratch(&layout, size, moving_shapes);
         let scratch = planes.sum::<usize>() + bundles + plane + TILES * tile;
         let bytes = |numbers: usize| (numbers * size_of::<T>()) as u64;
@@ -136,18 +170,13 @@ impl<T: Real> Fused<T> {
         window: [usize; 3],
         terms: Vec<FixedTerm<T>>,
     ) -> Self {
-        let layout = Layout::new(size, lanes::<T>(level));
         let accepted = "a size that `knows` accepted";
         let fft = |len, ends| LaneFft::new(len, ends).expect(accepted);
         let angle = |z: usize| PI * z as f64 / size[2] as f64;
         assert!(terms.len() <= MAX_TERMS, "at most two terms");
         let shapes: Vec<_> = terms.iter().map(|t| t.moving_shape).collect();
-        // Whether all moving parts, and the window, fill no more than half of an axis.
-        let halves = |axis: usize| {
-            let half = size[axis] / 2;
-            let from_half = shapes.iter().all(|s| s[axis] <= half);
-            (from_half, window[axis] <= half)
-        };
+        let layout = layout_of::<T>(level, size, window, &shapes);
+        let halves = |axis: usize| halves(axis, size, window, &shapes);
         let y = |from_half, to_half| {
             let ends = Ends {
                 from_half,
@@ -169,7 +198,9 @@ impl<T: Real> Fused<T> {
             twist: (0..layout.half)
                 .map(|z| [angle(z).cos(), angle(z).sin()].map(T::nearest))
                 .collect(),
-            places: (0..size[1]).map(|y| y * 2 * layout.lanes).collect(),
+            places: (0..layout.line_elements.max(size[1]))
+                .map(|y| y * 2 * layout.lanes)
+                .collect(),
             x_to: (0..size[0])
                 .map(|x| layout.x_to(planes(0, shapes[0], window), window[0], x))
                 .collect(),
@@ -213,6 +244,10 @@ impl<T: Real> Fused<T> {
         let planes = |(t, term): (usize, &Term<T>)| planes(t, term.moving_shape, self.window);
         let shapes: Vec<_> = self.terms.iter().map(|t| t.moving_shape).collect();
         let [bundles, filled, plane, tile] = plane_scratch(&self.layout, self.size, &shapes);
+        let buffers = |len: &dyn Fn(usize) -> usize| -> Vec<Buffer<T>> {
+            let terms = self.terms.iter().enumerate();
+            terms.map(|t| Buffer::zeroed(len(planes(t)))).collect()
+        };
         FusedScratch {
             own: PlaneScratch {
                 bundles: Buffer::zeroed(bundles),
@@ -220,12 +255,8 @@ impl<T: Real> Fused<T> {
                 plane: Buffer::zeroed(plane),
                 tiles: std::array::from_fn(|_| Buffer::zeroed(tile)),
             },
-            spectra: self
-                .terms
-                .iter()
-                .enumerate()
-                .map(|t| Buffer::zeroed(self.layout.spectra(planes(t))))
-                .collect(),
+            lines: buffers(&|p| self.layout.lines(p)),
+            spectra: buffers(&|p| self.layout.block(p)),
             x_from: vec![vec![0; self.size[0]]; shapes.len()],
         }
     }
@@ -246,6 +277,7 @@ impl<T: Real> Fused<T> {
         }
         let FusedScratch {
             own,
+            lines,
             spectra,
             x_from,
         } = scratch;
@@ -259,6 +291,7 @@ impl<T: Real> Fused<T> {
         let views: [Spectra<T>; MAX_TERMS] = std::array::from_fn(|t| {
             let t = t.min(moving.len() - 1);
             Spectra {
+                lines: lines[t].tile(),
                 tile: spectra[t].tile(),
                 planes: planes(t),
                 filled: moving[t].bounds()[0].clone(),
@@ -280,22 +313,34 @@ impl<T: Real> Fused<T> {
                 times.forward += sampled.elapsed().as_secs_f64();
             }
         }
-        let began = Instant::now();
         for block in 0..self.layout.blocks {
+            let began = Instant::now();
             // SAFETY: as above.
             dispatch_lanes!(self.level, simd => unsafe {
-                multiply_columns(simd, self, block, 0..self.size[1], views, own)
+                forward_block(simd, self, block, views, own)
             });
+            let forward = Instant::now();
+            // SAFETY: as above.
+            dispatch_lanes!(self.level, simd => unsafe {
+                multiply_columns(simd, self, block, views, own)
+            });
+            let multiplied = Instant::now();
+            // SAFETY: as above.
+            dispatch_lanes!(self.level, simd => unsafe {
+                inverse_block(simd, self, block, &views[0], own)
+            });
+            times.forward += (forward - began).as_secs_f64();
+            times.product += (multiplied - forward).as_secs_f64();
+            times.inverse += multiplied.elapsed().as_secs_f64();
         }
-        let multiplied = Instant::now();
+        let began = Instant::now();
         for (x, mut plane) in out.axis_iter_mut(Axis(0)).enumerate() {
             // SAFETY: as above.
             dispatch_lanes!(self.level, simd => unsafe {
                 inverse_plane(simd, self, x, &views[0], own, &mut plane)
             });
         }
-        times.product = (multiplied - began).as_secs_f64();
-        times.inverse = multiplied.elapsed().as_secs_f64();
+        times.inverse += began.elapsed().as_secs_f64();
         times
     }
 }

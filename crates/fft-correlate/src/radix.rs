@@ -301,7 +301,7 @@ pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
     let zero = T::Native::<S>::splat(simd, T::zero());
     for p in 0..blocks {
         // The sum of the products waits in memory: in registers there is no room for it.
-        // SAFETY (of all below): elements of the lines and of `out`.
+        // SAFETY: elements of the lines and of `out`, as all below.
         let sum = unsafe { out.from(R * p * 2 * T::Native::<S>::LEN) };
         for (i, (line, fixed)) in lines.iter().enumerate() {
             let fixed = &fixed[p * fixed_stride..];

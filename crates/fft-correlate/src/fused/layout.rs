@@ -15,9 +15,13 @@ const PAD: usize = 16;
 /// Numbers that neighbouring y share in one visit of a plane: 1 KiB of f32.
 const CHUNK: usize = 256;
 
-/// Where things lie. Half spectra of one term are `[kz block][part][y chunk][x][y in chunk]`, each
-/// element real and imaginary lanes of kz. Behind the x planes lie two more: one that is always zero,
-/// read for planes that hold nothing, and one that takes what is not wanted.
+/// Where things lie.
+///
+/// Between the z and the y transforms the lines of a term along y are `[kz block][part][x]`; after
+/// them one kz block at a time is `[part][y chunk][x][y in chunk]`, so that neither y lines nor x
+/// lines lie at strides that fall into few cache sets. Each element is real and imaginary lanes of
+/// kz. Behind the x planes of a block lie two more: one that is always zero, read for planes that
+/// hold nothing, and one that takes what is not wanted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
     pub(super) lanes: usize,
@@ -31,12 +35,18 @@ pub(super) struct Layout {
     pub(super) x_stride: usize,
     /// From bundle to bundle of y rows in a transformed plane.
     pub(super) row: usize,
+    /// From line to line along y before the y transforms, and the elements there is room for.
+    line: usize,
+    pub(super) line_elements: usize,
 }
 
 impl Layout {
-    pub(super) fn new(size: [usize; 3], lanes: usize) -> Self {
+    /// For transforms of this size whose y lines have at most `line` elements to read or wanted.
+    pub(super) fn new(size: [usize; 3], line: usize, lanes: usize) -> Self {
         let half = size[2] / 2;
         let blocks = half.div_ceil(lanes);
+        // A last bundle of rows may reach beyond the end.
+        let line_elements = (line + lanes).next_multiple_of(lanes);
         let chunk_bits = (CHUNK / (2 * lanes)).ilog2();
         Self {
             lanes,
@@ -46,12 +56,24 @@ impl Layout {
             chunks: size[1].div_ceil(1 << chunk_bits),
             x_stride: CHUNK + PAD,
             row: blocks * lanes * 2 * lanes + PAD,
+            line: line_elements * 2 * lanes + PAD,
+            line_elements,
         }
     }
 
-    /// Numbers of the half spectra of a term with this many x planes.
-    pub(super) fn spectra(&self, planes: usize) -> usize {
-        self.blocks * 2 * self.chunks * self.chunk(planes)
+    /// Numbers of one kz block of the half spectra of a term with this many x planes.
+    pub(super) fn block(&self, planes: usize) -> usize {
+        2 * self.chunks * self.chunk(planes)
+    }
+
+    /// Numbers of all lines along y of such a term.
+    pub(super) fn lines(&self, planes: usize) -> usize {
+        self.line(planes, self.blocks, 0, 0)
+    }
+
+    /// Offset of one of them.
+    pub(super) fn line(&self, planes: usize, block: usize, part: usize, x: usize) -> usize {
+        ((block * 2 + part) * planes + x) * self.line
     }
 
     /// From bundle to bundle of y rows in a resampled plane.
@@ -67,7 +89,7 @@ impl Layout {
 
     /// Where the elements of a y line begin.
     pub(super) fn y_places(&self, planes: usize, ny: usize) -> Vec<usize> {
-        (0..ny).map(|y| self.column(planes, 0, 0, y)).collect()
+        (0..ny).map(|y| self.column(planes, 0, y)).collect()
     }
 
     /// Where an element of an x line begins: of a plane that is there, or of the zero plane.
@@ -82,9 +104,9 @@ impl Layout {
         plane * self.x_stride
     }
 
-    /// Offset of the element at x = 0 in a column.
-    pub(super) fn column(&self, planes: usize, block: usize, part: usize, y: usize) -> usize {
-        let chunk = (block * 2 + part) * self.chunks + (y >> self.chunk_bits);
+    /// Offset of the element at x = 0 in a column of a block.
+    pub(super) fn column(&self, planes: usize, part: usize, y: usize) -> usize {
+        let chunk = part * self.chunks + (y >> self.chunk_bits);
         chunk * self.chunk(planes) + (y & ((1 << self.chunk_bits) - 1)) * 2 * self.lanes
     }
 

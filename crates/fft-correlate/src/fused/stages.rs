@@ -5,7 +5,7 @@
 //! every size and level with those checks. In release builds accesses are within bounds because
 //! every buffer was laid out by [`super::Fused::scratch`] for the sizes that its own [`Layout`]
 //! holds: bundles of `bundle` numbers, planes of `2 * bundles * row`, tiles of the longest line and
-//! one block, half spectra of `spectra(planes)`. What is left to the caller is that the scratch is
+//! one block, lines of `lines(planes)`, half spectra of `block(planes)`. What is left to the caller is that the scratch is
 //! borrowed and that no one else uses the plane or columns it names.
 //!
 //! [`Layout`]: super::layout::Layout
@@ -58,10 +58,10 @@ pub(super) fn resample_plane<S: Simd, T: Real, M: MovingRows<T>>(
     }
 }
 
-/// Stage 1: one x plane of a moving field, y rows `rows`, to its half spectra over y and z.
+/// Stage 1: one x plane of a moving field, y rows `rows`, to its lines along y over kz.
 ///
 /// # Safety
-/// No one else may use plane `x` of the spectra.
+/// No one else may use plane `x` of the lines.
 #[simd]
 pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
     simd: S,
@@ -74,8 +74,8 @@ pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
 ) {
     let l = f.layout;
     let (plane, bundles) = (own.plane.tile(), own.bundles.tile());
-    let [a, b, lines, ..] = &mut own.tiles;
-    let (a, b, lines) = (a.tile(), b.tile(), lines.tile());
+    let [a, b, ..] = &mut own.tiles;
+    let (a, b) = (a.tile(), b.tile());
     let count = l.bundles(rows.len());
     let real = term.moving_shape[2] <= l.half;
     for bundle in 0..count {
@@ -91,33 +91,22 @@ pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
     }
     let element = 2 * l.lanes;
     let zero = [T::Native::<S>::splat(simd, T::zero()); 2];
-    let from = Line {
-        tile: lines,
-        places: &f.places,
-    };
-    for y in 0..rows.start {
-        // SAFETY: laid out so, see the module.
-        unsafe { lines.put(simd, y, zero) };
-    }
     for block in 0..l.blocks {
         for part in 0..2 {
+            // SAFETY: laid out so, see the module.
+            let line = unsafe { to.lines.from(l.line(to.planes, block, part, x)) };
             for bundle in 0..count {
                 let offset = (2 * bundle + part) * l.row + block * l.lanes * element;
                 // SAFETY: laid out so, see the module.
                 unsafe {
-                    let to = lines.from((rows.start + bundle * l.lanes) * element);
+                    let to = line.from((rows.start + bundle * l.lanes) * element);
                     transpose_block(simd, plane.from(offset), to);
                 }
             }
             // Rows beyond the last one may hold anything.
-            for y in rows.end..f.size[1].max(rows.start + count * l.lanes) {
+            for y in (0..rows.start).chain(rows.end..l.line_elements) {
                 // SAFETY: laid out so, see the module.
-                unsafe { lines.put(simd, y, zero) };
-            }
-            // SAFETY: laid out so, see the module.
-            unsafe {
-                let at = l.column(to.planes, block, part, 0) + x * l.x_stride;
-                transform(simd, &f.y[0], [a, b], from, line(to, at, &term.y_places));
+                unsafe { line.put(simd, y, zero) };
             }
         }
     }
@@ -210,17 +199,49 @@ unsafe fn transpose_block<S: Simd, T: Real>(simd: S, from: Tile<T>, to: Tile<T>)
     }
 }
 
-/// Stage 2: the x lines of one kz block and of the y in `rows`, for all terms; the sum's lines
-/// replace those of the first term's real part.
+/// Stage 2: the y transforms of one kz block of all terms, to its half spectra.
 ///
 /// # Safety
-/// No one else may use these columns of the spectra.
+/// No one else may use the lines and the spectra.
+#[simd]
+pub(super) unsafe fn forward_block<S: Simd, T: Real>(
+    simd: S,
+    f: &Fused<T>,
+    block: usize,
+    spectra: &[Spectra<'_, T>],
+    own: &mut PlaneScratch<T>,
+) {
+    let l = f.layout;
+    let [a, b, ..] = &mut own.tiles;
+    let (a, b) = (a.tile(), b.tile());
+    for (term, moving) in f.terms.iter().zip(spectra) {
+        for part in 0..2 {
+            for x in moving.filled.clone() {
+                let at = l.column(moving.planes, part, 0) + x * l.x_stride;
+                // SAFETY: laid out so, see the module.
+                unsafe {
+                    let from = Line {
+                        tile: moving.lines.from(l.line(moving.planes, block, part, x)),
+                        places: &f.places,
+                    };
+                    let to = line(moving, at, &term.y_places);
+                    transform(simd, &f.y[0], [a, b], from, to);
+                }
+            }
+        }
+    }
+}
+
+/// The x lines of one kz block, for all terms; the sum's lines replace those of the first term's
+/// real part.
+///
+/// # Safety
+/// No one else may use the spectra.
 #[simd]
 pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     block: usize,
-    rows: Range<usize>,
     spectra: &[Spectra<'_, T>],
     own: &mut PlaneScratch<T>,
 ) {
@@ -230,7 +251,7 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
     let [tiles @ .., spare] = &mut own.tiles;
     let column = nx * 4 * l.lanes;
     let block_len = back.first_radix() * 2 * l.lanes;
-    for y in rows {
+    for y in 0..ny {
         let mut lines = [(spare.tile(), &[][..]); 2 * MAX_TERMS];
         let mut count = 0;
         let mut free = spare.tile();
@@ -242,11 +263,7 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
             for part in 0..2 {
                 // SAFETY: laid out so, see the module.
                 unsafe {
-                    let from = line(
-                        moving,
-                        l.column(moving.planes, block, part, y),
-                        moving.x_from,
-                    );
+                    let from = line(moving, l.column(moving.planes, part, y), moving.x_from);
                     let [done, other] =
                         first_passes(simd, there, [tiles[count].tile(), free], from);
                     free = other;
@@ -259,7 +276,7 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
         unsafe {
             let tiles = [tiles[2 * MAX_TERMS].tile(), free];
             let sum = &spectra[0];
-            let to = line(sum, l.column(sum.planes, block, 0, y), &f.x_to);
+            let to = line(sum, l.column(sum.planes, 0, y), &f.x_to);
             let lines = &lines[..count];
             back.turn(
                 simd,
@@ -269,6 +286,38 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
                 #[inline(always)]
                 |x, v| to.put(simd, x, v),
             );
+        }
+    }
+}
+
+/// The y transforms back of one kz block of the sum.
+///
+/// # Safety
+/// No one else may use the lines and the spectra.
+#[simd]
+pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
+    simd: S,
+    f: &Fused<T>,
+    block: usize,
+    sum: &Spectra<'_, T>,
+    own: &mut PlaneScratch<T>,
+) {
+    let l = f.layout;
+    let [a, b, ..] = &mut own.tiles;
+    let (a, b) = (a.tile(), b.tile());
+    for x in 0..f.window[0] {
+        // SAFETY: laid out so, see the module.
+        unsafe {
+            let from = line(
+                sum,
+                l.column(sum.planes, 0, 0) + x * l.x_stride,
+                &f.terms[0].y_places,
+            );
+            let to = Line {
+                tile: sum.lines.from(l.line(sum.planes, block, 0, x)),
+                places: &f.places,
+            };
+            transform(simd, &f.y[1], [a, b], from, to);
         }
     }
 }
@@ -292,22 +341,13 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
     let (a, b, lines, real) = (a.tile(), b.tile(), lines.tile(), real.tile());
     let [_, wy, wz] = f.window;
     let count = l.bundles(wy);
-    let to = Line {
-        tile: lines,
-        places: &f.places,
-    };
     for block in 0..l.blocks {
-        // SAFETY: laid out so, see the module.
-        unsafe {
-            let at = l.column(sum.planes, block, 0, 0) + x * l.x_stride;
-            let from = line(sum, at, &f.terms[0].y_places);
-            transform(simd, &f.y[1], [a, b], from, to);
-        }
         for bundle in 0..count {
             let offset = 2 * bundle * l.row + block * l.lanes * 2 * l.lanes;
             // SAFETY: laid out so, see the module.
             unsafe {
-                let from = lines.from(bundle * l.lanes * 2 * l.lanes);
+                let line = sum.lines.from(l.line(sum.planes, block, 0, x));
+                let from = line.from(bundle * l.lanes * 2 * l.lanes);
                 transpose_block(simd, from, plane.from(offset));
             }
         }

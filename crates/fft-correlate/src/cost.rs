@@ -4,19 +4,19 @@
 //! Each stage is a number of vectors of lanes that pass through transforms, products and samples;
 //! the model weighs them with times measured on one thread of a Zen 3 server with vectors of eight
 //! f32 (AVX2); at 128 points per axis it is within a few percent, at 64, where everything stays in
-//! the caches, a third too long. Other machines differ by a factor that hardly changes which size
+//! the caches, 15 % too long. Other machines differ by a factor that hardly changes which size
 //! is best.
 
 use crate::lane_plan::{Ends, Step, cost, known, steps, turning_steps};
 
 /// Nanoseconds of a radix-2 pass over one complex element of eight lanes.
-const PASS: f64 = 1.2;
+const PASS: f64 = 1.1;
 
 /// Nanoseconds to read, write and transpose one complex element of eight lanes, of one product
 /// with a spectrum that comes from memory, and of one resampled value.
-const MOVE: f64 = 2.0;
-const PRODUCT: f64 = 6.0;
-const SAMPLE: f64 = 7.0;
+const MOVE: f64 = 1.6;
+const PRODUCT: f64 = 0.5;
+const SAMPLE: f64 = 4.5;
 
 /// Lanes that the times are for.
 const LANES: usize = 8;

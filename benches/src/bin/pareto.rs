@@ -1,9 +1,9 @@
 //! Error of energy, force and torque against a converged reference, and what it costs:
-//! `pareto [--quick] [--out DIR]`.
+//! `pareto [--quick] [--out DIR] [pair=NAME] [clearance=MM]`.
 //!
 //! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation of
-//! tables, and spacing, sampling and number of points of the direct evaluator, on the square
-//! peg-in-hole at zero clearance. Poses are held out: random ones, and paths in contact. Prints a
+//! tables, and spacing, sampling and number of points of the direct evaluator, on one of the example
+//! pairs: the square peg-in-hole at zero clearance unless another is named. Poses are held out: random ones, and paths in contact. Prints a
 //! table, writes `pareto.csv` and `pareto.png` with the efficient frontiers.
 
 use std::collections::HashMap;
@@ -96,7 +96,7 @@ struct Truth {
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let sweep = if arguments.quick { QUICK } else { FULL };
-    let parts = PegInHole::Rectangular.pair(0.0)?;
+    let parts = parts(&arguments.rest)?;
     let truth = reference(&parts, &sweep)?;
     let mut found = Vec::new();
     for &mm in sweep.spacings_mm {
@@ -114,6 +114,26 @@ fn main() -> Outcome<()> {
         }
     }
     publish(&found, &arguments)
+}
+
+/// The pair that the words `pair=NAME` and `clearance=MM` ask for.
+fn parts(words: &[String]) -> Outcome<(TriangleMesh, TriangleMesh)> {
+    let (mut pair, mut clearance) = (PegInHole::Rectangular, 0.0);
+    for word in words {
+        match word.split_once('=') {
+            Some(("clearance", mm)) => clearance = 1e-3 * mm.parse::<f64>()?,
+            Some(("pair", name)) => {
+                let named = PegInHole::ALL.into_iter().find(|p| p.name() == name);
+                let names = PegInHole::ALL.map(PegInHole::name).join(", ");
+                pair = named.ok_or_else(|| format!("pair {name:?}: expected one of {names}"))?;
+            }
+            _ => {
+                return Err(format!("unknown word {word:?}; known: pair=NAME, clearance=MM").into());
+            }
+        }
+    }
+    println!("{} pair, clearance {} mm", pair.name(), 1e3 * clearance);
+    Ok(pair.pair(clearance)?)
 }
 
 fn build(

@@ -128,7 +128,9 @@ fn parts(words: &[String]) -> Outcome<(TriangleMesh, TriangleMesh)> {
                 pair = named.ok_or_else(|| format!("pair {name:?}: expected one of {names}"))?;
             }
             _ => {
-                return Err(format!("unknown word {word:?}; known: pair=NAME, clearance=MM").into());
+                return Err(
+                    format!("unknown word {word:?}; known: pair=NAME, clearance=MM").into(),
+                );
             }
         }
     }

@@ -47,6 +47,7 @@ mod fft3;
 mod fold;
 mod fused;
 mod gradient;
+mod hull;
 mod lane_fft;
 mod lane_plan;
 mod lanes;

@@ -280,6 +280,10 @@ pub(crate) fn pass_to_half<S: Simd, T: Real, const H: usize>(
     }
 }
 
+/// Blocks of the fixed spectra that are asked for ahead of their use: they come from far away, and
+/// are read in bursts.
+const AHEAD: usize = 2;
+
 /// The last pass, of radix `R`, of the transforms of all `lines`, the sum of their products with
 /// the fixed spectra, and the first pass of its transform back, `2 lanes` numbers per element:
 /// outputs of the one are inputs of the other, so that no spectrum is ever stored.
@@ -304,6 +308,9 @@ pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
         // SAFETY: elements of the lines and of `out`, as all below.
         let sum = unsafe { out.from(R * p * 2 * T::Native::<S>::LEN) };
         for (i, (line, fixed)) in lines.iter().enumerate() {
+            for number in (0..2 * R * T::Native::<S>::LEN).step_by(64 / size_of::<T>()) {
+                Tile::shared(fixed).fetch((p + AHEAD) * fixed_stride + number);
+            }
             let fixed = &fixed[p * fixed_stride..];
             if i == 0 {
                 // SAFETY: as above.

@@ -1,17 +1,17 @@
 //! The moving part's field at the nodes of the fixed part's lattice, for one rotation.
 
+mod rows;
+
 use std::ops::Range;
 
 use fearless_simd::prelude::*;
-use fearless_simd_macros::simd;
 use glam::{DMat3, DQuat, DVec3};
 use ndarray::{Array3, Axis};
 use num_complex::{Complex, Complex32};
 
 use crate::fused::lanes;
-use crate::lanes::Tile;
+use crate::hull::{Hull, TurnedHull};
 use crate::overlap::IndexBox;
-use crate::radix::inlined;
 use crate::real::Real;
 use crate::spectral::MovingRows;
 
@@ -34,6 +34,7 @@ pub(crate) struct MovingField<T> {
     /// Largest distance from the pivot at which the interpolated field may be nonzero, cells.
     radius: f64,
     occupied: Occupied,
+    hull: Hull,
 }
 
 /// Where a field may be nonzero within reach of a patch of samples.
@@ -109,6 +110,7 @@ impl<T: Real> MovingField<T> {
         let level = fearless_simd::Level::new();
         Some(Self {
             occupied: Occupied::new(&cropped, lanes::<T>(level)),
+            hull: Hull::new(&cropped),
             values: cropped,
             first: first + DVec3::from_array(offset.map(|o| o as f64)),
             // Trilinear weights reach to the far corner of a cell.
@@ -138,10 +140,12 @@ impl<T: Real> MovingField<T> {
         let matrix = DMat3::from_quat(rotation);
         let back = matrix.transpose();
         let corner = origin + DVec3::from_array(within.lo.map(|v| v as f64));
+        let start = back * corner - self.first;
         Turned {
             field: self,
             step: back,
-            start: back * corner - self.first,
+            start,
+            hull: self.hull.turned(start, &back),
             bounds: self.bounds(&matrix, corner, within.shape()),
         }
     }
@@ -172,6 +176,7 @@ pub(crate) struct Turned<'a, T> {
     step: DMat3,
     /// Moving-lattice index of fixed-lattice index `[0, 0, 0]` of the box.
     start: DVec3,
+    hull: TurnedHull,
     bounds: [Range<usize>; 3],
 }
 
@@ -197,121 +202,7 @@ impl<T: Real> MovingRows<T> for Turned<'_, T> {
     }
 
     fn fill_lanes<S: Simd>(&self, simd: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
-        let lanes = T::Native::<S>::LEN;
-        let corner = self.start + self.step.x_axis * x as f64 + self.step.y_axis * y as f64;
-        let middle = self.step.y_axis * (lanes as f64 - 1.0) / 2.0
-            + self.step.z_axis * (PATCH as f64 - 1.0) / 2.0;
-        let Range { start, end } = self.bounds[2].clone();
-        let mut filled = start..start;
-        for z in (start..end).step_by(PATCH) {
-            let count = PATCH.min(end - z);
-            let at = corner + self.step.z_axis * z as f64;
-            let samples = &mut bundle[2 * lanes * z..2 * lanes * (z + count)];
-            if self.field.occupied.near(at + middle) {
-                sample_patch(simd, self, at, samples);
-                filled.start = if filled.is_empty() { z } else { filled.start };
-                filled.end = z + count;
-            } else {
-                samples.fill(T::zero());
-            }
-        }
-        filled
-    }
-}
-
-/// Samples a patch, the first sample at index `at` of the field: lanes along the fixed lattice's y,
-/// elements along its z.
-#[simd]
-fn sample_patch<S: Simd, T: Real>(simd: S, turned: &Turned<'_, T>, at: DVec3, samples: &mut [T]) {
-    let lanes = T::Native::<S>::LEN;
-    let (nx, ny, nz) = turned.field.values.dim();
-    let splat = inlined(
-        #[inline(always)]
-        |v: f64| T::Quad::<S>::splat(simd, T::nearest(v)),
-    );
-    let one = splat(1.0);
-    // Relative to a node nearby, coordinates have no more than seven digits to round.
-    let base = at.floor();
-    let (sy, sz) = (turned.step.y_axis, turned.step.z_axis);
-    let low = [
-        splat(0.5 - base.x),
-        splat(0.5 - base.y),
-        splat(0.5 - base.z),
-    ];
-    let high = inlined(
-        #[inline(always)]
-        |n: usize, base: f64| splat(n as f64 - 1.5 - base),
-    );
-    let high = [high(nx, base.x), high(ny, base.y), high(nz, base.z)];
-    let step = [splat(sz.x), splat(sz.y), splat(sz.z)];
-    let across = [splat(sy.x), splat(sy.y), splat(sy.z)];
-    let corner = at - base;
-    let corner = [splat(corner.x), splat(corner.y), splat(corner.z)];
-    let values: &[Complex<T>] = turned
-        .field
-        .values
-        .as_slice()
-        .expect("made in standard layout");
-    let [to_row, to_plane] = [2 * nz, 2 * ny * nz];
-    // The last place whose cell lies within the field.
-    let last = (values.len() - ny * nz - nz - 2) as i32;
-    let numbers = Tile::<T>::shared(bytemuck::cast_slice(values));
-    let origin = (base.x as i64 * ny as i64 + base.y as i64) * nz as i64 + base.z as i64;
-    let strides = [(ny * nz) as i32, nz as i32];
-    let lane_numbers = [0.0, 1.0, 2.0, 3.0].map(T::nearest);
-    let mut lane = T::Quad::<S>::from_slice(simd, &lane_numbers);
-    for first in (0..lanes).step_by(4) {
-        let mut place = corner;
-        for a in 0..3 {
-            place[a] = across[a].mul_add(lane, corner[a]);
-        }
-        lane += splat(4.0);
-        let mut count = splat(0.0);
-        for element in samples.chunks_exact_mut(2 * lanes) {
-            let mut cell = [one; 3];
-            let mut f = [one; 3];
-            for a in 0..3 {
-                let x = step[a].mul_add(count, place[a]).max(low[a]).min(high[a]);
-                cell[a] = x.floor();
-                f[a] = x - cell[a];
-            }
-            count += one;
-            let places = T::places(simd, cell, strides, origin as i32, last);
-            let (gx, gy) = (one - f[0], one - f[1]);
-            let weights = [gx * gy, gx * f[1], f[0] * gy, f[0] * f[1]];
-            let mut points = [one; 4];
-            for p in 0..4 {
-                let at = 2 * places[p] as usize;
-                let value = inlined(
-                    #[inline(always)]
-                    // SAFETY: `places` are no further than `last`, from where all corners of a
-                    // cell lie within the field.
-                    |skip: usize| -> T::Quad<S> { unsafe { numbers.quad(simd, at + skip) } },
-                );
-                let weight = inlined(
-                    #[inline(always)]
-                    |corner: usize| T::Quad::<S>::splat(simd, weights[corner].as_slice()[p]),
-                );
-                let sum = value(0) * weight(0);
-                let sum = value(to_row).mul_add(weight(1), sum);
-                let sum = value(to_plane).mul_add(weight(2), sum);
-                points[p] = value(to_plane + to_row).mul_add(weight(3), sum);
-            }
-            // Points to real and imaginary parts at both z.
-            let (a, b) = points[0].interleave(points[2]);
-            let (c, d) = points[1].interleave(points[3]);
-            let (re0, im0) = a.interleave(c);
-            let (re1, im1) = b.interleave(d);
-            let re = f[2].mul_add(re1 - re0, re0);
-            let im = f[2].mul_add(im1 - im0, im0);
-            if lanes >= 4 {
-                re.store_slice(&mut element[first..first + 4]);
-                im.store_slice(&mut element[lanes + first..lanes + first + 4]);
-            } else {
-                element[..lanes].copy_from_slice(&re.as_slice()[..lanes]);
-                element[lanes..].copy_from_slice(&im.as_slice()[..lanes]);
-            }
-        }
+        rows::sample(simd, self, x, y, bundle)
     }
 }
 

@@ -1,13 +1,53 @@
 //! Hygiene: what it repairs, what it reports, what it refuses.
 
-mod common;
-
 use approx::assert_relative_eq;
-use common::bare::{clean, raw, reversed, unit_cube};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
-use sdf_grid::{HygieneOptions, MeshError, TriangleMesh, shapes};
+use rand::seq::SliceRandom;
+use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh, shapes};
+
+fn clean(
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    TriangleMesh::clean("part", vertices, triangles, &HygieneOptions::default())
+}
+
+fn raw(mesh: &TriangleMesh) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    (mesh.vertices().to_vec(), mesh.triangles().to_vec())
+}
+
+fn reversed(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    triangles.iter().map(|&[a, b, c]| [a, c, b]).collect()
+}
+
+fn unit_cube() -> TriangleMesh {
+    shapes::cuboid(DVec3::ONE).expect("valid size")
+}
+
+/// Vertices and triangles of several meshes in one.
+fn joined(meshes: &[&TriangleMesh]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for mesh in meshes {
+        let first = vertices.len() as u32;
+        vertices.extend_from_slice(mesh.vertices());
+        triangles.extend(mesh.triangles().iter().map(|t| t.map(|i| i + first)));
+    }
+    (vertices, triangles)
+}
+
+fn moved(mesh: &TriangleMesh, offset: DVec3) -> TriangleMesh {
+    mesh.transformed(DQuat::IDENTITY, offset)
+}
+
+fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
+    let vertices = mesh.vertices().iter().map(|v| factor * *v).collect();
+    clean(vertices, mesh.triangles().to_vec())
+        .expect("a clean mesh")
+        .0
+}
 
 #[test]
 fn empty_meshes_are_refused() {
@@ -220,6 +260,62 @@ fn a_triangle_soup_is_welded() {
 }
 
 #[test]
+fn a_cavity_points_inwards_and_a_body_in_it_outwards() {
+    let cube = unit_cube();
+    let shells = [scaled(&cube, 4.0), scaled(&cube, 2.0), cube];
+    let (vertices, triangles) = joined(&[&shells[0], &shells[1], &shells[2]]);
+    let (mesh, report) = clean(vertices, triangles).expect("nested shells");
+    assert_eq!(
+        (report.components, report.cavities, report.flipped_faces),
+        (3, 1, 12)
+    );
+    assert_relative_eq!(mesh.volume(), 64.0 - 8.0 + 1.0, max_relative = 1e-12);
+    let (_, again) = clean(raw(&mesh).0, raw(&mesh).1).expect("still nested");
+    assert_eq!(again.flipped_faces, 0);
+}
+
+#[test]
+fn touching_shells_are_not_nested() {
+    let cube = unit_cube();
+    // Faces touch over a part of their area, so that no vertices weld.
+    let small = moved(&scaled(&cube, 0.5), DVec3::new(0.75, 0.1, 0.05));
+    let (vertices, triangles) = joined(&[&cube, &small]);
+    let (mesh, report) = clean(vertices, triangles).expect("two bodies");
+    assert_eq!((report.cavities, report.overlapping_components), (0, 0));
+    assert_relative_eq!(mesh.volume(), 1.125, max_relative = 1e-12);
+    // The same from inside: a cavity that reaches a wall.
+    let niche = moved(&scaled(&cube, 0.5), DVec3::new(0.25, 0.1, 0.05));
+    let (vertices, triangles) = joined(&[&cube, &niche]);
+    let (mesh, report) = clean(vertices, triangles).expect("a body with a cavity");
+    assert_eq!((report.cavities, report.overlapping_components), (1, 0));
+    assert_relative_eq!(mesh.volume(), 0.875, max_relative = 1e-12);
+}
+
+#[test]
+fn a_doubled_shell_stays_outward_and_is_said() {
+    let sphere = shapes::icosphere(1.0, 4).expect("valid size");
+    let turned = sphere.transformed(DQuat::from_rotation_x(0.2), DVec3::ZERO);
+    let (vertices, triangles) = joined(&[&sphere, &turned]);
+    let (mesh, report) = clean(vertices, triangles).expect("a doubled shell");
+    assert_eq!((report.cavities, report.overlapping_components), (0, 2));
+    assert_relative_eq!(mesh.volume(), 2.0 * sphere.volume(), max_relative = 1e-12);
+    // Shell for shell the same faces: one of each is left.
+    let (vertices, triangles) = joined(&[&sphere, &sphere]);
+    let (mesh, report) = clean(vertices, triangles).expect("a doubled shell");
+    assert_eq!(mesh, sphere);
+    assert_eq!(report.duplicate_faces, sphere.triangles().len());
+}
+
+#[test]
+fn bodies_that_cut_through_each_other_stay_outward_and_are_said() {
+    let cube = unit_cube();
+    let (vertices, triangles) = joined(&[&cube, &moved(&cube, DVec3::new(0.31, 0.47, 0.23))]);
+    let (mesh, report) = clean(vertices, triangles).expect("two bodies");
+    assert_eq!((report.cavities, report.overlapping_components), (0, 2));
+    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
+}
+
+#[test]
 fn a_one_sided_surface_is_said() {
     // A Moebius strip of 12 quads.
     let n = 12;
@@ -247,4 +343,168 @@ fn a_one_sided_surface_is_said() {
     let (_, report) = TriangleMesh::clean("strip", vertices, triangles, &options).expect("allowed");
     assert!(report.inconsistent_edges > 0);
     assert!(report.warnings().iter().any(|w| w.contains("one-sided")));
+}
+
+/// Faces as sorted sets of positions, each running from its lowest corner.
+fn face_set(mesh: &TriangleMesh) -> Vec<[[u64; 3]; 3]> {
+    let mut faces: Vec<_> = mesh
+        .faces()
+        .map(|f| {
+            let ring = f.map(|p| p.to_array().map(f64::to_bits));
+            let first = (0..3).min_by_key(|&i| ring[i]).unwrap_or(0);
+            std::array::from_fn(|i| ring[(first + i) % 3])
+        })
+        .collect();
+    faces.sort_unstable();
+    faces
+}
+
+/// A mesh with several of the faults that hygiene repairs.
+fn faulty(seed: u64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut rng = SmallRng::seed_from_u64(seed);
+    let sphere = shapes::icosphere(1.0, 4).expect("valid size");
+    let torus = shapes::torus(3.0, 0.8, 9, 7).expect("valid size");
+    let inner = scaled(&sphere, 0.4);
+    let (vertices, triangles) = joined(&[&sphere, &torus, &inner]);
+    let mut soup = Vec::new();
+    let mut faces = Vec::new();
+    for (i, t) in triangles.iter().enumerate() {
+        let first = soup.len() as u32;
+        soup.extend(t.map(|v| vertices[v as usize]));
+        let flip = rand::Rng::random_bool(&mut rng, 0.3);
+        faces.push(if flip {
+            [first, first + 2, first + 1]
+        } else {
+            [first, first + 1, first + 2]
+        });
+        if i % 17 == 0 {
+            faces.push([first + 1, first + 2, first]);
+        }
+        if i % 23 == 0 {
+            faces.push([first, first, first + 1]);
+        }
+    }
+    (soup, faces)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn hygiene_is_idempotent(seed in any::<u64>()) {
+        let (vertices, triangles) = faulty(seed);
+        let (once, _) = clean(vertices, triangles).expect("repairable");
+        let (twice, report) = clean(raw(&once).0, raw(&once).1).expect("clean");
+        prop_assert_eq!(&once, &twice);
+        prop_assert_eq!(report.flipped_faces + report.duplicate_faces + report.zero_area_faces, 0);
+        prop_assert_eq!(report.welded_vertices, 0);
+        prop_assert_eq!(once.hash(), twice.hash());
+    }
+
+    #[test]
+    fn the_order_of_triangles_does_not_matter(seed in any::<u64>()) {
+        let (vertices, triangles) = faulty(seed);
+        let mut shuffled = triangles.clone();
+        shuffled.shuffle(&mut SmallRng::seed_from_u64(!seed));
+        let (a, report_a) = clean(vertices.clone(), triangles).expect("repairable");
+        let (b, report_b) = clean(vertices, shuffled).expect("repairable");
+        prop_assert_eq!(face_set(&a), face_set(&b));
+        prop_assert_eq!(report_a.cavities, report_b.cavities);
+    }
+
+    #[test]
+    fn rigid_motion_keeps_volume_area_and_report(
+        axis in prop::array::uniform3(-1.0f64..1.0),
+        angle in -3.0f64..3.0,
+        offset in prop::array::uniform3(-100.0f64..100.0),
+    ) {
+        let (vertices, triangles) = faulty(1);
+        let (mesh, report) = clean(vertices.clone(), triangles.clone()).expect("repairable");
+        let axis = DVec3::from_array(axis).try_normalize().unwrap_or(DVec3::X);
+        let (rotation, offset) = (DQuat::from_axis_angle(axis, angle), DVec3::from_array(offset));
+        let elsewhere = vertices.iter().map(|&v| rotation * v + offset).collect();
+        let (moved, moved_report) = clean(elsewhere, triangles).expect("repairable");
+        prop_assert_eq!(moved_report.flipped_faces, report.flipped_faces);
+        prop_assert_eq!(moved_report.cavities, report.cavities);
+        // Coordinates near 100 hold 1e-14 of absolute rounding on a part of size 8.
+        prop_assert!((moved.volume() / mesh.volume() - 1.0).abs() < 1e-11);
+        prop_assert!((moved.area() / mesh.area() - 1.0).abs() < 1e-11);
+        let carried = mesh.transformed(rotation, offset);
+        prop_assert!((carried.volume() / mesh.volume() - 1.0).abs() < 1e-11);
+        prop_assert!(carried.centroid().distance(rotation * mesh.centroid() + offset) < 1e-11);
+        prop_assert_ne!(carried.hash(), mesh.hash());
+    }
+
+    #[test]
+    fn any_soup_is_cleaned_or_refused(
+        coordinates in prop::collection::vec(prop::array::uniform3(-2i8..=2), 1..12),
+        faces in prop::collection::vec(prop::array::uniform3(0u32..12), 0..30),
+    ) {
+        let vertices: Vec<_> = coordinates.iter().map(|c| DVec3::from_array(c.map(f64::from))).collect();
+        let options = HygieneOptions { max_open_fraction: 1.0, ..HygieneOptions::default() };
+        if let Ok((mesh, report)) = TriangleMesh::clean("soup", vertices, faces, &options) {
+            prop_assert!((0.0..=1.0).contains(&report.open_area_fraction));
+            prop_assert!(!report.watertight || report.open_edges == 0);
+            let (again, _) = TriangleMesh::clean("soup", raw(&mesh).0, raw(&mesh).1, &options)
+                .expect("what hygiene made is accepted");
+            prop_assert_eq!(mesh, again);
+        }
+    }
+}
+
+#[test]
+fn the_wall_between_solids_that_touch_is_dropped() {
+    let cube = unit_cube();
+    // Mirrored, so that the faces that touch are cut along the same diagonal.
+    let vertices = cube
+        .vertices()
+        .iter()
+        .map(|v| DVec3::new(1.0 - v.x, v.y, v.z))
+        .collect();
+    let (mirrored, _) = clean(vertices, cube.triangles().to_vec()).expect("a cube");
+    let (vertices, triangles) = joined(&[&cube, &mirrored]);
+    let (mesh, report) = clean(vertices, triangles).expect("two cubes");
+    assert_eq!((report.duplicate_faces, report.components), (4, 1));
+    assert!(report.watertight);
+    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
+    assert_relative_eq!(mesh.area(), 10.0, max_relative = 1e-12);
+}
+
+#[test]
+fn a_surface_listed_for_both_its_sides_is_kept_once() {
+    let sphere = shapes::icosphere(1.0, 3).expect("valid size");
+    let (vertices, triangles) = raw(&sphere);
+    let both = [triangles.clone(), reversed(&triangles)].concat();
+    let (mesh, report) = clean(vertices.clone(), both).expect("repairable");
+    assert_eq!(mesh, sphere);
+    assert_eq!(report.duplicate_faces, triangles.len());
+    // The same with only some of the faces listed twice.
+    let some = [triangles.clone(), reversed(&triangles[10..30])].concat();
+    let (mesh, report) = clean(vertices, some).expect("repairable");
+    assert_eq!(mesh, sphere);
+    assert_eq!(report.duplicate_faces, 20);
+}
+
+#[test]
+fn neither_scale_nor_place_changes_what_is_found() {
+    let (vertices, triangles) = faulty(5);
+    let (_, here) = clean(vertices.clone(), triangles.clone()).expect("repairable");
+    for (scale, offset) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6), (1e-6, 1.0)] {
+        let elsewhere = vertices.iter().map(|v| scale * *v + offset).collect();
+        let (mesh, report) = clean(elsewhere, triangles.clone()).expect("repairable");
+        let counts = |r: &HygieneReport| {
+            [
+                r.vertices,
+                r.triangles,
+                r.flipped_faces,
+                r.components,
+                r.cavities,
+                r.open_edges,
+            ]
+        };
+        assert_eq!(counts(&report), counts(&here));
+        // At 1e6 sizes from the origin a coordinate holds 1e-10 of the size.
+        let expected = here.volume * scale.powi(3);
+        assert_relative_eq!(mesh.volume(), expected, max_relative = 1e-8);
+    }
 }

@@ -46,18 +46,11 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
         spec: store.spec(),
         error: store.error_report(),
     };
-    match context.json {
-        true => print_json(&description)?,
-        false => print(&description, &store),
+    if context.json {
+        return print_json(&description);
     }
-    match progress.damaged {
-        0 => Ok(()),
-        count => Err(CommandError::DamagedTable {
-            table: description.table,
-            count,
-            total: progress.rotations,
-        }),
-    }
+    print(&description, &store);
+    Ok(())
 }
 
 fn print(d: &Description, store: &TableStore) {

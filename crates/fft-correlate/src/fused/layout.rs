@@ -38,11 +38,13 @@ pub(super) struct Layout {
     /// From line to line along y before the y transforms, and the elements there is room for.
     line: usize,
     pub(super) line_elements: usize,
+    /// Numbers in a cache line.
+    pub(super) cache_line: usize,
 }
 
 impl Layout {
     /// For transforms of this size whose y lines have at most `line` elements to read or wanted.
-    pub(super) fn new(size: [usize; 3], line: usize, lanes: usize) -> Self {
+    pub(super) fn new<T: Real>(size: [usize; 3], line: usize, lanes: usize) -> Self {
         let half = size[2] / 2;
         let blocks = half.div_ceil(lanes);
         // A last bundle of rows may reach beyond the end.
@@ -58,6 +60,7 @@ impl Layout {
             row: blocks * lanes * 2 * lanes + PAD,
             line: line_elements * 2 * lanes + PAD,
             line_elements,
+            cache_line: 64 / size_of::<T>(),
         }
     }
 

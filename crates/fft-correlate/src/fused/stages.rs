@@ -225,6 +225,11 @@ pub(super) unsafe fn forward_block<S: Simd, T: Real>(
                         places: &f.places,
                     };
                     let to = line(moving, at, &term.y_places);
+                    // Passes do not read in an order that would bring the next line by itself.
+                    let next = l.line(moving.planes, block, part, x + 1);
+                    for i in (0..l.line_elements * 2 * l.lanes).step_by(l.cache_line) {
+                        moving.lines.fetch(next + i);
+                    }
                     transform(simd, &f.y[0], [a, b], from, to);
                 }
             }

@@ -37,9 +37,13 @@ stress:
 hid-vm:
     tests/hid-vm/run
 
+# The SIMD code on 64-bit ARM, emulated; says what is missing where it cannot run.
+arm *ARGS:
+    tests/arm/run {{ARGS}}
+
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
 stress-tables:
-    cargo test --release -p fft-correlate --test table -- --ignored --nocapture
+    cargo test --release -p fft-correlate --test table_queries -- --ignored --nocapture
     cargo test --release -p pegfit --test cli -- kill --include-ignored --nocapture
 
 # Tables in object stores: builds with the feature `cloud`, bakes and reads through a small S3 server.

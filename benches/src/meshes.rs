@@ -1,10 +1,11 @@
-//! Meshes of a wanted number of triangles: finely cut flat faces, many true facets, curved.
+//! Meshes of a wanted number of triangles: finely cut flat faces, many true facets, curved; and those
+//! of a folder.
 
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
-use sdf_grid::{HygieneOptions, TriangleMesh};
+use sdf_grid::{HygieneOptions, LengthUnit, TriangleMesh, mesh_io};
 
 use crate::Outcome;
 
@@ -37,6 +38,26 @@ pub fn facets(count: usize) -> Outcome<TriangleMesh> {
 pub fn curved(count: usize) -> Outcome<TriangleMesh> {
     let tube = ((count as f64 / 6.0).sqrt().round() as u32).max(3);
     Ok(shapes::torus(0.015, 0.007, 3 * tube, tube)?)
+}
+
+/// All meshes in a folder, OBJ and STL in metres, by the last 22 characters of their names.
+///
+/// # Errors
+/// If the folder cannot be read or a mesh is refused.
+pub fn read_folder(folder: &str) -> Outcome<Vec<(String, TriangleMesh)>> {
+    let mut paths: Vec<_> = std::fs::read_dir(folder)?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "obj" || e == "stl"))
+        .collect();
+    paths.sort();
+    let mut parts = Vec::new();
+    for path in paths {
+        let (mesh, _) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let start = name.char_indices().rev().nth(21).map_or(0, |(i, _)| i);
+        parts.push((name[start..].to_owned(), mesh));
+    }
+    Ok(parts)
 }
 
 /// `mesh` with every edge longer than some length halved, and again, until it has `count`

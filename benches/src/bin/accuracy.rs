@@ -1,6 +1,8 @@
-//! Run time against error: `accuracy [--quick] [--out DIR] [density|correlation|table|direct]...`.
+//! Run time against error:
+//! `accuracy [--quick] [--out DIR] [density|correlation|table|direct]... [parts=DIR]`.
 //!
-//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps.
+//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps. With `parts`, only
+//! the density fields of the meshes (OBJ or STL, metres) in that folder.
 
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies,
@@ -10,12 +12,14 @@ use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex64;
 use pegfit_benches::{
-    Arguments, Outcome, Row, Sweep, ask, example, random_poses, response_errors, rms, timed,
+    Arguments, Outcome, Row, Sweep, ask, example, meshes, random_poses, response_errors, rms, timed,
 };
 use rand::{SeedableRng, rngs::SmallRng};
+use rayon::prelude::*;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
     DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
+    TriangleMesh,
 };
 
 /// Measures; true for a quick run.
@@ -29,9 +33,16 @@ fn main() -> Outcome<()> {
         ("table", table),
         ("direct", direct),
     ];
+    let folder = arguments.rest.iter().find_map(|w| w.strip_prefix("parts="));
+    if let Some(folder) = folder {
+        return parts(folder, arguments.quick)?.publish(&arguments.out);
+    }
     for name in &arguments.rest {
         if sweeps.iter().all(|s| s.0 != name) {
-            return Err(format!("no sweep {name}: density, correlation, table or direct").into());
+            return Err(format!(
+                "no sweep {name}: density, correlation, table, direct or parts=DIR"
+            )
+            .into());
         }
     }
     for (name, sweep) in sweeps {
@@ -42,57 +53,113 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-/// Fields of the combined hole at every tolerance, against the f64 sum over all triangles at
-/// every 37th node.
+/// Fields of the combined hole at every tolerance.
 fn density(quick: bool) -> Outcome<Sweep> {
     let (hole, _) = PegInHole::Combined.pair(0.0)?;
     let h = if quick { 2e-3 } else { 1e-3 };
     let lattice = Lattice::covering(&hole.bounds(), 0.01, h)?;
     let mut rows = Vec::new();
     for sigma in [0.1, 0.2] {
-        let kernel = DensityKernel::new(sigma)?;
-        let reference = ReferenceDensity::new(&hole, &kernel);
-        let nodes: Vec<_> = (0..lattice.len())
-            .step_by(37)
-            .map(|n| lattice.unravel(n))
-            .collect();
-        let exact: Vec<Complex64> = nodes
-            .iter()
-            .map(|n| {
-                let unit = reference.unit_density(lattice.position(*n), 1e-4 * h);
-                unit.combined(1.0, 1.0)
-            })
-            .collect();
-        for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
-            let options = DensityOptions {
-                tolerance,
-                sampling: Sampling::Point,
-                halo: f64::INFINITY,
-            };
-            let (field, seconds) = timed(if quick { 1 } else { 3 }, || {
-                DensityField::compute(&hole, &kernel, &lattice, &options, &Silent)
-            });
-            let field = field?;
-            let found = nodes.iter().map(|n| {
-                let v = field.exterior[*n] + field.interior[*n];
-                Complex64::new(v.re.into(), v.im.into())
-            });
-            let wrong = rms(found.zip(&exact).map(|(a, b)| (a - b).norm()));
-            rows.push(Row {
-                series: format!("sigma {sigma}, {:?} nodes", lattice.shape()),
-                setting: format!("tolerance {tolerance:e}"),
-                seconds,
-                errors: vec![wrong / rms(exact.iter().map(|b| b.norm()))],
-            });
-        }
+        let name = format!("sigma {sigma}, {:?} nodes", lattice.shape());
+        rows.extend(fields(
+            &name,
+            &hole,
+            sigma,
+            &lattice,
+            37,
+            if quick { 1 } else { 3 },
+        )?);
     }
     Ok(Sweep {
         name: "density",
         title: "Density field of the combined hole against the f64 sum over all triangles",
         cost: "seconds/field",
-        errors: vec!["relative L2"],
+        errors: vec!["relative L2", "distance"],
         rows,
     })
+}
+
+/// Fields of every mesh in a folder, over its bounds and 0.3 of its size more.
+fn parts(folder: &str, quick: bool) -> Outcome<Sweep> {
+    let (cells, count) = if quick { (15.3, 300) } else { (31.3, 2000) };
+    let mut rows: Vec<Row> = Vec::new();
+    for (name, mesh) in meshes::read_folder(folder)? {
+        let size = mesh.bounds().size().max_element();
+        let lattice = Lattice::covering(&mesh.bounds(), 0.3 * size, size / cells)?;
+        // No common factors with the lattice, so that the nodes lie all over it.
+        let stride = (lattice.len() / count) | 1;
+        println!(
+            "{name}: {} triangles, {:?} nodes",
+            mesh.triangles().len(),
+            lattice.shape()
+        );
+        for sigma in [0.03, 0.1, 0.2, 0.5] {
+            let series = format!("{name}, sigma {sigma}");
+            rows.extend(fields(&series, &mesh, sigma, &lattice, stride, 1)?);
+        }
+    }
+    Ok(Sweep {
+        name: "parts",
+        title: "Density fields of parts against the f64 sum over all triangles",
+        cost: "seconds/field",
+        errors: vec!["relative L2", "distance"],
+        rows,
+    })
+}
+
+/// Fields of one mesh at every tolerance, against the f64 sum over all triangles at every
+/// `stride`-th node: relative L2 error, and the worst error of the signed distance in sizes of the
+/// part.
+fn fields(
+    series: &str,
+    mesh: &TriangleMesh,
+    sigma: f64,
+    lattice: &Lattice,
+    stride: usize,
+    times: usize,
+) -> Outcome<Vec<Row>> {
+    let kernel = DensityKernel::new(sigma)?;
+    let reference = ReferenceDensity::new(mesh, &kernel);
+    let size = mesh.bounds().size().max_element();
+    let nodes: Vec<_> = (0..lattice.len())
+        .step_by(stride)
+        .map(|n| lattice.unravel(n))
+        .collect();
+    let exact: Vec<(Complex64, f64)> = nodes
+        .par_iter()
+        .map(|n| {
+            let p = lattice.position(*n);
+            let unit = reference.unit_density(p, 1e-4 * lattice.spacing());
+            (unit.combined(1.0, 1.0), reference.signed_distance(p))
+        })
+        .collect();
+    let mut rows = Vec::new();
+    for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
+        let options = DensityOptions {
+            tolerance,
+            sampling: Sampling::Point,
+            halo: f64::INFINITY,
+        };
+        let (field, seconds) = timed(times, || {
+            DensityField::compute(mesh, &kernel, lattice, &options, &Silent)
+        });
+        let field = field?;
+        let wrong = nodes.iter().zip(&exact).map(|(n, (density, _))| {
+            let v = field.exterior[*n] + field.interior[*n];
+            (Complex64::new(v.re.into(), v.im.into()) - density).norm()
+        });
+        let error = rms(wrong) / rms(exact.iter().map(|e| e.0.norm()));
+        let away = nodes.iter().zip(&exact).map(|(n, (_, distance))| {
+            (f64::from(field.signed_distance[*n]) - distance).abs() / size
+        });
+        rows.push(Row {
+            series: series.to_owned(),
+            setting: format!("tolerance {tolerance:e}"),
+            seconds,
+            errors: vec![error, away.fold(0.0, f64::max)],
+        });
+    }
+    Ok(rows)
 }
 
 /// Displacements asked by [`correlation`], millimetres: multiples of every spacing of the sweep.

@@ -15,8 +15,8 @@ use pegfit_benches::{Arguments, Outcome, Row, Sweep, meshes, rms, timed};
 use rayon::prelude::*;
 use sdf_grid::shapes::{PegInHole, random_solid};
 use sdf_grid::{
-    Bvh, DensityField, DensityKernel, DensityOptions, HygieneOptions, Lattice, LengthUnit,
-    ReferenceDensity, Sampling, Silent, TriangleMesh, mesh_io,
+    Bvh, DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
+    TriangleMesh,
 };
 
 const SIGMA: f64 = 0.1;
@@ -55,7 +55,7 @@ fn main() -> Outcome<()> {
         }
     }
     for folder in arguments.rest.iter().filter(|w| named(w).is_none()) {
-        parts.extend(read(folder)?);
+        parts.extend(meshes::read_folder(folder)?);
     }
     if let Some(only) = &only {
         parts.retain(|(name, _)| name.contains(only));
@@ -85,23 +85,6 @@ fn main() -> Outcome<()> {
         rows,
     };
     sweep.publish(&arguments.out)
-}
-
-/// All meshes in a folder, by name.
-fn read(folder: &str) -> Outcome<Vec<(String, TriangleMesh)>> {
-    let mut paths: Vec<_> = std::fs::read_dir(folder)?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.extension().is_some_and(|e| e == "obj" || e == "stl"))
-        .collect();
-    paths.sort();
-    let mut parts = Vec::new();
-    for path in paths {
-        let (mesh, _) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
-        let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let start = name.char_indices().rev().nth(21).map_or(0, |(i, _)| i);
-        parts.push((name[start..].to_owned(), mesh));
-    }
-    Ok(parts)
 }
 
 /// All lattices and tolerances of one mesh.

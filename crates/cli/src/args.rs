@@ -22,7 +22,7 @@ pub struct Arguments {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 success, 1 failure, 2 unusable arguments or input, 3 unusable mesh (check), \
-130 interrupted.
+4 damaged table (table), 130 interrupted.
 PEGFIT_LOG=debug (or info, trace) prints what the libraries are doing.";
 
 /// Options of every command.

@@ -60,6 +60,16 @@ pub enum CommandError {
         /// Of how many examined.
         total: usize,
     },
+    /// `pegfit table` found damaged chunks; the description has been printed.
+    #[error("{table}: {count} of {total} rotations are damaged: bake with --resume")]
+    DamagedTable {
+        /// The table.
+        table: String,
+        /// How many.
+        count: usize,
+        /// Of how many.
+        total: usize,
+    },
     /// A library refused or failed for a reason not listed above.
     #[error("{context}")]
     Library {
@@ -211,6 +221,7 @@ impl CommandError {
             Self::Io { action: "read", .. } => Exit::BadInput,
             Self::Io { .. } | Self::Library { .. } | Self::Picture { .. } => Exit::Failure,
             Self::UnusableMeshes { .. } => Exit::UnusableMesh,
+            Self::DamagedTable { .. } => Exit::DamagedTable,
             Self::Interrupted => Exit::Interrupted,
         }
     }

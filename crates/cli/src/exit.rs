@@ -14,6 +14,9 @@ pub enum Exit {
     BadInput = 2,
     /// `pegfit check` found a mesh that no other command would accept.
     UnusableMesh = 3,
+    /// `pegfit table` found chunks that cannot be read: every command that interpolates the table
+    /// would refuse it, `pegfit bake --resume` mends it. Missing chunks are no damage.
+    DamagedTable = 4,
     /// Stopped by Ctrl-C or a termination signal; finished results are kept.
     Interrupted = 130,
 }

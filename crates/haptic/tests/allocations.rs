@@ -8,20 +8,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
+use common::valleys::{REACH, Valleys, open};
 use common::{Well, hand, workspace};
-use fft_correlate::bake::{Share, bake_files};
-use fft_correlate::{
-    EnergySource, NodeEnergies, PartialTable, Pose, RotationDomain, ScoreModel, Storage,
-    TableFiles, TableSpec, TableStore, Wrench,
-};
+use fft_correlate::{EnergySource, PartialTable, Pose, Wrench};
 use glam::{DQuat, DVec3};
 use haptic::scene::{Content, Loaded, PairState};
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveScene,
     LiveSource, PairSpec, Placed, SceneOptions, Script, Session, SumSource, flags,
 };
-use ndarray::ArrayViewMut3;
-use sdf_grid::{Aabb, Lattice, Silent};
 
 struct Counting;
 
@@ -165,23 +160,6 @@ fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
     assert!(published.load(Ordering::Relaxed) > 3);
 }
 
-/// A spring about zero and a valley for every turn.
-struct Valleys;
-
-impl NodeEnergies for Valleys {
-    type Scratch = ();
-
-    fn scratch(&self) {}
-
-    fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
-        let turn = rotation.to_scaled_axis();
-        for ((i, j, k), e) in out.indexed_iter_mut() {
-            let p = DVec3::new(i as f64, j as f64, k as f64) - 2.0;
-            *e = (2.0 * p.length_squared() - 24.0 + (5.0 * turn).dot(p).cos()) as f32 * 1e-2;
-        }
-    }
-}
-
 /// Holds the part off its middle and turns it to and fro, 55 degrees each way; jumps once.
 struct Turner(DeviceSpec);
 
@@ -210,34 +188,20 @@ impl Device for Turner {
 
 /// A scene of one table that keeps a quarter of its rotations in memory.
 fn quarter_of_a_table() -> LiveScene {
-    let spec = TableSpec {
-        model: ScoreModel::GUIDED,
-        pivot: [0.0; 3],
-        window: Lattice::new(DVec3::splat(-0.02), 0.01, [5; 3]).unwrap(),
-        rotations: RotationDomain::ball(60.0, 6.0),
-        symmetry: None,
-        far_energy: 0.0,
-        storage: Storage::default(),
-        fields: None,
-        fixed_mesh: String::new(),
-        moving_mesh: String::new(),
+    let valleys = Valleys {
+        spring: 0.02,
+        depth: 0.01,
     };
-    let files = TableFiles::in_memory("valleys");
-    bake_files(&files, &spec, &Valleys, Share::ALL, &Silent).unwrap();
-    let table = PartialTable::new(TableStore::open_files(&files).unwrap()).unwrap();
+    let table = PartialTable::new(open(&valleys.bake())).unwrap();
     let options = SceneOptions {
         memory: table.node_bytes() * table.nodes() as u64 / 4,
         ..SceneOptions::default()
-    };
-    let reach = Aabb {
-        min: DVec3::splat(-0.04),
-        max: DVec3::splat(0.04),
     };
     let mut table = Some(Box::new(table));
     let pair = PairSpec {
         name: "valleys".into(),
         placement: Pose::IDENTITY,
-        reach,
+        reach: REACH,
         bytes: 0,
         files: Vec::new(),
         same_as: None,
@@ -245,7 +209,7 @@ fn quarter_of_a_table() -> LiveScene {
             let table = table.take().ok_or("opened twice")?;
             Ok(Loaded {
                 content: Content::Table(table),
-                reach,
+                reach: REACH,
             })
         }),
     };

@@ -1,24 +1,12 @@
 //! Faces that meet along a line without sharing its vertices.
 
+mod common;
+
 use approx::assert_relative_eq;
+use common::bare::{clean, raw, unit_cube};
 use glam::DVec3;
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
-use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, MeshError, TriangleMesh, shapes};
-
-fn clean(
-    vertices: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
-    TriangleMesh::clean("part", vertices, triangles, &HygieneOptions::default())
-}
-
-fn raw(mesh: &TriangleMesh) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    (mesh.vertices().to_vec(), mesh.triangles().to_vec())
-}
-
-fn unit_cube() -> TriangleMesh {
-    shapes::cuboid(DVec3::ONE).expect("valid size")
-}
+use sdf_grid::{HygieneOptions, LengthUnit, TriangleMesh};
 
 /// A unit cube whose top is a fan over `n` points per side and whose sides know only the corners.
 fn cube_with_cracks(n: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {

@@ -46,11 +46,18 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
         spec: store.spec(),
         error: store.error_report(),
     };
-    if context.json {
-        return print_json(&description);
+    match context.json {
+        true => print_json(&description)?,
+        false => print(&description, &store),
     }
-    print(&description, &store);
-    Ok(())
+    match progress.damaged {
+        0 => Ok(()),
+        count => Err(CommandError::DamagedTable {
+            table: description.table,
+            count,
+            total: progress.rotations,
+        }),
+    }
 }
 
 fn print(d: &Description, store: &TableStore) {

@@ -256,12 +256,27 @@ fn bad_tables_are_refused() {
     std::fs::write(table.join(&name), &bytes[..bytes.len() / 2]).unwrap();
     assert!(refuse(folder.path(), &score).contains("t.zarr"));
     assert_eq!(status(folder.path())["damaged"], 1);
+    // The description is whole, as text and as JSON, but the exit code says that the table is not.
+    let described = pegfit(folder.path(), &["table", "t.zarr", "--json"]);
+    assert_eq!(described.status.code(), Some(4), "{}", stderr(&described));
+    let read: serde_json::Value = serde_json::from_str(&stdout(&described)).unwrap();
+    assert_eq!((&read["damaged"], &read["missing"]), (&1.into(), &0.into()));
+    let described = pegfit(folder.path(), &["table", "t.zarr"]);
+    assert_eq!(described.status.code(), Some(4));
+    assert!(stdout(&described).contains("0 missing, 1 damaged"));
+    assert!(
+        stderr(&described).contains("--resume"),
+        "{}",
+        stderr(&described)
+    );
     let mut flipped = bytes.clone();
     flipped[bytes.len() / 2] ^= 1;
     std::fs::write(table.join(&name), flipped).unwrap();
     assert!(refuse(folder.path(), &score).contains("t.zarr"));
     std::fs::remove_file(table.join(&name)).unwrap();
     assert!(refuse(folder.path(), &score).contains("t.zarr"));
+    // Missing is not damaged.
+    assert!(succeed(folder.path(), &["table", "t.zarr"]).contains("1 missing, 0 damaged"));
 
     // Nothing there, and something else.
     std::fs::write(folder.path().join("file"), "not a table").unwrap();
@@ -272,6 +287,57 @@ fn bad_tables_are_refused() {
         );
         assert!(said.contains(path), "{said}");
     }
+}
+
+#[test]
+fn a_table_that_does_not_fit_is_felt_in_part() {
+    let folder = scene_folder("[rotations]\nkind = \"ball\"\nangle_deg = 30.0\nstep_deg = 6.0\n");
+    let root = folder.path();
+    succeed(root, &["bake", "scene.toml", "-o", "t.zarr", "-q"]);
+    let described: serde_json::Value =
+        serde_json::from_str(&succeed(root, &["table", "t.zarr", "--json"])).unwrap();
+    let whole = described["bytes_dense"].as_u64().unwrap();
+    let scene = std::fs::read_to_string(root.join("scene.toml")).unwrap();
+    // Half of it is more than what ten degrees of turning need, and less than all.
+    let within = |share: f64| {
+        let mebibytes = share * whole as f64 / f64::from(1 << 20);
+        let loading = format!("[loading]\nmemory_mib = {mebibytes}\n");
+        std::fs::write(root.join("little.toml"), format!("{scene}{loading}")).unwrap();
+    };
+    let feel = [
+        "feel",
+        "little.toml",
+        "--script",
+        "collision",
+        "--table",
+        "t.zarr",
+        "--seconds",
+        "1.5",
+        "--report",
+        "page.html",
+        "--json",
+        "-q",
+    ];
+    within(0.5);
+    let report: serde_json::Value = serde_json::from_str(&succeed(root, &feel)).unwrap();
+    assert!(report["ticks"].as_u64().unwrap() > 0, "{report}");
+    assert!(report["peak_force"].as_f64().unwrap() > 0.0, "{report}");
+    assert_eq!(report["not_loaded"], 0, "{report}");
+    let page = std::fs::read_to_string(root.join("page.html")).unwrap();
+    let all = described["rotations"].as_u64().unwrap();
+    let words = format!(" of its table&#39;s {all} rotations loaded");
+    let (before, _) = page.split_once(&words).expect("loaded in part");
+    let digits = before.rsplit(|c: char| !c.is_ascii_digit()).next();
+    let loaded: u64 = digits.unwrap().parse().unwrap();
+    assert!(0 < loaded && loaded <= all / 2, "{loaded} of {all}");
+
+    // With less than the start needs the run is refused, with both numbers.
+    within(0.01);
+    let said = refuse(root, &feel);
+    assert!(
+        said.contains("little.toml: loading.memory_mib: expected at least"),
+        "{said}"
+    );
 }
 
 #[test]

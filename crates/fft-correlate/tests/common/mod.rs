@@ -178,3 +178,14 @@ pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
     }
     f64::sqrt(sum / n)
 }
+
+/// About an axis that is off the pivot.
+pub fn symmetry(part: Part, order: u32) -> AxisSymmetry {
+    AxisSymmetry {
+        part,
+        axis: [0.3, 0.2, 0.9],
+        // Not the pivot: folding then moves the displacement too.
+        point: [0.4, -0.15, 0.45],
+        order,
+    }
+}

@@ -3,60 +3,20 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use fft_correlate::bake::{Share, bake_files};
-use fft_correlate::{
-    EnergySource, EnergyTable, NodeEnergies, PartialTable, Pose, RotationDomain, ScoreModel,
-    Scratch, Storage, TableFiles, TableSpec, TableStore,
-};
+use fft_correlate::{EnergySource, EnergyTable, PartialTable, Pose, Scratch, TableFiles};
 use glam::{DQuat, DVec3};
-use ndarray::ArrayViewMut3;
-use sdf_grid::{Aabb, Lattice, Silent};
 
 use crate::keeper::Keeper;
 use crate::scene::{Content, Loaded, PairSpec, PairState, SceneChange, SceneError, SceneOptions};
 
-/// A spring about zero and a valley for every turn.
-struct Valleys;
+#[path = "../../tests/common/valleys.rs"]
+mod valleys;
 
-impl NodeEnergies for Valleys {
-    type Scratch = ();
+use valleys::{REACH, Valleys, open};
 
-    fn scratch(&self) {}
-
-    fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
-        let turn = rotation.to_scaled_axis();
-        for ((i, j, k), e) in out.indexed_iter_mut() {
-            let p = DVec3::new(i as f64, j as f64, k as f64) - 2.0;
-            *e = (p.length_squared() - 12.0 + (5.0 * turn).dot(p).cos()) as f32 * 1e-3;
-        }
-    }
-}
-
-fn files() -> TableFiles {
-    let spec = TableSpec {
-        model: ScoreModel::GUIDED,
-        pivot: [0.0; 3],
-        window: Lattice::new(DVec3::splat(-0.02), 0.01, [5; 3]).unwrap(),
-        rotations: RotationDomain::ball(60.0, 6.0),
-        symmetry: None,
-        far_energy: 0.0,
-        storage: Storage::default(),
-        fields: None,
-        fixed_mesh: String::new(),
-        moving_mesh: String::new(),
-    };
-    let files = TableFiles::in_memory("valleys");
-    bake_files(&files, &spec, &Valleys, Share::ALL, &Silent).unwrap();
-    files
-}
-
-fn open(files: &TableFiles) -> TableStore {
-    TableStore::open_files(files).unwrap()
-}
-
-const REACH: Aabb = Aabb {
-    min: DVec3::splat(-0.04),
-    max: DVec3::splat(0.04),
+const VALLEYS: Valleys = Valleys {
+    spring: 1e-3,
+    depth: 1e-3,
 };
 
 fn pair(files: &TableFiles, x: f64) -> PairSpec {
@@ -150,7 +110,7 @@ const ROUND: f64 = 2.0;
 
 #[test]
 fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
-    let files = files();
+    let files = VALLEYS.bake();
     let parts = PartialTable::new(open(&files)).unwrap();
     let budget = parts.node_bytes() * (parts.nodes() as u64) / 4;
     let mut sight = Sight::new(&files, budget, &turned(0.0)).unwrap();
@@ -187,7 +147,7 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
 
 #[test]
 fn with_room_for_all_the_nearest_come_first_and_the_rest_follows() {
-    let files = files();
+    let files = VALLEYS.bake();
     let start = turned(0.4);
     let mut sight = Sight::new(&files, u64::MAX, &start).unwrap();
     let PairState::Partly { rotations, of } = state(&sight.keeper) else {
@@ -212,7 +172,7 @@ fn with_room_for_all_the_nearest_come_first_and_the_rest_follows() {
 
 #[test]
 fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
-    let files = files();
+    let files = VALLEYS.bake();
     let parts = PartialTable::new(open(&files)).unwrap();
     let mut distances = vec![0.0; parts.nodes()];
     parts.distances(DQuat::IDENTITY, &mut distances);
@@ -244,7 +204,7 @@ fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
 
 #[test]
 fn places_that_share_a_table_share_its_rotations() {
-    let files = files();
+    let files = VALLEYS.bake();
     let mut pairs = vec![pair(&files, 0.0), pair(&files, 0.02)];
     pairs[1].placement.rotation = DQuat::from_rotation_z(0.7);
     pairs[1].same_as = Some(0);
@@ -267,7 +227,7 @@ fn places_that_share_a_table_share_its_rotations() {
 
 #[test]
 fn a_table_that_changes_is_opened_again_and_a_lost_rotation_is_told_once() {
-    let files = files();
+    let files = VALLEYS.bake();
     let mut sight = Sight::new(&files, u64::MAX, &turned(0.0)).unwrap();
     while sight.keeper.turn(&turned(0.0)) {}
     sight.keeper.reload(0);

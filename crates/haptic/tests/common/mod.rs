@@ -1,6 +1,8 @@
 //! An analytic zero-clearance fit, a stand-in for a scene, and a device under the test's control.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+pub(crate) mod valleys;
+
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::{Geometry, HandConfig, Script, SimulatedHand, Workspace};

@@ -1,6 +1,8 @@
 //! Small closed meshes and independent oracles shared by the tests.
 #![allow(dead_code, reason = "each test file uses some of it")]
 
+pub(crate) mod bare;
+
 use glam::DVec3;
 use num_complex::Complex64;
 use rand::rngs::SmallRng;

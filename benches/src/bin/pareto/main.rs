@@ -3,25 +3,27 @@
 //!
 //! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation of
 //! tables, and spacing, sampling and number of points of the direct evaluator, on one of the example
-//! pairs: the square peg-in-hole at zero clearance unless another is named. Poses are held out: random ones, and paths in contact. Prints a
-//! table, writes `pareto.csv` and `pareto.png` with the efficient frontiers.
+//! pairs: the square peg-in-hole at zero clearance unless another is named. Poses are held out: random
+//! ones, and paths in contact. Prints a table, writes `pareto.csv` and `pareto.png` with the efficient frontiers.
+
+mod report;
+mod truth;
 
 use std::collections::HashMap;
 
 use fft_correlate::{
-    Condition, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, NodeEnergies, Numbers,
-    Pair, PairBuilder, PairEnergies, Pose, Response, RotationDomain, ScoreModel, TableSpec,
-    TranslationWindow,
+    DirectEvaluator, DirectOptions, EnergyTable, Interpolation, NodeEnergies, Numbers, Pair,
+    PairBuilder, PairEnergies, RotationDomain, ScoreModel, TableSpec, TranslationWindow,
 };
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 use ndarray::ArrayViewMut3;
-use pegfit_benches::frontier::{Kind, ParetoPanel, draw, frontier};
-use pegfit_benches::{Arguments, Outcome, ask, random_poses, response_errors, rms, timed};
-use rand::{SeedableRng, rngs::SmallRng};
-use rayon::prelude::*;
+use pegfit_benches::{Arguments, Outcome, ask, rms};
 use rustix::time::{ClockId, clock_gettime};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Sampling, Silent, TriangleMesh};
+
+use report::publish;
+use truth::{Truth, compare, reference};
 
 /// Rotations of the tables and of random poses, degrees.
 const BALL: f64 = 8.0;
@@ -85,14 +87,6 @@ impl Measured {
     }
 }
 
-/// Held-out poses and the true responses there.
-struct Truth {
-    pair: Pair,
-    random: Vec<Pose>,
-    paths: Vec<Pose>,
-    truth: [Vec<Response>; 2],
-}
-
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let sweep = if arguments.quick { QUICK } else { FULL };
@@ -153,107 +147,6 @@ fn build(
         ..PairBuilder::default()
     };
     Ok(builder.build(&parts.0, &parts.1, &ScoreModel::GUIDED, &Silent)?)
-}
-
-/// The mean of point samples and cell averages on a fine lattice: at zero clearance both err to
-/// first order in the spacing, with opposite signs. Prints how far apart they are, which bounds
-/// what is left, and what single precision loses.
-fn reference(parts: &(TriangleMesh, TriangleMesh), sweep: &Sweep) -> Outcome<Truth> {
-    let mm = sweep.reference_mm;
-    let pairs = [Sampling::Point, Sampling::CellAverage].map(|s| build(parts, mm, s, false));
-    let [points, averages] = pairs;
-    let (points, pair) = (points?, averages?);
-    let mut rng = SmallRng::seed_from_u64(9);
-    let (angle, reach) = ((0.9 * BALL).to_radians(), 0.9 * REACH);
-    let random = random_poses(&pair, &mut rng, angle, reach, sweep.random);
-    let paths = contact_paths(&pair, sweep.along);
-    let sources = [&points, &pair].map(|p| DirectEvaluator::new(p, &DirectOptions::FULL));
-    let [a, b] = sources;
-    let (a, b) = (a?, b?);
-    let mut uncertain = Vec::new();
-    let truth = [&random, &paths].map(|poses| {
-        let each = |s: &DirectEvaluator| poses.par_iter().map(|p| ask(s, p)).collect::<Vec<_>>();
-        let (a, b) = (each(&a), each(&b));
-        let mean: Vec<Response> = a.iter().zip(&b).map(|(a, b)| middle(a, b)).collect();
-        uncertain.push(response_errors(&pair, poses, &mean, &b));
-        mean
-    });
-    println!("reference: mean of point samples and cell averages every {mm} mm");
-    for (poses, u) in ["random poses", "contact paths"].iter().zip(&uncertain) {
-        println!(
-            "  {poses}: each differs from it by {:.2} % in energy, {:.2} % in force, {:.2} % in torque",
-            100.0 * u[0],
-            100.0 * u[1],
-            100.0 * u[2]
-        );
-    }
-    let mut numbers: Vec<(f64, f64)> = random
-        .iter()
-        .chain(&paths)
-        .step_by(8)
-        .map(|pose| {
-            let exact = Condition::at(&pair, pose);
-            let rounding = (b.score(pose).re - exact.score).abs() / exact.magnitude;
-            (exact.number(), rounding)
-        })
-        .collect();
-    numbers.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let worst = numbers.iter().map(|n| n.1).fold(0.0, f64::max);
-    println!(
-        "  condition number of the score: median {:.2}, largest {:.1}; single precision loses at \
-         most {worst:.1e} of the sum of absolute terms",
-        numbers[numbers.len() / 2].0,
-        numbers[numbers.len() - 1].0
-    );
-    Ok(Truth {
-        pair,
-        random,
-        paths,
-        truth,
-    })
-}
-
-fn middle(a: &Response, b: &Response) -> Response {
-    let mut mean = *a;
-    mean.energy = 0.5 * (a.energy + b.energy);
-    mean.wrench.force = 0.5 * (a.wrench.force + b.wrench.force);
-    mean.wrench.torque = 0.5 * (a.wrench.torque + b.wrench.torque);
-    mean
-}
-
-/// Sliding in along a wall, pressing from wall to wall, and turning in the hole.
-fn contact_paths(pair: &Pair, count: usize) -> Vec<Pose> {
-    let reach = 0.9 * REACH;
-    let at = |k: usize| k as f64 / (count - 1) as f64;
-    let slide = (0..count).map(|k| {
-        let tilt = DQuat::from_rotation_y(0.01);
-        pair.pose(tilt, DVec3::new(3e-4, 0.0, reach * (1.0 - at(k))))
-    });
-    let press = (0..count).map(|k| {
-        let across = reach * (at(k) - 0.5);
-        pair.pose(DQuat::IDENTITY, DVec3::new(across, 1e-4, 2e-4))
-    });
-    let turn = (0..count).map(|k| {
-        let angle = (0.9 * BALL).to_radians() * (2.0 * at(k) - 1.0);
-        pair.pose(DQuat::from_rotation_z(angle), DVec3::new(2e-4, -1e-4, 3e-4))
-    });
-    slide.chain(press).chain(turn).collect()
-}
-
-/// Errors, and the median time of a query at a random pose, of anything that answers. Each query is
-/// timed by itself and its fastest run of three counts, so that other programs disturb little.
-fn compare(truth: &Truth, answer: impl Fn(&Pose) -> Response) -> (f64, [Vec<f64>; 2]) {
-    let mut times = Vec::new();
-    let errors = [(&truth.random, 0), (&truth.paths, 1)].map(|(poses, which)| {
-        let found: Vec<(Response, f64)> = poses.iter().map(|p| timed(3, || answer(p))).collect();
-        if which == 0 {
-            times.extend(found.iter().map(|f| f.1));
-        }
-        let found: Vec<Response> = found.into_iter().map(|f| f.0).collect();
-        response_errors(&truth.pair, poses, &truth.truth[which], &found)
-    });
-    times.sort_by(f64::total_cmp);
-    (times[times.len() / 2], errors)
 }
 
 /// The result of `work` and the processor seconds it took, on all threads together: unlike the time
@@ -408,100 +301,4 @@ impl NodeEnergies for Lost<'_> {
             *energy = (f64::from(*energy) - kept.expect("the same window")) as f32;
         }
     }
-}
-
-const COLUMNS: [&str; 6] = [
-    "energy_random",
-    "force_random",
-    "torque_random",
-    "energy_contact",
-    "force_contact",
-    "torque_contact",
-];
-
-fn publish(found: &[Measured], arguments: &Arguments) -> Outcome<()> {
-    let points = |cost: fn(&Measured) -> f64| -> Vec<(f64, f64)> {
-        found.iter().map(|m| (cost(m), m.wrench())).collect()
-    };
-    let by_time = frontier(&points(|m| m.query));
-    let by_memory = frontier(&points(|m| m.bytes as f64));
-    let mut csv = csv::Writer::from_path(arguments.out.join("pareto.csv"))?;
-    let names = [
-        "kind",
-        "spacing_mm",
-        "sampling",
-        "step_deg",
-        "numbers",
-        "interpolation",
-        "bake_cpu_s",
-        "query_s",
-        "bytes",
-        "wrench_error",
-        "on_time_frontier",
-        "on_memory_frontier",
-    ];
-    csv.write_record(names.iter().chain(&COLUMNS))?;
-    println!(
-        "\n{:<20}{:<17}{:>6}{:>6}  {:<23}{:>8}{:>10}{:>9}  wrench   error, random: E, F, T; in contact: E, F, T (%)",
-        "", "", "h, mm", "step", "numbers", "bake, s", "query, µs", "MiB"
-    );
-    for (index, m) in found.iter().enumerate() {
-        let (time, memory) = (by_time.contains(&index), by_memory.contains(&index));
-        let mark = |on: bool, c| if on { c } else { ' ' };
-        let [mm, scheme, step, numbers, how] = &m.setting;
-        print!(
-            "{:<20}{scheme:<17}{mm:>6}{step:>6}  {numbers:<23}{:>8.2}{:>10.2}{:>9.3}{:>8.1} {}{}",
-            m.kind,
-            m.bake,
-            1e6 * m.query,
-            m.bytes as f64 / f64::from(1 << 20),
-            100.0 * m.wrench(),
-            mark(time, 't'),
-            mark(memory, 'm'),
-        );
-        let errors = m.errors.iter().flatten();
-        errors.clone().for_each(|e| print!("{:>8.2}", 100.0 * e));
-        println!();
-        let mut record: Vec<String> = [&m.kind, mm, scheme, step, numbers, how]
-            .map(String::clone)
-            .to_vec();
-        record.extend([m.bake, m.query, m.bytes as f64, m.wrench()].map(|v| v.to_string()));
-        record.extend([time, memory].map(|v| v.to_string()));
-        record.extend(errors.map(f64::to_string));
-        csv.write_record(record)?;
-    }
-    csv.flush()?;
-    println!(
-        "t, m: on the frontier of wrench error (rms of the four of force and torque) and time, memory"
-    );
-    let panel = |title: &str, cost: &str, of: fn(&Measured) -> f64| {
-        let mut kinds: Vec<Kind> = Vec::new();
-        for m in found {
-            let point = (of(m), m.wrench());
-            match kinds.iter_mut().find(|k| k.label == m.kind) {
-                Some(kind) => kind.points.push(point),
-                None => kinds.push(Kind {
-                    label: m.kind.clone(),
-                    points: vec![point],
-                }),
-            }
-        }
-        ParetoPanel {
-            title: title.into(),
-            cost: cost.into(),
-            error: "the wrench error".into(),
-            kinds,
-        }
-    };
-    let panels = [
-        panel(
-            "Error of the wrench against time of a query",
-            "seconds",
-            |m| m.query,
-        ),
-        panel("Error of the wrench against memory", "bytes", |m| {
-            m.bytes as f64
-        }),
-    ];
-    draw(&panels, &arguments.out.join("pareto.png"))
 }

@@ -159,23 +159,22 @@ impl Surface<'_> {
             .iter()
             .map(|ring| ring.iter().map(|v| flat(*v)).collect())
             .collect();
-        let outer: Vec<usize> = (0..rings.len())
-            .filter(|&i| polygon::signed_area(&rings[i]) > 0.0)
+        let (flat, cuts) = polygon::triangulate_compactly(&rings)?;
+        let mut corners: Vec<DVec3> = loops
+            .iter()
+            .flatten()
+            .map(|v| self.vertices[*v as usize])
             .collect();
-        let &[outer] = outer.as_slice() else {
-            return None;
-        };
-        let others = || (0..rings.len()).filter(|&i| i != outer);
-        let holes: Vec<Vec<DVec2>> = others().map(|i| rings[i].clone()).collect();
-        let cuts = polygon::triangulate(&rings[outer], &holes)?;
-        let corners: Vec<u32> = std::iter::once(outer)
-            .chain(others())
-            .flat_map(|i| loops[i].iter().copied())
-            .collect();
-        let faces: Vec<Face> = paired(&cuts, |i| flat(corners[i as usize]))
+        let added = &flat[corners.len()..];
+        corners.extend(
+            added
+                .iter()
+                .map(|p| seed.corners[0] + across * p.x + up * p.y),
+        );
+        let faces: Vec<Face> = paired(&cuts, |i| flat[i as usize])
             .iter()
             .filter_map(|ring| {
-                let at = |k: usize| self.vertices[corners[ring[k] as usize] as usize];
+                let at = |k: usize| corners[ring[k] as usize];
                 match ring.len() {
                     3 => Face::triangle([at(0), at(1), at(2)], seed.source),
                     _ => Face::quadrangle([at(0), at(1), at(2), at(3)], seed.source),
@@ -282,7 +281,8 @@ fn paired(triangles: &[[u32; 3]], at: impl Fn(u32) -> DVec2) -> Vec<Vec<u32>> {
     rings
 }
 
-/// The face in pieces that are not long, after `cuts` cuts one after the other at most.
+/// The face in pieces that are not long, after `cuts` cuts one after the other at most. Cuts go through
+/// the middles of long edges, so that those of neighbours meet.
 fn cut_across(face: &Face, cuts: u32) -> Vec<Face> {
     let mut done = Vec::new();
     let mut waiting = vec![(*face, cuts)];
@@ -293,29 +293,9 @@ fn cut_across(face: &Face, cuts: u32) -> Vec<Face> {
             done.push(f);
             continue;
         }
-        let (along, middle) = (
-            f.along[longest],
-            f.corners[longest] + f.along[longest] * (0.5 * length),
-        );
-        let mut pieces = Vec::new();
-        for side in [along, -along] {
-            let part = beyond(f.outline(), middle, side);
-            let mut rest = part.as_slice();
-            // Five corners at most: a quadrangle and a triangle.
-            if let [a, b, c, d, e] = *rest {
-                pieces.push(Face::triangle([a, d, e], f.source));
-                pieces.push(Face::quadrangle([a, b, c, d], f.source));
-                rest = &[];
-            }
-            match *rest {
-                [a, b, c] => pieces.push(Face::triangle([a, b, c], f.source)),
-                [a, b, c, d] => pieces.push(Face::quadrangle([a, b, c, d], f.source)),
-                _ => {}
-            }
-        }
-        let pieces: Vec<Face> = pieces.into_iter().flatten().collect();
+        let pieces: Vec<Face> = halves(&f, longest).into_iter().flatten().collect();
         let area: f64 = pieces.iter().map(|p| p.area).sum();
-        if (area - f.area).abs() <= 1e-9 * f.area {
+        if pieces.len() == 2 && (area - f.area).abs() <= 1e-9 * f.area {
             waiting.extend(pieces.into_iter().map(|p| (p, cuts - 1)));
         } else {
             done.push(f);
@@ -324,27 +304,23 @@ fn cut_across(face: &Face, cuts: u32) -> Vec<Face> {
     done
 }
 
-/// The part of a convex polygon on the side of `middle` that `side` points to.
-fn beyond(ring: &[DVec3], middle: DVec3, side: DVec3) -> Vec<DVec3> {
-    // A corner next to the plane lies on it: no edge may become so short that it has no direction.
-    let height = |p: DVec3| {
-        let h = (p - middle).dot(side);
-        if h.abs() > 1e-9 * p.distance(middle) {
-            h
-        } else {
-            0.0
-        }
-    };
-    let mut part = Vec::with_capacity(ring.len() + 1);
-    for (i, &p) in ring.iter().enumerate() {
-        let q = ring[(i + 1) % ring.len()];
-        let (a, b) = (height(p), height(q));
-        if a >= 0.0 {
-            part.push(p);
-        }
-        if (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0) {
-            part.push(p + (q - p) * (a / (a - b)));
-        }
+/// A face cut from the middle of its longest edge to that of the opposite edge, of a triangle to that of
+/// the next longest edge.
+fn halves(f: &Face, longest: usize) -> [Option<Face>; 2] {
+    let corner = |k: usize| f.corners[(longest + k) % f.count];
+    let middle = |k: usize| 0.5 * (corner(k) + corner(k + 1));
+    let (from, [a, b, c]) = (middle(0), [0, 1, 2].map(corner));
+    let triangle = |corners| Face::triangle(corners, f.source);
+    let quadrangle = |corners| Face::quadrangle(corners, f.source);
+    if f.count == 4 {
+        let (to, d) = (middle(2), corner(3));
+        return [quadrangle([a, from, to, d]), quadrangle([from, b, c, to])];
     }
-    part
+    if f.length[(longest + 1) % 3] > f.length[(longest + 2) % 3] {
+        let to = middle(1);
+        [triangle([from, b, to]), quadrangle([a, from, to, c])]
+    } else {
+        let to = middle(2);
+        [triangle([a, from, to]), quadrangle([from, b, c, to])]
+    }
 }

@@ -1,7 +1,12 @@
 //! Cutting polygons into triangles.
 
+use std::collections::HashSet;
+
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
+use spade::{
+    AngleLimit, ConstrainedDelaunayTriangulation, Point2, RefinementParameters, Triangulation,
+};
 
 /// Cuts a polygon with holes (each listed either way round, no corner repeated at the end) into
 /// triangles of indices into outline and holes chained together, counter-clockwise. Corners on a
@@ -36,6 +41,56 @@ pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec
     };
     Some(cuts.iter().map(upward).collect())
 }
+
+/// Cuts the region within rings (the outline and the holes, any way round) into triangles that are as
+/// little drawn out as its sides allow, which are not cut; adds corners inside it for that. Corners (the
+/// given ones first, chained together) and triangles of their indices, counter-clockwise. `None` if
+/// rings touch or cross.
+pub(crate) fn triangulate_compactly(rings: &[Vec<DVec2>]) -> Option<Triangles> {
+    let mut delaunay = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
+    let mut given = 0;
+    for ring in rings {
+        let mut handles = Vec::with_capacity(ring.len());
+        for p in ring {
+            let handle = delaunay.insert(Point2::new(p.x, p.y)).ok()?;
+            // A corner that was there before gets its old index.
+            if handle.index() != given {
+                return None;
+            }
+            given += 1;
+            handles.push(handle);
+        }
+        for (k, &from) in handles.iter().enumerate() {
+            let to = handles[(k + 1) % handles.len()];
+            if !delaunay.can_add_constraint(from, to) {
+                return None;
+            }
+            delaunay.add_constraint(from, to);
+        }
+    }
+    let limits = RefinementParameters::new()
+        .exclude_outer_faces(true)
+        .with_angle_limit(AngleLimit::from_deg(COMPACT))
+        .with_max_additional_vertices(MOST_ADDED * given);
+    let outer = delaunay.refine(limits).excluded_faces;
+    let outer: HashSet<_> = outer.into_iter().collect();
+    let corners = delaunay.vertices().map(|v| {
+        let p = v.position();
+        DVec2::new(p.x, p.y)
+    });
+    let faces = delaunay.inner_faces().filter(|f| !outer.contains(&f.fix()));
+    let cuts = faces.map(|f| f.vertices().map(|v| v.fix().index() as u32));
+    Some((corners.collect(), cuts.collect()))
+}
+
+/// Corners, and triangles of their indices.
+type Triangles = (Vec<DVec2>, Vec<[u32; 3]>);
+
+/// Least angle of triangles to aim at, degrees.
+const COMPACT: f64 = 20.0;
+
+/// Corners that may be added per corner given.
+const MOST_ADDED: usize = 4;
 
 /// Area of a polygon, positive if its corners run counter-clockwise.
 pub(crate) fn signed_area(polygon: &[DVec2]) -> f64 {

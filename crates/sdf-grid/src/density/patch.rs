@@ -8,7 +8,7 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::fast::{LANES, Lanes, PacketDensity, Points};
+use super::fast::{LANES, Lanes, PacketDensity, Points, Walk};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
 use super::smooth::{Attempt, SmoothBlock};
@@ -41,6 +41,7 @@ pub(crate) struct PatchValues {
     /// Interpolated densities.
     filled: Vec<Complex64>,
     bricks: Vec<Brick>,
+    walk: Walk,
 }
 
 /// Evaluates patches.
@@ -279,7 +280,7 @@ impl<'a> PatchDensity<'a> {
         if distances.iter().all(|d| *d == 0.0) {
             return;
         }
-        let [re, im] = self.packets.integrals(points, &distances);
+        let [re, im] = self.packets.integrals(points, &distances, &mut values.walk);
         for lane in 0..LANES {
             let flat = brick[lane];
             if distances[lane] > 0.0 {

@@ -52,13 +52,13 @@ pub(crate) fn fill(
     monitor.begin("density", blocks.len() as u64);
     // Few enough reports for the monitor, whatever the lattice.
     let batch = blocks.len().div_ceil(2048);
-    blocks.par_chunks_mut(batch).try_for_each(|batch| {
-        let mut scratch = Scratch::default();
+    let batches = blocks.par_chunks_mut(batch);
+    batches.try_for_each_init(Scratch::default, |scratch, batch| {
         for block in batch.iter_mut() {
             if monitor.cancelled() {
                 return Err(DensityError::Cancelled);
             }
-            sampler.block(block, &mut scratch);
+            sampler.block(block, scratch);
         }
         monitor.advance(batch.len() as u64);
         Ok(())

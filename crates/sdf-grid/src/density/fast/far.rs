@@ -1,66 +1,23 @@
 //! The walk over the tree: far clusters by their moments, near faces by edge integrals.
 
-use fearless_simd::{f32x16, mask32x16, prelude::*};
+use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{DVec3, Vec3};
 
-use super::near::{Query, add_face};
+use super::groups::{Below, Group, Members};
+use super::near::{NearFaces, Query};
 use super::packet::Packet;
 use super::{Lanes, PacketDensity, Points};
-use crate::bvh::{Node, Stack};
-use crate::face::Face;
-use crate::mesh::Aabb;
 use crate::moments::Moments;
-
-/// What the walk needs of a node or face before it is added: one cache line.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
-pub(crate) struct Outline {
-    pub(crate) min: Vec3,
-    pub(crate) max: Vec3,
-    centre: Vec3,
-    axis: Vec3,
-    radius: f32,
-    spread: f32,
-    /// See [`crate::bvh::Node::second`].
-    second: u32,
-    count: u32,
-}
-
-impl Outline {
-    pub(crate) fn of_node(n: &Node) -> Self {
-        let outline = Self::new(&n.moments, n.bounds);
-        Self {
-            second: n.second,
-            count: n.count,
-            ..outline
-        }
-    }
-
-    pub(crate) fn of_face(t: &Face, moments: &Moments) -> Self {
-        Self::new(moments, Aabb::around(t.outline().iter().copied()))
-    }
-
-    fn new(m: &Moments, bounds: Aabb) -> Self {
-        // Rounding to single precision must not lose a face: normalized coordinates are below 2.
-        let room = DVec3::splat(2.5e-7);
-        Self {
-            min: (bounds.min - room).as_vec3(),
-            max: (bounds.max + room).as_vec3(),
-            centre: m.centre.as_vec3(),
-            axis: m.area_vector.try_normalize().unwrap_or(DVec3::Z).as_vec3(),
-            radius: m.radius as f32,
-            spread: m.spread as f32,
-            second: 0,
-            count: 1,
-        }
-    }
-}
 
 /// Moments of a cluster ([`Moments`]) in single precision, centre in double.
 #[derive(Debug, Clone)]
 pub(crate) struct Cluster {
-    centre: DVec3,
+    pub(crate) centre: DVec3,
+    /// Direction of the area vector.
+    pub(crate) axis: Vec3,
+    pub(crate) radius: f32,
+    pub(crate) spread: f32,
     area_vector: Vec3,
     normal_moment: [f32; 6],
     trace: f32,
@@ -73,6 +30,9 @@ impl Cluster {
         let [xx, yy, zz, xy, xz, yz] = m.normal_moment;
         Self {
             centre: m.centre,
+            axis: m.area_vector.try_normalize().unwrap_or(DVec3::Z).as_vec3(),
+            radius: m.radius as f32,
+            spread: m.spread as f32,
             area_vector: m.area_vector.as_vec3(),
             normal_moment: [xx, yy, zz, 2.0 * xy, 2.0 * xz, 2.0 * yz].map(|v| v as f32),
             trace: (xx + yy + zz) as f32,
@@ -82,6 +42,14 @@ impl Cluster {
     }
 }
 
+/// Working memory of the walk. Reused from packet to packet.
+#[derive(Debug, Default)]
+pub(crate) struct Walk {
+    /// Groups to look at.
+    waiting: Vec<u32>,
+    near: NearFaces,
+}
+
 /// See [`PacketDensity::integrals`].
 #[simd]
 pub(crate) fn integrals<S: Simd>(
@@ -89,56 +57,44 @@ pub(crate) fn integrals<S: Simd>(
     density: &PacketDensity<'_>,
     points: &Points,
     distances: &Lanes,
+    walk: &mut Walk,
 ) -> [Lanes; 2] {
     let packet = Packet::new(simd, points);
-    let kernel = &density.kernel;
-    let xi = f32x16::simd_from(simd, *distances);
-    let reach = xi * (1.0 + kernel.reach * kernel.sigma);
-    let query = Query {
-        xi,
-        inverse: 1.0 / xi.max(1e-12),
-        reach_squared: reach * reach,
-    };
-    let farthest = query.reach_squared.reduce_max();
-    let glance = Glance::new(density, &packet, xi);
+    let query = Query::new(density, f32x16::simd_from(simd, *distances));
+    let glance = Glance::new(density, &packet, &query);
     let mut sum = [packet.splat(0.0); 2];
-    let mut stack = Stack::new();
-    stack.push(0u32);
-    while let Some(id) = stack.pop() {
-        let outline = &density.outlines[id as usize];
-        if glance.gap_squared(outline) >= farthest {
-            continue;
-        }
-        if outline.count > 1 && glance.may_be_far(outline) {
-            let cluster = &density.clusters[id as usize];
-            let seen = Seen::new(&packet, &query, cluster);
-            if seen.is_far(density, outline, &query) {
-                seen.add(density, cluster, &query, &mut sum);
-                continue;
-            }
-        }
-        if outline.second != 0 {
-            stack.push(outline.second);
-            stack.push(id + 1);
-            continue;
-        }
-        for i in density.bvh.nodes[id as usize].range() {
-            let outline = &density.face_outlines[i];
-            if glance.gap_squared(outline) >= farthest {
-                continue;
-            }
-            if glance.may_be_far(outline) {
-                let single = &density.singles[i];
-                let seen = Seen::new(&packet, &query, single);
-                if seen.is_far(density, outline, &query) {
-                    seen.add(density, single, &query, &mut sum);
+    walk.near.prepare(density.bvh.faces.len());
+    walk.waiting.clear();
+    walk.waiting.push(0);
+    while let Some(id) = walk.waiting.pop() {
+        let group = &density.groups[id as usize];
+        let [reached, perhaps_far] = glance.at(simd, group);
+        let mut members = group.top & reached;
+        while members != 0 {
+            let place = members.trailing_zeros() as usize;
+            members &= members - 1;
+            if perhaps_far >> place & 1 == 1 {
+                let cluster = &density.clusters[group.cluster[place] as usize];
+                let seen = Seen::new(&packet, &query, cluster);
+                if seen.is_far(density, cluster, &query) {
+                    seen.add(density, cluster, &query, &mut sum);
                     continue;
                 }
             }
-            add_face(density, &packet, &query, i, &mut sum);
+            match group.below[place] {
+                Below::Face(face) => {
+                    let near = &mut walk.near;
+                    near.add(density, &packet, &query, face as usize, &mut sum);
+                }
+                Below::Members(below) => members |= below & reached,
+                Below::Group(below) => walk.waiting.push(below),
+            }
         }
     }
-    [sum[0].into(), sum[1].into()]
+    walk.near.add_waiting(density, &packet, &query, &mut sum);
+    let zero = packet.splat(0.0);
+    // Lanes to leave out hold numbers without meaning.
+    sum.map(|s| query.counts.select(s, zero).into())
 }
 
 /// What tells whether a cluster may be far from a packet, or out of reach, without a look at its points.
@@ -147,8 +103,11 @@ struct Glance {
     /// Half the size of the points' box, and half its diagonal.
     box_half: Vec3,
     half: f32,
-    /// One over the least distance from the boundary, and over the mean one.
-    inverse: [f32; 2],
+    /// The square of the largest distance within which boundary points count.
+    farthest: f32,
+    /// Least and mean distance from the boundary.
+    least: f32,
+    inverse_mean: f32,
     inverse_sigma: f32,
     /// One over the length, in distances, over which the kernel varies.
     inverse_width: f32,
@@ -158,16 +117,20 @@ struct Glance {
 
 impl Glance {
     #[inline(always)]
-    fn new<S: Simd>(density: &PacketDensity<'_>, packet: &Packet<S>, xi: f32x16<S>) -> Self {
-        let counts = xi.simd_gt(0.0);
-        let least = counts.select(xi, packet.splat(f32::INFINITY)).reduce_min();
-        let most = xi.reduce_max();
+    fn new<S: Simd>(density: &PacketDensity<'_>, packet: &Packet<S>, query: &Query<S>) -> Self {
+        let least = query
+            .counts
+            .select(query.xi, packet.splat(f32::INFINITY))
+            .reduce_min();
+        let most = query.xi.reduce_max();
         let inverse_sigma = 1.0 / density.kernel.sigma;
         Self {
             centre: packet.centre.as_vec3(),
             box_half: packet.half + 2.5e-7,
             half: packet.half.length(),
-            inverse: [1.0 / least, 2.0 / (least + most)],
+            farthest: query.reach_squared.reduce_max(),
+            least,
+            inverse_mean: 2.0 / (least + most),
             inverse_sigma,
             // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
             inverse_width: (inverse_sigma * inverse_sigma + 25.0).sqrt(),
@@ -176,37 +139,42 @@ impl Glance {
         }
     }
 
-    /// A least squared distance between the box of points and the outline's box.
+    /// Which members of a group are within reach of the box of points, and of which
+    /// [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves most of the tests
+    /// that fail.
     #[inline(always)]
-    fn gap_squared(&self, outline: &Outline) -> f32 {
-        let lo = outline.min - self.centre - self.box_half;
-        let hi = self.centre - outline.max - self.box_half;
-        lo.max(hi).max(Vec3::ZERO).length_squared()
-    }
-
-    /// Whether [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves most of
-    /// the tests that fail.
-    #[inline(always)]
-    fn may_be_far(&self, cluster: &Outline) -> bool {
-        // No larger cluster can be.
-        let relative = cluster.radius * self.inverse[0];
-        if relative > 8.0 * self.size / self.inverse_sigma {
-            return false;
+    fn at<S: Simd>(&self, simd: S, group: &Group) -> [u32; 2] {
+        let load = |members: &Members| f32x8::simd_from(simd, *members);
+        let splat = |value: f32| f32x8::splat(simd, value);
+        let zero = splat(0.0);
+        let (mut gap_squared, mut eta_squared, mut along) = (zero, zero, zero);
+        for k in 0..3 {
+            let low = load(&group.min[k]) - (self.centre[k] + self.box_half[k]);
+            let high = splat(self.centre[k] - self.box_half[k]) - load(&group.max[k]);
+            let gap = low.max(high).max(zero);
+            gap_squared = gap.mul_add(gap, gap_squared);
+            let from = splat(self.centre[k]) - load(&group.centre[k]);
+            eta_squared = from.mul_add(from, eta_squared);
+            along = from.mul_add(load(&group.axis[k]), along);
         }
-        let from = self.centre - cluster.centre;
-        let eta = from.length();
-        let nearest = (eta - self.half).max(1.0 / self.inverse[0]);
-        // One division for two: the next steps wait for it.
+        let reached = gap_squared.simd_lt(splat(self.farthest));
+        let (radius, spread) = (load(&group.radius), load(&group.spread));
+        let eta = eta_squared.sqrt();
+        let nearest = (eta - self.half).max(splat(self.least));
+        // One division for two.
         let both = 1.0 / (eta * nearest);
-        let angular = cluster.radius * eta * both;
-        let cosine = from.dot(cluster.axis) * nearest * both;
-        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        let tilt = (sine + cluster.spread + 0.5 * angular).min(1.0);
-        let extent = tilt * relative;
-        let x = ((eta * self.inverse[1] - extent - 1.0) * self.inverse_sigma).max(0.0);
-        let tail = 1.0 + x * x * (0.17 + 0.014 * x * x);
+        let angular = radius * eta * both;
+        let cosine = along * nearest * both;
+        let sine = (splat(1.0) - cosine * cosine).max(zero).sqrt();
+        let tilt = angular.mul_add(splat(0.5), sine + spread).min(splat(1.0));
+        let extent = tilt * radius * (1.0 / self.least);
+        let x = ((eta * self.inverse_mean - extent - 1.0) * self.inverse_sigma).max(zero);
+        let x2 = x * x;
+        let tail = x2.mul_add(x2.mul_add(splat(0.014), splat(0.17)), splat(1.0));
         let size = extent * self.inverse_width;
-        size < self.size * tail && size * angular * cluster.spread < self.bend * tail
+        let far =
+            size.simd_lt(tail * self.size) & (size * angular * spread).simd_lt(tail * self.bend);
+        [reached, far].map(|mask| mask.to_bitmask() as u32)
     }
 }
 
@@ -246,26 +214,26 @@ impl<S: Simd> Seen<S> {
     /// Whether the second-order expansion is good enough for every point within reach: the spread
     /// of `u` over the cluster, in kernel widths, must be small; less so in the kernel's tail.
     #[inline(always)]
-    fn is_far(&self, density: &PacketDensity<'_>, outline: &Outline, query: &Query<S>) -> bool {
+    fn is_far(&self, density: &PacketDensity<'_>, cluster: &Cluster, query: &Query<S>) -> bool {
         let inverse_sigma = 1.0 / density.kernel.sigma;
         let zero = f32x16::splat(self.u.token(), 0.0);
-        let angular = query.inverse * self.inverse_u * outline.radius;
-        let cosine = self.dot(outline.axis) * self.inverse_u;
+        let angular = query.inverse * self.inverse_u * cluster.radius;
+        let cosine = self.dot(cluster.axis) * self.inverse_u;
         let sine = (1.0 - cosine * cosine).max(zero).sqrt();
-        let tilt = (sine + outline.spread + angular * 0.5).min(1.0);
-        let extent = tilt * query.inverse * outline.radius;
+        let tilt = (sine + cluster.spread + angular * 0.5).min(1.0);
+        let extent = tilt * query.inverse * cluster.radius;
         let x = ((self.u - extent - 1.0) * inverse_sigma).max(zero);
         let x2 = x * x;
         let tail = x2.mul_add(x2 * 0.014 + 0.17, f32x16::splat(self.u.token(), 1.0));
         // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
         let inverse_width = (inverse_sigma * inverse_sigma + 25.0).sqrt();
         let size = extent * inverse_width / tail;
-        let counts = x.simd_lt(density.kernel.reach) & query.xi.simd_gt(zero);
+        let counts = x.simd_lt(density.kernel.reach) & query.counts;
         let size = counts.select(size, zero);
         let settings = &density.settings;
         size.reduce_max() < settings.size as f32
-            && (outline.spread == 0.0
-                || (size * angular * outline.spread).reduce_max() < settings.bend as f32)
+            && (cluster.spread == 0.0
+                || (size * angular * cluster.spread).reduce_max() < settings.bend as f32)
     }
 
     /// Adds the cluster's second-order expansion ([`Moments::far_field`]).
@@ -278,7 +246,7 @@ impl<S: Simd> Seen<S> {
         sum: &mut [f32x16<S>; 2],
     ) {
         let x = (self.u - 1.0) * (1.0 / density.kernel.sigma);
-        let counts: mask32x16<S> = x.simd_lt(density.kernel.reach) & query.xi.simd_gt(0.0);
+        let counts: mask32x16<S> = x.simd_lt(density.kernel.reach) & query.counts;
         if !counts.any_true() {
             return;
         }

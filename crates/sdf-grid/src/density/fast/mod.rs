@@ -4,7 +4,9 @@
 //! centre, subtracted in f64, so that single precision resolves lengths relative to the packet,
 //! not to the part. Instruction sets are chosen at run time.
 
+mod edge;
 mod far;
+mod groups;
 mod kernel;
 mod near;
 mod nearest;
@@ -12,15 +14,19 @@ mod packet;
 mod settings;
 #[cfg(test)]
 mod tests;
+mod twins;
 
 use fearless_simd::{Level, dispatch};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use self::far::{Cluster, Outline};
+use self::far::Cluster;
+pub(crate) use self::far::Walk;
+use self::groups::Group;
 use self::kernel::PacketKernel;
 use self::packet::Facet;
 use self::settings::Settings;
+use self::twins::Twin;
 use crate::bvh::Bvh;
 use crate::face::Face;
 use crate::kernel::DensityKernel;
@@ -66,12 +72,10 @@ impl<'a> PacketDistance<'a> {
 pub(crate) struct PacketDensity<'a> {
     bvh: &'a Bvh,
     distance: PacketDistance<'a>,
-    outlines: Vec<Outline>,
-    face_outlines: Vec<Outline>,
-    /// Far field of each node.
+    /// Far fields of all nodes, then of all faces.
     clusters: Vec<Cluster>,
-    /// Far field of each face.
-    singles: Vec<Cluster>,
+    groups: Vec<Group>,
+    twins: Vec<[Twin; 4]>,
     kernel: PacketKernel,
     settings: Settings,
     level: Level,
@@ -81,18 +85,15 @@ impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
     pub(crate) fn new(bvh: &'a Bvh, kernel: &DensityKernel, tolerance: f64) -> Self {
         let settings = Settings::new(tolerance, kernel.sigma());
-        let single = |face: &Face| {
-            let moments = Moments::of(std::slice::from_ref(face));
-            (Outline::of_face(face, &moments), Cluster::new(&moments))
-        };
-        let (face_outlines, singles) = bvh.faces.par_iter().map(single).unzip();
+        let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
+        let single = |f: &Face| Cluster::new(&Moments::of(std::slice::from_ref(f)));
+        let clusters: Vec<Cluster> = nodes.chain(bvh.faces.par_iter().map(single)).collect();
         Self {
             bvh,
             distance: PacketDistance::new(bvh),
-            outlines: bvh.nodes.iter().map(Outline::of_node).collect(),
-            face_outlines,
-            clusters: bvh.nodes.iter().map(|n| Cluster::new(&n.moments)).collect(),
-            singles,
+            groups: groups::groups(bvh, &clusters),
+            clusters,
+            twins: twins::twins(&bvh.faces),
             kernel: PacketKernel::new(kernel, &settings, tolerance),
             settings,
             level: Level::new(),
@@ -106,7 +107,12 @@ impl<'a> PacketDensity<'a> {
 
     /// Real and imaginary part of the integral of the unit kernel over the solid angle, at points
     /// with these distances. Points of distance zero are left out (zero).
-    pub(crate) fn integrals(&self, points: &Points, distances: &Lanes) -> [Lanes; 2] {
-        dispatch!(self.level, simd => far::integrals(simd, self, points, distances))
+    pub(crate) fn integrals(
+        &self,
+        points: &Points,
+        distances: &Lanes,
+        walk: &mut Walk,
+    ) -> [Lanes; 2] {
+        dispatch!(self.level, simd => far::integrals(simd, self, points, distances, walk))
     }
 }

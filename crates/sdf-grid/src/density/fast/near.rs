@@ -1,200 +1,198 @@
-//! Edge integrals of one face for a packet; the formulas are those of
+//! Near faces of a packet: collected by the walk, then added edge by edge; the formulas are those of
 //! [`crate::density::edge_integral`].
+//!
+//! The kernel along an edge is the same for both faces it belongs to: where both are near it is
+//! evaluated once. Where both lie in one plane the edge does not count at all.
 
 use fearless_simd::{f32x16, mask32x16, prelude::*};
 
-use super::PacketDensity;
-use super::kernel::{MAX_POINTS, PacketKernel, atan2};
+use super::edge::{Line, Side};
 use super::packet::{Packet, View};
+use super::{Lanes, PacketDensity};
 
 /// What all faces share for one packet: distances and what follows from them.
 pub(crate) struct Query<S: Simd> {
     /// Distances; zero in lanes to leave out.
     pub(crate) xi: f32x16<S>,
+    /// Which lanes count.
+    pub(crate) counts: mask32x16<S>,
     /// `1 / xi`.
     pub(crate) inverse: f32x16<S>,
     /// The square of the distance within which boundary points count.
     pub(crate) reach_squared: f32x16<S>,
+    /// Gauss points per half length in units of `xi`.
+    pub(crate) density: f32,
 }
 
 /// The kernel varies over `sqrt(sigma)` along an edge, and whatever sigma over about this to the
 /// power of -1/2, in units of the distance.
 const BROAD: f32 = 3.0;
 
-/// Adds the integral over face `index` to `sum`.
-#[inline(always)]
-pub(crate) fn add_face<S: Simd>(
-    density: &PacketDensity<'_>,
-    packet: &Packet<S>,
-    query: &Query<S>,
-    index: usize,
-    sum: &mut [f32x16<S>; 2],
-) {
-    let facet = density.distance.facet(index);
-    let view = View::new(packet, &density.bvh.faces[index], facet);
-    let active = view.distance_squared(packet).simd_lt(query.reach_squared);
-    if !active.any_true() {
-        return;
-    }
-    let kernel = &density.kernel;
-    let k0 = kernel.rise_from_below(view.height.abs() * query.inverse);
-    let plane = Plane {
-        active,
-        height_squared: view.height * view.height,
-        beyond: [kernel.beyond[0] - k0[0], kernel.beyond[1] - k0[1]],
-        k0,
-        density: density.settings.density as f32 * (1.0 / kernel.sigma + BROAD).sqrt(),
-    };
-    let mut integral = [packet.splat(0.0); 2];
-    // Where no edge is within reach the face is as good as the whole plane.
-    let rest = query.reach_squared - plane.height_squared;
-    let inner = view.innermost();
-    let outside = active & (inner.simd_le(0.0) | (inner * inner).simd_lt(rest));
-    if outside.any_true() {
-        for k in 0..view.count {
-            plane.add_edge(kernel, query, &view, k, &mut integral);
+impl<S: Simd> Query<S> {
+    #[inline(always)]
+    pub(crate) fn new(density: &PacketDensity<'_>, xi: f32x16<S>) -> Self {
+        let kernel = &density.kernel;
+        let reach = xi * (1.0 + kernel.reach * kernel.sigma);
+        Self {
+            xi,
+            counts: xi.simd_gt(0.0),
+            inverse: 1.0 / xi.max(1e-12),
+            reach_squared: reach * reach,
+            density: density.settings.density as f32 * (1.0 / kernel.sigma + BROAD).sqrt(),
         }
-    } else {
-        let turn = 2.0 * std::f32::consts::PI;
-        integral = [plane.beyond[0] * turn, plane.beyond[1] * turn];
-    }
-    let factor = view.height * query.inverse;
-    for c in 0..2 {
-        // Lanes out of reach hold numbers without meaning.
-        sum[c] = active.select(integral[c].mul_add(factor, sum[c]), sum[c]);
     }
 }
 
-/// What the edges of a face share.
-struct Plane<S: Simd> {
-    active: mask32x16<S>,
-    height_squared: f32x16<S>,
+/// Faces added at a time: what is kept of them should stay in the first-level cache.
+const BATCH: usize = 48;
+
+/// Near faces waiting to be added. Reused from packet to packet; 34 KB, and 4 bytes per face of the
+/// mesh.
+#[derive(Debug, Default)]
+pub(crate) struct NearFaces {
+    /// Waiting are the first `len`.
+    faces: Vec<NearFace>,
+    len: usize,
+    /// By face: its place among those waiting, if it is there.
+    places: Vec<u32>,
+}
+
+/// A face as the points of a packet see it.
+#[derive(Debug, Clone, Default)]
+#[repr(C, align(64))]
+struct NearFace {
+    height: Lanes,
     /// `K(|h| / xi) - K(0)`.
-    k0: [f32x16<S>; 2],
-    /// `K(infinity) - K(|h| / xi)`.
-    beyond: [f32x16<S>; 2],
-    /// Gauss points per half length in units of `xi`.
-    density: f32,
+    k0: [Lanes; 2],
+    /// As in [`View`].
+    d: [Lanes; 4],
+    start: [f32; 4],
+    end: [f32; 4],
+    index: u32,
 }
 
-impl<S: Simd> Plane<S> {
+impl NearFaces {
+    /// Makes room for a mesh of `count` faces.
+    pub(crate) fn prepare(&mut self, count: usize) {
+        self.faces.resize_with(BATCH, Default::default);
+        self.places.resize(count, 0);
+    }
+
+    /// The place of a face if it is waiting.
+    fn place(&self, face: usize) -> Option<usize> {
+        let place = self.places[face] as usize;
+        (place < self.len && self.faces[place].index as usize == face).then_some(place)
+    }
+
+    /// Adds the integral over face `index` to `sum`, now or with [`NearFaces::add_waiting`].
     #[inline(always)]
-    fn add_edge(
-        &self,
-        kernel: &PacketKernel,
+    pub(crate) fn add<S: Simd>(
+        &mut self,
+        density: &PacketDensity<'_>,
+        packet: &Packet<S>,
         query: &Query<S>,
-        view: &View<S>,
+        index: usize,
+        sum: &mut [f32x16<S>; 2],
+    ) {
+        let face = &density.bvh.faces[index];
+        let view = View::new(packet, face, density.distance.facet(index));
+        let active = view.distance_squared(packet).simd_lt(query.reach_squared) & query.counts;
+        if !active.any_true() {
+            return;
+        }
+        let kernel = &density.kernel;
+        let mut k0 = kernel.rise_from_below(view.height.abs() * query.inverse);
+        let within = (view.height * view.height).simd_lt(query.reach_squared);
+        for c in 0..2 {
+            // Nothing is beyond a plane out of reach: not even what the kernel's polynomial leaves.
+            k0[c] = within.select(k0[c], packet.splat(kernel.beyond[c]));
+        }
+        // Where no edge is within reach the face is as good as the whole plane.
+        let rest = view.height.mul_add(-view.height, query.reach_squared);
+        let inner = view.innermost();
+        let outside = active & (inner.simd_le(0.0) | (inner * inner).simd_lt(rest));
+        if !outside.any_true() {
+            let turn = view.height * query.inverse * (2.0 * std::f32::consts::PI);
+            for c in 0..2 {
+                // Lanes out of reach hold numbers without meaning.
+                let beyond = kernel.beyond[c] - k0[c];
+                sum[c] = active.select(beyond.mul_add(turn, sum[c]), sum[c]);
+            }
+            return;
+        }
+        self.places[index] = self.len as u32;
+        let waiting = &mut self.faces[self.len];
+        waiting.index = index as u32;
+        waiting.height = view.height.into();
+        waiting.k0 = k0.map(Into::into);
+        for k in 0..view.count {
+            waiting.d[k] = view.d[k].into();
+        }
+        (waiting.start, waiting.end) = (view.first, view.last);
+        self.len += 1;
+        if self.len == BATCH {
+            self.add_waiting(density, packet, query, sum);
+        }
+    }
+
+    /// Adds the faces that wait.
+    #[inline(always)]
+    pub(crate) fn add_waiting<S: Simd>(
+        &mut self,
+        density: &PacketDensity<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
+        sum: &mut [f32x16<S>; 2],
+    ) {
+        for i in 0..self.len {
+            let face = &self.faces[i];
+            let index = face.index as usize;
+            for k in 0..density.bvh.faces[index].count {
+                let twin = density.twins[index][k].get();
+                let twin = twin.and_then(|(j, l, flat)| Some((self.place(j)?, l, flat)));
+                let other = match twin {
+                    Some((_, _, true)) => continue,
+                    // Done with the other face.
+                    Some((j, _, false)) if j < i => continue,
+                    Some((j, l, false)) => Some((&self.faces[j], l)),
+                    None => None,
+                };
+                let along = density.distance.facet(index).along(k);
+                let along = packet.dot_add(-along, 0.0);
+                let side = face.side(density, packet, query, k);
+                let line = Line::new(query, &side, [along + face.start[k], along + face.end[k]]);
+                match other {
+                    None => line.add(density, query, [side], sum),
+                    Some((other, l)) => {
+                        let other = other.side(density, packet, query, l);
+                        line.add(density, query, [side, other], sum);
+                    }
+                }
+            }
+        }
+        self.len = 0;
+    }
+}
+
+impl NearFace {
+    #[inline(always)]
+    fn side<S: Simd>(
+        &self,
+        density: &PacketDensity<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
         k: usize,
-        sum: &mut [f32x16<S>; 2],
-    ) {
-        let (d, start, end) = (view.d[k], view.start[k], view.end[k]);
-        let zero = f32x16::splat(d.token(), 0.0);
-        let rest = query.reach_squared - self.height_squared;
-        let clip = (rest - d * d).max(zero).sqrt();
-        let (from, to) = (start.max(-clip).min(clip), end.max(-clip).min(clip));
-        let clipped = self.active & (start.simd_lt(-clip) | end.simd_gt(clip));
-        if clipped.any_true() {
-            let angle = outer_angle(d, [start, end], [from, to], clip);
-            sum[0] = angle.mul_add(self.beyond[0], sum[0]);
-            sum[1] = angle.mul_add(self.beyond[1], sum[1]);
-        }
-        let half = (to - from) * 0.5;
-        let longest = self.active.select(half * query.inverse, zero).reduce_max();
-        if longest > 0.0 {
-            let count = (1.5 + self.density * longest).ceil() as usize;
-            let integral = self.inner(kernel, query, d, [from, to], count.min(MAX_POINTS));
-            for c in 0..2 {
-                sum[c] = integral[c].mul_add(half * d, sum[c]);
-            }
+    ) -> Side<S> {
+        let load = |lanes: &Lanes| f32x16::simd_from(packet.simd, *lanes);
+        let height = load(&self.height);
+        let k0 = [load(&self.k0[0]), load(&self.k0[1])];
+        let beyond = density.kernel.beyond;
+        Side {
+            d: load(&self.d[k]),
+            height,
+            factor: height * query.inverse,
+            k0,
+            beyond: [beyond[0] - k0[0], beyond[1] - k0[1]],
         }
     }
-
-    /// The mean over the edge of `2 (K(u) - K0) / (d^2 + t^2)` between `ends`.
-    #[inline(always)]
-    fn inner(
-        &self,
-        kernel: &PacketKernel,
-        query: &Query<S>,
-        d: f32x16<S>,
-        ends: [f32x16<S>; 2],
-        count: usize,
-    ) -> [f32x16<S>; 2] {
-        let inverse_squared = query.inverse * query.inverse;
-        let edge = Edge {
-            half: (ends[1] - ends[0]) * 0.5,
-            middle: (ends[1] + ends[0]) * 0.5,
-            d2: d * d,
-            // Nearer to the foot than this, numerator and denominator are both rounding noise; the
-            // quotient is smooth and hardly differs there.
-            least: query.xi * query.xi * (4e-4 * kernel.sigma),
-            inverse_squared,
-            base: self.height_squared * inverse_squared - 1.0,
-        };
-        let mut sum = [f32x16::splat(d.token(), 0.0); 2];
-        let (pairs, last) = kernel.rules[count].as_chunks::<2>();
-        for pair in pairs {
-            edge.add(kernel, *pair, self.k0, &mut sum);
-        }
-        for single in last {
-            edge.add(kernel, [*single], self.k0, &mut sum);
-        }
-        sum
-    }
-}
-
-/// The part of an edge within reach.
-struct Edge<S: Simd> {
-    half: f32x16<S>,
-    middle: f32x16<S>,
-    d2: f32x16<S>,
-    least: f32x16<S>,
-    inverse_squared: f32x16<S>,
-    base: f32x16<S>,
-}
-
-impl<S: Simd> Edge<S> {
-    /// Adds Gauss points, several at once, each a place in `-1 ..= 1` and a weight.
-    #[inline(always)]
-    fn add<const N: usize>(
-        &self,
-        kernel: &PacketKernel,
-        points: [[f32; 2]; N],
-        k0: [f32x16<S>; 2],
-        sum: &mut [f32x16<S>; 2],
-    ) {
-        let simd = self.half.token();
-        let (mut r2, mut y) = ([self.half; N], [self.half; N]);
-        for i in 0..N {
-            let place = f32x16::splat(simd, points[i][0]);
-            let t = self.half.mul_add(place, self.middle);
-            r2[i] = t.mul_add(t, self.d2).max(self.least);
-            y[i] = r2[i].mul_add(self.inverse_squared, self.base);
-        }
-        let rise = kernel.rise(y);
-        for i in 0..N {
-            let w = points[i][1] / r2[i];
-            for c in 0..2 {
-                sum[c] = (rise[i][c] - k0[c]).mul_add(w, sum[c]);
-            }
-        }
-    }
-}
-
-/// The angle that the parts of an edge beyond the reach fill about the foot, with the sign of `d`.
-#[inline(always)]
-fn outer_angle<S: Simd>(
-    d: f32x16<S>,
-    whole: [f32x16<S>; 2],
-    inner: [f32x16<S>; 2],
-    clip: f32x16<S>,
-) -> f32x16<S> {
-    let d2 = d * d;
-    // The angle of an interval [a, b] is that of the complex number d^2 + a b + i d (b - a).
-    let (x1, y1) = (whole[0].mul_add(whole[1], d2), d * (whole[1] - whole[0]));
-    let (x2, y2) = (inner[0].mul_add(inner[1], d2), d * (inner[1] - inner[0]));
-    let none = clip.simd_le(0.0);
-    let x2 = none.select(f32x16::splat(d.token(), 1.0), x2);
-    let y2 = none.select(f32x16::splat(d.token(), 0.0), y2);
-    let (x, y) = (x1 * x2 + y1 * y2, y1 * x2 - x1 * y2);
-    atan2(y.abs(), x).copysign(d)
 }

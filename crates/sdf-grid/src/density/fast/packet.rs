@@ -98,6 +98,11 @@ impl Facet {
             outward: t.outward.map(DVec3::as_vec3),
         }
     }
+
+    /// Direction of edge `k`.
+    pub(crate) fn along(&self, k: usize) -> Vec3 {
+        self.along[k]
+    }
 }
 
 /// A face seen from every point of a packet: signed height above the plane and, for each edge,
@@ -109,6 +114,9 @@ pub(crate) struct View<S: Simd> {
     pub(crate) d: [f32x16<S>; 4],
     pub(crate) start: [f32x16<S>; 4],
     pub(crate) end: [f32x16<S>; 4],
+    /// The places of the ends from the foot of the packet's centre.
+    pub(crate) first: [f32; 4],
+    pub(crate) last: [f32; 4],
 }
 
 impl<S: Simd> View<S> {
@@ -124,14 +132,17 @@ impl<S: Simd> View<S> {
             d: [zero; 4],
             start: [zero; 4],
             end: [zero; 4],
+            first: [0.0; 4],
+            last: [0.0; 4],
         };
         for (k, corner) in t.outline().iter().enumerate() {
             let from = *corner - packet.centre;
             let along = packet.dot_add(-f.along[k], 0.0);
             let start = from.dot(t.along[k]);
             view.d[k] = packet.dot_add(-f.outward[k], from.dot(t.outward[k]) as f32);
-            view.start[k] = along + start as f32;
-            view.end[k] = along + (start + t.length[k]) as f32;
+            (view.first[k], view.last[k]) = (start as f32, (start + t.length[k]) as f32);
+            view.start[k] = along + view.first[k];
+            view.end[k] = along + view.last[k];
         }
         view
     }

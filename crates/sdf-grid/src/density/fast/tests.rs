@@ -5,9 +5,9 @@ use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::near::{Query, add_face};
+use super::near::{NearFaces, Query};
 use super::packet::Packet;
-use super::{LANES, Lanes, PacketDensity, Points};
+use super::{LANES, Lanes, PacketDensity, Points, Walk};
 use crate::DensityKernel;
 use crate::bvh::Bvh;
 use crate::density::edge_integral::EdgeQuadrature;
@@ -23,15 +23,12 @@ fn triangle<S: Simd>(
     index: usize,
 ) -> [f32; 2] {
     let packet = Packet::new(simd, points);
-    let xi = f32x16::splat(simd, xi);
-    let reach = xi * (1.0 + density.kernel.reach * density.kernel.sigma);
-    let query = Query {
-        xi,
-        inverse: 1.0 / xi,
-        reach_squared: reach * reach,
-    };
+    let query = Query::new(density, f32x16::splat(simd, xi));
     let mut sum = [packet.splat(0.0); 2];
-    add_face(density, &packet, &query, index, &mut sum);
+    let mut near = NearFaces::default();
+    near.prepare(density.bvh.faces.len());
+    near.add(density, &packet, &query, index, &mut sum);
+    near.add_waiting(density, &packet, &query, &mut sum);
     [sum[0][0], sum[1][0]]
 }
 
@@ -86,11 +83,12 @@ fn values(density: &PacketDensity<'_>) -> (Vec<Lanes>, Vec<[Lanes; 2]>) {
             corner(i) + DVec3::from_array(step)
         })
     };
+    let mut walk = Walk::default();
     (0..512)
         .map(|i| {
             let points = packet(i);
             let distances = density.distances(&points, &mut 0);
-            (distances, density.integrals(&points, &distances))
+            (distances, density.integrals(&points, &distances, &mut walk))
         })
         .unzip()
 }

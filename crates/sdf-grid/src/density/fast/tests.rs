@@ -63,14 +63,18 @@ fn triangles_match_the_f64_edge_integrals() {
 /// Every instruction set that this machine has.
 fn levels() -> Vec<Level> {
     let best = Level::new();
-    let mut levels = vec![best];
     #[cfg(target_arch = "x86_64")]
-    {
-        levels.extend(best.as_sse2().map(Level::Sse2));
-        levels.extend(best.as_sse4_2().map(Level::Sse4_2));
-        levels.extend(best.as_avx2().map(Level::Avx2));
-    }
-    levels
+    let others = [
+        best.as_sse2().map(Level::Sse2),
+        best.as_sse4_2().map(Level::Sse4_2),
+        best.as_avx2().map(Level::Avx2),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let others: [Option<Level>; 0] = [];
+    [best]
+        .into_iter()
+        .chain(others.into_iter().flatten())
+        .collect()
 }
 
 /// Distances and integrals of packets all over a box of twice the part.

@@ -61,8 +61,8 @@ impl<S: Simd> Line<S> {
         if clipped.any_true() {
             for side in &sides {
                 let angle = self.outer_angle(side.d) * side.factor;
-                for c in 0..2 {
-                    sum[c] = angle.mul_add(side.beyond[c], sum[c]);
+                for (sum, beyond) in sum.iter_mut().zip(side.beyond) {
+                    *sum = angle.mul_add(beyond, *sum);
                 }
             }
         }
@@ -78,7 +78,7 @@ impl<S: Simd> Line<S> {
         let least = query.xi * query.xi * (4e-4 * kernel.sigma);
         let mut near = zero.simd_lt(zero);
         for side in &sides {
-            near = near | (side.d * side.d).simd_lt(least);
+            near |= (side.d * side.d).simd_lt(least);
         }
         let middle = (self.inner[1] + self.inner[0]) * 0.5;
         let span = [middle, half];

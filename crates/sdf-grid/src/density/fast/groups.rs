@@ -1,6 +1,5 @@
 //! The tree in groups of up to eight: a glance takes all nodes and faces of a group at once.
 
-use glam::Vec3;
 use rayon::prelude::*;
 
 use super::far::Cluster;
@@ -166,16 +165,17 @@ fn shape(bvh: &Bvh, root: usize, roots: &mut Vec<usize>) -> Shape {
     shape
 }
 
-/// `v` for every member.
-pub(crate) fn three(v: &[Members; 3], place: usize) -> Vec3 {
-    Vec3::new(v[0][place], v[1][place], v[2][place])
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::moments::Moments;
     use crate::shapes::random_solid;
+
+    fn three(v: &[Members; 3], place: usize) -> Vec3 {
+        Vec3::new(v[0][place], v[1][place], v[2][place])
+    }
 
     /// Every face is reached once, and every member's box lies in that of the one above it.
     #[test]

@@ -103,9 +103,9 @@ impl NearFaces {
         let kernel = &density.kernel;
         let mut k0 = kernel.rise_from_below(view.height.abs() * query.inverse);
         let within = (view.height * view.height).simd_lt(query.reach_squared);
-        for c in 0..2 {
+        for (k0, whole) in k0.iter_mut().zip(kernel.beyond) {
             // Nothing is beyond a plane out of reach: not even what the kernel's polynomial leaves.
-            k0[c] = within.select(k0[c], packet.splat(kernel.beyond[c]));
+            *k0 = within.select(*k0, packet.splat(whole));
         }
         // Where no edge is within reach the face is as good as the whole plane.
         let rest = view.height.mul_add(-view.height, query.reach_squared);

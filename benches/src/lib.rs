@@ -111,7 +111,10 @@ impl Sweep {
         let names = ["series", "setting", "seconds"];
         csv.write_record(names.iter().chain(&self.errors))?;
         for row in &self.rows {
-            print!("{:<34}{:<22}{:>14.6}", row.series, row.setting, row.seconds);
+            print!(
+                "{:<34}{:<22}{:>14.3e}",
+                row.series, row.setting, row.seconds
+            );
             row.errors.iter().for_each(|e| print!("{e:>13.2e}"));
             println!();
             let mut record = vec![

@@ -6,6 +6,7 @@
 mod build;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::TriangleMesh;
 use crate::coplanar;
@@ -64,7 +65,7 @@ impl Bvh {
     /// long faces cut.
     pub(crate) fn merged(mesh: &TriangleMesh) -> Self {
         let (centre, scale) = normalization(mesh);
-        let corners = mesh.vertices().iter().map(|p| (*p - centre) * scale);
+        let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
         let faces = coplanar::merged(mesh.triangles(), &corners);
         Self::over(build::tree(faces.len(), |i| Some(faces[i])), centre, scale)
@@ -218,9 +219,10 @@ impl<T: Copy + Default> Stack<T> {
 
 /// Centre of the mesh's box and a power-of-two scale for its largest extent.
 fn normalization(mesh: &TriangleMesh) -> (DVec3, f64) {
-    let corners = || (0..mesh.triangles().len()).flat_map(|i| mesh.corners(i));
-    let lo = corners().fold(DVec3::INFINITY, DVec3::min);
-    let hi = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let triangles = mesh.triangles().par_iter().with_min_len(4096);
+    let corners = triangles.map(|t| Aabb::around(t.map(|v| mesh.vertices()[v as usize])));
+    let bounds = corners.reduce(|| Aabb::EMPTY, |a, b| a.union(&b));
+    let (lo, hi) = (bounds.min, bounds.max);
     let extent = (hi - lo).max_element();
     if !(extent > 0.0 && extent.is_finite()) {
         return (DVec3::ZERO, 1.0);

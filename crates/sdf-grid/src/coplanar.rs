@@ -20,6 +20,9 @@ const FLAT: f64 = 1e-10;
 /// A corner this near to the line between its neighbours is dropped.
 const STRAIGHT: f64 = 1e-11;
 
+/// Quadrangles turn left by this at every corner at least, the sine of the angle.
+const CONVEX: f64 = 1e-9;
+
 /// Faces whose longest edge, squared, exceeds their area this many times are cut across.
 const LONG: f64 = 8.0;
 
@@ -31,64 +34,113 @@ const MAX_PIECES: usize = 200_000;
 
 const NONE: u32 = u32::MAX;
 
-/// Faces that cover the triangles with corners `corner(i)`. Deterministic.
+/// Faces that cover the triangles of corners `vertices[i]`. Deterministic.
 pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3]) -> Vec<Face> {
-    let triangles: Vec<Option<Face>> = (indices.par_iter().enumerate())
-        .map(|(i, t)| Face::triangle(t.map(|v| vertices[v as usize]), i as u32))
-        .collect();
+    let plane = |t: &[u32; 3]| Plane::of(t.map(|v| vertices[v as usize]));
+    let planes = || indices.par_iter().map(plane).collect();
+    let (neighbours, planes) = rayon::join(|| neighbours(indices, vertices.len()), planes);
     let surface = Surface {
-        neighbours: neighbours(indices),
         indices,
         vertices,
-        triangles,
+        planes,
+        neighbours,
     };
-    let (regions, region_of) = surface.regions();
-    let outlined = |(id, region): (usize, &Vec<u32>)| {
-        let faces = surface.outlined(region, id as u32, &region_of);
-        faces.unwrap_or_else(|| surface.plain(region))
-    };
-    let faces: Vec<Vec<Face>> = regions.par_iter().enumerate().map(outlined).collect();
-    let faces = faces.concat();
-    let cuts = (MAX_PIECES / faces.len().max(1))
-        .checked_ilog2()
-        .unwrap_or(0);
-    let pieces: Vec<Vec<Face>> = (faces.par_iter())
-        .map(|f| cut_across(f, cuts.min(MAX_CUTS)))
+    let regions = surface.regions();
+    // Lists of as many regions as rayon likes, one after the other: their order is the regions'.
+    let faces: Vec<Vec<Face>> = (0..regions.count())
+        .into_par_iter()
+        .fold(Vec::new, |mut faces, id| {
+            surface.cover(&regions, id, &mut faces);
+            faces
+        })
+        .collect();
+    let count: usize = faces.iter().map(Vec::len).sum();
+    let cuts = (MAX_PIECES / count.max(1)).checked_ilog2().unwrap_or(0);
+    let pieces: Vec<Vec<Face>> = (faces.into_par_iter())
+        .map(|list| cut_across(list, cuts.min(MAX_CUTS)))
         .collect();
     pieces.concat()
+}
+
+/// What the growth of regions asks of a triangle.
+#[derive(Clone, Copy)]
+struct Plane {
+    normal: DVec3,
+    /// Zero if the triangle has no normal.
+    area: f64,
+}
+
+impl Plane {
+    fn of(corners: [DVec3; 3]) -> Self {
+        let (normal, area) = Face::normal_and_area(corners).unwrap_or_default();
+        Self { normal, area }
+    }
 }
 
 /// The mesh with what lies beside each triangle.
 struct Surface<'a> {
     indices: &'a [[u32; 3]],
     vertices: &'a [DVec3],
-    /// None without area.
-    triangles: Vec<Option<Face>>,
+    planes: Vec<Plane>,
     /// The triangle beyond edge `k`, or [`NONE`].
     neighbours: Vec<[u32; 3]>,
 }
 
+/// Triangles in connected flat regions.
+struct Regions {
+    /// One region after the other, each beginning with its largest triangle.
+    triangles: Vec<u32>,
+    /// Where each begins, and the end of the last.
+    starts: Vec<usize>,
+    /// The region of each triangle, or [`NONE`].
+    of: Vec<u32>,
+}
+
+impl Regions {
+    fn count(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    fn get(&self, id: usize) -> &[u32] {
+        &self.triangles[self.starts[id]..self.starts[id + 1]]
+    }
+}
+
 /// The triangle beyond each edge: the one other triangle that has it, the other way round.
-fn neighbours(indices: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let edge = |i: usize, k: usize| (indices[i][k], indices[i][(k + 1) % 3]);
-    let mut halves: Vec<([u32; 2], u32)> = (0..indices.len())
-        .into_par_iter()
-        .flat_map_iter(|i| {
-            (0..3).map(move |k| {
-                let (a, b) = edge(i, k);
-                ([a.min(b), a.max(b)], (3 * i + k) as u32)
-            })
-        })
-        .collect();
-    halves.par_sort_unstable();
+fn neighbours(indices: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
+    let edge = |half: u32| {
+        let (t, k) = (indices[half as usize / 3], half as usize % 3);
+        (t[k], t[(k + 1) % 3])
+    };
+    let lower = |half: u32| edge(half).0.min(edge(half).1) as usize;
+    let halves = 0..3 * indices.len() as u32;
+    // Edges by their lower vertex: counted, then put in their places.
+    let mut places = vec![0u32; vertices + 1];
+    for half in halves.clone() {
+        places[lower(half) + 1] += 1;
+    }
+    for v in 0..vertices {
+        places[v + 1] += places[v];
+    }
+    let mut sorted = vec![(0u32, 0u32); 3 * indices.len()];
+    for half in halves {
+        let place = &mut places[lower(half)];
+        sorted[*place as usize] = (edge(half).0.max(edge(half).1), half);
+        *place += 1;
+    }
     let mut beyond = vec![[NONE; 3]; indices.len()];
-    for pair in halves.chunk_by(|a, b| a.0 == b.0) {
-        if let [(_, x), (_, y)] = *pair {
-            let place = |h: u32| (h as usize / 3, h as usize % 3);
-            let ((i, k), (j, l)) = (place(x), place(y));
-            if edge(i, k).0 != edge(j, l).0 {
-                beyond[i][k] = j as u32;
-                beyond[j][l] = i as u32;
+    let mut first = 0;
+    // Each place has moved on to the end of its vertex's edges.
+    for end in &places[..vertices] {
+        let around = &mut sorted[first..*end as usize];
+        first = *end as usize;
+        around.sort_unstable();
+        for pair in around.chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, x), (_, y)] = *pair
+                && edge(x).0 != edge(y).0
+            {
+                beyond[x as usize / 3][x as usize % 3] = y / 3;
+                beyond[y as usize / 3][y as usize % 3] = x / 3;
             }
         }
     }
@@ -96,65 +148,129 @@ fn neighbours(indices: &[[u32; 3]]) -> Vec<[u32; 3]> {
 }
 
 impl Surface<'_> {
-    /// Connected flat regions, grown from the largest triangle on, and each triangle's region.
-    fn regions(&self) -> (Vec<Vec<u32>>, Vec<u32>) {
-        let mut seeds: Vec<(f64, u32)> = self
-            .triangles
-            .iter()
-            .flatten()
-            .map(|t| (-t.area, t.source))
+    /// Connected flat regions, grown from the largest triangle on.
+    fn regions(&self) -> Regions {
+        // Largest first: numbers that are not negative are ordered as their bits are.
+        let seed = |(i, plane): (usize, &Plane)| {
+            let size = u64::from((plane.area as f32).to_bits());
+            (plane.area > 0.0).then_some((u64::from(u32::MAX) - size) << 32 | i as u64)
+        };
+        let mut seeds: Vec<u64> = (self.planes.par_iter().enumerate())
+            .filter_map(seed)
             .collect();
-        seeds.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let mut region_of = vec![NONE; self.indices.len()];
-        let mut regions: Vec<Vec<u32>> = Vec::new();
-        for (_, seed) in seeds {
-            if region_of[seed as usize] != NONE {
+        seeds.par_sort_unstable();
+        let mut regions = Regions {
+            triangles: Vec::with_capacity(seeds.len()),
+            starts: vec![0],
+            of: vec![NONE; self.indices.len()],
+        };
+        for seed in seeds {
+            let seed = seed as u32;
+            if regions.of[seed as usize] != NONE {
                 continue;
             }
-            let Some(plane) = &self.triangles[seed as usize] else {
-                continue;
-            };
-            let id = regions.len() as u32;
-            let mut region = vec![seed];
-            region_of[seed as usize] = id;
-            let mut next = 0;
-            while let Some(&t) = region.get(next) {
+            let id = regions.count() as u32;
+            let mut next = regions.triangles.len();
+            regions.of[seed as usize] = id;
+            regions.triangles.push(seed);
+            while let Some(&t) = regions.triangles.get(next) {
                 next += 1;
                 for n in self.neighbours[t as usize] {
-                    if n != NONE && region_of[n as usize] == NONE && self.lies_in(n, plane) {
-                        region_of[n as usize] = id;
-                        region.push(n);
+                    if n != NONE && regions.of[n as usize] == NONE && self.lies_in(n, seed) {
+                        regions.of[n as usize] = id;
+                        regions.triangles.push(n);
                     }
                 }
             }
-            regions.push(region);
+            regions.starts.push(next);
         }
-        (regions, region_of)
+        regions
     }
 
-    fn lies_in(&self, triangle: u32, plane: &Face) -> bool {
-        let Some(t) = &self.triangles[triangle as usize] else {
-            return false;
+    /// Whether a triangle lies in the plane of another.
+    fn lies_in(&self, triangle: u32, other: u32) -> bool {
+        let (t, plane) = (
+            &self.planes[triangle as usize],
+            &self.planes[other as usize],
+        );
+        let origin = self.corners(other)[0];
+        let height = |c: DVec3| (c - origin).dot(plane.normal);
+        t.area > 0.0
+            && t.normal.dot(plane.normal) > 0.9
+            && self
+                .corners(triangle)
+                .iter()
+                .all(|c| height(*c).abs() <= FLAT)
+    }
+
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.indices[triangle as usize].map(|v| self.vertices[v as usize])
+    }
+
+    fn face(&self, triangle: u32) -> Option<Face> {
+        Face::triangle(self.corners(triangle), triangle)
+    }
+
+    fn area(&self, region: &[u32]) -> f64 {
+        region.iter().map(|t| self.planes[*t as usize].area).sum()
+    }
+
+    /// Appends faces that cover a region: cut anew, or its triangles where that fails.
+    fn cover(&self, regions: &Regions, id: usize, faces: &mut Vec<Face>) {
+        let region = regions.get(id);
+        let anew = match region {
+            [_] => None,
+            [a, b] => self.pair(*a, *b),
+            _ => self.outlined(regions, id),
         };
-        t.normal.dot(plane.normal) > 0.9
-            && t.outline().iter().all(|c| plane.height(*c).abs() <= FLAT)
+        let area = self.area(region);
+        let whole = |faces: &Vec<Face>| {
+            let covered: f64 = faces.iter().map(|f| f.area).sum();
+            (covered - area).abs() <= 1e-9 * area
+        };
+        match anew.filter(whole) {
+            Some(anew) => faces.extend(anew),
+            None => faces.extend(region.iter().filter_map(|t| self.face(*t))),
+        }
     }
 
-    /// The triangles of a region as they are.
-    fn plain(&self, region: &[u32]) -> Vec<Face> {
-        let triangles = region.iter().filter_map(|t| self.triangles[*t as usize]);
-        triangles.collect()
+    /// Two triangles of one plane as one face; none if that is not convex.
+    fn pair(&self, a: u32, b: u32) -> Option<Vec<Face>> {
+        let k = self.neighbours[a as usize].iter().position(|n| *n == b)?;
+        let l = self.neighbours[b as usize].iter().position(|n| *n == a)?;
+        let (of_a, of_b) = (self.indices[a as usize], self.indices[b as usize]);
+        let ring = [
+            of_a[(k + 1) % 3],
+            of_a[(k + 2) % 3],
+            of_a[k],
+            of_b[(l + 2) % 3],
+        ];
+        let kept = self.straightened(&ring)?;
+        let at = |k: usize| self.vertices[kept[k] as usize];
+        if kept.len() == 3 {
+            return Some(vec![Face::triangle([0, 1, 2].map(at), a)?]);
+        }
+        let normal = self.planes[a as usize].normal;
+        let turns = |k: usize| {
+            let [p, q, r] = [k, (k + 1) % 4, (k + 2) % 4].map(at);
+            let (along, on) = (q - p, r - q);
+            along.cross(on).dot(normal) > CONVEX * along.length() * on.length()
+        };
+        let corners = [0, 1, 2, 3].map(at);
+        (0..4)
+            .all(turns)
+            .then(|| Face::quadrangle(corners, a).map(|f| vec![f]))?
     }
 
     /// A region of several triangles cut anew; none if its outline touches itself.
-    fn outlined(&self, region: &[u32], id: u32, region_of: &[u32]) -> Option<Vec<Face>> {
-        let seed = (region.len() > 1).then(|| self.triangles[region[0] as usize])??;
+    fn outlined(&self, regions: &Regions, id: usize) -> Option<Vec<Face>> {
+        let seed = self.face(regions.get(id)[0])?;
         let (across, up) = (seed.along[0], seed.normal.cross(seed.along[0]));
         let flat = |v: u32| {
             let p = self.vertices[v as usize] - seed.corners[0];
             DVec2::new(p.dot(across), p.dot(up))
         };
-        let loops = self.loops(region, id, region_of)?;
+        let loops = self.loops(regions, id)?;
         let rings: Vec<Vec<DVec2>> = loops
             .iter()
             .map(|ring| ring.iter().map(|v| flat(*v)).collect())
@@ -171,46 +287,44 @@ impl Surface<'_> {
                 .iter()
                 .map(|p| seed.corners[0] + across * p.x + up * p.y),
         );
-        let faces: Vec<Face> = paired(&cuts, |i| flat[i as usize])
-            .iter()
-            .filter_map(|ring| {
-                let at = |k: usize| corners[ring[k] as usize];
-                match ring.len() {
-                    3 => Face::triangle([at(0), at(1), at(2)], seed.source),
-                    _ => Face::quadrangle([at(0), at(1), at(2), at(3)], seed.source),
-                }
-            })
-            .collect();
-        let area = |f: &[Face]| f.iter().map(|t| t.area).sum::<f64>();
-        let (before, after) = (area(&self.plain(region)), area(&faces));
-        ((before - after).abs() <= 1e-9 * before).then_some(faces)
+        let face = |ring: &Vec<u32>| {
+            let at = |k: usize| corners[ring[k] as usize];
+            match ring.len() {
+                3 => Face::triangle([0, 1, 2].map(at), seed.source),
+                _ => Face::quadrangle([0, 1, 2, 3].map(at), seed.source),
+            }
+        };
+        let rings = paired(&cuts, |i| flat[i as usize]);
+        Some(rings.iter().filter_map(face).collect())
     }
 
     /// The closed chains of edges around a region, without corners on straight sides; none if one
     /// vertex is passed twice.
-    fn loops(&self, region: &[u32], id: u32, region_of: &[u32]) -> Option<Vec<Vec<u32>>> {
-        let mut next: HashMap<u32, u32> = HashMap::new();
-        let mut starts = Vec::new();
-        for &t in region {
+    fn loops(&self, regions: &Regions, id: usize) -> Option<Vec<Vec<u32>>> {
+        let mut sides = Vec::new();
+        for &t in regions.get(id) {
             let corners = self.indices[t as usize];
             for (k, beyond) in self.neighbours[t as usize].into_iter().enumerate() {
-                if beyond == NONE || region_of[beyond as usize] != id {
-                    starts.push(corners[k]);
-                    if next.insert(corners[k], corners[(k + 1) % 3]).is_some() {
-                        return None;
-                    }
+                if beyond == NONE || regions.of[beyond as usize] != id as u32 {
+                    sides.push((corners[k], corners[(k + 1) % 3]));
                 }
             }
         }
+        sides.sort_unstable();
+        if sides.windows(2).any(|w| w[0].0 == w[1].0) {
+            return None;
+        }
+        let mut done = vec![false; sides.len()];
         let mut loops = Vec::new();
-        for start in starts {
-            let mut ring = Vec::new();
-            let mut at = start;
-            while let Some(to) = next.remove(&at) {
-                ring.push(at);
-                at = to;
+        for first in 0..sides.len() {
+            let (mut ring, mut at) = (Vec::new(), first);
+            while !done[at] {
+                done[at] = true;
+                ring.push(sides[at].0);
+                at = sides.binary_search_by_key(&sides[at].1, |s| s.0).ok()?;
             }
-            if at != start {
+            // Ends where it began, or at a ring that was done before.
+            if at != first {
                 return None;
             }
             if !ring.is_empty() {
@@ -269,7 +383,7 @@ fn paired(triangles: &[[u32; 3]], at: impl Fn(u32) -> DVec2) -> Vec<Vec<u32>> {
         let ring = [a, d, b, c];
         let turn = |k: usize| {
             let [p, q, r] = [0, 1, 2].map(|o| at(ring[(k + o) % 4]));
-            (q - p).perp_dot(r - q) > 1e-9 * (q - p).length() * (r - q).length()
+            (q - p).perp_dot(r - q) > CONVEX * (q - p).length() * (r - q).length()
         };
         if !used[i] && !used[j] && (0..4).all(turn) {
             (used[i], used[j]) = (true, true);
@@ -281,27 +395,32 @@ fn paired(triangles: &[[u32; 3]], at: impl Fn(u32) -> DVec2) -> Vec<Vec<u32>> {
     rings
 }
 
-/// The face in pieces that are not long, after `cuts` cuts one after the other at most. Cuts go through
-/// the middles of long edges, so that those of neighbours meet.
-fn cut_across(face: &Face, cuts: u32) -> Vec<Face> {
-    let mut done = Vec::new();
-    let mut waiting = vec![(*face, cuts)];
-    while let Some((f, cuts)) = waiting.pop() {
-        let longest = (0..f.count).fold(0, |a, k| if f.length[k] > f.length[a] { k } else { a });
-        let length = f.length[longest];
-        if cuts == 0 || length * length <= LONG * f.area {
-            done.push(f);
-            continue;
-        }
-        let pieces: Vec<Face> = halves(&f, longest).into_iter().flatten().collect();
-        let area: f64 = pieces.iter().map(|p| p.area).sum();
-        if pieces.len() == 2 && (area - f.area).abs() <= 1e-9 * f.area {
-            waiting.extend(pieces.into_iter().map(|p| (p, cuts - 1)));
-        } else {
-            done.push(f);
+/// Faces in pieces that are not long, after `cuts` cuts one after the other at most. Cuts go through the
+/// middles of long edges, so that those of neighbours meet.
+fn cut_across(faces: Vec<Face>, cuts: u32) -> Vec<Face> {
+    if cuts == 0 || !faces.iter().any(|f| long_edge(f).is_some()) {
+        return faces;
+    }
+    let (mut done, mut waiting) = (Vec::with_capacity(2 * faces.len()), Vec::new());
+    for face in faces {
+        waiting.push((face, cuts));
+        while let Some((f, cuts)) = waiting.pop() {
+            let pieces = long_edge(&f).filter(|_| cuts > 0).map(|k| halves(&f, k));
+            match pieces {
+                Some([Some(a), Some(b)]) if (a.area + b.area - f.area).abs() <= 1e-9 * f.area => {
+                    waiting.extend([(a, cuts - 1), (b, cuts - 1)]);
+                }
+                _ => done.push(f),
+            }
         }
     }
     done
+}
+
+/// The longest edge of a face that is drawn out along it.
+fn long_edge(f: &Face) -> Option<usize> {
+    let longest = (0..f.count).fold(0, |a, k| if f.length[k] > f.length[a] { k } else { a });
+    (f.length[longest] * f.length[longest] > LONG * f.area).then_some(longest)
 }
 
 /// A face cut from the middle of its longest edge to that of the opposite edge, of a triangle to that of

@@ -32,6 +32,15 @@ impl Face {
         Self::new(4, corners, source)
     }
 
+    /// Unit normal and area of a triangle; none where [`Face::triangle`] has none.
+    pub(crate) fn normal_and_area([a, b, c]: [DVec3; 3]) -> Option<(DVec3, f64)> {
+        let twice_area = (b - a).cross(c - a);
+        let squares = [b - a, c - b, a - c].map(DVec3::length_squared);
+        let longest = squares.into_iter().fold(0.0, f64::max);
+        let length = twice_area.length();
+        (length > 1e-14 * longest).then(|| (twice_area / length, 0.5 * length))
+    }
+
     fn new(count: usize, corners: [DVec3; 4], source: u32) -> Option<Self> {
         let at = |k: usize| corners[k % count];
         let edges = [0, 1, 2, 3].map(|k| at(k + 1) - at(k));

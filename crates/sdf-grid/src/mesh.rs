@@ -86,6 +86,9 @@ pub struct TriangleMesh {
     triangles: Vec<[u32; 3]>,
 }
 
+/// Vertices or triangles hashed in one piece.
+const HASHED_AT_ONCE: usize = 4096;
+
 impl TriangleMesh {
     /// Runs the hygiene pipeline of [`crate::hygiene`] on raw triangles and keeps what is left.
     ///
@@ -186,15 +189,18 @@ impl TriangleMesh {
         hasher.update(b"pegfit triangle mesh 1");
         hasher.update(&(self.vertices.len() as u64).to_le_bytes());
         hasher.update(&(self.triangles.len() as u64).to_le_bytes());
-        for v in &self.vertices {
-            for x in v.to_array() {
-                hasher.update(&(x + 0.0).to_le_bytes());
-            }
+        // The hash takes long pieces several times as fast as single numbers.
+        let mut bytes = Vec::with_capacity(24 * HASHED_AT_ONCE);
+        for vertices in self.vertices.chunks(HASHED_AT_ONCE) {
+            bytes.clear();
+            let numbers = vertices.iter().flat_map(|v| v.to_array());
+            bytes.extend(numbers.flat_map(|x| (x + 0.0).to_le_bytes()));
+            hasher.update(&bytes);
         }
-        for t in &self.triangles {
-            for i in t {
-                hasher.update(&i.to_le_bytes());
-            }
+        for triangles in self.triangles.chunks(HASHED_AT_ONCE) {
+            bytes.clear();
+            bytes.extend(triangles.iter().flatten().flat_map(|i| i.to_le_bytes()));
+            hasher.update(&bytes);
         }
         *hasher.finalize().as_bytes()
     }

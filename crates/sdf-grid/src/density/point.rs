@@ -7,24 +7,24 @@ use super::boundary;
 use super::edge_integral::EdgeQuadrature;
 use super::reference::UnitDensity;
 use crate::bvh::Bvh;
-use crate::kernel::{CumulativeKernel, DensityKernel};
+use crate::kernel::CumulativeKernel;
 
 /// Density at single points by the hierarchy: the faces within the kernel's reach, each by its
 /// edge integrals. Coordinates are normalized ([`Bvh::normalized`]).
 pub(crate) struct PointDensity<'a> {
     bvh: &'a Bvh,
-    table: CumulativeKernel,
+    table: &'a CumulativeKernel,
     quadrature: EdgeQuadrature,
 }
 
 impl<'a> PointDensity<'a> {
-    pub(crate) fn new(bvh: &'a Bvh, kernel: &DensityKernel) -> Self {
+    pub(crate) fn new(bvh: &'a Bvh, table: &'a CumulativeKernel) -> Self {
         Self {
             bvh,
-            table: CumulativeKernel::new(*kernel),
+            table,
             // Beyond 6 widths the kernel is below 2e-8; panels of 8 points and half a kernel width
             // are converged to about 1e-7.
-            quadrature: EdgeQuadrature::new(kernel.sigma(), 6.0, 8, 0.8),
+            quadrature: EdgeQuadrature::new(table.kernel().sigma(), 6.0, 8, 0.8),
         }
     }
 
@@ -58,7 +58,7 @@ impl<'a> PointDensity<'a> {
     fn integral(&self, q: DVec3, xi: f64) -> Complex64 {
         let mut sum = Complex64::ZERO;
         self.bvh.visit_within(q, self.quadrature.radius(xi), |i| {
-            sum += self.quadrature.face(&self.table, &self.bvh.faces[i], q, xi);
+            sum += self.quadrature.face(self.table, &self.bvh.faces[i], q, xi);
         });
         sum
     }

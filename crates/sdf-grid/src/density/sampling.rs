@@ -10,6 +10,7 @@ use super::point::PointDensity;
 use super::reference::UnitDensity;
 use super::{DensityError, DensityField, Sampling, boundary};
 use crate::bvh::Bvh;
+use crate::kernel::CumulativeKernel;
 use crate::{DensityKernel, Lattice, Monitor, TriangleMesh};
 
 /// Nodes along each edge of a block, the unit of work.
@@ -30,15 +31,16 @@ pub(crate) fn fill(
     tolerance: f64,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
-    let bvh = Bvh::merged(mesh);
+    let table = || CumulativeKernel::new(*kernel);
+    let (bvh, table) = rayon::join(|| Bvh::merged(mesh), table);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }
     let sampler = Sampler {
         patches: PatchDensity::new(
             &bvh,
-            PacketDensity::new(&bvh, kernel, tolerance),
-            PointDensity::new(&bvh, kernel),
+            PacketDensity::new(&bvh, &table, tolerance),
+            PointDensity::new(&bvh, &table),
             field.halo * bvh.scale(),
             boundary::STEP * field.lattice.spacing() * bvh.scale(),
             [tolerance, kernel.sigma()],

@@ -4,7 +4,7 @@ use fearless_simd::{f32x16, i32x16, prelude::*};
 use num_complex::Complex64;
 
 use super::settings::Settings;
-use crate::kernel::{CumulativeKernel, DensityKernel};
+use crate::kernel::CumulativeKernel;
 use crate::quadrature::GaussLegendre;
 
 /// Gauss points per edge at most; the most an edge can need is 15.
@@ -25,8 +25,8 @@ pub(crate) struct PacketKernel {
 }
 
 impl PacketKernel {
-    pub(crate) fn new(kernel: &DensityKernel, settings: &Settings, tolerance: f64) -> Self {
-        let table = CumulativeKernel::new(*kernel);
+    pub(crate) fn new(table: &CumulativeKernel, settings: &Settings, tolerance: f64) -> Self {
+        let kernel = table.kernel();
         let sigma = kernel.sigma();
         let zero = table.at(0.0);
         let (whole, cut) = (table.total() - zero, table.at(settings.reach) - zero);
@@ -83,7 +83,7 @@ impl PacketKernel {
         ]
     }
 
-    /// `G(u)`, `G'(u)`, `G''(u)` of [`DensityKernel::radial`], each real and imaginary, given `u`
+    /// `G(u)`, `G'(u)`, `G''(u)` of [`crate::DensityKernel::radial`], each real and imaginary, given `u`
     /// and `1 / u`.
     #[inline(always)]
     pub(crate) fn radial<S: Simd>(&self, u: f32x16<S>, iu: f32x16<S>) -> [[f32x16<S>; 2]; 3] {

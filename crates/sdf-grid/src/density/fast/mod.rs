@@ -29,7 +29,7 @@ use self::settings::Settings;
 use self::twins::Twin;
 use crate::bvh::Bvh;
 use crate::face::Face;
-use crate::kernel::DensityKernel;
+use crate::kernel::CumulativeKernel;
 use crate::moments::Moments;
 
 /// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
@@ -83,8 +83,8 @@ pub(crate) struct PacketDensity<'a> {
 
 impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
-    pub(crate) fn new(bvh: &'a Bvh, kernel: &DensityKernel, tolerance: f64) -> Self {
-        let settings = Settings::new(tolerance, kernel.sigma());
+    pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
+        let settings = Settings::new(tolerance, table.kernel().sigma());
         let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
         let single = |f: &Face| Cluster::new(&Moments::of(std::slice::from_ref(f)));
         let clusters: Vec<Cluster> = nodes.chain(bvh.faces.par_iter().map(single)).collect();
@@ -94,7 +94,7 @@ impl<'a> PacketDensity<'a> {
             groups: groups::groups(bvh, &clusters),
             clusters,
             twins: twins::twins(&bvh.faces),
-            kernel: PacketKernel::new(kernel, &settings, tolerance),
+            kernel: PacketKernel::new(table, &settings, tolerance),
             settings,
             level: Level::new(),
         }

@@ -42,8 +42,8 @@ fn triangles_match_the_f64_edge_integrals() {
     let points: Vec<DVec3> = places.map(|p| (p - 2.5) * (1.0 / 2.05)).collect();
     for sigma in [0.05, 0.2] {
         let kernel = DensityKernel::new(sigma).unwrap();
-        let density = PacketDensity::new(&bvh, &kernel, 1e-5);
         let table = CumulativeKernel::new(kernel);
+        let density = PacketDensity::new(&bvh, &table, 1e-5);
         let exact = EdgeQuadrature::new(sigma, 8.4, 12, 0.25);
         for q in &points {
             let xi = bvh.nearest_normalized(*q).1.sqrt();
@@ -110,9 +110,9 @@ fn instruction_sets_agree() {
     let (_, peg) = PegInHole::Combined.pair(0.0).unwrap();
     for mesh in [peg, random_solid(0).unwrap()] {
         let bvh = Bvh::merged(&mesh);
-        let kernel = DensityKernel::new(0.1).unwrap();
+        let table = CumulativeKernel::new(DensityKernel::new(0.1).unwrap());
         for tolerance in [1e-3, 1e-5] {
-            let mut density = PacketDensity::new(&bvh, &kernel, tolerance);
+            let mut density = PacketDensity::new(&bvh, &table, tolerance);
             let (distances, integrals) = values(&density);
             for level in levels() {
                 density.level = level;

@@ -74,11 +74,12 @@ impl Patch {
 
     pub(crate) fn unravel(&self, flat: usize) -> [usize; 3] {
         let [_, ny, nz] = self.shape;
-        [flat / (ny * nz), flat / nz % ny, flat % nz]
+        let line = flat / nz;
+        [line / ny, line % ny, flat - line * nz]
     }
 
     /// The side of a point, given the signed distances before it and its own distance.
-    pub(crate) fn inside(
+    fn inside(
         &self,
         bvh: &Bvh,
         anchor: Option<Anchor>,
@@ -86,12 +87,12 @@ impl Patch {
         distance: &[f32],
     ) -> bool {
         let flat = self.flat(index);
-        // Room for the rounding of single-precision distances.
-        let same_side = |other: f32, apart: f64| {
-            f64::from(other.abs() + distance[flat]) > apart * 1.0001 + 1e-6
-        };
         if let Some(a) = anchor
-            && same_side(a.distance, a.position.distance(self.position(index)))
+            && connected(
+                a.distance,
+                distance[flat],
+                a.position.distance(self.position(index)),
+            )
         {
             return a.distance < 0.0;
         }
@@ -100,7 +101,7 @@ impl Patch {
             if index[axis] > 0 {
                 before[axis] -= 1;
                 let other = distance[self.flat(before)];
-                if same_side(other, self.spacing) {
+                if connected(other, distance[flat], self.spacing) {
                     return other < 0.0;
                 }
             }
@@ -118,25 +119,66 @@ impl Patch {
     pub(crate) fn cut(&self, bricks: &mut Vec<Brick>) {
         bricks.clear();
         let [nx, ny, nz] = self.shape;
+        let mut brick = Brick {
+            flat: [0; LANES],
+            points: [DVec3::ZERO; LANES],
+        };
         for x in (0..nx).step_by(2) {
             for y in (0..ny).step_by(2) {
                 for z in (0..nz).step_by(4) {
-                    let flat = std::array::from_fn(|lane| {
-                        self.flat([
+                    for lane in 0..LANES {
+                        let index = [
                             (x + lane / 8).min(nx - 1),
                             (y + lane / 4 % 2).min(ny - 1),
                             (z + lane % 4).min(nz - 1),
-                        ])
-                    });
-                    bricks.push(self.brick(flat));
+                        ];
+                        brick.flat[lane] = self.flat(index);
+                        brick.points[lane] = self.position(index);
+                    }
+                    bricks.push(brick.clone());
+                }
+            }
+        }
+    }
+
+    /// Makes distances negative inside the part, except where they are `done`.
+    pub(crate) fn give_signs(
+        &self,
+        bvh: &Bvh,
+        anchor: Option<Anchor>,
+        done: impl Fn(usize) -> bool,
+        distance: &mut [f32],
+    ) {
+        // Where every point is farther from the boundary than half way to the next, all lie on one side.
+        let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
+        if connected(least, least, self.spacing) {
+            if self.inside(bvh, anchor, [0; 3], distance) {
+                distance.iter_mut().for_each(|d| *d = -*d);
+            }
+            return;
+        }
+        let [nx, ny, nz] = self.shape;
+        for x in 0..nx {
+            for y in 0..ny {
+                for z in 0..nz {
+                    let flat = self.flat([x, y, z]);
+                    if !done(flat) && self.inside(bvh, anchor, [x, y, z], distance) {
+                        distance[flat] = -distance[flat];
+                    }
                 }
             }
         }
     }
 }
 
+/// Whether two points so far apart, given their distances from the boundary, must lie on one side of it.
+fn connected(a: f32, b: f32, apart: f64) -> bool {
+    // Room for the rounding of single-precision distances.
+    f64::from(a.abs() + b.abs()) > apart * 1.0001 + 1e-6
+}
+
 /// The points of one packet and their places in the patch.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Brick {
     pub(crate) flat: [usize; LANES],
     pub(crate) points: Points,
@@ -179,7 +221,8 @@ impl<'a> PatchDensity<'a> {
         for brick in &bricks {
             self.measure(brick, hint, values);
         }
-        self.give_signs(patch, anchor, values);
+        let PatchValues { distance, done, .. } = values;
+        patch.give_signs(self.bvh, anchor, |flat| done[flat], distance);
         if self.may_be_smooth(patch, values) {
             self.integrate_smooth(patch, values);
         } else {
@@ -243,22 +286,6 @@ impl<'a> PatchDensity<'a> {
                 values.distance[flat] = distance as f32;
                 values.density[flat] = density;
                 values.done[flat] = true;
-            }
-        }
-    }
-
-    fn give_signs(&self, patch: &Patch, anchor: Option<Anchor>, values: &mut PatchValues) {
-        let [nx, ny, nz] = patch.shape;
-        for x in 0..nx {
-            for y in 0..ny {
-                for z in 0..nz {
-                    let flat = patch.flat([x, y, z]);
-                    if !values.done[flat]
-                        && patch.inside(self.bvh, anchor, [x, y, z], &values.distance)
-                    {
-                        values.distance[flat] = -values.distance[flat];
-                    }
-                }
             }
         }
     }

@@ -67,10 +67,13 @@ pub(crate) fn fill(
     })
 }
 
+/// The part of the halo in which the exterior keeps its full value.
+const UNFADED: f64 = 0.7;
+
 /// The smooth cut-off of the exterior at signed distance `xi`: 1 up to 70 % of `halo`, 0 from
 /// `halo` on, a quintic step between. A function of distance only, so it moves with the part.
 pub(crate) fn taper(xi: f64, halo: f64) -> f64 {
-    let t = ((xi / halo - 0.7) / 0.3).clamp(0.0, 1.0);
+    let t = ((xi / halo - UNFADED) / (1.0 - UNFADED)).clamp(0.0, 1.0);
     1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
@@ -151,24 +154,34 @@ impl Sampler<'_> {
         let mut hint = 0;
         self.patches
             .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
-        let outputs = block
-            .exterior
-            .iter_mut()
-            .zip(&mut block.interior)
-            .zip(&mut block.signed_distance);
-        for (flat, ((exterior, interior), signed_distance)) in outputs.enumerate() {
-            let distance = scratch.nodes.distance[flat];
-            let cut = f64::from(distance.abs()) < CUT * patch.spacing;
-            let density = if cut && self.sampling == Sampling::CellAverage {
-                let position = patch.position(patch.unravel(flat));
-                let node = Anchor { position, distance };
-                self.cell_average(node, patch.spacing, &mut hint, &mut scratch.sub_points)
-            } else {
-                self.tapered(distance, scratch.nodes.density[flat])
-            };
-            *signed_distance = (f64::from(distance) / self.bvh.scale()) as f32;
-            *exterior = single(density.exterior);
-            *interior = single(density.interior);
+        let averaged = match self.sampling {
+            Sampling::CellAverage => (CUT * patch.spacing) as f32,
+            Sampling::Point => 0.0,
+        };
+        let faded = (UNFADED * self.halo * self.bvh.scale()) as f32;
+        // A power of two: exact.
+        let metres = (1.0 / self.bvh.scale()) as f32;
+        let [_, ny, nz] = shape;
+        let lines = (block.exterior.rows_mut().into_iter())
+            .zip(block.interior.rows_mut())
+            .zip(block.signed_distance.rows_mut());
+        for (line, ((mut exterior, mut interior), mut signed_distance)) in lines.enumerate() {
+            for z in 0..nz {
+                let flat = line * nz + z;
+                let distance = scratch.nodes.distance[flat];
+                let mut density = scratch.nodes.density[flat];
+                if distance.abs() < averaged {
+                    let position = patch.position([line / ny, line % ny, z]);
+                    let node = Anchor { position, distance };
+                    let values = &mut scratch.sub_points;
+                    density = self.cell_average(node, patch.spacing, &mut hint, values);
+                } else if distance > faded {
+                    density.exterior *= self.fading(distance);
+                }
+                signed_distance[z] = distance * metres;
+                exterior[z] = single(density.exterior);
+                interior[z] = single(density.interior);
+            }
         }
     }
 
@@ -189,8 +202,7 @@ impl Sampler<'_> {
         self.patches.evaluate(&patch, Some(node), hint, values);
         let mut sum = UnitDensity::default();
         for (distance, density) in values.distance.iter().zip(&values.density) {
-            let density = self.tapered(*distance, *density);
-            sum.exterior += density.exterior;
+            sum.exterior += density.exterior * self.fading(*distance);
             sum.interior += density.interior;
         }
         let weight = 1.0 / values.density.len() as f64;
@@ -200,13 +212,9 @@ impl Sampler<'_> {
         }
     }
 
-    /// `density` with the halo's cut-off at signed normalized `distance`.
-    fn tapered(&self, distance: f32, density: UnitDensity) -> UnitDensity {
-        let xi = f64::from(distance) / self.bvh.scale();
-        UnitDensity {
-            exterior: density.exterior * taper(xi, self.halo),
-            ..density
-        }
+    /// The halo's cut-off at signed normalized `distance`.
+    fn fading(&self, distance: f32) -> f64 {
+        taper(f64::from(distance) / self.bvh.scale(), self.halo)
     }
 }
 

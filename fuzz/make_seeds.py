@@ -86,6 +86,20 @@ def threemf():
     put("threemf", "box", out.getvalue())
 
 
+def field():
+    def solid(flags, points, triangles):
+        flat = bytes(x for p in points for x in p) + bytes(i for t in triangles for i in t)
+        return bytes([flags, len(points)]) + flat + bytes(max(0, 6 * len(points) - len(flat)))
+    put("field", "box", solid(0, CORNERS, TRIANGLES))
+    # A grid of 4 x 4 squares above, a fan below: regions of many triangles.
+    grid = [(x, y, 2) for x in range(5) for y in range(5)]
+    above = [t for x in range(4) for y in range(4) for a in [5 * x + y]
+             for t in ((a, a + 5, a + 6), (a, a + 6, a + 1))]
+    ring = [0, 1, 2, 3, 4, 9, 14, 19, 24, 23, 22, 21, 20, 15, 10, 5]
+    fan = [(25, a, b) for a, b in zip(ring, ring[1:] + ring[:1])]
+    put("field", "pyramid", solid(2, grid + [(2, 2, 0)], above + fan))
+
+
 def hygiene():
     cells = b"".join(struct.pack("<3h", *c) for c in CORNERS)
     faces = bytes(i for t in TRIANGLES for i in t)
@@ -110,5 +124,5 @@ def programs():
     put("replay", "header", "tick,time,dt,x,y,z,qx,qy,qz,qw\n0,0,0.001,0,0,0,0,0,0,1\n")
 
 
-for make in (obj, stl, ply, gltf, threemf, hygiene, programs):
+for make in (obj, stl, ply, gltf, threemf, hygiene, field, programs):
     make()

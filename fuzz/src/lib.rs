@@ -8,7 +8,10 @@ use glam::DVec3;
 #[cfg(feature = "programs")]
 pub use programs::{hid, replay, table};
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
-use sdf_grid::{HygieneOptions, LengthUnit, TriangleMesh};
+use sdf_grid::{
+    Bvh, DensityField, DensityKernel, DensityOptions, HygieneOptions, Lattice, LengthUnit, Silent,
+    TriangleMesh, signed_distances,
+};
 
 /// Parses and cleans a mesh file, and checks what comes out.
 pub fn mesh(format: MeshFormat, bytes: &[u8]) {
@@ -86,12 +89,58 @@ pub fn hygiene(bytes: &[u8]) {
     }
 }
 
+/// The density field of small meshes with many coplanar, touching and overlapping triangles: merging
+/// them must neither fail nor move the boundary.
+pub fn field(bytes: &[u8]) {
+    let Some((&[flags, count], rest)) = bytes.split_first_chunk() else {
+        return;
+    };
+    let take = usize::from(count).min(rest.len() / 6);
+    let (positions, indices) = rest.split_at(3 * take);
+    let grid = [3, 5, 17, 255][usize::from(flags & 3)];
+    let place = |p: &[u8; 3]| DVec3::from_array(p.map(|c| f64::from(c % grid)));
+    let vertices: Vec<DVec3> = positions.as_chunks::<3>().0.iter().map(place).collect();
+    let wide = vertices.len().max(1) as u32;
+    let triangles = indices.as_chunks::<3>().0.iter();
+    let triangles = triangles.map(|t| t.map(|i| u32::from(i) % wide)).collect();
+    let options = HygieneOptions {
+        max_open_fraction: 1.0,
+        ..HygieneOptions::default()
+    };
+    let Ok((mesh, _)) = TriangleMesh::clean("fuzz", vertices, triangles, &options) else {
+        return;
+    };
+    let (low, size) = (mesh.bounds().min, mesh.bounds().size().max_element());
+    let lattice = Lattice::new(low - 0.21 * size, 0.31 * size, [5; 3]).expect("a lattice");
+    let distances = signed_distances(&mesh, &lattice, &Silent).expect("distances");
+    let bvh = Bvh::build(&mesh);
+    for ((x, y, z), distance) in distances.indexed_iter() {
+        let nearest = bvh.nearest(lattice.position([x, y, z])).distance;
+        let found = f64::from(distance.abs());
+        assert!((found - nearest).abs() <= 1e-6 * size, "{found} {nearest}");
+    }
+    // The kernel's tables take most of the time of a small field.
+    if flags & 0xf0 == 0 {
+        let kernel = DensityKernel::new(0.1).expect("a kernel");
+        let field = DensityField::compute(
+            &mesh,
+            &kernel,
+            &lattice,
+            &DensityOptions::default(),
+            &Silent,
+        )
+        .expect("a field of a clean mesh");
+        let mut values = field.exterior.iter().chain(&field.interior);
+        assert!(values.all(|z| z.is_finite()));
+    }
+}
+
 /// A 3MF archive, not compressed, whose model is `model`.
 pub fn stored_3mf(model: &[u8]) -> Vec<u8> {
     let rels: &[u8] = br#"<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>"#;
     let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    let stored = zip::write::SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored);
+    let stored =
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
     for (name, bytes) in [("_rels/.rels", rels), ("3D/3dmodel.model", model)] {
         writer.start_file(name, stored).expect("a name");
         std::io::Write::write_all(&mut writer, bytes).expect("memory");

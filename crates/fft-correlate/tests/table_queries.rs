@@ -139,13 +139,18 @@ fn ten_million_queries_are_finite() {
     let thin = sdf_grid::Lattice::new(DVec3::new(-0.1, 0.0, 0.2), 0.1, [2, 1, 3]).unwrap();
     let mut folded = spec(window(0.3, 0.1), RotationDomain::full(30.0));
     folded.symmetry = Some(symmetry(Part::Fixed, 4));
+    // With how many queries at least must have coverage: of all rotations a ball of 30 degrees, and
+    // a step of 10 around it, holds 1.8 %, and the thin window lies to one side of most positions.
     let specs = [
-        spec(thin, RotationDomain::ball(30.0, 10.0)),
-        spec(window(0.3, 0.1), RotationDomain::ball(120.0, 25.0)),
-        spec(window(0.3, 0.1), RotationDomain::full(30.0)),
-        folded,
+        (spec(thin, RotationDomain::ball(30.0, 10.0)), 5_000),
+        (
+            spec(window(0.3, 0.1), RotationDomain::ball(120.0, 25.0)),
+            100_000,
+        ),
+        (spec(window(0.3, 0.1), RotationDomain::full(30.0)), 100_000),
+        (folded, 100_000),
     ];
-    for spec in specs {
+    for (spec, least) in specs {
         let table = table(&energy, spec);
         let mut rng = SmallRng::seed_from_u64(19);
         let mut responses = vec![Default::default(); 100_000];
@@ -169,7 +174,7 @@ fn ten_million_queries_are_finite() {
             }
         }
         println!("2500000 queries finite, {covered} of them with coverage");
-        assert!(covered > 100_000);
+        assert!(covered > least);
     }
 }
 

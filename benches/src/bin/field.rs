@@ -4,8 +4,8 @@
 //! every tolerance: nanoseconds per node (wall clock, all cores) and relative L2 error against the
 //! f64 reference at sampled nodes; how many times faster that is than the paper's sum over all
 //! triangles, plain and with SIMD on all cores, both timed on sampled nodes; how long the tree takes
-//! to build, and all that does not depend on the lattice (a field of one node). With a folder of meshes (metres), those too. `solids` measures instead the worst error of
-//! 200 random solids (12 with `--quick`) per sigma and tolerance. `only=NAME` leaves out meshes whose names
+//! to build, and all that does not depend on the lattice (a field of one node). With a folder of meshes
+//! (metres), those too. `solids` measures instead the worst error of 200 random solids (12 with `--quick`) per sigma and tolerance. `only=NAME` leaves out meshes whose names
 //! do not contain NAME.
 
 use glam::DVec3;
@@ -137,9 +137,10 @@ fn measure(name: &str, mesh: &TriangleMesh, quick: bool) -> Outcome<Vec<Row>> {
             let each = seconds / lattice.len() as f64;
             // What does not depend on the lattice: merging, tree, tables.
             let node = Lattice::new(origin, spacing, [1; 3])?;
-            let (_, setup) = timed(3, || {
+            let (one, setup) = timed(3, || {
                 DensityField::compute(mesh, &kernel, &node, &options, &Silent)
             });
+            one?;
             println!(
                 "{name:<24}{:>9}{nodes:>5}{tolerance:>8.0e}{:>11.1}{error:>10.1e}{:>9.1}{:>9.0}{:>9.1}{build:>10.4}{setup:>10.4}",
                 mesh.triangles().len(),

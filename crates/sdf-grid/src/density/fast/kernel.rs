@@ -219,18 +219,19 @@ fn powers(series: &[Complex64]) -> Vec<Complex64> {
 
 /// The exponential of a non-positive number to about 2e-7; zero below -80.
 #[inline(always)]
-fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
+pub(super) fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
     let simd = x.token();
     let y = x.max(-80.0) * std::f32::consts::LOG2_E;
     let n = y.round_ties_even();
     let f = y - n;
-    let mut p = f32x16::splat(simd, 1.877_576_7e-3);
+    // 2^f on -1/2 ..= 1/2, by least largest relative error.
+    let mut p = f32x16::splat(simd, 1.327_647_2e-3);
     for c in [
-        8.989_34e-3,
-        5.582_632e-2,
-        2.401_536e-1,
-        6.931_531e-1,
-        0.999_999_94,
+        9.675_541e-3,
+        5.550_713e-2,
+        2.402_212e-1,
+        6.931_469_4e-1,
+        1.0,
     ] {
         p = p.mul_add(f, f32x16::splat(simd, c));
     }

@@ -17,26 +17,26 @@ pub(crate) struct Settings {
 const TABLE: [Settings; 4] = [
     Settings {
         reach: 2.7,
-        size: 1.1,
-        bend: 0.03,
+        size: 1.3,
+        bend: 0.013,
         density: 1.2,
     },
     Settings {
         reach: 3.6,
-        size: 0.8,
-        bend: 0.012,
+        size: 1.0,
+        bend: 0.005,
         density: 1.6,
     },
     Settings {
         reach: 4.5,
-        size: 0.4,
-        bend: 0.002,
+        size: 0.5,
+        bend: 0.0018,
         density: 2.5,
     },
     Settings {
         reach: 5.2,
-        size: 0.16,
-        bend: 0.0002,
+        size: 0.2,
+        bend: 0.0004,
         density: 3.8,
     },
 ];

@@ -5,6 +5,7 @@ use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
+use super::kernel::{atan2, exp};
 use super::near::{NearFaces, Query};
 use super::packet::Packet;
 use super::{LANES, Lanes, PacketDensity, Points, Walk};
@@ -129,6 +130,30 @@ fn instruction_sets_agree() {
                 assert!(error < bound, "{level:?} {tolerance}: {error:e}");
                 println!("{level:?} {tolerance:e}: {error:.1e}");
             }
+        }
+    }
+}
+
+#[simd]
+fn elementary<S: Simd>(simd: S, x: &Lanes, y: &Lanes) -> [Lanes; 2] {
+    let [x, y] = [x, y].map(|v| f32x16::simd_from(simd, *v));
+    [exp(x).into(), atan2(y, x).into()]
+}
+
+#[test]
+fn exponentials_and_angles_are_those_of_the_standard_library() {
+    for i in 0..4000 {
+        let x: Lanes = std::array::from_fn(|lane| -0.0003 * (16 * i + lane + 1) as f32);
+        let y: Lanes = std::array::from_fn(|lane| (0.37 * (16 * i + lane) as f32).sin() * 20.0);
+        let [e, angle] = dispatch!(Level::new(), simd => elementary(simd, &x, &y));
+        for lane in 0..LANES {
+            let (x, y) = (f64::from(x[lane]), f64::from(y[lane]));
+            // The polynomial's error, and the rounding of x in units of log 2.
+            let error = f64::from(e[lane]) / x.exp() - 1.0;
+            assert!(error.abs() < 3e-7 + 1.2e-7 * x.abs(), "exp {x}: {error:e}");
+            // The polynomial's error, and rounding of angles up to pi.
+            let error = f64::from(angle[lane]) - y.atan2(x);
+            assert!(error.abs() < 1e-6, "atan2 {y} {x}: {error:e}");
         }
     }
 }

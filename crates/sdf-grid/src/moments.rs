@@ -26,6 +26,8 @@ pub(crate) struct Moments {
     pub(crate) vector: DVec3,
     /// Largest distance of a corner from the centroid.
     pub(crate) radius: f64,
+    /// Largest distance of a corner from the plane through the centroid that is normal to `N`.
+    pub(crate) thickness: f64,
     /// Sine of the largest angle between a normal and `N`; 1 from a right angle on.
     pub(crate) spread: f64,
 }
@@ -43,6 +45,7 @@ impl Moments {
             cubic: [0.0; 10],
             vector: DVec3::ZERO,
             radius: 0.0,
+            thickness: 0.0,
             spread: 0.0,
         };
         for t in faces {
@@ -52,8 +55,8 @@ impl Moments {
         sums
     }
 
-    /// Of two sets of faces together, from the moments of each; without radius and spread, which only
-    /// the faces tell ([`Moments::bound`]).
+    /// Of two sets of faces together, from the moments of each; without radius, thickness and spread, which
+    /// only the faces tell ([`Moments::bound`]).
     pub(crate) fn joined(&self, other: &Self) -> Self {
         let area = self.area + other.area;
         let mut sums = Self {
@@ -64,6 +67,7 @@ impl Moments {
             cubic: [0.0; 10],
             vector: DVec3::ZERO,
             radius: 0.0,
+            thickness: 0.0,
             spread: 0.0,
         };
         for part in [self, other] {
@@ -72,17 +76,20 @@ impl Moments {
         sums
     }
 
-    /// Sets radius and spread to those of `faces`, whose moments these are.
+    /// Sets radius, thickness and spread to those of `faces`, whose moments these are.
     pub(crate) fn bound(&mut self, faces: &[Face]) {
-        let axis = self.area_vector.try_normalize().unwrap_or(DVec3::Z);
-        let (mut far, mut cosine) = (0f64, 1f64);
+        let axis = self.axis();
+        let (mut far, mut thickness, mut cosine) = (0f64, 0f64, 1f64);
         for t in faces {
             for c in t.outline() {
-                far = far.max(c.distance_squared(self.centre));
+                let from = *c - self.centre;
+                far = far.max(from.length_squared());
+                thickness = thickness.max(from.dot(axis).abs());
             }
             cosine = cosine.min(t.normal.dot(axis));
         }
         self.radius = far.sqrt();
+        self.thickness = thickness;
         self.spread = if faces.len() == 1 {
             0.0
         } else if cosine > 0.0 {
@@ -90,6 +97,11 @@ impl Moments {
         } else {
             1.0
         };
+    }
+
+    /// The direction of `N`, any if there is none.
+    pub(crate) fn axis(&self) -> DVec3 {
+        self.area_vector.try_normalize().unwrap_or(DVec3::Z)
     }
 
     fn add(&mut self, t: &Face) {
@@ -226,6 +238,11 @@ mod tests {
                 assert!(found.vector.distance(exact.vector) < unit(2));
                 near(found.area, exact.area, unit(0));
                 near(found.radius, exact.radius, 1e-13);
+                // Along its own axis: a closed surface has none.
+                let height = |c: &DVec3| (*c - found.centre).dot(found.axis()).abs();
+                let corners = bvh.faces[node.range()].iter().flat_map(Face::outline);
+                let thickness = corners.map(height).fold(0.0, f64::max);
+                near(found.thickness, thickness, 1e-13);
                 near(found.spread, exact.spread, 1e-7);
                 for (a, b) in found.normal_moment.iter().zip(exact.normal_moment) {
                     near(*a, b, unit(1));

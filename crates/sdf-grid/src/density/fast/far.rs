@@ -30,7 +30,7 @@ impl Cluster {
         let [xx, yy, zz, xy, xz, yz] = m.normal_moment;
         Self {
             centre: m.centre,
-            axis: m.area_vector.try_normalize().unwrap_or(DVec3::Z).as_vec3(),
+            axis: m.axis().as_vec3(),
             radius: m.radius as f32,
             spread: m.spread as f32,
             area_vector: m.area_vector.as_vec3(),

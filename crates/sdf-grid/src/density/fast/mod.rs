@@ -24,7 +24,7 @@ use self::far::Cluster;
 pub(crate) use self::far::Walk;
 use self::groups::Group;
 use self::kernel::PacketKernel;
-use self::packet::Facet;
+use self::packet::{Disc, Facet};
 use self::settings::Settings;
 use self::twins::Twin;
 use crate::bvh::Bvh;
@@ -45,6 +45,8 @@ pub(crate) type Lanes = [f32; LANES];
 pub(crate) struct PacketDistance<'a> {
     bvh: &'a Bvh,
     facets: Vec<Facet>,
+    /// Of all nodes.
+    discs: Vec<Disc>,
     level: Level,
 }
 
@@ -52,7 +54,8 @@ impl<'a> PacketDistance<'a> {
     pub(crate) fn new(bvh: &'a Bvh) -> Self {
         Self {
             bvh,
-            facets: bvh.faces.iter().map(Facet::new).collect(),
+            facets: bvh.faces.par_iter().map(Facet::new).collect(),
+            discs: bvh.nodes.par_iter().map(Disc::new).collect(),
             level: Level::new(),
         }
     }

@@ -44,11 +44,12 @@ pub(crate) fn distances<S: Simd>(
         }
         let mut near = [(id + 1, 0f32, 0f32), (node.second, 0.0, 0.0)];
         for (child, gap, from_centre) in &mut near {
+            let disc = &distance.discs[*child as usize];
             let child = &distance.bvh.nodes[*child as usize];
             *gap = packet.box_gap_squared(child);
             // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
             *from_centre = child.distance_squared(packet.centre) as f32;
-            if *gap < worst && !packet.box_distance_squared(child).simd_lt(best).any_true() {
+            if *gap < worst && !packet.may_be_nearer(child, disc, best) {
                 *gap = f32::INFINITY;
             }
         }

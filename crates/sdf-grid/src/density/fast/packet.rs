@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use super::{LANES, Points};
 use crate::bvh::Node;
 use crate::face::Face;
+use crate::moments::Moments;
 
 /// Points relative to the middle of their box.
 pub(crate) struct Packet<S: Simd> {
@@ -70,15 +71,78 @@ impl<S: Simd> Packet<S> {
             .max(self.splat(0.0))
     }
 
+    /// Whether some point may be nearer to what is in a node than `best`, its squared distance from something
+    /// else.
+    #[inline(always)]
+    pub(crate) fn may_be_nearer(&self, node: &Node, disc: &Disc, best: f32x16<S>) -> bool {
+        self.box_distance_squared(node).simd_lt(best).any_true()
+            && (disc.thickness == f32::INFINITY
+                || self.disc_distance_squared(disc).simd_lt(best).any_true())
+    }
+
+    /// A least squared distance of every point from what is in the disc.
+    #[inline(always)]
+    fn disc_distance_squared(&self, disc: &Disc) -> f32x16<S> {
+        let middle = (disc.centre - self.centre).as_vec3();
+        let (x, y, z) = (self.x - middle.x, self.y - middle.y, self.z - middle.z);
+        let squared = x.mul_add(x, y.mul_add(y, z * z));
+        let height = self.dot_add(disc.axis, -disc.axis.dot(middle));
+        let zero = self.splat(0.0);
+        let across = height.mul_add(-height, squared).max(zero).sqrt();
+        let over = (height.abs() - disc.thickness).max(zero);
+        let beside = (across - disc.radius).max(zero);
+        over.mul_add(over, beside * beside)
+    }
+
     /// Squared distance of every point from the node's box.
     #[inline(always)]
-    pub(crate) fn box_distance_squared(&self, node: &Node) -> f32x16<S> {
+    fn box_distance_squared(&self, node: &Node) -> f32x16<S> {
         let lo = (node.bounds.min - self.centre).as_vec3();
         let hi = (node.bounds.max - self.centre).as_vec3();
         let x = self.gap(self.x, lo.x, hi.x);
         let y = self.gap(self.y, lo.y, hi.y);
         let z = self.gap(self.z, lo.z, hi.z);
         x.mul_add(x, y.mul_add(y, z * z))
+    }
+}
+
+/// What holds the faces of a node: all lies within `radius` of `centre` and within `thickness` of the plane
+/// through it that is normal to `axis`. Where faces are nearly flat and oblique that is much thinner than
+/// their box.
+#[derive(Debug, Clone)]
+pub(crate) struct Disc {
+    centre: DVec3,
+    axis: Vec3,
+    radius: f32,
+    /// Infinite where the box is thin enough.
+    thickness: f32,
+}
+
+/// A disc is looked at only where it is thinner than the box by this factor.
+const THINNER: f64 = 0.5;
+
+impl Disc {
+    pub(crate) fn new(node: &Node) -> Self {
+        let Moments {
+            centre,
+            radius,
+            thickness,
+            ..
+        } = node.moments;
+        let axis = node.moments.axis();
+        let box_thickness = (0.5 * node.bounds.size() * axis).abs().element_sum();
+        // Rounding of the axis must not lose a face.
+        let thickness = if thickness < THINNER * box_thickness {
+            thickness + 2e-7 * radius
+        } else {
+            f64::INFINITY
+        };
+        Self {
+            centre,
+            axis: axis.as_vec3(),
+            radius: radius as f32 * 1.000_001,
+            thickness: thickness as f32,
+        }
     }
 }
 

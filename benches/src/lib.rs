@@ -104,7 +104,9 @@ impl Sweep {
     /// If a file cannot be written or the chart not drawn.
     pub fn publish(&self, out: &Path) -> Outcome<()> {
         println!("\n{}", self.title);
-        print!("{:<34}{:<22}{:>14}", "", "", self.cost);
+        let series = self.rows.iter().map(|row| row.series.chars().count());
+        let wide = series.max().unwrap_or(0).max(32) + 2;
+        print!("{:<wide$}{:<22}{:>14}", "", "", self.cost);
         self.errors.iter().for_each(|e| print!("{e:>13}"));
         println!();
         let mut csv = csv::Writer::from_path(out.join(format!("{}.csv", self.name)))?;
@@ -112,7 +114,7 @@ impl Sweep {
         csv.write_record(names.iter().chain(&self.errors))?;
         for row in &self.rows {
             print!(
-                "{:<34}{:<22}{:>14.3e}",
+                "{:<wide$}{:<22}{:>14.3e}",
                 row.series, row.setting, row.seconds
             );
             row.errors.iter().for_each(|e| print!("{e:>13.2e}"));

@@ -54,8 +54,7 @@ pub fn read_folder(folder: &str) -> Outcome<Vec<(String, TriangleMesh)>> {
     for path in paths {
         let (mesh, _) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let start = name.char_indices().rev().nth(21).map_or(0, |(i, _)| i);
-        parts.push((name[start..].to_owned(), mesh));
+        parts.push((name.into_owned(), mesh));
     }
     Ok(parts)
 }

@@ -95,7 +95,11 @@ fn parts(folder: &str, quick: bool) -> Outcome<Sweep> {
         );
         for sigma in [0.03, 0.1, 0.2, 0.5] {
             let series = format!("{name}, sigma {sigma}");
-            rows.extend(fields(&series, &mesh, sigma, &lattice, stride, 1)?);
+            let measured = fields(&series, &mesh, sigma, &lattice, stride, 1)?;
+            for row in &measured {
+                println!("   sigma {sigma}, {}: {:.1e}", row.setting, row.errors[0]);
+            }
+            rows.extend(measured);
         }
     }
     Ok(Sweep {

@@ -100,6 +100,16 @@ fn measure(name: &str, mesh: &TriangleMesh, quick: bool) -> Outcome<Vec<Row>> {
     let kernel = DensityKernel::new(SIGMA)?;
     let (_, build) = timed(3, || Bvh::build(mesh));
     let size = mesh.bounds().size().max_element();
+    // What does not depend on the lattice: merging, tree, tables.
+    let node = Lattice::new(mesh.bounds().max + size, size, [1; 3])?;
+    let options = DensityOptions {
+        sampling: Sampling::Point,
+        ..DensityOptions::default()
+    };
+    let (one, setup) = timed(3, || {
+        DensityField::compute(mesh, &kernel, &node, &options, &Silent)
+    });
+    one?;
     let mut rows = Vec::new();
     for nodes in if quick { vec![64] } else { vec![64, 128, 192] } {
         let spacing = 2.0 * size / nodes as f64;
@@ -135,12 +145,6 @@ fn measure(name: &str, mesh: &TriangleMesh, quick: bool) -> Outcome<Vec<Row>> {
             let wrong = rms(found.zip(&exact).map(|(a, (_, b))| (a - b).norm()));
             let error = wrong / rms(exact.iter().map(|(_, b)| b.norm()));
             let each = seconds / lattice.len() as f64;
-            // What does not depend on the lattice: merging, tree, tables.
-            let node = Lattice::new(origin, spacing, [1; 3])?;
-            let (one, setup) = timed(3, || {
-                DensityField::compute(mesh, &kernel, &node, &options, &Silent)
-            });
-            one?;
             println!(
                 "{name:<24}{:>9}{nodes:>5}{tolerance:>8.0e}{:>11.1}{error:>10.1e}{:>9.1}{:>9.0}{:>9.1}{build:>10.4}{setup:>10.4}",
                 mesh.triangles().len(),
@@ -175,28 +179,18 @@ fn solids(count: u64) -> Outcome<()> {
         let mut distance = 0f64;
         for seed in 0..count {
             let mesh = random_solid(seed)?;
-            let size = mesh.bounds().size().max_element();
-            let lattice = Lattice::covering(&mesh.bounds(), 0.3 * size, size / 15.3)?;
-            let (exact, sampled) = reference(&mesh, &kernel, &lattice);
-            let norm = rms(exact.iter().map(|(_, b)| b.norm()));
-            for (tolerance, worst) in TOLERANCES.into_iter().zip(&mut worst) {
-                let options = DensityOptions {
-                    tolerance,
-                    sampling: Sampling::Point,
-                    halo: f64::INFINITY,
-                };
-                let field = DensityField::compute(&mesh, &kernel, &lattice, &options, &Silent)?;
-                let wrong = exact.iter().map(|(node, b)| {
-                    let v = field.exterior[*node] + field.interior[*node];
-                    (Complex64::new(v.re.into(), v.im.into()) - b).norm()
-                });
-                let error = rms(wrong) / norm;
-                if error > worst.0 {
-                    *worst = (error, seed);
-                }
-                for ((node, _), (_, xi)) in exact.iter().zip(&sampled) {
-                    let found = f64::from(field.signed_distance[*node]);
-                    distance = distance.max((found - xi).abs() / size);
+            let (bounds, size) = (mesh.bounds(), mesh.bounds().size().max_element());
+            let near = Lattice::covering(&bounds, 0.3 * size, size / 15.3)?;
+            // A cube of twice the part: most of its nodes are far away, where little is left of thin parts.
+            let corner = bounds.center() - size * DVec3::new(0.991, 0.993, 0.997);
+            let far = Lattice::new(corner, size / 15.7, [32; 3])?;
+            for lattice in [near, far] {
+                let (errors, wrong) = errors(&mesh, &kernel, &lattice)?;
+                distance = distance.max(wrong);
+                for (error, worst) in errors.into_iter().zip(&mut worst) {
+                    if error > worst.0 {
+                        *worst = (error, seed);
+                    }
                 }
             }
         }
@@ -208,6 +202,36 @@ fn solids(count: u64) -> Outcome<()> {
         }
     }
     Ok(())
+}
+
+/// Relative L2 errors of the field at every tolerance, and the error of distances in sizes of the part.
+fn errors(
+    mesh: &TriangleMesh,
+    kernel: &DensityKernel,
+    lattice: &Lattice,
+) -> Outcome<([f64; TOLERANCES.len()], f64)> {
+    let size = mesh.bounds().size().max_element();
+    let (exact, sampled) = reference(mesh, kernel, lattice);
+    let norm = rms(exact.iter().map(|(_, b)| b.norm()));
+    let (mut errors, mut distance) = ([0.0; TOLERANCES.len()], 0f64);
+    for (tolerance, error) in TOLERANCES.into_iter().zip(&mut errors) {
+        let options = DensityOptions {
+            tolerance,
+            sampling: Sampling::Point,
+            halo: f64::INFINITY,
+        };
+        let field = DensityField::compute(mesh, kernel, lattice, &options, &Silent)?;
+        let wrong = exact.iter().map(|(node, b)| {
+            let v = field.exterior[*node] + field.interior[*node];
+            (Complex64::new(v.re.into(), v.im.into()) - b).norm()
+        });
+        *error = rms(wrong) / norm;
+        for ((node, _), (_, xi)) in exact.iter().zip(&sampled) {
+            let found = f64::from(field.signed_distance[*node]);
+            distance = distance.max((found - xi).abs() / size);
+        }
+    }
+    Ok((errors, distance))
 }
 
 /// A node and the density there.

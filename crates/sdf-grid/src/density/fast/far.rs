@@ -112,6 +112,7 @@ struct Glance {
     /// One over the length, in distances, over which the kernel varies.
     inverse_width: f32,
     size: f32,
+    front: f32,
     bend: f32,
 }
 
@@ -135,6 +136,7 @@ impl Glance {
             // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
             inverse_width: (inverse_sigma * inverse_sigma + 25.0).sqrt(),
             size: density.settings.size as f32,
+            front: density.settings.excess(),
             bend: density.settings.bend as f32,
         }
     }
@@ -171,7 +173,8 @@ impl Glance {
         let x = ((eta * self.inverse_mean - extent - 1.0) * self.inverse_sigma).max(zero);
         let x2 = x * x;
         let tail = x2.mul_add(x2.mul_add(splat(0.014), splat(0.17)), splat(1.0));
-        let size = extent * self.inverse_width;
+        let front = angular * radius * (self.front / self.least);
+        let size = (extent + front) * self.inverse_width;
         let far =
             size.simd_lt(tail * self.size) & (size * angular * spread).simd_lt(tail * self.bend);
         [reached, far].map(|mask| mask.to_bitmask() as u32)
@@ -227,7 +230,8 @@ impl<S: Simd> Seen<S> {
         let tail = x2.mul_add(x2 * 0.014 + 0.17, f32x16::splat(self.u.token(), 1.0));
         // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
         let inverse_width = (inverse_sigma * inverse_sigma + 25.0).sqrt();
-        let size = extent * inverse_width / tail;
+        let front = angular * query.inverse * (cluster.radius * density.settings.excess());
+        let size = (extent + front) * inverse_width / tail;
         let counts = x.simd_lt(density.kernel.reach) & query.counts;
         let size = counts.select(size, zero);
         let settings = &density.settings;

@@ -87,8 +87,8 @@ fn random_solids_are_closed_and_repeatable() {
 #[test]
 fn tolerances_hold_on_the_axis_of_a_cylinder() {
     // All of the boundary around such a point is equally near and seen from its front, so that errors of
-    // clusters are all the same and add up. Those of single precision do, too: they are 4e-5 here, too
-    // much for 1e-5, which is a promise for whole fields.
+    // clusters are all the same and add up. Beside them 4e-5 remain whatever the clusters, probably of
+    // single precision: too much for 1e-5, which is a promise for whole fields.
     let mesh = cylinder(0.1, 1.0, 256).unwrap();
     let centre = mesh.bounds().center();
     for sigma in [0.03, 0.1] {

@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3};
 use pegfit_benches::{Outcome, ask, random_poses, response_errors, timed};
 use rand::{SeedableRng, rngs::SmallRng};
 use rayon::prelude::*;
-use sdf_grid::{Sampling, TriangleMesh};
+use sdf_grid::Sampling;
 
-use crate::{BALL, REACH, Sweep, build};
+use crate::{BALL, Parts, REACH, Sweep, build};
 
 /// Held-out poses and the true responses there.
 pub(crate) struct Truth {
@@ -20,7 +20,7 @@ pub(crate) struct Truth {
 /// The mean of point samples and cell averages on a fine lattice: at zero clearance both err to
 /// first order in the spacing, with opposite signs. Prints how far apart they are, which bounds
 /// what is left, and what single precision loses.
-pub(crate) fn reference(parts: &(TriangleMesh, TriangleMesh), sweep: &Sweep) -> Outcome<Truth> {
+pub(crate) fn reference(parts: &Parts, sweep: &Sweep) -> Outcome<Truth> {
     let mm = sweep.reference_mm;
     let pairs = [Sampling::Point, Sampling::CellAverage].map(|s| build(parts, mm, s, false));
     let [points, averages] = pairs;
@@ -28,7 +28,7 @@ pub(crate) fn reference(parts: &(TriangleMesh, TriangleMesh), sweep: &Sweep) -> 
     let mut rng = SmallRng::seed_from_u64(9);
     let (angle, reach) = ((0.9 * BALL).to_radians(), 0.9 * REACH);
     let random = random_poses(&pair, &mut rng, angle, reach, sweep.random);
-    let paths = contact_paths(&pair, sweep.along);
+    let paths = contact_paths(&pair, parts.turn, sweep.along);
     let sources = [&points, &pair].map(|p| DirectEvaluator::new(p, &DirectOptions::FULL));
     let [a, b] = sources;
     let (a, b) = (a?, b?);
@@ -83,23 +83,25 @@ fn middle(a: &Response, b: &Response) -> Response {
     mean
 }
 
-/// Sliding in along a wall, pressing from wall to wall, and turning in the hole.
-fn contact_paths(pair: &Pair, count: usize) -> Vec<Pose> {
+/// Sliding in along a wall, pressing from wall to wall, and turning in the hole, for parts turned by `turn`.
+fn contact_paths(pair: &Pair, turn: DQuat, count: usize) -> Vec<Pose> {
     let reach = 0.9 * REACH;
     let at = |k: usize| k as f64 / (count - 1) as f64;
+    let pose =
+        |rotation, displacement| pair.pose(turn * rotation * turn.conjugate(), turn * displacement);
     let slide = (0..count).map(|k| {
         let tilt = DQuat::from_rotation_y(0.01);
-        pair.pose(tilt, DVec3::new(3e-4, 0.0, reach * (1.0 - at(k))))
+        pose(tilt, DVec3::new(3e-4, 0.0, reach * (1.0 - at(k))))
     });
     let press = (0..count).map(|k| {
         let across = reach * (at(k) - 0.5);
-        pair.pose(DQuat::IDENTITY, DVec3::new(across, 1e-4, 2e-4))
+        pose(DQuat::IDENTITY, DVec3::new(across, 1e-4, 2e-4))
     });
-    let turn = (0..count).map(|k| {
+    let spin = (0..count).map(|k| {
         let angle = (0.9 * BALL).to_radians() * (2.0 * at(k) - 1.0);
-        pair.pose(DQuat::from_rotation_z(angle), DVec3::new(2e-4, -1e-4, 3e-4))
+        pose(DQuat::from_rotation_z(angle), DVec3::new(2e-4, -1e-4, 3e-4))
     });
-    slide.chain(press).chain(turn).collect()
+    slide.chain(press).chain(spin).collect()
 }
 
 /// Errors, and the median time of a query at a random pose, of anything that answers. Each query is

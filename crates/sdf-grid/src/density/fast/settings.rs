@@ -44,7 +44,7 @@ const TABLE: [Settings; 4] = [
         size: 0.28,
         front: 10.0,
         bend: 0.0005,
-        density: 3.8,
+        density: 4.9,
     },
 ];
 

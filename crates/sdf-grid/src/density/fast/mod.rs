@@ -45,8 +45,10 @@ pub(crate) type Lanes = [f32; LANES];
 pub(crate) struct PacketDistance<'a> {
     bvh: &'a Bvh,
     facets: Vec<Facet>,
-    /// Of all nodes.
+    /// Around what is in every node.
     discs: Vec<Disc>,
+    /// Around every face: most faces of a leaf are too far to be looked at.
+    face_discs: Vec<Disc>,
     level: Level,
 }
 
@@ -56,6 +58,7 @@ impl<'a> PacketDistance<'a> {
             bvh,
             facets: bvh.faces.par_iter().map(Facet::new).collect(),
             discs: bvh.nodes.par_iter().map(Disc::new).collect(),
+            face_discs: bvh.faces.par_iter().map(Disc::of).collect(),
             level: Level::new(),
         }
     }

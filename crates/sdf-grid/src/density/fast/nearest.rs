@@ -31,6 +31,9 @@ pub(crate) fn distances<S: Simd>(
         let node = &distance.bvh.nodes[id as usize];
         if node.is_leaf() {
             for i in node.range() {
+                if !packet.face_may_be_nearer(&distance.face_discs[i], best) {
+                    continue;
+                }
                 let view = View::new(&packet, &faces[i], &facets[i]);
                 let found = view.distance_squared(&packet);
                 best = best.min(found);

@@ -80,6 +80,12 @@ impl<S: Simd> Packet<S> {
                 || self.disc_distance_squared(disc).simd_lt(best).any_true())
     }
 
+    /// Whether some point may be nearer to a face in the disc than `best`.
+    #[inline(always)]
+    pub(crate) fn face_may_be_nearer(&self, disc: &Disc, best: f32x16<S>) -> bool {
+        self.disc_distance_squared(disc).simd_lt(best).any_true()
+    }
+
     /// A least squared distance of every point from what is in the disc.
     #[inline(always)]
     fn disc_distance_squared(&self, disc: &Disc) -> f32x16<S> {
@@ -121,6 +127,9 @@ pub(crate) struct Disc {
 /// A disc is looked at only where it is thinner than the box by this factor.
 const THINNER: f64 = 0.5;
 
+/// Rounding of axes and heights in single precision, in units of the radius, must not lose a face.
+const ROUNDING: f64 = 5e-7;
+
 impl Disc {
     pub(crate) fn new(node: &Node) -> Self {
         let Moments {
@@ -131,9 +140,8 @@ impl Disc {
         } = node.moments;
         let axis = node.moments.axis();
         let box_thickness = (0.5 * node.bounds.size() * axis).abs().element_sum();
-        // Rounding of the axis must not lose a face.
         let thickness = if thickness < THINNER * box_thickness {
-            thickness + 2e-7 * radius
+            thickness + ROUNDING * radius
         } else {
             f64::INFINITY
         };
@@ -142,6 +150,18 @@ impl Disc {
             axis: axis.as_vec3(),
             radius: radius as f32 * 1.000_001,
             thickness: thickness as f32,
+        }
+    }
+
+    /// The disc around a face.
+    pub(crate) fn of(face: &Face) -> Self {
+        let from = |corner: &DVec3| (*corner - face.centroid).length();
+        let radius = face.outline().iter().map(from).fold(0.0, f64::max);
+        Self {
+            centre: face.centroid,
+            axis: face.normal.as_vec3(),
+            radius: radius as f32 * 1.000_001,
+            thickness: (ROUNDING * radius) as f32,
         }
     }
 }

@@ -44,19 +44,27 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
         .collect();
     halves.par_sort_unstable();
     let place = |half: u32| (half as usize / 4, half as usize % 4);
-    for pair in halves.chunk_by(|a, b| a.0 == b.0) {
-        let [(_, a), (_, b)] = *pair else { continue };
+    // Corners lie all over memory: looking them up takes longest.
+    let found = halves.par_chunk_by(|a, b| a.0 == b.0).filter_map(|pair| {
+        let [(_, a), (_, b)] = *pair else { return None };
         let ((i, k), (j, l)) = (place(a), place(b));
-        let (f, g) = (&faces[i], &faces[j]);
-        let ([a, b], [c, d]) = (ends(f, k), ends(g, l));
-        if a.distance_squared(d).max(b.distance_squared(c)) < SAME * SAME {
-            let sine_squared = f.normal.cross(g.normal).length_squared();
-            let coplanar = sine_squared < FLAT * FLAT && f.normal.dot(g.normal) > 0.0;
-            twins[i][k] = Twin::new(j, l, coplanar);
-            twins[j][l] = Twin::new(i, k, coplanar);
-        }
+        coplanar(&faces[i], k, &faces[j], l).map(|coplanar| (a, b, coplanar))
+    });
+    for (a, b, coplanar) in found.collect::<Vec<_>>() {
+        let ((i, k), (j, l)) = (place(a), place(b));
+        twins[i][k] = Twin::new(j, l, coplanar);
+        twins[j][l] = Twin::new(i, k, coplanar);
     }
     twins
+}
+
+/// Whether two faces whose edges `k` and `l` are twins lie in one plane; none if they are no twins.
+fn coplanar(f: &Face, k: usize, g: &Face, l: usize) -> Option<bool> {
+    let ([a, b], [c, d]) = (ends(f, k), ends(g, l));
+    let apart = a.distance_squared(d).max(b.distance_squared(c));
+    let sine_squared = f.normal.cross(g.normal).length_squared();
+    let flat = sine_squared < FLAT * FLAT && f.normal.dot(g.normal) > 0.0;
+    (apart < SAME * SAME).then_some(flat)
 }
 
 fn ends(face: &Face, k: usize) -> [DVec3; 2] {

@@ -1,49 +1,15 @@
 //! A rotation allocates nothing: counted by the allocator itself.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+mod counting;
+
 use std::sync::Arc;
 
+use counting::calls;
 use fft_correlate::{Correlator, Pair, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex32;
 use sdf_grid::{DensityField, Lattice, Sampling};
-
-struct Counting;
-
-thread_local! {
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count() {
-    // The thread's storage may be gone at its very end.
-    let _ = CALLS.try_with(|calls| calls.set(calls.get() + 1));
-}
-
-// SAFETY: every call goes to the system allocator unchanged; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// A block, solid inside and with a rim of exterior around.
 fn block(nodes: usize, model: &ScoreModel) -> Arc<DensityField> {
@@ -88,11 +54,11 @@ fn scores_and_gradients_allocate_nothing() {
         };
         // What the standard library sets up on first use.
         work(0.1);
-        let before = CALLS.get();
+        let before = calls();
         assert!(before > 0, "the counter counts");
         for turn in [0.0, 0.7, -2.0] {
             work(turn);
         }
-        assert_eq!(CALLS.get(), before);
+        assert_eq!(calls(), before);
     }
 }

@@ -1,15 +1,16 @@
 //! The loop thread allocates nothing while it ticks: counted by the allocator itself.
 
 mod common;
+#[path = "../../fft-correlate/tests/counting/mod.rs"]
+mod counting;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use common::valleys::{REACH, Valleys, open};
 use common::{Well, hand, workspace};
+use counting::calls;
 use fft_correlate::{EnergySource, PartialTable, Pose, Wrench};
 use glam::{DQuat, DVec3};
 use haptic::scene::{Content, Loaded, PairState};
@@ -17,41 +18,6 @@ use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveScene,
     LiveSource, PairSpec, Placed, SceneOptions, Script, Session, SumSource, flags,
 };
-
-struct Counting;
-
-thread_local! {
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count() {
-    // The thread's storage may be gone at its very end.
-    let _ = CALLS.try_with(|calls| calls.set(calls.get() + 1));
-}
-
-// SAFETY: every call goes to the system allocator unchanged; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// Counts the allocator calls of the thread that polls it, from its first poll to its last, and
 /// disconnects for a while on the way.
@@ -68,7 +34,7 @@ impl<D: Device> Device for Watched<D> {
     }
 
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
-        let calls = CALLS.with(Cell::get);
+        let calls = calls();
         if self.polls == 0 {
             self.before = calls;
         }
@@ -113,9 +79,9 @@ fn calls_with(source: &dyn EnergySource, clock: Clock, seconds: f64) -> (u64, u6
 
 #[test]
 fn the_counter_counts() {
-    let before = CALLS.with(Cell::get);
+    let before = calls();
     drop(std::hint::black_box(vec![1u8; 100]));
-    assert_eq!(CALLS.with(Cell::get) - before, 2);
+    assert_eq!(calls() - before, 2);
 }
 
 #[test]

@@ -136,7 +136,7 @@ impl Glance {
             // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
             inverse_width: (inverse_sigma * inverse_sigma + 25.0).sqrt(),
             size: density.settings.size as f32,
-            front: density.settings.excess(),
+            front: density.settings.front as f32,
             bend: density.settings.bend as f32,
         }
     }
@@ -230,7 +230,7 @@ impl<S: Simd> Seen<S> {
         let tail = x2.mul_add(x2 * 0.014 + 0.17, f32x16::splat(self.u.token(), 1.0));
         // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
         let inverse_width = (inverse_sigma * inverse_sigma + 25.0).sqrt();
-        let front = angular * query.inverse * (cluster.radius * density.settings.excess());
+        let front = angular * query.inverse * (cluster.radius * density.settings.front as f32);
         let size = (extent + front) * inverse_width / tail;
         let counts = x.simd_lt(density.kernel.reach) & query.counts;
         let size = counts.select(size, zero);

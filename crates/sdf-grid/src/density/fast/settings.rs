@@ -8,7 +8,8 @@ pub(crate) struct Settings {
     /// A cluster is far if its size in kernel widths is below this.
     pub(crate) size: f64,
     /// Seen from its front, a cluster's distances vary with the square of the place, of which the
-    /// expansion has only the first power: the weight of that variation in the size.
+    /// expansion has only the first power: what that square weighs in the size beyond its half, by
+    /// which distances vary.
     pub(crate) front: f64,
     /// And that size times its spread of normals, seen from the point, below this.
     pub(crate) bend: f64,
@@ -21,39 +22,34 @@ const TABLE: [Settings; 4] = [
     Settings {
         reach: 2.7,
         size: 1.5,
-        front: 4.0,
+        front: 1.5,
         bend: 0.013,
         density: 1.2,
     },
     Settings {
         reach: 3.6,
         size: 1.5,
-        front: 8.0,
+        front: 3.5,
         bend: 0.009,
         density: 1.6,
     },
     Settings {
         reach: 4.5,
         size: 0.7,
-        front: 10.0,
+        front: 4.5,
         bend: 0.0018,
         density: 2.5,
     },
     Settings {
         reach: 5.2,
         size: 0.28,
-        front: 10.0,
+        front: 4.5,
         bend: 0.0005,
         density: 4.9,
     },
 ];
 
 impl Settings {
-    /// What the front adds to the variation of distances itself, which is half the square.
-    pub(crate) fn excess(&self) -> f32 {
-        (0.5 * (self.front - 1.0)) as f32
-    }
-
     /// For a relative L2 error of `tolerance` with kernels of thickness `sigma`.
     pub(crate) fn new(tolerance: f64, sigma: f64) -> Self {
         let place = (-tolerance.log10() - 2.0).clamp(0.0, 3.0);

@@ -39,6 +39,6 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// Allocations, growths and releases of this thread so far.
-pub fn calls() -> u64 {
+pub(crate) fn calls() -> u64 {
     CALLS.with(Cell::get)
 }

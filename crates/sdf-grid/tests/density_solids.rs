@@ -10,7 +10,23 @@ use rayon::prelude::*;
 use sdf_grid::shapes::{RANDOM_KINDS, cylinder, random_solid};
 use sdf_grid::{
     Bvh, DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
+    TriangleMesh,
 };
+
+/// The field at every node, as points.
+fn computed(
+    mesh: &TriangleMesh,
+    kernel: &DensityKernel,
+    lattice: &Lattice,
+    tolerance: f64,
+) -> DensityField {
+    let options = DensityOptions {
+        tolerance,
+        sampling: Sampling::Point,
+        halo: f64::INFINITY,
+    };
+    DensityField::compute(mesh, kernel, lattice, &options, &Silent).unwrap()
+}
 
 #[test]
 fn tolerances_and_signs_hold_on_random_solids() {
@@ -39,12 +55,7 @@ fn tolerances_and_signs_hold_on_random_solids() {
             })
             .collect();
         for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
-            let options = DensityOptions {
-                tolerance,
-                sampling: Sampling::Point,
-                halo: f64::INFINITY,
-            };
-            let field = DensityField::compute(&mesh, &kernel, &lattice, &options, &Silent).unwrap();
+            let field = computed(&mesh, &kernel, &lattice, tolerance);
             let found = nodes.iter().zip(&exact).map(|(n, (density, _))| {
                 let v = field.exterior[*n] + field.interior[*n];
                 (Complex64::new(v.re.into(), v.im.into()), *density)
@@ -98,13 +109,7 @@ fn tolerances_hold_on_the_axis_of_a_cylinder() {
             let origin = centre + DVec3::new(offset, 0.0, -0.37);
             let lattice = Lattice::new(origin, 0.041, [1, 1, 19]).unwrap();
             for tolerance in [1e-2, 1e-3, 1e-4] {
-                let options = DensityOptions {
-                    tolerance,
-                    sampling: Sampling::Point,
-                    halo: f64::INFINITY,
-                };
-                let field =
-                    DensityField::compute(&mesh, &kernel, &lattice, &options, &Silent).unwrap();
+                let field = computed(&mesh, &kernel, &lattice, tolerance);
                 let values = field.interior.indexed_iter().map(|((x, y, z), v)| {
                     let exact = reference.unit_density(lattice.position([x, y, z]), 1e-6);
                     (Complex64::new(v.re.into(), v.im.into()), exact.interior)
@@ -143,12 +148,7 @@ fn tolerances_hold_far_from_needles() {
             })
             .collect();
         for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
-            let options = DensityOptions {
-                tolerance,
-                sampling: Sampling::Point,
-                halo: f64::INFINITY,
-            };
-            let field = DensityField::compute(&mesh, &kernel, &lattice, &options, &Silent).unwrap();
+            let field = computed(&mesh, &kernel, &lattice, tolerance);
             let error = relative_l2(nodes.iter().zip(&exact).map(|(n, density)| {
                 let v = field.exterior[*n] + field.interior[*n];
                 (Complex64::new(v.re.into(), v.im.into()), *density)

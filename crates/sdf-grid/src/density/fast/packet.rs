@@ -76,11 +76,10 @@ impl<S: Simd> Packet<S> {
     #[inline(always)]
     pub(crate) fn may_be_nearer(&self, node: &Node, disc: &Disc, best: f32x16<S>) -> bool {
         self.box_distance_squared(node).simd_lt(best).any_true()
-            && (disc.thickness == f32::INFINITY
-                || self.disc_distance_squared(disc).simd_lt(best).any_true())
+            && (disc.thickness == f32::INFINITY || self.face_may_be_nearer(disc, best))
     }
 
-    /// Whether some point may be nearer to a face in the disc than `best`.
+    /// The same for a face, or faces, in a disc.
     #[inline(always)]
     pub(crate) fn face_may_be_nearer(&self, disc: &Disc, best: f32x16<S>) -> bool {
         self.disc_distance_squared(disc).simd_lt(best).any_true()

@@ -218,24 +218,31 @@ impl Surface<'_> {
     /// Appends faces that cover a region: cut anew, or its triangles where that fails.
     fn cover(&self, regions: &Regions, id: usize, faces: &mut Vec<Face>) {
         let region = regions.get(id);
-        let anew = match region {
-            [_] => None,
-            [a, b] => self.pair(*a, *b),
-            _ => self.outlined(regions, id),
-        };
         let area = self.area(region);
-        let whole = |faces: &Vec<Face>| {
+        let covers = |faces: &[Face]| {
             let covered: f64 = faces.iter().map(|f| f.area).sum();
             (covered - area).abs() <= 1e-9 * area
         };
-        match anew.filter(whole) {
-            Some(anew) => faces.extend(anew),
-            None => faces.extend(region.iter().filter_map(|t| self.face(*t))),
+        // Most regions of curved parts: without a list.
+        if let [a, b] = *region
+            && let Some(face) = self.pair(a, b)
+            && covers(std::slice::from_ref(&face))
+        {
+            faces.push(face);
+            return;
         }
+        if region.len() > 2
+            && let Some(anew) = self.outlined(regions, id)
+            && covers(&anew)
+        {
+            faces.extend(anew);
+            return;
+        }
+        faces.extend(region.iter().filter_map(|t| self.face(*t)));
     }
 
     /// Two triangles of one plane as one face; none if that is not convex.
-    fn pair(&self, a: u32, b: u32) -> Option<Vec<Face>> {
+    fn pair(&self, a: u32, b: u32) -> Option<Face> {
         let k = self.neighbours[a as usize].iter().position(|n| *n == b)?;
         let l = self.neighbours[b as usize].iter().position(|n| *n == a)?;
         let (of_a, of_b) = (self.indices[a as usize], self.indices[b as usize]);
@@ -245,11 +252,12 @@ impl Surface<'_> {
             of_a[k],
             of_b[(l + 2) % 3],
         ];
-        let kept = self.straightened(&ring)?;
-        let at = |k: usize| self.vertices[kept[k] as usize];
-        if kept.len() == 3 {
-            return Some(vec![Face::triangle([0, 1, 2].map(at), a)?]);
+        let corner = |k: usize| self.is_corner(ring[k], ring[(k + 1) % 4], ring[(k + 2) % 4]);
+        if !(0..4).all(corner) {
+            let kept: [u32; 3] = self.straightened(&ring)?.try_into().ok()?;
+            return Face::triangle(kept.map(|v| self.vertices[v as usize]), a);
         }
+        let at = |k: usize| self.vertices[ring[k] as usize];
         let normal = self.planes[a as usize].normal;
         let turns = |k: usize| {
             let [p, q, r] = [k, (k + 1) % 4, (k + 2) % 4].map(at);
@@ -259,7 +267,8 @@ impl Surface<'_> {
         let corners = [0, 1, 2, 3].map(at);
         (0..4)
             .all(turns)
-            .then(|| Face::quadrangle(corners, a).map(|f| vec![f]))?
+            .then(|| Face::quadrangle(corners, a))
+            .flatten()
     }
 
     /// A region of several triangles cut anew; none if its outline touches itself.
@@ -334,23 +343,25 @@ impl Surface<'_> {
         Some(loops)
     }
 
+    /// Whether the way from `a` to `c` bends at `b`.
+    fn is_corner(&self, a: u32, b: u32, c: u32) -> bool {
+        let at = |v: u32| self.vertices[v as usize];
+        let (along, from) = (at(c) - at(a), at(b) - at(a));
+        let length = along.length();
+        from.dot(along) <= 0.0
+            || from.dot(along) >= length * length
+            || from.cross(along).length() > STRAIGHT * length
+    }
+
     /// A ring without the corners on straight sides; none if nothing is left.
     fn straightened(&self, ring: &[u32]) -> Option<Vec<u32>> {
-        let at = |v: u32| self.vertices[v as usize];
-        let is_corner = |a: u32, b: u32, c: u32| {
-            let (along, from) = (at(c) - at(a), at(b) - at(a));
-            let length = along.length();
-            from.dot(along) <= 0.0
-                || from.dot(along) >= length * length
-                || from.cross(along).length() > STRAIGHT * length
-        };
         let n = ring.len();
         let first =
-            (0..n).find(|&i| is_corner(ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]))?;
+            (0..n).find(|&i| self.is_corner(ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]))?;
         let mut kept = vec![ring[first]];
         for i in 1..n {
             let (b, c) = (ring[(first + i) % n], ring[(first + i + 1) % n]);
-            if is_corner(*kept.last()?, b, c) {
+            if self.is_corner(*kept.last()?, b, c) {
                 kept.push(b);
             }
         }

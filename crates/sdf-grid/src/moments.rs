@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use crate::face::Face;
 
 /// Moments about the area centroid.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Moments {
     /// Area of the faces.
     area: f64,
@@ -33,7 +33,7 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// Of a non-empty set of faces.
+    /// Of a non-empty set of faces; without radius, thickness and spread ([`Moments::bounded`]).
     pub(crate) fn of(faces: &[Face]) -> Self {
         let area: f64 = faces.iter().map(|t| t.area).sum();
         let weighted = faces.iter().map(|t| t.centroid * t.area);
@@ -41,34 +41,22 @@ impl Moments {
             area,
             centre: weighted.sum::<DVec3>() / area,
             area_vector: faces.iter().map(|t| t.normal * t.area).sum(),
-            normal_moment: [0.0; 6],
-            cubic: [0.0; 10],
-            vector: DVec3::ZERO,
-            radius: 0.0,
-            thickness: 0.0,
-            spread: 0.0,
+            ..Self::default()
         };
         for t in faces {
             sums.add(t);
         }
-        sums.bound(faces);
         sums
     }
 
-    /// Of two sets of faces together, from the moments of each; without radius, thickness and spread, which
-    /// only the faces tell ([`Moments::bound`]).
+    /// Of two sets of faces together, from the moments of each.
     pub(crate) fn joined(&self, other: &Self) -> Self {
         let area = self.area + other.area;
         let mut sums = Self {
             area,
             centre: (self.centre * self.area + other.centre * other.area) / area,
             area_vector: self.area_vector + other.area_vector,
-            normal_moment: [0.0; 6],
-            cubic: [0.0; 10],
-            vector: DVec3::ZERO,
-            radius: 0.0,
-            thickness: 0.0,
-            spread: 0.0,
+            ..Self::default()
         };
         for part in [self, other] {
             sums.add_part(part);
@@ -76,8 +64,8 @@ impl Moments {
         sums
     }
 
-    /// Sets radius, thickness and spread to those of `faces`, whose moments these are.
-    pub(crate) fn bound(&mut self, faces: &[Face]) {
+    /// With radius, thickness and spread of `faces`, whose moments these are.
+    pub(crate) fn bounded(mut self, faces: &[Face]) -> Self {
         let axis = self.axis();
         let (mut far, mut thickness, mut cosine) = (0f64, 0f64, 1f64);
         for t in faces {
@@ -97,6 +85,7 @@ impl Moments {
         } else {
             1.0
         };
+        self
     }
 
     /// The direction of `N`, any if there is none.
@@ -228,7 +217,8 @@ mod tests {
         for seed in 0..6 {
             let bvh = Bvh::build(&random_solid(seed).expect("a solid"));
             for node in &bvh.nodes {
-                let exact = Moments::of(&bvh.faces[node.range()]);
+                let faces = &bvh.faces[node.range()];
+                let exact = Moments::of(faces).bounded(faces);
                 let found = &node.moments;
                 // Rounding, in units of what the faces' sizes and areas allow at most.
                 let unit = |power: i32| 1e-12 * exact.area * exact.radius.powi(power);

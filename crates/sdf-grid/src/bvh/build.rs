@@ -31,17 +31,15 @@ pub(super) fn tree(
     grow(&mut boxes, 0, 0, &mut branches);
     let faces = boxes.par_iter().filter_map(|b| make(b.index as usize));
     let faces: Vec<Face> = faces.collect();
-    let nodes = moments(&branches, &faces)
-        .into_par_iter()
-        .zip(&branches)
-        .map(|(moments, b)| Node {
-            bounds: b.bounds,
-            first: b.first,
-            count: b.count,
-            second: b.second,
-            moments,
-        });
-    (nodes.collect(), faces)
+    let node = |(moments, b): (Moments, &Branch)| Node {
+        bounds: b.bounds,
+        first: b.first,
+        count: b.count,
+        second: b.second,
+        moments: moments.bounded(faces_of(&faces, b)),
+    };
+    let nodes = moments(&branches, &faces).into_par_iter().zip(&branches);
+    (nodes.map(node).collect(), faces)
 }
 
 /// What the structure depends on, a fifth of the size of a face.
@@ -171,25 +169,27 @@ fn partition(faces: &mut [FaceBox], keep: impl Fn(&FaceBox) -> bool) -> usize {
     front
 }
 
-/// Of every node: leaves from their faces, the others from their children.
+/// Of every node, not yet [`Moments::bounded`]: leaves from their faces, the others from their children.
 fn moments(nodes: &[Branch], faces: &[Face]) -> Vec<Moments> {
-    let faces_of = |n: &Branch| &faces[n.first as usize..][..n.count as usize];
-    let leaf = |n: &Branch| (n.second == 0).then(|| Moments::of(faces_of(n)));
-    let mut moments: Vec<Option<Moments>> = nodes.par_iter().map(leaf).collect();
+    let leaf = |n: &Branch| {
+        if n.second == 0 {
+            Moments::of(faces_of(faces, n))
+        } else {
+            Moments::default()
+        }
+    };
+    let mut moments: Vec<Moments> = nodes.par_iter().map(leaf).collect();
     // Children come after their parents.
     for (i, node) in nodes.iter().enumerate().rev() {
-        if node.second != 0
-            && let [Some(a), Some(b)] = [&moments[i + 1], &moments[node.second as usize]]
-        {
-            moments[i] = Some(a.joined(b));
+        if node.second != 0 {
+            moments[i] = moments[i + 1].joined(&moments[node.second as usize]);
         }
     }
-    let bounded = |(m, node): (Option<Moments>, &Branch)| {
-        let mut m = m.unwrap_or_else(|| Moments::of(faces_of(node)));
-        m.bound(faces_of(node));
-        m
-    };
-    moments.into_par_iter().zip(nodes).map(bounded).collect()
+    moments
+}
+
+fn faces_of<'a>(faces: &'a [Face], node: &Branch) -> &'a [Face] {
+    &faces[node.first as usize..][..node.count as usize]
 }
 
 fn union(a: Aabb, b: Aabb) -> Aabb {

@@ -24,6 +24,7 @@ mod sampling;
 mod signed_distance;
 mod smooth;
 
+use bytemuck::Zeroable;
 use ndarray::{Array3, Zip};
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
@@ -194,10 +195,9 @@ impl DensityField {
     }
 }
 
-/// An array of zeros on `lattice`, or none if the memory cannot be had.
-fn zeros<T: Clone + Default>(lattice: &Lattice) -> Option<Array3<T>> {
-    let mut values = Vec::new();
-    values.try_reserve_exact(lattice.len()).ok()?;
-    values.resize(lattice.len(), T::default());
+/// An array of zeros on `lattice`, or none if the memory cannot be had. Untouched: its pages are first
+/// written by the threads that fill them.
+fn zeros<T: Zeroable>(lattice: &Lattice) -> Option<Array3<T>> {
+    let values = bytemuck::allocation::try_zeroed_vec(lattice.len()).ok()?;
     Array3::from_shape_vec(lattice.shape(), values).ok()
 }

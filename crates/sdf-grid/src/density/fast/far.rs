@@ -8,6 +8,7 @@ use super::groups::{Below, Group, Members};
 use super::near::{NearFaces, Query};
 use super::packet::Packet;
 use super::{Lanes, PacketDensity, Points};
+use crate::face::Face;
 use crate::moments::Moments;
 
 /// Moments of a cluster ([`Moments`]) in single precision, centre in double.
@@ -26,6 +27,12 @@ pub(crate) struct Cluster {
 }
 
 impl Cluster {
+    /// Of one face.
+    pub(crate) fn of(face: &Face) -> Self {
+        let faces = std::slice::from_ref(face);
+        Self::new(&Moments::of(faces).bounded(faces))
+    }
+
     pub(crate) fn new(m: &Moments) -> Self {
         let [xx, yy, zz, xy, xz, yz] = m.normal_moment;
         Self {

@@ -81,16 +81,12 @@ enum Item {
 
 /// The groups of a tree, the first one at its root; `clusters` are those of all nodes, then all faces.
 pub(crate) fn groups(bvh: &Bvh, clusters: &[Cluster]) -> Vec<Group> {
-    // Nodes at which groups begin, in the order of the groups, and the shape of each group.
-    let (mut roots, mut shapes) = (vec![0], Vec::new());
-    while let Some(root) = roots.get(shapes.len()) {
-        shapes.push(shape(bvh, *root, &mut roots));
-    }
+    let shapes = shapes(bvh);
     let group = |shape: &Shape| {
         let mut group = Group::empty();
         group.top = shape.top;
-        for (place, (item, below)) in shape.items.iter().zip(&shape.below).enumerate() {
-            let (bounds, cluster) = match *item {
+        for place in 0..shape.len {
+            let (bounds, cluster) = match shape.items[place] {
                 Item::Node(n) => (bvh.nodes[n].bounds, n),
                 Item::Face(f) => {
                     let corners = bvh.faces[f].outline().iter().copied();
@@ -98,7 +94,7 @@ pub(crate) fn groups(bvh: &Bvh, clusters: &[Cluster]) -> Vec<Group> {
                 }
             };
             group.cluster[place] = cluster as u32;
-            group.below[place] = *below;
+            group.below[place] = shape.below[place];
             group.set(place, bounds, &clusters[cluster]);
         }
         group
@@ -106,63 +102,110 @@ pub(crate) fn groups(bvh: &Bvh, clusters: &[Cluster]) -> Vec<Group> {
     shapes.par_iter().map(group).collect()
 }
 
-/// The members of a group.
-#[derive(Default)]
+/// The shape of each group. Those of one generation are found side by side.
+fn shapes(bvh: &Bvh) -> Vec<Shape> {
+    let mut shapes: Vec<Shape> = Vec::new();
+    let mut roots = vec![0];
+    while !roots.is_empty() {
+        let mut generation: Vec<Shape> = roots.par_iter().map(|r| Shape::at(bvh, *r)).collect();
+        let mut next = (shapes.len() + generation.len()) as u32;
+        roots.clear();
+        for shape in &mut generation {
+            for place in 0..shape.len {
+                if let (Below::Group(id), Item::Node(node)) =
+                    (&mut shape.below[place], shape.items[place])
+                {
+                    *id = next;
+                    next += 1;
+                    roots.push(node);
+                }
+            }
+        }
+        shapes.append(&mut generation);
+    }
+    shapes
+}
+
+/// The members of a group, the first `len` places.
 struct Shape {
-    items: Vec<Item>,
-    below: Vec<Below>,
+    items: [Item; WIDTH],
+    below: [Below; WIDTH],
+    len: usize,
     top: u32,
 }
 
 impl Shape {
-    /// Adds members and says which they are, bit by bit.
-    fn add(&mut self, items: &[Item]) -> u32 {
-        let first = self.items.len();
-        for item in items {
-            self.below.push(match item {
-                Item::Face(f) => Below::Face(*f as u32),
-                Item::Node(_) => Below::Members(0),
-            });
-            self.items.push(*item);
+    /// The group that begins at a node. Groups below it have no number yet.
+    fn at(bvh: &Bvh, root: usize) -> Self {
+        let mut shape = Self {
+            items: [Item::Face(0); WIDTH],
+            below: [Below::Group(0); WIDTH],
+            len: 0,
+            top: 0,
+        };
+        shape.top = shape.add(&Children::of(bvh, root));
+        // Breadth first: members are looked at only if those above them are near.
+        let mut next = 0;
+        while next < shape.len {
+            if let Item::Node(node) = shape.items[next] {
+                let below = Children::of(bvh, node);
+                if shape.len + below.count <= WIDTH {
+                    shape.below[next] = Below::Members(shape.add(&below));
+                }
+            }
+            next += 1;
         }
-        ((1 << items.len()) - 1) << first
+        shape
+    }
+
+    /// Adds members and says which they are, bit by bit.
+    fn add(&mut self, children: &Children) -> u32 {
+        let first = self.len;
+        for item in &children.items[..children.count] {
+            if let Item::Face(f) = item {
+                self.below[self.len] = Below::Face(*f as u32);
+            }
+            self.items[self.len] = *item;
+            self.len += 1;
+        }
+        ((1 << children.count) - 1) << first
     }
 }
 
-/// The group that begins at a node; appends to `roots` the nodes at which others must.
-fn shape(bvh: &Bvh, root: usize, roots: &mut Vec<usize>) -> Shape {
-    let children = |node: usize| -> Vec<Item> {
+/// What a node consists of: two nodes, or the faces of a leaf.
+struct Children {
+    items: [Item; WIDTH],
+    count: usize,
+}
+
+impl Children {
+    fn of(bvh: &Bvh, node: usize) -> Self {
+        let mut children = Self {
+            items: [Item::Face(0); WIDTH],
+            count: 0,
+        };
         let n = &bvh.nodes[node];
         if n.is_leaf() {
-            return n.range().map(Item::Face).collect();
-        }
-        let item = |child: usize| {
-            let c = &bvh.nodes[child];
-            if c.count == 1 {
-                Item::Face(c.first as usize)
-            } else {
-                Item::Node(child)
+            for face in n.range() {
+                children.push(Item::Face(face));
             }
-        };
-        vec![item(node + 1), item(n.second as usize)]
-    };
-    let mut shape = Shape::default();
-    shape.top = shape.add(&children(root));
-    // Breadth first: members are looked at only if those above them are near.
-    let mut next = 0;
-    while let Some(item) = shape.items.get(next).copied() {
-        if let Item::Node(node) = item {
-            let below = children(node);
-            shape.below[next] = if shape.items.len() + below.len() <= WIDTH {
-                Below::Members(shape.add(&below))
-            } else {
-                roots.push(node);
-                Below::Group(roots.len() as u32 - 1)
-            };
+        } else {
+            for child in [node + 1, n.second as usize] {
+                let c = &bvh.nodes[child];
+                children.push(if c.count == 1 {
+                    Item::Face(c.first as usize)
+                } else {
+                    Item::Node(child)
+                });
+            }
         }
-        next += 1;
+        children
     }
-    shape
+
+    fn push(&mut self, item: Item) {
+        self.items[self.count] = item;
+        self.count += 1;
+    }
 }
 
 #[cfg(test)]
@@ -170,7 +213,6 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::moments::Moments;
     use crate::shapes::random_solid;
 
     fn three(v: &[Members; 3], place: usize) -> Vec3 {
@@ -183,8 +225,7 @@ mod tests {
         for seed in 0..6 {
             let bvh = Bvh::merged(&random_solid(seed).unwrap());
             let nodes = bvh.nodes.iter().map(|n| Cluster::new(&n.moments));
-            let single = |f| Cluster::new(&Moments::of(std::slice::from_ref(f)));
-            let clusters: Vec<Cluster> = nodes.chain(bvh.faces.iter().map(single)).collect();
+            let clusters: Vec<Cluster> = nodes.chain(bvh.faces.iter().map(Cluster::of)).collect();
             let groups = groups(&bvh, &clusters);
             let mut seen = vec![0; bvh.faces.len()];
             let everywhere = (Vec3::NEG_INFINITY, Vec3::INFINITY);

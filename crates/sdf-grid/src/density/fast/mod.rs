@@ -28,9 +28,7 @@ use self::packet::{Disc, Facet};
 use self::settings::Settings;
 use self::twins::Twin;
 use crate::bvh::Bvh;
-use crate::face::Face;
 use crate::kernel::CumulativeKernel;
-use crate::moments::Moments;
 
 /// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
 pub(crate) const LANES: usize = 16;
@@ -92,8 +90,7 @@ impl<'a> PacketDensity<'a> {
     pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
         let settings = Settings::new(tolerance, table.kernel().sigma());
         let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
-        let single = |f: &Face| Cluster::new(&Moments::of(std::slice::from_ref(f)));
-        let clusters: Vec<Cluster> = nodes.chain(bvh.faces.par_iter().map(single)).collect();
+        let clusters: Vec<Cluster> = nodes.chain(bvh.faces.par_iter().map(Cluster::of)).collect();
         Self {
             bvh,
             distance: PacketDistance::new(bvh),

@@ -1,5 +1,8 @@
 //! Which edges of faces are the same line.
 
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -32,30 +35,91 @@ impl Twin {
     }
 }
 
+/// Lists of edges, by bits of their keys: a power of two. Each is small enough for the nearest caches.
+const SHARDS: u64 = 16;
+
+/// That of an edge which is not there.
+const NO_KEY: u64 = 0;
+
+/// No edge.
+const NO_HALF: u32 = u32::MAX;
+
 /// The twin of every edge of every face. An edge that more than two faces have, or that another face
 /// has only in part, has none: that costs time, not accuracy.
 pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
-    let mut twins = vec![[Twin::NONE; 4]; faces.len()];
     if faces.len() >= MAX_FACES {
-        return twins;
+        return vec![[Twin::NONE; 4]; faces.len()];
     }
-    let mut halves: Vec<(u64, u32)> = (faces.par_iter().enumerate())
-        .flat_map_iter(|(i, f)| (0..f.count).map(move |k| (key(ends(f, k)), (4 * i + k) as u32)))
-        .collect();
-    halves.par_sort_unstable();
+    let keys = |f: &Face| -> [u64; 4] {
+        std::array::from_fn(|k| if k < f.count { key(ends(f, k)) } else { NO_KEY })
+    };
+    let keys: Vec<[u64; 4]> = faces.par_iter().map(keys).collect();
+    let pairs = |shard| pairs(&keys, shard);
+    let pairs: Vec<Vec<[u32; 2]>> = (0..SHARDS).into_par_iter().map(pairs).collect();
+    let mut partners = vec![[NO_HALF; 4]; faces.len()];
     let place = |half: u32| (half as usize / 4, half as usize % 4);
-    // Corners lie all over memory: looking them up takes longest.
-    let found = halves.par_chunk_by(|a, b| a.0 == b.0).filter_map(|pair| {
-        let [(_, a), (_, b)] = *pair else { return None };
+    for [a, b] in pairs.into_iter().flatten() {
         let ((i, k), (j, l)) = (place(a), place(b));
-        coplanar(&faces[i], k, &faces[j], l).map(|coplanar| (a, b, coplanar))
-    });
-    for (a, b, coplanar) in found.collect::<Vec<_>>() {
-        let ((i, k), (j, l)) = (place(a), place(b));
-        twins[i][k] = Twin::new(j, l, coplanar);
-        twins[j][l] = Twin::new(i, k, coplanar);
+        partners[i][k] = b;
+        partners[j][l] = a;
     }
-    twins
+    // In the order of the faces: neighbours are mostly near in memory, too.
+    let twin = |i: usize, k: usize| {
+        if partners[i][k] == NO_HALF {
+            return Twin::NONE;
+        }
+        let (j, l) = place(partners[i][k]);
+        match coplanar(&faces[i], k, &faces[j], l) {
+            Some(coplanar) => Twin::new(j, l, coplanar),
+            None => Twin::NONE,
+        }
+    };
+    let of_face = |i: usize| std::array::from_fn(|k| twin(i, k));
+    (0..faces.len()).into_par_iter().map(of_face).collect()
+}
+
+/// Edges that share a key no other edge has, of the keys of one shard; edge `k` of face `i` is `4 i + k`.
+fn pairs(keys: &[[u64; 4]], shard: u64) -> Vec<[u32; 2]> {
+    let mut found: HashMap<u64, Holders, BuildHasherDefault<Mixed>> = HashMap::default();
+    for (i, keys) in keys.iter().enumerate() {
+        for (k, key) in keys.iter().enumerate() {
+            if key >> 32 & (SHARDS - 1) == shard && *key != NO_KEY {
+                let half = (4 * i + k) as u32;
+                let holders = found.entry(*key).or_default();
+                if let Some(place) = holders.edges.get_mut(holders.count) {
+                    *place = half;
+                }
+                holders.count += 1;
+            }
+        }
+    }
+    let pair = |h: &Holders| (h.count == 2).then_some(h.edges);
+    found.values().filter_map(pair).collect()
+}
+
+/// The first edges with a key, and how many there are.
+#[derive(Default)]
+struct Holders {
+    edges: [u32; 2],
+    count: usize,
+}
+
+/// Takes keys for hashes: they are mixed already.
+#[derive(Default)]
+struct Mixed(u64);
+
+impl Hasher for Mixed {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, _: &[u8]) {
+        unreachable!("keys are of 64 bits");
+    }
+
+    fn write_u64(&mut self, key: u64) {
+        self.0 = key;
+    }
 }
 
 /// Whether two faces whose edges `k` and `l` are twins lie in one plane; none if they are no twins.

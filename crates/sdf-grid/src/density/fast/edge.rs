@@ -119,10 +119,14 @@ impl<S: Simd> Line<S> {
             let t = half.mul_add(*place, middle);
             let t2 = t * t;
             let [rise] = kernel.rise([t2.mul_add(inverse_squared, base)]);
+            let mut w = [zero; N];
             for n in 0..N {
-                let w = *weight / (t2 + squares[n]);
+                w[n] = t2 + squares[n];
+            }
+            quotients(*weight, &mut w);
+            for n in 0..N {
                 for c in 0..2 {
-                    sums[n][c] = (rise[c] - sides[n].k0[c]).mul_add(w, sums[n][c]);
+                    sums[n][c] = (rise[c] - sides[n].k0[c]).mul_add(w[n], sums[n][c]);
                 }
             }
         }
@@ -142,6 +146,22 @@ impl<S: Simd> Line<S> {
         let y2 = none.select(f32x16::splat(d.token(), 0.0), y2);
         let (x, y) = (x1 * x2 + y1 * y2, y1 * x2 - x1 * y2);
         atan2(y.abs(), x).copysign(d)
+    }
+}
+
+/// Replaces one or two denominators by the quotients of `weight` and each, with one division.
+#[inline(always)]
+fn quotients<S: Simd, const N: usize>(weight: f32, denominators: &mut [f32x16<S>; N]) {
+    match denominators.as_mut_slice() {
+        [a, b] => {
+            let both = weight / (*a * *b);
+            (*a, *b) = (both * *b, both * *a);
+        }
+        others => {
+            for d in others {
+                *d = weight / *d;
+            }
+        }
     }
 }
 

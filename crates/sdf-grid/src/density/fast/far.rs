@@ -195,6 +195,8 @@ struct Seen<S: Simd> {
     /// `|r|`.
     u: f32x16<S>,
     inverse_u: f32x16<S>,
+    /// `1 / (1 + u^2)`.
+    w: f32x16<S>,
 }
 
 impl<S: Simd> Seen<S> {
@@ -208,10 +210,14 @@ impl<S: Simd> Seen<S> {
         ];
         let squared = r[0].mul_add(r[0], r[1].mul_add(r[1], r[2] * r[2]));
         let u = squared.max(1e-30).sqrt();
+        // One division for two.
+        let more = squared + 1.0;
+        let both = 1.0 / (u * more);
         Self {
             r,
             u,
-            inverse_u: 1.0 / u,
+            inverse_u: both * more,
+            w: both * u,
         }
     }
 
@@ -238,13 +244,12 @@ impl<S: Simd> Seen<S> {
         // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
         let inverse_width = (inverse_sigma * inverse_sigma + 25.0).sqrt();
         let front = angular * query.inverse * (cluster.radius * density.settings.front as f32);
-        let size = (extent + front) * inverse_width / tail;
-        let counts = x.simd_lt(density.kernel.reach) & query.counts;
-        let size = counts.select(size, zero);
+        let size = (extent + front) * inverse_width;
         let settings = &density.settings;
-        size.reduce_max() < settings.size as f32
-            && (cluster.spread == 0.0
-                || (size * angular * cluster.spread).reduce_max() < settings.bend as f32)
+        let small = size.simd_lt(tail * settings.size as f32);
+        let straight = (size * angular * cluster.spread).simd_lt(tail * settings.bend as f32);
+        let counts = x.simd_lt(density.kernel.reach) & query.counts;
+        !(counts & !(small & straight)).any_true()
     }
 
     /// Adds the cluster's second-order expansion ([`Moments::far_field`]).
@@ -261,7 +266,7 @@ impl<S: Simd> Seen<S> {
         if !counts.any_true() {
             return;
         }
-        let [g, g1, g2] = density.kernel.radial(self.u, self.inverse_u);
+        let [g, g1, g2] = density.kernel.radial(self.u, self.inverse_u, self.w);
         let (m, s) = (&cluster.normal_moment, &cluster.cubic);
         let [x, y, z] = self.r;
         let (xx, yy, zz) = (x * x, y * y, z * z);

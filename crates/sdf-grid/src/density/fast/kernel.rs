@@ -83,15 +83,19 @@ impl PacketKernel {
         ]
     }
 
-    /// `G(u)`, `G'(u)`, `G''(u)` of [`crate::DensityKernel::radial`], each real and imaginary, given `u`
-    /// and `1 / u`.
+    /// `G(u)`, `G'(u)`, `G''(u)` of [`crate::DensityKernel::radial`], each real and imaginary, given `u`,
+    /// `1 / u` and `1 / (1 + u^2)`.
     #[inline(always)]
-    pub(crate) fn radial<S: Simd>(&self, u: f32x16<S>, iu: f32x16<S>) -> [[f32x16<S>; 2]; 3] {
+    pub(crate) fn radial<S: Simd>(
+        &self,
+        u: f32x16<S>,
+        iu: f32x16<S>,
+        w: f32x16<S>,
+    ) -> [[f32x16<S>; 2]; 3] {
         let is = 1.0 / self.sigma;
         let x = (u - 1.0) * is;
         let e = exp(x * x * -0.5) * (is / (2.0 * std::f32::consts::PI));
         let u2 = u * u;
-        let w = 1.0 / (u2 + 1.0);
         let (w2, v) = (w * w, 1.0 - u2);
         let (w3, w4) = (w2 * w, w2 * w2);
         let iu2 = iu * iu;

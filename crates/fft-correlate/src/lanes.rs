@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use fearless_simd::prelude::*;
+use sdf_grid::huge_pages;
 
 use crate::radix::Complex;
 use crate::real::Real;
@@ -49,27 +50,6 @@ const MAX_LANES: usize = 16;
 #[repr(C, align(64))]
 struct CacheLine([u8; 64]);
 
-/// Large buffers are read in strides of a kibibyte and more: with pages of 4 KiB the addresses of
-/// most of them would have to be looked up again and again.
-fn ask_for_huge_pages(lines: &[CacheLine]) {
-    #[cfg(target_os = "linux")]
-    {
-        const PAGE: usize = 4096;
-        let bytes = lines.as_ptr_range();
-        let first = (bytes.start as usize).next_multiple_of(PAGE);
-        let len = (bytes.end as usize).saturating_sub(first) / PAGE * PAGE;
-        if len >= 2 << 20 {
-            use rustix::mm::{Advice, madvise};
-            let start = bytes.start.wrapping_byte_add(first - bytes.start as usize);
-            // SAFETY: whole pages of the allocation; the advice changes no content. If the kernel
-            // knows no such pages, nothing is lost.
-            let _ = unsafe { madvise(start.cast_mut().cast(), len, Advice::LinuxHugepage) };
-        }
-    }
-    #[cfg(not(target_os = "linux"))]
-    let _ = lines;
-}
-
 /// Zeroed numbers that begin on a cache line.
 pub(crate) struct Buffer<T> {
     lines: Vec<CacheLine>,
@@ -80,7 +60,8 @@ impl<T: Real> Buffer<T> {
     pub(crate) fn zeroed(len: usize) -> Self {
         let lines = (len * size_of::<T>()).div_ceil(size_of::<CacheLine>());
         let lines = bytemuck::zeroed_vec(lines);
-        ask_for_huge_pages(&lines);
+        // Read in strides of a kibibyte and more.
+        huge_pages::ask(&lines);
         Self {
             lines,
             kind: std::marker::PhantomData,

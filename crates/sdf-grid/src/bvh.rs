@@ -68,7 +68,7 @@ impl Bvh {
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
         let faces = coplanar::merged(mesh.triangles(), &corners);
-        Self::over(build::tree(faces.len(), |i| Some(faces[i])), centre, scale)
+        Self::over(build::tree(faces.len(), |i| faces.get(i)), centre, scale)
     }
 
     fn over((nodes, faces): (Vec<Node>, Vec<Face>), centre: DVec3, scale: f64) -> Self {

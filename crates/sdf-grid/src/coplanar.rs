@@ -34,8 +34,39 @@ const MAX_PIECES: usize = 200_000;
 
 const NONE: u32 = u32::MAX;
 
+/// Faces in lists one after the other: to put them in one would move each once more.
+pub(crate) struct Pieces {
+    lists: Vec<Vec<Face>>,
+    /// Where each list ends in the order of all.
+    ends: Vec<usize>,
+}
+
+impl Pieces {
+    fn new(lists: Vec<Vec<Face>>) -> Self {
+        let mut count = 0;
+        let ends = lists.iter().map(|list| {
+            count += list.len();
+            count
+        });
+        Self {
+            ends: ends.collect(),
+            lists,
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.ends.last().copied().unwrap_or(0)
+    }
+
+    pub(crate) fn get(&self, index: usize) -> Option<Face> {
+        let list = self.ends.partition_point(|end| *end <= index);
+        let start = list.checked_sub(1).map_or(0, |before| self.ends[before]);
+        self.lists.get(list)?.get(index - start).copied()
+    }
+}
+
 /// Faces that cover the triangles of corners `vertices[i]`. Deterministic.
-pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3]) -> Vec<Face> {
+pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3]) -> Pieces {
     let plane = |t: &[u32; 3]| Plane::of(t.map(|v| vertices[v as usize]));
     let planes = || indices.par_iter().map(plane).collect();
     let (neighbours, planes) = rayon::join(|| neighbours(indices, vertices.len()), planes);
@@ -56,10 +87,10 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3]) -> Vec<Face> {
         .collect();
     let count: usize = faces.iter().map(Vec::len).sum();
     let cuts = (MAX_PIECES / count.max(1)).checked_ilog2().unwrap_or(0);
-    let pieces: Vec<Vec<Face>> = (faces.into_par_iter())
-        .map(|list| cut_across(list, cuts.min(MAX_CUTS)))
-        .collect();
-    pieces.concat()
+    let pieces = faces
+        .into_par_iter()
+        .map(|list| cut_across(list, cuts.min(MAX_CUTS)));
+    Pieces::new(pieces.collect())
 }
 
 /// What the growth of regions asks of a triangle.

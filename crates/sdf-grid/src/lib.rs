@@ -10,6 +10,8 @@ mod coplanar;
 pub mod density;
 mod face;
 pub mod field_cache;
+#[doc(hidden)]
+pub mod huge_pages;
 pub mod hygiene;
 pub mod kernel;
 pub mod lattice;

@@ -216,6 +216,8 @@ impl<'a> PatchDensity<'a> {
         values: &mut PatchValues,
     ) {
         values.reset(patch.len());
+        // Results must not depend on which patch came before on this thread.
+        values.walk.restart();
         let mut bricks = std::mem::take(&mut values.bricks);
         patch.cut(&mut bricks);
         for brick in &bricks {

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::groups::{Below, Group, Members};
 use super::near::{NearFaces, Query};
 use super::packet::Packet;
+use super::settings::{Far, Settings};
 use super::{Lanes, PacketDensity, Points};
 use crate::face::Face;
 use crate::moments::Moments;
@@ -55,7 +56,19 @@ pub(crate) struct Walk {
     /// Groups to look at.
     waiting: Vec<u32>,
     near: NearFaces,
+    /// Whether clusters cancelled at the packet before.
+    cancelled: bool,
 }
+
+impl Walk {
+    /// Forgets the packet before: what it leaves changes results by what the tolerance allows.
+    pub(crate) fn restart(&mut self) {
+        self.cancelled = false;
+    }
+}
+
+/// Where clusters add up to this many times their sum they cancel, and their errors weigh more.
+const CANCELLING: f32 = 1.1;
 
 /// See [`PacketDensity::integrals`].
 #[simd]
@@ -68,40 +81,92 @@ pub(crate) fn integrals<S: Simd>(
 ) -> [Lanes; 2] {
     let packet = Packet::new(simd, points);
     let query = Query::new(density, f32x16::simd_from(simd, *distances));
-    let glance = Glance::new(density, &packet, &query);
+    let Settings {
+        far,
+        far_cancelling,
+        ..
+    } = &density.settings;
+    let mut limits = Limits {
+        open: if walk.cancelled { far_cancelling } else { far },
+        folded: far_cancelling,
+    };
+    let (mut sum, mut cancelled) = accumulate(density, &packet, &query, &limits, walk);
+    if cancelled && !walk.cancelled {
+        limits.open = far_cancelling;
+        (sum, cancelled) = accumulate(density, &packet, &query, &limits, walk);
+    }
+    // Neighbours are alike: mostly saves the first of two attempts.
+    walk.cancelled = cancelled;
+    let zero = packet.splat(0.0);
+    // Lanes to leave out hold numbers without meaning.
+    sum.map(|s| query.counts.select(s, zero).into())
+}
+
+/// Which clusters are far.
+struct Limits<'a> {
+    /// Of those whose normals spread little.
+    open: &'a Far,
+    /// Of the others, in which front and back may cancel unseen.
+    folded: &'a Far,
+}
+
+/// The sine of the angle between a cluster's normals and their mean from which on it is folded.
+const FOLDED: f32 = 0.7;
+
+impl Limits<'_> {
+    fn of(&self, cluster: &Cluster) -> &Far {
+        if cluster.spread < FOLDED {
+            self.open
+        } else {
+            self.folded
+        }
+    }
+}
+
+/// The sum over clusters that are far and near faces, and whether clusters cancel.
+#[inline(always)]
+fn accumulate<S: Simd>(
+    density: &PacketDensity<'_>,
+    packet: &Packet<S>,
+    query: &Query<S>,
+    limits: &Limits<'_>,
+    walk: &mut Walk,
+) -> ([f32x16<S>; 2], bool) {
+    let glance = Glance::new(density, packet, query, limits);
     let mut sum = [packet.splat(0.0); 2];
+    let mut magnitude = packet.splat(0.0);
     walk.near.prepare(density.bvh.faces.len());
     walk.waiting.clear();
     walk.waiting.push(0);
     while let Some(id) = walk.waiting.pop() {
         let group = &density.groups[id as usize];
-        let [reached, perhaps_far] = glance.at(simd, group);
+        let [reached, perhaps_far] = glance.at(packet.simd, group);
         let mut members = group.top & reached;
         while members != 0 {
             let place = members.trailing_zeros() as usize;
             members &= members - 1;
             if perhaps_far >> place & 1 == 1 {
                 let cluster = &density.clusters[group.cluster[place] as usize];
-                let seen = Seen::new(&packet, &query, cluster);
-                if seen.is_far(density, cluster, &query) {
-                    seen.add(density, cluster, &query, &mut sum);
+                let seen = Seen::new(packet, query, cluster);
+                if seen.is_far(density, cluster, query, limits.of(cluster)) {
+                    seen.add(density, cluster, query, &mut sum, &mut magnitude);
                     continue;
                 }
             }
             match group.below[place] {
                 Below::Face(face) => {
                     let near = &mut walk.near;
-                    near.add(density, &packet, &query, face as usize, &mut sum);
+                    near.add(density, packet, query, face as usize, &mut sum);
                 }
                 Below::Members(below) => members |= below & reached,
                 Below::Group(below) => walk.waiting.push(below),
             }
         }
     }
-    walk.near.add_waiting(density, &packet, &query, &mut sum);
-    let zero = packet.splat(0.0);
-    // Lanes to leave out hold numbers without meaning.
-    sum.map(|s| query.counts.select(s, zero).into())
+    walk.near.add_waiting(density, packet, query, &mut sum);
+    let total = sum[0].abs() + sum[1].abs();
+    let cancels = magnitude.simd_gt(total * CANCELLING) & query.counts;
+    (sum, cancels.any_true())
 }
 
 /// What tells whether a cluster may be far from a packet, or out of reach, without a look at its points.
@@ -118,14 +183,20 @@ struct Glance {
     inverse_sigma: f32,
     /// One over the length, in distances, over which the kernel varies.
     inverse_width: f32,
-    size: f32,
-    front: f32,
-    bend: f32,
+    /// [`Far`] of open and of folded clusters.
+    size: [f32; 2],
+    front: [f32; 2],
+    bend: [f32; 2],
 }
 
 impl Glance {
     #[inline(always)]
-    fn new<S: Simd>(density: &PacketDensity<'_>, packet: &Packet<S>, query: &Query<S>) -> Self {
+    fn new<S: Simd>(
+        density: &PacketDensity<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
+        limits: &Limits<'_>,
+    ) -> Self {
         let least = query
             .counts
             .select(query.xi, packet.splat(f32::INFINITY))
@@ -142,9 +213,9 @@ impl Glance {
             inverse_sigma,
             // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
             inverse_width: (inverse_sigma * inverse_sigma + 25.0).sqrt(),
-            size: density.settings.size as f32,
-            front: density.settings.front as f32,
-            bend: density.settings.bend as f32,
+            size: [limits.open, limits.folded].map(|far| far.size as f32),
+            front: [limits.open, limits.folded].map(|far| far.front as f32),
+            bend: [limits.open, limits.folded].map(|far| far.bend as f32),
         }
     }
 
@@ -180,10 +251,12 @@ impl Glance {
         let x = ((eta * self.inverse_mean - extent - 1.0) * self.inverse_sigma).max(zero);
         let x2 = x * x;
         let tail = x2.mul_add(x2.mul_add(splat(0.014), splat(0.17)), splat(1.0));
-        let front = angular * radius * (self.front / self.least);
+        let open = spread.simd_lt(splat(FOLDED));
+        let limit = |[a, b]: [f32; 2]| open.select(splat(a), splat(b));
+        let front = angular * radius * (limit(self.front) * (1.0 / self.least));
         let size = (extent + front) * self.inverse_width;
-        let far =
-            size.simd_lt(tail * self.size) & (size * angular * spread).simd_lt(tail * self.bend);
+        let bent = size * angular * spread;
+        let far = size.simd_lt(tail * limit(self.size)) & bent.simd_lt(tail * limit(self.bend));
         [reached, far].map(|mask| mask.to_bitmask() as u32)
     }
 }
@@ -230,7 +303,13 @@ impl<S: Simd> Seen<S> {
     /// Whether the second-order expansion is good enough for every point within reach: the spread
     /// of `u` over the cluster, in kernel widths, must be small; less so in the kernel's tail.
     #[inline(always)]
-    fn is_far(&self, density: &PacketDensity<'_>, cluster: &Cluster, query: &Query<S>) -> bool {
+    fn is_far(
+        &self,
+        density: &PacketDensity<'_>,
+        cluster: &Cluster,
+        query: &Query<S>,
+        far: &Far,
+    ) -> bool {
         let inverse_sigma = 1.0 / density.kernel.sigma;
         let zero = f32x16::splat(self.u.token(), 0.0);
         let angular = query.inverse * self.inverse_u * cluster.radius;
@@ -243,16 +322,15 @@ impl<S: Simd> Seen<S> {
         let tail = x2.mul_add(x2 * 0.014 + 0.17, f32x16::splat(self.u.token(), 1.0));
         // The Gaussian is not all that varies: the rest of the kernel does over about a fifth.
         let inverse_width = (inverse_sigma * inverse_sigma + 25.0).sqrt();
-        let front = angular * query.inverse * (cluster.radius * density.settings.front as f32);
+        let front = angular * query.inverse * (cluster.radius * far.front as f32);
         let size = (extent + front) * inverse_width;
-        let settings = &density.settings;
-        let small = size.simd_lt(tail * settings.size as f32);
-        let straight = (size * angular * cluster.spread).simd_lt(tail * settings.bend as f32);
+        let small = size.simd_lt(tail * far.size as f32);
+        let straight = (size * angular * cluster.spread).simd_lt(tail * far.bend as f32);
         let counts = x.simd_lt(density.kernel.reach) & query.counts;
         !(counts & !(small & straight)).any_true()
     }
 
-    /// Adds the cluster's second-order expansion ([`Moments::far_field`]).
+    /// Adds the cluster's second-order expansion ([`Moments::far_field`]), and its size to `magnitude`.
     #[inline(always)]
     fn add(
         &self,
@@ -260,6 +338,7 @@ impl<S: Simd> Seen<S> {
         cluster: &Cluster,
         query: &Query<S>,
         sum: &mut [f32x16<S>; 2],
+        magnitude: &mut f32x16<S>,
     ) {
         let x = (self.u - 1.0) * (1.0 / density.kernel.sigma);
         let counts: mask32x16<S> = x.simd_lt(density.kernel.reach) & query.counts;
@@ -303,7 +382,9 @@ impl<S: Simd> Seen<S> {
             let slope = g1[k] * self.inverse_u;
             let second = slope.mul_add(first, (g2[k] - slope) * bow);
             let value = g[k].mul_add(flat, second);
-            sum[k] += counts.select(value * scale, zero);
+            let value = counts.select(value * scale, zero);
+            sum[k] += value;
+            *magnitude += value.abs();
         }
     }
 }

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::far::Cluster;
 use crate::bvh::Bvh;
+use crate::huge_pages;
 use crate::mesh::Aabb;
 
 /// Nodes and faces in a group at most.
@@ -99,7 +100,7 @@ pub(crate) fn groups(bvh: &Bvh, clusters: &[Cluster]) -> Vec<Group> {
         }
         group
     };
-    shapes.par_iter().map(group).collect()
+    huge_pages::collect(shapes.par_iter().map(group))
 }
 
 /// The shape of each group. Those of one generation are found side by side.

@@ -28,6 +28,7 @@ use self::packet::{Disc, Facet};
 use self::settings::Settings;
 use self::twins::Twin;
 use crate::bvh::Bvh;
+use crate::huge_pages;
 use crate::kernel::CumulativeKernel;
 
 /// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
@@ -54,9 +55,9 @@ impl<'a> PacketDistance<'a> {
     pub(crate) fn new(bvh: &'a Bvh) -> Self {
         Self {
             bvh,
-            facets: bvh.faces.par_iter().map(Facet::new).collect(),
-            discs: bvh.nodes.par_iter().map(Disc::new).collect(),
-            face_discs: bvh.faces.par_iter().map(Disc::of).collect(),
+            facets: huge_pages::collect(bvh.faces.par_iter().map(Facet::new)),
+            discs: huge_pages::collect(bvh.nodes.par_iter().map(Disc::new)),
+            face_discs: huge_pages::collect(bvh.faces.par_iter().map(Disc::of)),
             level: Level::new(),
         }
     }
@@ -90,7 +91,7 @@ impl<'a> PacketDensity<'a> {
     pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
         let settings = Settings::new(tolerance, table.kernel().sigma());
         let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
-        let clusters: Vec<Cluster> = nodes.chain(bvh.faces.par_iter().map(Cluster::of)).collect();
+        let clusters = huge_pages::collect(nodes.chain(bvh.faces.par_iter().map(Cluster::of)));
         Self {
             bvh,
             distance: PacketDistance::new(bvh),

@@ -5,6 +5,17 @@
 pub(crate) struct Settings {
     /// Kernel widths beyond which a boundary point does not count.
     pub(crate) reach: f64,
+    /// Which clusters are far.
+    pub(crate) far: Far,
+    /// The same where clusters cancel: front and back of thin parts.
+    pub(crate) far_cancelling: Far,
+    /// Gauss points per half edge length in units of the length over which the integrand varies.
+    pub(crate) density: f64,
+}
+
+/// Which clusters are far.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Far {
     /// A cluster is far if its size in kernel widths is below this.
     pub(crate) size: f64,
     /// Seen from its front, a cluster's distances vary with the square of the place, of which the
@@ -13,38 +24,38 @@ pub(crate) struct Settings {
     pub(crate) front: f64,
     /// And that size times its spread of normals, seen from the point, below this.
     pub(crate) bend: f64,
-    /// Gauss points per half edge length in units of the length over which the integrand varies.
-    pub(crate) density: f64,
+}
+
+impl Far {
+    const fn new(size: f64, front: f64, bend: f64) -> Self {
+        Self { size, front, bend }
+    }
 }
 
 /// Settings for 1e-2, 1e-3, 1e-4 and 1e-5, interpolated between in the logarithm.
 const TABLE: [Settings; 4] = [
     Settings {
         reach: 2.7,
-        size: 1.5,
-        front: 1.5,
-        bend: 0.013,
+        far: Far::new(1.9, 1.5, 0.039),
+        far_cancelling: Far::new(1.5, 1.5, 0.013),
         density: 1.2,
     },
     Settings {
         reach: 3.6,
-        size: 1.5,
-        front: 3.5,
-        bend: 0.009,
+        far: Far::new(1.95, 3.5, 0.027),
+        far_cancelling: Far::new(1.5, 3.5, 0.009),
         density: 1.6,
     },
     Settings {
         reach: 4.5,
-        size: 0.7,
-        front: 4.5,
-        bend: 0.0018,
+        far: Far::new(0.91, 4.5, 0.0054),
+        far_cancelling: Far::new(0.7, 4.5, 0.0018),
         density: 2.5,
     },
     Settings {
         reach: 5.2,
-        size: 0.28,
-        front: 4.5,
-        bend: 0.0005,
+        far: Far::new(0.33, 4.5, 0.0008),
+        far_cancelling: Far::new(0.28, 4.5, 0.0005),
         density: 4.9,
     },
 ];
@@ -55,16 +66,20 @@ impl Settings {
         let place = (-tolerance.log10() - 2.0).clamp(0.0, 3.0);
         let i = (place as usize).min(2);
         let f = place - i as f64;
-        let (a, b) = (TABLE[i], TABLE[i + 1]);
+        let (a, b) = (&TABLE[i], &TABLE[i + 1]);
         let line = |a: f64, b: f64| a + (b - a) * f;
         let power = |a: f64, b: f64| a * (b / a).powf(f);
+        let far = |a: Far, b: Far| Far {
+            size: power(a.size, b.size),
+            front: power(a.front, b.front),
+            bend: power(a.bend, b.bend),
+        };
         Self {
             // The wider the kernel, the more front and back of thin parts cancel, and the more
             // the tail of the kernel shows.
             reach: line(a.reach, b.reach) + 1.4 * sigma,
-            size: power(a.size, b.size),
-            front: power(a.front, b.front),
-            bend: power(a.bend, b.bend),
+            far: far(a.far, b.far),
+            far_cancelling: far(a.far_cancelling, b.far_cancelling),
             density: line(a.density, b.density),
         }
     }

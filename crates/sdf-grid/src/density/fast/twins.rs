@@ -63,19 +63,28 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
         partners[i][k] = b;
         partners[j][l] = a;
     }
-    // In the order of the faces: neighbours are mostly near in memory, too.
-    let twin = |i: usize, k: usize| {
-        if partners[i][k] == NO_HALF {
-            return Twin::NONE;
-        }
+    // Corners lie all over memory and looking them up takes longest: each pair once, in the order of the faces,
+    // whose neighbours are mostly near in memory, too.
+    let first = |i: usize, k: usize| {
         let (j, l) = place(partners[i][k]);
-        match coplanar(&faces[i], k, &faces[j], l) {
+        let twin = || coplanar(&faces[i], k, &faces[j], l);
+        match (partners[i][k] != NO_HALF && i < j).then(twin).flatten() {
             Some(coplanar) => Twin::new(j, l, coplanar),
             None => Twin::NONE,
         }
     };
-    let of_face = |i: usize| std::array::from_fn(|k| twin(i, k));
-    (0..faces.len()).into_par_iter().map(of_face).collect()
+    let of_face = |i: usize| std::array::from_fn(|k| first(i, k));
+    let mut twins: Vec<[Twin; 4]> = (0..faces.len()).into_par_iter().map(of_face).collect();
+    for i in 0..faces.len() {
+        for k in 0..4 {
+            if let Some((j, l, coplanar)) = twins[i][k].get()
+                && i < j
+            {
+                twins[j][l] = Twin::new(i, k, coplanar);
+            }
+        }
+    }
+    twins
 }
 
 /// Edges that share a key no other edge has, of the keys of one shard; edge `k` of face `i` is `4 i + k`.

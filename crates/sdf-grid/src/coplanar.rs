@@ -32,6 +32,9 @@ const MAX_CUTS: u32 = 5;
 /// Large meshes are cut less, so that cutting makes no more faces than about this many.
 const MAX_PIECES: usize = 200_000;
 
+/// Regions of more triangles than this are shared out one by one.
+const LARGE: usize = 32;
+
 const NONE: u32 = u32::MAX;
 
 /// Faces in lists one after the other: to put them in one would move each once more.
@@ -77,13 +80,18 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3]) -> Pieces {
         neighbours,
     };
     let regions = surface.regions();
-    // Lists of as many regions as rayon likes, one after the other: their order is the regions'.
-    let faces: Vec<Vec<Face>> = (0..regions.count())
-        .into_par_iter()
-        .fold(Vec::new, |mut faces, id| {
-            surface.cover(&regions, id, &mut faces);
-            faces
-        })
+    // Of the small ones, lists of as many as rayon likes, one after the other: their order is the regions'.
+    let (large, small): (Vec<usize>, Vec<usize>) =
+        (0..regions.count()).partition(|id| regions.get(*id).len() > LARGE);
+    let cover = |mut faces: Vec<Face>, id: &usize| {
+        surface.cover(&regions, *id, &mut faces);
+        faces
+    };
+    let alone = large.par_iter().with_max_len(1);
+    let together = small.par_iter().fold(Vec::new, cover);
+    let faces: Vec<Vec<Face>> = alone
+        .map(|id| cover(Vec::new(), id))
+        .chain(together)
         .collect();
     let count: usize = faces.iter().map(Vec::len).sum();
     let cuts = (MAX_PIECES / count.max(1)).checked_ilog2().unwrap_or(0);

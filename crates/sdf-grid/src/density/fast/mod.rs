@@ -90,14 +90,21 @@ impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
     pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
         let settings = Settings::new(tolerance, table.kernel().sigma());
-        let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
-        let clusters = huge_pages::collect(nodes.chain(bvh.faces.par_iter().map(Cluster::of)));
+        let far = || {
+            let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
+            let faces = bvh.faces.par_iter().map(Cluster::of);
+            let clusters = huge_pages::collect(nodes.chain(faces));
+            (groups::groups(bvh, &clusters), clusters)
+        };
+        let near = || (twins::twins(&bvh.faces), PacketDistance::new(bvh));
+        // Side by side: both have parts that one thread does.
+        let ((groups, clusters), (twins, distance)) = rayon::join(far, near);
         Self {
             bvh,
-            distance: PacketDistance::new(bvh),
-            groups: groups::groups(bvh, &clusters),
+            distance,
             clusters,
-            twins: twins::twins(&bvh.faces),
+            groups,
+            twins,
             kernel: PacketKernel::new(table, &settings, tolerance),
             settings,
             level: Level::new(),

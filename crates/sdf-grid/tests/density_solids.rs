@@ -124,12 +124,13 @@ fn tolerances_hold_on_the_axis_of_a_cylinder() {
     }
 }
 
-/// On a cube of twice a needle most nodes see both of its sides nearly cancel. The worst of 200 solids.
+/// On a cube of twice a needle most nodes see both of its sides nearly cancel. The worst of 200 solids; and two that
+/// miss 1e-3 by a half to four times where the cancelling of clusters, or inside of clusters, is overlooked.
 #[test]
 fn tolerances_hold_far_from_needles() {
     let sigma = 0.03;
     let kernel = DensityKernel::new(sigma).unwrap();
-    for seed in [123, 135, 189] {
+    for seed in [9, 39, 123, 135, 189] {
         let mesh = random_solid(seed).unwrap();
         let reference = ReferenceDensity::new(&mesh, &kernel);
         let (bounds, size) = (mesh.bounds(), mesh.bounds().size().max_element());

@@ -28,24 +28,43 @@ pub(super) fn sample<S: Simd, T: Real>(
     let within = turned.bounds[2].clone();
     let Range { start, end } = turned.hull.range(simd, x, y, lanes, within);
     let mut filled = start..start;
-    let mut cells = [Cells::<T::Eight<S>> {
+    let mut cells = [[Cells::<T::Eight<S>> {
         places: [0; 8],
         fractions: [T::Eight::<S>::splat(simd, T::zero()); 3],
-    }; PATCH];
+    }; PATCH * MOST_PARTS]; 2];
+    let [mut next, mut current] = cells.each_mut();
+    let rows = rows(turned);
+    let ask = size_of_val(turned.field.values.as_slice().unwrap_or_default()) > CACHED;
+    let numbers = |z: Range<usize>| 2 * lanes * z.start..2 * lanes * z.end;
+    // The patch whose cells are known, and whose values are on their way.
+    let mut known = start..start;
     for z in (start..end).step_by(PATCH) {
-        let count = PATCH.min(end - z);
+        let patch = z..(z + PATCH).min(end);
         let at = corner + sz * z as f64;
-        let samples = &mut bundle[2 * lanes * z..2 * lanes * (z + count)];
-        if turned.field.occupied.near(at + middle) {
-            sample_patch(simd, turned, at, &mut cells, samples);
-            filled.start = if filled.is_empty() { z } else { filled.start };
-            filled.end = z + count;
-        } else {
-            samples.fill(T::zero());
+        if !turned.field.occupied.near(at + middle) {
+            bundle[numbers(patch)].fill(T::zero());
+            continue;
         }
+        find_patch(simd, turned, at, next);
+        if ask {
+            ask_for(rows, next);
+        }
+        if !known.is_empty() {
+            sample_patch(simd, rows, current, &mut bundle[numbers(known)]);
+        }
+        std::mem::swap(&mut next, &mut current);
+        filled.start = if filled.is_empty() { z } else { filled.start };
+        filled.end = patch.end;
+        known = patch;
+    }
+    if !known.is_empty() {
+        sample_patch(simd, rows, current, &mut bundle[numbers(known)]);
     }
     filled
 }
+
+/// Parts of eight lanes of a patch at most.
+const MOST_PARTS: usize = 2;
 
 /// Eight samples before any value is read.
 #[derive(Clone, Copy)]
@@ -56,35 +75,64 @@ struct Cells<V> {
     fractions: [V; 3],
 }
 
-/// Samples a patch, the first sample at index `at` of the field: in eights, of eight lanes at one
-/// z or of fewer lanes at several.
-#[inline(always)]
-fn sample_patch<S: Simd, T: Real>(
-    simd: S,
-    turned: &Turned<'_, T>,
-    at: DVec3,
-    cells: &mut [Cells<T::Eight<S>>; PATCH],
-    samples: &mut [T],
-) {
-    let lanes = T::Native::<S>::LEN;
-    let (across, group) = (lanes.min(8), 2 * lanes.max(8));
-    let cells = &mut cells[..samples.len().div_ceil(group)];
+/// The field's numbers from the near and the far y of the near and the far x of cells on.
+fn rows<T: Real>(turned: &Turned<'_, T>) -> [Tile<T>; 4] {
     let values = turned.field.values.as_slice();
     let values = values.expect("made in standard layout");
     let (_, ny, nz) = turned.field.values.dim();
     let numbers = Tile::<T>::shared(bytemuck::cast_slice(values));
-    let corners = [0, nz, ny * nz, ny * nz + nz];
-    let mut rows = [numbers; 4];
-    for (row, corner) in rows.iter_mut().zip(corners) {
-        // SAFETY: a field has more than two rows in more than two planes.
-        *row = unsafe { numbers.from(2 * corner) };
+    // SAFETY: a field has more than two rows in more than two planes.
+    [0, nz, ny * nz, ny * nz + nz].map(|corner| unsafe { numbers.from(2 * corner) })
+}
+
+/// Where the samples of a patch lie, the first at index `at` of the field: in eights, of eight lanes at one
+/// z or of fewer lanes at several.
+#[inline(always)]
+fn find_patch<S: Simd, T: Real>(
+    simd: S,
+    turned: &Turned<'_, T>,
+    at: DVec3,
+    cells: &mut [Cells<T::Eight<S>>],
+) {
+    let lanes = T::Native::<S>::LEN;
+    let across = lanes.min(8);
+    let parts = cells.chunks_mut(PATCH * across / 8).take(lanes / across);
+    for (part, cells) in parts.enumerate() {
+        find_cells(simd, turned, at, part * across, cells);
     }
-    for first in (0..lanes).step_by(across) {
-        // All coordinates before all values: loads that wait for coordinates one after the other
-        // would wait long.
-        find_cells(simd, turned, at, first, cells);
-        // Kept in memory: to take places out of vectors one by one takes longer.
-        let cells: &[_] = std::hint::black_box(&*cells);
+}
+
+/// Fields of fewer bytes stay in the second-level cache by themselves.
+const CACHED: usize = 512 << 10;
+
+/// Asks for the values of cells ahead of their use.
+#[inline(always)]
+fn ask_for<T: Real, V>(rows: [Tile<T>; 4], cells: &[Cells<V>]) {
+    for place in cells.iter().flat_map(|eight| eight.places) {
+        // Two corners of four: neighbours ask for the others.
+        rows[0].fetch(2 * place as usize);
+        rows[3].fetch(2 * place as usize);
+    }
+}
+
+/// Samples a patch.
+#[inline(always)]
+fn sample_patch<S: Simd, T: Real>(
+    simd: S,
+    rows: [Tile<T>; 4],
+    cells: &[Cells<T::Eight<S>>],
+    samples: &mut [T],
+) {
+    let lanes = T::Native::<S>::LEN;
+    let (across, group) = (lanes.min(8), 2 * lanes.max(8));
+    // Kept in memory: to take places out of vectors one by one takes longer.
+    let cells: &[_] = std::hint::black_box(cells);
+    for (part, cells) in cells
+        .chunks(PATCH * across / 8)
+        .take(lanes / across)
+        .enumerate()
+    {
+        let first = part * across;
         for (elements, cells) in samples.chunks_mut(group).zip(cells) {
             // SAFETY: places are such that all corners of the cells lie within the field.
             let [re, im] = unsafe { interpolated(simd, rows, cells) };

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use fearless_simd::prelude::*;
-use sdf_grid::huge_pages;
+use sdf_grid::large;
 
 use crate::radix::Complex;
 use crate::real::Real;
@@ -61,7 +61,7 @@ impl<T: Real> Buffer<T> {
         let lines = (len * size_of::<T>()).div_ceil(size_of::<CacheLine>());
         let lines = bytemuck::zeroed_vec(lines);
         // Read in strides of a kibibyte and more.
-        huge_pages::ask(&lines);
+        large::ask_for_large_pages(&lines);
         Self {
             lines,
             kind: std::marker::PhantomData,

@@ -10,10 +10,10 @@ mod coplanar;
 pub mod density;
 mod face;
 pub mod field_cache;
-#[doc(hidden)]
-pub mod huge_pages;
 pub mod hygiene;
 pub mod kernel;
+#[doc(hidden)]
+pub mod large;
 pub mod lattice;
 pub mod mesh;
 pub mod mesh_error;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{MAX_SAH_DEPTH, Node};
 use crate::face::Face;
-use crate::huge_pages;
+use crate::large;
 use crate::mesh::Aabb;
 use crate::moments::Moments;
 
@@ -31,7 +31,7 @@ pub(super) fn tree(
     let mut branches = Vec::new();
     grow(&mut boxes, 0, 0, &mut branches);
     let again = |b: &FaceBox| make(b.index as usize).expect("made before");
-    let faces = huge_pages::collect(boxes.par_iter().map(again));
+    let faces = large::collect(boxes.par_iter().map(again));
     let node = |(moments, b): (Moments, &Branch)| Node {
         bounds: b.bounds,
         first: b.first,
@@ -40,7 +40,7 @@ pub(super) fn tree(
         moments: moments.bounded(faces_of(&faces, b)),
     };
     let nodes = moments(&branches, &faces).into_par_iter().zip(&branches);
-    (huge_pages::collect(nodes.map(node)), faces)
+    (large::collect(nodes.map(node)), faces)
 }
 
 /// What the structure depends on, a fifth of the size of a face.
@@ -179,7 +179,7 @@ fn moments(nodes: &[Branch], faces: &[Face]) -> Vec<Moments> {
             Moments::default()
         }
     };
-    let mut moments = huge_pages::collect(nodes.par_iter().map(leaf));
+    let mut moments = large::collect(nodes.par_iter().map(leaf));
     // Children come after their parents.
     for (i, node) in nodes.iter().enumerate().rev() {
         if node.second != 0 {

@@ -29,7 +29,7 @@ use ndarray::{Array3, Zip};
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
-use crate::{DensityKernel, Lattice, Monitor, TriangleMesh, huge_pages};
+use crate::{DensityKernel, Lattice, Monitor, TriangleMesh, large};
 pub use gradient::{DensityGradient, UnitGradient};
 pub use reference::{ReferenceDensity, UnitDensity};
 pub use signed_distance::signed_distances;
@@ -199,6 +199,6 @@ impl DensityField {
 /// written by the threads that fill them.
 fn zeros<T: Zeroable>(lattice: &Lattice) -> Option<Array3<T>> {
     let values = bytemuck::allocation::try_zeroed_vec(lattice.len()).ok()?;
-    huge_pages::ask(&values);
+    large::ask_for_large_pages(&values);
     Array3::from_shape_vec(lattice.shape(), values).ok()
 }

@@ -10,14 +10,14 @@ use super::packet::Packet;
 use super::settings::{Far, Settings};
 use super::{Lanes, PacketDensity, Points};
 use crate::face::Face;
+use crate::large::prefetch;
 use crate::moments::Moments;
 
-/// Moments of a cluster ([`Moments`]) in single precision, centre in double.
+/// Moments of a cluster ([`Moments`]) in single precision, centre in double. Two cache lines.
 #[derive(Debug, Clone)]
+#[repr(align(64))]
 pub(crate) struct Cluster {
     pub(crate) centre: DVec3,
-    /// Direction of the area vector.
-    pub(crate) axis: Vec3,
     pub(crate) radius: f32,
     pub(crate) spread: f32,
     area_vector: Vec3,
@@ -34,11 +34,16 @@ impl Cluster {
         Self::new(&Moments::of(faces).bounded(faces))
     }
 
+    /// Direction of the area vector.
+    pub(crate) fn axis(&self) -> Vec3 {
+        let axis = self.area_vector.as_dvec3().try_normalize();
+        axis.unwrap_or(DVec3::Z).as_vec3()
+    }
+
     pub(crate) fn new(m: &Moments) -> Self {
         let [xx, yy, zz, xy, xz, yz] = m.normal_moment;
         Self {
             centre: m.centre,
-            axis: m.axis().as_vec3(),
             radius: m.radius as f32,
             spread: m.spread as f32,
             area_vector: m.area_vector.as_vec3(),
@@ -141,6 +146,9 @@ fn accumulate<S: Simd>(
     while let Some(id) = walk.waiting.pop() {
         let group = &density.groups[id as usize];
         let [reached, perhaps_far] = glance.at(packet.simd, group);
+        if density.is_large {
+            ask_for(density, group, reached, perhaps_far);
+        }
         let mut members = group.top & reached;
         while members != 0 {
             let place = members.trailing_zeros() as usize;
@@ -148,7 +156,8 @@ fn accumulate<S: Simd>(
             if perhaps_far >> place & 1 == 1 {
                 let cluster = &density.clusters[group.cluster[place] as usize];
                 let seen = Seen::new(packet, query, cluster);
-                if seen.is_far(density, cluster, query, limits.of(cluster)) {
+                let axis = group.axis_of(place);
+                if seen.is_far(density, cluster, axis, query, limits.of(cluster)) {
                     seen.add(density, cluster, query, &mut sum, &mut magnitude);
                     continue;
                 }
@@ -167,6 +176,26 @@ fn accumulate<S: Simd>(
     let total = sum[0].abs() + sum[1].abs();
     let cancels = magnitude.simd_gt(total * CANCELLING) & query.counts;
     (sum, cancels.any_true())
+}
+
+/// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it lies in distant
+/// caches.
+#[inline(always)]
+fn ask_for(density: &PacketDensity<'_>, group: &Group, reached: u32, perhaps_far: u32) {
+    let mut members = group.top & reached;
+    while members != 0 {
+        let place = members.trailing_zeros() as usize;
+        members &= members - 1;
+        if perhaps_far >> place & 1 == 1 {
+            prefetch(&density.clusters[group.cluster[place] as usize]);
+            continue;
+        }
+        match group.below[place] {
+            Below::Face(face) => prefetch(&density.bvh.faces[face as usize]),
+            Below::Members(below) => members |= below & reached,
+            Below::Group(below) => prefetch(&density.groups[below as usize]),
+        }
+    }
 }
 
 /// What tells whether a cluster may be far from a packet, or out of reach, without a look at its points.
@@ -307,13 +336,14 @@ impl<S: Simd> Seen<S> {
         &self,
         density: &PacketDensity<'_>,
         cluster: &Cluster,
+        axis: Vec3,
         query: &Query<S>,
         far: &Far,
     ) -> bool {
         let inverse_sigma = 1.0 / density.kernel.sigma;
         let zero = f32x16::splat(self.u.token(), 0.0);
         let angular = query.inverse * self.inverse_u * cluster.radius;
-        let cosine = self.dot(cluster.axis) * self.inverse_u;
+        let cosine = self.dot(axis) * self.inverse_u;
         let sine = (1.0 - cosine * cosine).max(zero).sqrt();
         let tilt = (sine + cluster.spread + angular * 0.5).min(1.0);
         let extent = tilt * query.inverse * cluster.radius;

@@ -1,10 +1,11 @@
 //! The tree in groups of up to eight: a glance takes all nodes and faces of a group at once.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::far::Cluster;
 use crate::bvh::Bvh;
-use crate::huge_pages;
+use crate::large;
 use crate::mesh::Aabb;
 
 /// Nodes and faces in a group at most.
@@ -58,15 +59,21 @@ impl Group {
         }
     }
 
+    /// Direction of a member's area vector.
+    #[inline(always)]
+    pub(crate) fn axis_of(&self, place: usize) -> Vec3 {
+        Vec3::from_array(self.axis.map(|along| along[place]))
+    }
+
     fn set(&mut self, place: usize, bounds: Aabb, cluster: &Cluster) {
         // Rounding to single precision must not lose a face: normalized coordinates are below 2.
         let (min, max) = (bounds.min - 2.5e-7, bounds.max + 2.5e-7);
-        let centre = cluster.centre.as_vec3();
+        let (centre, axis) = (cluster.centre.as_vec3(), cluster.axis());
         for k in 0..3 {
             self.min[k][place] = min[k] as f32;
             self.max[k][place] = max[k] as f32;
             self.centre[k][place] = centre[k];
-            self.axis[k][place] = cluster.axis[k];
+            self.axis[k][place] = axis[k];
         }
         self.radius[place] = cluster.radius;
         self.spread[place] = cluster.spread;
@@ -100,7 +107,7 @@ pub(crate) fn groups(bvh: &Bvh, clusters: &[Cluster]) -> Vec<Group> {
         }
         group
     };
-    huge_pages::collect(shapes.par_iter().map(group))
+    large::collect(shapes.par_iter().map(group))
 }
 
 /// The shape of each group. Those of one generation are found side by side.
@@ -211,8 +218,6 @@ impl Children {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::shapes::random_solid;
 

@@ -27,9 +27,9 @@ use self::kernel::PacketKernel;
 use self::packet::{Disc, Facet};
 use self::settings::Settings;
 use self::twins::Twin;
-use crate::bvh::Bvh;
-use crate::huge_pages;
+use crate::bvh::{Bvh, Node};
 use crate::kernel::CumulativeKernel;
+use crate::large::{self, prefetch};
 
 /// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
 pub(crate) const LANES: usize = 16;
@@ -55,15 +55,30 @@ impl<'a> PacketDistance<'a> {
     pub(crate) fn new(bvh: &'a Bvh) -> Self {
         Self {
             bvh,
-            facets: huge_pages::collect(bvh.faces.par_iter().map(Facet::new)),
-            discs: huge_pages::collect(bvh.nodes.par_iter().map(Disc::new)),
-            face_discs: huge_pages::collect(bvh.faces.par_iter().map(Disc::of)),
+            facets: large::collect(bvh.faces.par_iter().map(Facet::new)),
+            discs: large::collect(bvh.nodes.par_iter().map(Disc::new)),
+            face_discs: large::collect(bvh.faces.par_iter().map(Disc::of)),
             level: Level::new(),
         }
     }
 
     fn facet(&self, index: usize) -> &Facet {
         &self.facets[index]
+    }
+
+    /// Asks for what the search looks at below a node, ahead of its use.
+    #[inline(always)]
+    fn ask_below(&self, id: u32, node: &Node) {
+        if node.is_leaf() {
+            for i in node.range() {
+                prefetch(&self.face_discs[i]);
+            }
+            return;
+        }
+        for child in [id + 1, node.second] {
+            prefetch(&self.bvh.nodes[child as usize].bounds);
+            prefetch(&self.discs[child as usize]);
+        }
     }
 
     /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
@@ -83,8 +98,13 @@ pub(crate) struct PacketDensity<'a> {
     twins: Vec<[Twin; 4]>,
     kernel: PacketKernel,
     settings: Settings,
+    /// Whether all this is more than the nearest caches hold.
+    is_large: bool,
     level: Level,
 }
+
+/// Faces of which, and of whose tree, the nearest caches hold no more: about two megabytes.
+const MANY: usize = 3000;
 
 impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
@@ -93,7 +113,7 @@ impl<'a> PacketDensity<'a> {
         let far = || {
             let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
             let faces = bvh.faces.par_iter().map(Cluster::of);
-            let clusters = huge_pages::collect(nodes.chain(faces));
+            let clusters = large::collect(nodes.chain(faces));
             (groups::groups(bvh, &clusters), clusters)
         };
         let near = || (twins::twins(&bvh.faces), PacketDistance::new(bvh));
@@ -107,6 +127,7 @@ impl<'a> PacketDensity<'a> {
             twins,
             kernel: PacketKernel::new(table, &settings, tolerance),
             settings,
+            is_large: bvh.faces.len() > MANY,
             level: Level::new(),
         }
     }

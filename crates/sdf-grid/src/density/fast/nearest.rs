@@ -46,13 +46,18 @@ pub(crate) fn distances<S: Simd>(
             continue;
         }
         let mut near = [(id + 1, 0f32, 0f32), (node.second, 0.0, 0.0)];
-        for (child, gap, from_centre) in &mut near {
-            let disc = &distance.discs[*child as usize];
-            let child = &distance.bvh.nodes[*child as usize];
+        for (id, gap, from_centre) in &mut near {
+            let disc = &distance.discs[*id as usize];
+            let child = &distance.bvh.nodes[*id as usize];
             *gap = packet.box_gap_squared(child);
             // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
             *from_centre = child.distance_squared(packet.centre) as f32;
-            if *gap < worst && !packet.may_be_nearer(child, disc, best) {
+            if *gap >= worst {
+                continue;
+            }
+            if packet.may_be_nearer(child, disc, best) {
+                distance.ask_below(*id, child);
+            } else {
                 *gap = f32::INFINITY;
             }
         }

@@ -1,5 +1,5 @@
-//! Large arrays in large pages. What is read all over, or once from end to end, otherwise waits for the
-//! addresses of its pages, and for the kernel to hand them out one by one.
+//! Large arrays: in large pages, and asked for ahead of their use. What is read all over otherwise waits for
+//! the addresses of its pages, for the kernel to hand them out one by one, and for distant caches.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ const LEAST: usize = 2 << 20;
 /// Asks the kernel to back `memory` with large pages. Before it is first touched is best; nothing is lost where
 /// there are no such pages.
 #[doc(hidden)]
-pub fn ask<T>(memory: &[T]) {
+pub fn ask_for_large_pages<T>(memory: &[T]) {
     #[cfg(target_os = "linux")]
     {
         const PAGE: usize = 4096;
@@ -31,7 +31,21 @@ pub fn ask<T>(memory: &[T]) {
 /// Collects a parallel iterator into an array in large pages.
 pub(crate) fn collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Vec<T> {
     let mut list = Vec::with_capacity(items.len());
-    ask(list.spare_capacity_mut());
+    ask_for_large_pages(list.spare_capacity_mut());
     items.collect_into_vec(&mut list);
     list
+}
+
+/// Asks for all of a value ahead of its use.
+#[inline(always)]
+pub(crate) fn prefetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    for offset in (0..size_of::<T>()).step_by(64) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let at = std::ptr::from_ref(value).cast::<i8>().wrapping_add(offset);
+        // SAFETY: a hint that reads nothing, on machines that all know it.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
 }

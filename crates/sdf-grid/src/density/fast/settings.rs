@@ -42,20 +42,20 @@ const TABLE: [Settings; 4] = [
     },
     Settings {
         reach: 3.6,
-        far: Far::new(1.95, 3.5, 0.027),
+        far: Far::new(1.95, 3.5, 0.018),
         far_cancelling: Far::new(1.5, 3.5, 0.009),
         density: 1.6,
     },
     Settings {
         reach: 4.5,
-        far: Far::new(0.91, 4.5, 0.0054),
+        far: Far::new(0.7, 4.5, 0.0036),
         far_cancelling: Far::new(0.7, 4.5, 0.0018),
         density: 2.5,
     },
     Settings {
         reach: 5.2,
-        far: Far::new(0.33, 4.5, 0.0008),
-        far_cancelling: Far::new(0.28, 4.5, 0.0005),
+        far: Far::new(0.23, 4.5, 0.0007),
+        far_cancelling: Far::new(0.23, 4.5, 0.0005),
         density: 4.9,
     },
 ];

@@ -20,6 +20,7 @@ mod gradient;
 mod patch;
 mod point;
 pub mod reference;
+mod regroup;
 mod sampling;
 mod signed_distance;
 mod smooth;

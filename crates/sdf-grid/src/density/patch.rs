@@ -11,6 +11,7 @@ use num_complex::Complex64;
 use super::fast::{LANES, Lanes, PacketDensity, Points, Walk};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
+use super::regroup::Regroup;
 use super::smooth::{Attempt, SmoothBlock};
 use crate::bvh::Bvh;
 
@@ -41,6 +42,9 @@ pub(crate) struct PatchValues {
     /// Interpolated densities.
     filled: Vec<Complex64>,
     bricks: Vec<Brick>,
+    /// The size of the face nearest to each brick.
+    faces: Vec<f32>,
+    regroup: Regroup,
     walk: Walk,
 }
 
@@ -107,6 +111,13 @@ impl Patch {
             }
         }
         bvh.inside_normalized(self.position(index))
+    }
+
+    /// Place of a point along a compact curve through patches of up to eight points per axis, below 512.
+    pub(crate) fn curve(&self, flat: usize) -> u32 {
+        let spread = |i: usize| (i & 1 | (i & 2) << 2 | (i & 4) << 4) as u32;
+        let [x, y, z] = self.unravel(flat).map(spread);
+        4 * x + 2 * y + z
     }
 
     fn brick(&self, flat: [usize; LANES]) -> Brick {
@@ -220,17 +231,17 @@ impl<'a> PatchDensity<'a> {
         values.walk.restart();
         let mut bricks = std::mem::take(&mut values.bricks);
         patch.cut(&mut bricks);
+        values.faces.clear();
         for brick in &bricks {
             self.measure(brick, hint, values);
+            values.faces.push(self.packets.size_of_face(*hint));
         }
         let PatchValues { distance, done, .. } = values;
         patch.give_signs(self.bvh, anchor, |flat| done[flat], distance);
         if self.may_be_smooth(patch, values) {
             self.integrate_smooth(patch, values);
         } else {
-            for brick in &bricks {
-                self.integrate(brick, values);
-            }
+            self.integrate_all(patch, &bricks, values);
         }
         values.bricks = bricks;
     }
@@ -292,20 +303,37 @@ impl<'a> PatchDensity<'a> {
         }
     }
 
-    /// Densities of a brick whose signed distances are known.
-    fn integrate(&self, brick: &Brick, values: &mut PatchValues) {
-        let Brick {
-            flat: brick,
-            points,
-        } = brick;
-        let wanted = |flat: usize| !values.done[flat] && values.distance[flat] < self.horizon;
-        let distances: Lanes = brick.map(|flat| {
-            if wanted(flat) {
+    /// All densities of a patch whose signed distances are known.
+    fn integrate_all(&self, patch: &Patch, bricks: &[Brick], values: &mut PatchValues) {
+        let mut regroup = std::mem::take(&mut values.regroup);
+        for (i, brick) in bricks.iter().enumerate() {
+            let distances = self.wanted(brick, values);
+            if !regroup.takes(patch, brick, &distances, values.faces[i]) {
+                self.integrate(brick, values);
+            }
+        }
+        regroup.empty(patch, |flat| self.integrate(&patch.brick(flat), values));
+        values.regroup = regroup;
+    }
+
+    /// Distances of the points of a brick whose density is wanted and unknown, zero elsewhere.
+    fn wanted(&self, brick: &Brick, values: &PatchValues) -> Lanes {
+        brick.flat.map(|flat| {
+            if !values.done[flat] && values.distance[flat] < self.horizon {
                 values.distance[flat].abs()
             } else {
                 0.0
             }
-        });
+        })
+    }
+
+    /// Densities of a brick whose signed distances are known.
+    fn integrate(&self, brick: &Brick, values: &mut PatchValues) {
+        let distances = self.wanted(brick, values);
+        let Brick {
+            flat: brick,
+            points,
+        } = brick;
         if distances.iter().all(|d| *d == 0.0) {
             return;
         }

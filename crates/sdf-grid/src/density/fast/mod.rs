@@ -132,6 +132,11 @@ impl<'a> PacketDensity<'a> {
         }
     }
 
+    /// Largest distance of a corner of a face (leaf order) from its centroid.
+    pub(crate) fn size_of_face(&self, index: usize) -> f32 {
+        self.distance.face_discs[index].radius
+    }
+
     /// See [`PacketDistance::at`].
     pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
         self.distance.at(points, hint)

@@ -118,7 +118,7 @@ impl<S: Simd> Packet<S> {
 pub(crate) struct Disc {
     centre: DVec3,
     axis: Vec3,
-    radius: f32,
+    pub(crate) radius: f32,
     /// Infinite where the box is thin enough.
     thickness: f32,
 }

@@ -49,6 +49,8 @@ pub(crate) struct Fused<T> {
     /// Numbers of one resampled bundle.
     bundle: usize,
     terms: Vec<Term<T>>,
+    /// Whether the fixed spectra are more than the second-level cache holds.
+    is_large: bool,
     /// There and back.
     x: [LaneFft<T>; 2],
     y: [LaneFft<T>; 2],
@@ -104,6 +106,9 @@ pub(crate) struct Spectra<'a, T> {
 
 /// The largest number of terms of one sum.
 const MAX_TERMS: usize = 2;
+
+/// Bytes of fixed spectra that still come fast enough by themselves.
+const CACHED: u64 = 4 << 20;
 
 /// Tiles of one thread: both parts of all terms, the sum, and one to spare.
 const TILES: usize = 2 * MAX_TERMS + 2;
@@ -192,6 +197,7 @@ impl<T: Real> Fused<T> {
             window,
             layout,
             terms: Vec::new(),
+            is_large: Self::memory(level, size, window, &shapes).0 > CACHED,
             x: LaneFft::pair(size[0], halves(0).0, halves(0).1).expect(accepted),
             y: [y(halves(1).0, false), y(false, halves(1).1)],
             z: fft(layout.half, Ends::default()),

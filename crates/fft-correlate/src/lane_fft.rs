@@ -15,7 +15,7 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 
 use crate::lane_plan::{Ends, Step, steps, turning_steps};
-use crate::lanes::{Line, Tile};
+use crate::lanes::{Line, Tile, ask_for};
 use crate::radix::{Complex, inlined, pass, pass_from_half, pass_to_half, turning_pass};
 use crate::real::Real;
 
@@ -67,6 +67,14 @@ impl<T: Real> LaneFft<T> {
         Self {
             passes: passes.collect(),
             len,
+        }
+    }
+
+    /// How many elements of a line are read: the rest are zero.
+    fn reads(&self) -> usize {
+        match self.passes.first() {
+            Some(first) if first.step.half => self.len / 2,
+            _ => self.len,
         }
     }
 
@@ -251,7 +259,8 @@ pub(crate) unsafe fn transform<S: Simd, T: Real>(
     }
 }
 
-/// [`LaneFft::all_but_last`] of a bundle. Not inlined, as [`transform`].
+/// [`LaneFft::all_but_last`] of a bundle, while `ahead` is on its way to the second-level cache. Not inlined,
+/// as [`transform`].
 ///
 /// # Safety
 /// As [`LaneFft::process`]; no one else may use the bundle.
@@ -261,14 +270,20 @@ pub(crate) unsafe fn first_passes<S: Simd, T: Real>(
     fft: &LaneFft<T>,
     tiles: [Tile<T>; 2],
     from: Line<'_, T>,
+    ahead: &[T],
 ) -> [Tile<T>; 2] {
+    // A little with every element: all at once would hold up what is asked for meanwhile.
+    let share = ahead.len().div_ceil(fft.reads());
     // SAFETY: as demanded.
     unsafe {
         fft.all_but_last(
             simd,
             tiles,
             #[inline(always)]
-            |i| from.get(simd, i),
+            |i| {
+                ask_for(ahead, i * share, share);
+                from.get(simd, i)
+            },
         )
     }
 }

@@ -264,6 +264,20 @@ impl<T: Real> Line<'_, T> {
     }
 }
 
+/// Asks for `count` numbers from `offset` on for the second-level cache, ahead of their use.
+#[inline(always)]
+pub(crate) fn ask_for<T>(values: &[T], offset: usize, count: usize) {
+    #[cfg(target_arch = "x86_64")]
+    for i in (0..count).step_by(64 / size_of::<T>()) {
+        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
+        let at = values.as_ptr().wrapping_add(offset + i);
+        // SAFETY: a hint that reads nothing, on machines that all know it.
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(at.cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, offset, count);
+}
+
 /// Transposes a square block of as many rows as a vector has lanes: row `r` is read from
 /// `from + r * from_stride`, column `c` written to `to + c * to_stride`.
 ///

@@ -265,12 +265,15 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
                 continue;
             }
             let fixed = &term.spectrum.as_slice()[(block * ny + y) * column..][..column];
-            for part in 0..2 {
+            // Half of it beside each part: else the products wait for it.
+            let ahead = if f.is_large { fixed } else { &[] };
+            let halves = ahead.split_at(ahead.len() / 2);
+            for (part, ahead) in [halves.0, halves.1].into_iter().enumerate() {
                 // SAFETY: laid out so, see the module.
                 unsafe {
                     let from = line(moving, l.column(moving.planes, part, y), moving.x_from);
                     let [done, other] =
-                        first_passes(simd, there, [tiles[count].tile(), free], from);
+                        first_passes(simd, there, [tiles[count].tile(), free], from, ahead);
                     free = other;
                     lines[count] = (done, &fixed[part * block_len..]);
                 }

@@ -373,8 +373,11 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
         for lane in 0..l.lanes.min(wy - bundle * l.lanes) {
             // SAFETY: laid out so, see the module.
             let values = unsafe { real.slice(lane * row, wz) };
-            let to = out.row_mut(bundle * l.lanes + lane);
-            to.into_iter().zip(values).for_each(|(to, v)| *to = *v);
+            let mut to = out.row_mut(bundle * l.lanes + lane);
+            match to.as_slice_mut() {
+                Some(to) => to.copy_from_slice(values),
+                None => to.iter_mut().zip(values).for_each(|(to, v)| *to = *v),
+            }
         }
     }
 }

@@ -108,10 +108,13 @@ const CACHED: usize = 512 << 10;
 /// Asks for the values of cells ahead of their use.
 #[inline(always)]
 fn ask_for<T: Real, V>(rows: [Tile<T>; 4], cells: &[Cells<V>]) {
-    for place in cells.iter().flat_map(|eight| eight.places) {
-        // Two corners of four: neighbours ask for the others.
-        rows[0].fetch(2 * place as usize);
-        rows[3].fetch(2 * place as usize);
+    // Two corners of four: neighbours ask for the others.
+    let [near, _, _, far] = rows;
+    for eight in cells {
+        for place in &eight.places {
+            near.fetch(2 * *place as usize);
+            far.fetch(2 * *place as usize);
+        }
     }
 }
 

@@ -233,8 +233,8 @@ impl<T: Real> LaneFft<T> {
     }
 }
 
-/// [`LaneFft::process`] from one bundle to another. Not inlined: it is the same for most
-/// transforms.
+/// [`LaneFft::process`] from one bundle to another, while the bundle that begins `next` numbers after the first is
+/// on its way to the nearest cache. Not inlined: it is the same for most transforms.
 ///
 /// # Safety
 /// As [`LaneFft::process`]; no one else may use the bundles.
@@ -245,6 +245,7 @@ pub(crate) unsafe fn transform<S: Simd, T: Real>(
     tiles: [Tile<T>; 2],
     from: Line<'_, T>,
     to: Line<'_, T>,
+    next: usize,
 ) {
     // SAFETY: as demanded.
     unsafe {
@@ -252,7 +253,10 @@ pub(crate) unsafe fn transform<S: Simd, T: Real>(
             simd,
             tiles,
             #[inline(always)]
-            |i| from.get(simd, i),
+            |i| {
+                from.fetch::<S>(i, next);
+                from.get(simd, i)
+            },
             #[inline(always)]
             |i, v| to.put(simd, i, v),
         );
@@ -346,7 +350,7 @@ mod tests {
             places: &places,
         };
         // SAFETY: the tiles hold `len` elements, and so does the buffer.
-        unsafe { transform(simd, fft, [a, b], at, at) };
+        unsafe { transform(simd, fft, [a, b], at, at, 0) };
         lanes
     }
 

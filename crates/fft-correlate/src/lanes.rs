@@ -253,6 +253,18 @@ impl<T: Real> Line<'_, T> {
         unsafe { self.at(index).get(simd, 0) }
     }
 
+    /// Asks for what lies `next` numbers after element `index`, ahead of its use.
+    ///
+    /// # Safety
+    /// As [`Line::get`].
+    #[inline(always)]
+    pub(crate) unsafe fn fetch<S: Simd>(&self, index: usize, next: usize) {
+        // SAFETY: as demanded.
+        let at = unsafe { self.at(index) };
+        at.fetch(next);
+        at.fetch(next + T::Native::<S>::LEN);
+    }
+
     /// Overwrites element `index`.
     ///
     /// # Safety

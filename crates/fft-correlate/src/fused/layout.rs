@@ -36,10 +36,8 @@ pub(super) struct Layout {
     /// From bundle to bundle of y rows in a transformed plane.
     pub(super) row: usize,
     /// From line to line along y before the y transforms, and the elements there is room for.
-    line: usize,
+    pub(super) line: usize,
     pub(super) line_elements: usize,
-    /// Numbers in a cache line.
-    pub(super) cache_line: usize,
 }
 
 impl Layout {
@@ -60,7 +58,6 @@ impl Layout {
             row: blocks * lanes * 2 * lanes + PAD,
             line: line_elements * 2 * lanes + PAD,
             line_elements,
-            cache_line: 64 / size_of::<T>(),
         }
     }
 

@@ -226,11 +226,7 @@ pub(super) unsafe fn forward_block<S: Simd, T: Real>(
                     };
                     let to = line(moving, at, &term.y_places);
                     // Passes do not read in an order that would bring the next line by itself.
-                    let next = l.line(moving.planes, block, part, x + 1);
-                    for i in (0..l.line_elements * 2 * l.lanes).step_by(l.cache_line) {
-                        moving.lines.fetch(next + i);
-                    }
-                    transform(simd, &f.y[0], [a, b], from, to);
+                    transform(simd, &f.y[0], [a, b], from, to, l.line);
                 }
             }
         }
@@ -325,7 +321,7 @@ pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
                 tile: sum.lines.from(l.line(sum.planes, block, 0, x)),
                 places: &f.places,
             };
-            transform(simd, &f.y[1], [a, b], from, to);
+            transform(simd, &f.y[1], [a, b], from, to, 0);
         }
     }
 }

@@ -135,7 +135,7 @@ fn layout_of<T: Real>(
         (true, true) => size[1] / 2,
         _ => size[1],
     };
-    Layout::new::<T>(size, line, lanes::<T>(level))
+    Layout::new(size, line, lanes::<T>(level))
 }
 
 impl<T: Real> Fused<T> {

@@ -42,7 +42,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// For transforms of this size whose y lines have at most `line` elements to read or wanted.
-    pub(super) fn new<T: Real>(size: [usize; 3], line: usize, lanes: usize) -> Self {
+    pub(super) fn new(size: [usize; 3], line: usize, lanes: usize) -> Self {
         let half = size[2] / 2;
         let blocks = half.div_ceil(lanes);
         // A last bundle of rows may reach beyond the end.

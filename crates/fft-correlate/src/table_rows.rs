@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use sdf_grid::large;
+
 /// The stored numbers of one rotation node, arranged by a layout, on their own.
 #[derive(Debug)]
 pub(crate) struct Row {
@@ -85,21 +87,6 @@ impl Rows {
 /// with small pages most of them would miss the processor's page cache.
 pub(crate) fn zeroed_pages(length: usize) -> Vec<u16> {
     let zeros = vec![0u16; length];
-    #[cfg(target_os = "linux")]
-    {
-        const PAGE: usize = 2 << 20;
-        let (start, end) = (
-            zeros.as_ptr() as usize,
-            zeros.as_ptr() as usize + 2 * length,
-        );
-        let first = start.next_multiple_of(PAGE);
-        let inside = end.saturating_sub(first) / PAGE * PAGE;
-        if inside > 0 {
-            // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
-            let _ = unsafe {
-                rustix::mm::madvise(first as *mut _, inside, rustix::mm::Advice::LinuxHugepage)
-            };
-        }
-    }
+    large::ask_for_large_pages(&zeros);
     zeros
 }

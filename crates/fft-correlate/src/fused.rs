@@ -29,7 +29,7 @@ use fearless_simd::Level;
 use ndarray::{ArrayViewMut3, Axis};
 
 pub(crate) use self::layout::lanes;
-use self::layout::{Layout, plane_scratch, planes, spectrum_len};
+use self::layout::{Layout, PLANES, plane_scratch, planes, spectrum_len};
 use self::stages::{
     forward_block, forward_plane, inverse_block, inverse_plane, multiply_columns, resample_plane,
 };
@@ -46,8 +46,9 @@ pub(crate) struct Fused<T> {
     size: [usize; 3],
     window: [usize; 3],
     layout: Layout,
-    /// Numbers of one resampled bundle.
+    /// Numbers of one resampled bundle, and the bundles that a plane has room for.
     bundle: usize,
+    plane_bundles: usize,
     terms: Vec<Term<T>>,
     /// Whether the fixed spectra are more than the second-level cache holds.
     is_large: bool,
@@ -85,7 +86,7 @@ pub(crate) struct FusedScratch<T> {
 
 /// Memory for one plane or column.
 struct PlaneScratch<T> {
-    /// Resampled bundles of one moving plane, and the z ranges they fill.
+    /// Resampled bundles of [`PLANES`] moving planes, and the z ranges they fill.
     bundles: Buffer<T>,
     filled: Vec<Range<usize>>,
     /// One plane between its z and its y transforms.
@@ -192,6 +193,7 @@ impl<T: Real> Fused<T> {
         };
         let fused = Self {
             bundle: layout.bundle(&shapes),
+            plane_bundles: layout.bundles(size[1]),
             level,
             size,
             window,
@@ -306,17 +308,22 @@ impl<T: Real> Fused<T> {
         });
         let views = &views[..moving.len()];
         for ((field, to), term) in moving.iter().zip(views).zip(&self.terms) {
-            for x in to.filled.clone() {
+            let rows = field.bounds()[1].clone();
+            for first in to.filled.clone().step_by(PLANES) {
                 let began = Instant::now();
-                dispatch_lanes!(self.level, simd => resample_plane(simd, self, field, x, own));
-                let sampled = Instant::now();
-                let rows = field.bounds()[1].clone();
-                // SAFETY: the spectra are borrowed, and only this call uses them.
-                dispatch_lanes!(self.level, simd => unsafe {
-                    forward_plane(simd, self, term, x, rows, to, own)
-                });
-                times.resample += (sampled - began).as_secs_f64();
-                times.forward += sampled.elapsed().as_secs_f64();
+                let sampled = first..(first + PLANES).min(to.filled.end);
+                for (slot, x) in sampled.clone().enumerate() {
+                    dispatch_lanes!(self.level, simd => resample_plane(simd, self, field, x, slot, own));
+                }
+                let done = Instant::now();
+                for (slot, x) in sampled.enumerate() {
+                    // SAFETY: the spectra are borrowed, and only this call uses them.
+                    dispatch_lanes!(self.level, simd => unsafe {
+                        forward_plane(simd, self, term, [x, slot], rows.clone(), to, own)
+                    });
+                }
+                times.resample += (done - began).as_secs_f64();
+                times.forward += done.elapsed().as_secs_f64();
             }
         }
         for block in 0..self.layout.blocks {

@@ -15,6 +15,10 @@ const PAD: usize = 16;
 /// Numbers that neighbouring y share in one visit of a plane: 1 KiB of f32.
 const CHUNK: usize = 256;
 
+/// x planes that are sampled before the first of them is transformed: what the next plane reads of the field is
+/// then still in the second-level cache.
+pub(super) const PLANES: usize = 8;
+
 /// Where things lie.
 ///
 /// Between the z and the y transforms the lines of a term along y are `[kz block][part][x]`; after
@@ -129,19 +133,19 @@ pub(super) fn spectrum_len(layout: &Layout, [nx, ny, _]: [usize; 3]) -> usize {
     layout.blocks * ny * nx * 4 * layout.lanes
 }
 
-/// Numbers in the bundles of a moving plane, bundles, numbers in a plane between its transforms,
+/// Numbers in the bundles of [`PLANES`] moving planes, bundles, numbers in a plane between its transforms,
 /// numbers in a tile.
 pub(super) fn plane_scratch(
     layout: &Layout,
     size: [usize; 3],
     moving_shapes: &[[usize; 3]],
 ) -> [usize; 4] {
-    let bundles = layout.bundles(size[1]);
+    let bundles = PLANES * layout.bundles(size[1]);
     let longest = size[0].max(size[1]).max(layout.half);
     [
         bundles * layout.bundle(moving_shapes),
         bundles,
-        2 * bundles * layout.row,
+        2 * layout.bundles(size[1]) * layout.row,
         (longest + layout.lanes) * 2 * layout.lanes,
     ]
 }

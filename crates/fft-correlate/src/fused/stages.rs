@@ -38,18 +38,20 @@ unsafe fn line<'a, T: Real>(
     Line { tile, places }
 }
 
-/// Samples one x plane of a moving field.
+/// Samples one x plane of a moving field, the `slot`th of those at hand.
 #[simd]
 pub(super) fn resample_plane<S: Simd, T: Real, M: MovingRows<T>>(
     simd: S,
     f: &Fused<T>,
     field: &M,
     x: usize,
+    slot: usize,
     own: &mut PlaneScratch<T>,
 ) {
     let rows = field.bounds()[1].clone();
-    let bundles = own.bundles.as_mut_slice().chunks_exact_mut(f.bundle);
-    for ((b, bundle), filled) in bundles.enumerate().zip(&mut own.filled) {
+    let first = slot * f.plane_bundles;
+    let bundles = own.bundles.as_mut_slice()[first * f.bundle..].chunks_exact_mut(f.bundle);
+    for ((b, bundle), filled) in bundles.enumerate().zip(&mut own.filled[first..]) {
         let y = rows.start + b * f.layout.lanes;
         if y >= rows.end {
             break;
@@ -58,7 +60,7 @@ pub(super) fn resample_plane<S: Simd, T: Real, M: MovingRows<T>>(
     }
 }
 
-/// Stage 1: one x plane of a moving field, y rows `rows`, to its lines along y over kz.
+/// Stage 1: one x plane of a moving field, sampled to a slot, y rows `rows`, to its lines along y over kz.
 ///
 /// # Safety
 /// No one else may use plane `x` of the lines.
@@ -67,7 +69,7 @@ pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     term: &Term<T>,
-    x: usize,
+    [x, slot]: [usize; 2],
     rows: Range<usize>,
     to: &Spectra<'_, T>,
     own: &mut PlaneScratch<T>,
@@ -76,14 +78,15 @@ pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
     let (plane, bundles) = (own.plane.tile(), own.bundles.tile());
     let [a, b, ..] = &mut own.tiles;
     let (a, b) = (a.tile(), b.tile());
+    let first = slot * f.plane_bundles;
     let count = l.bundles(rows.len());
     let real = term.moving_shape[2] <= l.half;
     for bundle in 0..count {
-        let filled = own.filled[bundle].clone();
+        let filled = own.filled[first + bundle].clone();
         for part in 0..2 {
             // SAFETY: laid out so, see the module.
             unsafe {
-                let from = bundles.from(bundle * f.bundle);
+                let from = bundles.from((first + bundle) * f.bundle);
                 let to = plane.from((2 * bundle + part) * l.row);
                 z_forward(simd, f, from, part, filled.clone(), real, to, [a, b]);
             }

@@ -148,6 +148,17 @@ fn tolerances_hold_on_a_finely_cut_torus() {
     assert_tolerances_hold("torus", &mesh, 0.03, &lattice, 371);
 }
 
+/// Next to faces much smaller than the spacing distances in a packet differ so much that its points are taken with
+/// others.
+#[test]
+fn tolerances_hold_where_faces_are_much_finer_than_the_lattice() {
+    let mesh = torus(0.015, 0.007, 123, 41).unwrap();
+    let (bounds, size) = (mesh.bounds(), mesh.bounds().size().max_element());
+    let corner = bounds.center() - size * DVec3::new(0.731, 0.734, 0.737);
+    let lattice = Lattice::new(corner, size / 16.0, [24; 3]).unwrap();
+    assert_tolerances_hold("coarse lattice", &mesh, 0.1, &lattice, 17);
+}
+
 /// Every tolerance, at every `stride`-th node.
 fn assert_tolerances_hold(
     name: &str,

@@ -113,13 +113,6 @@ impl Patch {
         bvh.inside_normalized(self.position(index))
     }
 
-    /// Place of a point along a compact curve through patches of up to eight points per axis, below 512.
-    pub(crate) fn curve(&self, flat: usize) -> u32 {
-        let spread = |i: usize| (i & 1 | (i & 2) << 2 | (i & 4) << 4) as u32;
-        let [x, y, z] = self.unravel(flat).map(spread);
-        4 * x + 2 * y + z
-    }
-
     fn brick(&self, flat: [usize; LANES]) -> Brick {
         let points = flat.map(|f| self.position(self.unravel(f)));
         Brick { flat, points }
@@ -180,6 +173,15 @@ impl Patch {
             }
         }
     }
+}
+
+/// Place of a point along a compact curve through patches of up to eight points per axis, below 512: the bits of its
+/// three indices interleaved.
+pub(crate) fn along_curve(index: [usize; 3]) -> usize {
+    let bit = |b: usize, i: usize| (i >> b & 1) << (3 * b);
+    let spread = |i: usize| (0..3).map(|b| bit(b, i)).sum::<usize>();
+    let [x, y, z] = index.map(spread);
+    4 * x + 2 * y + z
 }
 
 /// Whether two points so far apart, given their distances from the boundary, must lie on one side of it.

@@ -7,6 +7,7 @@
 use num_complex::Complex64;
 
 use super::fast::LANES;
+use super::patch::along_curve;
 use super::reference::UnitDensity;
 
 /// Nodes along each edge of a block.
@@ -221,14 +222,7 @@ fn weights(knots: &[usize], place: usize) -> Vec<f64> {
 
 /// Nodes in packets of neighbours, the last one repeated at the end.
 fn packets(mut nodes: Vec<usize>) -> Vec<[usize; LANES]> {
-    // Bits of the three indices interleaved: runs are compact.
-    let key = |n: &usize| {
-        let bit = |b: usize, i: usize| (i >> b & 1) << (3 * b);
-        let spread = |i: usize| (0..3).map(|b| bit(b, i)).sum::<usize>();
-        let [x, y, z] = place(*n).map(spread);
-        4 * x + 2 * y + z
-    };
-    nodes.sort_unstable_by_key(key);
+    nodes.sort_unstable_by_key(|n| along_curve(place(*n)));
     let packet = |run: &[usize]| std::array::from_fn(|lane| run[lane.min(run.len() - 1)]);
     nodes.chunks(LANES).map(packet).collect()
 }

@@ -3,9 +3,11 @@
 //!
 //! For each N a made-up pair whose transforms have N points along each axis. `half`: a moving part
 //! and a window of N/2 along each axis, a fixed part without end. `full`: both parts N/2, all
-//! N - 1 displacements at which they meet. Beside it, in the same run, the same product of complex
-//! fields with plain rustfft, and with FFTW if `fftw` is given (a C program, compiled with `cc`;
-//! its library must be installed), neither pruned and neither with resampling.
+//! N - 1 displacements at which they meet. Rotations one by one, and, as in a search or a table of
+//! all rotations, four at once that differ by half turns: all times are of one. Beside it, in the
+//! same run, the same product of complex fields with plain rustfft, and with FFTW if `fftw` is given
+//! (a C program, compiled with `cc`; its library must be installed), neither pruned and neither with
+//! resampling.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +15,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fft_correlate::{
-    Correlator, CorrelatorScratch, Pair, ScoreModel, StageTimes, TranslationWindow,
+    Correlator, CorrelatorScratch, HalfTurn, Pair, ScoreModel, StageTimes, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
@@ -40,10 +42,11 @@ fn main() -> Outcome<()> {
     table.write_record(COLUMNS)?;
     println!("milliseconds per rotation; 'x' is our time, resampling included, over theirs");
     println!(
-        "{:>4} {:<5}{:>3}{:>10}{:>9}{:>9}{:>9}{:>9}{:>8}{:>10}{:>10}{:>9}",
+        "{:>4} {:<5}{:>3}{:>5}{:>10}{:>9}{:>9}{:>9}{:>9}{:>8}{:>10}{:>10}{:>9}",
         "N",
         "case",
         "thr",
+        "once",
         "resample",
         "forward",
         "product",
@@ -72,10 +75,11 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-const COLUMNS: [&str; 13] = [
+const COLUMNS: [&str; 14] = [
     "n",
     "case",
     "threads",
+    "at_once",
     "resample_ms",
     "forward_ms",
     "product_ms",
@@ -93,7 +97,9 @@ struct Row {
     n: usize,
     case: &'static str,
     threads: usize,
-    /// Of one thread; with two threads both at once.
+    /// Rotations scored together.
+    at_once: usize,
+    /// Of one rotation on one thread; with two threads both at once.
     stages: StageTimes,
     /// Per rotation, seconds.
     total: f64,
@@ -112,6 +118,7 @@ impl Row {
             self.n.to_string(),
             self.case.to_owned(),
             self.threads.to_string(),
+            self.at_once.to_string(),
             ms(s.resample),
             ms(s.forward),
             ms(s.product),
@@ -131,10 +138,11 @@ impl std::fmt::Display for Row {
         let (s, ms) = (self.stages, 1e3);
         write!(
             f,
-            "{:>4} {:<5}{:>3}{:>10.3}{:>9.3}{:>9.3}{:>9.3}{:>9.3}{:>8.3}{:>10.3}",
+            "{:>4} {:<5}{:>3}{:>5}{:>10.3}{:>9.3}{:>9.3}{:>9.3}{:>9.3}{:>8.3}{:>10.3}",
             self.n,
             self.case,
             self.threads,
+            self.at_once,
             ms * s.resample,
             ms * s.forward,
             ms * s.product,
@@ -164,30 +172,34 @@ fn measure(
     quick: bool,
 ) -> Outcome<Vec<Row>> {
     let (pair, window) = scene(n, case)?;
-    let correlator = Correlator::plan(&pair, &window)?;
-    let plan = correlator.description();
-    if plan.transform_size != [n; 3] {
-        return Err(format!("N = {n}, {case}: planned {:?}", plan.transform_size).into());
-    }
-    let error = if n <= if quick { 64 } else { 128 } {
-        Some(error(&correlator, &pair, &window)?)
-    } else {
-        None
-    };
+    let one = Correlator::plan(&pair, &window)?;
+    let four = Correlator::plan_half_turns(&pair, &window)?;
     let mut rows = Vec::new();
-    for threads in [1, 2] {
-        let (stages, total) = timed(&correlator, &window, threads, seconds);
-        rows.push(Row {
-            n,
-            case,
-            threads,
-            stages,
-            total,
-            planned: plan.expected_seconds,
-            rustfft,
-            fftw,
-            error,
-        });
+    for (correlator, at_once) in [(one, 1), (four, 4)] {
+        let plan = correlator.description();
+        if plan.transform_size != [n; 3] || plan.shares_half_turns != (at_once > 1) {
+            return Err(format!("N = {n}, {case}: planned {plan}").into());
+        }
+        let error = if n <= if quick { 64 } else { 128 } {
+            Some(error(&correlator, &pair, &window, at_once)?)
+        } else {
+            None
+        };
+        for threads in [1, 2] {
+            let (stages, total) = timed(&correlator, &window, threads, at_once, seconds);
+            rows.push(Row {
+                n,
+                case,
+                threads,
+                at_once,
+                stages,
+                total,
+                planned: plan.expected_seconds,
+                rustfft,
+                fftw,
+                error,
+            });
+        }
     }
     Ok(rows)
 }
@@ -197,43 +209,72 @@ fn turn(k: usize) -> DQuat {
     DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.5) * (1.0 + 0.37 * k as f64))
 }
 
-/// Relative L2 distance of the scores from those in double precision.
-fn error(correlator: &Correlator, pair: &Pair, window: &TranslationWindow) -> Outcome<f64> {
+/// Scores the `k`th rotation, and with more than one output the half turns that follow it.
+fn score(
+    correlator: &Correlator,
+    k: usize,
+    scratch: &mut CorrelatorScratch,
+    outs: &mut [Array3<f32>],
+) {
+    match outs {
+        [out] => correlator.score(turn(k), scratch, out.view_mut()),
+        [a, b, c, d] => {
+            let outs = &mut [a.view_mut(), b.view_mut(), c.view_mut(), d.view_mut()];
+            correlator.score_half_turns(turn(k), &HalfTurn::ALL, scratch, outs);
+        }
+        _ => unreachable!("one output or four"),
+    }
+}
+
+/// Relative L2 distance of the scores from those in double precision, one by one.
+fn error(
+    correlator: &Correlator,
+    pair: &Pair,
+    window: &TranslationWindow,
+    at_once: usize,
+) -> Outcome<f64> {
     let exact = Correlator::plan_double(pair, window)?;
-    let mut truth = Array3::zeros(window.shape());
-    exact.score(turn(1), &mut exact.scratch(), truth.view_mut());
-    let mut found = Array3::zeros(window.shape());
-    correlator.score(turn(1), &mut correlator.scratch(), found.view_mut());
-    let wrong = found.iter().zip(&truth).map(|(a, b)| f64::from(*a) - b);
-    Ok(rms(wrong) / rms(truth.iter().copied()))
+    let mut scratch = exact.scratch();
+    let mut found = vec![Array3::zeros(window.shape()); at_once];
+    score(correlator, 1, &mut correlator.scratch(), &mut found);
+    let mut worst = 0f64;
+    for (half, found) in HalfTurn::ALL.iter().zip(&found) {
+        let mut truth = Array3::zeros(window.shape());
+        exact.score(half.rotation() * turn(1), &mut scratch, truth.view_mut());
+        let wrong = found.iter().zip(&truth).map(|(a, b)| f64::from(*a) - b);
+        worst = worst.max(rms(wrong) / rms(truth.iter().copied()));
+    }
+    Ok(worst)
 }
 
 /// The stages of the fastest rotation, and seconds per rotation over all threads: the fastest of
-/// several rounds. One rotation per thread at a time.
+/// several rounds. `at_once` rotations per thread at a time.
 fn timed(
     correlator: &Correlator,
     window: &TranslationWindow,
     threads: usize,
+    at_once: usize,
     seconds: f64,
 ) -> (StageTimes, f64) {
-    let mut work: Vec<(CorrelatorScratch, Array3<f32>)> = (0..threads)
-        .map(|_| (correlator.scratch(), Array3::zeros(window.shape())))
+    let mut work: Vec<(CorrelatorScratch, Vec<Array3<f32>>)> = (0..threads)
+        .map(|_| {
+            let outs = vec![Array3::zeros(window.shape()); at_once];
+            (correlator.scratch(), outs)
+        })
         .collect();
     let (mut stages, mut best) = (StageTimes::default(), f64::INFINITY);
     let (began, mut per_round) = (Instant::now(), 1);
     while began.elapsed().as_secs_f64() < seconds || best.is_infinite() {
         let round = Instant::now();
         std::thread::scope(|scope| {
-            for (scratch, out) in &mut work {
+            for (scratch, outs) in &mut work {
                 scope.spawn(move || {
-                    for k in 0..per_round {
-                        correlator.score(turn(k), scratch, out.view_mut());
-                    }
+                    (0..per_round).for_each(|k| score(correlator, k, scratch, outs))
                 });
             }
         });
         let took = round.elapsed().as_secs_f64();
-        let each = took / (per_round * threads) as f64;
+        let each = took / (per_round * threads * at_once) as f64;
         // Rounds long enough that starting threads does not count.
         if took < 0.02 {
             per_round *= 2;
@@ -241,10 +282,20 @@ fn timed(
         }
         if each < best {
             best = each;
-            stages = work[0].0.stage_times();
+            stages = per_rotation(work[0].0.stage_times(), at_once);
         }
     }
     (stages, best)
+}
+
+fn per_rotation(of_all: StageTimes, at_once: usize) -> StageTimes {
+    let share = 1.0 / at_once as f64;
+    StageTimes {
+        resample: share * of_all.resample,
+        forward: share * of_all.forward,
+        product: share * of_all.product,
+        inverse: share * of_all.inverse,
+    }
 }
 
 /// A moving ball and a fixed block of noise, with separation weight one (one product).

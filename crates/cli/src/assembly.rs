@@ -146,11 +146,12 @@ impl Assembly {
     /// The correlation that fills a table.
     ///
     /// # Errors
-    /// If it would not fit in memory.
+    /// If it would not fit in memory, or the rotations are not a grid.
     pub fn energies(&self, context: &Context) -> Result<PairEnergies, CommandError> {
         let window = self.window()?;
         self.require_correlation_memory(&window, context)?;
-        PairEnergies::plan(&self.pair, &window)
+        let grid = self.rotation_grid()?;
+        PairEnergies::plan_for(&self.pair, &window, grid.nodes())
             .map_err(|e| CommandError::bad_input(self.context("window"), e))
     }
 

@@ -1,8 +1,9 @@
 //! Filling a table on disk, by any number of processes, interrupted any number of times.
 //!
-//! Nodes are dealt to processes by their number; each is computed, compressed and renamed into place
-//! on its own, so stopping between nodes loses nothing, and the finished files do not depend on how
-//! the work was split. The one number that all nodes share, the unit of energy, is found from nodes
+//! Nodes that differ by half turns make a group, of which one transform of the moving part serves
+//! all; groups are dealt to processes by their number. Each node is compressed and renamed into place
+//! on its own, and does not depend on which others of its group were missing: stopping between nodes
+//! loses nothing, and the finished files do not depend on how the work was split. The one number that all nodes share, the unit of energy, is found from nodes
 //! fixed by the grid and stored before the first chunk.
 
 use std::path::Path;
@@ -16,8 +17,11 @@ use sdf_grid::Monitor;
 use crate::encode::{Encoded, Probe, Storage, encode, probe};
 use crate::rotation_domain::RotationDomain;
 use crate::store::{ChunkState, StoreError, TableFiles, TableStore};
-use crate::table::{NodeEnergies, TableError, TableSpec, node};
-use crate::{CorrelateError, Correlator, CorrelatorScratch, Pair, TranslationWindow};
+use crate::table::{NodeEnergies, TableError, TableSpec, nodes};
+use crate::{
+    CorrelateError, Correlator, CorrelatorScratch, HalfTurn, HalfTurnGroup, Pair,
+    TranslationWindow, half_turn_groups,
+};
 
 /// One process's part of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,58 +142,88 @@ pub fn bake_files<P: NodeEnergies>(
         let grid = spec.grid().map_err(TableError::from)?;
         TableStore::create(files, spec, probe(spec, &grid, producer)?)?
     };
-    let rotations = store.grid().nodes().len();
-    let rows: Vec<usize> = (rank..rotations).step_by(size).collect();
+    let all = store.grid().nodes();
+    let groups = half_turn_groups(all);
+    let groups: Vec<&HalfTurnGroup> = groups.iter().skip(rank).step_by(size).collect();
+    let rows: usize = groups.iter().map(|g| g.members.len()).sum();
     let [computed, repaired, bricks, left_out] = std::array::from_fn(|_| AtomicUsize::new(0));
-    monitor.begin("table", rows.len() as u64);
-    let length = spec.window.len();
-    rows.par_iter().with_max_len(1).try_for_each_init(
-        || (producer.scratch(), vec![0f32; length], Encoded::default()),
-        |(scratch, joules, encoded), &row| {
+    monitor.begin("table", rows as u64);
+    groups.par_iter().with_max_len(1).try_for_each_init(
+        || (producer.scratch(), Vec::new(), Encoded::default()),
+        |(scratch, joules, encoded), group| {
             if monitor.cancelled() {
                 return Err(BakeError::Cancelled);
             }
-            store.clean(row)?;
-            let state = store.state(row)?;
-            if state != ChunkState::Finished {
-                node(spec, store.grid(), producer, row, scratch, joules);
+            let mut missing = Vec::new();
+            for &(turn, row) in &group.members {
+                store.clean(row)?;
+                match store.state(row)? {
+                    ChunkState::Finished => monitor.advance(1),
+                    state => {
+                        missing.push((turn, row));
+                        repaired.fetch_add(usize::from(state != ChunkState::Missing), Relaxed);
+                    }
+                }
+            }
+            if missing.is_empty() {
+                return Ok(());
+            }
+            nodes(spec, producer, group.rotation, &missing, scratch, joules);
+            for (joules, (_, row)) in joules.chunks_exact_mut(spec.window.len()).zip(missing) {
                 encode(spec, &store.probe(), row, joules, encoded)?;
                 store.write(row, encoded)?;
                 tracing::debug!(row, "rotation finished");
                 computed.fetch_add(1, Relaxed);
                 left_out.fetch_add(encoded.bricks[0], Relaxed);
                 bricks.fetch_add(encoded.bricks[1], Relaxed);
-                repaired.fetch_add(usize::from(state != ChunkState::Missing), Relaxed);
+                monitor.advance(1);
             }
-            monitor.advance(1);
             Ok(())
         },
     )?;
     let computed = computed.into_inner();
     Ok(BakeReport {
-        rotations,
+        rotations: all.len(),
         computed,
         repaired: repaired.into_inner(),
-        kept: rows.len() - computed,
+        kept: rows - computed,
         bricks: bricks.into_inner(),
         bricks_left_out: left_out.into_inner(),
     })
 }
 
-/// A pair's energies by FFT correlation, one rotation at a time.
+/// A pair's energies by FFT correlation.
 pub struct PairEnergies {
     correlator: Correlator,
     gamma: f64,
 }
 
 impl PairEnergies {
-    /// Plans the correlation of a pair over a window.
+    /// Plans the correlation of a pair over a window for single rotations.
     ///
     /// # Errors
     /// As [`Correlator::plan`].
     pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
         Ok(Self {
             correlator: Correlator::plan(pair, window)?,
+            gamma: pair.model().gamma,
+        })
+    }
+
+    /// The same for `rotations`: half turns share their work if there are any among them.
+    ///
+    /// # Errors
+    /// As [`Correlator::plan`].
+    pub fn plan_for(
+        pair: &Pair,
+        window: &TranslationWindow,
+        rotations: &[DQuat],
+    ) -> Result<Self, CorrelateError> {
+        if half_turn_groups(rotations).len() == rotations.len() {
+            return Self::plan(pair, window);
+        }
+        Ok(Self {
+            correlator: Correlator::plan_half_turns(pair, window)?,
             gamma: pair.model().gamma,
         })
     }
@@ -214,8 +248,27 @@ impl NodeEnergies for PairEnergies {
         mut out: ArrayViewMut3<'_, f32>,
     ) {
         self.correlator.score(rotation, scratch, out.view_mut());
+        self.weigh(out);
+    }
+
+    fn energies_of_half_turns(
+        &self,
+        rotation: DQuat,
+        turns: &[HalfTurn],
+        scratch: &mut CorrelatorScratch,
+        outs: &mut [ArrayViewMut3<'_, f32>],
+    ) {
+        self.correlator
+            .score_half_turns(rotation, turns, scratch, outs);
+        outs.iter_mut().for_each(|out| self.weigh(out.view_mut()));
+    }
+}
+
+impl PairEnergies {
+    /// Scores to energies.
+    fn weigh(&self, mut scores: ArrayViewMut3<'_, f32>) {
         let gamma = self.gamma as f32;
-        out.mapv_inplace(|score| -gamma * score);
+        scores.mapv_inplace(|score| -gamma * score);
     }
 }
 

@@ -30,7 +30,7 @@ use crate::overlap::{IndexBox, Overlap, overlap};
 use crate::real::Real;
 use crate::resample::{MovingField, Turned, support};
 use crate::spectral::{FixedTerm, MovingRows, Spectral, SpectralScratch, StageTimes, Way, memory};
-use crate::{Pair, TranslationWindow};
+use crate::{HalfTurn, Pair, TranslationWindow};
 
 /// Why a correlator cannot be planned.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -82,8 +82,13 @@ pub struct CorrelatorPlan {
     pub shared_bytes: u64,
     /// Bytes held per thread: one [`CorrelatorScratch`].
     pub scratch_bytes: u64,
-    /// Seconds that a rotation should take on one thread, by a model measured with vectors of eight
-    /// f32 (AVX2); empty space in the moving part makes it faster.
+    /// Whether rotations that differ by half turns share the moving part's transforms: if they were
+    /// planned for, save time, and the lattice has its nodes, or the middles between them, at the
+    /// pivot.
+    pub shares_half_turns: bool,
+    /// Seconds that a rotation should take on one thread, one of four if they share half turns, by a
+    /// model measured with vectors of eight f32 (AVX2); empty space in the moving part makes it
+    /// faster.
     pub expected_seconds: f64,
 }
 
@@ -114,6 +119,9 @@ impl fmt::Display for CorrelatorPlan {
             mib(self.shared_bytes),
             mib(self.scratch_bytes)
         )?;
+        if self.shares_half_turns {
+            write!(f, ", half turns sharing the moving transforms")?;
+        }
         for p in &self.products {
             let (fixed, moving) = (by(&p.fixed_nodes), by(&p.moving_nodes));
             write!(f, "; {}: {fixed} fixed, {moving} moving nodes", p.factors)?;
@@ -139,12 +147,16 @@ pub struct Correlator<T: Real = f32> {
 
 pub(crate) struct Product<T> {
     moving: MovingField<T>,
+    /// Where the moving field may be nonzero and meet the fixed one, and the box that the
+    /// transforms are given.
+    within: IndexBox,
     moving_box: IndexBox,
 }
 
 impl<T: Real> Product<T> {
     pub(crate) fn turned(&self, rotation: DQuat, origin: DVec3) -> Turned<'_, T> {
-        self.moving.turned(rotation, origin, self.moving_box)
+        self.moving
+            .turned(rotation, origin, self.moving_box, self.within)
     }
 
     /// Position of the moving box's first node relative to the pivot, cells.
@@ -179,7 +191,20 @@ impl Correlator {
     /// If the window's spacing is not the pair's, a density is not finite, or the transform would
     /// exceed [`Correlator::MAX_POINTS`].
     pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
-        Self::plan_as(pair, window, Way::native())
+        Self::plan_as(pair, window, Way::native(), false)
+    }
+
+    /// As [`Correlator::plan`], for [`Correlator::score_half_turns`]: with room for the half turns'
+    /// results and, if that costs less in all, somewhat longer transforms. Single scores are as
+    /// good, but may take longer.
+    ///
+    /// # Errors
+    /// As [`Correlator::plan`].
+    pub fn plan_half_turns(
+        pair: &Pair,
+        window: &TranslationWindow,
+    ) -> Result<Self, CorrelateError> {
+        Self::plan_as(pair, window, Way::native(), true)
     }
 }
 
@@ -190,12 +215,17 @@ impl Correlator<f64> {
     /// # Errors
     /// As [`Correlator::plan`].
     pub fn plan_double(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
-        Self::plan_as(pair, window, Way::native())
+        Self::plan_as(pair, window, Way::native(), false)
     }
 }
 
 impl<T: Real> Correlator<T> {
-    fn plan_as(pair: &Pair, window: &TranslationWindow, way: Way) -> Result<Self, CorrelateError> {
+    fn plan_as(
+        pair: &Pair,
+        window: &TranslationWindow,
+        way: Way,
+        half_turns: bool,
+    ) -> Result<Self, CorrelateError> {
         let h = pair.spacing();
         let found = window.lattice().spacing();
         if (found - h).abs() > 1e-9 * h {
@@ -219,50 +249,71 @@ impl<T: Real> Correlator<T> {
             let fixed = combined(pair.fixed(), fixed);
             let moving = MovingField::new(&single(pair.moving(), moving), moving_first);
             let met = moving.and_then(|m| {
-                let o = overlap(support(&fixed)?, m.reach(origin), window_box)?;
-                Some((m, o))
+                let support = support(&fixed)?;
+                let met = overlap(support, m.reach(origin), window_box)?;
+                Some((m, support, met))
             });
             match met {
-                Some((moving, met)) => kept.push((factors, fixed, moving, met)),
+                Some((moving, support, met)) => kept.push(Kept {
+                    factors,
+                    fixed,
+                    support,
+                    moving,
+                    placed: met.moving,
+                    met,
+                }),
                 None => skipped.push(factors),
             }
         }
-        let size = transform_size(kept.iter().map(|k| &k.3), shape)?;
-        let moving_shapes: Vec<_> = kept.iter().map(|k| k.3.moving.shape()).collect();
-        let (fixed_bytes, scratch_bytes) = memory::<T>(size, shape, &moving_shapes);
+        let mut size =
+            transform_size(kept.iter().map(|k| k.met.min_period), shape, &shapes(&kept))?;
+        let symmetric = if half_turns {
+            symmetric(&mut kept, window_box, size, origin)
+        } else {
+            None
+        };
+        let half_turns = symmetric.is_some();
+        size = symmetric.unwrap_or(size);
+        let moving_shapes = shapes(&kept);
+        let memory = memory::<T>(size, shape, &moving_shapes);
+        let expected = |turns| seconds(size, shape, &moving_shapes, turns).unwrap_or(f64::NAN);
         let plan = CorrelatorPlan {
             transform_size: size,
             window: shape,
             products: kept
                 .iter()
-                .map(|(factors, _, _, met)| ProductPlan {
-                    factors,
-                    fixed_nodes: met.fixed.shape(),
-                    moving_nodes: met.moving.shape(),
+                .map(|k| ProductPlan {
+                    factors: k.factors,
+                    fixed_nodes: k.met.fixed.shape(),
+                    moving_nodes: k.met.moving.shape(),
                 })
                 .collect(),
             skipped,
             forward_transforms: 2 * kept.len(),
             inverse_transforms: usize::from(!kept.is_empty()),
-            shared_bytes: fixed_bytes + kept.iter().map(|k| k.2.bytes()).sum::<u64>(),
-            scratch_bytes,
-            expected_seconds: seconds(size, shape, &moving_shapes).unwrap_or(f64::NAN),
+            shared_bytes: memory.spectra + kept.iter().map(|k| k.moving.bytes()).sum::<u64>(),
+            scratch_bytes: memory.scratch + if half_turns { memory.half_turns } else { 0 },
+            shares_half_turns: half_turns,
+            expected_seconds: expected(if half_turns { 4 } else { 1 }),
         };
         tracing::debug!(%plan, "correlator");
         let mut terms = Vec::new();
         let mut products = Vec::new();
-        for (_, fixed, moving, met) in kept {
+        for k in kept {
+            let scale = T::nearest(h.powi(3));
             terms.push(FixedTerm {
-                field: periodic(&fixed, &met, first, size, T::nearest(h.powi(3))),
-                moving_shape: met.moving.shape(),
+                field: periodic(&k.fixed, &k.met.fixed, k.placed.lo, first, size, scale),
+                moving_shape: k.placed.shape(),
             });
             products.push(Product {
-                moving,
-                moving_box: met.moving,
+                moving: k.moving,
+                within: k.met.moving,
+                moving_box: k.placed,
             });
         }
         Ok(Self {
-            spectral: (!terms.is_empty()).then(|| Spectral::new(way, size, shape, terms)),
+            spectral: (!terms.is_empty())
+                .then(|| Spectral::new(way, size, shape, terms, half_turns)),
             plan,
             products,
             origin,
@@ -275,7 +326,8 @@ impl<T: Real> Correlator<T> {
         &self.plan
     }
 
-    /// Working memory for [`Correlator::score`], one per thread.
+    /// Working memory for [`Correlator::score`] and [`Correlator::score_half_turns`], one per
+    /// thread.
     pub fn scratch(&self) -> CorrelatorScratch<T> {
         CorrelatorScratch {
             spectral: self.spectral.as_ref().map(Spectral::scratch),
@@ -294,28 +346,114 @@ impl<T: Real> Correlator<T> {
         scratch: &mut CorrelatorScratch<T>,
         mut out: ArrayViewMut3<T>,
     ) {
-        self.correlate(scratch, &mut out, |p| p.turned(rotation, self.origin));
+        let outs = std::slice::from_mut(&mut out);
+        self.correlate(&[], scratch, outs, |p| p.turned(rotation, self.origin));
     }
 
-    /// The sum of all products, with the moving fields that `moving` makes of them.
+    /// The scores of `rotation` followed by each of `turns`, one output each, as
+    /// [`Correlator::score`] gives them up to rounding. Where the plan shares half turns the moving
+    /// part is sampled and transformed only once; a score does not depend on the other turns asked
+    /// for. Allocates nothing.
+    ///
+    /// # Panics
+    /// If there are not as many outputs as turns, at most four, one of them does not have the
+    /// window's shape, or `scratch` comes from another correlator.
+    pub fn score_half_turns(
+        &self,
+        rotation: DQuat,
+        turns: &[HalfTurn],
+        scratch: &mut CorrelatorScratch<T>,
+        outs: &mut [ArrayViewMut3<T>],
+    ) {
+        assert_eq!(outs.len(), turns.len(), "outputs");
+        if turns.is_empty() {
+            return;
+        }
+        if self.plan.shares_half_turns {
+            return self.correlate(turns, scratch, outs, |p| p.turned(rotation, self.origin));
+        }
+        let mut times = StageTimes::default();
+        for (turn, out) in turns.iter().zip(outs) {
+            self.score(turn.rotation() * rotation, scratch, out.view_mut());
+            times += scratch.times;
+        }
+        scratch.times = times;
+    }
+
+    /// The sum of all products, with the moving fields that `moving` makes of them: for each turn
+    /// or, without turns, as it is.
     pub(crate) fn correlate<'a, M: MovingRows<T>>(
         &'a self,
+        turns: &[HalfTurn],
         scratch: &mut CorrelatorScratch<T>,
-        out: &mut ArrayViewMut3<T>,
+        outs: &mut [ArrayViewMut3<T>],
         moving: impl Fn(&'a Product<T>) -> M,
     ) {
-        assert_eq!(out.shape(), self.plan.window, "shape of the output");
+        for out in &mut *outs {
+            assert_eq!(out.shape(), self.plan.window, "shape of the output");
+        }
         let (Some(spectral), Some(own)) = (&self.spectral, &mut scratch.spectral) else {
-            out.fill(T::zero());
+            outs.iter_mut().for_each(|out| out.fill(T::zero()));
             scratch.times = StageTimes::default();
             return;
         };
         scratch.times = match self.products.as_slice() {
-            [a] => spectral.correlate(&[moving(a)], own, out),
-            [a, b] => spectral.correlate(&[moving(a), moving(b)], own, out),
+            [a] => spectral.correlate(&[moving(a)], turns, own, outs),
+            [a, b] => spectral.correlate(&[moving(a), moving(b)], turns, own, outs),
             _ => unreachable!("a score has one or two products"),
         };
     }
+}
+
+/// A product that does not vanish.
+struct Kept<T> {
+    factors: &'static str,
+    fixed: Array3<Complex32>,
+    support: IndexBox,
+    moving: MovingField<T>,
+    met: Overlap,
+    /// The moving box that the transforms are given; holds that of `met`.
+    placed: IndexBox,
+}
+
+/// Cells by which a node may be off its mirror image.
+const OFF: f64 = 1e-9;
+
+/// Makes all moving boxes one box that is symmetric about the pivot, as half turns demand, and
+/// returns the transforms' size, if that can be done and four half turns at once then cost less than
+/// four rotations by transforms of `size`; if not, nothing is changed.
+fn symmetric<T: Real>(
+    kept: &mut [Kept<T>],
+    window: IndexBox,
+    size: [usize; 3],
+    origin: DVec3,
+) -> Option<[usize; 3]> {
+    // Node i is the mirror image of node `middle - i`.
+    let middle = -2.0 * origin;
+    if (middle - middle.round()).abs().max_element() > OFF {
+        return None;
+    }
+    let middle = middle.round().to_array().map(|v| v as i64);
+    let symmetric = |k: &Kept<T>| k.met.symmetric(k.support, window, middle);
+    let met: Vec<_> = kept.iter().map(symmetric).collect();
+    let placed = met.iter().map(|m| m.moving).reduce(|a, b| a.hull(&b))?;
+    let shape = window.shape();
+    let placed_shapes = vec![placed.shape(); met.len()];
+    let periods = met.iter().map(|m| m.min_period);
+    let longer = transform_size(periods.chain([placed.shape()]), shape, &placed_shapes).ok()?;
+    let one = seconds(size, shape, &shapes(kept), 1)?;
+    if seconds(longer, shape, &placed_shapes, 4)? > one {
+        return None;
+    }
+    for (k, met) in kept.iter_mut().zip(met) {
+        (k.met, k.placed) = (met, placed);
+    }
+    Some(longer)
+}
+
+/// Shapes of the moving boxes.
+fn shapes<T>(kept: &[Kept<T>]) -> Vec<[usize; 3]> {
+    kept.iter().map(|k| k.placed.shape()).collect()
 }
 
 /// The products of the score: name, weights of the fixed field, weights of the moving field.
@@ -363,15 +501,14 @@ fn check_finite(part: &'static str, field: &DensityField) -> Result<(), Correlat
     Ok(())
 }
 
-/// Good lengths for all products at once.
-pub(crate) fn transform_size<'a>(
-    overlaps: impl Iterator<Item = &'a Overlap> + Clone,
+/// Good lengths for all products at once, from the shortest that each may have.
+pub(crate) fn transform_size(
+    periods: impl Iterator<Item = [usize; 3]>,
     window: [usize; 3],
+    moving: &[[usize; 3]],
 ) -> Result<[usize; 3], CorrelateError> {
-    let mut min = window;
-    for o in overlaps.clone() {
-        min = std::array::from_fn(|a| min[a].max(o.min_period[a]));
-    }
+    let longer = |min: [usize; 3], period: [usize; 3]| [0, 1, 2].map(|a| min[a].max(period[a]));
+    let min = periods.fold(window, longer);
     let points = |size: [usize; 3]| size.iter().fold(1u64, |n, s| n.saturating_mul(*s as u64));
     let too_large = |size| CorrelateError::Size {
         size,
@@ -380,30 +517,31 @@ pub(crate) fn transform_size<'a>(
     if points(min) > Correlator::MAX_POINTS {
         return Err(too_large(min));
     }
-    let moving: Vec<_> = overlaps.map(|o| o.moving.shape()).collect();
-    let size = best_size(min, window, &moving);
+    let size = best_size(min, window, moving);
     if points(size) > Correlator::MAX_POINTS {
         return Err(too_large(size));
     }
     Ok(size)
 }
 
-/// The fixed field in the periodic box, so that window index 0 comes out at index 0.
+/// The nodes of the fixed field inside of `kept` in the periodic box, so that window index 0 comes
+/// out at index 0; `moving_first` is the first index of the moving box.
 pub(crate) fn periodic<T: Real>(
     fixed: &Array3<Complex32>,
-    met: &Overlap,
+    kept: &IndexBox,
+    moving_first: [i64; 3],
     window_first: [i64; 3],
     size: [usize; 3],
     scale: T,
 ) -> Array3<Complex<T>> {
     let mut field = Array3::zeros(size);
-    let IndexBox { lo, hi } = met.fixed;
+    let IndexBox { lo, hi } = *kept;
     for i in lo[0]..hi[0] {
         for j in lo[1]..hi[1] {
             for k in lo[2]..hi[2] {
                 let at = [i, j, k];
                 let to: [usize; 3] = std::array::from_fn(|a| {
-                    let from_start = at[a] - met.moving.lo[a] - window_first[a];
+                    let from_start = at[a] - moving_first[a] - window_first[a];
                     from_start.rem_euclid(size[a] as i64) as usize
                 });
                 let v = fixed[at.map(|v| v as usize)];

@@ -34,7 +34,7 @@ pub fn correlate_fields(
     let Some(met) = overlap(box_of(&a), box_of(&b), window) else {
         return Ok(out);
     };
-    let size = transform_size([&met].into_iter(), shape)?;
+    let size = transform_size([met.min_period].into_iter(), shape, &[met.moving.shape()])?;
     correlate_with_size(Way::native(), a, b, first, size, &mut out);
     Ok(out)
 }
@@ -58,15 +58,22 @@ fn correlate_with_size<T: Real>(
         return;
     };
     let term = FixedTerm {
-        field: periodic(&a.to_owned(), &met, first, size, T::one()),
+        field: periodic(
+            &a.to_owned(),
+            &met.fixed,
+            met.moving.lo,
+            first,
+            size,
+            T::one(),
+        ),
         moving_shape: met.moving.shape(),
     };
-    let spectral = Spectral::new(way, size, shape, vec![term]);
+    let spectral = Spectral::new(way, size, shape, vec![term], false);
     let rows = Still {
         values: b,
         within: met.moving,
     };
-    spectral.correlate(&[rows], &mut spectral.scratch(), &mut out.view_mut());
+    spectral.correlate(&[rows], &[], &mut spectral.scratch(), &mut [out.view_mut()]);
 }
 
 /// An array as it is, cropped.

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use fearless_simd::Level;
 use num_complex::Complex64;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -125,8 +126,9 @@ fn score(pair: &Pair, rotation: DQuat, window: &TranslationWindow) -> Array3<f32
 }
 
 /// Relative L2 distance.
-fn distance(a: &Array3<f32>, b: &Array3<f64>) -> f64 {
-    let wrong: f64 = a.iter().zip(b).map(|(a, b)| (*a as f64 - b).powi(2)).sum();
+fn distance<T: Real>(a: &Array3<T>, b: &Array3<f64>) -> f64 {
+    let off = |a: &T, b: &f64| (Into::<f64>::into(*a) - b).powi(2);
+    let wrong: f64 = a.iter().zip(b).map(|(a, b)| off(a, b)).sum();
     (wrong / b.iter().map(|b| b * b).sum::<f64>()).sqrt()
 }
 
@@ -163,6 +165,96 @@ fn equals_the_direct_sum_for_every_separation_weight() {
             }
         }
     }
+}
+
+/// Half turns at once against the same rotations one by one in double precision, on windows of even
+/// and odd sizes, on one side, and one node wide, with the pivot at nodes and between them, with one
+/// product and with two, for all vectors that there are. Which other turns are asked for must not
+/// matter.
+#[test]
+fn half_turns_are_the_rotations_that_they_say() {
+    let mut rng = SmallRng::seed_from_u64(7);
+    let window = |lo: [i32; 3], hi: [i32; 3]| {
+        let [lo, hi] = [lo, hi].map(|n| DVec3::from_array(n.map(f64::from)) * H);
+        TranslationWindow::new(lo, hi, H).unwrap()
+    };
+    let windows = [
+        window([-4, -2, -9], [2, 5, 3]),
+        window([-20, -20, -20], [20, 20, 20]),
+        window([-5, 0, -7], [6, 11, -7]),
+        window([1, -2, 2], [7, 3, 10]),
+    ];
+    let mut shared = 0;
+    for w in [0.0, 0.3, 1.0] {
+        let pivots = [
+            DVec3::ZERO,
+            DVec3::new(0.05, 0.1, -0.15),
+            DVec3::splat(0.123),
+        ];
+        for (pivot, window) in pivots
+            .iter()
+            .flat_map(|p| windows.iter().map(move |w| (p, w)))
+        {
+            let pair = pair(w, *pivot);
+            let single = [Level::new(), Level::baseline()].map(|level| {
+                Correlator::<f32>::plan_as(&pair, window, Way::Fastest(level), true).unwrap()
+            });
+            let double = Correlator::<f64>::plan_as(&pair, window, Way::native(), true).unwrap();
+            let shares = single[0].description().shares_half_turns;
+            assert!(
+                !shares || pivot.x != 0.123,
+                "no node is the image of another"
+            );
+            shared += usize::from(shares);
+            let rotation = random_rotation(&mut rng);
+            let exact = HalfTurn::ALL.map(|turn| {
+                let mut out = Array3::zeros(window.shape());
+                let rotation = turn.rotation() * rotation;
+                double.score(rotation, &mut double.scratch(), out.view_mut());
+                out
+            });
+            let all = turned(&double, rotation, &HalfTurn::ALL, window);
+            for (found, exact) in all.iter().zip(&exact) {
+                let e = distance(found, exact);
+                // Where nodes are sampled differs by rounding.
+                assert!(e < 1e-11, "w {w} pivot {pivot} {:?}: {e}", window.shape());
+            }
+            for correlator in &single {
+                let all = turned(correlator, rotation, &HalfTurn::ALL, window);
+                for (found, exact) in all.iter().zip(&exact) {
+                    let e = distance(found, exact);
+                    assert!(
+                        e < TOLERANCE,
+                        "w {w} pivot {pivot} {:?}: {e}",
+                        window.shape()
+                    );
+                }
+                use HalfTurn::{None, X, Y, Z};
+                for turns in [&[Z, X][..], &[Y, None], &[None], &[X, Y, Z]] {
+                    let found = turned(correlator, rotation, turns, window);
+                    for (found, turn) in found.iter().zip(turns) {
+                        assert_eq!(*found, all[*turn as usize], "{turn:?} of {turns:?}");
+                    }
+                }
+            }
+        }
+    }
+    // Where longer transforms cost more than sharing saves there is none.
+    assert!(shared > 18, "{shared} of 24 about a symmetric pivot");
+}
+
+/// Scores of a rotation followed by half turns.
+fn turned<T: Real>(
+    correlator: &Correlator<T>,
+    rotation: DQuat,
+    turns: &[HalfTurn],
+    window: &TranslationWindow,
+) -> Vec<Array3<T>> {
+    let mut outs = vec![Array3::from_elem(window.shape(), T::nearest(f64::NAN)); turns.len()];
+    let mut views: Vec<_> = outs.iter_mut().map(|out| out.view_mut()).collect();
+    let scratch = &mut correlator.scratch();
+    correlator.score_half_turns(rotation, turns, scratch, &mut views);
+    outs
 }
 
 #[test]

@@ -24,9 +24,14 @@ const LANES: usize = 8;
 /// What one product needs: nodes of the moving box.
 pub(crate) type Moving = [usize; 3];
 
-/// Seconds of one rotation on one thread, for transforms of this size; `None` if the kernels have
-/// not all factors of it.
-pub(crate) fn seconds(size: [usize; 3], window: [usize; 3], moving: &[Moving]) -> Option<f64> {
+/// Seconds of one rotation on one thread, for transforms of this size, if the moving transforms are
+/// shared by as many as `sharing`; `None` if the kernels have not all factors of it.
+pub(crate) fn seconds(
+    size: [usize; 3],
+    window: [usize; 3],
+    moving: &[Moving],
+    sharing: usize,
+) -> Option<f64> {
     let [nx, ny, nz] = size;
     if !nz.is_multiple_of(2) {
         return None;
@@ -52,14 +57,16 @@ pub(crate) fn seconds(size: [usize; 3], window: [usize; 3], moving: &[Moving]) -
     let z = line(half, &steps(half, Ends::default())?);
     let bundles = |rows: usize| rows.div_ceil(LANES) as f64;
     let columns = (blocks * ny) as f64;
-    let mut total = 0.0;
+    let (mut shared, mut total) = (0.0, 0.0);
     for [mx, my, mz] in moving {
         let planes = *mx as f64;
-        total += SAMPLE * planes * (my * mz) as f64;
+        shared += SAMPLE * planes * (my * mz) as f64;
         // Two real parts each: z lines of the bundles, y lines of the blocks, x lines.
-        total += 2.0 * planes * (bundles(*my) * z + blocks as f64 * y);
-        total += columns * (2.0 * x + nx as f64 * PRODUCT);
+        shared += 2.0 * planes * (bundles(*my) * z + blocks as f64 * y);
+        shared += columns * 2.0 * x;
+        total += columns * nx as f64 * PRODUCT;
     }
+    total += shared / sharing as f64;
     let planes = window[0] as f64;
     total += columns * x_back + planes * (blocks as f64 * y_back + bundles(window[1]) * z);
     Some(1e-9 * total)
@@ -84,7 +91,7 @@ pub(crate) fn best_size(min: [usize; 3], window: [usize; 3], moving: &[Moving]) 
         for y in &ys {
             for z in &zs {
                 let size = [*x, *y, *z];
-                let cost = seconds(size, window, moving).unwrap_or(f64::MAX);
+                let cost = seconds(size, window, moving, 1).unwrap_or(f64::MAX);
                 if cost < best.0 {
                     best = (cost, size);
                 }
@@ -105,12 +112,12 @@ mod tests {
             let window = min.map(|n| n / 2 + 1);
             let moving = [window];
             let size = best_size(min, window, &moving);
-            let cost = seconds(size, window, &moving).expect("a size of known factors");
+            let cost = seconds(size, window, &moving, 1).expect("a size of known factors");
             for axis in 0..3 {
                 assert!(size[axis] >= min[axis], "{min:?} -> {size:?}");
                 let mut longer = size;
                 longer[axis] = 2 * size[axis];
-                assert!(seconds(longer, window, &moving).is_none_or(|c| c > cost));
+                assert!(seconds(longer, window, &moving, 1).is_none_or(|c| c > cost));
             }
         }
         let half = [64; 3];
@@ -120,13 +127,14 @@ mod tests {
     #[test]
     fn more_work_costs_more() {
         let cost = |moving: usize, window: usize, terms: usize| {
-            seconds([128; 3], [window; 3], &vec![[moving; 3]; terms]).unwrap()
+            seconds([128; 3], [window; 3], &vec![[moving; 3]; terms], 1).unwrap()
         };
         assert!(cost(64, 64, 1) < cost(96, 64, 1));
         assert!(cost(64, 64, 1) < cost(64, 96, 1));
         assert!(cost(64, 64, 1) < cost(64, 64, 2));
         assert!(
-            seconds([7, 8, 8], [1; 3], &[]).is_none() && seconds([8; 3], [1; 3], &[]).is_some()
+            seconds([7, 8, 8], [1; 3], &[], 1).is_none()
+                && seconds([8; 3], [1; 3], &[], 1).is_some()
         );
     }
 }

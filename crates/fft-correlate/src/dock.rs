@@ -25,7 +25,10 @@ pub use state::StateError;
 
 use crate::peaks::PoseSpacing;
 use crate::refine::Descent;
-use crate::{CorrelateError, Correlator, EnergySource, Pair, Pose, TranslationWindow};
+use crate::{
+    CorrelateError, Correlator, EnergySource, HalfTurnGroup, Pair, Pose, TranslationWindow,
+    half_turn_groups,
+};
 
 /// What docking keeps and how far it refines.
 #[derive(Debug, Clone, PartialEq)]
@@ -151,7 +154,8 @@ pub fn dock(
     monitor: &dyn Monitor,
 ) -> Result<Docking, DockError> {
     check_rotations(rotations)?;
-    let correlator = Correlator::plan(pair, window)?;
+    let groups = half_turn_groups(rotations);
+    let correlator = plan(pair, window, rotations, &groups)?;
     let scan = Scan {
         pair,
         correlator: &correlator,
@@ -160,7 +164,7 @@ pub fn dock(
         distance: options.spacing.distance,
     };
     monitor.begin("scoring rotations", rotations.len() as u64);
-    let (mut candidates, scored) = scan.run(rotations, 0..rotations.len(), monitor);
+    let (mut candidates, scored) = scan.run(&groups, &(0..rotations.len()), monitor);
     if scored == 0 {
         return Err(DockError::Cancelled);
     }
@@ -205,6 +209,20 @@ pub fn dock(
         poses,
         scored,
         rotations: rotations.len(),
+    })
+}
+
+/// The correlator for a list of rotations: half turns share their work if there are any.
+fn plan(
+    pair: &Pair,
+    window: &TranslationWindow,
+    rotations: &[DQuat],
+    groups: &[HalfTurnGroup],
+) -> Result<Correlator, DockError> {
+    Ok(if groups.len() < rotations.len() {
+        Correlator::plan_half_turns(pair, window)?
+    } else {
+        Correlator::plan(pair, window)?
     })
 }
 

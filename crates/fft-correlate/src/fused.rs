@@ -18,6 +18,7 @@
 //!
 //! Lines that are zero going in are skipped, and so are those unwanted coming out.
 
+mod images;
 mod layout;
 mod stages;
 
@@ -28,17 +29,19 @@ use std::time::Instant;
 use fearless_simd::Level;
 use ndarray::{ArrayViewMut3, Axis};
 
+use self::images::{Image, Sizes, Sum, multiply_images};
 pub(crate) use self::layout::lanes;
 use self::layout::{Layout, PLANES, plane_scratch, planes, spectrum_len};
 use self::stages::{
     forward_block, forward_plane, inverse_block, inverse_plane, multiply_columns, resample_plane,
 };
+use crate::HalfTurn;
 use crate::fft3::negative_spectra;
 use crate::lane_fft::LaneFft;
 use crate::lane_plan::{Ends, known};
 use crate::lanes::{Buffer, Tile, dispatch_lanes};
 use crate::real::Real;
-use crate::spectral::{FixedTerm, MovingRows, StageTimes};
+use crate::spectral::{FixedTerm, Memory, MovingRows, StageTimes};
 
 /// Transforms, sizes and fixed spectra; see the module.
 pub(crate) struct Fused<T> {
@@ -52,17 +55,16 @@ pub(crate) struct Fused<T> {
     terms: Vec<Term<T>>,
     /// Whether the fixed spectra are more than the second-level cache holds.
     is_large: bool,
-    /// There and back.
-    x: [LaneFft<T>; 2],
-    y: [LaneFft<T>; 2],
-    /// `nz / 2` points.
+    /// Along x and y those of the moving fields; along z both ways, `nz / 2` points.
+    x: LaneFft<T>,
+    y: LaneFft<T>,
     z: LaneFft<T>,
     /// Cosine and sine of `pi z / nz`.
     twist: Vec<[T; 2]>,
-    /// Where the elements of bundles begin whose elements follow each other, and those of the sum's
-    /// x lines.
+    /// Where the elements of bundles begin whose elements follow each other.
     places: Vec<usize>,
-    x_to: Vec<usize>,
+    /// The way back without a half turn, and, if they are provided for, with each of the others.
+    images: Vec<Image<T>>,
 }
 
 struct Term<T> {
@@ -80,6 +82,9 @@ pub(crate) struct FusedScratch<T> {
     /// Per term: the lines along y of all kz blocks, and the half spectra of one.
     lines: Vec<Buffer<T>>,
     spectra: Vec<Buffer<T>>,
+    /// The same for the third and fourth half turn, if there are: the first two sums replace what
+    /// is left of the first term.
+    more: Option<[Buffer<T>; 2]>,
     /// Where the elements of the terms' x lines begin under the present rotation.
     x_from: Vec<Vec<usize>>,
 }
@@ -152,21 +157,26 @@ impl<T: Real> Fused<T> {
         size: [usize; 3],
         window: [usize; 3],
         moving_shapes: &[[usize; 3]],
-    ) -> (u64, u64) {
+    ) -> Memory {
         let layout = layout_of::<T>(level, size, window, moving_shapes);
         let spectrum = spectrum_len(&layout, size) * moving_shapes.len();
         let spectra = moving_shapes.iter().enumerate();
-        let planes = spectra.map(|(t, s)| {
-            let planes = planes(t, *s, window);
+        let room = |t, s| {
+            let planes = planes(t, s, window);
             layout.lines(planes) + layout.block(planes)
-        });
+        };
         let [bundles, _, plane, tile] = plane_scratch(&layout, size, moving_shapes);
-        let scratch = planes.sum::<usize>() + bundles + plane + TILES * tile;
+        let planes = spectra.map(|(t, s)| room(t, *s)).sum::<usize>();
         let bytes = |numbers: usize| (numbers * size_of::<T>()) as u64;
-        (bytes(spectrum), bytes(scratch))
+        Memory {
+            spectra: bytes(spectrum),
+            scratch: bytes(planes + bundles + plane + TILES * tile),
+            half_turns: moving_shapes.first().map_or(0, |s| bytes(room(0, *s))),
+        }
     }
 
-    /// Transforms the fixed fields, all of one shape that the kernels know.
+    /// Transforms the fixed fields, all of one shape that the kernels know. With `half_turns` there
+    /// are images for them, and all moving boxes must be one, symmetric about the pivot.
     ///
     /// # Panics
     /// If the kernels lack a factor of the size.
@@ -175,6 +185,7 @@ impl<T: Real> Fused<T> {
         size: [usize; 3],
         window: [usize; 3],
         terms: Vec<FixedTerm<T>>,
+        half_turns: bool,
     ) -> Self {
         let accepted = "a size that `knows` accepted";
         let fft = |len, ends| LaneFft::new(len, ends).expect(accepted);
@@ -191,7 +202,25 @@ impl<T: Real> Fused<T> {
             };
             fft(size[1], ends)
         };
+        let [x, x_back] = LaneFft::pair(size[0], halves(0).0, halves(0).1).expect(accepted);
+        let y_back = y(false, halves(1).1);
+        let twist: Vec<_> = (0..layout.half)
+            .map(|z| [angle(z).cos(), angle(z).sin()].map(T::nearest))
+            .collect();
+        let sizes = Sizes {
+            layout: &layout,
+            size,
+            window,
+            extent: shapes[0],
+            planes: planes(0, shapes[0], window),
+        };
+        let turns = &HalfTurn::ALL[..if half_turns { 4 } else { 1 }];
+        let image = |turn: &HalfTurn| {
+            let back = [x_back.clone(), y_back.clone()];
+            Image::new(*turn, &sizes, back, &twist)
+        };
         let fused = Self {
+            images: turns.iter().map(image).collect(),
             bundle: layout.bundle(&shapes),
             plane_bundles: layout.bundles(size[1]),
             level,
@@ -199,18 +228,13 @@ impl<T: Real> Fused<T> {
             window,
             layout,
             terms: Vec::new(),
-            is_large: Self::memory(level, size, window, &shapes).0 > CACHED,
-            x: LaneFft::pair(size[0], halves(0).0, halves(0).1).expect(accepted),
-            y: [y(halves(1).0, false), y(false, halves(1).1)],
+            is_large: Self::memory(level, size, window, &shapes).spectra > CACHED,
+            x,
+            y: y(halves(1).0, false),
             z: fft(layout.half, Ends::default()),
-            twist: (0..layout.half)
-                .map(|z| [angle(z).cos(), angle(z).sin()].map(T::nearest))
-                .collect(),
-            places: (0..layout.line_elements.max(size[1]))
+            twist,
+            places: (0..layout.line_elements.max(size[0]).max(size[1]))
                 .map(|y| y * 2 * layout.lanes)
-                .collect(),
-            x_to: (0..size[0])
-                .map(|x| layout.x_to(planes(0, shapes[0], window), window[0], x))
                 .collect(),
         };
         let terms = terms.into_iter().enumerate().map(|(i, t)| Term {
@@ -229,7 +253,7 @@ impl<T: Real> Fused<T> {
         let [nx, ny, _] = self.size;
         let Layout { lanes, half, .. } = self.layout;
         let scale = 1.0 / (nx * ny * half) as f64;
-        let radix = self.x[1].first_radix();
+        let radix = self.images[0].x.first_radix();
         let blocks = nx / radix;
         let parts = negative_spectra(&term.field);
         let mut packed = Buffer::zeroed(spectrum_len(&self.layout, self.size));
@@ -265,28 +289,36 @@ impl<T: Real> Fused<T> {
             },
             lines: buffers(&|p| self.layout.lines(p)),
             spectra: buffers(&|p| self.layout.block(p)),
+            more: (self.images.len() > 1).then(|| {
+                let planes = planes((0, &self.terms[0]));
+                [self.layout.lines(planes), self.layout.block(planes)].map(Buffer::zeroed)
+            }),
             x_from: vec![vec![0; self.size[0]]; shapes.len()],
         }
     }
 
-    /// Writes `f` at every window index to `out`, whose shape is the window's.
+    /// As [`crate::spectral::Spectral::correlate`].
     pub(crate) fn correlate<M: MovingRows<T>>(
         &self,
         moving: &[M],
+        turns: &[HalfTurn],
         scratch: &mut FusedScratch<T>,
-        out: &mut ArrayViewMut3<T>,
+        outs: &mut [ArrayViewMut3<T>],
     ) -> StageTimes {
         assert_eq!(moving.len(), self.terms.len());
-        assert_eq!(out.shape(), self.window);
+        let count = outs.len();
+        assert_eq!(count, turns.len().max(1));
+        assert!(outs.iter().all(|out| out.shape() == self.window));
         let mut times = StageTimes::default();
         if moving.iter().all(|m| m.bounds()[0].is_empty()) {
-            out.fill(T::zero());
+            outs.iter_mut().for_each(|out| out.fill(T::zero()));
             return times;
         }
         let FusedScratch {
             own,
             lines,
             spectra,
+            more,
             x_from,
         } = scratch;
         let planes = |t: usize| planes(t, self.terms[t].moving_shape, self.window);
@@ -307,6 +339,22 @@ impl<T: Real> Fused<T> {
             }
         });
         let views = &views[..moving.len()];
+        let mut sum = |i: usize| {
+            let (lines, tile) = match (i, &mut *more) {
+                (0 | 1, _) => (views[0].lines, views[0].tile),
+                (_, Some([lines, tile])) => (lines.tile(), tile.tile()),
+                _ => panic!("scratch without room for half turns"),
+            };
+            Sum {
+                image: &self.images[turns.get(i).map_or(0, |turn| *turn as usize)],
+                lines,
+                tile,
+                part: i % 2,
+                planes: views[0].planes,
+            }
+        };
+        let sums: [Sum<T>; 4] = std::array::from_fn(|i| sum(i.min(count - 1)));
+        let sums = &sums[..count];
         for ((field, to), term) in moving.iter().zip(views).zip(&self.terms) {
             let rows = field.bounds()[1].clone();
             for first in to.filled.clone().step_by(PLANES) {
@@ -335,23 +383,30 @@ impl<T: Real> Fused<T> {
             let forward = Instant::now();
             // SAFETY: as above.
             dispatch_lanes!(self.level, simd => unsafe {
-                multiply_columns(simd, self, block, views, own)
+                match turns {
+                    [] => multiply_columns(simd, self, block, views, &sums[0], own),
+                    _ => multiply_images(simd, self, block, views, sums, own),
+                }
             });
             let multiplied = Instant::now();
-            // SAFETY: as above.
-            dispatch_lanes!(self.level, simd => unsafe {
-                inverse_block(simd, self, block, &views[0], own)
-            });
+            for sum in sums {
+                // SAFETY: as above.
+                dispatch_lanes!(self.level, simd => unsafe {
+                    inverse_block(simd, self, block, sum, own)
+                });
+            }
             times.forward += (forward - began).as_secs_f64();
             times.product += (multiplied - forward).as_secs_f64();
             times.inverse += multiplied.elapsed().as_secs_f64();
         }
         let began = Instant::now();
-        for (x, mut plane) in out.axis_iter_mut(Axis(0)).enumerate() {
-            // SAFETY: as above.
-            dispatch_lanes!(self.level, simd => unsafe {
-                inverse_plane(simd, self, x, &views[0], own, &mut plane)
-            });
+        for (sum, out) in sums.iter().zip(outs) {
+            for (x, mut plane) in out.axis_iter_mut(Axis(0)).enumerate() {
+                // SAFETY: as above.
+                dispatch_lanes!(self.level, simd => unsafe {
+                    inverse_plane(simd, self, x, sum, own, &mut plane)
+                });
+            }
         }
         times.inverse += began.elapsed().as_secs_f64();
         times

@@ -98,13 +98,13 @@ impl<T: Real> Correlator<T> {
         scratch: &mut CorrelatorScratch<T>,
         out: [ArrayViewMut3<'_, T>; 6],
     ) {
-        for (component, mut out) in out.into_iter().enumerate() {
+        for (component, out) in out.into_iter().enumerate() {
             let scale = if component < 3 {
                 1.0
             } else {
                 1.0 / self.spacing
             };
-            self.correlate(scratch, &mut out, |product| Derivative {
+            self.correlate(&[], scratch, &mut [out], |product| Derivative {
                 turned: product.turned(rotation, self.origin),
                 rotation: DMat3::from_quat(rotation),
                 corner: product.corner(self.origin),

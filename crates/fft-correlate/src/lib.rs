@@ -47,6 +47,7 @@ mod fft3;
 mod fold;
 mod fused;
 mod gradient;
+pub mod half_turn;
 mod hull;
 mod lane_fft;
 mod lane_plan;
@@ -90,6 +91,7 @@ pub use dock::{
 };
 pub use encode::{Numbers, Storage};
 pub use energy::{EnergySource, Response, Scratch};
+pub use half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
 pub use launcher::Launcher;
 pub use model::{ModelError, ScoreModel};
 pub use pair::{Pair, PairError};

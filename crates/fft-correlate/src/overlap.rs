@@ -26,6 +26,14 @@ impl IndexBox {
         std::array::from_fn(|a| (self.hi[a] - self.lo[a]).max(0) as usize)
     }
 
+    /// The smallest box that holds both.
+    pub(crate) fn hull(&self, other: &Self) -> Self {
+        Self {
+            lo: std::array::from_fn(|a| self.lo[a].min(other.lo[a])),
+            hi: std::array::from_fn(|a| self.hi[a].max(other.hi[a])),
+        }
+    }
+
     pub(crate) fn intersect(&self, other: &Self) -> Self {
         Self {
             lo: std::array::from_fn(|a| self.lo[a].max(other.lo[a])),
@@ -57,10 +65,7 @@ pub(crate) fn overlap(fixed: IndexBox, moving: IndexBox, window: IndexBox) -> Op
         if fixed.is_empty() || moving.is_empty() || window.is_empty() {
             return None;
         }
-        fixed = fixed.intersect(&IndexBox {
-            lo: std::array::from_fn(|a| moving.lo[a] + window.lo[a]),
-            hi: std::array::from_fn(|a| moving.hi[a] + window.hi[a] - 1),
-        });
+        fixed = fixed.intersect(&reached(&moving, &window));
         moving = moving.intersect(&IndexBox {
             lo: std::array::from_fn(|a| fixed.lo[a] - (window.hi[a] - 1)),
             hi: std::array::from_fn(|a| fixed.hi[a] - window.lo[a]),
@@ -69,7 +74,41 @@ pub(crate) fn overlap(fixed: IndexBox, moving: IndexBox, window: IndexBox) -> Op
     if fixed.is_empty() || moving.is_empty() {
         return None;
     }
-    let min_period = std::array::from_fn(|a| {
+    Some(Overlap {
+        fixed,
+        moving,
+        min_period: min_period(&fixed, &moving, &window),
+    })
+}
+
+impl Overlap {
+    /// The same with the moving box made symmetric about the index `middle / 2`, and the part of
+    /// `fixed`, the support of `A`, that this one reaches.
+    pub(crate) fn symmetric(&self, fixed: IndexBox, window: IndexBox, middle: [i64; 3]) -> Self {
+        let moving = self.moving;
+        let moving = IndexBox {
+            lo: std::array::from_fn(|a| moving.lo[a].min(middle[a] - moving.hi[a] + 1)),
+            hi: std::array::from_fn(|a| moving.hi[a].max(middle[a] - moving.lo[a] + 1)),
+        };
+        let fixed = fixed.intersect(&reached(&moving, &window));
+        Self {
+            fixed,
+            moving,
+            min_period: min_period(&fixed, &moving, &window),
+        }
+    }
+}
+
+/// The indices of `A` that a moving box meets from some place of the window.
+fn reached(moving: &IndexBox, window: &IndexBox) -> IndexBox {
+    IndexBox {
+        lo: std::array::from_fn(|a| moving.lo[a] + window.lo[a]),
+        hi: std::array::from_fn(|a| moving.hi[a] + window.hi[a] - 1),
+    }
+}
+
+fn min_period(fixed: &IndexBox, moving: &IndexBox, window: &IndexBox) -> [usize; 3] {
+    std::array::from_fn(|a| {
         let (d0, d1) = (
             fixed.lo[a] - (moving.hi[a] - 1),
             fixed.hi[a] - 1 - moving.lo[a],
@@ -83,11 +122,6 @@ pub(crate) fn overlap(fixed: IndexBox, moving: IndexBox, window: IndexBox) -> Op
             window.hi[a] - window.lo[a],
         ];
         sizes.into_iter().max().unwrap_or(1).max(1) as usize
-    });
-    Some(Overlap {
-        fixed,
-        moving,
-        min_period,
     })
 }
 

@@ -253,16 +253,19 @@ pub(crate) fn pass_from_half<S: Simd, T: Real, const H: usize>(
     }
 }
 
-/// The last pass, of radix `2 H`, of a transform of which only the first half is wanted and
-/// stored.
+/// The last pass, of radix `2 H`, of a transform of which only half of the outputs are wanted and
+/// stored: those from number `first` on, which may go on at 0 beyond the end.
 #[inline(always)]
 pub(crate) fn pass_to_half<S: Simd, T: Real, const H: usize>(
     simd: S,
     stride: usize,
+    first: usize,
     load: impl Fn(usize) -> Complex<T::Native<S>>,
     mut store: impl FnMut(usize, Complex<T::Native<S>>),
 ) {
     let zero = T::Native::<S>::splat(simd, T::zero());
+    let half = H * stride;
+    let (turn, far) = (first % half, first >= half);
     let mut x = [[zero; 2]; H];
     for q in 0..stride {
         for (j, x) in x.iter_mut().enumerate() {
@@ -275,7 +278,12 @@ pub(crate) fn pass_to_half<S: Simd, T: Real, const H: usize>(
         let even = butterfly::<S, T, H>(simd, x);
         for j in 0..H {
             let turned = turned::<S, T, H>(simd, odd[j], j);
-            store(q + j * stride, add(even[j], turned));
+            let k = q + j * stride;
+            if (k < turn) == far {
+                store(k, add(even[j], turned));
+            } else {
+                store(k + half, sub(even[j], turned));
+            }
         }
     }
 }
@@ -379,7 +387,11 @@ unsafe fn products<S: Simd, T: Real, const R: usize, const FIRST: bool>(
 
 /// `sum + a b`.
 #[inline(always)]
-fn add_mul<S: Simd, V: SimdFloat<S>>(sum: Complex<V>, a: Complex<V>, b: Complex<V>) -> Complex<V> {
+pub(crate) fn add_mul<S: Simd, V: SimdFloat<S>>(
+    sum: Complex<V>,
+    a: Complex<V>,
+    b: Complex<V>,
+) -> Complex<V> {
     let re = a[0].mul_add(b[0], sum[0]);
     let im = a[0].mul_add(b[1], sum[1]);
     [a[1].mul_add(-b[1], re), a[1].mul_add(b[0], im)]

@@ -134,24 +134,37 @@ impl<T: Real> MovingField<T> {
         (self.values.len() * size_of::<Complex<T>>()) as u64
     }
 
-    /// This field turned by `rotation`, at the fixed-lattice indices of `within`; index 0 lies
-    /// `origin` cells from the pivot.
-    pub(crate) fn turned(&self, rotation: DQuat, origin: DVec3, within: IndexBox) -> Turned<'_, T> {
+    /// This field turned by `rotation`, at the fixed-lattice indices of `within`, counted from the
+    /// corner of `placed`, a box around it; index 0 lies `origin` cells from the pivot.
+    pub(crate) fn turned(
+        &self,
+        rotation: DQuat,
+        origin: DVec3,
+        placed: IndexBox,
+        within: IndexBox,
+    ) -> Turned<'_, T> {
         let matrix = DMat3::from_quat(rotation);
         let back = matrix.transpose();
-        let corner = origin + DVec3::from_array(within.lo.map(|v| v as f64));
+        let corner = origin + DVec3::from_array(placed.lo.map(|v| v as f64));
         let start = back * corner - self.first;
         Turned {
             field: self,
             step: back,
             start,
             hull: self.hull.turned(start, &back),
-            bounds: self.bounds(&matrix, corner, within.shape()),
+            bounds: self.bounds(&matrix, corner, &placed, &within),
         }
     }
 
-    /// The bounding box of the turned values, as indices from `corner` on.
-    fn bounds(&self, matrix: &DMat3, corner: DVec3, shape: [usize; 3]) -> [Range<usize>; 3] {
+    /// The bounding box of the turned values inside of `within`, as indices from the corner of
+    /// `placed` on, which lies `corner` cells from the pivot.
+    fn bounds(
+        &self,
+        matrix: &DMat3,
+        corner: DVec3,
+        placed: &IndexBox,
+        within: &IndexBox,
+    ) -> [Range<usize>; 3] {
         let (nx, ny, nz) = self.values.dim();
         let half = DVec3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0) / 2.0;
         // All but the innermost nodes of the border are beyond reach.
@@ -162,8 +175,9 @@ impl<T: Real> MovingField<T> {
         }));
         let (lo, hi) = ((middle - reach).to_array(), (middle + reach).to_array());
         std::array::from_fn(|a| {
-            let first = lo[a].ceil().clamp(0.0, shape[a] as f64) as usize;
-            let end = (hi[a].floor() + 1.0).clamp(first as f64, shape[a] as f64) as usize;
+            let [from, to] = [within.lo[a], within.hi[a]].map(|i| (i - placed.lo[a]) as f64);
+            let first = lo[a].ceil().clamp(from, to) as usize;
+            let end = (hi[a].floor() + 1.0).clamp(first as f64, to) as usize;
             first..end
         })
     }
@@ -380,10 +394,11 @@ mod tests {
                 within.lo[2] += 17;
             }
             for level in [Level::new(), Level::baseline()] {
-                let (worst, skipped) = compare(level, &single.turned(rotation, origin, within));
+                let (worst, skipped) =
+                    compare(level, &single.turned(rotation, origin, within, within));
                 assert!(worst < 8e-6, "{rotation}: {worst}");
                 assert!(skipped > 0);
-                let (worst, _) = compare(level, &double.turned(rotation, origin, within));
+                let (worst, _) = compare(level, &double.turned(rotation, origin, within, within));
                 assert!(worst < 1e-13, "{rotation}: {worst}");
             }
         }

@@ -13,6 +13,7 @@ use fearless_simd::prelude::*;
 use ndarray::{Array3, ArrayViewMut3};
 use num_complex::Complex;
 
+use crate::HalfTurn;
 use crate::fused::{Fused, FusedScratch};
 use crate::real::Real;
 use crate::spectral_reference::{Reference, ReferenceScratch};
@@ -54,6 +55,15 @@ pub struct StageTimes {
     pub inverse: f64,
 }
 
+impl std::ops::AddAssign for StageTimes {
+    fn add_assign(&mut self, other: Self) {
+        self.resample += other.resample;
+        self.forward += other.forward;
+        self.product += other.product;
+        self.inverse += other.inverse;
+    }
+}
+
 impl StageTimes {
     /// All parts together.
     pub fn total(&self) -> f64 {
@@ -89,12 +99,23 @@ impl Way {
     }
 }
 
-/// Bytes of the fixed spectra and of one thread's scratch for these sizes.
+/// Bytes that correlations of one size need.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Memory {
+    /// The fixed spectra.
+    pub(crate) spectra: u64,
+    /// One thread's scratch.
+    pub(crate) scratch: u64,
+    /// What half turns add to that.
+    pub(crate) half_turns: u64,
+}
+
+/// What these sizes need.
 pub(crate) fn memory<T: Real>(
     size: [usize; 3],
     window: [usize; 3],
     moving_shapes: &[[usize; 3]],
-) -> (u64, u64) {
+) -> Memory {
     if Fused::<T>::knows(size) {
         Fused::<T>::memory(Level::new(), size, window, moving_shapes)
     } else {
@@ -103,16 +124,18 @@ pub(crate) fn memory<T: Real>(
 }
 
 impl<T: Real> Spectral<T> {
-    /// Transforms the fixed fields, all of one shape, for a window of this shape.
+    /// Transforms the fixed fields, all of one shape, for a window of this shape. `half_turns` says
+    /// that all moving boxes are one, symmetric about the pivot.
     pub(crate) fn new(
         way: Way,
         size: [usize; 3],
         window: [usize; 3],
         terms: Vec<FixedTerm<T>>,
+        half_turns: bool,
     ) -> Self {
         match way {
             Way::Fastest(level) if Fused::<T>::knows(size) => {
-                Self::Fused(Box::new(Fused::new(level, size, window, terms)))
+                Self::Fused(Box::new(Fused::new(level, size, window, terms, half_turns)))
             }
             _ => Self::Reference(Reference::new(size, window, terms)),
         }
@@ -125,21 +148,27 @@ impl<T: Real> Spectral<T> {
         }
     }
 
-    /// Writes `f` at every window index to `out`, whose shape is the window's.
+    /// Writes `f` at every window index, with the moving fields turned by each of `turns`, to the
+    /// `outs`, whose shape is the window's. Without turns there is one output, of the fields as they
+    /// are; what one turn gives does not depend on the others.
     ///
     /// # Panics
-    /// If the number of fields or the shape of `out` is not what was planned, or the scratch is
-    /// another one's.
+    /// If the number of fields or the shape of an output is not what was planned, the scratch is
+    /// another one's, or there are turns that were not planned for.
     pub(crate) fn correlate<M: MovingRows<T>>(
         &self,
         moving: &[M],
+        turns: &[HalfTurn],
         scratch: &mut SpectralScratch<T>,
-        out: &mut ArrayViewMut3<T>,
+        outs: &mut [ArrayViewMut3<T>],
     ) -> StageTimes {
         match (self, scratch) {
-            (Self::Fused(s), SpectralScratch::Fused(scratch)) => s.correlate(moving, scratch, out),
+            (Self::Fused(s), SpectralScratch::Fused(scratch)) => {
+                s.correlate(moving, turns, scratch, outs)
+            }
             (Self::Reference(s), SpectralScratch::Reference(scratch)) => {
-                s.correlate(moving, scratch, out)
+                assert!(turns.is_empty(), "half turns are not shared");
+                s.correlate(moving, scratch, &mut outs[0])
             }
             _ => panic!("scratch of another correlator"),
         }

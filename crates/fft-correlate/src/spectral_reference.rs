@@ -17,7 +17,7 @@ use num_complex::Complex;
 
 use crate::fft3::{Lines, RealLines, transform_negative};
 use crate::real::Real;
-use crate::spectral::{FixedTerm, MovingRows, StageTimes};
+use crate::spectral::{FixedTerm, Memory, MovingRows, StageTimes};
 
 /// Columns that are transformed together: eight complex f32 fill one cache line.
 const TILE: usize = 8;
@@ -84,7 +84,7 @@ impl<T: Real> Reference<T> {
         size: [usize; 3],
         window: [usize; 3],
         moving_shapes: &[[usize; 3]],
-    ) -> (u64, u64) {
+    ) -> Memory {
         let l = Layout::new(size);
         let complex = size_of::<Complex<T>>() as u64;
         let spectrum = (2 * l.half_padded) as u64 * size[0] as u64 * size[1] as u64;
@@ -93,9 +93,11 @@ impl<T: Real> Reference<T> {
             .enumerate()
             .map(|(t, s)| if t == 0 { s[0].max(window[0]) } else { s[0] } as u64)
             .sum();
-        let fixed = complex * spectrum * moving_shapes.len() as u64;
-        let scratch = complex * (planes + 1) * l.plane as u64;
-        (fixed, scratch)
+        Memory {
+            spectra: complex * spectrum * moving_shapes.len() as u64,
+            scratch: complex * (planes + 1) * l.plane as u64,
+            half_turns: 0,
+        }
     }
 
     /// Transforms the fixed fields, all of one shape, for a window of this shape.

@@ -16,7 +16,7 @@ use crate::rotation_grid::RotationGrid;
 use crate::stencil::value_of;
 use crate::table_rows::{Row, Rows, zeroed_pages};
 use crate::taps::Interpolation;
-use crate::{ModelError, ScoreModel};
+use crate::{HalfTurn, HalfTurnGroup, ModelError, ScoreModel, half_turn_groups};
 
 /// What a table holds and for which pair: everything that decides its values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -133,6 +133,21 @@ pub trait NodeEnergies: Sync {
     /// Writes to `out`, shaped as the window, the energies in joules of the poses with this
     /// rotation.
     fn energies(&self, rotation: DQuat, scratch: &mut Self::Scratch, out: ArrayViewMut3<'_, f32>);
+
+    /// The same for the rotations that `rotation` and each of `turns` after it make, one output
+    /// each. What a turn gives may differ by rounding from [`NodeEnergies::energies`], but not with
+    /// the other turns asked for.
+    fn energies_of_half_turns(
+        &self,
+        rotation: DQuat,
+        turns: &[HalfTurn],
+        scratch: &mut Self::Scratch,
+        outs: &mut [ArrayViewMut3<'_, f32>],
+    ) {
+        for (turn, out) in turns.iter().zip(outs) {
+            self.energies(turn.rotation() * rotation, scratch, out.view_mut());
+        }
+    }
 }
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
@@ -269,47 +284,59 @@ impl EnergyTable {
         spec.check_memory(grid.nodes().len(), memory_limit)?;
         let probe = probe(&spec, &grid, producer)?;
         monitor.begin("table", grid.nodes().len() as u64);
+        let groups = half_turn_groups(grid.nodes());
         let layout = Layout::dense(spec.window.shape());
         let slots = (0..grid.nodes().len() as u32).collect();
         let plan = Plan::new(spec, grid, probe, layout, slots);
+        let slots = groups.iter().map(|g| g.members.iter().map(|m| m.1));
         Self::filled(
             plan,
+            slots.map(Iterator::collect).collect(),
             || (producer.scratch(), Vec::new(), Encoded::default()),
-            |plan, row, out, (scratch, joules, encoded)| {
+            |plan, group, slots, (scratch, joules, encoded)| {
                 if monitor.cancelled() {
                     return Err(TableError::Cancelled);
                 }
-                let Plan {
-                    spec, grid, layout, ..
-                } = plan;
-                joules.resize(spec.window.len(), 0f32);
-                node(spec, grid, producer, row, scratch, joules);
-                encode(spec, &probe, row, joules, encoded)?;
-                let far = far_code(spec, probe.unit, encoded.scale);
-                layout.pack(&encoded.codes, far, out);
-                monitor.advance(1);
-                Ok(encoded.scale)
+                let Plan { spec, layout, .. } = plan;
+                let HalfTurnGroup { rotation, members } = &groups[group];
+                nodes(spec, producer, *rotation, members, scratch, joules);
+                let energies = joules.chunks_exact_mut(spec.window.len());
+                for ((joules, (_, row)), slot) in energies.zip(members).zip(slots) {
+                    encode(spec, &probe, *row, joules, encoded)?;
+                    let far = far_code(spec, probe.unit, encoded.scale);
+                    layout.pack(&encoded.codes, far, slot.codes);
+                    *slot.scale = encoded.scale;
+                    monitor.advance(1);
+                }
+                Ok(())
             },
         )
     }
 
-    /// A table of a size already found acceptable, whose every slot `fill` fills, in parallel, and
-    /// gives the scale of.
+    /// A table of a size already found acceptable, in whose every group of slots `fill` fills all, in
+    /// parallel. Each slot is in one group.
     pub(crate) fn filled<S, E: Send>(
         plan: Plan,
+        groups: Vec<Vec<usize>>,
         scratch: impl Fn() -> S + Sync + Send,
-        fill: impl Fn(&Plan, usize, &mut [u16], &mut S) -> Result<f32, E> + Sync + Send,
+        fill: impl Fn(&Plan, usize, &mut [Slot<'_>], &mut S) -> Result<(), E> + Sync + Send,
     ) -> Result<Self, E> {
         let (kept, length) = (plan.kept(), plan.layout.length());
         let mut codes = zeroed_pages(kept * length);
         let mut scales = vec![1.0; kept];
-        codes
-            .par_chunks_exact_mut(length)
-            .zip(&mut scales)
+        let slots = codes.chunks_exact_mut(length).zip(&mut scales);
+        let mut slots: Vec<_> = slots
+            .map(|(codes, scale)| Some(Slot { codes, scale }))
+            .collect();
+        let groups: Vec<Vec<Slot>> = groups
+            .into_iter()
+            .map(|group| group.into_iter().filter_map(|s| slots[s].take()).collect())
+            .collect();
+        groups
+            .into_par_iter()
             .enumerate()
-            .try_for_each_init(scratch, |scratch, (slot, (out, scale))| {
-                *scale = fill(&plan, slot, out, scratch)?;
-                Ok(())
+            .try_for_each_init(scratch, |scratch, (group, mut slots)| {
+                fill(&plan, group, &mut slots, scratch)
             })?;
         Ok(Self {
             plan: Arc::new(plan),
@@ -405,7 +432,33 @@ impl EnergyTable {
     }
 }
 
-/// Computes the energies of one rotation node, joules.
+/// The numbers of one rotation node and what they are multiplied with, to be filled in.
+pub(crate) struct Slot<'a> {
+    pub(crate) codes: &'a mut [u16],
+    pub(crate) scale: &'a mut f32,
+}
+
+/// Computes the energies, joules, of some rotation nodes of a group, one after the other to
+/// `joules`.
+pub(crate) fn nodes<P: NodeEnergies>(
+    spec: &TableSpec,
+    producer: &P,
+    rotation: DQuat,
+    members: &[(HalfTurn, usize)],
+    scratch: &mut P::Scratch,
+    joules: &mut Vec<f32>,
+) {
+    let length = spec.window.len();
+    joules.resize(members.len() * length, 0f32);
+    let turns: Vec<_> = members.iter().map(|m| m.0).collect();
+    let mut views: Vec<_> = joules
+        .chunks_exact_mut(length)
+        .map(|out| view(spec, out))
+        .collect();
+    producer.energies_of_half_turns(rotation, &turns, scratch, &mut views);
+}
+
+/// Computes the energies of one rotation node by itself, joules.
 pub(crate) fn node<P: NodeEnergies>(
     spec: &TableSpec,
     grid: &RotationGrid,
@@ -414,7 +467,10 @@ pub(crate) fn node<P: NodeEnergies>(
     scratch: &mut P::Scratch,
     out: &mut [f32],
 ) {
-    let out = ArrayViewMut3::from_shape(spec.window.shape(), out)
-        .expect("the buffer has the window's length");
-    producer.energies(grid.nodes()[row], scratch, out);
+    producer.energies(grid.nodes()[row], scratch, view(spec, out));
+}
+
+/// A buffer of the window's length in the window's shape.
+fn view<'a>(spec: &TableSpec, out: &'a mut [f32]) -> ArrayViewMut3<'a, f32> {
+    ArrayViewMut3::from_shape(spec.window.shape(), out).expect("the buffer has the window's length")
 }

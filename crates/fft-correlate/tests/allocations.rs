@@ -5,7 +5,7 @@ mod counting;
 use std::sync::Arc;
 
 use counting::calls;
-use fft_correlate::{Correlator, Pair, ScoreModel, TranslationWindow};
+use fft_correlate::{Correlator, HalfTurn, Pair, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex32;
@@ -42,7 +42,8 @@ fn scores_and_gradients_allocate_nothing() {
         let (fixed, moving) = (block(20, &model), block(12, &model));
         let pair = Pair::new(fixed, moving, model, DVec3::ZERO).unwrap();
         let window = TranslationWindow::cube(6.0, 1.0).unwrap();
-        let correlator = Correlator::plan(&pair, &window).unwrap();
+        let correlator = Correlator::plan_half_turns(&pair, &window).unwrap();
+        assert!(correlator.description().shares_half_turns);
         let mut scratch = correlator.scratch();
         let mut out = Array3::zeros(window.shape());
         let mut parts: [Array3<f32>; 6] = std::array::from_fn(|_| Array3::zeros(window.shape()));
@@ -51,6 +52,9 @@ fn scores_and_gradients_allocate_nothing() {
             correlator.score(rotation, &mut scratch, out.view_mut());
             let views = parts.each_mut().map(|a| a.view_mut());
             correlator.gradient(rotation, &mut scratch, views);
+            let [a, b, c, d, ..] = &mut parts;
+            let outs = &mut [a, b, c, d].map(|a| a.view_mut());
+            correlator.score_half_turns(rotation, &HalfTurn::ALL, &mut scratch, outs);
         };
         // What the standard library sets up on first use.
         work(0.1);

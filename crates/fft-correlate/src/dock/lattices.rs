@@ -165,7 +165,7 @@ mod tests {
         assert!(ball.len() > 20 && ball.len() < 120, "{}", ball.len());
         assert!(step <= 10f64.to_radians() + 1e-9);
         let (full, _) = domain_rotations(&RotationDomain::full(30.0), &[]).unwrap();
-        assert_eq!(full.len(), 551);
+        assert_eq!(full.len(), 552);
         assert!(domain_rotations(&RotationDomain::full(0.0), &[]).is_err());
     }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 use sdf_grid::{SymmetryAxis, SymmetryOrder};
 
-use crate::Pose;
+use crate::{HalfTurn, Pose};
 
 /// Turns that stand for a continuous axis.
 const TURNS_OF_A_ROUND_PART: u32 = 36;
@@ -45,7 +45,8 @@ pub fn symmetry_group(axes: &[SymmetryAxis]) -> Vec<Pose> {
 /// Rotations about `step` radians apart from which every orientation of a part with these symmetry
 /// axes is at most about a step away.
 ///
-/// Without symmetry they are a super-Fibonacci spiral (Alexa 2022) of `8 pi² / step³` rotations.
+/// Without symmetry they are a spiral of `8 pi² / step³` rotations, groups of four that differ by
+/// half turns ([`crate::HalfTurn`]).
 /// Of rotations that a finite symmetry makes equal, the one nearest the identity is kept, and half
 /// a step around it; a round part needs directions of its axis only, a Fibonacci sphere of
 /// `4 pi / step²`, half of it if front and back are equal.
@@ -67,7 +68,7 @@ pub fn search_rotations(step: f64, axes: &[SymmetryAxis]) -> Vec<DQuat> {
                 .map(|u| DQuat::from_rotation_arc(d, u))
                 .collect()
         }
-        None => super_fibonacci((8.0 * PI.powi(2) / step.powi(3)).ceil() as usize)
+        None => spiral((8.0 * PI.powi(2) / step.powi(3)).ceil() as usize)
             .filter(|q| {
                 let angle = angle(*q);
                 let others = group.iter().map(|g| self::angle(*q * g.rotation));
@@ -82,16 +83,21 @@ fn angle(q: DQuat) -> f64 {
     2.0 * q.w.abs().min(1.0).acos()
 }
 
-/// `count` rotations, evenly over SO(3).
-fn super_fibonacci(count: usize) -> impl Iterator<Item = DQuat> {
-    // Alexa's constants: psi is the positive root of psi^4 = psi + 4.
-    let (phi, psi) = (std::f64::consts::SQRT_2, 1.533_751_168_755_204_3);
-    let n = count as f64;
-    (0..count).map(move |i| {
-        let s = i as f64 + 0.5;
-        let (r, q) = ((s / n).sqrt(), (1.0 - s / n).sqrt());
-        let (a, b) = (TAU * s / phi, TAU * s / psi);
-        DQuat::from_xyzw(r * a.sin(), r * a.cos(), q * b.sin(), q * b.cos())
+/// `count` rotations, rounded up to a multiple of four, evenly over SO(3): a super-Fibonacci spiral
+/// (Alexa 2022) on the quarter of the rotations with `x² + y² < 1/2`, up to half turns about z, and
+/// after each rotation the three that half turns make of it.
+fn spiral(count: usize) -> impl Iterator<Item = DQuat> {
+    // Turns of (x, y) and of (z, w) from one to the next, found by a search over spirals of 552 to
+    // 100000 rotations: no orientation is farther than 0.97 steps from one of them, 0.49 on average.
+    // (Alexa's spiral without half turns: 0.92 and 0.49.)
+    let (first, second) = (0.157_595, 0.227_702);
+    let quarter = count.div_ceil(4);
+    (0..quarter).flat_map(move |i| {
+        let s = (i as f64 + 0.5) / quarter as f64 / 2.0;
+        let (r, q) = (s.sqrt(), (1.0 - s).sqrt());
+        let [a, b] = [first, second].map(|turns| TAU * turns * (i as f64 + 0.5));
+        let rotation = DQuat::from_xyzw(r * a.sin(), r * a.cos(), q * b.sin(), q * b.cos());
+        HalfTurn::ALL.map(|turn| turn.rotation() * rotation)
     })
 }
 
@@ -168,7 +174,10 @@ mod tests {
                 0.06,
             ),
         ];
-        let all = search_rotations(step, &[]).len() as f64;
+        let all = search_rotations(step, &[]);
+        let groups = crate::half_turn_groups(&all);
+        assert!(groups.iter().all(|g| g.members.len() == 4));
+        let all = all.len() as f64;
         for (axes, share) in cases {
             let rotations = search_rotations(step, &axes);
             assert!(rotations.iter().all(|q| (q.length() - 1.0).abs() < 1e-12));
@@ -177,7 +186,7 @@ mod tests {
                 "{}",
                 rotations.len()
             );
-            // The spiral's covering radius is 0.9 of its step, 0.45 on average.
+            // The spiral's covering radius is 0.97 of its step at most, 0.49 on average.
             let (worst, mean) = cover(&rotations, &symmetry_group(&axes));
             assert!(
                 worst < step && mean < 0.6 * step,

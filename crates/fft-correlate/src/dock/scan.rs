@@ -1,5 +1,6 @@
 //! Scoring many rotations over a window and keeping the best local maxima of each.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -10,7 +11,7 @@ use sdf_grid::Monitor;
 use serde::{Deserialize, Serialize};
 
 use crate::peaks::{half_width, top_peaks};
-use crate::{Correlator, Pair, Pose, TranslationWindow};
+use crate::{Correlator, HalfTurn, HalfTurnGroup, Pair, Pose, TranslationWindow};
 
 /// A pose on the lattice, before refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -45,47 +46,66 @@ pub(super) struct Scan<'a> {
 }
 
 impl Scan<'_> {
-    /// The best local maxima of `rotations[first..last]`, in no particular order, and how many
-    /// rotations were scored: fewer than asked for if the monitor cancelled.
+    /// The best local maxima of the rotations of `range`, in no particular order, and how many
+    /// rotations were scored: fewer than asked for if the monitor cancelled. `groups` are those of
+    /// the whole list, so that what a rotation gives does not depend on the range.
     pub(super) fn run(
         &self,
-        rotations: &[DQuat],
-        range: std::ops::Range<usize>,
+        groups: &[HalfTurnGroup],
+        range: &Range<usize>,
         monitor: &dyn Monitor,
     ) -> (Vec<Candidate>, usize) {
-        let next = AtomicUsize::new(range.start);
+        let here = |g: &HalfTurnGroup| -> Vec<(HalfTurn, usize)> {
+            let members = g.members.iter().copied();
+            members.filter(|m| range.contains(&m.1)).collect()
+        };
+        let work: Vec<_> = groups
+            .iter()
+            .map(|g| (g.rotation, here(g)))
+            .filter(|(_, members)| !members.is_empty())
+            .collect();
+        let next = AtomicUsize::new(0);
         let scored = AtomicUsize::new(0);
         let found = Mutex::new(Vec::new());
-        let threads = rayon::current_num_threads().min(range.len());
-        // One scratch per thread, and rotations handed out one by one.
+        let threads = rayon::current_num_threads().min(work.len());
+        let most = work.iter().map(|w| w.1.len()).max().unwrap_or(0);
+        // One scratch per thread, and groups handed out one by one.
         (0..threads).into_par_iter().for_each(|_| {
             let mut scratch = self.correlator.scratch();
-            let mut score = Array3::zeros(self.window.shape());
+            let mut scores = vec![Array3::zeros(self.window.shape()); most];
             let mut own = Vec::new();
             while !monitor.cancelled() {
-                let rotation = next.fetch_add(1, Ordering::Relaxed);
-                if rotation >= range.end {
+                let Some((rotation, members)) = work.get(next.fetch_add(1, Ordering::Relaxed))
+                else {
                     break;
+                };
+                let turns: Vec<_> = members.iter().map(|m| m.0).collect();
+                let scores = &mut scores[..turns.len()];
+                let mut outs: Vec<_> = scores.iter_mut().map(|s| s.view_mut()).collect();
+                self.correlator
+                    .score_half_turns(*rotation, &turns, &mut scratch, &mut outs);
+                for (score, (_, place)) in scores.iter().zip(members) {
+                    own.extend(self.candidates(*place, score));
                 }
-                let q = rotations[rotation];
-                self.correlator.score(q, &mut scratch, score.view_mut());
-                let radius = self.distance / self.pair.spacing();
-                for peak in top_peaks(score.view(), self.per_rotation, radius) {
-                    let width = half_width(score.view(), &peak);
-                    own.push(Candidate {
-                        rotation,
-                        index: peak.index,
-                        energy: -self.pair.model().gamma * f64::from(peak.score),
-                        half_width: width.map(|w| w * self.pair.spacing()),
-                    });
-                }
-                scored.fetch_add(1, Ordering::Relaxed);
-                monitor.advance(1);
+                scored.fetch_add(members.len(), Ordering::Relaxed);
+                monitor.advance(members.len() as u64);
             }
             lock(&found).append(&mut own);
         });
         let candidates = std::mem::take(&mut *lock(&found));
         (candidates, scored.into_inner())
+    }
+
+    /// The best local maxima of one rotation.
+    fn candidates(&self, rotation: usize, score: &Array3<f32>) -> impl Iterator<Item = Candidate> {
+        let h = self.pair.spacing();
+        let peaks = top_peaks(score.view(), self.per_rotation, self.distance / h);
+        peaks.into_iter().map(move |peak| Candidate {
+            rotation,
+            index: peak.index,
+            energy: -self.pair.model().gamma * f64::from(peak.score),
+            half_width: half_width(score.view(), &peak).map(|w| w * h),
+        })
     }
 
     pub(super) fn pose(&self, rotations: &[DQuat], candidate: &Candidate) -> Pose {

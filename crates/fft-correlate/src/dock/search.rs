@@ -26,12 +26,12 @@ use serde::Serialize;
 use super::report::{FoundPose, SearchReport, SearchStage};
 use super::scan::{Candidate, Scan};
 use super::state::{State, StateError};
-use super::{DockError, check_rotations, covers, measure};
+use super::{DockError, check_rotations, covers, measure, plan};
 use crate::peaks::PoseSpacing;
 use crate::refine::Descent;
 use crate::{
-    Correlator, DirectError, DirectEvaluator, DirectOptions, EnergySource, Pair, PairError, Pose,
-    ScoreModel, TranslationWindow,
+    DirectError, DirectEvaluator, DirectOptions, EnergySource, HalfTurnGroup, Pair, PairError,
+    Pose, ScoreModel, TranslationWindow, half_turn_groups,
 };
 
 /// Interior weight over exterior weight with which poses are found and ranked.
@@ -142,7 +142,8 @@ pub fn search(
     let pivot = coarse.pivot();
     let (min, max) = (domain.places.min - pivot, domain.places.max - pivot);
     let window = TranslationWindow::new(min, max, coarse.spacing())?;
-    let correlator = Correlator::plan(&coarse, &window).map_err(DockError::from)?;
+    let groups = half_turn_groups(&domain.rotations);
+    let correlator = plan(&coarse, &window, &domain.rotations, &groups)?;
     let scan = Scan {
         pair: &coarse,
         correlator: &correlator,
@@ -158,7 +159,7 @@ pub fn search(
         radius: super::radius_about_pivot(coarse.moving(), &coarse),
         monitor,
     };
-    let (done, resumed) = search.score(&scan, state)?;
+    let (done, resumed) = search.score(&scan, &groups, state)?;
     let mut stages = vec![SearchStage {
         name: "scoring",
         items: done.scored,
@@ -295,7 +296,12 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// Scores what is left to score; the state and how many rotations it held before.
-    fn score(&self, scan: &Scan, file: Option<&Path>) -> Result<(State, usize), SearchError> {
+    fn score(
+        &self,
+        scan: &Scan,
+        groups: &[HalfTurnGroup],
+        file: Option<&Path>,
+    ) -> Result<(State, usize), SearchError> {
         let rotations = &self.domain.rotations;
         let print = self.fingerprint(scan.pair);
         let mut state = match file {
@@ -308,7 +314,7 @@ impl Search<'_> {
         while state.scored < rotations.len() && !self.monitor.cancelled() {
             let began = Instant::now();
             let range = state.scored..(state.scored + BATCH).min(rotations.len());
-            let (found, scored) = scan.run(rotations, range.clone(), self.monitor);
+            let (found, scored) = scan.run(groups, &range, self.monitor);
             // Which rotations of a batch that was cut short are done depends on the threads: a file
             // holds whole batches only.
             if file.is_some() && scored < range.len() {

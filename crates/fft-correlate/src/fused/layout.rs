@@ -103,9 +103,14 @@ impl Layout {
     }
 
     /// The same for writing: of a wanted plane, or of the one for what is not.
-    pub(super) fn x_to(&self, planes: usize, wanted: usize, x: usize) -> usize {
-        let plane = if x < wanted { x } else { planes + 1 };
-        plane * self.x_stride
+    pub(super) fn x_to(&self, planes: usize, wanted: Option<usize>) -> usize {
+        wanted.unwrap_or(planes + 1) * self.x_stride
+    }
+
+    /// Where an element of a line along y begins for writing: a wanted one, or one that is never
+    /// read.
+    pub(super) fn y_to(&self, wanted: Option<usize>) -> usize {
+        wanted.unwrap_or(self.line_elements - 1) * 2 * self.lanes
     }
 
     /// Offset of the element at x = 0 in a column of a block.

@@ -16,6 +16,7 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use ndarray::ArrayViewMut2;
 
+use super::images::{Image, Output, Sum};
 use super::{Fused, MAX_TERMS, PlaneScratch, Spectra, Term};
 use crate::lane_fft::{first_passes, transform};
 use crate::lanes::{Line, Tile, transpose};
@@ -28,13 +29,9 @@ use crate::spectral::MovingRows;
 /// # Safety
 /// As [`Tile::from`].
 #[inline(always)]
-unsafe fn line<'a, T: Real>(
-    of: &Spectra<'_, T>,
-    offset: usize,
-    places: &'a [usize],
-) -> Line<'a, T> {
+pub(super) unsafe fn line<T: Real>(of: Tile<T>, offset: usize, places: &[usize]) -> Line<'_, T> {
     // SAFETY: as demanded.
-    let tile = unsafe { of.tile.from(offset) };
+    let tile = unsafe { of.from(offset) };
     Line { tile, places }
 }
 
@@ -227,31 +224,31 @@ pub(super) unsafe fn forward_block<S: Simd, T: Real>(
                         tile: moving.lines.from(l.line(moving.planes, block, part, x)),
                         places: &f.places,
                     };
-                    let to = line(moving, at, &term.y_places);
+                    let to = line(moving.tile, at, &term.y_places);
                     // Passes do not read in an order that would bring the next line by itself.
-                    transform(simd, &f.y[0], [a, b], from, to, l.line);
+                    transform(simd, &f.y, [a, b], from, to, l.line);
                 }
             }
         }
     }
 }
 
-/// The x lines of one kz block, for all terms; the sum's lines replace those of the first term's
-/// real part.
+/// The x lines of one kz block, for all terms, to one sum without a half turn.
 ///
 /// # Safety
-/// No one else may use the spectra.
+/// No one else may use the spectra. The sum may lie where those of the first term do.
 #[simd]
 pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     block: usize,
     spectra: &[Spectra<'_, T>],
+    sum: &Sum<'_, T>,
     own: &mut PlaneScratch<T>,
 ) {
     let l = f.layout;
     let [nx, ny, _] = f.size;
-    let [there, back] = &f.x;
+    let (there, back) = (&f.x, &sum.image.x);
     let [tiles @ .., spare] = &mut own.tiles;
     let column = nx * 4 * l.lanes;
     let block_len = back.first_radix() * 2 * l.lanes;
@@ -270,7 +267,7 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
             for (part, ahead) in [halves.0, halves.1].into_iter().enumerate() {
                 // SAFETY: laid out so, see the module.
                 unsafe {
-                    let from = line(moving, l.column(moving.planes, part, y), moving.x_from);
+                    let from = line(moving.tile, l.column(moving.planes, part, y), moving.x_from);
                     let [done, other] =
                         first_passes(simd, there, [tiles[count].tile(), free], from, ahead);
                     free = other;
@@ -282,8 +279,7 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
         // SAFETY: laid out so, see the module.
         unsafe {
             let tiles = [tiles[2 * MAX_TERMS].tile(), free];
-            let sum = &spectra[0];
-            let to = line(sum, l.column(sum.planes, 0, y), &f.x_to);
+            let to = line(sum.tile, l.column(sum.planes, sum.part, y), &sum.image.x_to);
             let lines = &lines[..count];
             back.turn(
                 simd,
@@ -297,34 +293,29 @@ pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
     }
 }
 
-/// The y transforms back of one kz block of the sum.
+/// The y transforms back of one kz block of a sum.
 ///
 /// # Safety
-/// No one else may use the lines and the spectra.
+/// No one else may use its lines and its half spectra.
 #[simd]
 pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     block: usize,
-    sum: &Spectra<'_, T>,
+    sum: &Sum<'_, T>,
     own: &mut PlaneScratch<T>,
 ) {
     let l = f.layout;
     let [a, b, ..] = &mut own.tiles;
     let (a, b) = (a.tile(), b.tile());
     for x in 0..f.window[0] {
+        let at = l.column(sum.planes, sum.part, 0) + x * l.x_stride;
         // SAFETY: laid out so, see the module.
         unsafe {
-            let from = line(
-                sum,
-                l.column(sum.planes, 0, 0) + x * l.x_stride,
-                &f.terms[0].y_places,
-            );
-            let to = Line {
-                tile: sum.lines.from(l.line(sum.planes, block, 0, x)),
-                places: &f.places,
-            };
-            transform(simd, &f.y[1], [a, b], from, to, 0);
+            let from = line(sum.tile, at, &f.terms[0].y_places);
+            let to = l.line(sum.planes, block, sum.part, x);
+            let to = line(sum.lines, to, &sum.image.y_to);
+            transform(simd, &sum.image.y, [a, b], from, to, l.x_stride);
         }
     }
 }
@@ -338,7 +329,7 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     x: usize,
-    sum: &Spectra<'_, T>,
+    sum: &Sum<'_, T>,
     own: &mut PlaneScratch<T>,
     out: &mut ArrayViewMut2<'_, T>,
 ) {
@@ -353,7 +344,7 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
             let offset = 2 * bundle * l.row + block * l.lanes * 2 * l.lanes;
             // SAFETY: laid out so, see the module.
             unsafe {
-                let line = sum.lines.from(l.line(sum.planes, block, 0, x));
+                let line = sum.lines.from(l.line(sum.planes, block, sum.part, x));
                 let from = line.from(bundle * l.lanes * 2 * l.lanes);
                 transpose_block(simd, from, plane.from(offset));
             }
@@ -364,7 +355,7 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
         // SAFETY: laid out so, see the module.
         unsafe {
             let from = plane.from(2 * bundle * l.row);
-            z_inverse(simd, f, from, lines, [a, b]);
+            z_inverse(simd, f, sum.image, from, lines, [a, b]);
             for z in (0..wz).step_by(l.lanes) {
                 transpose(simd, lines.from(z * l.lanes), l.lanes, real.from(z), row);
             }
@@ -389,11 +380,12 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
 unsafe fn z_inverse<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
+    image: &Image<T>,
     from: Tile<T>,
     to: Tile<T>,
     tiles: [Tile<T>; 2],
 ) {
-    let (half, wanted, lanes) = (f.layout.half, f.window[2], f.layout.lanes);
+    let (wanted, lanes) = (f.window[2], f.layout.lanes);
     let load = inlined(
         #[inline(always)]
         // SAFETY: laid out so, see the module.
@@ -402,17 +394,13 @@ unsafe fn z_inverse<S: Simd, T: Real>(
     let store = inlined(
         #[inline(always)]
         |z: usize, [re, im]: [T::Native<S>; 2]| {
-            if z < wanted {
-                let [cos, sin] = f.twist[z];
-                let (cos, sin) = (
-                    T::Native::<S>::splat(simd, cos),
-                    T::Native::<S>::splat(simd, sin),
-                );
-                // SAFETY: as demanded.
-                unsafe { to.store::<S>(z * lanes, re.mul_sub(cos, im * sin)) };
-                if z + half < wanted {
+            for Output { index, factors } in image.z_to[z] {
+                if index < wanted {
+                    let [a, b] = factors;
+                    let a = T::Native::<S>::splat(simd, a);
+                    let b = T::Native::<S>::splat(simd, b);
                     // SAFETY: as demanded.
-                    unsafe { to.store::<S>((z + half) * lanes, -re.mul_add(sin, im * cos)) };
+                    unsafe { to.store::<S>(index * lanes, re.mul_add(a, im * b)) };
                 }
             }
         },

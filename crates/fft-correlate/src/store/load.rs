@@ -6,7 +6,7 @@ use super::{StoreError, TableStore};
 use crate::chart::Chart;
 use crate::encode::far_code;
 use crate::layout::Layout;
-use crate::table::{EnergyTable, Plan};
+use crate::table::{EnergyTable, Plan, Slot};
 
 /// What a first look at the chunks finds.
 struct Survey {
@@ -143,10 +143,13 @@ impl TableStore {
         }
         let (spec, grid) = (self.spec().clone(), self.grid().clone());
         let plan = Plan::new(spec, grid, self.probe(), layout, slots);
-        let fill = |plan: &Plan, slot: usize, out: &mut [u16], (): &mut ()| {
-            self.read_row(kept[slot], &plan.layout, out)
+        let fill = |plan: &Plan, at: usize, slots: &mut [Slot<'_>], (): &mut ()| {
+            let Slot { codes, scale } = &mut slots[0];
+            **scale = self.read_row(kept[at], &plan.layout, codes)?;
+            Ok(())
         };
-        EnergyTable::filled(plan, || (), fill)
+        let alone = (0..kept.len()).map(|slot| vec![slot]);
+        EnergyTable::filled(plan, alone.collect(), || (), fill)
     }
 
     /// Reads a rotation node into `out`, arranged by `layout`, checking its checksum, and gives its

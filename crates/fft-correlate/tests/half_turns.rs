@@ -1,0 +1,116 @@
+//! Tables and searches of all rotations, where four at a time share the moving part's transforms.
+
+mod common;
+mod direct_support;
+mod store_support;
+
+use std::path::Path;
+
+use direct_support::{Blobs, model, pair};
+use fft_correlate::bake::{Share, bake};
+use fft_correlate::{
+    EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, TableSpec,
+    TableStore, TranslationWindow, search_rotations,
+};
+use glam::DQuat;
+use ndarray::Array3;
+use sdf_grid::Silent;
+use store_support::{SHARED, chunk, files};
+
+const H: f64 = 0.001;
+
+/// A small pair and a table in whole numbers.
+fn scene(rotations: RotationDomain) -> (Pair, TranslationWindow, TableSpec) {
+    let pair = pair(&Blobs::new(3), &Blobs::new(4), H, model(0.0));
+    let window = TranslationWindow::cube(4.0 * H, H).unwrap();
+    let mut spec = TableSpec::for_pair(&pair, &window, rotations);
+    spec.storage.numbers = Numbers::Integer;
+    (pair, window, spec)
+}
+
+fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEnergies {
+    let energies =
+        PairEnergies::plan_for(pair, window, spec.grid().unwrap().nodes()).expect("plannable");
+    assert!(energies.correlator().description().shares_half_turns);
+    energies
+}
+
+/// Every node of a table, in memory and on disk, has the energy that its rotation has when scored by
+/// itself: to a rounding of the transforms and a unit of the stored numbers.
+#[test]
+fn every_node_has_the_energy_of_its_rotation() {
+    let (pair, window, spec) = scene(RotationDomain::full(30.0));
+    let energies = energies(&pair, &window, &spec);
+    let table = EnergyTable::compute(spec.clone(), &energies, 1 << 30, &Silent).unwrap();
+    let single = PairEnergies::plan(&pair, &window).unwrap();
+    assert!(!single.correlator().description().shares_half_turns);
+    let (mut scratch, mut exact) = (single.scratch(), Array3::zeros(window.shape()));
+    for (row, rotation) in table.grid().nodes().iter().enumerate() {
+        single.energies(*rotation, &mut scratch, exact.view_mut());
+        let largest = exact.iter().fold(0f32, |a, e| a.max(e.abs()));
+        for (index, exact) in exact.indexed_iter() {
+            let found = table.node_energy(row, index.into()).unwrap();
+            let off = (found - f64::from(*exact)).abs();
+            assert!(
+                off < 3e-5 * f64::from(largest),
+                "row {row}, {index:?}: {found} {exact}"
+            );
+        }
+    }
+}
+
+/// Ranks, and resuming where any members of groups are missing, change no byte.
+#[test]
+fn what_is_shared_does_not_show_in_the_files() {
+    // Groups of four and of two, and two rotations by themselves.
+    let four = search_rotations(1.0, &[]);
+    assert_eq!(four.len(), 80);
+    let two = [0.3, 0.8].map(DQuat::from_rotation_x);
+    let two = two.iter().flat_map(|q| [*q, HalfTurn::Y.rotation() * *q]);
+    let alone = [0.2, 0.5].map(DQuat::from_rotation_z);
+    let list = four.into_iter().chain(two).chain(alone);
+    let list = RotationDomain::List {
+        rotations: list.map(|q| q.to_array()).collect(),
+        margin_deg: 10.0,
+    };
+    let (pair, window, spec) = scene(list);
+    let energies = energies(&pair, &window, &spec);
+    let folder = tempfile::tempdir().unwrap();
+    let made = |path: &Path, share| bake(path, &spec, &energies, share, &Silent).unwrap();
+    let whole = folder.path().join("whole.zarr");
+    let rotations = made(&whole, Share::ALL).rotations;
+    let expected = files(&whole);
+    let split = folder.path().join("split.zarr");
+    let shares = [0, 1, 2].map(|rank| Share {
+        rank,
+        size: 3,
+        resume: false,
+    });
+    let computed: usize = shares.iter().map(|s| made(&split, *s).computed).sum();
+    assert_eq!(computed, rotations);
+    assert!(files(&split) == expected, "three ranks");
+    // A different choice of each group, among them groups of which only the first is left.
+    let missing: Vec<usize> = (0..rotations).filter(|row| row % 7 < 3).collect();
+    for row in &missing {
+        std::fs::remove_file(chunk(&whole, *row)).unwrap();
+    }
+    let report = made(&whole, SHARED);
+    assert_eq!(
+        (report.computed, report.kept),
+        (missing.len(), rotations - missing.len())
+    );
+    assert!(files(&whole) == expected, "resumed");
+    let loaded = TableStore::open(&whole).unwrap().load(1 << 30).unwrap();
+    let table = EnergyTable::compute(spec.clone(), &energies, 1 << 30, &Silent).unwrap();
+    for row in 0..rotations {
+        assert_eq!(node(&loaded, row), node(&table, row), "row {row}");
+    }
+}
+
+fn node(table: &EnergyTable, row: usize) -> Vec<f64> {
+    let window = table.spec().window;
+    let indices = (0..window.len()).map(|flat| window.unravel(flat));
+    indices
+        .map(|index| table.node_energy(row, index).unwrap())
+        .collect()
+}

@@ -75,7 +75,7 @@ impl<T: Real> LaneFft<T> {
 
     /// The same transform; if only half of its outputs are wanted, those from number `first` on,
     /// which go on at 0 beyond the end.
-    pub(crate) fn from_output(self, first: usize) -> Self {
+    pub(crate) fn with_first_output(self, first: usize) -> Self {
         Self {
             first_output: first % self.len,
             ..self
@@ -379,7 +379,9 @@ mod tests {
         let random = || T::nearest(rng.random_range(-1.0..1.0));
         lines.as_mut_slice().fill_with(random);
         let before: Vec<f64> = lines.as_slice().iter().map(|v| (*v).into()).collect();
-        let ours = LaneFft::<T>::new(len, ends).unwrap().from_output(first);
+        let ours = LaneFft::<T>::new(len, ends)
+            .unwrap()
+            .with_first_output(first);
         let lanes = dispatch_lanes!(level, simd => bundle(simd, &ours, &mut lines));
         let fft = FftPlanner::new().plan_fft_inverse(len);
         // A plan may do without leaving out halves.

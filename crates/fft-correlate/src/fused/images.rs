@@ -145,8 +145,8 @@ impl<T: Real> Image<T> {
                     [z_output(z, [cos, -sin]), z_output(z + l.half, [-sin, -cos])]
                 })
                 .collect(),
-            x: x.from_output(first(0)),
-            y: y.from_output(first(1)),
+            x: x.with_first_output(first(0)),
+            y: y.with_first_output(first(1)),
             order: order.collect(),
             mirrored: mirror_y,
             sign: if flips[2] { -T::one() } else { T::one() },

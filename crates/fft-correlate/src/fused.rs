@@ -16,7 +16,8 @@
 //! Nyquist frequency to treat apart and no half spectrum to split. What wraps around along z
 //! returns with the opposite sign; nothing that wraps around is ever wanted.
 //!
-//! Lines that are zero going in are skipped, and so are those unwanted coming out.
+//! Lines that are zero going in are skipped, and so are those unwanted coming out. Half turns take
+//! stages 2 and 3 from the products on ([`images`]).
 
 mod images;
 mod layout;

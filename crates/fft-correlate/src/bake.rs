@@ -210,7 +210,7 @@ impl PairEnergies {
         })
     }
 
-    /// The same for `rotations`: half turns share their work if there are any among them.
+    /// The same for `rotations`: half turns share their work if there are enough among them.
     ///
     /// # Errors
     /// As [`Correlator::plan`].
@@ -219,11 +219,8 @@ impl PairEnergies {
         window: &TranslationWindow,
         rotations: &[DQuat],
     ) -> Result<Self, CorrelateError> {
-        if half_turn_groups(rotations).len() == rotations.len() {
-            return Self::plan(pair, window);
-        }
         Ok(Self {
-            correlator: Correlator::plan_half_turns(pair, window)?,
+            correlator: Correlator::plan_groups(pair, window, &half_turn_groups(rotations))?,
             gamma: pair.model().gamma,
         })
     }

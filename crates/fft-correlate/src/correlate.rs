@@ -30,7 +30,7 @@ use crate::overlap::{IndexBox, Overlap, overlap};
 use crate::real::Real;
 use crate::resample::{MovingField, Turned, support};
 use crate::spectral::{FixedTerm, MovingRows, Spectral, SpectralScratch, StageTimes, Way, memory};
-use crate::{HalfTurn, Pair, TranslationWindow};
+use crate::{HalfTurn, HalfTurnGroup, Pair, TranslationWindow};
 
 /// Why a correlator cannot be planned.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -206,7 +206,26 @@ impl Correlator {
     ) -> Result<Self, CorrelateError> {
         Self::plan_as(pair, window, Way::native(), true)
     }
+
+    /// [`Correlator::plan_half_turns`] if the groups have at least [`WORTHWHILE`] rotations on
+    /// average, else [`Correlator::plan`].
+    ///
+    /// # Errors
+    /// As [`Correlator::plan`].
+    pub(crate) fn plan_groups(
+        pair: &Pair,
+        window: &TranslationWindow,
+        groups: &[HalfTurnGroup],
+    ) -> Result<Self, CorrelateError> {
+        let rotations: usize = groups.iter().map(|g| g.members.len()).sum();
+        let shared = rotations as f64 >= WORTHWHILE * groups.len() as f64;
+        Self::plan_as(pair, window, Way::native(), shared)
+    }
 }
+
+/// Rotations per group from which on groups are scored together: what is shared is about half of
+/// the work, and the rest then takes a little longer.
+const WORTHWHILE: f64 = 1.5;
 
 impl Correlator<f64> {
     /// As [`Correlator::plan`], in double precision: the same steps with an error of about 1e-15

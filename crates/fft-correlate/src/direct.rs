@@ -2,7 +2,7 @@
 //! table, a few megabytes.
 //!
 //! Weighted points of one part are looked up in the other part's density on its lattice by
-//! trilinear interpolation; which part gives the points of which product is decided by [`plan`].
+//! trilinear interpolation; which part gives the points of which product is decided by `plan`.
 //! Force and torque are the exact gradient of the interpolated sum, so the energy is conservative
 //! up to the rounding of single precision. Outside its lattice a density is zero, reached within
 //! one cell; with a finite halo it has faded to zero before.

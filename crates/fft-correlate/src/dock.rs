@@ -26,8 +26,7 @@ pub use state::StateError;
 use crate::peaks::PoseSpacing;
 use crate::refine::Descent;
 use crate::{
-    CorrelateError, Correlator, EnergySource, HalfTurnGroup, Pair, Pose, TranslationWindow,
-    half_turn_groups,
+    CorrelateError, Correlator, EnergySource, Pair, Pose, TranslationWindow, half_turn_groups,
 };
 
 /// What docking keeps and how far it refines.
@@ -155,7 +154,7 @@ pub fn dock(
 ) -> Result<Docking, DockError> {
     check_rotations(rotations)?;
     let groups = half_turn_groups(rotations);
-    let correlator = plan(pair, window, rotations, &groups)?;
+    let correlator = Correlator::plan_groups(pair, window, &groups)?;
     let scan = Scan {
         pair,
         correlator: &correlator,
@@ -209,20 +208,6 @@ pub fn dock(
         poses,
         scored,
         rotations: rotations.len(),
-    })
-}
-
-/// The correlator for a list of rotations: half turns share their work if there are any.
-fn plan(
-    pair: &Pair,
-    window: &TranslationWindow,
-    rotations: &[DQuat],
-    groups: &[HalfTurnGroup],
-) -> Result<Correlator, DockError> {
-    Ok(if groups.len() < rotations.len() {
-        Correlator::plan_half_turns(pair, window)?
-    } else {
-        Correlator::plan(pair, window)?
     })
 }
 

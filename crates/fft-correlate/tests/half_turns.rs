@@ -10,7 +10,7 @@ use direct_support::{Blobs, model, pair};
 use fft_correlate::bake::{Share, bake};
 use fft_correlate::{
     EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, TableSpec,
-    TableStore, TranslationWindow, search_rotations,
+    TableStore, TranslationWindow, half_turn_groups, search_rotations,
 };
 use glam::DQuat;
 use ndarray::Array3;
@@ -33,6 +33,22 @@ fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEn
         PairEnergies::plan_for(pair, window, spec.grid().unwrap().nodes()).expect("plannable");
     assert!(energies.correlator().description().shares_half_turns);
     energies
+}
+
+/// One pair among many rotations saves less than the longer transforms may cost.
+#[test]
+fn a_few_half_turns_are_not_shared() {
+    let (pair, window, _) = scene(RotationDomain::full(30.0));
+    let shares = |rotations: &[DQuat]| {
+        let energies = PairEnergies::plan_for(&pair, &window, rotations).unwrap();
+        energies.correlator().description().shares_half_turns
+    };
+    let alone: Vec<_> = (0..6)
+        .map(|i| DQuat::from_rotation_z(0.1 * f64::from(i)))
+        .collect();
+    let one_pair = [&alone[..], &[HalfTurn::Y.rotation()]].concat();
+    assert_eq!(half_turn_groups(&one_pair).len(), 6);
+    assert!(!shares(&alone) && !shares(&one_pair) && shares(&search_rotations(1.0, &[])));
 }
 
 /// Every node of a table, in memory and on disk, has the energy that its rotation has when scored by

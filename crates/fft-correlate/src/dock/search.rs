@@ -26,12 +26,12 @@ use serde::Serialize;
 use super::report::{FoundPose, SearchReport, SearchStage};
 use super::scan::{Candidate, Scan};
 use super::state::{State, StateError};
-use super::{DockError, check_rotations, covers, measure, plan};
+use super::{DockError, check_rotations, covers, measure};
 use crate::peaks::PoseSpacing;
 use crate::refine::Descent;
 use crate::{
-    DirectError, DirectEvaluator, DirectOptions, EnergySource, HalfTurnGroup, Pair, PairError,
-    Pose, ScoreModel, TranslationWindow, half_turn_groups,
+    Correlator, DirectError, DirectEvaluator, DirectOptions, EnergySource, HalfTurnGroup, Pair,
+    PairError, Pose, ScoreModel, TranslationWindow, half_turn_groups,
 };
 
 /// Interior weight over exterior weight with which poses are found and ranked.
@@ -143,7 +143,7 @@ pub fn search(
     let (min, max) = (domain.places.min - pivot, domain.places.max - pivot);
     let window = TranslationWindow::new(min, max, coarse.spacing())?;
     let groups = half_turn_groups(&domain.rotations);
-    let correlator = plan(&coarse, &window, &domain.rotations, &groups)?;
+    let correlator = Correlator::plan_groups(&coarse, &window, &groups).map_err(DockError::from)?;
     let scan = Scan {
         pair: &coarse,
         correlator: &correlator,

@@ -7,8 +7,9 @@
 
 pyTME correlates one real grid (its `CC` score: one transform in, one back) with linear resampling of
 the template; pegfit two (2 + 1 transforms) for the real part of a product of complex fields. Template
-and target have N/2 points along each axis, transforms N. Both run on one thread. pyTME's time is the
-slope between a few and many rotations, so that its preparation does not count.
+and target have N/2 points along each axis, transforms N. Both run on one thread; pegfit one rotation
+by itself, and four at a time that differ by half turns, as in a search. pyTME's time is the slope
+between a few and many rotations, so that its preparation does not count.
 """
 import argparse
 import csv
@@ -54,14 +55,14 @@ def pytme_per_rotation(n, repeat):
 
 
 def ours(program, sizes):
-    """Seconds per rotation on one thread by size, half support and window."""
+    """Seconds per rotation on one thread by size and rotations at once, half support and window."""
     with tempfile.TemporaryDirectory() as out:
         words = [program, "--out", out, *map(str, sizes)]
         subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
         with (pathlib.Path(out) / "correlate.csv").open() as file:
             rows = list(csv.DictReader(file))
     return {
-        int(r["n"]): 1e-3 * float(r["total_ms"])
+        (int(r["n"]), int(r["at_once"])): 1e-3 * float(r["total_ms"])
         for r in rows
         if r["case"] == "half" and r["threads"] == "1"
     }
@@ -74,10 +75,12 @@ def main():
     parser.add_argument("--repeat", type=int, default=3)
     args = parser.parse_args()
     mine = ours(args.program, args.sizes)
-    print(f"{'N':>4}{'pegfit ms':>11}{'pyTME ms':>10}{'ratio':>8}")
+    print(f"{'N':>4}{'at once':>9}{'pegfit ms':>11}{'pyTME ms':>10}{'ratio':>8}")
     for n in args.sizes:
         theirs = pytme_per_rotation(n, args.repeat)
-        print(f"{n:4}{1e3 * mine[n]:11.2f}{1e3 * theirs:10.2f}{mine[n] / theirs:8.3f}")
+        for at_once in [1, 4]:
+            own = mine[n, at_once]
+            print(f"{n:4}{at_once:9}{1e3 * own:11.2f}{1e3 * theirs:10.2f}{own / theirs:8.3f}")
 
 
 if __name__ == "__main__":

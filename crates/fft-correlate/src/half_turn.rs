@@ -59,7 +59,8 @@ const SAME: f64 = 1e-9;
 
 /// Groups the rotations of a list (unit quaternions) such that those of a group differ by half
 /// turns; every place occurs once, in groups of one where there is nothing to share. Groups stand
-/// in the order of their first members and depend on the list alone.
+/// in the order of their first members and depend on the list alone. Takes about 200 bytes per
+/// rotation meanwhile.
 pub fn half_turn_groups(rotations: &[DQuat]) -> Vec<HalfTurnGroup> {
     let mut places: HashMap<[i64; 4], Vec<usize>> = HashMap::with_capacity(rotations.len());
     for (place, q) in rotations.iter().enumerate() {

@@ -245,8 +245,9 @@ impl<T: Real> LaneFft<T> {
     }
 }
 
-/// [`LaneFft::process`] from one bundle to another, while the bundle that begins `next` numbers after the first is
-/// on its way to the nearest cache. Not inlined: it is the same for most transforms.
+/// [`LaneFft::process`] from one bundle to another, while the bundle that begins `next` numbers after
+/// the first is on its way to the nearest cache, and that after the second too if its number is not
+/// zero. Not inlined: it is the same for most transforms.
 ///
 /// # Safety
 /// As [`LaneFft::process`]; no one else may use the bundles.
@@ -257,7 +258,7 @@ pub(crate) unsafe fn transform<S: Simd, T: Real>(
     tiles: [Tile<T>; 2],
     from: Line<'_, T>,
     to: Line<'_, T>,
-    next: usize,
+    [next, next_to]: [usize; 2],
 ) {
     // SAFETY: as demanded.
     unsafe {
@@ -270,7 +271,12 @@ pub(crate) unsafe fn transform<S: Simd, T: Real>(
                 from.get(simd, i)
             },
             #[inline(always)]
-            |i, v| to.put(simd, i, v),
+            |i, v| {
+                if next_to > 0 {
+                    to.fetch::<S>(i, next_to);
+                }
+                to.put(simd, i, v);
+            },
         );
     }
 }
@@ -362,7 +368,7 @@ mod tests {
             places: &places,
         };
         // SAFETY: the tiles hold `len` elements, and so does the buffer.
-        unsafe { transform(simd, fft, [a, b], at, at, 0) };
+        unsafe { transform(simd, fft, [a, b], at, at, [0, 0]) };
         lanes
     }
 

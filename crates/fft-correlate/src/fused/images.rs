@@ -202,7 +202,7 @@ pub(super) unsafe fn multiply_images<S: Simd, T: Real>(
                         tile: to,
                         places: &f.places,
                     };
-                    transform(simd, &f.x, work, from, to, 0);
+                    transform(simd, &f.x, work, from, to, [0, 0]);
                 }
                 lines[count] = (to, term, part * part_offset);
                 count += 1;

@@ -226,7 +226,7 @@ pub(super) unsafe fn forward_block<S: Simd, T: Real>(
                     };
                     let to = line(moving.tile, at, &term.y_places);
                     // Passes do not read in an order that would bring the next line by itself.
-                    transform(simd, &f.y, [a, b], from, to, l.line);
+                    transform(simd, &f.y, [a, b], from, to, [l.line, 0]);
                 }
             }
         }
@@ -308,6 +308,8 @@ pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
     let l = f.layout;
     let [a, b, ..] = &mut own.tiles;
     let (a, b) = (a.tile(), b.tile());
+    // Where the next line goes has not been touched for a while.
+    let next = [l.x_stride, if f.is_large { l.line } else { 0 }];
     for x in 0..f.window[0] {
         let at = l.column(sum.planes, sum.part, 0) + x * l.x_stride;
         // SAFETY: laid out so, see the module.
@@ -315,7 +317,7 @@ pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
             let from = line(sum.tile, at, &f.terms[0].y_places);
             let to = l.line(sum.planes, block, sum.part, x);
             let to = line(sum.lines, to, &sum.image.y_to);
-            transform(simd, &sum.image.y, [a, b], from, to, l.x_stride);
+            transform(simd, &sum.image.y, [a, b], from, to, next);
         }
     }
 }

@@ -308,8 +308,12 @@ pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
     let l = f.layout;
     let [a, b, ..] = &mut own.tiles;
     let (a, b) = (a.tile(), b.tile());
-    // Where the next line goes has not been touched for a while.
-    let next = [l.x_stride, if f.is_large { l.line } else { 0 }];
+    // The half spectra of four sums, and where their lines go, have left the caches meanwhile.
+    let next = if f.is_large && f.images.len() > 1 {
+        [l.x_stride, l.line]
+    } else {
+        [0; 2]
+    };
     for x in 0..f.window[0] {
         let at = l.column(sum.planes, sum.part, 0) + x * l.x_stride;
         // SAFETY: laid out so, see the module.

@@ -63,13 +63,13 @@ impl Bvh {
         Self::over(build::tree(mesh.triangles().len(), triangle), centre, scale)
     }
 
-    /// Builds the hierarchy over the same surface in fewer faces: coplanar triangles are merged and
-    /// long faces cut.
-    pub(crate) fn merged(mesh: &TriangleMesh) -> Self {
+    /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to `flat`
+    /// ([`coplanar::merged`]) are merged and long faces cut.
+    pub(crate) fn merged(mesh: &TriangleMesh, flat: f64) -> Self {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
-        let faces = coplanar::merged(mesh.triangles(), &corners);
+        let faces = coplanar::merged(mesh.triangles(), &corners, flat);
         Self::over(build::tree(faces.len(), |i| faces.get(i)), centre, scale)
     }
 

@@ -27,7 +27,7 @@ impl Face {
         Self::new(3, [a, b, c, a], source)
     }
 
-    /// A flat, convex quadrangle; none if it or an edge of it has no extent.
+    /// A convex quadrangle, flat up to rounding; none if it or an edge of it has no extent.
     pub(crate) fn quadrangle(corners: [DVec3; 4], source: u32) -> Option<Self> {
         Self::new(4, corners, source)
     }
@@ -54,6 +54,11 @@ impl Face {
             return None;
         }
         let normal = twice_area.normalize();
+        // Corners that a file has rounded leave the plane: edges are what is seen of them in it, so that
+        // distances along and across them belong together.
+        let flat = |edge: DVec3| edge - normal * edge.dot(normal);
+        let edges = if count == 4 { edges.map(flat) } else { edges };
+        let length = edges.map(DVec3::length);
         let along = edges.map(DVec3::normalize);
         let weights = [
             twice[0].dot(normal),

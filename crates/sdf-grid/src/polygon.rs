@@ -42,32 +42,32 @@ pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec
     Some(cuts.iter().map(upward).collect())
 }
 
-/// Cuts the region within rings (the outline and the holes, any way round) into triangles that are as
-/// little drawn out as its sides allow, which are not cut; adds corners inside it for that. Corners (the
-/// given ones first, chained together) and triangles of their indices, counter-clockwise. `None` if
-/// rings touch or cross.
-pub(crate) fn triangulate_compactly(rings: &[Vec<DVec2>]) -> Option<Triangles> {
+/// Cuts the region within rings (the outline and the holes as places among `points`, any way round) into
+/// triangles that are as little drawn out as its sides allow, which are not cut; adds corners inside it for
+/// that. Corners (the given ones first) and triangles of their indices, counter-clockwise. Rings may touch
+/// in corners; `None` if they cross or points coincide.
+pub(crate) fn triangulate_compactly(points: &[DVec2], rings: &[Vec<u32>]) -> Option<Triangles> {
     let mut delaunay = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
-    let mut given = 0;
-    for ring in rings {
-        let mut handles = Vec::with_capacity(ring.len());
-        for p in ring {
-            let handle = delaunay.insert(Point2::new(p.x, p.y)).ok()?;
-            // A corner that was there before gets its old index.
-            if handle.index() != given {
-                return None;
-            }
-            given += 1;
-            handles.push(handle);
+    let mut handles = Vec::with_capacity(points.len());
+    for (place, p) in points.iter().enumerate() {
+        let handle = delaunay.insert(Point2::new(p.x, p.y)).ok()?;
+        // A corner that was there before gets its old index.
+        if handle.index() != place {
+            return None;
         }
-        for (k, &from) in handles.iter().enumerate() {
-            let to = handles[(k + 1) % handles.len()];
+        handles.push(handle);
+    }
+    for ring in rings {
+        for (k, &from) in ring.iter().enumerate() {
+            let to = ring[(k + 1) % ring.len()];
+            let [from, to] = [from, to].map(|v| handles[v as usize]);
             if !delaunay.can_add_constraint(from, to) {
                 return None;
             }
             delaunay.add_constraint(from, to);
         }
     }
+    let given = points.len();
     let limits = RefinementParameters::new()
         .exclude_outer_faces(true)
         .with_angle_limit(AngleLimit::from_deg(COMPACT))

@@ -8,8 +8,10 @@
 
 mod common;
 
+use std::f64::consts::TAU;
+
 use common::{cuboid, icosphere, random_star, relative_l2};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use num_complex::Complex64;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -35,8 +37,12 @@ fn clean(
 }
 
 fn field(mesh: &TriangleMesh, sigma: f64, lattice: &Lattice) -> DensityField {
+    field_to(TOLERANCE, mesh, sigma, lattice)
+}
+
+fn field_to(tolerance: f64, mesh: &TriangleMesh, sigma: f64, lattice: &Lattice) -> DensityField {
     let options = DensityOptions {
-        tolerance: TOLERANCE,
+        tolerance,
         sampling: Sampling::Point,
         halo: f64::INFINITY,
     };
@@ -60,7 +66,15 @@ fn around(mesh: &TriangleMesh, n: usize) -> Lattice {
 /// Relative L2 error of the density, and the largest error of the distance in part sizes, over
 /// all nodes of `lattice`; panics at a sign that is wrong beyond rounding.
 fn errors(mesh: &TriangleMesh, sigma: f64, lattice: &Lattice) -> (f64, f64) {
-    let found = field(mesh, sigma, lattice);
+    errors_of(&field(mesh, sigma, lattice), mesh, sigma, lattice)
+}
+
+fn errors_of(
+    found: &DensityField,
+    mesh: &TriangleMesh,
+    sigma: f64,
+    lattice: &Lattice,
+) -> (f64, f64) {
     let reference = ReferenceDensity::new(mesh, &DensityKernel::new(sigma).expect("a thickness"));
     let size = mesh.bounds().size().max_element();
     let step = 1e-4 * lattice.spacing();
@@ -144,6 +158,50 @@ fn scales_of_a_millionth_and_a_million() {
             change < 2e-5,
             "scale {scale:e} changes the density by {change:e}"
         );
+    }
+}
+
+/// A cylinder of `sides` strips of `layers` pieces.
+fn layered_cylinder(radius: f64, height: f64, sides: u32, layers: u32) -> TriangleMesh {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for i in 0..sides {
+        let direction = DVec2::from_angle(TAU * f64::from(i) / f64::from(sides));
+        let z = |layer: u32| height * f64::from(layer) / f64::from(layers);
+        vertices.extend((0..=layers).map(|layer| (radius * direction).extend(z(layer))));
+    }
+    let at = |i: u32, layer: u32| i % sides * (layers + 1) + layer;
+    for (i, l) in (0..sides).flat_map(|i| (0..layers).map(move |l| (i, l))) {
+        let [a, b, c, d] = [(i, l), (i + 1, l), (i + 1, l + 1), (i, l + 1)].map(|(i, l)| at(i, l));
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    for i in 1..sides - 1 {
+        triangles.push([at(0, 0), at(i + 1, 0), at(i, 0)]);
+        triangles.push([at(0, layers), at(i, layers), at(i + 1, layers)]);
+    }
+    clean(vertices, triangles, 0.0).0
+}
+
+#[test]
+fn coordinates_rounded_as_files_round_them() {
+    // A peg in metres: eight decimals (1e-7 of its length) in a text file, single precision in an STL.
+    let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -0.9, 0.2));
+    let exact = layered_cylinder(0.004, 0.05, 90, 6).transformed(turn, DVec3::splat(0.003));
+    let text = |v: &DVec3| (*v * 1e8).round() * 1e-8;
+    let stl = |v: &DVec3| v.as_vec3().as_dvec3();
+    let round: [&dyn Fn(&DVec3) -> DVec3; 2] = [&text, &stl];
+    for (round, name) in round.into_iter().zip(["text", "stl"]) {
+        let (vertices, triangles) = raw(&exact);
+        let (mesh, _) = clean(vertices.iter().map(round).collect(), triangles, 0.0);
+        let lattice = around(&mesh, 9);
+        for sigma in [0.03, 0.3] {
+            for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
+                let found = field_to(tolerance, &mesh, sigma, &lattice);
+                let (density, distance) = errors_of(&found, &mesh, sigma, &lattice);
+                println!("{name}, {tolerance:e}: density {density:.1e}, distance {distance:.1e}");
+                assert!(density <= tolerance, "{name}, {tolerance:e}: {density:e}");
+                assert!(distance <= DISTANCE, "{name}: distance {distance:e}");
+            }
+        }
     }
 }
 

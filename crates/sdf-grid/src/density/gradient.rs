@@ -12,6 +12,7 @@ use super::edge_integral::EdgeQuadrature;
 use super::reference::UnitDensity;
 use crate::TriangleMesh;
 use crate::bvh::Bvh;
+use crate::coplanar;
 use crate::kernel::{CumulativeKernel, DensityKernel};
 
 /// Boundary points count as equally near if their distances differ by less than this, in units of the
@@ -69,7 +70,7 @@ impl DensityGradient {
     /// # Errors
     /// If the mesh has no triangle with an area.
     pub fn new(mesh: &TriangleMesh, kernel: &DensityKernel) -> Result<Self, DensityError> {
-        let bvh = Bvh::merged(mesh);
+        let bvh = Bvh::merged(mesh, coplanar::EXACT);
         if bvh.faces.is_empty() {
             return Err(DensityError::EmptyMesh);
         }

@@ -9,6 +9,7 @@ use super::patch::{Brick, Patch};
 use super::sampling::cut;
 use super::{DensityError, zeros};
 use crate::bvh::Bvh;
+use crate::coplanar;
 use crate::{Lattice, Monitor, TriangleMesh};
 
 /// Packet coordinates are rounded to 1e-7 of half the packet's diagonal. Points nearer to the
@@ -27,7 +28,7 @@ pub fn signed_distances(
     lattice: &Lattice,
     monitor: &dyn Monitor,
 ) -> Result<Array3<f32>, DensityError> {
-    let bvh = Bvh::merged(mesh);
+    let bvh = Bvh::merged(mesh, coplanar::EXACT);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }

@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn groups_hold_the_whole_tree() {
         for seed in 0..6 {
-            let bvh = Bvh::merged(&random_solid(seed).unwrap());
+            let bvh = Bvh::merged(&random_solid(seed).unwrap(), crate::coplanar::EXACT);
             let nodes = bvh.nodes.iter().map(|n| Cluster::new(&n.moments));
             let clusters: Vec<Cluster> = nodes.chain(bvh.faces.iter().map(Cluster::of)).collect();
             let groups = groups(&bvh, &clusters);

@@ -110,7 +110,7 @@ fn relative<'a>(found: impl Iterator<Item = (&'a f32, &'a f32)>) -> f64 {
 fn instruction_sets_agree() {
     let (_, peg) = PegInHole::Combined.pair(0.0).unwrap();
     for mesh in [peg, random_solid(0).unwrap()] {
-        let bvh = Bvh::merged(&mesh);
+        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT);
         let table = CumulativeKernel::new(DensityKernel::new(0.1).unwrap());
         for tolerance in [1e-3, 1e-5] {
             let mut density = PacketDensity::new(&bvh, &table, tolerance);

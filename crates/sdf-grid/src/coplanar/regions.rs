@@ -1,0 +1,287 @@
+//! Connected flat regions of a mesh.
+
+use glam::{DMat2, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::NONE;
+use crate::face::Face;
+
+/// Triangles whose corners lie within this many times `flat` of a region's plane join it for the time
+/// being: a plane found from part of a region is off by more farther away. The whole must then lie within
+/// `flat` of a plane of its own.
+const PERHAPS: f64 = 6.0;
+
+/// A plane is not fitted to points that lie on a line up to this: variance across over variance along.
+const THIN: f64 = 1e-13;
+
+/// What the growth of regions asks of a triangle.
+#[derive(Clone, Copy)]
+pub(super) struct Facet {
+    pub(super) normal: DVec3,
+    /// Zero if the triangle has no normal.
+    pub(super) area: f64,
+    /// Whether it is so narrow that rounding may have turned it over.
+    needle: bool,
+}
+
+/// Needles are narrower than this, in units of their length.
+const NEEDLE: f64 = 1e-3;
+
+impl Facet {
+    fn of(corners: [DVec3; 3]) -> Self {
+        let (normal, area) = Face::normal_and_area(corners).unwrap_or_default();
+        let [a, b, c] = corners;
+        let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
+        let longest = sides.into_iter().fold(0.0, f64::max);
+        Self {
+            normal,
+            area,
+            needle: 2.0 * area < NEEDLE * longest,
+        }
+    }
+}
+
+/// Where the triangles of a region lie.
+#[derive(Clone, Copy)]
+pub(super) struct Plane {
+    pub(super) origin: DVec3,
+    pub(super) normal: DVec3,
+}
+
+impl Plane {
+    fn height(&self, p: DVec3) -> f64 {
+        (p - self.origin).dot(self.normal)
+    }
+
+    /// Two directions that span it, `u x v` its normal.
+    pub(super) fn axes(&self) -> [DVec3; 2] {
+        let (u, v) = self.normal.any_orthonormal_pair();
+        [u, v]
+    }
+
+    /// The plane with the least squares of heights of `points`, none if they lie on a line.
+    fn fitted(&self, points: impl Iterator<Item = DVec3> + Clone) -> Option<Self> {
+        let [u, v] = self.axes();
+        let place = |p: DVec3| {
+            let p = p - self.origin;
+            DVec3::new(p.dot(u), p.dot(v), p.dot(self.normal))
+        };
+        let count = points.clone().count() as f64;
+        let mean = points.clone().map(place).sum::<DVec3>() / count;
+        let (mut squares, mut heights) = (DMat2::ZERO, DVec2::ZERO);
+        for p in points.map(place) {
+            let p = p - mean;
+            let flat = p.truncate();
+            squares += DMat2::from_cols(flat * flat.x, flat * flat.y);
+            heights += flat * p.z;
+        }
+        let trace = squares.x_axis.x + squares.y_axis.y;
+        if squares.determinant() <= THIN * trace * trace {
+            return None;
+        }
+        let slope = squares.inverse() * heights;
+        Some(Self {
+            origin: self.origin + u * mean.x + v * mean.y + self.normal * mean.z,
+            normal: (self.normal - u * slope.x - v * slope.y).normalize(),
+        })
+    }
+}
+
+/// Triangles in connected flat regions.
+pub(super) struct Regions {
+    /// One region after the other, each beginning with its largest triangle.
+    triangles: Vec<u32>,
+    /// Where each begins, and the end of the last.
+    starts: Vec<usize>,
+    planes: Vec<Plane>,
+    /// The region of each triangle, or [`NONE`].
+    pub(super) of: Vec<u32>,
+}
+
+impl Regions {
+    pub(super) fn count(&self) -> usize {
+        self.planes.len()
+    }
+
+    pub(super) fn get(&self, id: usize) -> &[u32] {
+        &self.triangles[self.starts[id]..self.starts[id + 1]]
+    }
+
+    pub(super) fn plane(&self, id: usize) -> &Plane {
+        &self.planes[id]
+    }
+}
+
+/// The mesh with what lies beside each triangle.
+pub(super) struct Surface<'a> {
+    pub(super) indices: &'a [[u32; 3]],
+    pub(super) vertices: &'a [DVec3],
+    pub(super) facets: Vec<Facet>,
+    /// The triangle beyond edge `k`, or [`NONE`].
+    pub(super) neighbours: Vec<[u32; 3]>,
+    /// What lies this near to a plane or a line lies in it.
+    pub(super) flat: f64,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(indices: &'a [[u32; 3]], vertices: &'a [DVec3], flat: f64) -> Self {
+        let facet = |t: &[u32; 3]| Facet::of(t.map(|v| vertices[v as usize]));
+        let facets = || indices.par_iter().map(facet).collect();
+        let (neighbours, facets) = rayon::join(|| neighbours(indices, vertices.len()), facets);
+        Self {
+            indices,
+            vertices,
+            facets,
+            neighbours,
+            flat,
+        }
+    }
+
+    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.indices[triangle as usize].map(|v| self.vertices[v as usize])
+    }
+
+    /// Connected flat regions, grown from the largest triangle on.
+    pub(super) fn regions(&self) -> Regions {
+        // Largest first: numbers that are not negative are ordered as their bits are.
+        let seed = |(i, facet): (usize, &Facet)| {
+            let size = u64::from((facet.area as f32).to_bits());
+            (facet.area > 0.0).then_some((u64::from(u32::MAX) - size) << 32 | i as u64)
+        };
+        let mut seeds: Vec<u64> = (self.facets.par_iter().enumerate())
+            .filter_map(seed)
+            .collect();
+        seeds.par_sort_unstable();
+        let mut regions = Regions {
+            triangles: Vec::with_capacity(seeds.len()),
+            starts: vec![0],
+            planes: Vec::new(),
+            of: vec![NONE; self.indices.len()],
+        };
+        for seed in seeds {
+            let seed = seed as u32;
+            if regions.of[seed as usize] == NONE {
+                let plane = self.grow(&mut regions, seed);
+                regions.planes.push(plane);
+                regions.starts.push(regions.triangles.len());
+            }
+        }
+        regions
+    }
+
+    /// Adds the triangles of the flat region around one; its plane.
+    ///
+    /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates nothing
+    /// is fitted. Rounded ones leave it farther away; then the plane follows them.
+    fn grow(&self, regions: &mut Regions, seed: u32) -> Plane {
+        let (id, start) = (regions.count() as u32, regions.triangles.len());
+        let mut plane = Plane {
+            origin: self.corners(seed)[0],
+            normal: self.facets[seed as usize].normal,
+        };
+        regions.of[seed as usize] = id;
+        regions.triangles.push(seed);
+        let mut next = start;
+        // The triangles before this one are known to lie in the plane.
+        let mut sound = start + 1;
+        let mut allowed = PERHAPS * self.flat;
+        loop {
+            while let Some(&t) = regions.triangles.get(next) {
+                next += 1;
+                for n in self.neighbours[t as usize] {
+                    if n == NONE || regions.of[n as usize] != NONE {
+                        continue;
+                    }
+                    let off = self.off(n, &plane);
+                    if off <= allowed {
+                        let all_sound = sound == regions.triangles.len();
+                        regions.of[n as usize] = id;
+                        regions.triangles.push(n);
+                        sound += usize::from(all_sound && off <= self.flat);
+                    }
+                }
+                // A plane may be off by about as much beyond its points as between them.
+                if regions.triangles.len() - start >= 2 * (sound - start) {
+                    break;
+                }
+            }
+            let end = regions.triangles.len();
+            if sound == end {
+                if next == end {
+                    return plane;
+                }
+                continue;
+            }
+            match self.fitted(&regions.triangles[start..], &plane) {
+                Some(fitted) => (plane, sound) = (fitted, end),
+                None => {
+                    // Once more, without those that are a little off.
+                    for t in regions.triangles.drain(sound..) {
+                        regions.of[t as usize] = NONE;
+                    }
+                    (next, allowed) = (start, self.flat);
+                }
+            }
+        }
+    }
+
+    /// How far a triangle leaves a plane, infinity if it is steep. Needles lie every way: the surface is the
+    /// same chain with them, folded back where they are upside down.
+    fn off(&self, triangle: u32, plane: &Plane) -> f64 {
+        let facet = &self.facets[triangle as usize];
+        if facet.area <= 0.0 || !facet.needle && facet.normal.dot(plane.normal) <= 0.9 {
+            return f64::INFINITY;
+        }
+        let heights = self.corners(triangle).map(|c| plane.height(c).abs());
+        heights.into_iter().fold(0.0, f64::max)
+    }
+
+    /// A plane near another in which all of these triangles lie.
+    fn fitted(&self, triangles: &[u32], near: &Plane) -> Option<Plane> {
+        let corners = triangles.iter().flat_map(|t| self.corners(*t));
+        let plane = near.fitted(corners)?;
+        let lies = |t: &u32| self.off(*t, &plane) <= self.flat;
+        triangles.iter().all(lies).then_some(plane)
+    }
+}
+
+/// The triangle beyond each edge: the one other triangle that has it, the other way round.
+fn neighbours(indices: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
+    let edge = |half: u32| {
+        let (t, k) = (indices[half as usize / 3], half as usize % 3);
+        (t[k], t[(k + 1) % 3])
+    };
+    let lower = |half: u32| edge(half).0.min(edge(half).1) as usize;
+    let halves = 0..3 * indices.len() as u32;
+    // Edges by their lower vertex: counted, then put in their places.
+    let mut places = vec![0u32; vertices + 1];
+    for half in halves.clone() {
+        places[lower(half) + 1] += 1;
+    }
+    for v in 0..vertices {
+        places[v + 1] += places[v];
+    }
+    let mut sorted = vec![(0u32, 0u32); 3 * indices.len()];
+    for half in halves {
+        let place = &mut places[lower(half)];
+        sorted[*place as usize] = (edge(half).0.max(edge(half).1), half);
+        *place += 1;
+    }
+    let mut beyond = vec![[NONE; 3]; indices.len()];
+    let mut first = 0;
+    // Each place has moved on to the end of its vertex's edges.
+    for end in &places[..vertices] {
+        let around = &mut sorted[first..*end as usize];
+        first = *end as usize;
+        around.sort_unstable();
+        for pair in around.chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, x), (_, y)] = *pair
+                && edge(x).0 != edge(y).0
+            {
+                beyond[x as usize / 3][x as usize % 3] = y / 3;
+                beyond[y as usize / 3][y as usize % 3] = x / 3;
+            }
+        }
+    }
+    beyond
+}

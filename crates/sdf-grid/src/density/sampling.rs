@@ -25,9 +25,9 @@ const SUB: usize = 4;
 
 /// What is flat for a tolerance, in units of the normalized part, whose longest side is 1 to 2. A part of
 /// 50 mm in a file of metres with eight decimals is rounded by up to 2.3e-7. Signed distances are to be
-/// within 1e-6 of the longest side; a field at 1e-5 shows a surface that has moved by 4e-7 everywhere.
+/// within 1e-6 of the longest side; a field at 1e-5 and thin kernels shows a surface that has moved by 1e-7.
 fn flat(tolerance: f64) -> f64 {
-    3e-7 * (1e4 * tolerance).sqrt().min(1.0)
+    3e-7 * (1e4 * tolerance).powf(0.8).min(1.0)
 }
 
 /// Computes every value of `field`, whose arrays are zero.

@@ -121,6 +121,12 @@ fn derivatives<S: Simd>(c: [f32x16<S>; 3], rate: [f32x16<S>; 2], e: f32x16<S>) -
     [c[0] * e, first * e, second * e]
 }
 
+/// Terms of a polynomial at most.
+const MOST_TERMS: usize = 32;
+
+/// Places at which the error of a polynomial is looked at.
+const SAMPLES: usize = 200;
+
 /// `x Q(x)` on an interval that begins or ends at zero, real and imaginary: exact at zero, so that
 /// small differences of the cumulative kernel near the foot of a perpendicular keep their digits.
 struct Rise {
@@ -133,7 +139,7 @@ struct Rise {
 }
 
 impl Rise {
-    /// Fits `f`, which is zero with slope `slope` at zero, on `[start, end]` to `error`.
+    /// Fits `f`, which is zero with slope `slope` at zero, on `[start, end]` to `error`, at the ends exactly.
     fn fit(
         start: f64,
         end: f64,
@@ -146,12 +152,21 @@ impl Rise {
             let x = middle + half * t;
             if x.abs() < 1e-6 { slope } else { f(x) / x }
         };
-        let chebyshev = chebyshev(32, quotient);
-        // The tail of the series bounds the error of leaving it out.
-        let reach = start.abs().max(end.abs());
-        let tail = |n: usize| chebyshev[n..].iter().map(|c| c.norm()).sum::<f64>() * reach;
-        let count = (4..32).find(|&n| tail(n) < error).unwrap_or(32);
-        let powers = powers(&chebyshev[..count]);
+        let place = |i: usize| (std::f64::consts::PI * (i as f64 + 0.5) / SAMPLES as f64).cos();
+        let samples: Vec<_> = (0..SAMPLES)
+            .map(|i| (place(i), quotient(place(i))))
+            .collect();
+        let good = |series: &Vec<Complex64>| {
+            let off =
+                |(t, q): &(f64, Complex64)| (at(series, *t) - q).norm() * (middle + half * t).abs();
+            samples.iter().all(|s| off(s) < error)
+        };
+        let mut series = interpolant(MOST_TERMS, quotient);
+        let fewer = (4..MOST_TERMS).map(|n| interpolant(n, quotient));
+        if let Some(enough) = fewer.into_iter().find(good) {
+            series = enough;
+        }
+        let powers = powers(&series);
         let single = |c: &Complex64| [c.re as f32, c.im as f32];
         Self {
             start: start as f32,
@@ -186,19 +201,27 @@ impl Rise {
     }
 }
 
-/// The first `n` Chebyshev coefficients of `f` on `[-1, 1]`.
-fn chebyshev(n: usize, f: impl Fn(f64) -> Complex64) -> Vec<Complex64> {
-    let m = 2 * n;
-    let angle = |i: usize| std::f64::consts::PI * (i as f64 + 0.5) / m as f64;
-    let values: Vec<Complex64> = (0..m).map(|i| f(angle(i).cos())).collect();
+/// The Chebyshev series of the polynomial through `f` at `n` places of `[-1, 1]`, its ends among them.
+fn interpolant(n: usize, f: impl Fn(f64) -> Complex64) -> Vec<Complex64> {
+    let last = n - 1;
+    let angle = |i: usize| std::f64::consts::PI * i as f64 / last as f64;
+    let end = |k: usize| if k == 0 || k == last { 0.5 } else { 1.0 };
+    let values: Vec<Complex64> = (0..n).map(|i| f(angle(i).cos()) * end(i)).collect();
     let coefficient = |k: usize| {
-        let terms = values
-            .iter()
-            .enumerate()
-            .map(|(i, v)| v * (k as f64 * angle(i)).cos());
-        terms.sum::<Complex64>() * (if k == 0 { 1.0 } else { 2.0 } / m as f64)
+        let terms = values.iter().enumerate();
+        let terms = terms.map(|(i, v)| v * (k as f64 * angle(i)).cos());
+        terms.sum::<Complex64>() * (2.0 * end(k) / last as f64)
     };
     (0..n).map(coefficient).collect()
+}
+
+/// A Chebyshev series at a place.
+fn at(series: &[Complex64], t: f64) -> Complex64 {
+    let (mut a, mut b) = (Complex64::ZERO, Complex64::ZERO);
+    for c in series[1..].iter().rev() {
+        (a, b) = (c + a * (2.0 * t) - b, a);
+    }
+    series[0] + a * t - b
 }
 
 /// Coefficients of powers, lowest first, of a Chebyshev series.

@@ -1,4 +1,5 @@
-//! Docking from random starts: `docking [--quick] [--out DIR] [--starts N] [PARTS_DIR]`.
+//! Docking from random starts:
+//! `docking [--quick] [--out DIR] [--starts N] [--only PAIR] [--exhaustive] [PARTS_DIR]`.
 //!
 //! The moving part of every pair is turned by a random rotation of SO(3) and shifted before
 //! anything is computed, so that its frame gives nothing away; then `search` looks everywhere. The
@@ -11,7 +12,7 @@ use std::time::Instant;
 
 use fft_correlate::{
     Pair, PairBuilder, PairPlan, Pose, ScoreModel, SearchDomain, SearchLattices, SearchOptions,
-    SearchReport, decide, search, search_rotations, symmetry_group,
+    SearchPairs, SearchReport, decide, search, search_rotations, symmetry_group, wants_sketch,
 };
 use glam::{DQuat, DVec3};
 use pegfit_benches::{Arguments, Outcome};
@@ -44,15 +45,20 @@ struct Task {
 
 fn main() -> Outcome<()> {
     let (mut arguments, mut starts, mut only) = (Arguments::parse_known()?, None, None);
+    let mut exhaustive = false;
     while let Some(at) = arguments.rest.iter().position(|a| a.starts_with("--")) {
         let option = arguments.rest.remove(at);
         let value = (at < arguments.rest.len()).then(|| arguments.rest.remove(at));
         match (option.as_str(), value) {
             ("--starts", Some(n)) => starts = Some(n.parse::<u64>()?),
             ("--only", Some(name)) => only = Some(name),
+            ("--exhaustive", value) => {
+                exhaustive = true;
+                arguments.rest.extend(value);
+            }
             _ => {
                 return Err(
-                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] [PARTS_DIR]"
+                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] [--exhaustive] [PARTS_DIR]"
                         .into(),
                 );
             }
@@ -71,6 +77,7 @@ fn main() -> Outcome<()> {
         "rotations",
         "seconds_per_rotation",
         "fields_s",
+        "sketch_s",
         "scoring_s",
         "coarse_descent_s",
         "fine_descent_s",
@@ -83,7 +90,7 @@ fn main() -> Outcome<()> {
             .as_ref()
             .is_none_or(|name| task.name.contains(name.as_str()))
         {
-            run(&task, starts, &mut csv)?;
+            run(&task, starts, exhaustive, &mut csv)?;
         }
     }
     Ok(())
@@ -138,7 +145,12 @@ fn tasks(parts: Option<&Path>) -> Outcome<Vec<Task>> {
 }
 
 /// All starts of one pair.
-fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcome<()> {
+fn run(
+    task: &Task,
+    starts: u64,
+    exhaustive: bool,
+    csv: &mut csv::Writer<std::fs::File>,
+) -> Outcome<()> {
     let axes = symmetry::detect(&task.moving, SYMMETRY_TOLERANCE);
     println!("\n== {}: symmetry {:?}", task.name, orders(&axes));
     let mut kept: Vec<DensityField> = Vec::new();
@@ -160,19 +172,29 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
         };
         let (fixed, builder) = (&task.fixed, PairBuilder::default());
         let plans = lattices.plans(fixed, &moving, &ScoreModel::GUIDED, &builder)?;
-        let [coarse, fine] = [
-            build(&plans[0], fixed, &moving, &mut kept)?,
-            build(&plans[1], fixed, &moving, &mut kept)?,
-        ];
+        let rotations = search_rotations(STEP_DEG.to_radians(), &axes);
+        let sketched = !exhaustive && wants_sketch(rotations.len());
+        let mut pair = |plan| build(plan, fixed, &moving, &mut kept);
+        let sketch = if sketched {
+            Some(pair(&plans[0])?)
+        } else {
+            None
+        };
+        let (coarse, fine) = (pair(&plans[1])?, pair(&plans[2])?);
         let mut fields = began.elapsed().as_secs_f64();
         let domain = SearchDomain {
-            rotations: search_rotations(STEP_DEG.to_radians(), &axes),
+            rotations,
             step: STEP_DEG.to_radians(),
             places: lattices.places(&task.fixed.bounds()),
             symmetries: symmetry_group(&axes),
         };
         let options = SearchOptions::default();
-        let mut report = search(&coarse, &fine, &domain, &options, None, &Silent)?;
+        let pairs = SearchPairs {
+            sketch: sketch.as_ref(),
+            coarse: &coarse,
+            fine: &fine,
+        };
+        let mut report = search(&pairs, &domain, &options, None, &Silent)?;
         let close = report.close();
         if close > 1 {
             let began = Instant::now();
@@ -250,8 +272,17 @@ fn run(task: &Task, starts: u64, csv: &mut csv::Writer<std::fs::File>) -> Outcom
             report.seconds_per_rotation().to_string(),
             fields.to_string(),
         ];
-        row.extend(report.stages.iter().map(|s| s.seconds.to_string()));
-        row.resize(14, "0".into());
+        let names = [
+            "sketch",
+            "scoring",
+            "coarse descent",
+            "fine descent",
+            "decision",
+        ];
+        row.extend(names.map(|name| {
+            let stage = report.stages.iter().find(|s| s.name == name);
+            stage.map_or(0.0, |s| s.seconds).to_string()
+        }));
         row.extend([judged.next.0.to_string(), judged.next.1.to_string()]);
         csv.write_record(row)?;
         csv.flush()?;

@@ -294,6 +294,9 @@ pub struct DockArgs {
     /// Keep what has been scored in this file, and go on with it if it is there
     #[arg(long, value_name = "STATE.json")]
     pub state: Option<PathBuf>,
+    /// Score every rotation, not only those that a sketch on twice the spacing chooses
+    #[arg(long)]
+    pub exhaustive: bool,
 }
 
 /// Arguments of `pegfit feel`.

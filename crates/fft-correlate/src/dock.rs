@@ -10,6 +10,7 @@ mod report;
 mod rotations;
 mod scan;
 mod search;
+mod sketch;
 mod state;
 
 use glam::{DQuat, DVec3};
@@ -20,7 +21,10 @@ pub use lattices::{SearchLattices, domain_rotations};
 pub use report::{CLOSE, FoundPose, SearchReport, SearchStage};
 pub use rotations::{search_rotations, symmetry_group};
 use scan::{Candidate, Scan};
-pub use search::{DOCKING_RATIO, SearchDomain, SearchError, SearchOptions, decide, search};
+pub use search::{
+    DOCKING_RATIO, SearchDomain, SearchError, SearchOptions, SearchPairs, decide, search,
+};
+pub use sketch::wants_sketch;
 pub use state::StateError;
 
 use crate::peaks::PoseSpacing;

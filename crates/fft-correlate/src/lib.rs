@@ -86,8 +86,8 @@ pub use deaverage::{averaging_strength, deaveraged};
 pub use direct::{Condition, DirectError, DirectEvaluator, DirectOptions};
 pub use dock::{
     DockError, DockOptions, DockedPose, Docking, FoundPose, SearchDomain, SearchError,
-    SearchLattices, SearchOptions, SearchReport, decide, dock, domain_rotations, search,
-    search_rotations, symmetry_group,
+    SearchLattices, SearchOptions, SearchPairs, SearchReport, decide, dock, domain_rotations,
+    search, search_rotations, symmetry_group, wants_sketch,
 };
 pub use encode::{Numbers, Storage};
 pub use energy::{EnergySource, Response, Scratch};

@@ -5,7 +5,7 @@ use std::path::Path;
 use fft_correlate::{
     Condition, DirectEvaluator, DirectOptions, DockError, FoundPose, Pair, PairBuilder, PairPlan,
     RotationDomain, ScoreModel, SearchDomain, SearchError, SearchLattices, SearchOptions,
-    SearchReport, TranslationWindow, domain_rotations, symmetry_group,
+    SearchPairs, SearchReport, TranslationWindow, domain_rotations, symmetry_group, wants_sketch,
 };
 use rayon::prelude::*;
 use sdf_grid::{Aabb, FieldCache};
@@ -33,6 +33,8 @@ const CONDITION_POSES: usize = 16;
 #[derive(Serialize)]
 struct Summary {
     rotations: usize,
+    /// By the sketch; all without one.
+    rotations_chosen: usize,
     rotations_scored: usize,
     rotations_resumed: usize,
     displacements: usize,
@@ -87,7 +89,12 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
         context,
     )?;
-    let found = look(&assembly, args.top, args.state.as_deref(), context)?;
+    let how = How {
+        top: args.top,
+        exhaustive: args.exhaustive,
+        state: args.state.as_deref(),
+    };
+    let found = look(&assembly, &how, context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
             write(&found, out)
@@ -121,20 +128,31 @@ pub(super) fn search(
     top: usize,
     context: &Context,
 ) -> Result<SearchReport, CommandError> {
-    Ok(look(assembly, top, None, context)?.report)
+    let how = How {
+        top,
+        exhaustive: false,
+        state: None,
+    };
+    Ok(look(assembly, &how, context)?.report)
+}
+
+/// What a search is asked for.
+struct How<'a> {
+    top: usize,
+    exhaustive: bool,
+    state: Option<&'a Path>,
 }
 
 /// Searches the scene's rotations and window, or everywhere if it names none.
-fn look(
-    assembly: &Assembly,
-    top: usize,
-    state: Option<&Path>,
-    context: &Context,
-) -> Result<Searched, CommandError> {
+fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, CommandError> {
+    let top = how.top;
     let builder = Builder::new(assembly, context)?;
     let lattices = builder.lattices;
-    let [coarse, mut finest] = builder.pairs()?;
     let domain = domain(assembly, &lattices)?;
+    let [sketch, coarse, fine] = builder.plans()?;
+    let sketch = (!how.exhaustive && wants_sketch(domain.rotations.len())).then_some(sketch);
+    let sketch = sketch.map(|plan| builder.build(&plan)).transpose()?;
+    let (coarse, mut finest) = (builder.build(&coarse)?, builder.build(&fine)?);
     require_memory(assembly, &lattices, &domain.places, context)?;
     let options = SearchOptions {
         top,
@@ -143,7 +161,12 @@ fn look(
         ..SearchOptions::default()
     };
     let progress = &context.progress;
-    let found = fft_correlate::search(&coarse, &finest, &domain, &options, state, progress);
+    let pairs = SearchPairs {
+        sketch: sketch.as_ref(),
+        coarse: &coarse,
+        fine: &finest,
+    };
+    let found = fft_correlate::search(&pairs, &domain, &options, how.state, progress);
     let mut report = found.map_err(|e| match e {
         SearchError::Dock(DockError::Cancelled) => CommandError::Interrupted,
         other => builder.bad(other),
@@ -233,13 +256,12 @@ impl<'a> Builder<'a> {
         })
     }
 
-    /// The coarse and the fine pair.
-    fn pairs(&self) -> Result<[Pair; 2], CommandError> {
+    /// Of the sketch, the coarse and the fine pair.
+    fn plans(&self) -> Result<[PairPlan; 3], CommandError> {
         let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
         let model = self.assembly.pair.model();
         let plans = self.lattices.plans(fixed, moving, model, &self.builder);
-        let [coarse, fine] = plans.map_err(|e| self.bad(e))?;
-        Ok([self.build(&coarse)?, self.build(&fine)?])
+        plans.map_err(|e| self.bad(e))
     }
 
     /// The pair on half the fine spacing; none, with a remark, if it cannot be had.
@@ -330,6 +352,7 @@ impl Searched {
         let report = &self.report;
         Summary {
             rotations: report.rotations,
+            rotations_chosen: report.chosen,
             rotations_scored: report.scored,
             rotations_resumed: report.resumed,
             displacements: report.window.iter().product(),
@@ -379,10 +402,19 @@ fn write(found: &Searched, out: impl std::io::Write) -> csv::Result<()> {
 
 fn say(assembly: &Assembly, found: &Searched) {
     let report = &found.report;
+    let sketch = report.stages.iter().find(|s| s.name == "sketch");
+    if let Some(stage) = sketch {
+        crate::say!(
+            "sketched {} rotations, {:.2} ms each: {} chosen",
+            stage.items,
+            1e3 * stage.seconds / stage.items as f64,
+            report.chosen
+        );
+    }
     crate::say!(
         "scored {} of {} rotations x {} displacements, {:.2} ms each; {:.2} s in all",
         report.scored,
-        report.rotations,
+        report.chosen,
         report.window.iter().product::<usize>(),
         1e3 * report.seconds_per_rotation(),
         report.seconds()

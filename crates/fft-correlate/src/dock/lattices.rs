@@ -53,7 +53,8 @@ impl SearchLattices {
         fixed.grown(0.75 * self.radius)
     }
 
-    /// The plans of the coarse and the fine pair. `builder` says all but spacing and halo.
+    /// The plans of the pairs of [`super::SearchPairs`]: sketch, coarse, fine. `builder` says all but spacing
+    /// and halo.
     ///
     /// # Errors
     /// As [`PairBuilder::plan`].
@@ -63,9 +64,13 @@ impl SearchLattices {
         moving: &TriangleMesh,
         model: &ScoreModel,
         builder: &PairBuilder,
-    ) -> Result<[PairPlan; 2], PairBuildError> {
+    ) -> Result<[PairPlan; 3], PairBuildError> {
         let plan = |spacing| self.plan(spacing, fixed, moving, model, builder);
-        Ok([plan(self.coarse)?, plan(self.fine)?])
+        Ok([
+            plan(2.0 * self.coarse)?,
+            plan(self.coarse)?,
+            plan(self.fine)?,
+        ])
     }
 
     /// The plan of the pair by which [`super::decide`] tells close poses apart: half the fine

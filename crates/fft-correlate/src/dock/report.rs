@@ -24,16 +24,19 @@ pub struct FoundPose {
     /// Share of the moving part that lies inside the fixed part, 0 ..= 1; faces in contact do not
     /// count.
     pub overlap: f64,
-    /// Index of the rotation scored from which it was reached.
+    /// Index of the rotation from which it was reached, in the domain's.
     pub rotation: usize,
     /// Energy of the lattice pose from which it was reached, joules, coarse lattice.
     pub lattice_energy: f64,
 }
 
+/// The stage that scores rotations.
+pub(super) const SCORING: &str = "scoring";
+
 /// What one stage did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SearchStage {
-    /// `scoring`, `coarse descent`, `fine descent`, `decision`.
+    /// `sketch`, `scoring`, `coarse descent`, `fine descent`, `decision`.
     pub name: &'static str,
     /// Rotations scored or poses refined.
     pub items: usize,
@@ -46,8 +49,10 @@ pub struct SearchStage {
 pub struct SearchReport {
     /// Distinct poses, lowest energy first; those that could not be refined last.
     pub poses: Vec<FoundPose>,
-    /// Rotations scored; fewer than the domain's if the monitor cancelled.
+    /// Rotations scored; fewer than chosen if the monitor cancelled.
     pub scored: usize,
+    /// Rotations that the sketch chose; all of the domain's without one.
+    pub chosen: usize,
     /// Rotations of the domain.
     pub rotations: usize,
     /// Of the scored, those that a state file already held.
@@ -71,10 +76,10 @@ impl SearchReport {
         self.poses.iter().take_while(near).count()
     }
 
-    /// Wall time per rotation scored, seconds.
+    /// Wall time per rotation scored, seconds, without the sketch.
     pub fn seconds_per_rotation(&self) -> f64 {
-        let scoring = self.stages.first().map_or(0.0, |s| s.seconds);
-        scoring / self.scored.max(1) as f64
+        let scoring = self.stages.iter().find(|s| s.name == SCORING);
+        scoring.map_or(0.0, |s| s.seconds) / self.scored.max(1) as f64
     }
 
     /// Wall time of all stages, seconds.

@@ -1,7 +1,9 @@
 //! The docking product: where does the moving part belong?
 //!
-//! 1. **Scoring.** Every rotation, all translations at once, on a coarse lattice; the best local
-//!    maxima of each are kept.
+//! 0. **Sketch**, where there are many rotations: every one, all translations at once, on a lattice of
+//!    twice the coarse spacing and with lighter interiors; the best go on.
+//! 1. **Scoring.** Their translations, all at once, on a coarse lattice; the best local maxima of each are
+//!    kept.
 //! 2. **Coarse descent.** The lowest distinct ones go downhill with the direct evaluator on the
 //!    coarse lattice, rotation included: between the rotations scored, the rest of the way.
 //! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with
@@ -9,7 +11,7 @@
 //! 4. **Decision**, by [`decide`] and only if poses are too close to call: those go downhill once
 //!    more on a lattice of half the spacing.
 //!
-//! All stages weigh the interiors [`DOCKING_RATIO`] times the exteriors, or as the model does if
+//! All stages but the sketch weigh the interiors [`DOCKING_RATIO`] times the exteriors, or as the model does if
 //! that is more, and leave separation out. A force that a hand is to feel wants lighter interiors:
 //! walls that yield a little, a wide funnel. The best place wants heavier ones: with 5 : 1, a peg
 //! gains more along the walls of a blind hole than it pays for sticking through a thin floor.
@@ -23,8 +25,9 @@ use rayon::prelude::*;
 use sdf_grid::{Aabb, Monitor};
 use serde::Serialize;
 
-use super::report::{FoundPose, SearchReport, SearchStage};
+use super::report::{FoundPose, SCORING, SearchReport, SearchStage};
 use super::scan::{Candidate, Scan};
+use super::sketch::{sketch, wants_sketch};
 use super::state::{State, StateError};
 use super::{DockError, check_rotations, covers, measure};
 use crate::peaks::PoseSpacing;
@@ -50,6 +53,8 @@ pub struct SearchOptions {
     pub top: usize,
     /// Local maxima kept of each rotation.
     pub per_rotation: usize,
+    /// Share of the rotations that goes on from the sketch, 0 ..= 1.
+    pub chosen_share: f64,
     /// Distinct poses that descend on the coarse lattice.
     pub coarse_poses: usize,
     /// Distinct poses that descend on the fine lattice; at least `top`.
@@ -63,6 +68,7 @@ impl Default for SearchOptions {
         Self {
             top: 10,
             per_rotation: 4,
+            chosen_share: 0.15,
             coarse_poses: 100,
             fine_poses: 16,
             ratio: DOCKING_RATIO,
@@ -84,6 +90,26 @@ pub struct SearchDomain {
     pub symmetries: Vec<Pose>,
 }
 
+/// The parts of a search on its lattices, with one pivot ([`super::SearchLattices::plans`]).
+#[derive(Debug, Clone, Copy)]
+pub struct SearchPairs<'a> {
+    /// Where rotations are chosen ([`super::wants_sketch`]); none if all are to be scored.
+    pub sketch: Option<&'a Pair>,
+    /// Where rotations are scored.
+    pub coarse: &'a Pair,
+    /// Where poses are refined and ranked.
+    pub fine: &'a Pair,
+}
+
+impl SearchDomain {
+    /// The displacements to score for a pair.
+    pub(super) fn window(&self, pair: &Pair) -> Result<TranslationWindow, sdf_grid::LatticeError> {
+        let pivot = pair.pivot();
+        let (min, max) = (self.places.min - pivot, self.places.max - pivot);
+        TranslationWindow::new(min, max, pair.spacing())
+    }
+}
+
 /// Why a search cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum SearchError {
@@ -102,47 +128,61 @@ pub enum SearchError {
     /// The state file.
     #[error(transparent)]
     State(#[from] StateError),
-    /// The two pairs are not of the same parts.
-    #[error("coarse and fine pair must have one pivot, found {coarse} and {fine}")]
+    /// Two pairs are not of the same parts.
+    #[error("the pairs of a search must have one pivot, found {coarse} and {other}")]
     Pivots {
         /// The coarse pair's, metres.
         coarse: DVec3,
-        /// The fine pair's, metres.
-        fine: DVec3,
+        /// Another pair's, metres.
+        other: DVec3,
     },
 }
 
-/// Searches `domain`. `coarse` and `fine` are the same parts on two lattices, with one pivot; only
-/// gamma is taken from their models. With `state`, what was scored is kept in that file after every
-/// batch of rotations, and a file that is already there is gone on with. When the monitor cancels,
-/// the best of what was scored is returned unrefined. The result does not depend on the number of
-/// threads, nor on where a search was interrupted.
+/// Searches `domain`; only gamma is taken from the pairs' models. With `state`, what was scored is kept in
+/// that file after every batch of rotations, and a file that is already there is gone on with; the sketch is
+/// done again. When the monitor cancels, the best of what was scored is returned unrefined. The result does
+/// not depend on the number of threads, nor on where a search was interrupted.
 ///
 /// # Errors
 /// If there is no rotation or one is not a unit quaternion, the window cannot be correlated, the
 /// weights are out of range, a part has no interior on a lattice, the state file is unusable or of
 /// another search, or the monitor cancels before any rotation is scored.
 pub fn search(
-    coarse: &Pair,
-    fine: &Pair,
+    pairs: &SearchPairs,
     domain: &SearchDomain,
     options: &SearchOptions,
     state: Option<&Path>,
     monitor: &dyn Monitor,
 ) -> Result<SearchReport, SearchError> {
     check_rotations(&domain.rotations)?;
-    if coarse.pivot() != fine.pivot() {
+    let pivot = pairs.coarse.pivot();
+    let others = pairs.sketch.into_iter().chain([pairs.fine]);
+    if let Some(other) = others.map(Pair::pivot).find(|p| *p != pivot) {
         return Err(SearchError::Pivots {
-            coarse: coarse.pivot(),
-            fine: fine.pivot(),
+            coarse: pivot,
+            other,
         });
     }
-    let coarse = with_docking_weights(coarse, options.ratio)?;
-    let fine = with_docking_weights(fine, options.ratio)?;
-    let pivot = coarse.pivot();
-    let (min, max) = (domain.places.min - pivot, domain.places.max - pivot);
-    let window = TranslationWindow::new(min, max, coarse.spacing())?;
-    let groups = half_turn_groups(&domain.rotations);
+    let mut stages = Vec::new();
+    let everything = || (0..domain.rotations.len()).collect();
+    let chosen: Vec<usize> = match pairs.sketch {
+        Some(pair) if wants_sketch(domain.rotations.len()) => {
+            let began = Instant::now();
+            let chosen = sketch(pair, domain, options.chosen_share, monitor)?;
+            stages.push(SearchStage {
+                name: "sketch",
+                items: domain.rotations.len(),
+                seconds: began.elapsed().as_secs_f64(),
+            });
+            chosen
+        }
+        _ => everything(),
+    };
+    let rotations: Vec<DQuat> = chosen.iter().map(|i| domain.rotations[*i]).collect();
+    let coarse = with_docking_weights(pairs.coarse, options.ratio)?;
+    let fine = with_docking_weights(pairs.fine, options.ratio)?;
+    let window = domain.window(&coarse)?;
+    let groups = half_turn_groups(&rotations);
     let correlator = Correlator::plan_groups(&coarse, &window, &groups).map_err(DockError::from)?;
     let scan = Scan {
         pair: &coarse,
@@ -153,6 +193,7 @@ pub fn search(
     };
     let search = Search {
         domain,
+        rotations: &rotations,
         options,
         window: &window,
         pivot,
@@ -160,11 +201,11 @@ pub fn search(
         monitor,
     };
     let (done, resumed) = search.score(&scan, &groups, state)?;
-    let mut stages = vec![SearchStage {
-        name: "scoring",
+    stages.push(SearchStage {
+        name: SCORING,
         items: done.scored,
         seconds: done.seconds,
-    }];
+    });
     let mut poses = search.lattice_poses(&scan, &done.candidates);
     if monitor.cancelled() {
         poses.truncate(options.top);
@@ -191,9 +232,13 @@ pub fn search(
             search.finish(poses, &fine, &source)
         });
     }
+    for p in &mut poses {
+        p.rotation = chosen[p.rotation];
+    }
     Ok(SearchReport {
         poses,
         scored: done.scored,
+        chosen: chosen.len(),
         rotations: domain.rotations.len(),
         resumed,
         window: window.shape(),
@@ -221,10 +266,10 @@ pub fn decide(
     let began = Instant::now();
     let finer = with_docking_weights(finer, options.ratio)?;
     let pivot = finer.pivot();
-    let (min, max) = (domain.places.min - pivot, domain.places.max - pivot);
-    let window = TranslationWindow::new(min, max, finer.spacing())?;
+    let window = domain.window(&finer)?;
     let search = Search {
         domain,
+        rotations: &[],
         options,
         window: &window,
         pivot,
@@ -277,8 +322,15 @@ fn sort(poses: &mut [FoundPose]) {
 /// separation.
 fn with_docking_weights(pair: &Pair, ratio: f64) -> Result<Pair, PairError> {
     let model = pair.model();
+    let own = model.lambda_interior / model.lambda_exterior;
+    with_weights(pair, ratio.max(own))
+}
+
+/// The pair with interiors `ratio` times as heavy as exteriors and no separation.
+pub(super) fn with_weights(pair: &Pair, ratio: f64) -> Result<Pair, PairError> {
+    let model = pair.model();
     pair.with_model(ScoreModel {
-        lambda_interior: model.lambda_interior.max(ratio * model.lambda_exterior),
+        lambda_interior: ratio * model.lambda_exterior,
         separation_weight: 0.0,
         ..*model
     })
@@ -286,6 +338,8 @@ fn with_docking_weights(pair: &Pair, ratio: f64) -> Result<Pair, PairError> {
 
 struct Search<'a> {
     domain: &'a SearchDomain,
+    /// Those to score, of the domain's.
+    rotations: &'a [DQuat],
     options: &'a SearchOptions,
     window: &'a TranslationWindow,
     pivot: DVec3,
@@ -302,7 +356,7 @@ impl Search<'_> {
         groups: &[HalfTurnGroup],
         file: Option<&Path>,
     ) -> Result<(State, usize), SearchError> {
-        let rotations = &self.domain.rotations;
+        let rotations = self.rotations;
         let print = self.fingerprint(scan.pair);
         let mut state = match file {
             Some(path) => State::load(path, print, rotations.len(), self.window.shape())?,
@@ -352,7 +406,7 @@ impl Search<'_> {
             numbers.extend(place.to_array());
         }
         numbers.extend(window.shape().map(|n| n as f64));
-        for q in &self.domain.rotations {
+        for q in self.rotations {
             numbers.extend(q.to_array());
         }
         let mut hash = blake3::Hasher::new();
@@ -366,7 +420,7 @@ impl Search<'_> {
 
     fn lattice_poses(&self, scan: &Scan, candidates: &[Candidate]) -> Vec<FoundPose> {
         let pose = |c: &Candidate| FoundPose {
-            pose: scan.pose(&self.domain.rotations, c),
+            pose: scan.pose(self.rotations, c),
             energy: c.energy,
             refined: false,
             half_width: c.half_width,

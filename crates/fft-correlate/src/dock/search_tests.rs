@@ -28,8 +28,10 @@ fn built(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Pair {
 }
 
 struct Setup {
-    pairs: [Pair; 2],
+    /// Sketch, coarse, fine.
+    pairs: [Pair; 3],
     domain: SearchDomain,
+    sketched: bool,
 }
 
 fn setup(off: &Pose, step: f64) -> Setup {
@@ -50,6 +52,7 @@ fn setup(off: &Pose, step: f64) -> Setup {
             places: lattices.places(&fixed.bounds()),
             symmetries: symmetry_group(&axes),
         },
+        sketched: false,
     }
 }
 
@@ -64,8 +67,13 @@ fn run(
         fine_poses: 4,
         ..SearchOptions::default()
     };
-    let [coarse, fine] = &setup.pairs;
-    search(coarse, fine, &setup.domain, &options, state, monitor)
+    let [sketch, coarse, fine] = &setup.pairs;
+    let pairs = SearchPairs {
+        sketch: setup.sketched.then_some(sketch),
+        coarse,
+        fine,
+    };
+    search(&pairs, &setup.domain, &options, state, monitor)
 }
 
 /// The rod's place is found from a frame that gives nothing away, and told with what was done.
@@ -90,7 +98,7 @@ fn a_turned_rod_finds_its_hole() {
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .unwrap();
     // Half a cell of the fine lattice, 12 cells from the middle.
-    let h = setup.pairs[1].spacing();
+    let h = setup.pairs[2].spacing();
     assert!(
         away < 0.5 * h && angle < 0.05,
         "{away} m, {angle} rad, cells of {h} m"
@@ -219,4 +227,41 @@ fn unusable_searches_are_refused() {
         run(&setup, None, &Silent),
         Err(SearchError::Dock(DockError::NoRotations))
     ));
+}
+
+/// A sketch leaves most rotations out, but not those that lead to the fit.
+#[test]
+fn a_sketch_saves_rotations_and_finds_the_same_fit() {
+    let turn = DQuat::from_scaled_axis(DVec3::new(-0.4, 1.7, 0.6));
+    let mut setup = setup(&Pose::new(turn, DVec3::splat(0.01)), 15.0);
+    let count = setup.domain.rotations.len();
+    let all = run(&setup, None, &Silent).unwrap();
+    assert_eq!(
+        (all.rotations, all.chosen, all.scored),
+        (count, count, count)
+    );
+    setup.sketched = true;
+    let report = run(&setup, None, &Silent).unwrap();
+    assert_eq!((report.rotations, report.chosen), (count, report.scored));
+    assert!(report.chosen < count / 6, "{} of {count}", report.chosen);
+    let names: Vec<_> = report.stages.iter().map(|s| (s.name, s.items)).collect();
+    assert_eq!(names[..2], [("sketch", count), ("scoring", report.chosen)]);
+    // The same start, so the same bits; and its rotation is told by its place among all.
+    assert_eq!(report.poses[0], all.poses[0]);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("state.json");
+    let stop = CancelAfter {
+        after: 40,
+        seen: AtomicU64::new(0),
+    };
+    assert!(matches!(
+        run(&setup, Some(&file), &stop),
+        Err(SearchError::Dock(DockError::Cancelled))
+    ));
+    assert!(!file.exists());
+    let kept = run(&setup, Some(&file), &Silent).unwrap();
+    let resumed = run(&setup, Some(&file), &Silent).unwrap();
+    assert_eq!((kept.resumed, resumed.resumed), (0, report.chosen));
+    assert_eq!(kept.poses, report.poses);
+    assert_eq!(resumed.poses, report.poses);
 }

@@ -1,0 +1,54 @@
+//! Which rotations are worth scoring.
+
+use sdf_grid::Monitor;
+
+use super::scan::{self, Scan};
+use super::search::{SearchDomain, SearchError, with_weights};
+use super::{DockError, check_rotations};
+use crate::{Correlator, Pair, half_turn_groups};
+
+/// Interior weight over exterior weight of a sketch: on cells half as wide as a wall, heavy interiors
+/// punish the fit for the cells that its faces cut. Measured in `docs/docking.md`.
+const RATIO: f64 = 4.0;
+
+/// Rotations that go on at least.
+const LEAST: usize = 128;
+
+/// Whether a search over this many rotations is worth a sketch: fewer go on than there are.
+pub fn wants_sketch(rotations: usize) -> bool {
+    rotations > 2 * LEAST
+}
+
+/// The rotations of a domain with the best scores, in the domain's order: a share of them, or
+/// [`LEAST`].
+pub(super) fn sketch(
+    pair: &Pair,
+    domain: &SearchDomain,
+    share: f64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<usize>, SearchError> {
+    check_rotations(&domain.rotations)?;
+    let pair = with_weights(pair, RATIO)?;
+    let window = domain.window(&pair)?;
+    let groups = half_turn_groups(&domain.rotations);
+    let correlator = Correlator::plan_groups(&pair, &window, &groups).map_err(DockError::from)?;
+    let scan = Scan {
+        pair: &pair,
+        correlator: &correlator,
+        window: &window,
+        per_rotation: 1,
+        distance: pair.spacing(),
+    };
+    let count = domain.rotations.len();
+    monitor.begin("sketching rotations", count as u64);
+    let (mut found, scored) = scan.run(&groups, &(0..count), monitor);
+    if scored < count {
+        return Err(DockError::Cancelled.into());
+    }
+    scan::sort(&mut found);
+    let wanted = (share * count as f64).ceil() as usize;
+    found.truncate(wanted.max(LEAST));
+    let mut chosen: Vec<usize> = found.iter().map(|c| c.rotation).collect();
+    chosen.sort_unstable();
+    Ok(chosen)
+}

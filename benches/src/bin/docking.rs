@@ -20,7 +20,7 @@ use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
     DensityField, HygieneOptions, LengthUnit, Silent, SymmetryAxis, SymmetryOrder, TriangleMesh,
-    mesh_io, symmetry,
+    mesh_io, snug_rotation, symmetry,
 };
 
 /// Angle between rotations scored, degrees.
@@ -163,8 +163,13 @@ fn run(
             0.05 * DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))),
         );
         let moving = task.moving.transformed(off.rotation, off.translation);
-        let axes: Vec<_> = axes.iter().map(|a| carried(a, &off)).collect();
         let began = Instant::now();
+        // As `pegfit dock` does: in the frame in which the part fills its box.
+        let snug = Pose::new(snug_rotation(&moving), DVec3::ZERO);
+        let moving = moving.transformed(snug.rotation, snug.translation);
+        let off = snug * off;
+        let moved = |a: &SymmetryAxis| a.moved(off.rotation, off.translation);
+        let axes: Vec<_> = axes.iter().map(moved).collect();
         // Rounding of the turned vertices must not change the fixed part's lattices.
         let lattices = SearchLattices {
             pivot: moving.centroid(),
@@ -306,14 +311,6 @@ fn random_rotation(rng: &mut SmallRng) -> DQuat {
         if (0.01..1.0).contains(&q.length_squared()) {
             break q.normalize();
         }
-    }
-}
-
-fn carried(axis: &SymmetryAxis, motion: &Pose) -> SymmetryAxis {
-    SymmetryAxis {
-        point: motion.apply(axis.point),
-        direction: motion.rotation * axis.direction,
-        order: axis.order,
     }
 }
 

@@ -23,6 +23,7 @@ pub mod monitor;
 mod polygon;
 mod quadrature;
 pub mod shapes;
+pub mod snug;
 pub mod symmetry;
 mod winding;
 
@@ -39,4 +40,5 @@ pub use mesh::{Aabb, TriangleMesh};
 pub use mesh_error::MeshError;
 pub use mesh_io::LengthUnit;
 pub use monitor::{Monitor, Silent};
+pub use snug::snug_rotation;
 pub use symmetry::{SymmetryAxis, SymmetryOrder};

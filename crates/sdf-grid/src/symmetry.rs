@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::bvh::Bvh;
 use crate::mesh::TriangleMesh;
+pub(crate) use candidates::principal_axes;
 use samples::Samples;
 
 /// The highest finite order looked for.
@@ -36,10 +37,22 @@ pub enum SymmetryOrder {
 pub struct SymmetryAxis {
     /// The part's centroid, metres.
     pub point: DVec3,
-    /// Unit vector along the axis; its largest component is positive.
+    /// Unit vector along the axis; as detected, its largest component is positive.
     pub direction: DVec3,
     /// How often a turn brings the part onto itself.
     pub order: SymmetryOrder,
+}
+
+impl SymmetryAxis {
+    /// The axis of a part that is moved by `p -> rotation * p + translation`.
+    #[must_use]
+    pub fn moved(&self, rotation: DQuat, translation: DVec3) -> Self {
+        Self {
+            point: rotation * self.point + translation,
+            direction: rotation * self.direction,
+            order: self.order,
+        }
+    }
 }
 
 /// The rotational symmetry axes of `mesh`, highest order first.
@@ -58,7 +71,7 @@ pub fn detect(mesh: &TriangleMesh, tolerance: f64) -> Vec<SymmetryAxis> {
         tolerance,
     };
     let mut axes: Vec<SymmetryAxis> = Vec::new();
-    let principal = candidates::principal_axes(mesh, centroid);
+    let principal = principal_axes(mesh, centroid);
     for direction in principal {
         if part.is_round(direction) {
             part.add(&mut axes, direction);

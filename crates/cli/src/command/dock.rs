@@ -1,14 +1,15 @@
 //! `pegfit dock`: where does the moving part belong?
 
+mod builder;
+
 use std::path::Path;
 
 use fft_correlate::{
-    Condition, DirectEvaluator, DirectOptions, DockError, FoundPose, Pair, PairBuilder, PairPlan,
-    RotationDomain, ScoreModel, SearchDomain, SearchError, SearchLattices, SearchOptions,
-    SearchPairs, SearchReport, TranslationWindow, domain_rotations, symmetry_group, wants_sketch,
+    Condition, DirectEvaluator, DirectOptions, DockError, FoundPose, ScoreModel, SearchError,
+    SearchLattices, SearchOptions, SearchPairs, SearchReport, TranslationWindow, wants_sketch,
 };
 use rayon::prelude::*;
-use sdf_grid::{Aabb, FieldCache};
+use sdf_grid::Aabb;
 use serde::Serialize;
 
 use super::{Context, print_json, require_folder};
@@ -19,13 +20,11 @@ use crate::error::CommandError;
 use crate::memory;
 use crate::poses::{POSE_COLUMNS, pose_fields};
 use crate::progress::interrupted;
-use crate::scene::{LatticeStep, Scene};
+use crate::scene::Scene;
+use builder::Builder;
 
 /// More poses than anybody reads.
 const MOST: usize = 100_000;
-
-/// Angle between rotations of a scene that names none, degrees.
-const STEP_DEG: f64 = 15.0;
 
 /// How many of the best poses have the condition number of their score found, cell by cell.
 const CONDITION_POSES: usize = 16;
@@ -148,7 +147,7 @@ fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, C
     let top = how.top;
     let builder = Builder::new(assembly, context)?;
     let lattices = builder.lattices;
-    let domain = domain(assembly, &lattices)?;
+    let domain = builder.domain()?;
     let [sketch, coarse, fine] = builder.plans()?;
     let sketch = (!how.exhaustive && wants_sketch(domain.rotations.len())).then_some(sketch);
     let sketch = sketch.map(|plan| builder.build(&plan)).transpose()?;
@@ -194,6 +193,15 @@ fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, C
         .with_model(*assembly.pair.model())
         .map_err(|e| CommandError::bad_input(assembly.context("model"), e))?;
     let source = DirectEvaluator::new(&finest, &DirectOptions::FULL).map_err(|e| builder.bad(e))?;
+    let energies: Vec<f64> = report
+        .poses
+        .iter()
+        .map(|p| source.evaluate_full(&p.pose).response.energy)
+        .collect();
+    // From here on in the parts' own frames.
+    for p in &mut report.poses {
+        p.pose = builder.frames.own(&p.pose);
+    }
     let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
     let told = |(index, p): (usize, &FoundPose)| Found {
         position: p.pose.translation.to_array(),
@@ -204,7 +212,7 @@ fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, C
         } else {
             0.0
         },
-        model_energy: source.evaluate_full(&p.pose).response.energy,
+        model_energy: energies[index],
         half_width: p.half_width,
         overlap: p.overlap,
         refined: p.refined,
@@ -214,113 +222,6 @@ fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, C
         poses: report.poses.iter().enumerate().map(told).collect(),
         report,
         lattices,
-    })
-}
-
-/// The parts of a scene on the lattices of a search. A spacing or halo that the scene gives is kept
-/// for the fine one.
-struct Builder<'a> {
-    assembly: &'a Assembly,
-    context: &'a Context,
-    lattices: SearchLattices,
-    builder: PairBuilder,
-    cache: FieldCache,
-}
-
-impl<'a> Builder<'a> {
-    fn new(assembly: &'a Assembly, context: &'a Context) -> Result<Self, CommandError> {
-        let scene = &assembly.scene;
-        let mut lattices = SearchLattices::new(&assembly.moving);
-        if scene.lattice.step != LatticeStep::Automatic {
-            lattices.fine = assembly.pair.spacing();
-            lattices.coarse = lattices.coarse.max(lattices.fine);
-        }
-        if let Some(halo) = scene.lattice.halo {
-            lattices.halo = halo;
-        }
-        let builder = PairBuilder {
-            tolerance: scene.lattice.field_tolerance,
-            sampling: scene.lattice.sampling,
-            deaverage: scene.lattice.deaverage,
-            memory_limit: Some(context.memory),
-            ..PairBuilder::default()
-        };
-        let cache = FieldCache::new(&scene.cache)
-            .map_err(|e| CommandError::failure(assembly.context("cache"), e))?;
-        Ok(Self {
-            assembly,
-            context,
-            lattices,
-            builder,
-            cache,
-        })
-    }
-
-    /// Of the sketch, the coarse and the fine pair.
-    fn plans(&self) -> Result<[PairPlan; 3], CommandError> {
-        let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
-        let model = self.assembly.pair.model();
-        let plans = self.lattices.plans(fixed, moving, model, &self.builder);
-        plans.map_err(|e| self.bad(e))
-    }
-
-    /// The pair on half the fine spacing; none, with a remark, if it cannot be had.
-    fn deciding(&self) -> Result<Option<Pair>, CommandError> {
-        let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
-        let model = self.assembly.pair.model();
-        let plan = self
-            .lattices
-            .deciding_plan(fixed, moving, model, &self.builder);
-        match plan {
-            Ok(plan) => self.build(&plan).map(Some),
-            Err(reason) => {
-                crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
-                Ok(None)
-            }
-        }
-    }
-
-    fn build(&self, plan: &PairPlan) -> Result<Pair, CommandError> {
-        let (fixed, moving) = (&self.assembly.fixed, &self.assembly.moving);
-        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-            self.cache
-                .get_or_compute(mesh, kernel, lattice, options, &self.context.progress)
-        })
-        .map_err(|e| match interrupted() {
-            true => CommandError::Interrupted,
-            false => self.bad(e),
-        })
-    }
-
-    fn bad(&self, error: impl std::error::Error + Send + Sync + 'static) -> CommandError {
-        CommandError::bad_input(self.assembly.context("docking"), error)
-    }
-}
-
-fn domain(assembly: &Assembly, lattices: &SearchLattices) -> Result<SearchDomain, CommandError> {
-    let scene = &assembly.scene;
-    let everywhere = RotationDomain::full(STEP_DEG);
-    let rotations = match scene.rotations_given {
-        true => &scene.rotations,
-        false => &everywhere,
-    };
-    let (rotations, step) = domain_rotations(rotations, &assembly.moving_symmetry)
-        .map_err(|e| CommandError::bad_input(assembly.context("rotations"), e))?;
-    let places = match scene.window.half_extent {
-        Some(half) => {
-            let middle = scene.window.center + assembly.assembled().apply(lattices.pivot);
-            Aabb {
-                min: middle - half,
-                max: middle + half,
-            }
-        }
-        None => lattices.places(&assembly.fixed.bounds()),
-    };
-    Ok(SearchDomain {
-        rotations,
-        step,
-        places,
-        symmetries: symmetry_group(&assembly.moving_symmetry),
     })
 }
 

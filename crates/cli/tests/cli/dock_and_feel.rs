@@ -1,5 +1,9 @@
 //! `pegfit dock` and `pegfit feel` from the outside.
 
+use glam::{DQuat, DVec3};
+use sdf_grid::shapes::PegInHole;
+use sdf_grid::{TriangleMesh, mesh_io};
+
 use crate::common::{columns, refuse, scene_folder, succeed};
 
 const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 20.0\nstep_deg = 10.0\n";
@@ -20,6 +24,39 @@ fn docking_finds_the_fit() {
     assert!(away < 2.5e-3, "{best:?}");
     assert!(best["energy"] < 0.0);
     assert!(rows.windows(2).all(|w| w[0]["energy"] <= w[1]["energy"]));
+}
+
+/// Parts whose frames lie obliquely are turned to fill their boxes; poses come back in the parts' frames.
+#[test]
+fn docking_finds_the_fit_of_oblique_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (hole, peg) = PegInHole::Rectangular.pair(1e-3).unwrap();
+    let seat = DQuat::from_scaled_axis(DVec3::new(0.6, -0.5, 0.9));
+    let turn = DQuat::from_scaled_axis(DVec3::new(-1.2, 0.3, 0.4));
+    let (at, off) = (DVec3::new(0.02, 0.0, -0.01), DVec3::new(0.0, 0.03, 0.01));
+    let write = |name: &str, mesh: &TriangleMesh| {
+        mesh_io::write_obj(folder.path().join(name), mesh).unwrap();
+    };
+    write("hole.obj", &hole.transformed(seat, at));
+    write("peg.obj", &peg.transformed(turn, off));
+    let scene = "unit = \"m\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\n\
+         [lattice]\nfield_tolerance = 0.01\n";
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let said = succeed(
+        folder.path(),
+        &["dock", "scene.toml", "--top", "2", "-o", "out.csv"],
+    );
+    assert!(said.contains("sketched"), "{said}");
+    let rows = columns(&std::fs::read_to_string(folder.path().join("out.csv")).unwrap());
+    let get = |names: [&str; 4]| names.map(|n| rows[0].get(n).copied().unwrap_or(0.0));
+    let [x, y, z, _] = get(["x", "y", "z", ""]);
+    let rotation = DQuat::from_array(get(["qx", "qy", "qz", "qw"]));
+    // The peg's middle and its axis, brought to where they are in the hole's own frame.
+    let middle = rotation * (turn * peg.centroid() + off) + DVec3::new(x, y, z);
+    let away = middle.distance(seat * peg.centroid() + at);
+    let axis = (rotation * turn * DVec3::Z).dot(seat * DVec3::Z).abs();
+    // The clearance, and what it lets the peg lean.
+    assert!(away < 1.5e-3 && axis > 0.998, "{away} m, {axis}");
 }
 
 #[test]

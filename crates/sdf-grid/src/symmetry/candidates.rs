@@ -12,7 +12,7 @@ use crate::mesh::{TriangleMesh, face_area};
 const MAX_PAIRS: usize = 1 << 16;
 
 /// The principal axes of the surface's second moments about `center`.
-pub(super) fn principal_axes(mesh: &TriangleMesh, center: DVec3) -> [DVec3; 3] {
+pub(crate) fn principal_axes(mesh: &TriangleMesh, center: DVec3) -> [DVec3; 3] {
     let mut moments = DMat3::ZERO;
     for face in mesh.faces() {
         let area = face_area(face);

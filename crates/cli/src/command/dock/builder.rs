@@ -1,0 +1,186 @@
+//! What a search works on: the parts in frames that suit it, on its lattices.
+
+use fft_correlate::{
+    Pair, PairBuilder, PairPlan, Pose, RotationDomain, SearchDomain, SearchLattices,
+    domain_rotations, symmetry_group,
+};
+use glam::{DQuat, DVec3};
+use sdf_grid::{Aabb, FieldCache, TriangleMesh, snug_rotation};
+
+use super::super::Context;
+use crate::assembly::Assembly;
+use crate::error::CommandError;
+use crate::progress::interrupted;
+use crate::scene::LatticeStep;
+
+/// Angle between rotations of a scene that names none, degrees.
+const STEP_DEG: f64 = 15.0;
+
+/// The frames in which a search sees the parts: turned so that they fill their boxes along the axes, which
+/// makes lattices and transforms smaller.
+pub(super) struct Frames {
+    fixed: Pose,
+    moving: Pose,
+}
+
+impl Frames {
+    /// A scene that says where to look is looked at in the fixed part's own frame.
+    fn new(assembly: &Assembly) -> Self {
+        let snug = |mesh| Pose::new(snug_rotation(mesh), DVec3::ZERO);
+        Self {
+            fixed: match assembly.scene.window.half_extent {
+                Some(_) => Pose::IDENTITY,
+                None => snug(&assembly.fixed),
+            },
+            moving: snug(&assembly.moving),
+        }
+    }
+
+    /// A pose of the parts in their own frames, given that in these.
+    pub(super) fn own(&self, pose: &Pose) -> Pose {
+        self.fixed.inverse() * *pose * self.moving
+    }
+
+    /// And the other way round.
+    fn turned(&self, pose: &Pose) -> Pose {
+        self.fixed * *pose * self.moving.inverse()
+    }
+}
+
+/// The parts of a scene on the lattices of a search. A spacing or halo that the scene gives is kept
+/// for the fine one.
+pub(super) struct Builder<'a> {
+    assembly: &'a Assembly,
+    context: &'a Context,
+    pub(super) frames: Frames,
+    /// In those frames.
+    fixed: TriangleMesh,
+    moving: TriangleMesh,
+    pub(super) lattices: SearchLattices,
+    builder: PairBuilder,
+    cache: FieldCache,
+}
+
+impl<'a> Builder<'a> {
+    pub(super) fn new(assembly: &'a Assembly, context: &'a Context) -> Result<Self, CommandError> {
+        let scene = &assembly.scene;
+        let frames = Frames::new(assembly);
+        let turned =
+            |mesh: &TriangleMesh, frame: &Pose| mesh.transformed(frame.rotation, DVec3::ZERO);
+        let fixed = turned(&assembly.fixed, &frames.fixed);
+        let moving = turned(&assembly.moving, &frames.moving);
+        let mut lattices = SearchLattices::new(&moving);
+        if scene.lattice.step != LatticeStep::Automatic {
+            lattices.fine = assembly.pair.spacing();
+            lattices.coarse = lattices.coarse.max(lattices.fine);
+        }
+        if let Some(halo) = scene.lattice.halo {
+            lattices.halo = halo;
+        }
+        let builder = PairBuilder {
+            tolerance: scene.lattice.field_tolerance,
+            sampling: scene.lattice.sampling,
+            deaverage: scene.lattice.deaverage,
+            memory_limit: Some(context.memory),
+            ..PairBuilder::default()
+        };
+        let cache = FieldCache::new(&scene.cache)
+            .map_err(|e| CommandError::failure(assembly.context("cache"), e))?;
+        Ok(Self {
+            assembly,
+            context,
+            frames,
+            fixed,
+            moving,
+            lattices,
+            builder,
+            cache,
+        })
+    }
+
+    /// Of the sketch, the coarse and the fine pair.
+    pub(super) fn plans(&self) -> Result<[PairPlan; 3], CommandError> {
+        let (fixed, moving) = (&self.fixed, &self.moving);
+        let model = self.assembly.pair.model();
+        let plans = self.lattices.plans(fixed, moving, model, &self.builder);
+        plans.map_err(|e| self.bad(e))
+    }
+
+    /// The pair on half the fine spacing; none, with a remark, if it cannot be had.
+    pub(super) fn deciding(&self) -> Result<Option<Pair>, CommandError> {
+        let (fixed, moving) = (&self.fixed, &self.moving);
+        let model = self.assembly.pair.model();
+        let plan = self
+            .lattices
+            .deciding_plan(fixed, moving, model, &self.builder);
+        match plan {
+            Ok(plan) => self.build(&plan).map(Some),
+            Err(reason) => {
+                crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
+                Ok(None)
+            }
+        }
+    }
+
+    pub(super) fn build(&self, plan: &PairPlan) -> Result<Pair, CommandError> {
+        let (fixed, moving) = (&self.fixed, &self.moving);
+        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
+            self.cache
+                .get_or_compute(mesh, kernel, lattice, options, &self.context.progress)
+        })
+        .map_err(|e| match interrupted() {
+            true => CommandError::Interrupted,
+            false => self.bad(e),
+        })
+    }
+
+    /// Where to look, in these frames.
+    pub(super) fn domain(&self) -> Result<SearchDomain, CommandError> {
+        let (assembly, frames) = (self.assembly, &self.frames);
+        let scene = &assembly.scene;
+        let everywhere = RotationDomain::full(STEP_DEG);
+        let rotations = match scene.rotations_given {
+            true => &scene.rotations,
+            false => &everywhere,
+        };
+        let own = &assembly.moving_symmetry;
+        let axes: Vec<_> = own
+            .iter()
+            .map(|a| a.moved(frames.moving.rotation, DVec3::ZERO))
+            .collect();
+        let bad = |e| CommandError::bad_input(assembly.context("rotations"), e);
+        let (rotations, step) = match rotations {
+            // All of them: evenly over these frames, where most work is shared.
+            RotationDomain::Full { .. } => domain_rotations(rotations, &axes).map_err(bad)?,
+            domain => {
+                let (rotations, step) = domain_rotations(domain, own).map_err(bad)?;
+                let turned = |q: DQuat| frames.turned(&Pose::new(q, DVec3::ZERO)).rotation;
+                (rotations.into_iter().map(turned).collect(), step)
+            }
+        };
+        let places = match scene.window.half_extent {
+            Some(half) => {
+                let pivot = frames.moving.inverse().apply(self.lattices.pivot);
+                let middle = scene.window.center + assembly.assembled().apply(pivot);
+                Aabb {
+                    min: middle - half,
+                    max: middle + half,
+                }
+            }
+            None => self.lattices.places(&self.fixed.bounds()),
+        };
+        Ok(SearchDomain {
+            rotations,
+            step,
+            places,
+            symmetries: symmetry_group(&axes),
+        })
+    }
+
+    pub(super) fn bad(
+        &self,
+        error: impl std::error::Error + Send + Sync + 'static,
+    ) -> CommandError {
+        CommandError::bad_input(self.assembly.context("docking"), error)
+    }
+}

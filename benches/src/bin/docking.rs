@@ -20,7 +20,7 @@ use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
     DensityField, HygieneOptions, LengthUnit, Silent, SymmetryAxis, SymmetryOrder, TriangleMesh,
-    mesh_io, snug_rotation, symmetry,
+    mesh_io, symmetry,
 };
 
 /// Angle between rotations scored, degrees.
@@ -164,10 +164,6 @@ fn run(
         );
         let moving = task.moving.transformed(off.rotation, off.translation);
         let began = Instant::now();
-        // As `pegfit dock` does: in the frame in which the part fills its box.
-        let snug = Pose::new(snug_rotation(&moving), DVec3::ZERO);
-        let moving = moving.transformed(snug.rotation, snug.translation);
-        let off = snug * off;
         let moved = |a: &SymmetryAxis| a.moved(off.rotation, off.translation);
         let axes: Vec<_> = axes.iter().map(moved).collect();
         // Rounding of the turned vertices must not change the fixed part's lattices.

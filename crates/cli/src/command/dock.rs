@@ -198,9 +198,9 @@ fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, C
         .iter()
         .map(|p| source.evaluate_full(&p.pose).response.energy)
         .collect();
-    // From here on in the parts' own frames.
+    // From here on in the fixed part's own frame.
     for p in &mut report.poses {
-        p.pose = builder.frames.own(&p.pose);
+        p.pose = builder.own(&p.pose);
     }
     let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
     let told = |(index, p): (usize, &FoundPose)| Found {

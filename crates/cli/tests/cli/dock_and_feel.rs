@@ -26,7 +26,7 @@ fn docking_finds_the_fit() {
     assert!(rows.windows(2).all(|w| w[0]["energy"] <= w[1]["energy"]));
 }
 
-/// Parts whose frames lie obliquely are turned to fill their boxes; poses come back in the parts' frames.
+/// A fixed part that lies obliquely is turned to fill its box; poses come back in the parts' frames.
 #[test]
 fn docking_finds_the_fit_of_oblique_parts() {
     let folder = tempfile::tempdir().unwrap();

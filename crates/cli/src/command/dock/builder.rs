@@ -1,4 +1,4 @@
-//! What a search works on: the parts in frames that suit it, on its lattices.
+//! What a search works on: the parts in a frame that suits it, on its lattices.
 
 use fft_correlate::{
     Pair, PairBuilder, PairPlan, Pose, RotationDomain, SearchDomain, SearchLattices,
@@ -16,35 +16,15 @@ use crate::scene::LatticeStep;
 /// Angle between rotations of a scene that names none, degrees.
 const STEP_DEG: f64 = 15.0;
 
-/// The frames in which a search sees the parts: turned so that they fill their boxes along the axes, which
-/// makes lattices and transforms smaller.
-pub(super) struct Frames {
-    fixed: Pose,
-    moving: Pose,
-}
-
-impl Frames {
-    /// A scene that says where to look is looked at in the fixed part's own frame.
-    fn new(assembly: &Assembly) -> Self {
-        let snug = |mesh| Pose::new(snug_rotation(mesh), DVec3::ZERO);
-        Self {
-            fixed: match assembly.scene.window.half_extent {
-                Some(_) => Pose::IDENTITY,
-                None => snug(&assembly.fixed),
-            },
-            moving: snug(&assembly.moving),
-        }
-    }
-
-    /// A pose of the parts in their own frames, given that in these.
-    pub(super) fn own(&self, pose: &Pose) -> Pose {
-        self.fixed.inverse() * *pose * self.moving
-    }
-
-    /// And the other way round.
-    fn turned(&self, pose: &Pose) -> Pose {
-        self.fixed * *pose * self.moving.inverse()
-    }
+/// How the fixed part is turned for a search, so that it fills its box along the axes: lattices and
+/// transforms become smaller. A scene that says where to look is looked at in its own frame. The moving part
+/// stays as it is: with lattices that lie parallel, errors at touching faces add up (`docs/docking.md`).
+fn frame(assembly: &Assembly) -> Pose {
+    let rotation = match assembly.scene.window.half_extent {
+        Some(_) => DQuat::IDENTITY,
+        None => snug_rotation(&assembly.fixed),
+    };
+    Pose::new(rotation, DVec3::ZERO)
 }
 
 /// The parts of a scene on the lattices of a search. A spacing or halo that the scene gives is kept
@@ -52,10 +32,10 @@ impl Frames {
 pub(super) struct Builder<'a> {
     assembly: &'a Assembly,
     context: &'a Context,
-    pub(super) frames: Frames,
-    /// In those frames.
+    /// From the fixed part's own frame to that of the search.
+    frame: Pose,
+    /// In the latter.
     fixed: TriangleMesh,
-    moving: TriangleMesh,
     pub(super) lattices: SearchLattices,
     builder: PairBuilder,
     cache: FieldCache,
@@ -64,12 +44,11 @@ pub(super) struct Builder<'a> {
 impl<'a> Builder<'a> {
     pub(super) fn new(assembly: &'a Assembly, context: &'a Context) -> Result<Self, CommandError> {
         let scene = &assembly.scene;
-        let frames = Frames::new(assembly);
-        let turned =
-            |mesh: &TriangleMesh, frame: &Pose| mesh.transformed(frame.rotation, DVec3::ZERO);
-        let fixed = turned(&assembly.fixed, &frames.fixed);
-        let moving = turned(&assembly.moving, &frames.moving);
-        let mut lattices = SearchLattices::new(&moving);
+        let frame = frame(assembly);
+        let fixed = assembly
+            .fixed
+            .transformed(frame.rotation, frame.translation);
+        let mut lattices = SearchLattices::new(&assembly.moving);
         if scene.lattice.step != LatticeStep::Automatic {
             lattices.fine = assembly.pair.spacing();
             lattices.coarse = lattices.coarse.max(lattices.fine);
@@ -89,9 +68,8 @@ impl<'a> Builder<'a> {
         Ok(Self {
             assembly,
             context,
-            frames,
+            frame,
             fixed,
-            moving,
             lattices,
             builder,
             cache,
@@ -100,7 +78,7 @@ impl<'a> Builder<'a> {
 
     /// Of the sketch, the coarse and the fine pair.
     pub(super) fn plans(&self) -> Result<[PairPlan; 3], CommandError> {
-        let (fixed, moving) = (&self.fixed, &self.moving);
+        let (fixed, moving) = (&self.fixed, &self.assembly.moving);
         let model = self.assembly.pair.model();
         let plans = self.lattices.plans(fixed, moving, model, &self.builder);
         plans.map_err(|e| self.bad(e))
@@ -108,7 +86,7 @@ impl<'a> Builder<'a> {
 
     /// The pair on half the fine spacing; none, with a remark, if it cannot be had.
     pub(super) fn deciding(&self) -> Result<Option<Pair>, CommandError> {
-        let (fixed, moving) = (&self.fixed, &self.moving);
+        let (fixed, moving) = (&self.fixed, &self.assembly.moving);
         let model = self.assembly.pair.model();
         let plan = self
             .lattices
@@ -123,7 +101,7 @@ impl<'a> Builder<'a> {
     }
 
     pub(super) fn build(&self, plan: &PairPlan) -> Result<Pair, CommandError> {
-        let (fixed, moving) = (&self.fixed, &self.moving);
+        let (fixed, moving) = (&self.fixed, &self.assembly.moving);
         plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
             self.cache
                 .get_or_compute(mesh, kernel, lattice, options, &self.context.progress)
@@ -134,34 +112,34 @@ impl<'a> Builder<'a> {
         })
     }
 
-    /// Where to look, in these frames.
+    /// A pose in the parts' own frames, given that of a search.
+    pub(super) fn own(&self, pose: &Pose) -> Pose {
+        self.frame.inverse() * *pose
+    }
+
+    /// Where to look.
     pub(super) fn domain(&self) -> Result<SearchDomain, CommandError> {
-        let (assembly, frames) = (self.assembly, &self.frames);
+        let assembly = self.assembly;
         let scene = &assembly.scene;
         let everywhere = RotationDomain::full(STEP_DEG);
         let rotations = match scene.rotations_given {
             true => &scene.rotations,
             false => &everywhere,
         };
-        let own = &assembly.moving_symmetry;
-        let axes: Vec<_> = own
-            .iter()
-            .map(|a| a.moved(frames.moving.rotation, DVec3::ZERO))
-            .collect();
+        let axes = &assembly.moving_symmetry;
         let bad = |e| CommandError::bad_input(assembly.context("rotations"), e);
         let (rotations, step) = match rotations {
-            // All of them: evenly over these frames, where most work is shared.
-            RotationDomain::Full { .. } => domain_rotations(rotations, &axes).map_err(bad)?,
+            // All of them: evenly in this frame, where most work is shared.
+            RotationDomain::Full { .. } => domain_rotations(rotations, axes).map_err(bad)?,
             domain => {
-                let (rotations, step) = domain_rotations(domain, own).map_err(bad)?;
-                let turned = |q: DQuat| frames.turned(&Pose::new(q, DVec3::ZERO)).rotation;
-                (rotations.into_iter().map(turned).collect(), step)
+                let (rotations, step) = domain_rotations(domain, axes).map_err(bad)?;
+                let turned = rotations.into_iter().map(|q| self.frame.rotation * q);
+                (turned.collect(), step)
             }
         };
         let places = match scene.window.half_extent {
             Some(half) => {
-                let pivot = frames.moving.inverse().apply(self.lattices.pivot);
-                let middle = scene.window.center + assembly.assembled().apply(pivot);
+                let middle = scene.window.center + assembly.assembled().apply(self.lattices.pivot);
                 Aabb {
                     min: middle - half,
                     max: middle + half,
@@ -173,7 +151,7 @@ impl<'a> Builder<'a> {
             rotations,
             step,
             places,
-            symmetries: symmetry_group(&axes),
+            symmetries: symmetry_group(axes),
         })
     }
 

@@ -48,14 +48,14 @@ fn main() -> Outcome<()> {
     let mut exhaustive = false;
     while let Some(at) = arguments.rest.iter().position(|a| a.starts_with("--")) {
         let option = arguments.rest.remove(at);
+        if option == "--exhaustive" {
+            exhaustive = true;
+            continue;
+        }
         let value = (at < arguments.rest.len()).then(|| arguments.rest.remove(at));
         match (option.as_str(), value) {
             ("--starts", Some(n)) => starts = Some(n.parse::<u64>()?),
             ("--only", Some(name)) => only = Some(name),
-            ("--exhaustive", value) => {
-                exhaustive = true;
-                arguments.rest.extend(value);
-            }
             _ => {
                 return Err(
                     "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] [--exhaustive] [PARTS_DIR]"

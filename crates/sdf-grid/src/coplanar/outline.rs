@@ -7,6 +7,9 @@ use glam::{DVec2, DVec3};
 use super::regions::{Regions, Surface};
 use super::{CONVEX, NONE};
 
+/// Straightening takes a few looks at every corner of a ring, but one by one of a comb's; then it stays.
+const MOST_LOOKS: usize = 200;
+
 /// A triangle and one of its edges.
 type Side = (u32, usize);
 
@@ -88,7 +91,7 @@ impl Surface<'_> {
     }
 
     /// A ring without the corners on straight sides, all within `flat` of what is left (Douglas and
-    /// Peucker); none if nothing is left. Those of `keep`, in order, stay.
+    /// Peucker); none if nothing is left or it takes too long. Those of `keep`, in order, stay.
     pub(super) fn straightened(&self, ring: &[u32], keep: &[u32]) -> Option<Vec<u32>> {
         let at = |k: usize| self.vertices[ring[k] as usize];
         let farthest = |from: DVec3| {
@@ -105,7 +108,12 @@ impl Surface<'_> {
         let mut kept = Vec::with_capacity(n);
         let middle = (opposite + n - first) % n;
         let mut sides = vec![(middle, n), (0, middle)];
+        let mut looks = 0;
         while let Some((from, to)) = sides.pop() {
+            looks += to - from;
+            if looks > MOST_LOOKS * n {
+                return None;
+            }
             let off = |k: usize| match keep.binary_search(&vertex(k)) {
                 Ok(_) => f64::INFINITY,
                 Err(_) => self.off_line(vertex(from), vertex(k), vertex(to)),

@@ -154,3 +154,27 @@ fn sheets_keep_both_sides() {
     let all: f64 = faces.iter().map(|f| f.area).sum();
     assert!(up.abs() < 1e-12 && (all - 2.0).abs() < 1e-12, "{up} {all}");
 }
+
+/// A comb is straightened tooth by tooth: not more than a bounded number of looks.
+#[test]
+fn combs_do_not_take_for_ever() {
+    let teeth = 60_000u32;
+    let width = 1.0 / f64::from(teeth);
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for i in 0..=teeth {
+        let x = f64::from(i) * width;
+        vertices.extend([DVec3::new(x, 0.0, 0.0), DVec3::new(x, 1e-3, 0.0)]);
+        vertices.push(DVec3::new(x + 0.5 * width, 2e-3, 0.0));
+        if i < teeth {
+            let [a, b, tip, c, d] = [0, 1, 2, 3, 4].map(|k| 3 * i + k);
+            triangles.extend([[a, c, d], [a, d, b], [b, d, tip]]);
+        }
+    }
+    let surface = Surface::new(&triangles, &vertices, FLAT);
+    let regions = surface.regions();
+    assert_eq!(regions.count(), 1);
+    let rings = surface.all_straightened(&surface.loops(&regions, 0).unwrap());
+    let kept: usize = rings.iter().map(Vec::len).sum();
+    // All tips, and the valleys between them; the straight back is dropped if there is time for it.
+    assert!(kept >= 2 * teeth as usize, "{kept}");
+}

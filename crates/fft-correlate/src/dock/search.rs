@@ -164,8 +164,7 @@ pub fn search(
         });
     }
     let mut stages = Vec::new();
-    let everything = || (0..domain.rotations.len()).collect();
-    let chosen: Vec<usize> = match pairs.sketch {
+    let mut chosen: Vec<usize> = match pairs.sketch {
         Some(pair) if wants_sketch(domain.rotations.len()) => {
             let began = Instant::now();
             let chosen = sketch(pair, domain, options.chosen_share, monitor)?;
@@ -176,8 +175,12 @@ pub fn search(
             });
             chosen
         }
-        _ => everything(),
+        _ => Vec::new(),
     };
+    // Without a sketch, or if none of its scores has a maximum, all of them.
+    if chosen.is_empty() {
+        chosen = (0..domain.rotations.len()).collect();
+    }
     let rotations: Vec<DQuat> = chosen.iter().map(|i| domain.rotations[*i]).collect();
     let coarse = with_docking_weights(pairs.coarse, options.ratio)?;
     let fine = with_docking_weights(pairs.fine, options.ratio)?;

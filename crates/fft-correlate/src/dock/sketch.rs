@@ -2,9 +2,9 @@
 
 use sdf_grid::Monitor;
 
+use super::DockError;
 use super::scan::{self, Scan};
 use super::search::{SearchDomain, SearchError, with_weights};
-use super::{DockError, check_rotations};
 use crate::{Correlator, Pair, half_turn_groups};
 
 /// Interior weight over exterior weight of a sketch: on cells half as wide as a wall, heavy interiors
@@ -27,7 +27,6 @@ pub(super) fn sketch(
     share: f64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<usize>, SearchError> {
-    check_rotations(&domain.rotations)?;
     let pair = with_weights(pair, RATIO)?;
     let window = domain.window(&pair)?;
     let groups = half_turn_groups(&domain.rotations);

@@ -7,8 +7,8 @@ use super::scan::{self, Scan};
 use super::search::{SearchDomain, SearchError, with_weights};
 use crate::{Correlator, Pair, half_turn_groups};
 
-/// Interior weight over exterior weight of a sketch: on cells half as wide as a wall, heavy interiors
-/// punish the fit for the cells that its faces cut. Measured in `docs/docking.md`.
+/// Interior weight over exterior weight of a sketch: on cells half as wide as the part, heavy
+/// interiors punish the fit for the cells that its faces cut. Measured in `docs/docking.md`.
 const RATIO: f64 = 4.0;
 
 /// Rotations that go on at least.

@@ -33,7 +33,8 @@ const MAX_CUTS: u32 = 5;
 /// Large meshes are cut less, so that cutting makes no more faces than about this many.
 const MAX_PIECES: usize = 100_000;
 
-/// A region is covered anew if what lies upside down in it is less than half of what this leaves.
+/// A region is covered anew if its area, less what lies upside down, is at least this share of that of its
+/// triangles.
 const UNFOLDED: f64 = 0.99;
 
 /// Regions of more triangles than this are shared out one by one.

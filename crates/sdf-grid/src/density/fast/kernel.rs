@@ -161,12 +161,9 @@ impl Rise {
                 |(t, q): &(f64, Complex64)| (at(series, *t) - q).norm() * (middle + half * t).abs();
             samples.iter().all(|s| off(s) < error)
         };
-        let mut series = interpolant(MOST_TERMS, quotient);
-        let fewer = (4..MOST_TERMS).map(|n| interpolant(n, quotient));
-        if let Some(enough) = fewer.into_iter().find(good) {
-            series = enough;
-        }
-        let powers = powers(&series);
+        let mut fewer = (4..MOST_TERMS).map(|n| interpolant(n, quotient));
+        let series = fewer.find(good);
+        let powers = powers(&series.unwrap_or_else(|| interpolant(MOST_TERMS, quotient)));
         let single = |c: &Complex64| [c.re as f32, c.im as f32];
         Self {
             start: start as f32,

@@ -22,6 +22,8 @@ pub struct Bvh {
     pub(crate) faces: Vec<Face>,
     centre: DVec3,
     scale: f64,
+    /// Whether the surface is known to be closed and of one orientation: winding numbers are integers.
+    pub(crate) closed: bool,
 }
 
 /// A node: its box and moments cover `faces[first..first + count]`. What searches look at comes first and is one
@@ -60,7 +62,8 @@ impl Bvh {
         let (centre, scale) = normalization(mesh);
         let corner = |p: DVec3| (p - centre) * scale;
         let triangle = |i: usize| Face::triangle(mesh.corners(i).map(corner), i as u32);
-        Self::over(build::tree(mesh.triangles().len(), triangle), centre, scale)
+        let tree = build::tree(mesh.triangles().len(), triangle);
+        Self::over(tree, centre, scale, false)
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to `flat`
@@ -70,15 +73,22 @@ impl Bvh {
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
         let faces = coplanar::merged(mesh.triangles(), &corners, flat);
-        Self::over(build::tree(faces.len(), |i| faces.get(i)), centre, scale)
+        let tree = build::tree(faces.len(), |i| faces.get(i));
+        Self::over(tree, centre, scale, faces.closed)
     }
 
-    fn over((nodes, faces): (Vec<Node>, Vec<Face>), centre: DVec3, scale: f64) -> Self {
+    fn over(
+        (nodes, faces): (Vec<Node>, Vec<Face>),
+        centre: DVec3,
+        scale: f64,
+        closed: bool,
+    ) -> Self {
         Self {
             nodes,
             faces,
             centre,
             scale,
+            closed,
         }
     }
 

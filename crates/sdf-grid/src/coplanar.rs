@@ -47,10 +47,12 @@ pub(crate) struct Pieces {
     lists: Vec<Vec<Face>>,
     /// Where each list ends in the order of all.
     ends: Vec<usize>,
+    /// Whether the triangles enclose what they enclose without a gap, all the same way round.
+    pub(crate) closed: bool,
 }
 
 impl Pieces {
-    fn new(lists: Vec<Vec<Face>>) -> Self {
+    fn new(lists: Vec<Vec<Face>>, closed: bool) -> Self {
         let mut count = 0;
         let ends = lists.iter().map(|list| {
             count += list.len();
@@ -59,6 +61,7 @@ impl Pieces {
         Self {
             ends: ends.collect(),
             lists,
+            closed,
         }
     }
 
@@ -96,7 +99,7 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pie
     let pieces = faces
         .into_par_iter()
         .map(|list| cut_across(list, cuts.min(MAX_CUTS), flat));
-    Pieces::new(pieces.collect())
+    Pieces::new(pieces.collect(), surface.closed)
 }
 
 /// By how much areas may differ where sides move by `flat`.
@@ -155,17 +158,26 @@ impl Surface<'_> {
             let kept: [u32; 3] = self.straightened(&ring, &[])?.try_into().ok()?;
             return Face::triangle(kept.map(|v| self.vertices[v as usize]), a);
         }
+        self.convex(&ring, normal, a)
+    }
+
+    /// Three or four corners as a face; none if there are more, or they make no convex one.
+    fn convex(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Face> {
+        let count = ring.len();
         let at = |k: usize| self.vertices[ring[k] as usize];
         let turns = |k: usize| {
-            let [p, q, r] = [k, (k + 1) % 4, (k + 2) % 4].map(at);
+            let [p, q, r] = [k, (k + 1) % count, (k + 2) % count].map(at);
             let (along, on) = (q - p, r - q);
             along.cross(on).dot(normal) > CONVEX * along.length() * on.length()
         };
-        let corners = [0, 1, 2, 3].map(at);
-        (0..4)
-            .all(turns)
-            .then(|| Face::quadrangle(corners, a))
-            .flatten()
+        if !(0..count).all(turns) {
+            return None;
+        }
+        match count {
+            3 => Face::triangle([0, 1, 2].map(at), source),
+            4 => Face::quadrangle([0, 1, 2, 3].map(at), source),
+            _ => None,
+        }
     }
 
     /// A region of several triangles cut anew; none if its outline crosses itself.
@@ -177,6 +189,11 @@ impl Surface<'_> {
             DVec2::new(p.dot(across), p.dot(up))
         };
         let mut rings = self.all_straightened(&self.loops(regions, id)?);
+        if let [ring] = rings.as_slice()
+            && let Some(face) = self.convex(ring, plane.normal, source)
+        {
+            return Some(vec![face]);
+        }
         // Corners, each once, and the rings as places among them.
         let mut vertices = rings.concat();
         vertices.sort_unstable();

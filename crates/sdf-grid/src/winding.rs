@@ -29,6 +29,11 @@ impl Bvh {
         self.winding_normalized(q, f64::INFINITY) > 0.5
     }
 
+    /// The winding number to a few hundredths.
+    pub(crate) fn winding_coarse(&self, q: DVec3) -> f64 {
+        self.winding_normalized(q, COARSE)
+    }
+
     fn winding_normalized(&self, q: DVec3, far: f64) -> f64 {
         let mut sum = 0.0;
         let mut stack = Stack::new();

@@ -119,6 +119,8 @@ pub(super) struct Surface<'a> {
     pub(super) facets: Vec<Facet>,
     /// The triangle beyond edge `k`, or [`NONE`].
     pub(super) neighbours: Vec<[u32; 3]>,
+    /// Whether every edge is gone along as often one way as the other.
+    pub(super) closed: bool,
     /// What lies this near to a plane or a line lies in it.
     pub(super) flat: f64,
 }
@@ -127,12 +129,14 @@ impl<'a> Surface<'a> {
     pub(super) fn new(indices: &'a [[u32; 3]], vertices: &'a [DVec3], flat: f64) -> Self {
         let facet = |t: &[u32; 3]| Facet::of(t.map(|v| vertices[v as usize]));
         let facets = || indices.par_iter().map(facet).collect();
-        let (neighbours, facets) = rayon::join(|| neighbours(indices, vertices.len()), facets);
+        let (beyond, facets) = rayon::join(|| neighbours(indices, vertices.len()), facets);
+        let (neighbours, closed) = beyond;
         Self {
             indices,
             vertices,
             facets,
             neighbours,
+            closed,
             flat,
         }
     }
@@ -245,8 +249,9 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// The triangle beyond each edge: the one other triangle that has it, the other way round.
-fn neighbours(indices: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
+/// The triangle beyond each edge: the one other triangle that has it, the other way round. And whether every
+/// edge is gone along as often one way as the other.
+fn neighbours(indices: &[[u32; 3]], vertices: usize) -> (Vec<[u32; 3]>, bool) {
     let edge = |half: u32| {
         let (t, k) = (indices[half as usize / 3], half as usize % 3);
         (t[k], t[(k + 1) % 3])
@@ -268,7 +273,7 @@ fn neighbours(indices: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
         *place += 1;
     }
     let mut beyond = vec![[NONE; 3]; indices.len()];
-    let mut first = 0;
+    let (mut first, mut closed) = (0, true);
     // Each place has moved on to the end of its vertex's edges.
     for end in &places[..vertices] {
         let around = &mut sorted[first..*end as usize];
@@ -280,8 +285,11 @@ fn neighbours(indices: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
             {
                 beyond[x as usize / 3][x as usize % 3] = y / 3;
                 beyond[y as usize / 3][y as usize % 3] = x / 3;
+            } else {
+                let upward = pair.iter().filter(|(upper, half)| edge(*half).1 == *upper);
+                closed &= 2 * upward.count() == pair.len();
             }
         }
     }
-    beyond
+    (beyond, closed)
 }

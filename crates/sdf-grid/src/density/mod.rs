@@ -8,6 +8,7 @@
 //! - `fast`: the tree code on packets of sixteen points in f32;
 //! - `patch`: distances, signs and densities of a small regular patch;
 //! - `smooth`: blocks of a patch that are interpolated from some of their points;
+//! - `signs`: on which side of the boundary points lie;
 //! - `signed_distance`: distances alone;
 //! - `sampling`: from points to lattice values (blocks, halo, cell averages).
 
@@ -23,6 +24,7 @@ pub mod reference;
 mod regroup;
 mod sampling;
 mod signed_distance;
+mod signs;
 mod smooth;
 
 use bytemuck::Zeroable;

@@ -1,17 +1,16 @@
 //! Signed distance and density on a small regular patch of points.
 //!
 //! Distances and density integrals go through packets of 2 x 2 x 4 points. Points so near to the
-//! boundary that single precision would show go through the f64 tree code one by one. The sign is
-//! found once and handed from point to point: two points whose distances to the boundary add up
-//! to more than the distance between them lie on the same side.
+//! boundary that single precision would show go through the f64 tree code one by one.
 
 use glam::DVec3;
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 
 use super::fast::{LANES, Lanes, PacketDensity, Points, Walk};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
 use super::regroup::Regroup;
+use super::signs::Signs;
 use super::smooth::{Attempt, SmoothBlock};
 use crate::bvh::Bvh;
 
@@ -34,16 +33,20 @@ pub(crate) struct Anchor {
 /// Values on a patch, C order. Reused from patch to patch.
 #[derive(Debug, Default)]
 pub(crate) struct PatchValues {
-    /// Signed distance, normalized.
+    /// Signed distance, normalized; zero on the boundary and only there.
     pub(crate) distance: Vec<f32>,
-    pub(crate) density: Vec<UnitDensity>,
+    /// The unit part of the side that the point is on; nothing on the boundary.
+    density: Vec<Complex32>,
+    /// Both parts of points on the boundary, by place.
+    boundary: Vec<(usize, UnitDensity)>,
     /// Which points already have sign and density.
     done: Vec<bool>,
     /// Interpolated densities.
-    filled: Vec<Complex64>,
+    filled: Vec<Complex32>,
     bricks: Vec<Brick>,
     /// The size of the face nearest to each brick.
     faces: Vec<f32>,
+    signs: Signs,
     regroup: Regroup,
     walk: Walk,
 }
@@ -56,7 +59,7 @@ pub(crate) struct PatchDensity<'a> {
     points: PointDensity<'a>,
     /// Points nearer to the boundary than this, in units of half the packet's diagonal, are taken
     /// in f64.
-    near: f64,
+    near: f32,
     /// Outside, beyond this normalized distance, the density is not computed (zero).
     horizon: f32,
     /// Step to either side of the boundary for points on it, normalized.
@@ -82,39 +85,9 @@ impl Patch {
         [line / ny, line % ny, flat - line * nz]
     }
 
-    /// The side of a point, given the signed distances before it and its own distance.
-    fn inside(
-        &self,
-        bvh: &Bvh,
-        anchor: Option<Anchor>,
-        index: [usize; 3],
-        distance: &[f32],
-    ) -> bool {
-        let flat = self.flat(index);
-        if let Some(a) = anchor
-            && connected(
-                a.distance,
-                distance[flat],
-                a.position.distance(self.position(index)),
-            )
-        {
-            return a.distance < 0.0;
-        }
-        for axis in [2, 1, 0] {
-            let mut before = index;
-            if index[axis] > 0 {
-                before[axis] -= 1;
-                let other = distance[self.flat(before)];
-                if connected(other, distance[flat], self.spacing) {
-                    return other < 0.0;
-                }
-            }
-        }
-        bvh.inside_normalized(self.position(index))
-    }
-
     fn brick(&self, flat: [usize; LANES]) -> Brick {
         let points = flat.map(|f| self.position(self.unravel(f)));
+        let points = Points::new(&points);
         Brick { flat, points }
     }
 
@@ -123,52 +96,25 @@ impl Patch {
     pub(crate) fn cut(&self, bricks: &mut Vec<Brick>) {
         bricks.clear();
         let [nx, ny, nz] = self.shape;
-        let mut brick = Brick {
-            flat: [0; LANES],
-            points: [DVec3::ZERO; LANES],
+        let brick = |x: usize, y: usize, z: usize| {
+            self.brick(std::array::from_fn(|lane| {
+                self.flat([
+                    (x + lane / 8).min(nx - 1),
+                    (y + lane / 4 % 2).min(ny - 1),
+                    (z + lane % 4).min(nz - 1),
+                ])
+            }))
         };
+        let first = brick(0, 0, 0);
         for x in (0..nx).step_by(2) {
             for y in (0..ny).step_by(2) {
                 for z in (0..nz).step_by(4) {
-                    for lane in 0..LANES {
-                        let index = [
-                            (x + lane / 8).min(nx - 1),
-                            (y + lane / 4 % 2).min(ny - 1),
-                            (z + lane % 4).min(nz - 1),
-                        ];
-                        brick.flat[lane] = self.flat(index);
-                        brick.points[lane] = self.position(index);
-                    }
-                    bricks.push(brick.clone());
-                }
-            }
-        }
-    }
-
-    /// Makes distances negative inside the part, except where they are `done`.
-    pub(crate) fn give_signs(
-        &self,
-        bvh: &Bvh,
-        anchor: Option<Anchor>,
-        done: impl Fn(usize) -> bool,
-        distance: &mut [f32],
-    ) {
-        // Where every point is farther from the boundary than half way to the next, all lie on one side.
-        let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
-        if connected(least, least, self.spacing) {
-            if self.inside(bvh, anchor, [0; 3], distance) {
-                distance.iter_mut().for_each(|d| *d = -*d);
-            }
-            return;
-        }
-        let [nx, ny, nz] = self.shape;
-        for x in 0..nx {
-            for y in 0..ny {
-                for z in 0..nz {
-                    let flat = self.flat([x, y, z]);
-                    if !done(flat) && self.inside(bvh, anchor, [x, y, z], distance) {
-                        distance[flat] = -distance[flat];
-                    }
+                    let whole = x + 2 <= nx && y + 2 <= ny && z + 4 <= nz;
+                    bricks.push(if whole {
+                        first.moved(self, [x, y, z])
+                    } else {
+                        brick(x, y, z)
+                    });
                 }
             }
         }
@@ -184,17 +130,22 @@ pub(crate) fn along_curve(index: [usize; 3]) -> usize {
     4 * x + 2 * y + z
 }
 
-/// Whether two points so far apart, given their distances from the boundary, must lie on one side of it.
-fn connected(a: f32, b: f32, apart: f64) -> bool {
-    // Room for the rounding of single-precision distances.
-    f64::from(a.abs() + b.abs()) > apart * 1.0001 + 1e-6
-}
-
 /// The points of one packet and their places in the patch.
 #[derive(Debug, Clone)]
 pub(crate) struct Brick {
     pub(crate) flat: [usize; LANES],
     pub(crate) points: Points,
+}
+
+impl Brick {
+    /// The same points `by` steps further on.
+    fn moved(&self, patch: &Patch, by: [usize; 3]) -> Self {
+        let flat = patch.flat(by);
+        let mut moved = self.clone();
+        moved.flat = self.flat.map(|f| f + flat);
+        moved.points.centre += patch.position(by) - patch.origin;
+        moved
+    }
 }
 
 impl<'a> PatchDensity<'a> {
@@ -214,7 +165,7 @@ impl<'a> PatchDensity<'a> {
             points,
             // Packet coordinates are rounded to 1e-7 of the half diagonal: so much of the distance
             // may pass into the density at the few points that are this near.
-            near: (2e-7 / tolerance).max(1e-3),
+            near: (2e-7 / tolerance).max(1e-3) as f32,
             horizon,
             step,
         }
@@ -235,11 +186,16 @@ impl<'a> PatchDensity<'a> {
         patch.cut(&mut bricks);
         values.faces.clear();
         for brick in &bricks {
-            self.measure(brick, hint, values);
+            self.measure(patch, brick, hint, values);
             values.faces.push(self.packets.size_of_face(*hint));
         }
-        let PatchValues { distance, done, .. } = values;
-        patch.give_signs(self.bvh, anchor, |flat| done[flat], distance);
+        let PatchValues {
+            distance,
+            done,
+            signs,
+            ..
+        } = values;
+        signs.give(self.bvh, patch, anchor, |flat| done[flat], distance);
         if self.may_be_smooth(patch, values) {
             self.integrate_smooth(patch, values);
         } else {
@@ -274,10 +230,7 @@ impl<'a> PatchDensity<'a> {
             self.smooth.fill(attempt, &values.density, &mut filled)
         };
         if self.smooth.attempts.iter().any(attempt) {
-            let inside = values.distance[0] < 0.0;
-            for (density, filled) in values.density.iter_mut().zip(&filled) {
-                *density = UnitDensity::of_side(*filled, inside);
-            }
+            std::mem::swap(&mut values.density, &mut filled);
         } else {
             compute(&self.smooth.rest, values);
         }
@@ -285,22 +238,21 @@ impl<'a> PatchDensity<'a> {
     }
 
     /// Unsigned distances of a brick; everything for points too near for packets.
-    fn measure(&self, brick: &Brick, hint: &mut usize, values: &mut PatchValues) {
+    fn measure(&self, patch: &Patch, brick: &Brick, hint: &mut usize, values: &mut PatchValues) {
         let Brick {
             flat: brick,
             points,
         } = brick;
         let distances = self.packets.distances(points, hint);
-        let half = 0.5 * points[0].distance(points[LANES - 1]);
+        let near = self.near * points.half_diagonal();
         for lane in 0..LANES {
             let flat = brick[lane];
-            if f64::from(distances[lane]) > self.near * half {
+            if distances[lane] > near {
                 values.distance[flat] = distances[lane];
             } else if !values.done[flat] {
-                let (distance, density) = self.points.at(points[lane], self.step);
-                values.distance[flat] = distance as f32;
-                values.density[flat] = density;
-                values.done[flat] = true;
+                let position = patch.position(patch.unravel(flat));
+                let (distance, density) = self.points.at(position, self.step);
+                values.set(flat, distance as f32, density);
             }
         }
     }
@@ -343,9 +295,9 @@ impl<'a> PatchDensity<'a> {
         for lane in 0..LANES {
             let flat = brick[lane];
             if distances[lane] > 0.0 {
-                let integral = Complex64::new(re[lane].into(), im[lane].into());
+                let integral = Complex32::new(re[lane], im[lane]);
                 let inside = values.distance[flat] < 0.0;
-                values.density[flat] = UnitDensity::from_integral(integral, inside);
+                values.density[flat] = if inside { -integral } else { integral.conj() };
             }
         }
     }
@@ -356,8 +308,38 @@ impl PatchValues {
         self.distance.clear();
         self.distance.resize(len, 0.0);
         self.density.clear();
-        self.density.resize(len, UnitDensity::default());
+        self.density.resize(len, Complex32::ZERO);
+        self.boundary.clear();
         self.done.clear();
         self.done.resize(len, false);
     }
+
+    /// Sets a point for good.
+    fn set(&mut self, flat: usize, distance: f32, density: UnitDensity) {
+        if distance == 0.0 {
+            self.boundary.push((flat, density));
+        } else {
+            self.density[flat] = single(density.combined(1.0, 1.0));
+        }
+        self.distance[flat] = distance;
+        self.done[flat] = true;
+    }
+
+    /// Exterior and interior part at a point.
+    pub(crate) fn parts(&self, flat: usize) -> [Complex32; 2] {
+        let (own, none) = (self.density[flat], Complex32::ZERO);
+        match self.distance[flat] {
+            d if d > 0.0 => [own, none],
+            d if d < 0.0 => [none, own],
+            _ => {
+                let found = self.boundary.iter().find(|(place, _)| *place == flat);
+                let both = found.map(|(_, d)| *d).unwrap_or_default();
+                [both.exterior, both.interior].map(single)
+            }
+        }
+    }
+}
+
+fn single(z: Complex64) -> Complex32 {
+    Complex32::new(z.re as f32, z.im as f32)
 }

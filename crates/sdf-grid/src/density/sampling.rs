@@ -1,13 +1,12 @@
 //! From points to lattice values: blocks, halo, boundary and cell averages.
 
 use ndarray::{ArrayViewMut3, Axis};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::fast::PacketDensity;
 use super::patch::{Anchor, Patch, PatchDensity, PatchValues};
 use super::point::PointDensity;
-use super::reference::UnitDensity;
 use super::{DensityError, DensityField, Sampling, boundary};
 use crate::bvh::Bvh;
 use crate::kernel::CumulativeKernel;
@@ -176,18 +175,17 @@ impl Sampler<'_> {
             for z in 0..nz {
                 let flat = line * nz + z;
                 let distance = scratch.nodes.distance[flat];
-                let mut density = scratch.nodes.density[flat];
+                let mut parts = scratch.nodes.parts(flat);
                 if distance.abs() < averaged {
                     let position = patch.position([line / ny, line % ny, z]);
                     let node = Anchor { position, distance };
                     let values = &mut scratch.sub_points;
-                    density = self.cell_average(node, patch.spacing, &mut hint, values);
+                    parts = self.cell_average(node, patch.spacing, &mut hint, values);
                 } else if distance > faded {
-                    density.exterior *= self.fading(distance);
+                    parts[0] *= self.fading(distance);
                 }
                 signed_distance[z] = distance * metres;
-                exterior[z] = single(density.exterior);
-                interior[z] = single(density.interior);
+                [exterior[z], interior[z]] = parts;
             }
         }
     }
@@ -199,7 +197,7 @@ impl Sampler<'_> {
         spacing: f64,
         hint: &mut usize,
         values: &mut PatchValues,
-    ) -> UnitDensity {
+    ) -> [Complex32; 2] {
         // Evenly spaced, so that no sub-point lies on a node plane or a cell face.
         let patch = Patch {
             origin: node.position - spacing * (0.5 - 0.5 / SUB as f64),
@@ -207,24 +205,18 @@ impl Sampler<'_> {
             shape: [SUB; 3],
         };
         self.patches.evaluate(&patch, Some(node), hint, values);
-        let mut sum = UnitDensity::default();
-        for (distance, density) in values.distance.iter().zip(&values.density) {
-            sum.exterior += density.exterior * self.fading(*distance);
-            sum.interior += density.interior;
+        let mut sums = [Complex32::ZERO; 2];
+        for (flat, distance) in values.distance.iter().enumerate() {
+            let [exterior, interior] = values.parts(flat);
+            sums[0] += exterior * self.fading(*distance);
+            sums[1] += interior;
         }
-        let weight = 1.0 / values.density.len() as f64;
-        UnitDensity {
-            exterior: sum.exterior * weight,
-            interior: sum.interior * weight,
-        }
+        let weight = 1.0 / values.distance.len() as f32;
+        sums.map(|sum| sum * weight)
     }
 
     /// The halo's cut-off at signed normalized `distance`.
-    fn fading(&self, distance: f32) -> f64 {
-        taper(f64::from(distance) / self.bvh.scale(), self.halo)
+    fn fading(&self, distance: f32) -> f32 {
+        taper(f64::from(distance) / self.bvh.scale(), self.halo) as f32
     }
-}
-
-fn single(z: Complex64) -> Complex32 {
-    Complex32::new(z.re as f32, z.im as f32)
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::fast::{LANES, PacketDistance};
 use super::patch::{Brick, Patch};
 use super::sampling::cut;
+use super::signs::Signs;
 use super::{DensityError, zeros};
 use crate::bvh::Bvh;
 use crate::coplanar;
@@ -14,7 +15,7 @@ use crate::{Lattice, Monitor, TriangleMesh};
 
 /// Packet coordinates are rounded to 1e-7 of half the packet's diagonal. Points nearer to the
 /// boundary than this many of it are taken in f64, so that their distance, too, is good to 1e-4.
-const NEAR: f64 = 1e-3;
+const NEAR: f32 = 1e-3;
 
 /// Distance from the boundary of `mesh` at every node of `lattice`, metres, negative where the
 /// generalized winding number exceeds 1/2; zero or either sign on the boundary itself. Good to 1e-6
@@ -61,6 +62,7 @@ pub fn signed_distances(
 struct Scratch {
     bricks: Vec<Brick>,
     distance: Vec<f32>,
+    signs: Signs,
 }
 
 fn fill(
@@ -70,7 +72,11 @@ fn fill(
     scratch: &mut Scratch,
     block: &mut ArrayViewMut3<'_, f32>,
 ) {
-    let Scratch { bricks, distance } = scratch;
+    let Scratch {
+        bricks,
+        distance,
+        signs,
+    } = scratch;
     patch.cut(bricks);
     distance.clear();
     distance.resize(patch.len(), 0.0);
@@ -78,16 +84,16 @@ fn fill(
     let mut hint = 0;
     for Brick { flat, points } in bricks.iter() {
         let found = packets.at(points, &mut hint);
-        let near = NEAR * 0.5 * points[0].distance(points[LANES - 1]);
+        let near = NEAR * points.half_diagonal();
         for lane in 0..LANES {
-            distance[flat[lane]] = if f64::from(found[lane]) > near {
+            distance[flat[lane]] = if found[lane] > near {
                 found[lane]
             } else {
-                unsigned(bvh, points[lane])
+                unsigned(bvh, patch.position(patch.unravel(flat[lane])))
             };
         }
     }
-    patch.give_signs(bvh, None, |_| false, distance);
+    signs.give(bvh, patch, None, |_| false, distance);
     // A power of two: exact.
     let metres = (1.0 / bvh.scale()) as f32;
     let lines = distance.chunks_exact(patch.shape[2]);

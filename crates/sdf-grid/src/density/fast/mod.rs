@@ -17,13 +17,13 @@ mod tests;
 mod twins;
 
 use fearless_simd::{Level, dispatch};
-use glam::DVec3;
 use rayon::prelude::*;
 
 use self::far::Cluster;
 pub(crate) use self::far::Walk;
 use self::groups::Group;
 use self::kernel::PacketKernel;
+pub(crate) use self::packet::Points;
 use self::packet::{Disc, Facet};
 use self::settings::Settings;
 use self::twins::Twin;
@@ -33,9 +33,6 @@ use crate::large::{self, prefetch};
 
 /// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
 pub(crate) const LANES: usize = 16;
-
-/// Sixteen normalized positions.
-pub(crate) type Points = [DVec3; LANES];
 
 /// One number per point.
 pub(crate) type Lanes = [f32; LANES];

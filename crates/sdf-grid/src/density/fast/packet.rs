@@ -3,12 +3,41 @@
 use fearless_simd::{f32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
-use super::{LANES, Points};
+use super::{LANES, Lanes};
 use crate::bvh::Node;
 use crate::face::Face;
 use crate::moments::Moments;
 
-/// Points relative to the middle of their box.
+/// Sixteen normalized positions: the middle of their box, and where they lie from it.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(crate) struct Points {
+    places: [Lanes; 3],
+    pub(crate) centre: DVec3,
+    /// Half the size of the box, a little more: rounding must not lose a point.
+    half: Vec3,
+}
+
+impl Points {
+    pub(crate) fn new(points: &[DVec3; LANES]) -> Self {
+        let low = points.iter().fold(points[0], |a, p| a.min(*p));
+        let high = points.iter().fold(points[0], |a, p| a.max(*p));
+        let centre = 0.5 * (low + high);
+        let place = |k: usize| points.map(|p| (p[k] - centre[k]) as f32);
+        Self {
+            places: [0, 1, 2].map(place),
+            centre,
+            half: (0.5 * (high - low)).as_vec3() * 1.000_001,
+        }
+    }
+
+    /// Half the diagonal of their box.
+    pub(crate) fn half_diagonal(&self) -> f32 {
+        self.half.length()
+    }
+}
+
+/// Points as vectors.
 pub(crate) struct Packet<S: Simd> {
     pub(crate) simd: S,
     pub(crate) centre: DVec3,
@@ -22,23 +51,14 @@ pub(crate) struct Packet<S: Simd> {
 impl<S: Simd> Packet<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, points: &Points) -> Self {
-        let lo = points.iter().fold(points[0], |a, p| a.min(*p));
-        let hi = points.iter().fold(points[0], |a, p| a.max(*p));
-        let centre = 0.5 * (lo + hi);
-        let mut place = [[0f32; LANES]; 3];
-        for (lane, p) in points.iter().enumerate() {
-            for k in 0..3 {
-                place[k][lane] = (p[k] - centre[k]) as f32;
-            }
-        }
+        let [x, y, z] = &points.places;
         Self {
             simd,
-            centre,
-            x: f32x16::simd_from(simd, place[0]),
-            y: f32x16::simd_from(simd, place[1]),
-            z: f32x16::simd_from(simd, place[2]),
-            // A little more than half: rounding must not lose a point.
-            half: (0.5 * (hi - lo)).as_vec3() * 1.000_001,
+            centre: points.centre,
+            x: f32x16::simd_from(simd, *x),
+            y: f32x16::simd_from(simd, *y),
+            z: f32x16::simd_from(simd, *z),
+            half: points.half,
         }
     }
 

@@ -51,7 +51,7 @@ fn triangles_match_the_f64_edge_integrals() {
             for (i, t) in bvh.faces.iter().enumerate() {
                 let expected = exact.face(&table, t, *q, xi);
                 let [re, im] = dispatch!(Level::new(), simd => {
-                    triangle(simd, &density, &[*q; LANES], xi as f32, i)
+                    triangle(simd, &density, &Points::new(&[*q; LANES]), xi as f32, i)
                 });
                 let error = (Complex64::new(re.into(), im.into()) - expected).norm();
                 // Of densities near 1, at the setting for 1e-5.
@@ -83,10 +83,10 @@ fn values(density: &PacketDensity<'_>) -> (Vec<Lanes>, Vec<[Lanes; 2]>) {
     let place = |i: usize| DVec3::new((i / 64) as f64, (i / 8 % 8) as f64, (i % 8) as f64);
     let corner = |i: usize| (place(i) - 3.47) * 0.5;
     let packet = |i: usize| -> Points {
-        std::array::from_fn(|lane| {
+        Points::new(&std::array::from_fn(|lane| {
             let step = [lane / 8, lane / 4 % 2, lane % 4].map(|k| 0.07 * k as f64);
             corner(i) + DVec3::from_array(step)
-        })
+        }))
     };
     let mut walk = Walk::default();
     (0..512)

@@ -59,9 +59,22 @@ impl Assembly {
     /// If the scene has several fixed parts, a mesh cannot be used, the fields would not fit in
     /// memory, or the user interrupts.
     pub fn load(scene: Scene, context: &Context) -> Result<Self, CommandError> {
-        let scene = scene.only(None)?;
+        Self::load_on(scene, |_, _| {}, context)
+    }
+
+    /// [`Assembly::load`] after `choose` has seen the moving part and set what it wants of the scene.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load_on(
+        scene: Scene,
+        choose: impl FnOnce(&mut Scene, &TriangleMesh),
+        context: &Context,
+    ) -> Result<Self, CommandError> {
+        let mut scene = scene.only(None)?;
         let fixed = read_part(&scene, &scene.fixed, context)?;
         let moving = read_part(&scene, &scene.moving, context)?;
+        choose(&mut scene, &moving);
         warn_of_scale(&scene, &fixed, &moving, context);
         let began = Instant::now();
         let pair = compute_pair(&scene, &fixed, &moving, context)?;

@@ -84,10 +84,8 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     ] {
         file.map_or(Ok(()), |f| require_folder(f))?;
     }
-    let assembly = Assembly::load(
-        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
-        context,
-    )?;
+    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let assembly = Assembly::load_on(scene, builder::choose_lattice, context)?;
     let how = How {
         top: args.top,
         exhaustive: args.exhaustive,

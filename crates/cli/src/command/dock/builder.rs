@@ -11,10 +11,19 @@ use super::super::Context;
 use crate::assembly::Assembly;
 use crate::error::CommandError;
 use crate::progress::interrupted;
-use crate::scene::LatticeStep;
+use crate::scene::{LatticeStep, Scene};
 
 /// Angle between rotations of a scene that names none, degrees.
 const STEP_DEG: f64 = 15.0;
+
+/// The lattice of a scene that names none is the fine one of the search, whose fields are needed anyway.
+pub(super) fn choose_lattice(scene: &mut Scene, moving: &TriangleMesh) {
+    if scene.lattice.step == LatticeStep::Automatic {
+        let lattices = SearchLattices::new(moving);
+        scene.lattice.step = LatticeStep::Spacing(lattices.fine);
+        scene.lattice.halo.get_or_insert(lattices.halo);
+    }
+}
 
 /// How the fixed part is turned for a search, so that it fills its box along the axes: lattices and
 /// transforms become smaller. A scene that says where to look is looked at in its own frame. The moving part

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::TriangleMesh;
 use crate::coplanar;
-use crate::face::Face;
+use crate::face::{Face, Piece};
 use crate::mesh::Aabb;
 use crate::moments::Moments;
 
@@ -61,7 +61,7 @@ impl Bvh {
     pub fn build(mesh: &TriangleMesh) -> Self {
         let (centre, scale) = normalization(mesh);
         let corner = |p: DVec3| (p - centre) * scale;
-        let triangle = |i: usize| Face::triangle(mesh.corners(i).map(corner), i as u32);
+        let triangle = |i: usize| Piece::triangle(mesh.corners(i).map(corner), i as u32);
         let tree = build::tree(mesh.triangles().len(), triangle);
         Self::over(tree, centre, scale, false)
     }

@@ -15,7 +15,7 @@ mod regions;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::face::Face;
+use crate::face::Piece;
 use crate::polygon;
 use cut::cut_across;
 use outline::paired;
@@ -43,9 +43,9 @@ const LARGE: usize = 32;
 
 const NONE: u32 = u32::MAX;
 
-/// Faces in lists one after the other: to put them in one would move each once more.
+/// What a surface is made of, in lists one after the other: to put them in one would move each once more.
 pub(crate) struct Pieces {
-    lists: Vec<Vec<Face>>,
+    lists: Vec<Vec<Piece>>,
     /// Where each list ends in the order of all.
     ends: Vec<usize>,
     /// Whether the triangles enclose what they enclose without a gap, all the same way round.
@@ -53,7 +53,7 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    fn new(lists: Vec<Vec<Face>>, closed: bool) -> Self {
+    fn new(lists: Vec<Vec<Piece>>, closed: bool) -> Self {
         let mut count = 0;
         let ends = lists.iter().map(|list| {
             count += list.len();
@@ -70,7 +70,7 @@ impl Pieces {
         self.ends.last().copied().unwrap_or(0)
     }
 
-    pub(crate) fn get(&self, index: usize) -> Option<Face> {
+    pub(crate) fn get(&self, index: usize) -> Option<Piece> {
         let list = self.ends.partition_point(|end| *end <= index);
         let start = list.checked_sub(1).map_or(0, |before| self.ends[before]);
         self.lists.get(list)?.get(index - start).copied()
@@ -82,18 +82,20 @@ impl Pieces {
 pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pieces {
     let surface = Surface::new(indices, vertices, flat);
     let regions = surface.regions();
-    // Of the small ones, lists of as many as rayon likes, one after the other: their order is the regions'.
-    let (large, small): (Vec<usize>, Vec<usize>) =
-        (0..regions.count()).partition(|id| regions.get(*id).len() > LARGE);
-    let cover = |mut faces: Vec<Face>, id: &usize| {
-        surface.cover(&regions, *id, &mut faces);
+    let cover = |mut faces: Vec<Piece>, id: usize| {
+        surface.cover(&regions, id, &mut faces);
         faces
     };
-    let alone = large.par_iter().with_max_len(1);
-    let together = small.par_iter().fold(Vec::new, cover);
-    let faces: Vec<Vec<Face>> = alone
+    let large: Vec<usize> = (0..regions.count())
+        .filter(|id| regions.get(*id).len() > LARGE)
+        .collect();
+    let alone = large.into_par_iter().with_max_len(1);
+    // The small ones in the order of the mesh, in which neighbours mostly are not far apart.
+    let together = (0..indices.len()).into_par_iter().with_min_len(1024);
+    let together = together.filter_map(|t| regions.small_from(t as u32));
+    let faces: Vec<Vec<Piece>> = alone
         .map(|id| cover(Vec::new(), id))
-        .chain(together)
+        .chain(together.fold(Vec::new, cover))
         .collect();
     let count: usize = faces.iter().map(Vec::len).sum();
     let cuts = (MAX_PIECES / count.max(1)).checked_ilog2().unwrap_or(0);
@@ -104,24 +106,24 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pie
 }
 
 /// By how much areas may differ where sides move by `flat`.
-fn slack(face: &Face, flat: f64) -> f64 {
-    let around: f64 = face.length[..face.count].iter().sum();
+fn slack(face: &Piece, flat: f64) -> f64 {
+    let around: f64 = (0..face.count()).map(|k| face.edge(k).length()).sum();
     1e-9 * face.area + flat * around
 }
 
 impl Surface<'_> {
-    fn face(&self, triangle: u32) -> Option<Face> {
-        Face::triangle(self.corners(triangle), triangle)
+    fn face(&self, triangle: u32) -> Option<Piece> {
+        Piece::triangle(self.corners(triangle), triangle)
     }
 
     /// Appends faces that cover a region: cut anew, or its triangles where that fails.
-    fn cover(&self, regions: &Regions, id: usize, faces: &mut Vec<Face>) {
+    fn cover(&self, regions: &Regions, id: usize, faces: &mut Vec<Piece>) {
         let region = regions.get(id);
         let normal = regions.plane(id).normal;
         let facets = || region.iter().map(|t| &self.facets[*t as usize]);
         let area: f64 = facets().map(|f| f.area * f.normal.dot(normal)).sum();
         let unfolded = area > UNFOLDED * facets().map(|f| f.area).sum::<f64>();
-        let covers = |faces: &[Face]| {
+        let covers = |faces: &[Piece]| {
             let covered: f64 = faces.iter().map(|f| f.area).sum();
             unfolded && (covered - area).abs() <= faces.iter().map(|f| slack(f, self.flat)).sum()
         };
@@ -144,7 +146,7 @@ impl Surface<'_> {
     }
 
     /// Two triangles of one plane as one face; none if that is not convex.
-    fn pair(&self, a: u32, b: u32, normal: DVec3) -> Option<Face> {
+    fn pair(&self, a: u32, b: u32, normal: DVec3) -> Option<Piece> {
         let k = self.neighbours[a as usize].iter().position(|n| *n == b)?;
         let l = self.neighbours[b as usize].iter().position(|n| *n == a)?;
         let (of_a, of_b) = (self.indices[a as usize], self.indices[b as usize]);
@@ -157,13 +159,13 @@ impl Surface<'_> {
         let corner = |k: usize| self.is_corner(ring[k], ring[(k + 1) % 4], ring[(k + 2) % 4]);
         if !(0..4).all(corner) {
             let kept: [u32; 3] = self.straightened(&ring, &[])?.try_into().ok()?;
-            return Face::triangle(kept.map(|v| self.vertices[v as usize]), a);
+            return Piece::triangle(kept.map(|v| self.vertices[v as usize]), a);
         }
         self.convex(&ring, normal, a)
     }
 
     /// Three or four corners as a face; none if there are more, or they make no convex one.
-    fn convex(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Face> {
+    fn convex(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Piece> {
         let count = ring.len();
         let at = |k: usize| self.vertices[ring[k] as usize];
         let turns = |k: usize| {
@@ -175,14 +177,14 @@ impl Surface<'_> {
             return None;
         }
         match count {
-            3 => Face::triangle([0, 1, 2].map(at), source),
-            4 => Face::quadrangle([0, 1, 2, 3].map(at), source),
+            3 => Piece::triangle([0, 1, 2].map(at), source),
+            4 => Piece::quadrangle([0, 1, 2, 3].map(at), source),
             _ => None,
         }
     }
 
     /// A region of several triangles cut anew; none if its outline crosses itself.
-    fn outlined(&self, regions: &Regions, id: usize) -> Option<Vec<Face>> {
+    fn outlined(&self, regions: &Regions, id: usize) -> Option<Vec<Piece>> {
         let (source, plane) = (regions.get(id)[0], regions.plane(id));
         let [across, up] = plane.axes();
         let flat = |v: u32| {
@@ -211,8 +213,8 @@ impl Surface<'_> {
         let face = |ring: &Vec<u32>| {
             let at = |k: usize| corners[ring[k] as usize];
             match ring.len() {
-                3 => Face::triangle([0, 1, 2].map(at), source),
-                _ => Face::quadrangle([0, 1, 2, 3].map(at), source),
+                3 => Piece::triangle([0, 1, 2].map(at), source),
+                _ => Piece::quadrangle([0, 1, 2, 3].map(at), source),
             }
         };
         let rings = paired(&cuts, |i| flat[i as usize]);

@@ -20,7 +20,17 @@ pub(crate) struct Face {
     pub(crate) source: u32,
 }
 
-impl Face {
+/// Corners that make a [`Face`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Piece {
+    pub(crate) corners: [DVec3; 4],
+    pub(crate) area: f64,
+    count: u32,
+    /// See [`Face::source`].
+    pub(crate) source: u32,
+}
+
+impl Piece {
     /// None if the triangle has no area (to rounding) and therefore no normal.
     pub(crate) fn triangle(corners: [DVec3; 3], source: u32) -> Option<Self> {
         let [a, b, c] = corners;
@@ -32,7 +42,50 @@ impl Face {
         Self::new(4, corners, source)
     }
 
-    /// Unit normal and area of a triangle; none where [`Face::triangle`] has none.
+    fn new(count: u32, corners: [DVec3; 4], source: u32) -> Option<Self> {
+        let piece = Self {
+            corners,
+            area: 0.0,
+            count,
+            source,
+        };
+        let edges = (0..piece.count()).map(|k| piece.edge(k).length_squared());
+        let (longest, shortest) = edges.fold((0f64, f64::INFINITY), |(most, least), e| {
+            (most.max(e), least.min(e))
+        });
+        let [a, b] = piece.halves();
+        let twice_area = (a + b).length();
+        let area = 0.5 * twice_area;
+        let has_extent = twice_area > 1e-14 * longest && shortest > 0.0;
+        has_extent.then_some(Self { area, ..piece })
+    }
+
+    /// Number of corners, 3 or 4.
+    pub(crate) fn count(&self) -> usize {
+        self.count as usize
+    }
+
+    /// Its corners, counter-clockwise seen from outside.
+    pub(crate) fn outline(&self) -> &[DVec3] {
+        &self.corners[..self.count()]
+    }
+
+    /// From corner `k` to the next.
+    pub(crate) fn edge(&self, k: usize) -> DVec3 {
+        let next = if k + 1 == self.count() { 0 } else { k + 1 };
+        self.corners[next] - self.corners[k]
+    }
+
+    /// Twice the area vectors of its two triangles; of a triangle the second is nothing.
+    fn halves(&self) -> [DVec3; 2] {
+        let [a, b, c, d] = self.corners;
+        // The fourth corner of a triangle is the first.
+        [(b - a).cross(c - a), (c - a).cross(d - a)]
+    }
+}
+
+impl Face {
+    /// Unit normal and area of a triangle; none where [`Piece::triangle`] has none.
     pub(crate) fn normal_and_area([a, b, c]: [DVec3; 3]) -> Option<(DVec3, f64)> {
         let twice_area = (b - a).cross(c - a);
         let squares = [b - a, c - b, a - c].map(DVec3::length_squared);
@@ -41,47 +94,33 @@ impl Face {
         (length > 1e-14 * longest).then(|| (twice_area / length, 0.5 * length))
     }
 
-    fn new(count: usize, corners: [DVec3; 4], source: u32) -> Option<Self> {
-        let at = |k: usize| corners[k % count];
-        let edges = [0, 1, 2, 3].map(|k| at(k + 1) - at(k));
-        let length = edges.map(DVec3::length);
-        let halves = [[at(0), at(1), at(2)], [at(0), at(2), at(3)]];
-        let twice = halves.map(|[a, b, c]| (b - a).cross(c - a));
-        let twice_area = twice[0] + if count == 4 { twice[1] } else { DVec3::ZERO };
-        let longest = length.into_iter().fold(0.0, f64::max);
-        let shortest = length.into_iter().fold(f64::INFINITY, f64::min);
-        if twice_area.length() <= 1e-14 * longest * longest || shortest == 0.0 {
-            return None;
-        }
-        let normal = twice_area.normalize();
+    pub(crate) fn new(piece: &Piece) -> Self {
+        let (count, corners) = (piece.count(), piece.corners);
+        let edges = [0, 1, 2, 3].map(|k| piece.edge(k % count));
+        let twice = piece.halves();
+        let normal = (twice[0] + twice[1]).normalize();
         // Corners that a file has rounded leave the plane: edges are what is seen of them in it, so that
         // distances along and across them belong together.
         let flat = |edge: DVec3| edge - normal * edge.dot(normal);
         let edges = if count == 4 { edges.map(flat) } else { edges };
         let length = edges.map(DVec3::length);
-        let along = edges.map(DVec3::normalize);
-        let weights = [
-            twice[0].dot(normal),
-            if count == 4 {
-                twice[1].dot(normal)
-            } else {
-                0.0
-            },
-        ];
-        let thirds = halves.map(|[a, b, c]| (a + b + c) / 3.0);
+        let along = [0, 1, 2, 3].map(|k| edges[k] / length[k]);
+        let weights = twice.map(|t| t.dot(normal));
+        let [a, b, c, d] = corners;
+        let thirds = [(a + b + c) / 3.0, (a + c + d) / 3.0];
         let centroid =
             (thirds[0] * weights[0] + thirds[1] * weights[1]) / (weights[0] + weights[1]);
-        Some(Self {
+        Self {
             count,
             corners,
             normal,
             along,
             outward: along.map(|e| e.cross(normal)),
             length,
-            area: 0.5 * twice_area.length(),
+            area: piece.area,
             centroid,
-            source,
-        })
+            source: piece.source,
+        }
     }
 
     /// Its corners, counter-clockwise seen from outside.

@@ -1,10 +1,10 @@
 //! Building the hierarchy: structure first, over boxes; then faces in leaf order; then moments.
 
-use glam::DVec3;
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{MAX_SAH_DEPTH, Node};
-use crate::face::Face;
+use crate::face::{Face, Piece};
 use crate::large;
 use crate::mesh::Aabb;
 use crate::moments::Moments;
@@ -15,25 +15,25 @@ const BINS: usize = 16;
 /// Subtrees of more faces than this are built in parallel.
 const PARALLEL_SIZE: usize = 2048;
 
-/// Nodes, and the faces in leaf order, of those of the `count` faces `make(i)` that there are. Makes
+/// Nodes, and the faces in leaf order, of those of the `count` pieces `make(i)` that there are. Makes
 /// them twice: that is cheaper than to move them.
 pub(super) fn tree(
     count: usize,
-    make: impl Fn(usize) -> Option<Face> + Sync,
+    make: impl Fn(usize) -> Option<Piece> + Sync,
 ) -> (Vec<Node>, Vec<Face>) {
     let indices = (0..count).into_par_iter();
-    let mut boxes: Vec<FaceBox> = indices
-        .filter_map(|i| Some(FaceBox::of(i, &make(i)?)))
+    let mut boxes: Vec<PieceBox> = indices
+        .filter_map(|i| Some(PieceBox::of(i, &make(i)?)))
         .collect();
     if boxes.is_empty() {
         return Default::default();
     }
     let mut branches = Vec::new();
     grow(&mut boxes, 0, 0, &mut branches);
-    let again = |b: &FaceBox| make(b.index as usize).expect("made before");
+    let again = |b: &PieceBox| Face::new(&make(b.index as usize).expect("made before"));
     let faces = large::collect(boxes.par_iter().map(again));
-    let node = |(moments, b): (Moments, &Branch)| Node {
-        bounds: b.bounds,
+    let node = |((bounds, moments), b): ((Aabb, Moments), &Branch)| Node {
+        bounds,
         first: b.first,
         count: b.count,
         second: b.second,
@@ -43,37 +43,41 @@ pub(super) fn tree(
     (large::collect(nodes.map(node)), faces)
 }
 
-/// What the structure depends on, a fifth of the size of a face.
+/// What the structure depends on: the box of a piece in single precision.
 #[derive(Clone, Copy)]
-struct FaceBox {
-    bounds: Aabb,
-    centroid: DVec3,
+struct PieceBox {
+    min: Vec3,
+    max: Vec3,
     index: u32,
 }
 
-impl FaceBox {
-    fn of(index: usize, face: &Face) -> Self {
+impl PieceBox {
+    fn of(index: usize, piece: &Piece) -> Self {
+        let bounds = Aabb::around(piece.outline().iter().copied());
         Self {
-            bounds: Aabb::around(face.outline().iter().copied()),
-            centroid: face.centroid,
+            min: bounds.min.as_vec3(),
+            max: bounds.max.as_vec3(),
             index: index as u32,
         }
     }
+
+    /// Twice the middle.
+    fn place(&self) -> Vec3 {
+        self.min + self.max
+    }
 }
 
-/// A node without its moments.
+/// A node without its box and moments.
 struct Branch {
-    bounds: Aabb,
     first: u32,
     count: u32,
     second: u32,
 }
 
 /// Appends the nodes of the subtree over `faces`, which start at `first` in leaf order; reorders them.
-fn grow(faces: &mut [FaceBox], first: usize, depth: usize, nodes: &mut Vec<Branch>) {
+fn grow(faces: &mut [PieceBox], first: usize, depth: usize, nodes: &mut Vec<Branch>) {
     let this = nodes.len();
     nodes.push(Branch {
-        bounds: faces.iter().fold(Aabb::EMPTY, |a, f| union(a, f.bounds)),
         first: first as u32,
         count: faces.len() as u32,
         second: 0,
@@ -112,54 +116,69 @@ fn append(nodes: &mut Vec<Branch>, subtree: Vec<Branch>) {
 }
 
 /// Reorders `faces` into two non-empty halves and returns where the second begins.
-fn split(faces: &mut [FaceBox], depth: usize) -> usize {
-    let bounds = Aabb::around(faces.iter().map(|f| f.centroid));
-    let extent = bounds.max - bounds.min;
+fn split(faces: &mut [PieceBox], depth: usize) -> usize {
+    let places = faces.iter().map(PieceBox::place);
+    let (min, max) = places.fold(EMPTY, |(min, max), p| (min.min(p), max.max(p)));
+    let extent = max - min;
     let axis = (0..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a });
     if depth < MAX_SAH_DEPTH && extent[axis] > 0.0 {
-        let middle = split_by_area(faces, axis, bounds.min[axis], extent[axis]);
+        let middle = split_by_area(faces, axis, min[axis], extent[axis]);
         if 0 < middle && middle < faces.len() {
             return middle;
         }
     }
     let middle = faces.len() / 2;
-    let order = |a: &FaceBox, b: &FaceBox| a.centroid[axis].total_cmp(&b.centroid[axis]);
+    let order = |a: &PieceBox, b: &PieceBox| a.place()[axis].total_cmp(&b.place()[axis]);
     faces.select_nth_unstable_by(middle, order);
     middle
 }
 
+/// Least and greatest corner of no box at all.
+const EMPTY: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+
 /// Partitions at the bin boundary with the least surface area heuristic; 0 if there is none.
-fn split_by_area(faces: &mut [FaceBox], axis: usize, low: f64, extent: f64) -> usize {
-    let per_length = BINS as f64 / extent;
-    let bin = |f: &FaceBox| (((f.centroid[axis] - low) * per_length) as usize).min(BINS - 1);
-    let (mut boxes, mut counts) = ([Aabb::EMPTY; BINS], [0usize; BINS]);
+fn split_by_area(faces: &mut [PieceBox], axis: usize, low: f32, extent: f32) -> usize {
+    let per_length = BINS as f32 / extent;
+    let bin = |f: &PieceBox| (((f.place()[axis] - low) * per_length) as usize).min(BINS - 1);
+    let (mut boxes, mut counts) = ([EMPTY; BINS], [0usize; BINS]);
     for f in faces.iter() {
         let b = bin(f);
         counts[b] += 1;
-        boxes[b] = union(boxes[b], f.bounds);
+        boxes[b] = union(boxes[b], (f.min, f.max));
     }
-    let side = |range: std::ops::Range<usize>| {
-        let bounds = boxes[range.clone()]
-            .iter()
-            .fold(Aabb::EMPTY, |a, b| union(a, *b));
-        let count: usize = counts[range].iter().sum();
-        if count == 0 {
-            f64::INFINITY
-        } else {
-            half_area(&bounds) * count as f64
+    // What lies on either side of each boundary, from both ends.
+    let mut costs = [0f32; BINS];
+    let (mut bounds, mut count) = (EMPTY, 0);
+    for s in (1..BINS).rev() {
+        (bounds, count) = (union(bounds, boxes[s]), count + counts[s]);
+        costs[s] = cost(bounds, count);
+    }
+    (bounds, count) = (EMPTY, 0);
+    let mut best = (f32::INFINITY, 0);
+    for s in 1..BINS {
+        (bounds, count) = (union(bounds, boxes[s - 1]), count + counts[s - 1]);
+        let both = costs[s] + cost(bounds, count);
+        if both < best.0 {
+            best = (both, s);
         }
-    };
-    let cost = |s: usize| side(0..s) + side(s..BINS);
-    let costs: [f64; BINS] = std::array::from_fn(|s| if s == 0 { f64::INFINITY } else { cost(s) });
-    let best = (1..BINS).fold(1, |a, s| if costs[s] < costs[a] { s } else { a });
-    if !costs[best].is_finite() {
-        return 0;
     }
-    partition(faces, |f| bin(f) < best)
+    match best.1 {
+        0 => 0,
+        place => partition(faces, |f| bin(f) < place),
+    }
+}
+
+/// Half the surface of a box times how many lie in it; infinite for none.
+fn cost((min, max): (Vec3, Vec3), count: usize) -> f32 {
+    if count == 0 {
+        return f32::INFINITY;
+    }
+    let d = max - min;
+    (d.x * d.y + d.y * d.z + d.z * d.x) * count as f32
 }
 
 /// Moves the faces that satisfy `keep` to the front and returns how many there are.
-fn partition(faces: &mut [FaceBox], keep: impl Fn(&FaceBox) -> bool) -> usize {
+fn partition(faces: &mut [PieceBox], keep: impl Fn(&PieceBox) -> bool) -> usize {
     let mut front = 0;
     for i in 0..faces.len() {
         if keep(&faces[i]) {
@@ -170,37 +189,32 @@ fn partition(faces: &mut [FaceBox], keep: impl Fn(&FaceBox) -> bool) -> usize {
     front
 }
 
-/// Of every node, not yet [`Moments::bounded`]: leaves from their faces, the others from their children.
-fn moments(nodes: &[Branch], faces: &[Face]) -> Vec<Moments> {
+/// Boxes of all nodes and their moments, not yet [`Moments::bounded`]: of leaves from their faces, of the others from
+/// their children.
+fn moments(nodes: &[Branch], faces: &[Face]) -> Vec<(Aabb, Moments)> {
     let leaf = |n: &Branch| {
-        if n.second == 0 {
-            Moments::of(faces_of(faces, n))
-        } else {
-            Moments::default()
+        if n.second != 0 {
+            return (Aabb::EMPTY, Moments::default());
         }
+        let faces = faces_of(faces, n);
+        let corners = faces.iter().flat_map(Face::outline).copied();
+        (Aabb::around(corners), Moments::of(faces))
     };
-    let mut moments = large::collect(nodes.par_iter().map(leaf));
+    let mut all = large::collect(nodes.par_iter().map(leaf));
     // Children come after their parents.
     for (i, node) in nodes.iter().enumerate().rev() {
         if node.second != 0 {
-            moments[i] = moments[i + 1].joined(&moments[node.second as usize]);
+            let [(a, of_a), (b, of_b)] = [&all[i + 1], &all[node.second as usize]];
+            all[i] = (a.union(b), of_a.joined(of_b));
         }
     }
-    moments
+    all
 }
 
 fn faces_of<'a>(faces: &'a [Face], node: &Branch) -> &'a [Face] {
     &faces[node.first as usize..][..node.count as usize]
 }
 
-fn union(a: Aabb, b: Aabb) -> Aabb {
-    Aabb {
-        min: a.min.min(b.min),
-        max: a.max.max(b.max),
-    }
-}
-
-fn half_area(b: &Aabb) -> f64 {
-    let d = b.max - b.min;
-    d.x * d.y + d.y * d.z + d.z * d.x
+fn union(a: (Vec3, Vec3), b: (Vec3, Vec3)) -> (Vec3, Vec3) {
+    (a.0.min(b.0), a.1.max(b.1))
 }

@@ -1,14 +1,14 @@
 //! Long faces cut across.
 
 use super::slack;
-use crate::face::Face;
+use crate::face::Piece;
 
 /// Faces whose longest edge, squared, exceeds their area this many times are cut across.
 const LONG: f64 = 8.0;
 
 /// Faces, flat up to `flat`, in pieces that are not long, after `cuts` cuts one after the other at most. Cuts go through the
 /// middles of long edges, so that those of neighbours meet.
-pub(super) fn cut_across(faces: Vec<Face>, cuts: u32, flat: f64) -> Vec<Face> {
+pub(super) fn cut_across(faces: Vec<Piece>, cuts: u32, flat: f64) -> Vec<Piece> {
     if cuts == 0 || !faces.iter().any(|f| long_edge(f).is_some()) {
         return faces;
     }
@@ -29,24 +29,26 @@ pub(super) fn cut_across(faces: Vec<Face>, cuts: u32, flat: f64) -> Vec<Face> {
 }
 
 /// The longest edge of a face that is drawn out along it.
-fn long_edge(f: &Face) -> Option<usize> {
-    let longest = (0..f.count).fold(0, |a, k| if f.length[k] > f.length[a] { k } else { a });
-    (f.length[longest] * f.length[longest] > LONG * f.area).then_some(longest)
+fn long_edge(f: &Piece) -> Option<usize> {
+    let length = |k: usize| f.edge(k).length_squared();
+    let longest = (0..f.count()).fold(0, |a, k| if length(k) > length(a) { k } else { a });
+    (length(longest) > LONG * f.area).then_some(longest)
 }
 
 /// A face cut from the middle of its longest edge to that of the opposite edge, of a triangle to that of
 /// the next longest edge.
-fn halves(f: &Face, longest: usize) -> [Option<Face>; 2] {
-    let corner = |k: usize| f.corners[(longest + k) % f.count];
+fn halves(f: &Piece, longest: usize) -> [Option<Piece>; 2] {
+    let corner = |k: usize| f.corners[(longest + k) % f.count()];
     let middle = |k: usize| 0.5 * (corner(k) + corner(k + 1));
     let (from, [a, b, c]) = (middle(0), [0, 1, 2].map(corner));
-    let triangle = |corners| Face::triangle(corners, f.source);
-    let quadrangle = |corners| Face::quadrangle(corners, f.source);
-    if f.count == 4 {
+    let triangle = |corners| Piece::triangle(corners, f.source);
+    let quadrangle = |corners| Piece::quadrangle(corners, f.source);
+    if f.count() == 4 {
         let (to, d) = (middle(2), corner(3));
         return [quadrangle([a, from, to, d]), quadrangle([from, b, c, to])];
     }
-    if f.length[(longest + 1) % 3] > f.length[(longest + 2) % 3] {
+    let [next, last] = [1, 2].map(|k| f.edge((longest + k) % 3).length_squared());
+    if next > last {
         let to = middle(1);
         [triangle([from, b, to]), quadrangle([a, from, to, c])]
     } else {

@@ -3,7 +3,7 @@
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::NONE;
+use super::{LARGE, NONE};
 use crate::face::Face;
 
 /// Triangles whose corners lie within this many times `flat` of a region's plane join it for the time
@@ -87,6 +87,16 @@ impl Plane {
     }
 }
 
+/// What lies in the plane of a triangle beside it.
+#[derive(Clone, Copy)]
+enum Beside {
+    Nothing,
+    /// This triangle, and nothing beside that.
+    One(u32),
+    /// More, or what lies in it only perhaps.
+    More,
+}
+
 /// Triangles in connected flat regions.
 pub(super) struct Regions {
     /// One region after the other, each beginning with its largest triangle.
@@ -109,6 +119,27 @@ impl Regions {
 
     pub(super) fn plane(&self, id: usize) -> &Plane {
         &self.planes[id]
+    }
+
+    /// The region that begins with a triangle, if there is one and it is not large.
+    pub(super) fn small_from(&self, triangle: u32) -> Option<usize> {
+        let id = self.of[triangle as usize];
+        if id == NONE {
+            return None;
+        }
+        let region = self.get(id as usize);
+        (region[0] == triangle && region.len() <= LARGE).then_some(id as usize)
+    }
+
+    fn add(&mut self, triangle: u32) {
+        self.of[triangle as usize] = self.count() as u32;
+        self.triangles.push(triangle);
+    }
+
+    /// Ends the region whose triangles were added last.
+    fn close(&mut self, plane: Plane) {
+        self.planes.push(plane);
+        self.starts.push(self.triangles.len());
     }
 }
 
@@ -155,7 +186,11 @@ impl<'a> Surface<'a> {
         let mut seeds: Vec<u64> = (self.facets.par_iter().enumerate())
             .filter_map(seed)
             .collect();
-        seeds.par_sort_unstable();
+        let all = (0..self.indices.len() as u32).into_par_iter();
+        let (beside, ()) = rayon::join(
+            || all.map(|t| self.beside(t)).collect::<Vec<Beside>>(),
+            || seeds.par_sort_unstable(),
+        );
         let mut regions = Regions {
             triangles: Vec::with_capacity(seeds.len()),
             starts: vec![0],
@@ -164,13 +199,51 @@ impl<'a> Surface<'a> {
         };
         for seed in seeds {
             let seed = seed as u32;
-            if regions.of[seed as usize] == NONE {
-                let plane = self.grow(&mut regions, seed);
-                regions.planes.push(plane);
-                regions.starts.push(regions.triangles.len());
+            if regions.of[seed as usize] != NONE {
+                continue;
             }
+            let plane = match beside[seed as usize] {
+                Beside::Nothing => {
+                    regions.add(seed);
+                    self.plane_of(seed)
+                }
+                Beside::One(other) => {
+                    regions.add(seed);
+                    if regions.of[other as usize] == NONE {
+                        regions.add(other);
+                    }
+                    self.plane_of(seed)
+                }
+                Beside::More => self.grow(&mut regions, seed),
+            };
+            regions.close(plane);
         }
         regions
+    }
+
+    /// What a region grown from a triangle would be were nothing taken.
+    fn beside(&self, triangle: u32) -> Beside {
+        let plane = self.plane_of(triangle);
+        let near = |n: &u32| *n != NONE && self.off(*n, &plane) <= PERHAPS * self.flat;
+        let neighbours = |t: u32| self.neighbours[t as usize].into_iter();
+        let mut others = neighbours(triangle).filter(near);
+        match (others.next(), others.next()) {
+            (None, _) => Beside::Nothing,
+            (Some(one), None)
+                if self.off(one, &plane) <= self.flat
+                    && !neighbours(one).filter(|n| *n != triangle).any(|n| near(&n)) =>
+            {
+                Beside::One(one)
+            }
+            _ => Beside::More,
+        }
+    }
+
+    fn plane_of(&self, triangle: u32) -> Plane {
+        Plane {
+            origin: self.corners(triangle)[0],
+            normal: self.facets[triangle as usize].normal,
+        }
     }
 
     /// Adds the triangles of the flat region around one; its plane.
@@ -178,13 +251,9 @@ impl<'a> Surface<'a> {
     /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates nothing
     /// is fitted. Rounded ones leave it farther away; then the plane follows them.
     fn grow(&self, regions: &mut Regions, seed: u32) -> Plane {
-        let (id, start) = (regions.count() as u32, regions.triangles.len());
-        let mut plane = Plane {
-            origin: self.corners(seed)[0],
-            normal: self.facets[seed as usize].normal,
-        };
-        regions.of[seed as usize] = id;
-        regions.triangles.push(seed);
+        let start = regions.triangles.len();
+        let mut plane = self.plane_of(seed);
+        regions.add(seed);
         let mut next = start;
         // The triangles before this one are known to lie in the plane.
         let mut sound = start + 1;
@@ -199,8 +268,7 @@ impl<'a> Surface<'a> {
                     let off = self.off(n, &plane);
                     if off <= allowed {
                         let all_sound = sound == regions.triangles.len();
-                        regions.of[n as usize] = id;
-                        regions.triangles.push(n);
+                        regions.add(n);
                         sound += usize::from(all_sound && off <= self.flat);
                     }
                 }

@@ -10,7 +10,7 @@ use super::edge_gradient::FaceGradient;
 use super::edge_integral::EdgeQuadrature;
 use super::gradient::{EQUALLY_NEAR, UnitGradient};
 use crate::TriangleMesh;
-use crate::face::Face;
+use crate::face::{Face, Piece};
 use crate::kernel::{CumulativeKernel, DensityKernel};
 
 /// The two unit parts of the density at one point.
@@ -67,7 +67,8 @@ impl ReferenceDensity {
     /// Prepares `mesh` for the kernel. Zero-area triangles do not count.
     pub fn new(mesh: &TriangleMesh, kernel: &DensityKernel) -> Self {
         let triangles: Vec<Face> = (0..mesh.triangles().len())
-            .filter_map(|i| Face::triangle(mesh.corners(i), i as u32))
+            .filter_map(|i| Piece::triangle(mesh.corners(i), i as u32))
+            .map(|t| Face::new(&t))
             .collect();
         let corners = || triangles.iter().flat_map(|t| t.corners);
         let lo = corners().fold(DVec3::INFINITY, DVec3::min);

@@ -1,8 +1,5 @@
 //! Which edges of faces are the same line.
 
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
-
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -35,14 +32,14 @@ impl Twin {
     }
 }
 
-/// Lists of edges, by bits of their keys: a power of two. Each is small enough for the nearest caches.
-const SHARDS: u64 = 16;
-
 /// That of an edge which is not there.
 const NO_KEY: u64 = 0;
 
 /// No edge.
 const NO_HALF: u32 = u32::MAX;
+
+/// More than one edge.
+const CROWD: u32 = u32::MAX - 1;
 
 /// The twin of every edge of every face. An edge that more than two faces have, or that another face
 /// has only in part, has none: that costs time, not accuracy.
@@ -50,25 +47,16 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
     if faces.len() >= MAX_FACES {
         return vec![[Twin::NONE; 4]; faces.len()];
     }
-    let keys = |f: &Face| -> [u64; 4] {
-        std::array::from_fn(|k| if k < f.count { key(ends(f, k)) } else { NO_KEY })
-    };
     let keys: Vec<[u64; 4]> = faces.par_iter().map(keys).collect();
-    let pairs = |shard| pairs(&keys, shard);
-    let pairs: Vec<Vec<[u32; 2]>> = (0..SHARDS).into_par_iter().map(pairs).collect();
-    let mut partners = vec![[NO_HALF; 4]; faces.len()];
+    let partners = partners(&keys);
     let place = |half: u32| (half as usize / 4, half as usize % 4);
-    for [a, b] in pairs.into_iter().flatten() {
-        let ((i, k), (j, l)) = (place(a), place(b));
-        partners[i][k] = b;
-        partners[j][l] = a;
-    }
     // Corners lie all over memory and looking them up takes longest: each pair once, in the order of the faces,
     // whose neighbours are mostly near in memory, too.
     let first = |i: usize, k: usize| {
-        let (j, l) = place(partners[i][k]);
+        let (j, l) = place(partners[4 * i + k]);
+        let is_pair = i < j && j < faces.len();
         let twin = || coplanar(&faces[i], k, &faces[j], l);
-        match (partners[i][k] != NO_HALF && i < j).then(twin).flatten() {
+        match is_pair.then(twin).flatten() {
             Some(coplanar) => Twin::new(j, l, coplanar),
             None => Twin::NONE,
         }
@@ -87,48 +75,41 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
     twins
 }
 
-/// Edges that share a key no other edge has, of the keys of one shard; edge `k` of face `i` is `4 i + k`.
-fn pairs(keys: &[[u64; 4]], shard: u64) -> Vec<[u32; 2]> {
-    let mut found: HashMap<u64, Holders, BuildHasherDefault<Mixed>> = HashMap::default();
-    for (i, keys) in keys.iter().enumerate() {
-        for (k, key) in keys.iter().enumerate() {
-            if key >> 32 & (SHARDS - 1) == shard && *key != NO_KEY {
-                let half = (4 * i + k) as u32;
-                let holders = found.entry(*key).or_default();
-                if let Some(place) = holders.edges.get_mut(holders.count) {
-                    *place = half;
-                }
-                holders.count += 1;
-            }
+/// The other edge with the same key, of edge `k` of face `i` at `4 i + k`: [`NO_HALF`] if there is none, [`CROWD`] if
+/// there are several.
+fn partners(keys: &[[u64; 4]]) -> Vec<u32> {
+    let keys = keys.as_flattened();
+    let mut partners = vec![NO_HALF; keys.len()];
+    // The first edge of each key, in the first free place from one that its bits give: an eighth to a quarter of the
+    // places are taken.
+    let mut first = vec![NO_HALF; (2 * keys.len()).next_power_of_two()];
+    let last = first.len() - 1;
+    for (half, key) in keys.iter().enumerate() {
+        if *key == NO_KEY {
+            continue;
         }
+        let mut place = (*key >> 16) as usize & last;
+        while first[place] != NO_HALF && keys[first[place] as usize] != *key {
+            place = (place + 1) & last;
+        }
+        let before = first[place];
+        if before == NO_HALF {
+            first[place] = half as u32;
+            continue;
+        }
+        partners[half] = match std::mem::replace(&mut partners[before as usize], CROWD) {
+            NO_HALF => {
+                partners[before as usize] = half as u32;
+                before
+            }
+            CROWD => CROWD,
+            second => {
+                partners[second as usize] = CROWD;
+                CROWD
+            }
+        };
     }
-    let pair = |h: &Holders| (h.count == 2).then_some(h.edges);
-    found.values().filter_map(pair).collect()
-}
-
-/// The first edges with a key, and how many there are.
-#[derive(Default)]
-struct Holders {
-    edges: [u32; 2],
-    count: usize,
-}
-
-/// Takes keys for hashes: they are mixed already.
-#[derive(Default)]
-struct Mixed(u64);
-
-impl Hasher for Mixed {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, _: &[u8]) {
-        unreachable!("keys are of 64 bits");
-    }
-
-    fn write_u64(&mut self, key: u64) {
-        self.0 = key;
-    }
+    partners
 }
 
 /// Whether two faces whose edges `k` and `l` are twins lie in one plane; none if they are no twins.
@@ -144,17 +125,23 @@ fn ends(face: &Face, k: usize) -> [DVec3; 2] {
     [face.corners[k], face.corners[(k + 1) % face.count]]
 }
 
-/// A number that both directions of an edge share and others hardly ever. Where rounding of a corner
+/// For each edge of a face a number that both its directions share and other edges hardly ever. Where rounding of a corner
 /// crosses into another cell a twin is missed.
-fn key(ends: [DVec3; 2]) -> u64 {
+fn keys(face: &Face) -> [u64; 4] {
     let corner = |p: DVec3| {
         let cells = (p / SAME).round();
         (cells.to_array().iter()).fold(0x9e37_79b9_7f4a_7c15_u64, |h, c| {
             (h.rotate_left(23) ^ (*c as i64 as u64)).wrapping_mul(0xff51_afd7_ed55_8ccd)
         })
     };
-    let mixed = ends.map(corner);
-    mixed[0].wrapping_add(mixed[1]) ^ (mixed[0] ^ mixed[1]).rotate_left(32)
+    let mixed = face.corners.map(corner);
+    std::array::from_fn(|k| {
+        if k >= face.count {
+            return NO_KEY;
+        }
+        let [a, b] = [mixed[k], mixed[(k + 1) % face.count]];
+        a.wrapping_add(b) ^ (a ^ b).rotate_left(32)
+    })
 }
 
 #[cfg(test)]

@@ -43,8 +43,6 @@ pub(crate) struct PacketDistance<'a> {
     facets: Vec<Facet>,
     /// Around what is in every node.
     discs: Vec<Disc>,
-    /// Around every face: most faces of a leaf are too far to be looked at.
-    face_discs: Vec<Disc>,
     level: Level,
 }
 
@@ -54,7 +52,6 @@ impl<'a> PacketDistance<'a> {
             bvh,
             facets: large::collect(bvh.faces.par_iter().map(Facet::new)),
             discs: large::collect(bvh.nodes.par_iter().map(Disc::new)),
-            face_discs: large::collect(bvh.faces.par_iter().map(Disc::of)),
             level: Level::new(),
         }
     }
@@ -68,7 +65,7 @@ impl<'a> PacketDistance<'a> {
     fn ask_below(&self, id: u32, node: &Node) {
         if node.is_leaf() {
             for i in node.range() {
-                prefetch(&self.face_discs[i]);
+                prefetch(&self.facets[i]);
             }
             return;
         }
@@ -131,7 +128,7 @@ impl<'a> PacketDensity<'a> {
 
     /// Largest distance of a corner of a face (leaf order) from its centroid.
     pub(crate) fn size_of_face(&self, index: usize) -> f32 {
-        self.distance.face_discs[index].radius
+        self.distance.facets[index].radius
     }
 
     /// See [`PacketDistance::at`].

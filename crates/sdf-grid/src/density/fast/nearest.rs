@@ -1,7 +1,8 @@
 //! Nearest distance of a packet.
 
-use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;
+use glam::Vec3;
 
 use super::packet::{Packet, View};
 use super::{Lanes, PacketDistance, Points};
@@ -16,10 +17,7 @@ pub(crate) fn distances<S: Simd>(
     hint: &mut usize,
 ) -> Lanes {
     let packet = Packet::new(simd, points);
-    let faces = &distance.bvh.faces;
-    let facets = &distance.facets;
-    let first = View::new(&packet, &faces[*hint], &facets[*hint]);
-    let mut best = first.distance_squared(&packet);
+    let mut best = squared(distance, &packet, *hint);
     let mut worst = best.reduce_max();
     let mut closest = best.reduce_min();
     let mut stack = Stack::new();
@@ -31,11 +29,10 @@ pub(crate) fn distances<S: Simd>(
         let node = &distance.bvh.nodes[id as usize];
         if node.is_leaf() {
             for i in node.range() {
-                if !packet.face_may_be_nearer(&distance.face_discs[i], best) {
+                if !packet.disc_may_be_nearer(&distance.facets[i].disc(), best) {
                     continue;
                 }
-                let view = View::new(&packet, &faces[i], &facets[i]);
-                let found = view.distance_squared(&packet);
+                let found = squared(distance, &packet, i);
                 best = best.min(found);
                 let least = found.reduce_min();
                 if least < closest {
@@ -45,32 +42,61 @@ pub(crate) fn distances<S: Simd>(
             worst = best.reduce_max();
             continue;
         }
-        let mut near = [(id + 1, 0f32, 0f32), (node.second, 0.0, 0.0)];
-        for (id, gap, from_centre) in &mut near {
-            let disc = &distance.discs[*id as usize];
-            let child = &distance.bvh.nodes[*id as usize];
-            *gap = packet.box_gap_squared(child);
-            // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
-            *from_centre = child.distance_squared(packet.centre) as f32;
-            if *gap >= worst {
-                continue;
-            }
-            if packet.may_be_nearer(child, disc, best) {
-                distance.ask_below(*id, child);
-            } else {
-                *gap = f32::INFINITY;
-            }
-        }
-        let (first, second) = if near[0].2 <= near[1].2 {
-            (near[0], near[1])
+        let first = (id + 1, gaps(distance, &packet, id + 1, best, worst));
+        let second = (node.second, gaps(distance, &packet, node.second, best, worst));
+        // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
+        let order = if first.1[1] <= second.1[1] {
+            [second, first]
         } else {
-            (near[1], near[0])
+            [first, second]
         };
-        for child in [second, first] {
-            if child.1 < worst {
-                stack.push((child.0, child.1));
+        for (id, [gap, _]) in order {
+            if gap < worst {
+                stack.push((id, gap));
             }
         }
     }
     best.sqrt().into()
+}
+
+/// Squared distance of a node's box from the packet's, infinite if none of the points may be nearer to what is in
+/// it than `best` (`worst` of them); and from the packet's centre.
+#[inline(always)]
+fn gaps<S: Simd>(
+    distance: &PacketDistance<'_>,
+    packet: &Packet<S>,
+    id: u32,
+    best: f32x16<S>,
+    worst: f32,
+) -> [f32; 2] {
+    let node = &distance.bvh.nodes[id as usize];
+    let disc = &distance.discs[id as usize];
+    let [low, high] = packet.ends(node);
+    let outside = low.max(-high);
+    let mut gap = (outside - packet.half).max(Vec3::ZERO).length_squared();
+    let from_centre = outside.max(Vec3::ZERO).length_squared();
+    if gap < worst {
+        if packet.may_be_nearer([low, high], disc, best) {
+            distance.ask_below(id, node);
+        } else {
+            gap = f32::INFINITY;
+        }
+    }
+    [gap, from_centre]
+}
+
+/// Squared distances from a face.
+#[inline(always)]
+fn squared<S: Simd>(
+    distance: &PacketDistance<'_>,
+    packet: &Packet<S>,
+    index: usize,
+) -> f32x16<S> {
+    let facet = &distance.facets[index];
+    // What is not larger than the packet is seen as well in single precision.
+    if facet.radius <= packet.half.length() {
+        facet.distance_squared(packet)
+    } else {
+        View::new(packet, &distance.bvh.faces[index], facet).distance_squared(packet)
+    }
 }

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use super::{LANES, Lanes};
 use crate::bvh::Node;
 use crate::face::Face;
+use crate::mesh::Aabb;
 use crate::moments::Moments;
 
 /// Sixteen normalized positions: the middle of their box, and where they lie from it.
@@ -75,12 +76,11 @@ impl<S: Simd> Packet<S> {
             .mul_add(self.splat(v.x), self.y.mul_add(self.splat(v.y), z))
     }
 
-    /// A least squared distance between the box of points and the node's box.
+    /// Least and greatest corner of a node's box, from the centre.
     #[inline(always)]
-    pub(crate) fn box_gap_squared(&self, node: &Node) -> f32 {
-        let lo = (node.bounds.min - self.centre).as_vec3() - self.half;
-        let hi = (self.centre - node.bounds.max).as_vec3() - self.half;
-        lo.max(hi).max(Vec3::ZERO).length_squared()
+    pub(crate) fn ends(&self, node: &Node) -> [Vec3; 2] {
+        let Aabb { min, max } = node.bounds;
+        [min, max].map(|end| (end - self.centre).as_vec3())
     }
 
     /// Distance of coordinates from an interval, zero in it.
@@ -91,39 +91,38 @@ impl<S: Simd> Packet<S> {
             .max(self.splat(0.0))
     }
 
-    /// Whether some point may be nearer to what is in a node than `best`, its squared distance from something
-    /// else.
+    /// Whether some point may be nearer to what is in a box and a disc than `best`, its squared distance from
+    /// something else.
     #[inline(always)]
-    pub(crate) fn may_be_nearer(&self, node: &Node, disc: &Disc, best: f32x16<S>) -> bool {
-        self.box_distance_squared(node).simd_lt(best).any_true()
-            && (disc.thickness == f32::INFINITY || self.face_may_be_nearer(disc, best))
+    pub(crate) fn may_be_nearer(&self, ends: [Vec3; 2], disc: &Disc, best: f32x16<S>) -> bool {
+        if disc.thickness == f32::INFINITY {
+            self.box_distance_squared(ends).simd_lt(best).any_true()
+        } else {
+            self.disc_may_be_nearer(disc, best)
+        }
     }
 
-    /// The same for a face, or faces, in a disc.
+    /// The same for what is in a disc.
     #[inline(always)]
-    pub(crate) fn face_may_be_nearer(&self, disc: &Disc, best: f32x16<S>) -> bool {
-        self.disc_distance_squared(disc).simd_lt(best).any_true()
-    }
-
-    /// A least squared distance of every point from what is in the disc.
-    #[inline(always)]
-    fn disc_distance_squared(&self, disc: &Disc) -> f32x16<S> {
+    pub(crate) fn disc_may_be_nearer(&self, disc: &Disc, best: f32x16<S>) -> bool {
         let middle = (disc.centre - self.centre).as_vec3();
         let (x, y, z) = (self.x - middle.x, self.y - middle.y, self.z - middle.z);
         let squared = x.mul_add(x, y.mul_add(y, z * z));
         let height = self.dot_add(disc.axis, -disc.axis.dot(middle));
         let zero = self.splat(0.0);
-        let across = height.mul_add(-height, squared).max(zero).sqrt();
         let over = (height.abs() - disc.thickness).max(zero);
-        let beside = (across - disc.radius).max(zero);
-        over.mul_add(over, beside * beside)
+        // With `a` across the axis and `b` left of `best`, `a - r < sqrt(b)`, squared twice: no root is taken.
+        let left = over.mul_add(-over, best);
+        let r2 = disc.radius * disc.radius;
+        let room = r2 * (1.0 + SQUARED_ROUNDING);
+        let across = height.mul_add(-height, squared);
+        let more = (across.mul_add(self.splat(1.0 - SQUARED_ROUNDING), -left) - room).max(zero);
+        (more * more).simd_lt(left * (4.0 * r2)).any_true()
     }
 
-    /// Squared distance of every point from the node's box.
+    /// Squared distance of every point from a box.
     #[inline(always)]
-    fn box_distance_squared(&self, node: &Node) -> f32x16<S> {
-        let lo = (node.bounds.min - self.centre).as_vec3();
-        let hi = (node.bounds.max - self.centre).as_vec3();
+    fn box_distance_squared(&self, [lo, hi]: [Vec3; 2]) -> f32x16<S> {
         let x = self.gap(self.x, lo.x, hi.x);
         let y = self.gap(self.y, lo.y, hi.y);
         let z = self.gap(self.z, lo.z, hi.z);
@@ -138,7 +137,7 @@ impl<S: Simd> Packet<S> {
 pub(crate) struct Disc {
     centre: DVec3,
     axis: Vec3,
-    pub(crate) radius: f32,
+    radius: f32,
     /// Infinite where the box is thin enough.
     thickness: f32,
 }
@@ -148,6 +147,9 @@ const THINNER: f64 = 0.5;
 
 /// Rounding of axes and heights in single precision, in units of the radius, must not lose a face.
 const ROUNDING: f64 = 5e-7;
+
+/// Rounding of squares, relative.
+const SQUARED_ROUNDING: f32 = 5e-7;
 
 impl Disc {
     pub(crate) fn new(node: &Node) -> Self {
@@ -171,40 +173,81 @@ impl Disc {
             thickness: thickness as f32,
         }
     }
-
-    /// The disc around a face.
-    pub(crate) fn of(face: &Face) -> Self {
-        let from = |corner: &DVec3| (*corner - face.centroid).length();
-        let radius = face.outline().iter().map(from).fold(0.0, f64::max);
-        Self {
-            centre: face.centroid,
-            axis: face.normal.as_vec3(),
-            radius: radius as f32 * 1.000_001,
-            thickness: (ROUNDING * radius) as f32,
-        }
-    }
 }
 
-/// Directions of a face in single precision.
-#[derive(Debug, Clone, Copy)]
+/// A face for searches, about its centroid and in single precision. Three cache lines, of which the first is its disc.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
 pub(crate) struct Facet {
+    centre: DVec3,
     normal: Vec3,
+    pub(crate) radius: f32,
+    thickness: f32,
+    count: u32,
+    length: [f32; 4],
     along: [Vec3; 4],
     outward: [Vec3; 4],
+    /// Of each edge's first corner, along the edge and outward.
+    start: [f32; 4],
+    out: [f32; 4],
 }
 
 impl Facet {
     pub(crate) fn new(t: &Face) -> Self {
+        let from = |corner: &DVec3| (*corner - t.centroid).length();
+        let radius = t.outline().iter().map(from).fold(0.0, f64::max);
+        let place = |direction: [DVec3; 4]| -> [f32; 4] {
+            std::array::from_fn(|k| (t.corners[k % t.count] - t.centroid).dot(direction[k]) as f32)
+        };
         Self {
+            centre: t.centroid,
             normal: t.normal.as_vec3(),
+            radius: radius as f32 * 1.000_001,
+            thickness: (ROUNDING * radius) as f32,
+            count: t.count as u32,
+            length: t.length.map(|l| l as f32),
             along: t.along.map(DVec3::as_vec3),
             outward: t.outward.map(DVec3::as_vec3),
+            start: place(t.along),
+            out: place(t.outward),
+        }
+    }
+
+    /// What the face lies in.
+    #[inline(always)]
+    pub(crate) fn disc(&self) -> Disc {
+        Disc {
+            centre: self.centre,
+            axis: self.normal,
+            radius: self.radius,
+            thickness: self.thickness,
         }
     }
 
     /// Direction of edge `k`.
     pub(crate) fn along(&self, k: usize) -> Vec3 {
         self.along[k]
+    }
+
+    /// Squared distance of every point from the face, to about 1e-7 of the face's size or of the distance of the packet,
+    /// whichever is more.
+    #[inline(always)]
+    pub(crate) fn distance_squared<S: Simd>(&self, packet: &Packet<S>) -> f32x16<S> {
+        let middle = (self.centre - packet.centre).as_vec3();
+        let zero = packet.splat(0.0);
+        let height = packet.dot_add(self.normal, -self.normal.dot(middle));
+        let mut best = packet.splat(f32::INFINITY);
+        let mut innermost = best;
+        for k in 0..self.count as usize {
+            let (along, outward) = (self.along[k], self.outward[k]);
+            let d = packet.dot_add(-outward, self.out[k] + middle.dot(outward));
+            let start = packet.dot_add(-along, self.start[k] + middle.dot(along));
+            let beyond = start.max(-start - self.length[k]).max(zero);
+            best = best.min(d.mul_add(d, beyond * beyond));
+            innermost = innermost.min(d);
+        }
+        let in_plane = innermost.simd_ge(zero).select(zero, best);
+        height.mul_add(height, in_plane)
     }
 }
 

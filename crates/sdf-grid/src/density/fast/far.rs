@@ -370,12 +370,11 @@ impl<S: Simd> Seen<S> {
         sum: &mut [f32x16<S>; 2],
         magnitude: &mut f32x16<S>,
     ) {
-        let x = (self.u - 1.0) * (1.0 / density.kernel.sigma);
-        let counts: mask32x16<S> = x.simd_lt(density.kernel.reach) & query.counts;
+        let distance = (self.u - 1.0) * (1.0 / density.kernel.sigma);
+        let counts: mask32x16<S> = distance.simd_lt(density.kernel.reach) & query.counts;
         if !counts.any_true() {
             return;
         }
-        let [g, g1, g2] = density.kernel.radial(self.u, self.inverse_u, self.w);
         let (m, s) = (&cluster.normal_moment, &cluster.cubic);
         let [x, y, z] = self.r;
         let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -408,11 +407,10 @@ impl<S: Simd> Seen<S> {
         let first = self.dot(cluster.vector) * scale - tilt * query.inverse;
         let bow = cubic * scale * (self.inverse_u * self.inverse_u * 0.5);
         let zero = f32x16::splat(self.u.token(), 0.0);
+        let seen = [distance, self.u, self.inverse_u, self.w];
+        let values = density.kernel.expansion(seen, [flat, first, bow]);
         for k in 0..2 {
-            let slope = g1[k] * self.inverse_u;
-            let second = slope.mul_add(first, (g2[k] - slope) * bow);
-            let value = g[k].mul_add(flat, second);
-            let value = counts.select(value * scale, zero);
+            let value = counts.select(values[k] * scale, zero);
             sum[k] += value;
             *magnitude += value.abs();
         }

@@ -83,42 +83,37 @@ impl PacketKernel {
         ]
     }
 
-    /// `G(u)`, `G'(u)`, `G''(u)` of [`crate::DensityKernel::radial`], each real and imaginary, given `u`,
-    /// `1 / u` and `1 / (1 + u^2)`.
+    /// `G flat + (G' / u) first + (G'' - G' / u) bow`, real and imaginary, with `G` of
+    /// [`crate::DensityKernel::radial`], given `x`, `u`, `1 / u` and `w = 1 / (1 + u^2)`.
+    ///
+    /// `G` is `e^{-x^2/2} / (u (1 - i u)^2)` but for constants. So `G' = G q` and `G'' = G (q^2 + q')` with
+    /// `q = -(x / sigma + 1 / u) + 2 i / (1 - i u)`: one exponential, one complex product.
     #[inline(always)]
-    pub(crate) fn radial<S: Simd>(
+    pub(crate) fn expansion<S: Simd>(
         &self,
-        u: f32x16<S>,
-        iu: f32x16<S>,
-        w: f32x16<S>,
-    ) -> [[f32x16<S>; 2]; 3] {
+        [x, u, iu, w]: [f32x16<S>; 4],
+        [flat, first, bow]: [f32x16<S>; 3],
+    ) -> [f32x16<S>; 2] {
         let is = 1.0 / self.sigma;
-        let x = (u - 1.0) * is;
         let e = exp(x * x * -0.5) * (is / (2.0 * std::f32::consts::PI));
-        let u2 = u * u;
-        let (w2, v) = (w * w, 1.0 - u2);
-        let (w3, w4) = (w2 * w, w2 * w2);
-        let iu2 = iu * iu;
-        let g = v * w2 * iu;
-        let g1 = -(w * iu2) - v * w3 * 4.0;
-        let g2 = (w * iu2 + w2) * iu * 2.0 + u * (w3 * 8.0 + v * w4 * 24.0);
-        let f = w2 * 2.0;
-        let f1 = u * w3 * -8.0;
-        let f2 = w3 * -8.0 + u2 * w4 * 48.0;
-        let e1 = x * -is;
-        let e2 = (x * x - 1.0) * (is * is);
-        let re = derivatives([g, g1, g2], [e1, e2], e * self.gain[0]);
-        let im = derivatives([f, f1, f2], [e1, e2], e * self.gain[1]);
-        [[re[0], im[0]], [re[1], im[1]], [re[2], im[2]]]
+        // 1 / (1 - i u) = w + i u w.
+        let (uw, twice) = (u * w, w + w);
+        let we = w * e;
+        let g = [we * (twice - 1.0) * iu, we * twice];
+        // -q, then q^2 + q'.
+        let q = [uw.mul_add(2.0, x.mul_add(is, iu)), -twice];
+        let q2 = [
+            q[0].mul_add(q[0], iu * iu) + twice * w.mul_add(-4.0, 1.0) - is * is,
+            w * (q[0] + uw) * -4.0,
+        ];
+        let slope = iu * (bow - first);
+        let re = q[0].mul_add(slope, q2[0].mul_add(bow, flat));
+        let im = q[1].mul_add(slope, q2[1] * bow);
+        [
+            (g[0] * re - g[1] * im) * self.gain[0],
+            (g[0] * im + g[1] * re) * self.gain[1],
+        ]
     }
-}
-
-/// `c e` and its two derivatives, given `c, c', c''` and `e'/e, e''/e`.
-#[inline(always)]
-fn derivatives<S: Simd>(c: [f32x16<S>; 3], rate: [f32x16<S>; 2], e: f32x16<S>) -> [f32x16<S>; 3] {
-    let first = c[0].mul_add(rate[0], c[1]);
-    let second = c[0].mul_add(rate[1], c[1].mul_add(rate[0] * 2.0, c[2]));
-    [c[0] * e, first * e, second * e]
 }
 
 /// Terms of a polynomial at most.

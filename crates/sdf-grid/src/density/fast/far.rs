@@ -145,7 +145,7 @@ fn accumulate<S: Simd>(
     walk.waiting.push(0);
     while let Some(id) = walk.waiting.pop() {
         let group = &density.groups[id as usize];
-        let [reached, perhaps_far] = glance.at(packet.simd, group);
+        let ([reached, perhaps_far], sines) = glance.at(packet.simd, group);
         if density.is_large {
             ask_for(density, group, reached, perhaps_far);
         }
@@ -156,7 +156,7 @@ fn accumulate<S: Simd>(
             if perhaps_far >> place & 1 == 1 {
                 let cluster = &density.clusters[group.cluster[place] as usize];
                 let seen = Seen::new(packet, query, cluster);
-                let axis = group.axis_of(place);
+                let axis = (group.axis_of(place), sines[place]);
                 if seen.is_far(density, cluster, axis, query, limits.of(cluster)) {
                     seen.add(density, cluster, query, &mut sum, &mut magnitude);
                     continue;
@@ -250,9 +250,9 @@ impl Glance {
 
     /// Which members of a group are within reach of the box of points, and of which
     /// [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves most of the tests
-    /// that fail.
+    /// that fail. And the sines between the members' axes and the line from the packet's centre.
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, group: &Group) -> [u32; 2] {
+    fn at<S: Simd>(&self, simd: S, group: &Group) -> ([u32; 2], Members) {
         let load = |members: &Members| f32x8::simd_from(simd, *members);
         let splat = |value: f32| f32x8::splat(simd, value);
         let zero = splat(0.0);
@@ -286,9 +286,13 @@ impl Glance {
         let size = (extent + front) * self.inverse_width;
         let bent = size * angular * spread;
         let far = size.simd_lt(tail * limit(self.size)) & bent.simd_lt(tail * limit(self.bend));
-        [reached, far].map(|mask| mask.to_bitmask() as u32)
+        let masks = [reached, far].map(|mask| mask.to_bitmask() as u32);
+        (masks, sine.into())
     }
 }
+
+/// See [`Seen::is_far`].
+const LEAST_SINE: f32 = 0.1;
 
 /// A cluster as the points of a packet see it, in units of their distances.
 struct Seen<S: Simd> {
@@ -336,7 +340,7 @@ impl<S: Simd> Seen<S> {
         &self,
         density: &PacketDensity<'_>,
         cluster: &Cluster,
-        axis: Vec3,
+        (axis, sine): (Vec3, f32),
         query: &Query<S>,
         far: &Far,
     ) -> bool {
@@ -344,8 +348,10 @@ impl<S: Simd> Seen<S> {
         let zero = f32x16::splat(self.u.token(), 0.0);
         let angular = query.inverse * self.inverse_u * cluster.radius;
         let cosine = self.dot(axis) * self.inverse_u;
-        let sine = (1.0 - cosine * cosine).max(zero).sqrt();
-        let tilt = (sine + cluster.spread + angular * 0.5).min(1.0);
+        // A root lies below its tangents, of which the packet's centre names a close one.
+        let sine = sine.max(LEAST_SINE);
+        let tilt = cosine * cosine * (-0.5 / sine) + (0.5 / sine + 0.5 * sine + cluster.spread);
+        let tilt = (tilt + angular * 0.5).min(1.0);
         let extent = tilt * query.inverse * cluster.radius;
         let x = ((self.u - extent - 1.0) * inverse_sigma).max(zero);
         let x2 = x * x;

@@ -28,19 +28,13 @@ pub(super) fn tree(
     if boxes.is_empty() {
         return Default::default();
     }
-    let mut branches = Vec::new();
-    grow(&mut boxes, 0, 0, &mut branches);
+    let mut nodes = Vec::new();
+    grow(&mut boxes, 0, 0, &mut nodes);
     let again = |b: &PieceBox| Face::new(&make(b.index as usize).expect("made before"));
     let faces = large::collect(boxes.par_iter().map(again));
-    let node = |((bounds, moments), b): ((Aabb, Moments), &Branch)| Node {
-        bounds,
-        first: b.first,
-        count: b.count,
-        second: b.second,
-        moments: moments.bounded(faces_of(&faces, b)),
-    };
-    let nodes = moments(&branches, &faces).into_par_iter().zip(&branches);
-    (large::collect(nodes.map(node)), faces)
+    let mut nodes: Vec<Node> = large::collect(nodes.par_iter().map(Branch::bare));
+    finish(&mut nodes, 0, &faces);
+    (nodes, faces)
 }
 
 /// What the structure depends on: the box of a piece in single precision.
@@ -72,6 +66,41 @@ struct Branch {
     first: u32,
     count: u32,
     second: u32,
+}
+
+impl Branch {
+    fn bare(&self) -> Node {
+        Node {
+            bounds: Aabb::EMPTY,
+            first: self.first,
+            count: self.count,
+            second: self.second,
+            moments: Moments::default(),
+        }
+    }
+}
+
+/// Boxes and moments of a subtree, whose nodes lie one after the other from the index `start` on: of leaves from their
+/// faces, of the others from their children.
+fn finish(nodes: &mut [Node], start: usize, faces: &[Face]) {
+    let (node, below) = nodes.split_first_mut().expect("at least itself");
+    let own = &faces[node.range()];
+    if node.is_leaf() {
+        node.bounds = Aabb::around(own.iter().flat_map(Face::outline).copied());
+        node.moments = Moments::of(own).bounded(own);
+        return;
+    }
+    let (a, b) = below.split_at_mut(node.second as usize - start - 1);
+    if own.len() > PARALLEL_SIZE {
+        let second = node.second as usize;
+        rayon::join(|| finish(a, start + 1, faces), || finish(b, second, faces));
+    } else {
+        finish(a, start + 1, faces);
+        finish(b, node.second as usize, faces);
+    }
+    let (a, b) = (&a[0], &b[0]);
+    node.bounds = a.bounds.union(&b.bounds);
+    node.moments = a.moments.joined(&b.moments).bounded(own);
 }
 
 /// Appends the nodes of the subtree over `faces`, which start at `first` in leaf order; reorders them.
@@ -187,32 +216,6 @@ fn partition(faces: &mut [PieceBox], keep: impl Fn(&PieceBox) -> bool) -> usize 
         }
     }
     front
-}
-
-/// Boxes of all nodes and their moments, not yet [`Moments::bounded`]: of leaves from their faces, of the others from
-/// their children.
-fn moments(nodes: &[Branch], faces: &[Face]) -> Vec<(Aabb, Moments)> {
-    let leaf = |n: &Branch| {
-        if n.second != 0 {
-            return (Aabb::EMPTY, Moments::default());
-        }
-        let faces = faces_of(faces, n);
-        let corners = faces.iter().flat_map(Face::outline).copied();
-        (Aabb::around(corners), Moments::of(faces))
-    };
-    let mut all = large::collect(nodes.par_iter().map(leaf));
-    // Children come after their parents.
-    for (i, node) in nodes.iter().enumerate().rev() {
-        if node.second != 0 {
-            let [(a, of_a), (b, of_b)] = [&all[i + 1], &all[node.second as usize]];
-            all[i] = (a.union(b), of_a.joined(of_b));
-        }
-    }
-    all
-}
-
-fn faces_of<'a>(faces: &'a [Face], node: &Branch) -> &'a [Face] {
-    &faces[node.first as usize..][..node.count as usize]
 }
 
 fn union(a: (Vec3, Vec3), b: (Vec3, Vec3)) -> (Vec3, Vec3) {

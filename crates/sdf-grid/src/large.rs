@@ -30,9 +30,23 @@ pub fn ask_for_large_pages<T>(memory: &[T]) {
 
 /// Collects a parallel iterator into an array in large pages.
 pub(crate) fn collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Vec<T> {
-    let mut list = Vec::with_capacity(items.len());
-    ask_for_large_pages(list.spare_capacity_mut());
+    let mut list = room(items.len());
     items.collect_into_vec(&mut list);
+    list
+}
+
+/// The same with two arrays.
+pub(crate) fn collect_both<A: Send, B: Send>(
+    items: impl IndexedParallelIterator<Item = (A, B)>,
+) -> (Vec<A>, Vec<B>) {
+    let (mut a, mut b) = (room(items.len()), room(items.len()));
+    items.unzip_into_vecs(&mut a, &mut b);
+    (a, b)
+}
+
+fn room<T>(len: usize) -> Vec<T> {
+    let mut list = Vec::with_capacity(len);
+    ask_for_large_pages(list.spare_capacity_mut());
     list
 }
 

@@ -4,7 +4,7 @@ use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{DVec3, Vec3};
 
-use super::groups::{Below, Group, Members};
+use super::groups::{Below, Group, Members, WIDTH};
 use super::near::{NearFaces, Query};
 use super::packet::Packet;
 use super::settings::{Far, Settings};
@@ -28,6 +28,18 @@ pub(crate) struct Cluster {
 }
 
 impl Cluster {
+    /// Of nothing.
+    pub(crate) const EMPTY: Self = Self {
+        centre: DVec3::ZERO,
+        radius: 0.0,
+        spread: 0.0,
+        area_vector: Vec3::ZERO,
+        normal_moment: [0.0; 6],
+        trace: 0.0,
+        cubic: [0.0; 10],
+        vector: Vec3::ZERO,
+    };
+
     /// Of one face.
     pub(crate) fn of(face: &Face) -> Self {
         let faces = std::slice::from_ref(face);
@@ -145,16 +157,17 @@ fn accumulate<S: Simd>(
     walk.waiting.push(0);
     while let Some(id) = walk.waiting.pop() {
         let group = &density.groups[id as usize];
+        let clusters = &density.clusters[id as usize];
         let ([reached, perhaps_far], sines) = glance.at(packet.simd, group);
         if density.is_large {
-            ask_for(density, group, reached, perhaps_far);
+            ask_for(density, group, clusters, reached, perhaps_far);
         }
         let mut members = group.top & reached;
         while members != 0 {
             let place = members.trailing_zeros() as usize;
             members &= members - 1;
             if perhaps_far >> place & 1 == 1 {
-                let cluster = &density.clusters[group.cluster[place] as usize];
+                let cluster = &clusters[place];
                 let seen = Seen::new(packet, query, cluster);
                 let axis = (group.axis_of(place), sines[place]);
                 if seen.is_far(density, cluster, axis, query, limits.of(cluster)) {
@@ -181,13 +194,19 @@ fn accumulate<S: Simd>(
 /// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it lies in distant
 /// caches.
 #[inline(always)]
-fn ask_for(density: &PacketDensity<'_>, group: &Group, reached: u32, perhaps_far: u32) {
+fn ask_for(
+    density: &PacketDensity<'_>,
+    group: &Group,
+    clusters: &[Cluster; WIDTH],
+    reached: u32,
+    perhaps_far: u32,
+) {
     let mut members = group.top & reached;
     while members != 0 {
         let place = members.trailing_zeros() as usize;
         members &= members - 1;
         if perhaps_far >> place & 1 == 1 {
-            prefetch(&density.clusters[group.cluster[place] as usize]);
+            prefetch(&clusters[place]);
             continue;
         }
         match group.below[place] {

@@ -24,8 +24,6 @@ pub(crate) struct Group {
     pub(crate) axis: [Members; 3],
     pub(crate) radius: Members,
     pub(crate) spread: Members,
-    /// Whose cluster it is, as an index into those of all nodes and then all faces.
-    pub(crate) cluster: [u32; WIDTH],
     /// What to look at instead of a member that is near.
     pub(crate) below: [Below; WIDTH],
     /// The members that are below none of the others, bit by bit.
@@ -53,7 +51,6 @@ impl Group {
             axis: [zero; 3],
             radius: zero,
             spread: zero,
-            cluster: [0; WIDTH],
             below: [Below::Members(0); WIDTH],
             top: 0,
         }
@@ -87,27 +84,28 @@ enum Item {
     Face(usize),
 }
 
-/// The groups of a tree, the first one at its root; `clusters` are those of all nodes, then all faces.
-pub(crate) fn groups(bvh: &Bvh, clusters: &[Cluster]) -> Vec<Group> {
+/// The groups of a tree, the first one at its root, and the clusters of their members.
+pub(crate) fn groups(bvh: &Bvh) -> (Vec<Group>, Vec<[Cluster; WIDTH]>) {
     let shapes = shapes(bvh);
     let group = |shape: &Shape| {
         let mut group = Group::empty();
+        let mut clusters = [const { Cluster::EMPTY }; WIDTH];
         group.top = shape.top;
         for place in 0..shape.len {
             let (bounds, cluster) = match shape.items[place] {
-                Item::Node(n) => (bvh.nodes[n].bounds, n),
+                Item::Node(n) => (bvh.nodes[n].bounds, Cluster::new(&bvh.nodes[n].moments)),
                 Item::Face(f) => {
                     let corners = bvh.faces[f].outline().iter().copied();
-                    (Aabb::around(corners), bvh.nodes.len() + f)
+                    (Aabb::around(corners), Cluster::of(&bvh.faces[f]))
                 }
             };
-            group.cluster[place] = cluster as u32;
             group.below[place] = shape.below[place];
-            group.set(place, bounds, &clusters[cluster]);
+            group.set(place, bounds, &cluster);
+            clusters[place] = cluster;
         }
-        group
+        (group, clusters)
     };
-    large::collect(shapes.par_iter().map(group))
+    large::collect_both(shapes.par_iter().map(group))
 }
 
 /// The shape of each group. Those of one generation are found side by side.
@@ -230,9 +228,7 @@ mod tests {
     fn groups_hold_the_whole_tree() {
         for seed in 0..6 {
             let bvh = Bvh::merged(&random_solid(seed).unwrap(), crate::coplanar::EXACT);
-            let nodes = bvh.nodes.iter().map(|n| Cluster::new(&n.moments));
-            let clusters: Vec<Cluster> = nodes.chain(bvh.faces.iter().map(Cluster::of)).collect();
-            let groups = groups(&bvh, &clusters);
+            let (groups, _) = groups(&bvh);
             let mut seen = vec![0; bvh.faces.len()];
             let everywhere = (Vec3::NEG_INFINITY, Vec3::INFINITY);
             let mut waiting = vec![(0, groups[0].top, everywhere)];

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use self::far::Cluster;
 pub(crate) use self::far::Walk;
-use self::groups::Group;
+use self::groups::{Group, WIDTH};
 use self::kernel::PacketKernel;
 pub(crate) use self::packet::Points;
 use self::packet::{Disc, Facet};
@@ -86,9 +86,9 @@ impl<'a> PacketDistance<'a> {
 pub(crate) struct PacketDensity<'a> {
     bvh: &'a Bvh,
     distance: PacketDistance<'a>,
-    /// Far fields of all nodes, then of all faces.
-    clusters: Vec<Cluster>,
     groups: Vec<Group>,
+    /// Far fields of the members of every group.
+    clusters: Vec<[Cluster; WIDTH]>,
     twins: Vec<[Twin; 4]>,
     kernel: PacketKernel,
     settings: Settings,
@@ -104,14 +104,9 @@ impl<'a> PacketDensity<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
     pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
         let settings = Settings::new(tolerance, table.kernel().sigma());
-        let far = || {
-            let nodes = bvh.nodes.par_iter().map(|n| Cluster::new(&n.moments));
-            let faces = bvh.faces.par_iter().map(Cluster::of);
-            let clusters = large::collect(nodes.chain(faces));
-            (groups::groups(bvh, &clusters), clusters)
-        };
         let near = || (twins::twins(&bvh.faces), PacketDistance::new(bvh));
         // Side by side: both have parts that one thread does.
+        let far = || groups::groups(bvh);
         let ((groups, clusters), (twins, distance)) = rayon::join(far, near);
         Self {
             bvh,

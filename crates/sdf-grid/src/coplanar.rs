@@ -125,7 +125,9 @@ impl Surface<'_> {
         let unfolded = area > UNFOLDED * facets().map(|f| f.area).sum::<f64>();
         let covers = |faces: &[Piece]| {
             let covered: f64 = faces.iter().map(|f| f.area).sum();
-            unfolded && (covered - area).abs() <= faces.iter().map(|f| slack(f, self.flat)).sum()
+            let off = (covered - area).abs();
+            let slack = || faces.iter().map(|f| slack(f, self.flat)).sum();
+            unfolded && (off <= 1e-9 * covered || off <= slack())
         };
         // Most regions of curved parts: without a list.
         if let [a, b] = *region
@@ -171,7 +173,10 @@ impl Surface<'_> {
         let turns = |k: usize| {
             let [p, q, r] = [k, (k + 1) % count, (k + 2) % count].map(at);
             let (along, on) = (q - p, r - q);
-            along.cross(on).dot(normal) > CONVEX * along.length() * on.length()
+            let sine = along.cross(on).dot(normal);
+            // Squared: no roots.
+            let least = CONVEX * CONVEX * along.length_squared() * on.length_squared();
+            sine > 0.0 && sine * sine > least
         };
         if !(0..count).all(turns) {
             return None;

@@ -3,6 +3,7 @@ use std::f64::consts::TAU;
 use glam::DQuat;
 
 use super::*;
+use crate::face::Face;
 
 const FLAT: f64 = 4e-7;
 
@@ -31,7 +32,8 @@ fn strips(sides: u32, layers: u32, place: impl Fn(DVec3) -> DVec3) -> (Vec<DVec3
 
 fn faces(indices: &[[u32; 3]], vertices: &[DVec3]) -> Vec<Face> {
     let pieces = merged(indices, vertices, FLAT);
-    (0..pieces.len()).filter_map(|i| pieces.get(i)).collect()
+    let piece = |i| Face::new(&pieces.get(i).unwrap());
+    (0..pieces.len()).map(piece).collect()
 }
 
 fn regions(indices: &[[u32; 3]], vertices: &[DVec3]) -> usize {

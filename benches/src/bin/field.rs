@@ -3,8 +3,9 @@
 //! For meshes of 1k to 1M triangles, lattices of 64 to 192 nodes per axis over twice the part and
 //! every tolerance: nanoseconds per node (wall clock, all cores) and relative L2 error against the
 //! f64 reference at sampled nodes; how many times faster that is than the paper's sum over all
-//! triangles, plain and with SIMD on all cores, both timed on sampled nodes; how long the tree takes
-//! to build, and all that does not depend on the lattice (a field of one node). With a folder of meshes
+//! triangles, plain and with SIMD on all cores, both timed on sampled nodes and given the distances, and than distance,
+//! side and sum together, each over all triangles, which is what a field holds; how long the tree takes to build, and
+//! all that does not depend on the lattice (a field of one node). With a folder of meshes
 //! (metres), those too. `solids` measures instead the worst error of 200 random solids (12 with
 //! `--quick`) per tolerance and sigma: 0.03, 0.1, 0.2 and 0.5, or the one given. `only=NAME` leaves
 //! out meshes whose names do not contain NAME.
@@ -66,7 +67,7 @@ fn main() -> Outcome<()> {
     }
     let mut rows = Vec::new();
     println!(
-        "{:<24}{:>9}{:>5}{:>8}{:>11}{:>10}{:>9}{:>9}{:>9}{:>10}{:>10}",
+        "{:<24}{:>9}{:>5}{:>8}{:>11}{:>10}{:>9}{:>9}{:>9}{:>9}{:>10}{:>10}",
         "mesh",
         "triangles",
         "N",
@@ -76,6 +77,7 @@ fn main() -> Outcome<()> {
         "average",
         "x plain",
         "x SIMD",
+        "x all",
         "tree s",
         "setup s"
     );
@@ -91,6 +93,7 @@ fn main() -> Outcome<()> {
             "triangles",
             "x plain",
             "x SIMD",
+            "x all",
             "tree s",
             "setup s",
         ],
@@ -122,7 +125,7 @@ fn measure(name: &str, mesh: &TriangleMesh, quick: bool) -> Outcome<Vec<Row>> {
         let origin = corner + spacing * DVec3::new(0.11, 0.23, 0.37);
         let lattice = Lattice::new(origin, spacing, [nodes; 3])?;
         let (exact, sampled) = reference(mesh, &kernel, &lattice);
-        let (plain, simd) = baselines(mesh, &sampled);
+        let [plain, simd, all] = baselines(mesh, &kernel, &sampled);
         for tolerance in TOLERANCES {
             let options = DensityOptions {
                 tolerance,
@@ -150,12 +153,13 @@ fn measure(name: &str, mesh: &TriangleMesh, quick: bool) -> Outcome<Vec<Row>> {
             let error = wrong / rms(exact.iter().map(|(_, b)| b.norm()));
             let each = seconds / lattice.len() as f64;
             println!(
-                "{name:<24}{:>9}{nodes:>5}{tolerance:>8.0e}{:>11.1}{error:>10.1e}{:>9.1}{:>9.0}{:>9.1}{build:>10.4}{setup:>10.4}",
+                "{name:<24}{:>9}{nodes:>5}{tolerance:>8.0e}{:>11.1}{error:>10.1e}{:>9.1}{:>9.0}{:>9.1}{:>9.0}{build:>10.4}{setup:>10.4}",
                 mesh.triangles().len(),
                 each * 1e9,
                 average * 1e9,
                 plain / each,
-                simd / each
+                simd / each,
+                all / each
             );
             rows.push(Row {
                 series: name.to_owned(),
@@ -166,6 +170,7 @@ fn measure(name: &str, mesh: &TriangleMesh, quick: bool) -> Outcome<Vec<Row>> {
                     mesh.triangles().len() as f64,
                     plain / each,
                     simd / each,
+                    all / each,
                     build,
                     setup,
                 ],
@@ -265,8 +270,9 @@ fn reference(
     exact.unzip()
 }
 
-/// Seconds per node of the sums over all triangles, plain and SIMD, all cores busy.
-fn baselines(mesh: &TriangleMesh, sampled: &[(DVec3, f64)]) -> (f64, f64) {
+/// Seconds per node of sums over all triangles, all cores busy: the density's given the distance, plain and with SIMD;
+/// distance, side and density.
+fn baselines(mesh: &TriangleMesh, kernel: &DensityKernel, sampled: &[(DVec3, f64)]) -> [f64; 3] {
     let sum = MidpointSum::new(mesh, SIGMA);
     // About half a second of plain sums.
     let count = (40_000_000 / mesh.triangles().len()).min(sampled.len()) / LANES * LANES;
@@ -287,5 +293,13 @@ fn baselines(mesh: &TriangleMesh, sampled: &[(DVec3, f64)]) -> (f64, f64) {
         sampled.par_chunks_exact(LANES).map(packet).sum::<f32>()
     });
     let each = 1.0 / sampled.len() as f64;
-    (plain * each, simd * each)
+    // As long again.
+    let fewer = &sampled[..sampled.len() / 8];
+    let reference = ReferenceDensity::new(mesh, kernel);
+    let (_, distance) = timed(1, || {
+        let distances = fewer.par_iter().map(|(p, _)| reference.signed_distance(*p));
+        distances.sum::<f64>()
+    });
+    let all = plain * each + distance / fewer.len() as f64;
+    [plain * each, simd * each, all]
 }

@@ -91,7 +91,7 @@ pub(crate) fn groups(bvh: &Bvh) -> (Vec<Group>, Vec<[Cluster; WIDTH]>) {
         let mut group = Group::empty();
         let mut clusters = [const { Cluster::EMPTY }; WIDTH];
         group.top = shape.top;
-        for place in 0..shape.len {
+        for (place, kept) in clusters[..shape.len].iter_mut().enumerate() {
             let (bounds, cluster) = match shape.items[place] {
                 Item::Node(n) => (bvh.nodes[n].bounds, Cluster::new(&bvh.nodes[n].moments)),
                 Item::Face(f) => {
@@ -101,7 +101,7 @@ pub(crate) fn groups(bvh: &Bvh) -> (Vec<Group>, Vec<[Cluster; WIDTH]>) {
             };
             group.below[place] = shape.below[place];
             group.set(place, bounds, &cluster);
-            clusters[place] = cluster;
+            *kept = cluster;
         }
         (group, clusters)
     };

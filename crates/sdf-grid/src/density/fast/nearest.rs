@@ -43,7 +43,10 @@ pub(crate) fn distances<S: Simd>(
             continue;
         }
         let first = (id + 1, gaps(distance, &packet, id + 1, best, worst));
-        let second = (node.second, gaps(distance, &packet, node.second, best, worst));
+        let second = (
+            node.second,
+            gaps(distance, &packet, node.second, best, worst),
+        );
         // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
         let order = if first.1[1] <= second.1[1] {
             [second, first]
@@ -87,11 +90,7 @@ fn gaps<S: Simd>(
 
 /// Squared distances from a face.
 #[inline(always)]
-fn squared<S: Simd>(
-    distance: &PacketDistance<'_>,
-    packet: &Packet<S>,
-    index: usize,
-) -> f32x16<S> {
+fn squared<S: Simd>(distance: &PacketDistance<'_>, packet: &Packet<S>, index: usize) -> f32x16<S> {
     let facet = &distance.facets[index];
     // What is not larger than the packet is seen as well in single precision.
     if facet.radius <= packet.half.length() {

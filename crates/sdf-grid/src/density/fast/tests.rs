@@ -5,15 +5,16 @@ use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::kernel::{atan2, exp};
+use super::kernel::{PacketKernel, atan2, exp};
 use super::near::{NearFaces, Query};
-use super::packet::Packet;
+use super::packet::{Facet, Packet};
+use super::settings::Settings;
 use super::{LANES, Lanes, PacketDensity, Points, Walk};
 use crate::DensityKernel;
 use crate::bvh::Bvh;
 use crate::density::edge_integral::EdgeQuadrature;
 use crate::kernel::CumulativeKernel;
-use crate::shapes::{PegInHole, random_solid};
+use crate::shapes::{self, PegInHole, random_solid};
 
 #[simd]
 fn triangle<S: Simd>(
@@ -156,4 +157,95 @@ fn exponentials_and_angles_are_those_of_the_standard_library() {
             assert!(error.abs() < 1e-6, "atan2 {y} {x}: {error:e}");
         }
     }
+}
+
+#[simd]
+fn expansion<S: Simd>(simd: S, kernel: &PacketKernel, u: &Lanes, terms: [f32; 3]) -> [Lanes; 2] {
+    let u = f32x16::simd_from(simd, *u);
+    let x = (u - 1.0) * (1.0 / kernel.sigma);
+    let seen = [x, u, 1.0 / u, 1.0 / (u * u + 1.0)];
+    let terms = terms.map(|t| f32x16::splat(simd, t));
+    kernel.expansion(seen, terms).map(Into::into)
+}
+
+/// The complex form against the kernel and its derivatives.
+#[test]
+fn expansions_are_those_of_the_radial_kernel() {
+    for sigma in [0.03, 0.1, 0.5] {
+        let table = CumulativeKernel::new(DensityKernel::new(sigma).unwrap());
+        let kernel = PacketKernel::new(&table, &Settings::new(1e-5, sigma), 1e-5);
+        let u: Lanes = std::array::from_fn(|lane| 1.0 + 0.3 * (sigma as f32) * lane as f32);
+        // Each term alone, then all.
+        for terms in [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [0.7, -0.2, 0.01f32],
+        ] {
+            let found = dispatch!(Level::new(), simd => expansion(simd, &kernel, &u, terms));
+            let [flat, first, bow] = terms.map(f64::from);
+            for lane in 0..LANES {
+                let u = f64::from(u[lane]);
+                let [g, g1, g2] = table.kernel().radial(u);
+                let exact = g * flat + g1 * (first / u) + (g2 - g1 / u) * bow;
+                let found = Complex64::new(found[0][lane].into(), found[1][lane].into());
+                let size = g.norm() + g1.norm() + g2.norm();
+                // Single precision, and the gain that makes up for the truncated kernel.
+                let error = (found - exact).norm() / size;
+                assert!(error < 1e-5, "{sigma} {u} {terms:?}: {found} {exact}");
+            }
+        }
+    }
+}
+
+#[simd]
+fn facet<S: Simd>(simd: S, facet: &Facet, points: &Points, best: &Lanes) -> (Lanes, bool) {
+    let packet = Packet::new(simd, points);
+    let best = f32x16::simd_from(simd, *best);
+    let nearer = packet.disc_may_be_nearer(&facet.disc(), best);
+    (facet.distance_squared(&packet).sqrt().into(), nearer)
+}
+
+/// Faces not larger than the packet, seen from close by and from far away.
+#[test]
+fn small_faces_are_as_far_as_in_f64_and_never_lost() {
+    let bvh = Bvh::merged(
+        &shapes::torus(1.0, 0.4, 60, 24).unwrap(),
+        crate::coplanar::EXACT,
+    );
+    let mut tried = 0;
+    for (i, face) in bvh.faces.iter().enumerate().step_by(7) {
+        let single = Facet::new(face);
+        for away in [1e-4, 1e-2, 0.3, 3.0] {
+            // Over the face, beside it, below it.
+            let angle = 0.9 * i as f64;
+            let direction = face.normal * angle.cos() + face.along[0] * angle.sin();
+            let points: [DVec3; LANES] = std::array::from_fn(|lane| {
+                let step = [lane / 8, lane / 4 % 2, lane % 4].map(|k| 0.06 * k as f64);
+                face.centroid + direction * away + DVec3::from_array(step)
+            });
+            let points_in = Points::new(&points);
+            if single.radius > points_in.half_diagonal() {
+                continue;
+            }
+            let exact = points.map(|p| face.distance_squared(p).sqrt());
+            for wanted in 0..LANES {
+                let mut best = [0.0; LANES];
+                // Farther than the face by what single precision shows.
+                let room = 4e-7 * (exact[wanted] + f64::from(points_in.half_diagonal()));
+                best[wanted] = (exact[wanted] + room).powi(2) as f32;
+                let (found, nearer) =
+                    dispatch!(Level::new(), simd => facet(simd, &single, &points_in, &best));
+                assert!(nearer, "face {i}, {away}, point {wanted}");
+                for (found, exact) in found.iter().zip(exact) {
+                    let error = (f64::from(*found) - exact).abs();
+                    // Rounding of the packet's coordinates and of distances.
+                    let allowed = 3e-7 * (exact + f64::from(points_in.half_diagonal()));
+                    assert!(error < allowed, "face {i}, {away}: {error:e} of {exact}");
+                }
+                tried += 1;
+            }
+        }
+    }
+    assert!(tried > 1000);
 }

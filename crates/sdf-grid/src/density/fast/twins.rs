@@ -148,7 +148,7 @@ fn keys(face: &Face) -> [u64; 4] {
 mod tests {
     use super::*;
     use crate::bvh::Bvh;
-    use crate::shapes::PegInHole;
+    use crate::shapes::{self, PegInHole};
 
     #[test]
     fn closed_meshes_have_a_twin_for_every_edge_and_each_is_its_twins_twin() {
@@ -166,5 +166,31 @@ mod tests {
                 assert_eq!(coplanar, flat && face.normal.dot(faces[j].normal) > 0.0);
             }
         }
+    }
+
+    /// An edge of two boxes, four faces: who is whose neighbour is not said.
+    #[test]
+    fn edges_of_more_than_two_faces_have_no_twins() {
+        let mut faces = Bvh::build(&shapes::cuboid(DVec3::ONE).unwrap()).faces;
+        let corners = faces.iter().flat_map(Face::outline);
+        let width = 2.0 * corners.map(|p| p.x).fold(0.0, f64::max);
+        for i in 0..faces.len() {
+            let mut face = faces[i];
+            face.corners = face.corners.map(|p| p + width * DVec3::X);
+            faces.push(face);
+        }
+        let found = twins(&faces);
+        let edges = || (0..faces.len()).flat_map(|i| (0..3).map(move |k| (i, k)));
+        let mut crowded = 0;
+        for (i, k) in edges() {
+            let [a, b] = ends(&faces[i], k);
+            let same = |[c, d]: [DVec3; 2]| [a, b] == [c, d] || [a, b] == [d, c];
+            let holders = edges().filter(|(j, l)| same(ends(&faces[*j], *l)));
+            let is_pair = holders.count() == 2;
+            assert_eq!(found[i][k] != Twin::NONE, is_pair, "{a} {b}");
+            crowded += usize::from(!is_pair);
+        }
+        // Four sides of the square between the boxes, of four faces each; its diagonals may be two.
+        assert!(crowded >= 16, "{crowded}");
     }
 }

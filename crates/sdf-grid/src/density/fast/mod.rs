@@ -123,7 +123,7 @@ impl<'a> PacketDensity<'a> {
 
     /// Largest distance of a corner of a face (leaf order) from its centroid.
     pub(crate) fn size_of_face(&self, index: usize) -> f32 {
-        self.distance.facets[index].radius
+        self.distance.facets[index].disc.radius
     }
 
     /// See [`PacketDistance::at`].

@@ -29,7 +29,7 @@ pub(crate) fn distances<S: Simd>(
         let node = &distance.bvh.nodes[id as usize];
         if node.is_leaf() {
             for i in node.range() {
-                if !packet.disc_may_be_nearer(&distance.facets[i].disc(), best) {
+                if !packet.disc_may_be_nearer(&distance.facets[i].disc, best) {
                     continue;
                 }
                 let found = squared(distance, &packet, i);
@@ -91,11 +91,6 @@ fn gaps<S: Simd>(
 /// Squared distances from a face.
 #[inline(always)]
 fn squared<S: Simd>(distance: &PacketDistance<'_>, packet: &Packet<S>, index: usize) -> f32x16<S> {
-    let facet = &distance.facets[index];
-    // What is not larger than the packet is seen as well in single precision.
-    if facet.radius <= packet.half.length() {
-        facet.distance_squared(packet)
-    } else {
-        View::new(packet, &distance.bvh.faces[index], facet).distance_squared(packet)
-    }
+    let view = View::new(packet, &distance.bvh.faces[index], &distance.facets[index]);
+    view.distance_squared(packet)
 }

@@ -137,7 +137,7 @@ impl<S: Simd> Packet<S> {
 pub(crate) struct Disc {
     centre: DVec3,
     axis: Vec3,
-    radius: f32,
+    pub(crate) radius: f32,
     /// Infinite where the box is thin enough.
     thickness: f32,
 }
@@ -175,79 +175,34 @@ impl Disc {
     }
 }
 
-/// A face for searches, about its centroid and in single precision. Three cache lines, of which the first is its disc.
+/// The disc of a face, and its directions in single precision.
 #[derive(Debug, Clone)]
-#[repr(C, align(64))]
+#[repr(C)]
 pub(crate) struct Facet {
-    centre: DVec3,
-    normal: Vec3,
-    pub(crate) radius: f32,
-    thickness: f32,
-    count: u32,
-    length: [f32; 4],
+    pub(crate) disc: Disc,
     along: [Vec3; 4],
     outward: [Vec3; 4],
-    /// Of each edge's first corner, along the edge and outward.
-    start: [f32; 4],
-    out: [f32; 4],
 }
 
 impl Facet {
     pub(crate) fn new(t: &Face) -> Self {
         let from = |corner: &DVec3| (*corner - t.centroid).length();
         let radius = t.outline().iter().map(from).fold(0.0, f64::max);
-        let place = |direction: [DVec3; 4]| -> [f32; 4] {
-            std::array::from_fn(|k| (t.corners[k % t.count] - t.centroid).dot(direction[k]) as f32)
-        };
         Self {
-            centre: t.centroid,
-            normal: t.normal.as_vec3(),
-            radius: radius as f32 * 1.000_001,
-            thickness: (ROUNDING * radius) as f32,
-            count: t.count as u32,
-            length: t.length.map(|l| l as f32),
+            disc: Disc {
+                centre: t.centroid,
+                axis: t.normal.as_vec3(),
+                radius: radius as f32 * 1.000_001,
+                thickness: (ROUNDING * radius) as f32,
+            },
             along: t.along.map(DVec3::as_vec3),
             outward: t.outward.map(DVec3::as_vec3),
-            start: place(t.along),
-            out: place(t.outward),
-        }
-    }
-
-    /// What the face lies in.
-    #[inline(always)]
-    pub(crate) fn disc(&self) -> Disc {
-        Disc {
-            centre: self.centre,
-            axis: self.normal,
-            radius: self.radius,
-            thickness: self.thickness,
         }
     }
 
     /// Direction of edge `k`.
     pub(crate) fn along(&self, k: usize) -> Vec3 {
         self.along[k]
-    }
-
-    /// Squared distance of every point from the face, to about 1e-7 of the face's size or of the distance of the packet,
-    /// whichever is more.
-    #[inline(always)]
-    pub(crate) fn distance_squared<S: Simd>(&self, packet: &Packet<S>) -> f32x16<S> {
-        let middle = (self.centre - packet.centre).as_vec3();
-        let zero = packet.splat(0.0);
-        let height = packet.dot_add(self.normal, -self.normal.dot(middle));
-        let mut best = packet.splat(f32::INFINITY);
-        let mut innermost = best;
-        for k in 0..self.count as usize {
-            let (along, outward) = (self.along[k], self.outward[k]);
-            let d = packet.dot_add(-outward, self.out[k] + middle.dot(outward));
-            let start = packet.dot_add(-along, self.start[k] + middle.dot(along));
-            let beyond = start.max(-start - self.length[k]).max(zero);
-            best = best.min(d.mul_add(d, beyond * beyond));
-            innermost = innermost.min(d);
-        }
-        let in_plane = innermost.simd_ge(zero).select(zero, best);
-        height.mul_add(height, in_plane)
     }
 }
 
@@ -274,7 +229,7 @@ impl<S: Simd> View<S> {
         let zero = packet.splat(0.0);
         let mut view = Self {
             count: t.count,
-            height: packet.dot_add(f.normal, -first.dot(t.normal) as f32),
+            height: packet.dot_add(f.disc.axis, -first.dot(t.normal) as f32),
             d: [zero; 4],
             start: [zero; 4],
             end: [zero; 4],

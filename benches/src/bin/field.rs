@@ -186,7 +186,7 @@ fn solids(count: u64, sigmas: &[f64]) -> Outcome<()> {
         let kernel = DensityKernel::new(sigma)?;
         let mut worst = [(0f64, 0u64); TOLERANCES.len()];
         let mut distance = 0f64;
-        for seed in 135..136 {
+        for seed in 0..count {
             let mesh = random_solid(seed)?;
             let (bounds, size) = (mesh.bounds(), mesh.bounds().size().max_element());
             let near = Lattice::covering(&bounds, 0.3 * size, size / 15.3)?;

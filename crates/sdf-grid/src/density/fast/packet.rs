@@ -117,7 +117,8 @@ impl<S: Simd> Packet<S> {
         let room = r2 * (1.0 + SQUARED_ROUNDING);
         let across = height.mul_add(-height, squared);
         let more = (across.mul_add(self.splat(1.0 - SQUARED_ROUNDING), -left) - room).max(zero);
-        (more * more).simd_lt(left * (4.0 * r2)).any_true()
+        // Of tiny faces both sides may vanish: those are looked at.
+        (more * more).simd_le(left * (4.0 * r2)).any_true()
     }
 
     /// Squared distance of every point from a box.

@@ -293,7 +293,7 @@ fn baselines(mesh: &TriangleMesh, kernel: &DensityKernel, sampled: &[(DVec3, f64
         sampled.par_chunks_exact(LANES).map(packet).sum::<f32>()
     });
     let each = 1.0 / sampled.len() as f64;
-    // As long again.
+    // Each takes several times as long.
     let fewer = &sampled[..sampled.len() / 8];
     let reference = ReferenceDensity::new(mesh, kernel);
     let (_, distance) = timed(1, || {

@@ -310,7 +310,7 @@ impl Glance {
     }
 }
 
-/// See [`Seen::is_far`].
+/// Tangents to the root in [`Seen::is_far`] touch it at the square of this or more: at zero they are vertical.
 const LEAST_SINE: f32 = 0.1;
 
 /// A cluster as the points of a packet see it, in units of their distances.

@@ -10,6 +10,11 @@ use crate::mesh::Aabb;
 use crate::moments::Moments;
 
 const LEAF_SIZE: usize = 4;
+
+/// Trees of more pieces than this have leaves of twice as many: pieces so small are looked at many at a time, and
+/// nodes wait for memory.
+const MANY_PIECES: usize = 20_000;
+
 const BINS: usize = 16;
 
 /// Subtrees of more faces than this are built in parallel.
@@ -28,8 +33,13 @@ pub(super) fn tree(
     if boxes.is_empty() {
         return Default::default();
     }
+    let leaf = if boxes.len() > MANY_PIECES {
+        2 * LEAF_SIZE
+    } else {
+        LEAF_SIZE
+    };
     let mut nodes = Vec::new();
-    grow(&mut boxes, 0, 0, &mut nodes);
+    grow(&mut boxes, leaf, 0, 0, &mut nodes);
     let again = |b: &PieceBox| Face::new(&make(b.index as usize).expect("made before"));
     let faces = large::collect(boxes.par_iter().map(again));
     let mut nodes: Vec<Node> = large::collect(nodes.par_iter().map(Branch::bare));
@@ -104,29 +114,29 @@ fn finish(nodes: &mut [Node], start: usize, faces: &[Face]) {
 }
 
 /// Appends the nodes of the subtree over `faces`, which start at `first` in leaf order; reorders them.
-fn grow(faces: &mut [PieceBox], first: usize, depth: usize, nodes: &mut Vec<Branch>) {
+fn grow(faces: &mut [PieceBox], leaf: usize, first: usize, depth: usize, nodes: &mut Vec<Branch>) {
     let this = nodes.len();
     nodes.push(Branch {
         first: first as u32,
         count: faces.len() as u32,
         second: 0,
     });
-    if faces.len() <= LEAF_SIZE {
+    if faces.len() <= leaf {
         return;
     }
     let middle = split(faces, depth);
     let parallel = faces.len() > PARALLEL_SIZE;
     let (a, b) = faces.split_at_mut(middle);
     if !parallel {
-        grow(a, first, depth + 1, nodes);
+        grow(a, leaf, first, depth + 1, nodes);
         nodes[this].second = nodes.len() as u32;
-        grow(b, first + middle, depth + 1, nodes);
+        grow(b, leaf, first + middle, depth + 1, nodes);
         return;
     }
     let (mut left, mut right) = (Vec::new(), Vec::new());
     rayon::join(
-        || grow(a, first, depth + 1, &mut left),
-        || grow(b, first + middle, depth + 1, &mut right),
+        || grow(a, leaf, first, depth + 1, &mut left),
+        || grow(b, leaf, first + middle, depth + 1, &mut right),
     );
     append(nodes, left);
     nodes[this].second = nodes.len() as u32;

@@ -24,10 +24,10 @@ pub(crate) use self::far::Walk;
 use self::groups::{Group, WIDTH};
 use self::kernel::PacketKernel;
 pub(crate) use self::packet::Points;
-use self::packet::{Disc, Facet};
+use self::packet::{Facet, Hull};
 use self::settings::Settings;
 use self::twins::Twin;
-use crate::bvh::{Bvh, Node};
+use crate::bvh::Bvh;
 use crate::kernel::CumulativeKernel;
 use crate::large::{self, prefetch};
 
@@ -41,8 +41,7 @@ pub(crate) type Lanes = [f32; LANES];
 pub(crate) struct PacketDistance<'a> {
     bvh: &'a Bvh,
     facets: Vec<Facet>,
-    /// Around what is in every node.
-    discs: Vec<Disc>,
+    hulls: Vec<Hull>,
     level: Level,
 }
 
@@ -51,7 +50,7 @@ impl<'a> PacketDistance<'a> {
         Self {
             bvh,
             facets: large::collect(bvh.faces.par_iter().map(Facet::new)),
-            discs: large::collect(bvh.nodes.par_iter().map(Disc::new)),
+            hulls: large::collect(bvh.nodes.par_iter().map(Hull::new)),
             level: Level::new(),
         }
     }
@@ -62,16 +61,15 @@ impl<'a> PacketDistance<'a> {
 
     /// Asks for what the search looks at below a node, ahead of its use.
     #[inline(always)]
-    fn ask_below(&self, id: u32, node: &Node) {
-        if node.is_leaf() {
-            for i in node.range() {
+    fn ask_below(&self, id: u32, hull: &Hull) {
+        if hull.is_leaf() {
+            for i in hull.range() {
                 prefetch(&self.facets[i]);
             }
             return;
         }
-        for child in [id + 1, node.second] {
-            prefetch(&self.bvh.nodes[child as usize].bounds);
-            prefetch(&self.discs[child as usize]);
+        for child in [id + 1, hull.second] {
+            prefetch(&self.hulls[child as usize]);
         }
     }
 

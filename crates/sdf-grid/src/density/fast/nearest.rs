@@ -20,15 +20,20 @@ pub(crate) fn distances<S: Simd>(
     let mut best = squared(distance, &packet, *hint);
     let mut worst = best.reduce_max();
     let mut closest = best.reduce_min();
+    // How often something nearer was looked for.
+    let mut looks = 0;
     let mut stack = Stack::new();
-    stack.push((0u32, 0f32));
-    while let Some((id, gap)) = stack.pop() {
+    stack.push(Waiting::default());
+    while let Some(Waiting { id, gap, since }) = stack.pop() {
+        let hull = &distance.hulls[id as usize];
         if gap >= worst {
             continue;
         }
-        let node = &distance.bvh.nodes[id as usize];
-        if node.is_leaf() {
-            for i in node.range() {
+        if since != looks && !hull.disc.is_thick() && !packet.disc_may_be_nearer(&hull.disc, best) {
+            continue;
+        }
+        if hull.is_leaf() {
+            for i in hull.range() {
                 if !packet.disc_may_be_nearer(&distance.facets[i].disc, best) {
                     continue;
                 }
@@ -40,12 +45,13 @@ pub(crate) fn distances<S: Simd>(
                 }
             }
             worst = best.reduce_max();
+            looks += 1;
             continue;
         }
         let first = (id + 1, gaps(distance, &packet, id + 1, best, worst));
         let second = (
-            node.second,
-            gaps(distance, &packet, node.second, best, worst),
+            hull.second,
+            gaps(distance, &packet, hull.second, best, worst),
         );
         // Gaps of neighbouring boxes are often both zero: order by distance from the centre.
         let order = if first.1[1] <= second.1[1] {
@@ -55,15 +61,29 @@ pub(crate) fn distances<S: Simd>(
         };
         for (id, [gap, _]) in order {
             if gap < worst {
-                stack.push((id, gap));
+                stack.push(Waiting {
+                    id,
+                    gap,
+                    since: looks,
+                });
             }
         }
     }
     best.sqrt().into()
 }
 
-/// Squared distance of a node's box from the packet's, infinite if none of the points may be nearer to what is in
-/// it than `best` (`worst` of them); and from the packet's centre.
+/// A node to look at.
+#[derive(Clone, Copy, Default)]
+struct Waiting {
+    id: u32,
+    /// Squared distance between the boxes, zero if it was not asked for.
+    gap: f32,
+    /// When it was found.
+    since: u32,
+}
+
+/// Squared distance of a node's box from the packet's (zero of those whose disc tells more), infinite if none of the
+/// points may be nearer to what is in it than `best` (`worst` of them); and from the packet's centre.
 #[inline(always)]
 fn gaps<S: Simd>(
     distance: &PacketDistance<'_>,
@@ -72,15 +92,25 @@ fn gaps<S: Simd>(
     best: f32x16<S>,
     worst: f32,
 ) -> [f32; 2] {
-    let node = &distance.bvh.nodes[id as usize];
-    let disc = &distance.discs[id as usize];
-    let [low, high] = packet.ends(node);
+    let hull = &distance.hulls[id as usize];
+    if !hull.disc.is_thick() {
+        if !packet.disc_may_be_nearer(&hull.disc, best) {
+            return [f32::INFINITY; 2];
+        }
+        distance.ask_below(id, hull);
+        let from_centre = (hull.disc.centre - packet.centre).as_vec3();
+        return [0.0, from_centre.length_squared()];
+    }
+    let bounds = &distance.bvh.nodes[id as usize].bounds;
+    let low = (bounds.min - packet.centre).as_vec3();
+    let high = (bounds.max - packet.centre).as_vec3();
     let outside = low.max(-high);
     let mut gap = (outside - packet.half).max(Vec3::ZERO).length_squared();
     let from_centre = outside.max(Vec3::ZERO).length_squared();
     if gap < worst {
-        if packet.may_be_nearer([low, high], disc, best) {
-            distance.ask_below(id, node);
+        let squared = packet.box_distance_squared([low, high]);
+        if squared.simd_lt(best).any_true() {
+            distance.ask_below(id, hull);
         } else {
             gap = f32::INFINITY;
         }

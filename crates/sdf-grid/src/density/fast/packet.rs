@@ -6,7 +6,6 @@ use glam::{DVec3, Vec3};
 use super::{LANES, Lanes};
 use crate::bvh::Node;
 use crate::face::Face;
-use crate::mesh::Aabb;
 use crate::moments::Moments;
 
 /// Sixteen normalized positions: the middle of their box, and where they lie from it.
@@ -76,13 +75,6 @@ impl<S: Simd> Packet<S> {
             .mul_add(self.splat(v.x), self.y.mul_add(self.splat(v.y), z))
     }
 
-    /// Least and greatest corner of a node's box, from the centre.
-    #[inline(always)]
-    pub(crate) fn ends(&self, node: &Node) -> [Vec3; 2] {
-        let Aabb { min, max } = node.bounds;
-        [min, max].map(|end| (end - self.centre).as_vec3())
-    }
-
     /// Distance of coordinates from an interval, zero in it.
     #[inline(always)]
     fn gap(&self, p: f32x16<S>, lo: f32, hi: f32) -> f32x16<S> {
@@ -91,18 +83,8 @@ impl<S: Simd> Packet<S> {
             .max(self.splat(0.0))
     }
 
-    /// Whether some point may be nearer to what is in a box and a disc than `best`, its squared distance from
-    /// something else.
-    #[inline(always)]
-    pub(crate) fn may_be_nearer(&self, ends: [Vec3; 2], disc: &Disc, best: f32x16<S>) -> bool {
-        if disc.thickness == f32::INFINITY {
-            self.box_distance_squared(ends).simd_lt(best).any_true()
-        } else {
-            self.disc_may_be_nearer(disc, best)
-        }
-    }
-
-    /// The same for what is in a disc.
+    /// Whether some point may be nearer to what is in a disc than `best`, its squared distance from something
+    /// else.
     #[inline(always)]
     pub(crate) fn disc_may_be_nearer(&self, disc: &Disc, best: f32x16<S>) -> bool {
         let middle = (disc.centre - self.centre).as_vec3();
@@ -123,11 +105,41 @@ impl<S: Simd> Packet<S> {
 
     /// Squared distance of every point from a box.
     #[inline(always)]
-    fn box_distance_squared(&self, [lo, hi]: [Vec3; 2]) -> f32x16<S> {
+    pub(crate) fn box_distance_squared(&self, [lo, hi]: [Vec3; 2]) -> f32x16<S> {
         let x = self.gap(self.x, lo.x, hi.x);
         let y = self.gap(self.y, lo.y, hi.y);
         let z = self.gap(self.z, lo.z, hi.z);
         x.mul_add(x, y.mul_add(y, z * z))
+    }
+}
+
+/// What searches see of a node, in one cache line; where its faces are nearly flat and oblique, that is all.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub(crate) struct Hull {
+    pub(crate) disc: Disc,
+    /// As in [`Node`].
+    pub(crate) second: u32,
+    first: u32,
+    count: u32,
+}
+
+impl Hull {
+    pub(crate) fn new(node: &Node) -> Self {
+        Self {
+            disc: Disc::new(node),
+            second: node.second,
+            first: node.first,
+            count: node.count,
+        }
+    }
+
+    pub(crate) fn is_leaf(&self) -> bool {
+        self.second == 0
+    }
+
+    pub(crate) fn range(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
     }
 }
 
@@ -136,7 +148,7 @@ impl<S: Simd> Packet<S> {
 /// their box.
 #[derive(Debug, Clone)]
 pub(crate) struct Disc {
-    centre: DVec3,
+    pub(crate) centre: DVec3,
     axis: Vec3,
     pub(crate) radius: f32,
     /// Infinite where the box is thin enough.
@@ -153,7 +165,13 @@ const ROUNDING: f64 = 5e-7;
 const SQUARED_ROUNDING: f32 = 5e-7;
 
 impl Disc {
-    pub(crate) fn new(node: &Node) -> Self {
+    /// Whether it is no better than the box.
+    #[inline(always)]
+    pub(crate) fn is_thick(&self) -> bool {
+        self.thickness == f32::INFINITY
+    }
+
+    fn new(node: &Node) -> Self {
         let Moments {
             centre,
             radius,

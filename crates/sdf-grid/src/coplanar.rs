@@ -119,7 +119,7 @@ impl Surface<'_> {
     /// Appends faces that cover a region: cut anew, or its triangles where that fails.
     fn cover(&self, regions: &Regions, id: usize, faces: &mut Vec<Piece>) {
         let region = regions.get(id);
-        let normal = regions.plane(id).normal;
+        let normal = self.plane(regions, id).normal;
         let facets = || region.iter().map(|t| &self.facets[*t as usize]);
         let area: f64 = facets().map(|f| f.area * f.normal.dot(normal)).sum();
         let unfolded = area > UNFOLDED * facets().map(|f| f.area).sum::<f64>();
@@ -190,7 +190,7 @@ impl Surface<'_> {
 
     /// A region of several triangles cut anew; none if its outline crosses itself.
     fn outlined(&self, regions: &Regions, id: usize) -> Option<Vec<Piece>> {
-        let (source, plane) = (regions.get(id)[0], regions.plane(id));
+        let (source, plane) = (regions.get(id)[0], self.plane(regions, id));
         let [across, up] = plane.axes();
         let flat = |v: u32| {
             let p = self.vertices[v as usize] - plane.origin;

@@ -103,7 +103,8 @@ pub(super) struct Regions {
     triangles: Vec<u32>,
     /// Where each begins, and the end of the last.
     starts: Vec<usize>,
-    planes: Vec<Plane>,
+    /// That of each, if it is not that of its first triangle.
+    planes: Vec<Option<Plane>>,
     /// The region of each triangle, or [`NONE`].
     pub(super) of: Vec<u32>,
 }
@@ -115,10 +116,6 @@ impl Regions {
 
     pub(super) fn get(&self, id: usize) -> &[u32] {
         &self.triangles[self.starts[id]..self.starts[id + 1]]
-    }
-
-    pub(super) fn plane(&self, id: usize) -> &Plane {
-        &self.planes[id]
     }
 
     /// The region that begins with a triangle, if there is one and it is not large.
@@ -137,7 +134,7 @@ impl Regions {
     }
 
     /// Ends the region whose triangles were added last.
-    fn close(&mut self, plane: Plane) {
+    fn close(&mut self, plane: Option<Plane>) {
         self.planes.push(plane);
         self.starts.push(self.triangles.len());
     }
@@ -205,20 +202,24 @@ impl<'a> Surface<'a> {
             let plane = match beside[seed as usize] {
                 Beside::Nothing => {
                     regions.add(seed);
-                    self.plane_of(seed)
+                    None
                 }
                 Beside::One(other) => {
                     regions.add(seed);
                     if regions.of[other as usize] == NONE {
                         regions.add(other);
                     }
-                    self.plane_of(seed)
+                    None
                 }
-                Beside::More => self.grow(&mut regions, seed),
+                Beside::More => Some(self.grow(&mut regions, seed)),
             };
             regions.close(plane);
         }
         regions
+    }
+
+    pub(super) fn plane(&self, regions: &Regions, id: usize) -> Plane {
+        regions.planes[id].unwrap_or_else(|| self.plane_of(regions.get(id)[0]))
     }
 
     /// What a region grown from a triangle would be were nothing taken.

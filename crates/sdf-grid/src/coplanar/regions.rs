@@ -175,18 +175,10 @@ impl<'a> Surface<'a> {
 
     /// Connected flat regions, grown from the largest triangle on.
     pub(super) fn regions(&self) -> Regions {
-        // Largest first: numbers that are not negative are ordered as their bits are.
-        let seed = |(i, facet): (usize, &Facet)| {
-            let size = u64::from((facet.area as f32).to_bits());
-            (facet.area > 0.0).then_some((u64::from(u32::MAX) - size) << 32 | i as u64)
-        };
-        let mut seeds: Vec<u64> = (self.facets.par_iter().enumerate())
-            .filter_map(seed)
-            .collect();
         let all = (0..self.indices.len() as u32).into_par_iter();
-        let (beside, ()) = rayon::join(
+        let (beside, seeds) = rayon::join(
             || all.map(|t| self.beside(t)).collect::<Vec<Beside>>(),
-            || seeds.par_sort_unstable(),
+            || self.largest_first(),
         );
         let mut regions = Regions {
             triangles: Vec::with_capacity(seeds.len()),
@@ -195,7 +187,6 @@ impl<'a> Surface<'a> {
             of: vec![NONE; self.indices.len()],
         };
         for seed in seeds {
-            let seed = seed as u32;
             if regions.of[seed as usize] != NONE {
                 continue;
             }
@@ -220,6 +211,31 @@ impl<'a> Surface<'a> {
 
     pub(super) fn plane(&self, regions: &Regions, id: usize) -> Plane {
         regions.planes[id].unwrap_or_else(|| self.plane_of(regions.get(id)[0]))
+    }
+
+    /// Triangles that have an area, largest first up to a 256th of it, then in the order of the mesh, in which neighbours
+    /// mostly are not far apart.
+    fn largest_first(&self) -> Vec<u32> {
+        // Exponents and eight more bits: numbers that are not negative are ordered as their bits are.
+        let rank = |facet: &Facet| usize::from(u16::MAX - ((facet.area as f32).to_bits() >> 15) as u16);
+        // Where triangles of each rank begin. Those of no area have the last and are left out.
+        let last = usize::from(u16::MAX);
+        let mut places = vec![0u32; last + 2];
+        for facet in &self.facets {
+            places[rank(facet) + 1] += 1;
+        }
+        for r in 0..last {
+            places[r + 1] += places[r];
+        }
+        let mut seeds = vec![0; places[last] as usize];
+        for (i, facet) in self.facets.iter().enumerate() {
+            let place = &mut places[rank(facet)];
+            if let Some(seed) = seeds.get_mut(*place as usize) {
+                *seed = i as u32;
+                *place += 1;
+            }
+        }
+        seeds
     }
 
     /// What a region grown from a triangle would be were nothing taken.

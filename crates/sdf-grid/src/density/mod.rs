@@ -21,7 +21,6 @@ mod gradient;
 mod patch;
 mod point;
 pub mod reference;
-mod regroup;
 mod sampling;
 mod signed_distance;
 mod signs;

@@ -9,7 +9,6 @@ use num_complex::{Complex32, Complex64};
 use super::fast::{LANES, Lanes, PacketDensity, Points, Walk};
 use super::point::PointDensity;
 use super::reference::UnitDensity;
-use super::regroup::Regroup;
 use super::signs::Signs;
 use super::smooth::{Attempt, SmoothBlock};
 use crate::bvh::Bvh;
@@ -47,7 +46,6 @@ pub(crate) struct PatchValues {
     /// The size of the face nearest to each brick.
     faces: Vec<f32>,
     signs: Signs,
-    regroup: Regroup,
     walk: Walk,
 }
 
@@ -259,15 +257,32 @@ impl<'a> PatchDensity<'a> {
 
     /// All densities of a patch whose signed distances are known.
     fn integrate_all(&self, patch: &Patch, bricks: &[Brick], values: &mut PatchValues) {
-        let mut regroup = std::mem::take(&mut values.regroup);
         for (i, brick) in bricks.iter().enumerate() {
             let distances = self.wanted(brick, values);
-            if !regroup.takes(patch, brick, &distances, values.faces[i]) {
+            if parted(&distances, values.faces[i]) {
+                self.integrate_each(patch, brick, &distances, values);
+            } else {
                 self.integrate(brick, values);
             }
         }
-        regroup.empty(patch, |flat| self.integrate(&patch.brick(flat), values));
-        values.regroup = regroup;
+    }
+
+    /// Densities of the points of a brick one by one.
+    fn integrate_each(
+        &self,
+        patch: &Patch,
+        brick: &Brick,
+        distances: &Lanes,
+        values: &mut PatchValues,
+    ) {
+        for (lane, (flat, distance)) in brick.flat.into_iter().zip(*distances).enumerate() {
+            // Points are repeated where the patch ends.
+            if distance > 0.0 && !brick.flat[..lane].contains(&flat) {
+                let point = patch.position(patch.unravel(flat));
+                let integral = self.packets.integral(point, distance, &mut values.walk);
+                values.set_integral(flat, integral);
+            }
+        }
     }
 
     /// Distances of the points of a brick whose density is wanted and unknown, zero elsewhere.
@@ -295,9 +310,7 @@ impl<'a> PatchDensity<'a> {
         for lane in 0..LANES {
             let flat = brick[lane];
             if distances[lane] > 0.0 {
-                let integral = Complex32::new(re[lane], im[lane]);
-                let inside = values.distance[flat] < 0.0;
-                values.density[flat] = if inside { -integral } else { integral.conj() };
+                values.set_integral(flat, [re[lane], im[lane]]);
             }
         }
     }
@@ -325,6 +338,13 @@ impl PatchValues {
         self.done[flat] = true;
     }
 
+    /// Sets the density of a point from the integral there.
+    fn set_integral(&mut self, flat: usize, [re, im]: [f32; 2]) {
+        let integral = Complex32::new(re, im);
+        let inside = self.distance[flat] < 0.0;
+        self.density[flat] = if inside { -integral } else { integral.conj() };
+    }
+
     /// Exterior and interior part at a point.
     pub(crate) fn parts(&self, flat: usize) -> [Complex32; 2] {
         let (own, none) = (self.density[flat], Complex32::ZERO);
@@ -338,6 +358,22 @@ impl PatchValues {
             }
         }
     }
+}
+
+/// Distances in a packet may differ by this factor.
+const EVEN: f32 = 4.0;
+
+/// In units of the faces near: up to this distance faces are few.
+const FINE: f32 = 12.0;
+
+/// Whether the points of a packet have parted: it adds clusters that are small enough for its nearest point, as far as
+/// the reach of its farthest. Next to a boundary of many small faces those are thousands, where one point needs a
+/// hundred. `face` is the size of the faces near; `distances` are zero where no density is wanted.
+fn parted(distances: &Lanes, face: f32) -> bool {
+    let most = distances.iter().fold(0f32, |a, d| a.max(*d));
+    let wanted = |d: &&f32| **d > 0.0;
+    let least = distances.iter().filter(wanted).fold(most, |a, d| a.min(*d));
+    most > EVEN * least.max(face) && most > FINE * face
 }
 
 fn single(z: Complex64) -> Complex32 {

@@ -4,6 +4,7 @@ use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{DVec3, Vec3};
 
+use super::alone::FarClusters;
 use super::groups::{Below, Group, Members, WIDTH};
 use super::near::{NearFaces, Query};
 use super::packet::Packet;
@@ -20,12 +21,16 @@ pub(crate) struct Cluster {
     pub(crate) centre: DVec3,
     pub(crate) radius: f32,
     pub(crate) spread: f32,
-    area_vector: Vec3,
-    normal_moment: [f32; 6],
-    trace: f32,
-    cubic: [f32; 10],
-    vector: Vec3,
+    /// Area vector, normal moment and its trace, cubic form, vector, from the indices below on.
+    pub(crate) terms: [f32; TERMS],
 }
+
+/// Numbers in the expansion of a cluster, and where they begin.
+pub(crate) const TERMS: usize = 23;
+const NORMAL_MOMENT: usize = 3;
+const TRACE: usize = 9;
+const CUBIC: usize = 10;
+const VECTOR: usize = 20;
 
 impl Cluster {
     /// Of nothing.
@@ -33,11 +38,7 @@ impl Cluster {
         centre: DVec3::ZERO,
         radius: 0.0,
         spread: 0.0,
-        area_vector: Vec3::ZERO,
-        normal_moment: [0.0; 6],
-        trace: 0.0,
-        cubic: [0.0; 10],
-        vector: Vec3::ZERO,
+        terms: [0.0; TERMS],
     };
 
     /// Of one face.
@@ -48,22 +49,49 @@ impl Cluster {
 
     /// Direction of the area vector.
     pub(crate) fn axis(&self) -> Vec3 {
-        let axis = self.area_vector.as_dvec3().try_normalize();
+        let area_vector = Vec3::from_slice(&self.terms[..3]);
+        let axis = area_vector.as_dvec3().try_normalize();
         axis.unwrap_or(DVec3::Z).as_vec3()
     }
 
     pub(crate) fn new(m: &Moments) -> Self {
         let [xx, yy, zz, xy, xz, yz] = m.normal_moment;
+        let mut terms = [0.0; TERMS];
+        let mut set = |first: usize, values: &[f64]| {
+            for (term, value) in terms[first..].iter_mut().zip(values) {
+                *term = *value as f32;
+            }
+        };
+        set(0, &m.area_vector.to_array());
+        set(NORMAL_MOMENT, &[xx, yy, zz, 2.0 * xy, 2.0 * xz, 2.0 * yz]);
+        set(TRACE, &[xx + yy + zz]);
+        set(CUBIC, &m.cubic);
+        set(VECTOR, &m.vector.to_array());
         Self {
             centre: m.centre,
             radius: m.radius as f32,
             spread: m.spread as f32,
-            area_vector: m.area_vector.as_vec3(),
-            normal_moment: [xx, yy, zz, 2.0 * xy, 2.0 * xz, 2.0 * yz].map(|v| v as f32),
-            trace: (xx + yy + zz) as f32,
-            cubic: m.cubic.map(|v| v as f32),
-            vector: m.vector.as_vec3(),
+            terms,
         }
+    }
+}
+
+/// The terms of one cluster that all points see, or of one for each.
+pub(crate) trait Terms<S: Simd> {
+    fn get(&self, simd: S, term: usize) -> f32x16<S>;
+}
+
+impl<S: Simd> Terms<S> for [f32; TERMS] {
+    #[inline(always)]
+    fn get(&self, simd: S, term: usize) -> f32x16<S> {
+        f32x16::splat(simd, self[term])
+    }
+}
+
+impl<S: Simd> Terms<S> for [Lanes; TERMS] {
+    #[inline(always)]
+    fn get(&self, simd: S, term: usize) -> f32x16<S> {
+        f32x16::simd_from(simd, self[term])
     }
 }
 
@@ -71,10 +99,12 @@ impl Cluster {
 #[derive(Debug, Default)]
 pub(crate) struct Walk {
     /// Groups to look at.
-    waiting: Vec<u32>,
-    near: NearFaces,
+    pub(crate) waiting: Vec<u32>,
+    pub(crate) near: NearFaces,
+    /// Clusters to add for a lone point.
+    pub(crate) far: FarClusters,
     /// Whether clusters cancelled at the packet before.
-    cancelled: bool,
+    pub(crate) cancelled: bool,
 }
 
 impl Walk {
@@ -85,7 +115,7 @@ impl Walk {
 }
 
 /// Where clusters add up to this many times their sum they cancel, and their errors weigh more.
-const CANCELLING: f32 = 1.1;
+pub(crate) const CANCELLING: f32 = 1.1;
 
 /// See [`PacketDensity::integrals`].
 #[simd]
@@ -120,11 +150,11 @@ pub(crate) fn integrals<S: Simd>(
 }
 
 /// Which clusters are far.
-struct Limits<'a> {
+pub(crate) struct Limits<'a> {
     /// Of those whose normals spread little.
-    open: &'a Far,
+    pub(crate) open: &'a Far,
     /// Of the others, in which front and back may cancel unseen.
-    folded: &'a Far,
+    pub(crate) folded: &'a Far,
 }
 
 /// The sine of the angle between a cluster's normals and their mean from which on it is folded.
@@ -171,7 +201,7 @@ fn accumulate<S: Simd>(
                 let seen = Seen::new(packet, query, cluster);
                 let axis = (group.axis_of(place), sines[place]);
                 if seen.is_far(density, cluster, axis, query, limits.of(cluster)) {
-                    seen.add(density, cluster, query, &mut sum, &mut magnitude);
+                    seen.add(density, &cluster.terms, query, &mut sum, &mut magnitude);
                     continue;
                 }
             }
@@ -194,7 +224,7 @@ fn accumulate<S: Simd>(
 /// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it lies in distant
 /// caches.
 #[inline(always)]
-fn ask_for(
+pub(crate) fn ask_for(
     density: &PacketDensity<'_>,
     group: &Group,
     clusters: &[Cluster; WIDTH],
@@ -218,7 +248,7 @@ fn ask_for(
 }
 
 /// What tells whether a cluster may be far from a packet, or out of reach, without a look at its points.
-struct Glance {
+pub(crate) struct Glance {
     centre: Vec3,
     /// Half the size of the points' box, and half its diagonal.
     box_half: Vec3,
@@ -239,7 +269,7 @@ struct Glance {
 
 impl Glance {
     #[inline(always)]
-    fn new<S: Simd>(
+    pub(crate) fn new<S: Simd>(
         density: &PacketDensity<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
@@ -271,7 +301,7 @@ impl Glance {
     /// [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves most of the tests
     /// that fail. And the sines between the members' axes and the line from the packet's centre.
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, group: &Group) -> ([u32; 2], Members) {
+    pub(crate) fn at<S: Simd>(&self, simd: S, group: &Group) -> ([u32; 2], Members) {
         let load = |members: &Members| f32x8::simd_from(simd, *members);
         let splat = |value: f32| f32x8::splat(simd, value);
         let zero = splat(0.0);
@@ -314,7 +344,7 @@ impl Glance {
 const LEAST_SINE: f32 = 0.1;
 
 /// A cluster as the points of a packet see it, in units of their distances.
-struct Seen<S: Simd> {
+pub(crate) struct Seen<S: Simd> {
     /// `r = (p - c) / xi`.
     r: [f32x16<S>; 3],
     /// `|r|`.
@@ -328,11 +358,16 @@ impl<S: Simd> Seen<S> {
     #[inline(always)]
     fn new(packet: &Packet<S>, query: &Query<S>, cluster: &Cluster) -> Self {
         let from = (cluster.centre - packet.centre).as_vec3();
-        let r = [
+        Self::at([
             (packet.x - from.x) * query.inverse,
             (packet.y - from.y) * query.inverse,
             (packet.z - from.z) * query.inverse,
-        ];
+        ])
+    }
+
+    /// From `r`.
+    #[inline(always)]
+    pub(crate) fn at(r: [f32x16<S>; 3]) -> Self {
         let squared = r[0].mul_add(r[0], r[1].mul_add(r[1], r[2] * r[2]));
         let u = squared.max(1e-30).sqrt();
         // One division for two.
@@ -387,10 +422,10 @@ impl<S: Simd> Seen<S> {
 
     /// Adds the cluster's second-order expansion ([`Moments::far_field`]), and its size to `magnitude`.
     #[inline(always)]
-    fn add(
+    pub(crate) fn add(
         &self,
         density: &PacketDensity<'_>,
-        cluster: &Cluster,
+        terms: &impl Terms<S>,
         query: &Query<S>,
         sum: &mut [f32x16<S>; 2],
         magnitude: &mut f32x16<S>,
@@ -400,38 +435,27 @@ impl<S: Simd> Seen<S> {
         if !counts.any_true() {
             return;
         }
-        let (m, s) = (&cluster.normal_moment, &cluster.cubic);
+        let simd = self.u.token();
         let [x, y, z] = self.r;
         let (xx, yy, zz) = (x * x, y * y, z * z);
         let (xy, xz, yz) = (x * y, x * z, y * z);
         let scale = query.inverse * query.inverse;
-        let sum_of = |terms: &[(f32x16<S>, f32)]| {
-            let first = terms[0].0 * terms[0].1;
-            let add = |sum: f32x16<S>, t: &(f32x16<S>, f32)| t.0.mul_add(t.1, sum);
-            terms[1..].iter().fold(first, add)
+        let sum_of = |first: usize, powers: &[f32x16<S>]| {
+            let start = powers[0] * terms.get(simd, first);
+            let add = |sum: f32x16<S>, (k, power): (usize, &f32x16<S>)| {
+                power.mul_add(terms.get(simd, first + 1 + k), sum)
+            };
+            powers[1..].iter().enumerate().fold(start, add)
         };
-        let tilt = sum_of(&[
-            (xx, m[0]),
-            (yy, m[1]),
-            (zz, m[2]),
-            (xy, m[3]),
-            (xz, m[4]),
-            (yz, m[5]),
-        ]);
-        let with_x = sum_of(&[
-            (xx, s[0]),
-            (xy, s[1]),
-            (xz, s[2]),
-            (yy, s[3]),
-            (yz, s[4]),
-            (zz, s[5]),
-        ]);
-        let with_y = sum_of(&[(yy, s[6]), (yz, s[7]), (zz, s[8])]);
-        let cubic = x.mul_add(with_x, y.mul_add(with_y, z * zz * s[9]));
-        let flat = self.dot(cluster.area_vector) - query.inverse * cluster.trace;
-        let first = self.dot(cluster.vector) * scale - tilt * query.inverse;
+        let tilt = sum_of(NORMAL_MOMENT, &[xx, yy, zz, xy, xz, yz]);
+        let with_x = sum_of(CUBIC, &[xx, xy, xz, yy, yz, zz]);
+        let with_y = sum_of(CUBIC + 6, &[yy, yz, zz]);
+        let with_z = z * zz * terms.get(simd, CUBIC + 9);
+        let cubic = x.mul_add(with_x, y.mul_add(with_y, with_z));
+        let flat = sum_of(0, &self.r) - query.inverse * terms.get(simd, TRACE);
+        let first = sum_of(VECTOR, &self.r) * scale - tilt * query.inverse;
         let bow = cubic * scale * (self.inverse_u * self.inverse_u * 0.5);
-        let zero = f32x16::splat(self.u.token(), 0.0);
+        let zero = f32x16::splat(simd, 0.0);
         let seen = [distance, self.u, self.inverse_u, self.w];
         let values = density.kernel.expansion(seen, [flat, first, bow]);
         for k in 0..2 {

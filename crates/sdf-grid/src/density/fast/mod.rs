@@ -4,6 +4,7 @@
 //! centre, subtracted in f64, so that single precision resolves lengths relative to the packet,
 //! not to the part. Instruction sets are chosen at run time.
 
+mod alone;
 mod edge;
 mod far;
 mod groups;
@@ -17,6 +18,7 @@ mod tests;
 mod twins;
 
 use fearless_simd::{Level, dispatch};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use self::far::Cluster;
@@ -138,5 +140,11 @@ impl<'a> PacketDensity<'a> {
         walk: &mut Walk,
     ) -> [Lanes; 2] {
         dispatch!(self.level, simd => far::integrals(simd, self, points, distances, walk))
+    }
+
+    /// The same at one point whose distance is not zero: where faces are so small that neighbouring points have
+    /// hardly any clusters in common.
+    pub(crate) fn integral(&self, point: DVec3, distance: f32, walk: &mut Walk) -> [f32; 2] {
+        dispatch!(self.level, simd => alone::integral(simd, self, point, distance, walk))
     }
 }

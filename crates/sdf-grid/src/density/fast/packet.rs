@@ -62,6 +62,20 @@ impl<S: Simd> Packet<S> {
         }
     }
 
+    /// Of sixteen times the same point.
+    #[inline(always)]
+    pub(crate) fn of_one(simd: S, point: DVec3) -> Self {
+        let zero = f32x16::splat(simd, 0.0);
+        Self {
+            simd,
+            centre: point,
+            x: zero,
+            y: zero,
+            z: zero,
+            half: Vec3::ZERO,
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn splat(&self, value: f32) -> f32x16<S> {
         f32x16::splat(self.simd, value)

@@ -217,7 +217,8 @@ impl<'a> Surface<'a> {
     /// mostly are not far apart.
     fn largest_first(&self) -> Vec<u32> {
         // Exponents and eight more bits: numbers that are not negative are ordered as their bits are.
-        let rank = |facet: &Facet| usize::from(u16::MAX - ((facet.area as f32).to_bits() >> 15) as u16);
+        let rank =
+            |facet: &Facet| usize::from(u16::MAX - ((facet.area as f32).to_bits() >> 15) as u16);
         // Where triangles of each rank begin. Those of no area have the last and are left out.
         let last = usize::from(u16::MAX);
         let mut places = vec![0u32; last + 2];

@@ -53,8 +53,8 @@ impl FarClusters {
         self.len = 0;
         let simd = query.xi.token();
         let mut r = [query.inverse; 3];
-        for k in 0..3 {
-            r[k] *= f32x16::simd_from(simd, self.from[k]);
+        for (r, from) in r.iter_mut().zip(self.from) {
+            *r *= f32x16::simd_from(simd, from);
         }
         Seen::at(r).add(density, &self.terms, query, sum, magnitude);
     }

@@ -62,6 +62,51 @@ fn triangles_match_the_f64_edge_integrals() {
     }
 }
 
+/// From next to the faces, where all are near, to far away, where all are in clusters; outside and inside; and between
+/// the faces of a thin plate, which cancel.
+#[test]
+fn single_points_match_the_f64_edge_integrals() {
+    let torus = shapes::torus(1.0, 0.4, 90, 36).unwrap();
+    let plate = shapes::cuboid(DVec3::new(1.0, 0.8, 0.01)).unwrap();
+    for (mesh, away) in [
+        (torus, [-0.1, -0.01, 1e-3, 0.03, 0.1, 0.5, 2.0]),
+        (plate, [-1e-3, -4e-3, 1e-3, 0.03, 0.1, 0.5, 2.0]),
+    ] {
+        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT);
+        for (sigma, tolerance) in [(0.05, 1e-3), (0.1, 1e-4), (0.2, 1e-5)] {
+            let table = CumulativeKernel::new(DensityKernel::new(sigma).unwrap());
+            let mut density = PacketDensity::new(&bvh, &table, tolerance);
+            let exact = EdgeQuadrature::new(sigma, 8.4, 12, 0.25);
+            let (mut wrong, mut all, mut walk) = (0.0, 0.0, Walk::default());
+            for (i, face) in bvh
+                .faces
+                .iter()
+                .enumerate()
+                .step_by(1 + bvh.faces.len() / 20)
+            {
+                for away in away {
+                    let point = face.centroid + face.normal * away + 0.2 * away * face.along[0];
+                    let xi = bvh.nearest_normalized(point).1.sqrt();
+                    let parts = bvh.faces.iter().map(|t| exact.face(&table, t, point, xi));
+                    let expected: Complex64 = parts.sum();
+                    for level in levels() {
+                        density.level = level;
+                        let [re, im] = density.integral(point, xi as f32, &mut walk);
+                        let found = Complex64::new(re.into(), im.into());
+                        assert!(found.is_finite(), "{level:?} face {i}, {away}");
+                        wrong += (found - expected).norm_sqr();
+                        all += expected.norm_sqr();
+                    }
+                }
+            }
+            let error = f64::sqrt(wrong / all);
+            println!("{sigma} {tolerance:e}: {error:.1e}");
+            // The tolerance is that of a field.
+            assert!(error < tolerance, "{sigma} {tolerance:e}: {error:e}");
+        }
+    }
+}
+
 /// Every instruction set that this machine has.
 fn levels() -> Vec<Level> {
     let best = Level::new();

@@ -8,6 +8,7 @@ mod build;
 use glam::DVec3;
 use rayon::prelude::*;
 
+pub(crate) use self::build::Leaves;
 use crate::TriangleMesh;
 use crate::coplanar;
 use crate::face::{Face, Piece};
@@ -62,18 +63,18 @@ impl Bvh {
         let (centre, scale) = normalization(mesh);
         let corner = |p: DVec3| (p - centre) * scale;
         let triangle = |i: usize| Piece::triangle(mesh.corners(i).map(corner), i as u32);
-        let tree = build::tree(mesh.triangles().len(), triangle);
+        let tree = build::tree(mesh.triangles().len(), Leaves::Small, triangle);
         Self::over(tree, centre, scale, false)
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to `flat`
     /// ([`coplanar::merged`]) are merged and long faces cut.
-    pub(crate) fn merged(mesh: &TriangleMesh, flat: f64) -> Self {
+    pub(crate) fn merged(mesh: &TriangleMesh, flat: f64, leaves: Leaves) -> Self {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
         let faces = coplanar::merged(mesh.triangles(), &corners, flat);
-        let tree = build::tree(faces.len(), |i| faces.get(i));
+        let tree = build::tree(faces.len(), leaves, |i| faces.get(i));
         Self::over(tree, centre, scale, faces.closed)
     }
 

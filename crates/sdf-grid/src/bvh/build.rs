@@ -9,10 +9,25 @@ use crate::large;
 use crate::mesh::Aabb;
 use crate::moments::Moments;
 
-const LEAF_SIZE: usize = 4;
+/// Faces of a leaf at most.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Leaves {
+    /// Four: the best for what looks at faces one by one.
+    Small,
+    /// Eight in trees of more than [`MANY_PIECES`]: for searches and far clusters among faces so small that they are
+    /// looked at many at a time, and nodes wait for memory.
+    LargeOfMany,
+}
 
-/// Trees of more pieces than this have leaves of twice as many: pieces so small are looked at many at a time, and
-/// nodes wait for memory.
+impl Leaves {
+    fn size(self, pieces: usize) -> usize {
+        match self {
+            Self::LargeOfMany if pieces > MANY_PIECES => 8,
+            _ => 4,
+        }
+    }
+}
+
 const MANY_PIECES: usize = 20_000;
 
 const BINS: usize = 16;
@@ -24,6 +39,7 @@ const PARALLEL_SIZE: usize = 2048;
 /// them twice: that is cheaper than to move them.
 pub(super) fn tree(
     count: usize,
+    leaves: Leaves,
     make: impl Fn(usize) -> Option<Piece> + Sync,
 ) -> (Vec<Node>, Vec<Face>) {
     let indices = (0..count).into_par_iter();
@@ -33,11 +49,7 @@ pub(super) fn tree(
     if boxes.is_empty() {
         return Default::default();
     }
-    let leaf = if boxes.len() > MANY_PIECES {
-        2 * LEAF_SIZE
-    } else {
-        LEAF_SIZE
-    };
+    let leaf = leaves.size(boxes.len());
     let mut nodes = Vec::new();
     grow(&mut boxes, leaf, 0, 0, &mut nodes);
     let again = |b: &PieceBox| Face::new(&make(b.index as usize).expect("made before"));

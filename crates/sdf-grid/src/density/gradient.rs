@@ -11,7 +11,7 @@ use super::edge_gradient::FaceGradient;
 use super::edge_integral::EdgeQuadrature;
 use super::reference::UnitDensity;
 use crate::TriangleMesh;
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Leaves};
 use crate::coplanar;
 use crate::kernel::{CumulativeKernel, DensityKernel};
 
@@ -70,7 +70,7 @@ impl DensityGradient {
     /// # Errors
     /// If the mesh has no triangle with an area.
     pub fn new(mesh: &TriangleMesh, kernel: &DensityKernel) -> Result<Self, DensityError> {
-        let bvh = Bvh::merged(mesh, coplanar::EXACT);
+        let bvh = Bvh::merged(mesh, coplanar::EXACT, Leaves::Small);
         if bvh.faces.is_empty() {
             return Err(DensityError::EmptyMesh);
         }

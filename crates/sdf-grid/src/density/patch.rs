@@ -259,7 +259,7 @@ impl<'a> PatchDensity<'a> {
     fn integrate_all(&self, patch: &Patch, bricks: &[Brick], values: &mut PatchValues) {
         for (i, brick) in bricks.iter().enumerate() {
             let distances = self.wanted(brick, values);
-            if parted(&distances, values.faces[i]) {
+            if parted(&distances, values.faces[i], self.packets.fine()) {
                 self.integrate_each(patch, brick, &distances, values);
             } else {
                 self.integrate(brick, values);
@@ -363,17 +363,15 @@ impl PatchValues {
 /// Distances in a packet may differ by this factor.
 const EVEN: f32 = 4.0;
 
-/// In units of the faces near: up to this distance faces are few.
-const FINE: f32 = 12.0;
-
 /// Whether the points of a packet have parted: it adds clusters that are small enough for its nearest point, as far as
 /// the reach of its farthest. Next to a boundary of many small faces those are thousands, where one point needs a
-/// hundred. `face` is the size of the faces near; `distances` are zero where no density is wanted.
-fn parted(distances: &Lanes, face: f32) -> bool {
+/// hundred. `face` is the size of the faces near, of which there are few up to `fine` times that; `distances` are zero
+/// where no density is wanted.
+fn parted(distances: &Lanes, face: f32, fine: f32) -> bool {
     let most = distances.iter().fold(0f32, |a, d| a.max(*d));
     let wanted = |d: &&f32| **d > 0.0;
     let least = distances.iter().filter(wanted).fold(most, |a, d| a.min(*d));
-    most > EVEN * least.max(face) && most > FINE * face
+    most > EVEN * least.max(face) && most > fine * face
 }
 
 fn single(z: Complex64) -> Complex32 {

@@ -8,7 +8,7 @@ use super::fast::PacketDensity;
 use super::patch::{Anchor, Patch, PatchDensity, PatchValues};
 use super::point::PointDensity;
 use super::{DensityError, DensityField, Sampling, boundary};
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Leaves};
 use crate::kernel::CumulativeKernel;
 use crate::{DensityKernel, Lattice, Monitor, TriangleMesh};
 
@@ -29,6 +29,9 @@ fn flat(tolerance: f64) -> f64 {
     3e-7 * (1e4 * tolerance).powf(0.8).min(1.0)
 }
 
+/// From this tolerance on most of a field is distances and far clusters, below it near faces.
+const COARSE: f64 = 3e-4;
+
 /// Computes every value of `field`, whose arrays are zero.
 pub(crate) fn fill(
     field: &mut DensityField,
@@ -38,7 +41,13 @@ pub(crate) fn fill(
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
     let table = || CumulativeKernel::new(*kernel);
-    let (bvh, table) = rayon::join(|| Bvh::merged(mesh, flat(tolerance)), table);
+    let leaves = if tolerance < COARSE {
+        Leaves::Small
+    } else {
+        Leaves::LargeOfMany
+    };
+    let surface = || Bvh::merged(mesh, flat(tolerance), leaves);
+    let (bvh, table) = rayon::join(surface, table);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }

@@ -9,7 +9,7 @@ use super::patch::{Brick, Patch};
 use super::sampling::cut;
 use super::signs::Signs;
 use super::{DensityError, zeros};
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Leaves};
 use crate::coplanar;
 use crate::{Lattice, Monitor, TriangleMesh};
 
@@ -29,7 +29,7 @@ pub fn signed_distances(
     lattice: &Lattice,
     monitor: &dyn Monitor,
 ) -> Result<Array3<f32>, DensityError> {
-    let bvh = Bvh::merged(mesh, coplanar::EXACT);
+    let bvh = Bvh::merged(mesh, coplanar::EXACT, Leaves::LargeOfMany);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }

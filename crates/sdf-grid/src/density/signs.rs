@@ -140,6 +140,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::bvh::Leaves;
     use crate::coplanar::EXACT;
     use crate::shapes::random_solid;
     use crate::{HygieneOptions, TriangleMesh};
@@ -163,7 +164,7 @@ mod tests {
         for seed in 0..6 {
             let solid = random_solid(seed).unwrap();
             for (mesh, closed) in [(opened(&solid), false), (solid, true)] {
-                let bvh = Bvh::merged(&mesh, EXACT);
+                let bvh = Bvh::merged(&mesh, EXACT, Leaves::Small);
                 assert_eq!(bvh.closed, closed);
                 let mut signs = Signs::default();
                 for block in 0..64 {

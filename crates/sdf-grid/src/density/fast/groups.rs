@@ -217,6 +217,7 @@ impl Children {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bvh::Leaves;
     use crate::shapes::random_solid;
 
     fn three(v: &[Members; 3], place: usize) -> Vec3 {
@@ -227,7 +228,11 @@ mod tests {
     #[test]
     fn groups_hold_the_whole_tree() {
         for seed in 0..6 {
-            let bvh = Bvh::merged(&random_solid(seed).unwrap(), crate::coplanar::EXACT);
+            let bvh = Bvh::merged(
+                &random_solid(seed).unwrap(),
+                crate::coplanar::EXACT,
+                Leaves::Small,
+            );
             let (groups, _) = groups(&bvh);
             let mut seen = vec![0; bvh.faces.len()];
             let everywhere = (Vec3::NEG_INFINITY, Vec3::INFINITY);

@@ -126,6 +126,12 @@ impl<'a> PacketDensity<'a> {
         self.distance.facets[index].disc.radius
     }
 
+    /// In units of the faces near, the distance up to which few of them are in far clusters: less of the surface
+    /// is far at smaller tolerances.
+    pub(crate) fn fine(&self) -> f32 {
+        (23.0 / self.settings.far.size) as f32
+    }
+
     /// See [`PacketDistance::at`].
     pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
         self.distance.at(points, hint)

@@ -11,7 +11,7 @@ use super::packet::{Facet, Packet};
 use super::settings::Settings;
 use super::{LANES, Lanes, PacketDensity, Points, Walk};
 use crate::DensityKernel;
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Leaves};
 use crate::density::edge_integral::EdgeQuadrature;
 use crate::kernel::CumulativeKernel;
 use crate::shapes::{self, PegInHole, random_solid};
@@ -72,7 +72,7 @@ fn single_points_match_the_f64_edge_integrals() {
         (torus, [-0.1, -0.01, 1e-3, 0.03, 0.1, 0.5, 2.0]),
         (plate, [-1e-3, -4e-3, 1e-3, 0.03, 0.1, 0.5, 2.0]),
     ] {
-        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT);
+        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT, Leaves::Small);
         for (sigma, tolerance) in [(0.05, 1e-3), (0.1, 1e-4), (0.2, 1e-5)] {
             let table = CumulativeKernel::new(DensityKernel::new(sigma).unwrap());
             let mut density = PacketDensity::new(&bvh, &table, tolerance);
@@ -156,7 +156,7 @@ fn relative<'a>(found: impl Iterator<Item = (&'a f32, &'a f32)>) -> f64 {
 fn instruction_sets_agree() {
     let (_, peg) = PegInHole::Combined.pair(0.0).unwrap();
     for mesh in [peg, random_solid(0).unwrap()] {
-        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT);
+        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT, Leaves::Small);
         let table = CumulativeKernel::new(DensityKernel::new(0.1).unwrap());
         for tolerance in [1e-3, 1e-5] {
             let mut density = PacketDensity::new(&bvh, &table, tolerance);
@@ -253,7 +253,7 @@ fn nearer<S: Simd>(simd: S, facet: &Facet, points: &Points, best: &Lanes) -> boo
 #[test]
 fn discs_keep_every_face_that_is_nearer_and_none_that_is_far() {
     let torus = shapes::torus(1.0, 0.4, 60, 24).unwrap();
-    let bvh = Bvh::merged(&torus, crate::coplanar::EXACT);
+    let bvh = Bvh::merged(&torus, crate::coplanar::EXACT, Leaves::Small);
     let (mut needless, mut tried) = (0, 0);
     for (i, face) in bvh.faces.iter().enumerate().step_by(7) {
         let facet = Facet::new(face);

@@ -174,20 +174,25 @@ mod tests {
     use crate::bvh::Bvh;
     use crate::shapes::{self, PegInHole};
 
+    /// Of few faces, and of more than are looked at together.
     #[test]
     fn closed_meshes_have_a_twin_for_every_edge_and_each_is_its_twins_twin() {
         let (hole, _) = PegInHole::Combined.pair(0.0).unwrap();
-        let faces = Bvh::build(&hole).faces;
-        let twins = twins(&faces);
-        for (i, face) in faces.iter().enumerate() {
-            for k in 0..face.count {
-                let (j, l, coplanar) = twins[i][k].get().expect("closed");
-                assert_eq!(twins[j][l].get(), Some((i, k, coplanar)));
-                let ([a, b], [c, d]) = (ends(face, k), ends(&faces[j], l));
-                assert_eq!([a, b], [d, c]);
-                let apart = faces[j].outline().iter().map(|p| face.height(*p).abs());
-                let flat = apart.fold(0.0, f64::max) < 1e-9;
-                assert_eq!(coplanar, flat && face.normal.dot(faces[j].normal) > 0.0);
+        let torus = shapes::torus(1.0, 0.4, 60, 40).unwrap();
+        assert!(torus.triangles().len() * 4 > 4 * TOGETHER);
+        for mesh in [hole, torus] {
+            let faces = Bvh::build(&mesh).faces;
+            let twins = twins(&faces);
+            for (i, face) in faces.iter().enumerate() {
+                for k in 0..face.count {
+                    let (j, l, coplanar) = twins[i][k].get().expect("closed");
+                    assert_eq!(twins[j][l].get(), Some((i, k, coplanar)));
+                    let ([a, b], [c, d]) = (ends(face, k), ends(&faces[j], l));
+                    assert_eq!([a, b], [d, c]);
+                    let apart = faces[j].outline().iter().map(|p| face.height(*p).abs());
+                    let flat = apart.fold(0.0, f64::max) < 1e-9;
+                    assert_eq!(coplanar, flat && face.normal.dot(faces[j].normal) > 0.0);
+                }
             }
         }
     }

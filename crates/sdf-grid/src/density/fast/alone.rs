@@ -9,7 +9,6 @@ use super::far::{CANCELLING, Cluster, Glance, Limits, Seen, TERMS, Walk, ask_for
 use super::groups::Below;
 use super::near::Query;
 use super::packet::Packet;
-use super::settings::Settings;
 use super::{LANES, Lanes, PacketDensity};
 
 /// Clusters waiting to be added for one point. Reused from point to point.
@@ -71,19 +70,11 @@ pub(crate) fn integral<S: Simd>(
 ) -> [f32; 2] {
     let packet = Packet::of_one(simd, point);
     let query = Query::new(density, packet.splat(distance));
-    let Settings {
-        far,
-        far_cancelling,
-        ..
-    } = &density.settings;
-    let mut limits = Limits {
-        open: if walk.cancelled { far_cancelling } else { far },
-        folded: far_cancelling,
-    };
-    let (mut sum, mut cancelled) = accumulate(density, &packet, &query, &limits, walk);
-    if cancelled && !walk.cancelled {
-        limits.open = far_cancelling;
-        (sum, cancelled) = accumulate(density, &packet, &query, &limits, walk);
+    let limits = |cancelled| Limits::new(&density.settings, cancelled);
+    let first = walk.cancelled;
+    let (mut sum, mut cancelled) = accumulate(density, &packet, &query, &limits(first), walk);
+    if cancelled && !first {
+        (sum, cancelled) = accumulate(density, &packet, &query, &limits(true), walk);
     }
     walk.cancelled = cancelled;
     sum

@@ -128,19 +128,11 @@ pub(crate) fn integrals<S: Simd>(
 ) -> [Lanes; 2] {
     let packet = Packet::new(simd, points);
     let query = Query::new(density, f32x16::simd_from(simd, *distances));
-    let Settings {
-        far,
-        far_cancelling,
-        ..
-    } = &density.settings;
-    let mut limits = Limits {
-        open: if walk.cancelled { far_cancelling } else { far },
-        folded: far_cancelling,
-    };
-    let (mut sum, mut cancelled) = accumulate(density, &packet, &query, &limits, walk);
-    if cancelled && !walk.cancelled {
-        limits.open = far_cancelling;
-        (sum, cancelled) = accumulate(density, &packet, &query, &limits, walk);
+    let limits = |cancelled| Limits::new(&density.settings, cancelled);
+    let first = walk.cancelled;
+    let (mut sum, mut cancelled) = accumulate(density, &packet, &query, &limits(first), walk);
+    if cancelled && !first {
+        (sum, cancelled) = accumulate(density, &packet, &query, &limits(true), walk);
     }
     // Neighbours are alike: mostly saves the first of two attempts.
     walk.cancelled = cancelled;
@@ -152,15 +144,28 @@ pub(crate) fn integrals<S: Simd>(
 /// Which clusters are far.
 pub(crate) struct Limits<'a> {
     /// Of those whose normals spread little.
-    pub(crate) open: &'a Far,
+    open: &'a Far,
     /// Of the others, in which front and back may cancel unseen.
-    pub(crate) folded: &'a Far,
+    folded: &'a Far,
 }
 
 /// The sine of the angle between a cluster's normals and their mean from which on it is folded.
 const FOLDED: f32 = 0.7;
 
-impl Limits<'_> {
+impl<'a> Limits<'a> {
+    /// Where clusters cancel, or perhaps do not.
+    pub(crate) fn new(settings: &'a Settings, cancelled: bool) -> Self {
+        let Settings {
+            far,
+            far_cancelling,
+            ..
+        } = settings;
+        Self {
+            open: if cancelled { far_cancelling } else { far },
+            folded: far_cancelling,
+        }
+    }
+
     fn of(&self, cluster: &Cluster) -> &Far {
         if cluster.spread < FOLDED {
             self.open

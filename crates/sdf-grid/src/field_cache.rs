@@ -18,7 +18,7 @@ use crate::{
 
 /// First bytes of every file; the digit is the version of format and of the computed values:
 /// raised whenever the same inputs give other values.
-const MAGIC: &[u8; 16] = b"pegfit field 14\n";
+const MAGIC: &[u8; 16] = b"pegfit field 15\n";
 
 /// A directory of density fields.
 #[derive(Debug, Clone)]

@@ -39,7 +39,7 @@ const CHECKS: [[usize; 3]; LANES] = [
 
 /// The root mean square error at the checks, of that of the block's density, in tolerances. Checks
 /// lie where the error is largest, and the errors of blocks add up in the mean square.
-const ALLOWED: f64 = 2.0;
+const ALLOWED: f64 = 1.7;
 
 /// Spacings, times the root of the kernel's thickness, that the boundary must be away: the density varies
 /// over that root times the distance.

@@ -30,31 +30,53 @@ impl Far {
     const fn new(size: f64, front: f64, bend: f64) -> Self {
         Self { size, front, bend }
     }
+
+    /// Part of the way to another, in the logarithm.
+    fn towards(self, other: Self, part: f64) -> Self {
+        let power = |a: f64, b: f64| a * (b / a).powf(part);
+        Self {
+            size: power(self.size, other.size),
+            front: power(self.front, other.front),
+            bend: power(self.bend, other.bend),
+        }
+    }
 }
 
-/// Settings for 1e-2, 1e-3, 1e-4 and 1e-5, interpolated between in the logarithm.
-const TABLE: [Settings; 4] = [
-    Settings {
+/// Settings for one tolerance. Which clusters are far for kernels up to [`NARROW`], and for those from [`WIDE`] on: the
+/// same cluster is worse for a narrow kernel, but where clusters cancel (measured).
+struct Row {
+    reach: f64,
+    far: [Far; 2],
+    far_cancelling: Far,
+    density: f64,
+}
+
+const NARROW: f64 = 0.03;
+const WIDE: f64 = 0.1;
+
+/// For 1e-2, 1e-3, 1e-4 and 1e-5. Between them, and between kernels, limits are interpolated in the logarithm.
+const TABLE: [Row; 4] = [
+    Row {
         reach: 2.7,
-        far: Far::new(1.9, 1.5, 0.039),
+        far: [Far::new(1.9, 1.5, 0.039), Far::new(2.2, 1.5, 0.1)],
         far_cancelling: Far::new(1.5, 1.5, 0.013),
         density: 1.2,
     },
-    Settings {
+    Row {
         reach: 3.6,
-        far: Far::new(1.95, 3.5, 0.018),
+        far: [Far::new(1.95, 3.5, 0.018), Far::new(2.25, 3.5, 0.047)],
         far_cancelling: Far::new(1.5, 3.5, 0.009),
         density: 1.6,
     },
-    Settings {
+    Row {
         reach: 4.5,
-        far: Far::new(0.7, 4.5, 0.0036),
+        far: [Far::new(0.7, 4.5, 0.0036), Far::new(0.77, 4.5, 0.0072)],
         far_cancelling: Far::new(0.7, 4.5, 0.0018),
         density: 2.5,
     },
-    Settings {
+    Row {
         reach: 5.2,
-        far: Far::new(0.23, 4.5, 0.0007),
+        far: [Far::new(0.23, 4.5, 0.0007), Far::new(0.25, 4.5, 0.0011)],
         far_cancelling: Far::new(0.23, 4.5, 0.0005),
         density: 4.9,
     },
@@ -68,18 +90,14 @@ impl Settings {
         let f = place - i as f64;
         let (a, b) = (&TABLE[i], &TABLE[i + 1]);
         let line = |a: f64, b: f64| a + (b - a) * f;
-        let power = |a: f64, b: f64| a * (b / a).powf(f);
-        let far = |a: Far, b: Far| Far {
-            size: power(a.size, b.size),
-            front: power(a.front, b.front),
-            bend: power(a.bend, b.bend),
-        };
+        let breadth = ((sigma / NARROW).ln() / (WIDE / NARROW).ln()).clamp(0.0, 1.0);
+        let wide = |row: &Row| row.far[0].towards(row.far[1], breadth);
         Self {
             // The wider the kernel, the more front and back of thin parts cancel, and the more
             // the tail of the kernel shows.
             reach: line(a.reach, b.reach) + 1.4 * sigma,
-            far: far(a.far, b.far),
-            far_cancelling: far(a.far_cancelling, b.far_cancelling),
+            far: wide(a).towards(wide(b), f),
+            far_cancelling: a.far_cancelling.towards(b.far_cancelling, f),
             density: line(a.density, b.density),
         }
     }

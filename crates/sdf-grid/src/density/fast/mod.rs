@@ -129,7 +129,7 @@ impl<'a> PacketDensity<'a> {
     /// In units of the faces near, the distance up to which few of them are in far clusters: less of the surface
     /// is far at smaller tolerances.
     pub(crate) fn fine(&self) -> f32 {
-        (17.0 / self.settings.far.size) as f32
+        (15.0 / self.settings.far.size) as f32
     }
 
     /// See [`PacketDistance::at`].

@@ -42,11 +42,12 @@ impl Far {
     }
 }
 
-/// Settings for one tolerance. Which clusters are far for kernels up to [`NARROW`], and for those from [`WIDE`] on: the
-/// same cluster is worse for a narrow kernel, but where clusters cancel (measured).
+/// Settings for one tolerance. Limits are those for kernels up to [`NARROW`]. From [`WIDE`] on clusters may be bent more, up
+/// to `wide_bend`, but where they cancel (measured).
 struct Row {
     reach: f64,
-    far: [Far; 2],
+    far: Far,
+    wide_bend: f64,
     far_cancelling: Far,
     density: f64,
 }
@@ -58,25 +59,29 @@ const WIDE: f64 = 0.1;
 const TABLE: [Row; 4] = [
     Row {
         reach: 2.7,
-        far: [Far::new(1.9, 1.5, 0.039), Far::new(2.2, 1.5, 0.1)],
+        far: Far::new(1.9, 1.5, 0.039),
+        wide_bend: 0.1,
         far_cancelling: Far::new(1.5, 1.5, 0.013),
         density: 1.2,
     },
     Row {
         reach: 3.6,
-        far: [Far::new(1.95, 3.5, 0.018), Far::new(2.25, 3.5, 0.047)],
+        far: Far::new(1.95, 3.5, 0.018),
+        wide_bend: 0.047,
         far_cancelling: Far::new(1.5, 3.5, 0.009),
         density: 1.6,
     },
     Row {
         reach: 4.5,
-        far: [Far::new(0.7, 4.5, 0.0036), Far::new(0.77, 4.5, 0.0072)],
+        far: Far::new(0.7, 4.5, 0.0036),
+        wide_bend: 0.0072,
         far_cancelling: Far::new(0.7, 4.5, 0.0018),
         density: 2.5,
     },
     Row {
         reach: 5.2,
-        far: [Far::new(0.23, 4.5, 0.0007), Far::new(0.25, 4.5, 0.0011)],
+        far: Far::new(0.23, 4.5, 0.0007),
+        wide_bend: 0.0011,
         far_cancelling: Far::new(0.23, 4.5, 0.0005),
         density: 4.9,
     },
@@ -91,12 +96,18 @@ impl Settings {
         let (a, b) = (&TABLE[i], &TABLE[i + 1]);
         let line = |a: f64, b: f64| a + (b - a) * f;
         let breadth = ((sigma / NARROW).ln() / (WIDE / NARROW).ln()).clamp(0.0, 1.0);
-        let wide = |row: &Row| row.far[0].towards(row.far[1], breadth);
+        let bent = |row: &Row| {
+            let wide = Far {
+                bend: row.wide_bend,
+                ..row.far
+            };
+            row.far.towards(wide, breadth)
+        };
         Self {
             // The wider the kernel, the more front and back of thin parts cancel, and the more
             // the tail of the kernel shows.
             reach: line(a.reach, b.reach) + 1.4 * sigma,
-            far: wide(a).towards(wide(b), f),
+            far: bent(a).towards(bent(b), f),
             far_cancelling: a.far_cancelling.towards(b.far_cancelling, f),
             density: line(a.density, b.density),
         }

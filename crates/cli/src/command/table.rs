@@ -113,7 +113,9 @@ fn print(d: &Description, store: &TableStore) {
         d.damaged
     );
     match store.error_report() {
-        None => crate::say!("  error          not measured (`pegfit bake` does so when a table is finished)"),
+        None => crate::say!(
+            "  error          not measured (`pegfit bake` does so when a table is finished)"
+        ),
         Some(report) => print_error(report),
     }
 }

@@ -4,9 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use fft_correlate::bake::{Share, bake};
-use fft_correlate::store::TableStore;
-use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, TableSpec};
+use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
 use glam::{DQuat, DVec3};
 use haptic::hid_report::Layouts;
 use haptic::pid::PidLayout;

@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use fft_correlate::well::gamma_for_peak_force;
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, DockOptions, EnergySource, Pair, PairBuilder, Pose,
-    RotationDomain, RotationGrid, ScoreModel, TranslationWindow, dock,
+    DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuilder, Pose, RotationDomain,
+    RotationGrid, ScoreModel, SearchDomain, SearchOptions, SearchPairs, search,
 };
 use glam::{DQuat, DVec3};
 use haptic::{
@@ -20,7 +20,7 @@ use haptic::{
 };
 use pegfit::picture::{self, LineChart, Series};
 use pegfit_benches::{Arguments, Outcome, ask};
-use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
+use sdf_grid::{Aabb, HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
 
 const PAIRS: [(&str, &str, &str); 2] = [
     (
@@ -95,7 +95,7 @@ fn measure(
     let pair = pair.with_gamma(gamma)?;
     let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
     curves(name, &pair, &source, arguments)?;
-    docking(&pair, &source)?;
+    docking(&pair)?;
     snap(&pair, moving)
 }
 
@@ -166,25 +166,35 @@ fn curves(
     Ok(())
 }
 
-fn docking(pair: &Pair, source: &dyn EnergySource) -> Outcome<()> {
+fn docking(pair: &Pair) -> Outcome<()> {
     let began = Instant::now();
     let grid = RotationGrid::new(&RotationDomain::ball(30.0, 10.0), None)?;
     // A table's grid has nodes around its domain; docking searches the domain.
     let inside = |q: &DQuat| q.angle_between(DQuat::IDENTITY) < 30.5f64.to_radians();
     let rotations: Vec<_> = grid.nodes().iter().copied().filter(inside).collect();
-    let window = TranslationWindow::cube(0.010, pair.spacing())?;
-    let found = dock(
-        pair,
-        &rotations,
-        &window,
-        &DockOptions::new(pair, 3),
-        Some(source),
-        &Silent,
-    )?;
+    let domain = SearchDomain {
+        rotations,
+        step: grid.step(),
+        places: Aabb {
+            min: pair.pivot() - 0.010,
+            max: pair.pivot() + 0.010,
+        },
+        symmetries: Vec::new(),
+    };
+    let pairs = SearchPairs {
+        sketch: None,
+        coarse: pair,
+        fine: pair,
+    };
+    let options = SearchOptions {
+        top: 3,
+        ..SearchOptions::default()
+    };
+    let found = search(&pairs, &domain, &options, None, &Silent)?;
     println!(
         "   docked {} rotations x {:?} displacements in {:.1} s",
         found.scored,
-        window.shape(),
+        found.window,
         began.elapsed().as_secs_f64()
     );
     for docked in &found.poses {

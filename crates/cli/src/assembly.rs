@@ -6,12 +6,8 @@ mod parts;
 
 use std::time::Instant;
 
-use fft_correlate::bake::PairEnergies;
 use fft_correlate::well::gamma_for_peak_force;
-use fft_correlate::{
-    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair, Pose,
-    RotationGrid, TableSpec, TranslationWindow,
-};
+use fft_correlate::{AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair, PairEnergies, Pose, RotationGrid, TableSpec, TranslationWindow};
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{Aabb, LengthUnit, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};

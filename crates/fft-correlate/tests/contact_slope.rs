@@ -2,8 +2,7 @@
 //! closed form of docs/conventions.md, and what de-averaging does to the depth of a fit whose
 //! faces fall anywhere in their cells.
 
-use fft_correlate::pair_builder::PairBuilder;
-use fft_correlate::{Correlator, Pair, ScoreModel, TranslationWindow};
+use fft_correlate::{Correlator, Pair, PairBuilder, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use sdf_grid::shapes::PegInHole;

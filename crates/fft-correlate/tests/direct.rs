@@ -5,7 +5,7 @@ mod direct_support;
 use direct_support::{
     Blobs, brute_force, central_differences, closed_form, model, pair, random_pose,
 };
-use fft_correlate::direct::plan;
+use fft_correlate::direct::score_terms;
 use fft_correlate::{DirectError, DirectEvaluator, DirectOptions, EnergySource, Pose, Twist};
 use glam::{DQuat, DVec3};
 use rand::{SeedableRng, rngs::SmallRng};
@@ -18,7 +18,7 @@ fn plan_covers_every_term_once() {
     for w in WEIGHTS {
         let pair = pair(&Blobs::new(1), &Blobs::new(2), 0.002, model(w));
         let m = pair.model();
-        let terms = plan(m, pair.fixed(), pair.moving());
+        let terms = score_terms(m, pair.fixed(), pair.moving());
         let total =
             |f: &dyn Fn(&fft_correlate::direct::Term) -> f64| terms.iter().map(f).sum::<f64>();
         // A term is symmetric in points and lookup but for which part is which.

@@ -7,11 +7,7 @@ mod store_support;
 use std::path::Path;
 
 use direct_support::{Blobs, model, pair};
-use fft_correlate::bake::{Share, bake};
-use fft_correlate::{
-    EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, TableSpec,
-    TableStore, TranslationWindow, half_turn_groups, search_rotations,
-};
+use fft_correlate::{EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, Share, TableSpec, TableStore, TranslationWindow, bake, half_turn_groups, search_rotations};
 use glam::DQuat;
 use ndarray::Array3;
 use sdf_grid::Silent;

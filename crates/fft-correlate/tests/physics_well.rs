@@ -1,7 +1,7 @@
 //! The numbers of an energy well against energies whose wells are known, and the decisions of the
 //! pair builder.
 
-use fft_correlate::pair_builder::{default_halo, default_spacing};
+use fft_correlate::pair::{default_halo, default_spacing};
 use fft_correlate::well::{gamma_for_peak_force, peak_force};
 use fft_correlate::{
     EnergySource, PairBuildError, PairBuilder, Pose, Response, ScoreModel, Scratch, Well,

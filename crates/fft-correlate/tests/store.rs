@@ -7,12 +7,7 @@ use std::fs;
 use std::sync::atomic::AtomicU64;
 
 use common::*;
-use fft_correlate::bake::{BakeError, Share, bake};
-use fft_correlate::store::{StoreError, TableStore};
-use fft_correlate::{
-    EnergyTable, NodeEnergies, Numbers, RotationDomain, Storage, TableError, TableSpec,
-    measure_error,
-};
+use fft_correlate::{BakeError, EnergyTable, NodeEnergies, Numbers, RotationDomain, Share, Storage, StoreError, TableError, TableSpec, TableStore, bake, measure_error};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rand::rngs::SmallRng;

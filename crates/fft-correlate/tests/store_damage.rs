@@ -5,9 +5,8 @@ mod common;
 mod store_support;
 
 use common::*;
-use fft_correlate::bake::{BakeError, Share, bake};
-use fft_correlate::store::{ChunkState, FORMAT_VERSION, StoreError, TableStore};
-use fft_correlate::{Numbers, RotationDomain, TableError};
+use fft_correlate::table::{ChunkState, FORMAT_VERSION};
+use fft_correlate::{BakeError, Numbers, RotationDomain, Share, StoreError, TableError, TableStore, bake};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};

@@ -9,9 +9,8 @@ use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
 use common::*;
-use fft_correlate::bake::{BakeError, BakeReport, Share, bake_files};
-use fft_correlate::store::{ChunkState, StoreError, TableFiles, TableStore};
-use fft_correlate::{Numbers, RotationDomain, TableSpec, measure_error};
+use fft_correlate::table::ChunkState;
+use fft_correlate::{BakeError, BakeReport, Numbers, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files, measure_error};
 use sdf_grid::Silent;
 use store_support::{SHARED, StopAfter};
 

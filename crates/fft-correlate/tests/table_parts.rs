@@ -3,11 +3,7 @@
 mod common;
 
 use common::*;
-use fft_correlate::bake::{Share, bake_files};
-use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, Numbers, Part, PartialTable, Pose, Response,
-    RotationDomain, StoreError, TableFiles, TableSpec, TableStore,
-};
+use fft_correlate::{AxisSymmetry, EnergySource, EnergyTable, Numbers, Part, PartialTable, Pose, Response, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};

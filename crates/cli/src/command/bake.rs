@@ -3,11 +3,8 @@
 use std::path::Path;
 use std::time::Instant;
 
-use fft_correlate::bake::{BakeError, BakeReport, Share, bake};
-use fft_correlate::launcher::Launcher;
-use fft_correlate::store::{ChunkState, StoreError, TableFiles, TableStore};
-use fft_correlate::table_error::{ErrorReport, measure_error, typical_condition};
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storage};
+use fft_correlate::table::ChunkState;
+use fft_correlate::{BakeError, BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share, Storage, StoreError, TableFiles, TableStore, bake, measure_error, typical_condition};
 use rayon::prelude::*;
 use serde::Serialize;
 

@@ -5,7 +5,7 @@ mod builder;
 use std::path::Path;
 
 use fft_correlate::{
-    Condition, DirectEvaluator, DirectOptions, DockError, FoundPose, ScoreModel, SearchError,
+    Condition, DirectEvaluator, DirectOptions, FoundPose, ScoreModel, SearchError,
     SearchLattices, SearchOptions, SearchPairs, SearchReport, TranslationWindow, wants_sketch,
 };
 use rayon::prelude::*;
@@ -165,7 +165,7 @@ fn look(assembly: &Assembly, how: &How, context: &Context) -> Result<Searched, C
     };
     let found = fft_correlate::search(&pairs, &domain, &options, how.state, progress);
     let mut report = found.map_err(|e| match e {
-        SearchError::Dock(DockError::Cancelled) => CommandError::Interrupted,
+        SearchError::Cancelled => CommandError::Interrupted,
         other => builder.bad(other),
     })?;
     if report.close() > 1

@@ -1,7 +1,6 @@
 //! `pegfit table`: what a table holds.
 
-use fft_correlate::store::TableStore;
-use fft_correlate::{ErrorReport, RotationDomain, TableSpec};
+use fft_correlate::{ErrorReport, RotationDomain, TableSpec, TableStore};
 use serde::Serialize;
 
 use super::{Context, bake, print_json};

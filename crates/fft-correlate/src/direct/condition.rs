@@ -10,8 +10,9 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use sdf_grid::DensityField;
 
-use super::plan::{Blend, Side, Term, plan};
-use crate::{Pair, Pose};
+use crate::direct::terms::{Blend, Side, Term, score_terms};
+use crate::geometry::se3::Pose;
+use crate::pair::fields::Pair;
 
 /// A score and the sum of the absolute values of its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -40,7 +41,7 @@ impl Condition {
     pub fn at(pair: &Pair, pose: &Pose) -> Self {
         let inverse = pose.inverse();
         let mut total = Self::default();
-        for term in plan(pair.model(), pair.fixed(), pair.moving()) {
+        for term in score_terms(pair.model(), pair.fixed(), pair.moving()) {
             let (points, looked_up, motion) = match term.points {
                 Side::Moving => (pair.moving(), pair.fixed(), pose),
                 Side::Fixed => (pair.fixed(), pair.moving(), &inverse),

@@ -2,7 +2,7 @@
 //! table, a few megabytes.
 //!
 //! Weighted points of one part are looked up in the other part's density on its lattice by
-//! trilinear interpolation; which part gives the points of which product is decided by `plan`.
+//! trilinear interpolation; which part gives the points of which product is decided by [`score_terms`].
 //! Force and torque are the exact gradient of the interpolated sum, so the energy is conservative
 //! up to the rounding of single precision. Outside its lattice a density is zero, reached within
 //! one cell; with a finite halo it has faded to zero before.
@@ -11,20 +11,16 @@
 //! clearance the V of the contact energy is rounded within that distance, and slopes are right
 //! beyond it.
 
-mod condition;
-mod lookup;
-mod plan;
-mod quadrature;
-
 use fearless_simd::Level;
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
-use crate::{EnergySource, Pair, Pose, Response, Scratch, Wrench};
-pub use condition::Condition;
-use lookup::{LookupGrid, PointSet, Sums};
-pub use plan::{Blend, Side, Term, plan};
-use quadrature::{Blocks, merge_limit};
+use crate::direct::lookup::{LookupGrid, PointSet, Sums, sum};
+use crate::direct::quadrature::{Blocks, merge_limit};
+use crate::direct::terms::{Side, Term, score_terms};
+use crate::energy::{EnergySource, Response, Scratch};
+use crate::geometry::se3::{Pose, Wrench};
+use crate::pair::fields::Pair;
 
 /// How many points a [`DirectEvaluator`] uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -192,7 +188,7 @@ impl DirectEvaluator {
             Side::Fixed => pair.fixed(),
             Side::Moving => pair.moving(),
         };
-        let terms = plan(pair.model(), pair.fixed(), pair.moving());
+        let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
         let blocks: Vec<_> = terms
             .iter()
             .map(|t| Blocks::new(field(t.points), t.weights))
@@ -266,9 +262,9 @@ impl DirectEvaluator {
         for product in &self.products {
             let Product { points, grid, .. } = product;
             let part = match product.points_of {
-                Side::Moving => lookup::sum::<IMAGINARY>(self.level, points, grid, pose),
+                Side::Moving => sum::<IMAGINARY>(self.level, points, grid, pose),
                 Side::Fixed => {
-                    let s = lookup::sum::<IMAGINARY>(self.level, points, grid, &inverse);
+                    let s = sum::<IMAGINARY>(self.level, points, grid, &inverse);
                     seen_from_fixed(&s, pose, &inverse)
                 }
             };

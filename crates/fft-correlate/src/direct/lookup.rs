@@ -12,8 +12,9 @@ use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
-use super::{plan::Blend, quadrature::Point};
-use crate::Pose;
+use crate::direct::quadrature::Point;
+use crate::direct::terms::Blend;
+use crate::geometry::se3::Pose;
 
 /// Layers of zeros around the values: in the outermost layer of cells value and gradient are zero,
 /// so a point anywhere outside may be clamped into it.

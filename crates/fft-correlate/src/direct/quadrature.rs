@@ -19,7 +19,7 @@ use ndarray::Array3;
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
-use super::plan::Blend;
+use crate::direct::terms::Blend;
 
 /// Blocks of up to `2^LEVELS` cells per side merge.
 const LEVELS: usize = 4;

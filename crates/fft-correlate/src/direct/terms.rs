@@ -2,7 +2,7 @@
 
 use sdf_grid::DensityField;
 
-use crate::ScoreModel;
+use crate::pair::model::ScoreModel;
 
 /// One of the two parts of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +73,7 @@ pub struct Term {
 /// - `w = 1`: one product; the part with fewer non-zero cells gives the points;
 /// - between: the moving interior in the fixed density, and the second product from the side with
 ///   fewer cells.
-pub fn plan(model: &ScoreModel, fixed: &DensityField, moving: &DensityField) -> Vec<Term> {
+pub fn score_terms(model: &ScoreModel, fixed: &DensityField, moving: &DensityField) -> Vec<Term> {
     let blend = |exterior, interior| Blend { exterior, interior };
     let (o, i, w) = (
         model.lambda_exterior,

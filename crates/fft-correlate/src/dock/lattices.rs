@@ -3,9 +3,11 @@
 use glam::DVec3;
 use sdf_grid::{Aabb, TriangleMesh};
 
-use super::rotations::search_rotations;
-use crate::rotation_domain::{RotationDomain, RotationError, check_range, quaternion};
-use crate::{PairBuildError, PairBuilder, PairPlan, RotationGrid, ScoreModel};
+use crate::dock::rotations::search_rotations;
+use crate::rotations::domain::{RotationDomain, RotationError, check_range, quaternion};
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
+use crate::pair::model::ScoreModel;
+use crate::rotations::grid::RotationGrid;
 
 /// Cells across the narrow side of the moving part, fine lattice.
 const FINE_CELLS: f64 = 14.0;

@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 
-use crate::{EnergySource, Pair, Pose, Scratch};
+use crate::energy::{EnergySource, Scratch};
+use crate::geometry::se3::Pose;
+use crate::pair::fields::Pair;
 
 /// How far from `pose`, along the axis of the fixed frame on which the energy rises fastest, it
 /// rises to half, metres, without rotation; none if it does not within `reach`. Resolved to a
@@ -59,7 +61,9 @@ mod tests {
     use sdf_grid::{Silent, shapes};
 
     use super::*;
-    use crate::{PairBuilder, Response, ScoreModel};
+    use crate::energy::Response;
+    use crate::pair::builder::PairBuilder;
+    use crate::pair::model::ScoreModel;
 
     #[test]
     fn cubes_overlap_by_the_share_that_is_shared() {

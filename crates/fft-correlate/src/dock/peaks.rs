@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use glam::DVec3;
 use ndarray::ArrayView3;
 
-use crate::Pose;
+use crate::geometry::se3::Pose;
 
 /// A local maximum of a score over a translation window.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::{EnergySource, Pose, Scratch};
+use crate::energy::{EnergySource, Scratch};
+use crate::geometry::se3::Pose;
 
 /// How a pose is refined.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -141,7 +142,8 @@ impl Metric {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Response, Wrench};
+    use crate::energy::Response;
+    use crate::geometry::se3::Wrench;
 
     /// A valley about a known pose: quadratic, or V-shaped and rounded over a quarter of the first
     /// step, as a lattice rounds contact at zero clearance; with unequal stiffnesses.

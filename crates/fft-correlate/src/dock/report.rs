@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::{Pose, ScoreModel};
+use crate::geometry::se3::Pose;
+use crate::pair::model::ScoreModel;
 
 /// Energies on the fine lattice differ by about 1 % of the depth with where its nodes happen to lie
 /// in the parts (`docs/docking.md`); poses within this share of the depth are not told apart by it.

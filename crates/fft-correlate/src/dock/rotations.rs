@@ -5,7 +5,8 @@ use std::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 use sdf_grid::{SymmetryAxis, SymmetryOrder};
 
-use crate::{HalfTurn, Pose};
+use crate::geometry::half_turn::HalfTurn;
+use crate::geometry::se3::Pose;
 
 /// Turns that stand for a continuous axis.
 const TURNS_OF_A_ROUND_PART: u32 = 36;
@@ -175,7 +176,7 @@ mod tests {
             ),
         ];
         let all = search_rotations(step, &[]);
-        let groups = crate::half_turn_groups(&all);
+        let groups = crate::geometry::half_turn::half_turn_groups(&all);
         assert!(groups.iter().all(|g| g.members.len() == 4));
         let all = all.len() as f64;
         for (axes, share) in cases {

@@ -10,8 +10,12 @@ use rayon::prelude::*;
 use sdf_grid::Monitor;
 use serde::{Deserialize, Serialize};
 
-use crate::peaks::{half_width, top_peaks};
-use crate::{Correlator, HalfTurn, HalfTurnGroup, Pair, Pose, TranslationWindow};
+use crate::dock::peaks::{half_width, top_peaks};
+use crate::correlate::Correlator;
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
+use crate::geometry::se3::Pose;
+use crate::geometry::translation::TranslationWindow;
+use crate::pair::fields::Pair;
 
 /// A pose on the lattice, before refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -1,11 +1,20 @@
+use std::f64::consts::{FRAC_PI_6, PI};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec2, DVec3};
-use sdf_grid::{Silent, TriangleMesh, shapes, symmetry};
+use sdf_grid::{Aabb, Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
-use crate::dock::{SearchLattices, search_rotations, symmetry_group};
-use crate::{PairBuilder, PairPlan};
+use crate::dock::decide::decide;
+use crate::dock::lattices::SearchLattices;
+use crate::dock::rotations::{search_rotations, symmetry_group};
+use crate::dock::score::BATCH;
+use crate::dock::state::StateError;
+use crate::dock::weights::DOCKING_RATIO;
+use crate::geometry::se3::Pose;
+use crate::pair::builder::{PairBuilder, PairPlan};
+use crate::pair::model::ScoreModel;
 
 fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
     [(-x, -y), (x, -y), (x, y), (-x, y)]
@@ -215,17 +224,17 @@ fn unusable_searches_are_refused() {
     };
     assert!(matches!(
         run(&setup, None, &cancelled),
-        Err(SearchError::Dock(DockError::Cancelled))
+        Err(SearchError::Cancelled)
     ));
     setup.domain.rotations[1] *= 2.0;
     assert!(matches!(
         run(&setup, None, &Silent),
-        Err(SearchError::Dock(DockError::Rotation { index: 1, .. }))
+        Err(SearchError::Rotation { index: 1, .. })
     ));
     setup.domain.rotations.clear();
     assert!(matches!(
         run(&setup, None, &Silent),
-        Err(SearchError::Dock(DockError::NoRotations))
+        Err(SearchError::NoRotations)
     ));
 }
 
@@ -256,7 +265,7 @@ fn a_sketch_saves_rotations_and_finds_the_same_fit() {
     };
     assert!(matches!(
         run(&setup, Some(&file), &stop),
-        Err(SearchError::Dock(DockError::Cancelled))
+        Err(SearchError::Cancelled)
     ));
     assert!(!file.exists());
     let kept = run(&setup, Some(&file), &Silent).unwrap();
@@ -264,4 +273,118 @@ fn a_sketch_saves_rotations_and_finds_the_same_fit() {
     assert_eq!((kept.resumed, resumed.resumed), (0, report.chosen));
     assert_eq!(kept.poses, report.poses);
     assert_eq!(resumed.poses, report.poses);
+}
+
+const H: f64 = 1e-3;
+
+/// The keyed rod in its plate, modelled in place, on one lattice.
+fn seated() -> &'static Pair {
+    static PAIR: LazyLock<Pair> = LazyLock::new(|| {
+        let [plate, rod] = parts(&Pose::IDENTITY);
+        let builder = PairBuilder {
+            spacing: Some(H),
+            halo: Some(6e-3),
+            ..PairBuilder::default()
+        };
+        builder
+            .build(&plate, &rod, &ScoreModel::GUIDED, &Silent)
+            .unwrap()
+    });
+    &PAIR
+}
+
+/// Twelve turns about z in a box of pivot displacements.
+fn spins(min: DVec3, max: DVec3) -> SearchDomain {
+    let pivot = seated().pivot();
+    SearchDomain {
+        rotations: (0..12)
+            .map(|n| DQuat::from_rotation_z(n as f64 * FRAC_PI_6))
+            .collect(),
+        step: FRAC_PI_6,
+        places: Aabb {
+            min: pivot + min,
+            max: pivot + max,
+        },
+        symmetries: Vec::new(),
+    }
+}
+
+fn seat(domain: &SearchDomain, monitor: &dyn Monitor) -> Result<SearchReport, SearchError> {
+    let pairs = SearchPairs {
+        sketch: None,
+        coarse: seated(),
+        fine: seated(),
+    };
+    let options = SearchOptions {
+        top: 3,
+        coarse_poses: 12,
+        fine_poses: 6,
+        ..SearchOptions::default()
+    };
+    search(&pairs, domain, &options, None, monitor)
+}
+
+fn around(reach: f64) -> SearchDomain {
+    spins(DVec3::splat(-reach), DVec3::splat(reach))
+}
+
+/// The fit and its half turn are the two deepest, equally deep; with the symmetry they are one.
+#[test]
+fn the_rod_finds_its_hole_and_its_half_turn() {
+    let mut domain = around(4.0 * H);
+    let found = seat(&domain, &Silent).unwrap();
+    let mut poses = found.poses[..2].to_vec();
+    poses.sort_by(|a, b| a.pose.rotation.z.abs().total_cmp(&b.pose.rotation.z.abs()));
+    for (found, turn) in poses.iter().zip([0.0, PI]) {
+        let expected = Pose::new(DQuat::from_rotation_z(turn), DVec3::ZERO);
+        assert!(found.pose.angle_to(&expected) < 0.02, "{found:?}");
+        let displacement = seated().displacement(&found.pose).length();
+        assert!(displacement < 0.3 * H && found.refined, "{found:?}");
+    }
+    let [a, b] = [found.poses[0].energy, found.poses[1].energy];
+    assert!((a - b).abs() < 1e-2 * a.abs(), "{a} {b}");
+    domain.symmetries = vec![Pose::new(DQuat::from_rotation_z(PI), DVec3::ZERO)];
+    let found = seat(&domain, &Silent).unwrap();
+    assert!(
+        found.poses.get(1).is_none_or(|p| p.energy > 0.9 * a),
+        "the half turn is the same pose: {found:?}"
+    );
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| seat(&around(4.0 * H), &Silent).unwrap().poses)
+    };
+    assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn a_cancelled_search_keeps_what_it_has() {
+    let monitor = CancelAfter {
+        after: 2,
+        seen: AtomicU64::new(0),
+    };
+    let part = seat(&around(4.0 * H), &monitor).unwrap();
+    assert!((2..12).contains(&part.scored), "{}", part.scored);
+    assert!(!part.poses.is_empty() && part.poses.iter().all(|p| !p.refined));
+}
+
+/// Beside the fit every descent leads to it, out of the window: poses stay at its edge, unrefined.
+#[test]
+fn poses_stay_in_the_domain() {
+    let from = DVec3::X * 2.0 * H;
+    let mut domain = spins(from, DVec3::X * 4.0 * H);
+    domain.rotations.truncate(1);
+    let found = seat(&domain, &Silent).unwrap();
+    assert!(!found.poses.is_empty());
+    for pose in &found.poses {
+        assert!(!pose.refined, "{pose:?}");
+        let off = seated().displacement(&pose.pose) - from;
+        assert!(off.length() < 1e-12, "{pose:?}");
+    }
 }

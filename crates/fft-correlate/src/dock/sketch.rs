@@ -2,10 +2,13 @@
 
 use sdf_grid::Monitor;
 
-use super::DockError;
-use super::scan::{self, Scan};
-use super::search::{SearchDomain, SearchError, with_weights};
-use crate::{Correlator, Pair, half_turn_groups};
+use crate::correlate::Correlator;
+use crate::dock::domain::SearchDomain;
+use crate::dock::error::SearchError;
+use crate::dock::scan::{self, Scan};
+use crate::dock::weights::with_weights;
+use crate::geometry::half_turn::half_turn_groups;
+use crate::pair::fields::Pair;
 
 /// Interior weight over exterior weight of a sketch: on cells half as wide as the part, heavy
 /// interiors punish the fit for the cells that its faces cut. Measured in `docs/docking.md`.
@@ -30,7 +33,7 @@ pub(super) fn sketch(
     let pair = with_weights(pair, RATIO)?;
     let window = domain.window(&pair)?;
     let groups = half_turn_groups(&domain.rotations);
-    let correlator = Correlator::plan_groups(&pair, &window, &groups).map_err(DockError::from)?;
+    let correlator = Correlator::plan_groups(&pair, &window, &groups)?;
     let scan = Scan {
         pair: &pair,
         correlator: &correlator,
@@ -42,7 +45,7 @@ pub(super) fn sketch(
     monitor.begin("sketching rotations", count as u64);
     let (mut found, scored) = scan.run(&groups, &(0..count), monitor);
     if scored < count {
-        return Err(DockError::Cancelled.into());
+        return Err(SearchError::Cancelled);
     }
     scan::sort(&mut found);
     let wanted = (share * count as f64).ceil() as usize;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
-use super::scan::{Candidate, sort};
+use crate::dock::scan::{Candidate, sort};
 
 /// Candidates kept of all rotations: far more than any later stage looks at.
 const KEPT: usize = 4000;

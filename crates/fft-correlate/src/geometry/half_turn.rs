@@ -118,7 +118,8 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::{RotationDomain, RotationGrid};
+    use crate::rotations::domain::RotationDomain;
+    use crate::rotations::grid::RotationGrid;
 
     #[test]
     fn turns_are_a_group_that_flips_what_it_says() {

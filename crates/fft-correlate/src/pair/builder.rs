@@ -9,7 +9,9 @@ use sdf_grid::{
     LatticeError, Monitor, Sampling, TriangleMesh,
 };
 
-use crate::{Pair, PairError, ScoreModel, deaveraged};
+use crate::pair::deaverage::deaveraged;
+use crate::pair::fields::{Pair, PairError};
+use crate::pair::model::ScoreModel;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use sdf_grid::DensityField;
 
-use crate::{ModelError, Pose, ScoreModel};
+use crate::geometry::se3::Pose;
+use crate::pair::model::{ModelError, ScoreModel};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///

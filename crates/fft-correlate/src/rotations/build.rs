@@ -4,10 +4,13 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{DQuat, DVec3};
 
-use super::{Cover, MARGIN, Patch, RotationGrid};
-use crate::chart::{Chart, Projection};
-use crate::fold::Symmetry;
-use crate::rotation_domain::{RotationError, check_range, direction, quaternion};
+use crate::rotations::atlas::{Atlas, Cover, MARGIN, Patch};
+use crate::rotations::chart::{Chart, Projection};
+use crate::rotations::domain::{RotationError, check_range, direction, quaternion};
+use crate::rotations::fold::Symmetry;
+
+/// The largest number of nodes a grid may have, before any are left out.
+pub(super) const MAX_NODES: u64 = 1 << 27;
 
 pub(super) fn step(name: &'static str, degrees: f64) -> Result<f64, RotationError> {
     check_range(
@@ -20,7 +23,7 @@ pub(super) fn step(name: &'static str, degrees: f64) -> Result<f64, RotationErro
 }
 
 fn check_size(found: f64) -> Result<(), RotationError> {
-    let limit = RotationGrid::MAX_NODES;
+    let limit = MAX_NODES;
     if found <= limit as f64 {
         Ok(())
     } else {
@@ -28,7 +31,7 @@ fn check_size(found: f64) -> Result<(), RotationError> {
     }
 }
 
-pub(super) fn list(rotations: &[[f64; 4]], margin_deg: f64) -> Result<RotationGrid, RotationError> {
+pub(super) fn list(rotations: &[[f64; 4]], margin_deg: f64) -> Result<Atlas, RotationError> {
     if rotations.is_empty() {
         return Err(RotationError::Empty);
     }
@@ -54,7 +57,7 @@ pub(super) fn list(rotations: &[[f64; 4]], margin_deg: f64) -> Result<RotationGr
         periodic: false,
         rows: (0..nodes.len() as u32).collect(),
     };
-    Ok(RotationGrid {
+    Ok(Atlas {
         nodes,
         charts: vec![chart],
         patches: Vec::new(),
@@ -69,7 +72,7 @@ pub(super) fn spin(
     axis: [f64; 3],
     range_deg: Option<[f64; 2]>,
     step_deg: f64,
-) -> Result<RotationGrid, RotationError> {
+) -> Result<Atlas, RotationError> {
     let center = quaternion("center", center)?;
     let axis = direction("axis", axis)?;
     check_range(
@@ -105,7 +108,7 @@ pub(super) fn spin(
         rows: Vec::new(),
     };
     chart.rows = (0..chart.len() as u32).collect();
-    Ok(RotationGrid {
+    Ok(Atlas {
         nodes: (0..chart.len()).map(|k| chart.node([0, 0, k])).collect(),
         patches: vec![Patch {
             chart: 0,
@@ -127,7 +130,7 @@ pub(super) fn ball(
     angle_deg: f64,
     step_deg: f64,
     symmetry: Option<Symmetry>,
-) -> Result<RotationGrid, RotationError> {
+) -> Result<Atlas, RotationError> {
     let center = quaternion("center", center)?;
     let step = step("step_deg", step_deg)?;
     let angle = check_range(
@@ -177,7 +180,7 @@ pub(super) fn full(
     center: DQuat,
     step: f64,
     symmetry: Option<Symmetry>,
-) -> Result<RotationGrid, RotationError> {
+) -> Result<Atlas, RotationError> {
     let cells = (FRAC_PI_2 / step - 1e-9).ceil();
     let half_step = FRAC_PI_4 / cells;
     let charts = match &symmetry {
@@ -245,8 +248,8 @@ fn assemble(
     cover: Cover,
     step: f64,
     within: impl Fn(&Chart, [usize; 3]) -> bool,
-) -> RotationGrid {
-    let mut grid = RotationGrid {
+) -> Atlas {
+    let mut atlas = Atlas {
         nodes: Vec::new(),
         patches: patches(&charts, symmetry.as_ref()),
         charts,
@@ -254,18 +257,18 @@ fn assemble(
         cover,
         step,
     };
-    for c in 0..grid.charts.len() {
-        let mut rows = grid.read_nodes(c, &within);
+    for c in 0..atlas.charts.len() {
+        let mut rows = read_nodes(&atlas, c, &within);
         for (flat, row) in rows.iter_mut().enumerate() {
             if *row != Chart::ABSENT {
-                *row = grid.nodes.len() as u32;
-                grid.nodes
-                    .push(grid.charts[c].node(grid.charts[c].unravel(flat)));
+                *row = atlas.nodes.len() as u32;
+                atlas.nodes
+                    .push(atlas.charts[c].node(atlas.charts[c].unravel(flat)));
             }
         }
-        grid.charts[c].rows = rows;
+        atlas.charts[c].rows = rows;
     }
-    grid
+    atlas
 }
 
 /// All different images of the charts' centres under the symmetry.
@@ -286,68 +289,70 @@ fn patches(charts: &[Chart], symmetry: Option<&Symmetry>) -> Vec<Patch> {
     patches
 }
 
-impl RotationGrid {
-    /// The nodes of a chart that some query reads, marked by a number other than
-    /// [`Chart::ABSENT`].
-    fn read_nodes(&self, chart: usize, within: impl Fn(&Chart, [usize; 3]) -> bool) -> Vec<u32> {
-        let shape = self.charts[chart].shape;
-        let mut rows = vec![Chart::ABSENT; self.charts[chart].len()];
-        // The patch that reads this chart as it stands; no patch reads it if another chart has the
-        // same images.
-        let Some(own) = (0..self.patches.len()).find(|&k| {
-            self.patches[k].chart == chart && self.patches[k].turn.w.abs() > 1.0 - 1e-12
-        }) else {
-            return rows;
-        };
-        let cells = shape.map(|n| (n - 1).max(1));
-        let around = |cell: usize, n: usize| cell.saturating_sub(1)..(cell + 3).min(n);
-        for flat in 0..cells.iter().product() {
-            let cell = [
-                flat / (cells[1] * cells[2]),
-                flat / cells[2] % cells[1],
-                flat % cells[2],
-            ];
-            if !within(&self.charts[chart], cell) || !self.this_side_of_seams(own, cell) {
-                continue;
-            }
-            for i in around(cell[0], shape[0]) {
-                for j in around(cell[1], shape[1]) {
-                    for k in around(cell[2], shape[2]) {
-                        rows[(i * shape[1] + j) * shape[2] + k] = 0;
-                    }
+/// The nodes of a chart that some query reads, marked by a number other than
+/// [`Chart::ABSENT`].
+fn read_nodes(
+    atlas: &Atlas,
+    chart: usize,
+    within: impl Fn(&Chart, [usize; 3]) -> bool,
+) -> Vec<u32> {
+    let shape = atlas.charts[chart].shape;
+    let mut rows = vec![Chart::ABSENT; atlas.charts[chart].len()];
+    // The patch that reads this chart as it stands; no patch reads it if another chart has the
+    // same images.
+    let Some(own) = (0..atlas.patches.len()).find(|&k| {
+        atlas.patches[k].chart == chart && atlas.patches[k].turn.w.abs() > 1.0 - 1e-12
+    }) else {
+        return rows;
+    };
+    let cells = shape.map(|n| (n - 1).max(1));
+    let around = |cell: usize, n: usize| cell.saturating_sub(1)..(cell + 3).min(n);
+    for flat in 0..cells.iter().product() {
+        let cell = [
+            flat / (cells[1] * cells[2]),
+            flat / cells[2] % cells[1],
+            flat % cells[2],
+        ];
+        if !within(&atlas.charts[chart], cell) || !this_side_of_seams(atlas, own, cell) {
+            continue;
+        }
+        for i in around(cell[0], shape[0]) {
+            for j in around(cell[1], shape[1]) {
+                for k in around(cell[2], shape[2]) {
+                    rows[(i * shape[1] + j) * shape[2] + k] = 0;
                 }
             }
         }
-        rows
     }
+    rows
+}
 
-    /// True unless all of a cell of patch `own` lies beyond a seam and its blending zone. Samples a
-    /// quarter cell from the corners; no point of the cell is further than `slack` from one.
-    fn this_side_of_seams(&self, own: usize, cell: [usize; 3]) -> bool {
-        if self.patches.len() == 1 {
-            return true;
-        }
-        let chart = &self.charts[self.patches[own].chart];
-        let half_step = 0.5 * self.step;
-        let slack = 0.25 * 3f64.sqrt() * half_step;
-        // A zone of one node to each side of a seam, where both half angles change by the way.
-        let beyond = 2.0 * half_step + 2.0 * slack;
-        let half_angle = |k, q| self.closeness(k, q).min(1.0).acos();
-        (0..8).any(|corner| {
-            let offset = DVec3::from_array(std::array::from_fn(|k| {
-                if chart.shape[k] == 1 {
-                    0.0
-                } else {
-                    0.25 + 0.5 * f64::from(corner >> k & 1)
-                }
-            }));
-            let x = chart.coordinates(cell) + offset * half_step;
-            let q = chart.rotation(x);
-            let own_angle = half_angle(own, q);
-            let nearest = (0..self.patches.len())
-                .map(|k| half_angle(k, q))
-                .fold(f64::INFINITY, f64::min);
-            own_angle - nearest <= beyond
-        })
+/// True unless all of a cell of patch `own` lies beyond a seam and its blending zone. Samples a
+/// quarter cell from the corners; no point of the cell is further than `slack` from one.
+fn this_side_of_seams(atlas: &Atlas, own: usize, cell: [usize; 3]) -> bool {
+    if atlas.patches.len() == 1 {
+        return true;
     }
+    let chart = &atlas.charts[atlas.patches[own].chart];
+    let half_step = 0.5 * atlas.step;
+    let slack = 0.25 * 3f64.sqrt() * half_step;
+    // A zone of one node to each side of a seam, where both half angles change by the way.
+    let beyond = 2.0 * half_step + 2.0 * slack;
+    let half_angle = |k, q| atlas.closeness(k, q).min(1.0).acos();
+    (0..8).any(|corner| {
+        let offset = DVec3::from_array(std::array::from_fn(|k| {
+            if chart.shape[k] == 1 {
+                0.0
+            } else {
+                0.25 + 0.5 * f64::from(corner >> k & 1)
+            }
+        }));
+        let x = chart.coordinates(cell) + offset * half_step;
+        let q = chart.rotation(x);
+        let own_angle = half_angle(own, q);
+        let nearest = (0..atlas.patches.len())
+            .map(|k| half_angle(k, q))
+            .fold(f64::INFINITY, f64::min);
+        own_angle - nearest <= beyond
+    })
 }

@@ -4,8 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-use crate::rotation_domain::{AxisSymmetry, Part};
-use crate::{Pose, Wrench};
+use crate::geometry::se3::{Pose, Wrench};
+use crate::rotations::domain::{AxisSymmetry, Part};
+
 
 /// A validated part symmetry.
 #[derive(Debug, Clone, Copy)]

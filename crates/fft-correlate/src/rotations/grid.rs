@@ -6,58 +6,22 @@
 //! order n makes n images of each chart, joined the same way; a body of revolution needs only the
 //! rotations without twist about its axis, a two-dimensional chart.
 
-mod build;
-mod near;
-
 use std::f64::consts::FRAC_PI_4;
 
 use glam::{DQuat, DVec3};
 
-use crate::chart::Chart;
-use crate::fold::{Fold, Symmetry};
-use crate::rotation_domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
-use crate::taps::{Interpolation, Reach, Taps, fade};
-use crate::{Pose, Wrench};
+use crate::geometry::se3::{Pose, Wrench};
+use crate::geometry::taps::{Interpolation, Reach, Taps, fade};
+use crate::rotations::atlas::{Atlas, Cover, Patch};
+use crate::rotations::chart::Chart;
+use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
+use crate::rotations::fold::{Fold, Symmetry};
+use crate::rotations::{build, near};
 
 /// Nodes over a rotation domain, in the order of a table's rows.
 #[derive(Debug, Clone)]
 pub struct RotationGrid {
-    nodes: Vec<DQuat>,
-    charts: Vec<Chart>,
-    patches: Vec<Patch>,
-    symmetry: Option<Symmetry>,
-    cover: Cover,
-    step: f64,
-}
-
-/// One image of a chart under the symmetry: queries near `image` are turned onto the chart.
-#[derive(Debug, Clone, Copy)]
-struct Patch {
-    chart: usize,
-    /// The chart's centre, turned back by `turn`.
-    image: DQuat,
-    /// The symmetry's turn that takes queries near `image` onto the chart.
-    turn: DQuat,
-}
-
-/// How coverage ends.
-#[derive(Debug, Clone, Copy)]
-enum Cover {
-    All,
-    /// Beyond this angle from the centre, over the margin; radians.
-    Ball {
-        center: DQuat,
-        angle: f64,
-        margin: f64,
-    },
-    /// With the tilt away from the spin axis; and beyond the ends of the range, `margin` nodes.
-    Spin {
-        margin: f64,
-    },
-    /// With the angle from the nearest listed rotation.
-    List {
-        margin: f64,
-    },
+    atlas: Atlas,
 }
 
 /// Where one patch reads for a pose.
@@ -84,12 +48,9 @@ impl Site<'_> {
     }
 }
 
-/// Nodes over which coverage fades outside the domain, in spacings.
-pub(crate) const MARGIN: f64 = 2.0;
-
 impl RotationGrid {
     /// The largest number of nodes a grid may have, before any are left out.
-    pub const MAX_NODES: u64 = 1 << 27;
+    pub const MAX_NODES: u64 = build::MAX_NODES;
 
     /// Grids a domain, leaving out what the symmetry makes redundant.
     ///
@@ -111,27 +72,28 @@ impl RotationGrid {
         }
         // Turns by a full circle tell nothing.
         let symmetry = symmetry.filter(|s| s.order != 1).map(Symmetry::new);
-        match domain {
+        let atlas = match domain {
             RotationDomain::List {
                 rotations,
                 margin_deg,
-            } => build::list(rotations, *margin_deg),
+            } => build::list(rotations, *margin_deg)?,
             RotationDomain::Spin {
                 center,
                 axis,
                 range_deg,
                 step_deg,
-            } => build::spin(*center, *axis, *range_deg, *step_deg),
+            } => build::spin(*center, *axis, *range_deg, *step_deg)?,
             RotationDomain::Ball {
                 center,
                 angle_deg,
                 step_deg,
-            } => build::ball(*center, *angle_deg, *step_deg, symmetry),
+            } => build::ball(*center, *angle_deg, *step_deg, symmetry)?,
             RotationDomain::Full { center, step_deg } => {
                 let center = quaternion("center", *center)?;
-                build::full(center, build::step("step_deg", *step_deg)?, symmetry)
+                build::full(center, build::step("step_deg", *step_deg)?, symmetry)?
             }
-        }
+        };
+        Ok(Self { atlas })
     }
 
     /// About how many nodes the boxes of a domain's charts have, before any is left out and without
@@ -162,12 +124,12 @@ impl RotationGrid {
 
     /// Rotations of the nodes, in the order of a table's rows.
     pub fn nodes(&self) -> &[DQuat] {
-        &self.nodes
+        &self.atlas.nodes
     }
 
     /// Replaces, in the charts, each row by `slots[row]`, which may be [`Chart::ABSENT`].
     pub(crate) fn number(&mut self, slots: &[u32]) {
-        for row in self.charts.iter_mut().flat_map(|c| &mut c.rows) {
+        for row in self.atlas.charts.iter_mut().flat_map(|c| &mut c.rows) {
             if *row != Chart::ABSENT {
                 *row = slots[*row as usize];
             }
@@ -176,7 +138,7 @@ impl RotationGrid {
 
     /// Angle between neighbouring nodes, radians; for a list, the angle at which coverage ends.
     pub fn step(&self) -> f64 {
-        self.step
+        self.atlas.step
     }
 
     /// Calls `visit` for every patch that `pose` reads; their shares sum to 1.
@@ -186,27 +148,27 @@ impl RotationGrid {
         interpolation: Interpolation,
         mut visit: impl FnMut(Site<'a>),
     ) {
-        if let Cover::List { margin } = self.cover {
+        if let Cover::List { margin } = self.atlas.cover {
             return visit(self.nearest(pose, margin));
         }
-        if self.patches.len() == 1 {
+        if self.atlas.patches.len() == 1 {
             return visit(self.site(pose, 0, interpolation, (1.0, DVec3::ZERO)));
         }
         let q = pose.rotation;
-        let best = (0..self.patches.len())
-            .map(|k| self.closeness(k, q))
+        let best = (0..self.atlas.patches.len())
+            .map(|k| self.atlas.closeness(k, q))
             .fold(0.0, f64::max);
         // A patch whose closeness is below this one's seam has no share.
-        let least = best * (FRAC_PI_4 - 0.5 * self.step).max(0.0).tan();
-        let near = |k: &usize| self.closeness(*k, q) > least;
+        let least = best * (FRAC_PI_4 - 0.5 * self.atlas.step).max(0.0).tan();
+        let near = |k: &usize| self.atlas.closeness(*k, q) > least;
         let (mut total, mut total_gradient) = (0.0, DVec3::ZERO);
-        for k in (0..self.patches.len()).filter(near) {
-            let (share, gradient) = self.share(k, q);
+        for k in (0..self.atlas.patches.len()).filter(near) {
+            let (share, gradient) = self.atlas.share(k, q);
             total += share;
             total_gradient += gradient;
         }
-        for k in (0..self.patches.len()).filter(near) {
-            let (share, gradient) = self.share(k, q);
+        for k in (0..self.atlas.patches.len()).filter(near) {
+            let (share, gradient) = self.atlas.share(k, q);
             if share > 0.0 {
                 let share = share / total;
                 let gradient = (gradient - share * total_gradient) / total;
@@ -215,60 +177,30 @@ impl RotationGrid {
         }
     }
 
-    /// Cosine of half the angle from the query to the patch's image (for a body of revolution, to
-    /// the nearest of its images).
-    fn closeness(&self, patch: usize, q: DQuat) -> f64 {
-        let image = self.patches[patch].image;
-        match &self.symmetry {
-            Some(s) if s.is_continuous() => s.swing_closeness(q, image),
-            _ => q.dot(image).abs(),
-        }
+    /// Writes to `distances`, for each row of the charts, how far it lies from `rotation`, in nodes:
+    /// the greatest of the distances along a chart's axes, the least over charts and images. A query
+    /// reads rows nearer than 2, on a grid of listed rotations only the nearest.
+    pub(crate) fn distances(&self, rotation: DQuat, distances: &mut [f32]) {
+        near::distances(&self.atlas, rotation, distances);
     }
 
-    /// Gradient of [`Self::closeness`] by a turn of `q`.
-    fn closeness_gradient(&self, patch: usize, q: DQuat) -> DVec3 {
-        let image = self.patches[patch].image;
-        match &self.symmetry {
-            Some(s) if s.is_continuous() => s.swing_closeness_gradient(q, image),
-            _ => {
-                let toward = image * q.conjugate();
-                0.5 * toward.w.signum() * toward.xyz()
+    /// Whether `has` holds for every row that a query at `pose` reads, and for those one node around
+    /// them.
+    pub(crate) fn all_around(
+        &self,
+        pose: &Pose,
+        interpolation: Interpolation,
+        mut has: impl FnMut(u32) -> bool,
+    ) -> bool {
+        // The next of listed rotations has nothing to do with the nearest.
+        let wider = usize::from(!matches!(self.atlas.cover, Cover::List { .. }));
+        let mut all = true;
+        self.visit(pose, interpolation, |site| {
+            if site.coverage > 0.0 && all {
+                all = near::all_around(site.chart, &site.taps, wider, &mut has);
             }
-        }
-    }
-
-    /// Share of a patch before division by the sum: a product over the seams with all others.
-    fn share(&self, patch: usize, q: DQuat) -> (f64, DVec3) {
-        let own = self.closeness(patch, q);
-        let own_gradient = self.closeness_gradient(patch, q);
-        let (mut share, mut log_gradient) = (1.0, DVec3::ZERO);
-        for other in (0..self.patches.len()).filter(|&k| k != patch) {
-            let width = self.seam_width(patch, other);
-            let theirs = self.closeness(other, q);
-            let place = theirs.atan2(own) - FRAC_PI_4;
-            if place <= -width {
-                continue;
-            }
-            let (factor, slope) = fade((place + width) / (2.0 * width));
-            if factor <= 0.0 {
-                return (0.0, DVec3::ZERO);
-            }
-            let turn = own * self.closeness_gradient(other, q) - theirs * own_gradient;
-            share *= factor;
-            log_gradient += slope / (2.0 * width) / factor * turn / (own * own + theirs * theirs);
-        }
-        (share, share * log_gradient)
-    }
-
-    /// Half the width of a seam in the angle whose tangent is the ratio of closenesses: about one
-    /// node of the chart on each side.
-    fn seam_width(&self, a: usize, b: usize) -> f64 {
-        seam_width(
-            self.patches[a].image,
-            self.patches[b].image,
-            &self.symmetry,
-            0.5 * self.step,
-        )
+        });
+        all
     }
 
     fn site(
@@ -278,15 +210,15 @@ impl RotationGrid {
         interpolation: Interpolation,
         (share, share_gradient): (f64, DVec3),
     ) -> Site<'_> {
-        let Patch { chart, turn, .. } = self.patches[patch];
-        let chart = &self.charts[chart];
-        let (pose, fold) = match &self.symmetry {
+        let Patch { chart, turn, .. } = self.atlas.patches[patch];
+        let chart = &self.atlas.charts[chart];
+        let (pose, fold) = match &self.atlas.symmetry {
             Some(s) => s.fold(pose, turn, chart.center),
             None => (*pose, Fold::Identity),
         };
         let (mut x, mut gradients) = chart.locate(pose.rotation);
         let (mut coverage, mut coverage_gradient) = self.coverage(chart, pose.rotation);
-        if let Cover::Spin { margin } = self.cover
+        if let Cover::Spin { margin } = self.atlas.cover
             && !chart.periodic
         {
             match Reach::new(x[2], chart.shape[2], margin) {
@@ -322,7 +254,7 @@ impl RotationGrid {
 
     /// Coverage of a folded rotation and its gradient by a turn.
     fn coverage(&self, chart: &Chart, q: DQuat) -> (f64, DVec3) {
-        match self.cover {
+        match self.atlas.cover {
             Cover::All | Cover::List { .. } => (1.0, DVec3::ZERO),
             Cover::Ball {
                 center,
@@ -337,7 +269,7 @@ impl RotationGrid {
                     _ => r,
                 };
                 // A turn of r turns its swing alike, up to a twist, which leaves the tilt as it is.
-                let (coverage, gradient) = beyond(swing, 0.0, margin * self.step);
+                let (coverage, gradient) = beyond(swing, 0.0, margin * self.atlas.step);
                 (coverage, chart.frame * gradient)
             }
         }
@@ -346,20 +278,20 @@ impl RotationGrid {
     fn nearest(&self, pose: &Pose, margin: f64) -> Site<'_> {
         let q = pose.rotation;
         let (mut row, mut best) = (0, -1.0);
-        for (k, node) in self.nodes.iter().enumerate() {
+        for (k, node) in self.atlas.nodes.iter().enumerate() {
             let closeness = node.dot(q).abs();
             if closeness > best {
                 (row, best) = (k, closeness);
             }
         }
-        let (coverage, coverage_gradient) = beyond(q * self.nodes[row].conjugate(), 0.0, margin);
+        let (coverage, coverage_gradient) = beyond(q * self.atlas.nodes[row].conjugate(), 0.0, margin);
         let mut taps = [Taps::open(0.0, 1, Interpolation::Linear); 3];
         taps[0].nodes = [row; 4];
         Site {
             share: 1.0,
             share_gradient: DVec3::ZERO,
             pose: *pose,
-            chart: &self.charts[0],
+            chart: &self.atlas.charts[0],
             taps,
             gradients: [DVec3::ZERO; 3],
             coverage,
@@ -381,12 +313,4 @@ fn beyond(r: DQuat, angle: f64, margin: f64) -> (f64, DVec3) {
     let (coverage, slope) = fade((found - angle) / margin);
     let outwards = r.xyz() / sine.max(1e-300);
     (coverage, slope / margin * outwards)
-}
-
-fn seam_width(a: DQuat, b: DQuat, symmetry: &Option<Symmetry>, half_step: f64) -> f64 {
-    let half_apart = match symmetry {
-        Some(s) if s.is_continuous() => FRAC_PI_4,
-        _ => 0.5 * a.dot(b).abs().min(1.0).acos(),
-    };
-    half_step.min(0.9 * half_apart) * half_apart.tan()
 }

@@ -1,70 +1,58 @@
 //! How near rotation nodes are to what a query reads.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
-use super::{Cover, RotationGrid};
-use crate::Pose;
-use crate::chart::Chart;
-use crate::taps::{Interpolation, Taps};
+use crate::geometry::se3::Pose;
+use crate::geometry::taps::Taps;
+use crate::rotations::atlas::{Atlas, Cover};
+use crate::rotations::chart::Chart;
 
-impl RotationGrid {
-    /// Writes to `distances`, for each row of the charts, how far it lies from `rotation`, in nodes:
-    /// the greatest of the distances along a chart's axes, the least over charts and images. A query
-    /// reads rows nearer than 2, on a grid of listed rotations only the nearest.
-    pub(crate) fn distances(&self, rotation: DQuat, distances: &mut [f32]) {
-        distances.fill(f32::INFINITY);
-        if let Cover::List { margin } = self.cover {
-            for (node, distance) in self.nodes.iter().zip(distances) {
-                *distance = (node.angle_between(rotation) / margin) as f32;
-            }
-            return;
+/// [`super::grid::RotationGrid::distances`].
+pub(super) fn distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
+    distances.fill(f32::INFINITY);
+    if let Cover::List { margin } = atlas.cover {
+        for (node, distance) in atlas.nodes.iter().zip(distances) {
+            *distance = (node.angle_between(rotation) / margin) as f32;
         }
-        let pose = Pose::new(rotation, glam::DVec3::ZERO);
-        for patch in &self.patches {
-            let chart = &self.charts[patch.chart];
-            let folded = match &self.symmetry {
-                Some(s) => s.fold(&pose, patch.turn, chart.center).0,
-                None => pose,
-            };
-            let (x, _) = chart.locate(folded.rotation);
-            chart.distances(x, distances);
+        return;
+    }
+    let pose = Pose::new(rotation, DVec3::ZERO);
+    for patch in &atlas.patches {
+        let chart = &atlas.charts[patch.chart];
+        let folded = match &atlas.symmetry {
+            Some(s) => s.fold(&pose, patch.turn, chart.center).0,
+            None => pose,
+        };
+        let (x, _) = chart.locate(folded.rotation);
+        lower(chart, x, distances);
+    }
+}
+
+/// Whether `has` holds for every row of a chart that taps read, and for those `wider` nodes around
+/// them.
+pub(super) fn all_around(
+    chart: &Chart,
+    taps: &[Taps; 3],
+    wider: usize,
+    mut has: impl FnMut(u32) -> bool,
+) -> bool {
+    let spans: [(usize, usize); 3] = std::array::from_fn(|k| {
+        let closed = chart.periodic && k == 2;
+        span(&taps[k], chart.shape[k], wider, closed)
+    });
+    let [_, ny, nz] = chart.shape;
+    let mut all = true;
+    for i in 0..spans[0].1 {
+        for j in 0..spans[1].1 {
+            for k in 0..spans[2].1 {
+                let (x, y) = (spans[0].0 + i, spans[1].0 + j);
+                let z = (spans[2].0 + k) % nz;
+                let row = chart.rows[(x * ny + y) * nz + z];
+                all &= row == Chart::ABSENT || has(row);
+            }
         }
     }
-
-    /// Whether `has` holds for every row that a query at `pose` reads, and for those one node around
-    /// them.
-    pub(crate) fn all_around(
-        &self,
-        pose: &Pose,
-        interpolation: Interpolation,
-        mut has: impl FnMut(u32) -> bool,
-    ) -> bool {
-        // The next of listed rotations has nothing to do with the nearest.
-        let wider = usize::from(!matches!(self.cover, Cover::List { .. }));
-        let mut all = true;
-        self.visit(pose, interpolation, |site| {
-            if site.coverage <= 0.0 || !all {
-                return;
-            }
-            let chart = site.chart;
-            let spans: [(usize, usize); 3] = std::array::from_fn(|k| {
-                let closed = chart.periodic && k == 2;
-                span(&site.taps[k], chart.shape[k], wider, closed)
-            });
-            let [_, ny, nz] = chart.shape;
-            for i in 0..spans[0].1 {
-                for j in 0..spans[1].1 {
-                    for k in 0..spans[2].1 {
-                        let (x, y) = (spans[0].0 + i, spans[1].0 + j);
-                        let z = (spans[2].0 + k) % nz;
-                        let row = chart.rows[(x * ny + y) * nz + z];
-                        all &= row == Chart::ABSENT || has(row);
-                    }
-                }
-            }
-        });
-        all
-    }
+    all
 }
 
 /// The first node and the number of nodes that taps read, `wider` nodes more on each side.
@@ -81,30 +69,28 @@ fn span(taps: &Taps, n: usize, wider: usize, closed: bool) -> (usize, usize) {
     (from, to - from + 1)
 }
 
-impl Chart {
-    /// Lowers each row's distance to that from index `x`.
-    fn distances(&self, x: [f64; 3], distances: &mut [f32]) {
-        let along: [Vec<f32>; 3] = std::array::from_fn(|k| {
-            let n = self.shape[k];
-            let away = |i: usize| {
-                let away = (x[k] - i as f64).abs();
-                match self.periodic && k == 2 {
-                    true => (away % n as f64).min(n as f64 - away % n as f64),
-                    // The only node of an axis is read from anywhere.
-                    false if n == 1 => 0.0,
-                    false => away,
-                }
-            };
-            (0..n).map(|i| away(i) as f32).collect()
-        });
-        let mut rows = self.rows.iter();
-        for dx in &along[0] {
-            for dy in &along[1] {
-                for dz in &along[2] {
-                    let row = rows.next().copied().unwrap_or(Self::ABSENT);
-                    if let Some(distance) = distances.get_mut(row as usize) {
-                        *distance = distance.min(dx.max(*dy).max(*dz));
-                    }
+/// Lowers each row's distance to that from index `x`.
+fn lower(chart: &Chart, x: [f64; 3], distances: &mut [f32]) {
+    let along: [Vec<f32>; 3] = std::array::from_fn(|k| {
+        let n = chart.shape[k];
+        let away = |i: usize| {
+            let away = (x[k] - i as f64).abs();
+            match chart.periodic && k == 2 {
+                true => (away % n as f64).min(n as f64 - away % n as f64),
+                // The only node of an axis is read from anywhere.
+                false if n == 1 => 0.0,
+                false => away,
+            }
+        };
+        (0..n).map(|i| away(i) as f32).collect()
+    });
+    let mut rows = chart.rows.iter();
+    for dx in &along[0] {
+        for dy in &along[1] {
+            for dz in &along[2] {
+                let row = rows.next().copied().unwrap_or(Chart::ABSENT);
+                if let Some(distance) = distances.get_mut(row as usize) {
+                    *distance = distance.min(dx.max(*dy).max(*dz));
                 }
             }
         }

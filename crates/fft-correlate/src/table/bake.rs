@@ -9,19 +9,18 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use glam::DQuat;
-use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
-use crate::encode::{Encoded, Probe, Storage, encode, probe};
-use crate::rotation_domain::RotationDomain;
-use crate::store::{ChunkState, StoreError, TableFiles, TableStore};
-use crate::table::{NodeEnergies, TableError, TableSpec, nodes};
-use crate::{
-    CorrelateError, Correlator, CorrelatorScratch, HalfTurn, HalfTurnGroup, Pair,
-    TranslationWindow, half_turn_groups,
-};
+use crate::geometry::half_turn::{HalfTurnGroup, half_turn_groups};
+use crate::table::encode::{Encoded, Probe, encode, probe};
+use crate::table::error::TableError;
+use crate::table::producer::{NodeEnergies, nodes};
+use crate::table::spec::TableSpec;
+use crate::table::store::chunks::ChunkState;
+use crate::table::store::error::StoreError;
+use crate::table::store::files::TableFiles;
+use crate::table::store::table_store::TableStore;
 
 /// One process's part of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,7 +53,7 @@ pub struct BakeReport {
     pub repaired: usize,
     /// Nodes of this process that were finished before.
     pub kept: usize,
-    /// Bricks of the nodes computed now ([`Storage::BRICK`]).
+    /// Bricks of the nodes computed now ([`crate::Storage::BRICK`]).
     pub bricks: usize,
     /// Of these, bricks that hold nothing but the far energy.
     pub bricks_left_out: usize,
@@ -156,7 +155,7 @@ pub fn bake_files<P: NodeEnergies>(
             }
             let mut missing = Vec::new();
             for &(turn, row) in &group.members {
-                store.clean(row)?;
+                store.chunks().clean(row)?;
                 match store.state(row)? {
                     ChunkState::Finished => monitor.advance(1),
                     state => {
@@ -171,7 +170,7 @@ pub fn bake_files<P: NodeEnergies>(
             nodes(spec, producer, group.rotation, &missing, scratch, joules);
             for (joules, (_, row)) in joules.chunks_exact_mut(spec.window.len()).zip(missing) {
                 encode(spec, &store.probe(), row, joules, encoded)?;
-                store.write(row, encoded)?;
+                store.chunks().write(row, encoded)?;
                 tracing::debug!(row, "rotation finished");
                 computed.fetch_add(1, Relaxed);
                 left_out.fetch_add(encoded.bricks[0], Relaxed);
@@ -190,99 +189,4 @@ pub fn bake_files<P: NodeEnergies>(
         bricks: bricks.into_inner(),
         bricks_left_out: left_out.into_inner(),
     })
-}
-
-/// A pair's energies by FFT correlation.
-pub struct PairEnergies {
-    correlator: Correlator,
-    gamma: f64,
-}
-
-impl PairEnergies {
-    /// Plans the correlation of a pair over a window for single rotations.
-    ///
-    /// # Errors
-    /// As [`Correlator::plan`].
-    pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
-        Ok(Self {
-            correlator: Correlator::plan(pair, window)?,
-            gamma: pair.model().gamma,
-        })
-    }
-
-    /// The same for `rotations`: half turns share their work if there are enough among them.
-    ///
-    /// # Errors
-    /// As [`Correlator::plan`].
-    pub fn plan_for(
-        pair: &Pair,
-        window: &TranslationWindow,
-        rotations: &[DQuat],
-    ) -> Result<Self, CorrelateError> {
-        Ok(Self {
-            correlator: Correlator::plan_groups(pair, window, &half_turn_groups(rotations))?,
-            gamma: pair.model().gamma,
-        })
-    }
-
-    /// The correlator.
-    pub fn correlator(&self) -> &Correlator {
-        &self.correlator
-    }
-}
-
-impl NodeEnergies for PairEnergies {
-    type Scratch = CorrelatorScratch;
-
-    fn scratch(&self) -> CorrelatorScratch {
-        self.correlator.scratch()
-    }
-
-    fn energies(
-        &self,
-        rotation: DQuat,
-        scratch: &mut CorrelatorScratch,
-        mut out: ArrayViewMut3<'_, f32>,
-    ) {
-        self.correlator.score(rotation, scratch, out.view_mut());
-        self.weigh(out);
-    }
-
-    fn energies_of_half_turns(
-        &self,
-        rotation: DQuat,
-        turns: &[HalfTurn],
-        scratch: &mut CorrelatorScratch,
-        outs: &mut [ArrayViewMut3<'_, f32>],
-    ) {
-        self.correlator
-            .score_half_turns(rotation, turns, scratch, outs);
-        outs.iter_mut().for_each(|out| self.weigh(out.view_mut()));
-    }
-}
-
-impl PairEnergies {
-    /// Scores to energies.
-    fn weigh(&self, mut scores: ArrayViewMut3<'_, f32>) {
-        let gamma = self.gamma as f32;
-        scores.mapv_inplace(|score| -gamma * score);
-    }
-}
-
-impl TableSpec {
-    /// The table of a pair; mesh hashes and symmetry are left to fill in.
-    pub fn for_pair(pair: &Pair, window: &TranslationWindow, rotations: RotationDomain) -> Self {
-        Self {
-            model: *pair.model(),
-            pivot: pair.pivot().to_array(),
-            window: *window.lattice(),
-            rotations,
-            symmetry: None,
-            far_energy: 0.0,
-            storage: Storage::default(),
-            fields: None,
-            fixed_mesh: String::new(),
-            moving_mesh: String::new(),
-        }
-    }
 }

@@ -2,70 +2,13 @@
 
 use half::f16;
 use sdf_grid::Lattice;
-use serde::{Deserialize, Serialize};
 
-use crate::rotation_grid::RotationGrid;
-use crate::stencil::{Code, value_of};
-use crate::table::{NodeEnergies, TableError, TableSpec};
-
-/// How a table stores energies.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Storage {
-    /// Kind of number.
-    pub numbers: Numbers,
-    /// Bricks of [`Storage::BRICK`]³ displacement nodes of a rotation node are left out where no
-    /// energy differs from the far energy by more than this share of the largest probed energy.
-    /// 0 leaves out nothing. 0 ..= 0.1.
-    pub leave_out: f64,
-}
-
-/// Numbers that hold energies, two bytes each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Numbers {
-    /// Half precision: a relative error of at most 4.9e-4 for every energy of a table.
-    #[default]
-    #[serde(rename = "float16")]
-    Half,
-    /// Whole numbers and one scale for each rotation node: an absolute error of at most 1.5e-5 of
-    /// the rotation node's largest energy.
-    #[serde(rename = "int16")]
-    Integer,
-}
-
-impl Default for Storage {
-    fn default() -> Self {
-        Self {
-            numbers: Numbers::Half,
-            leave_out: 0.0,
-        }
-    }
-}
-
-impl Storage {
-    /// Displacement nodes along each side of a brick.
-    pub const BRICK: usize = 8;
-
-    pub(crate) fn validate(&self) -> Result<(), TableError> {
-        if (0.0..=0.1).contains(&self.leave_out) {
-            return Ok(());
-        }
-        Err(TableError::Spec {
-            name: "leave_out",
-            expected: "in 0 ..= 0.1",
-            found: self.leave_out.to_string(),
-        })
-    }
-}
-
-impl Numbers {
-    pub(crate) fn code(self) -> Code {
-        match self {
-            Self::Half => Code::Half,
-            Self::Integer => Code::Integer,
-        }
-    }
-}
+use crate::rotations::grid::RotationGrid;
+use crate::table::error::TableError;
+use crate::table::producer::{NodeEnergies, node};
+use crate::table::spec::TableSpec;
+use crate::table::stencil::{Code, value_of};
+use crate::table::storage::{Numbers, Storage};
 
 /// What all rotation nodes of a table share, found by probing a few of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,7 +37,7 @@ pub(crate) fn probe<P: NodeEnergies>(
     let (mut scratch, mut joules) = (producer.scratch(), vec![0f32; spec.window.len()]);
     let mut largest = 0f32;
     for row in rows {
-        crate::table::node(spec, grid, producer, row, &mut scratch, &mut joules);
+        node(spec, grid, producer, row, &mut scratch, &mut joules);
         for (flat, &e) in joules.iter().enumerate() {
             check_finite(&spec.window, row, flat, e)?;
             largest = largest.max(e.abs());

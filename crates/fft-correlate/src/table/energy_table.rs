@@ -2,153 +2,24 @@
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
-use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
-use sdf_grid::{Lattice, Monitor, Sampling};
-use serde::{Deserialize, Serialize};
+use sdf_grid::Monitor;
 
-use crate::chart::Chart;
-use crate::encode::{Encoded, Probe, Storage, encode, far_code, probe};
-use crate::layout::Layout;
-use crate::rotation_domain::{AxisSymmetry, RotationDomain, RotationError};
-use crate::rotation_grid::RotationGrid;
-use crate::stencil::value_of;
-use crate::table_rows::{Row, Rows, zeroed_pages};
-use crate::taps::Interpolation;
-use crate::{HalfTurn, HalfTurnGroup, ModelError, ScoreModel, half_turn_groups};
-
-/// What a table holds and for which pair: everything that decides its values.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TableSpec {
-    /// Weights of the score and the scale of the energy.
-    pub model: ScoreModel,
-    /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
-    pub pivot: [f64; 3],
-    /// Pivot displacements of the translation nodes, metres in the fixed frame.
-    pub window: Lattice,
-    /// Rotations of the moving part.
-    pub rotations: RotationDomain,
-    /// A symmetry by which rotation nodes are left out.
-    #[serde(default)]
-    pub symmetry: Option<AxisSymmetry>,
-    /// Energy far outside the table, joules. The model's own is 0, as densities fade.
-    #[serde(default)]
-    pub far_energy: f64,
-    /// How energies are stored.
-    #[serde(default)]
-    pub storage: Storage,
-    /// How the densities were sampled; absent where there are none.
-    #[serde(default)]
-    pub fields: Option<FieldSampling>,
-    /// Identity of the fixed part's mesh, as its hash in hexadecimal; empty if there is no mesh.
-    #[serde(default)]
-    pub fixed_mesh: String,
-    /// Identity of the moving part's mesh.
-    #[serde(default)]
-    pub moving_mesh: String,
-}
-
-/// How the densities of a table's pair were sampled, on lattices of the window's spacing.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FieldSampling {
-    /// What a lattice value stands for.
-    pub sampling: Sampling,
-    /// What averages lose at coincident boundaries was restored ([`crate::deaverage`]).
-    pub deaverage: bool,
-}
-
-/// Why a table cannot be made.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TableError {
-    /// A model parameter is out of range.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// The rotations cannot be gridded.
-    #[error(transparent)]
-    Rotations(#[from] RotationError),
-    /// A number of the specification is not finite or not a lattice's.
-    #[error("table: {name} must be {expected}, found {found}")]
-    Spec {
-        /// Which.
-        name: &'static str,
-        /// What is accepted.
-        expected: &'static str,
-        /// What was given.
-        found: String,
-    },
-    /// The energies do not fit.
-    #[error(
-        "table of {rotations} rotations x {displacements} displacements needs {needed} bytes, \
-         {limit} are allowed"
-    )]
-    Memory {
-        /// Rotation nodes.
-        rotations: u64,
-        /// Translation nodes of each rotation.
-        displacements: u64,
-        /// Bytes of energies.
-        needed: u128,
-        /// The limit, bytes.
-        limit: u64,
-    },
-    /// A computed energy is not a finite number.
-    #[error("energy of rotation node {row}, translation node {index:?} is {found}")]
-    NotFinite {
-        /// Rotation node.
-        row: usize,
-        /// Translation node.
-        index: [usize; 3],
-        /// The energy, joules.
-        found: f32,
-    },
-    /// An energy is so much larger than those probed that half precision cannot hold it.
-    #[error("energy of rotation node {row} is {found} J, beyond the representable {limit} J")]
-    Overflow {
-        /// Rotation node.
-        row: usize,
-        /// The energy, joules.
-        found: f32,
-        /// The largest energy that the table's unit can hold, joules.
-        limit: f64,
-    },
-    /// The caller asked to stop.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-/// Computes the energies of one rotation at all translations of a window.
-///
-/// A correlator is one; so is, in tests, a closed form. The same rotation must always give the same
-/// bits, whatever the thread or process.
-pub trait NodeEnergies: Sync {
-    /// Working memory of one thread.
-    type Scratch: Send;
-
-    /// Makes working memory.
-    fn scratch(&self) -> Self::Scratch;
-
-    /// Writes to `out`, shaped as the window, the energies in joules of the poses with this
-    /// rotation.
-    fn energies(&self, rotation: DQuat, scratch: &mut Self::Scratch, out: ArrayViewMut3<'_, f32>);
-
-    /// The same for the rotations that `rotation` and each of `turns` after it make, one output
-    /// each. What a turn gives may differ by rounding from [`NodeEnergies::energies`], but not with
-    /// the other turns asked for.
-    fn energies_of_half_turns(
-        &self,
-        rotation: DQuat,
-        turns: &[HalfTurn],
-        scratch: &mut Self::Scratch,
-        outs: &mut [ArrayViewMut3<'_, f32>],
-    ) {
-        for (turn, out) in turns.iter().zip(outs) {
-            self.energies(turn.rotation() * rotation, scratch, out.view_mut());
-        }
-    }
-}
+use crate::energy::{EnergySource, Response, Scratch};
+use crate::geometry::half_turn::{HalfTurnGroup, half_turn_groups};
+use crate::geometry::se3::Pose;
+use crate::geometry::taps::Interpolation;
+use crate::rotations::chart::Chart;
+use crate::rotations::grid::RotationGrid;
+use crate::table::encode::{Encoded, encode, far_code, probe};
+use crate::table::error::TableError;
+use crate::table::layout::Layout;
+use crate::table::plan::Plan;
+use crate::table::producer::{NodeEnergies, nodes};
+use crate::table::query::Reader;
+use crate::table::rows::{Row, Rows, zeroed_pages};
+use crate::table::spec::TableSpec;
+use crate::table::stencil::value_of;
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
 /// the interpolated energy, so its field is conservative.
@@ -157,114 +28,6 @@ pub struct EnergyTable {
     plan: Arc<Plan>,
     rows: Rows,
     interpolation: Interpolation,
-}
-
-/// Everything of a table but its energies; tables of which different parts are in memory share it.
-#[derive(Debug)]
-pub(crate) struct Plan {
-    pub(crate) spec: TableSpec,
-    /// Its charts number the slots of the rotation nodes that are kept.
-    pub(crate) grid: RotationGrid,
-    pub(crate) probe: Probe,
-    /// Arranges the numbers of every slot.
-    pub(crate) layout: Layout,
-    /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
-    slots: Vec<u32>,
-}
-
-impl Plan {
-    /// `slots` numbers the rotation nodes to keep.
-    pub(crate) fn new(
-        spec: TableSpec,
-        mut grid: RotationGrid,
-        probe: Probe,
-        layout: Layout,
-        slots: Vec<u32>,
-    ) -> Self {
-        grid.number(&slots);
-        Self {
-            spec,
-            grid,
-            probe,
-            layout,
-            slots,
-        }
-    }
-
-    /// Rotation nodes that are kept.
-    pub(crate) fn kept(&self) -> usize {
-        self.slots.iter().filter(|&&s| s != Chart::ABSENT).count()
-    }
-}
-
-impl TableSpec {
-    /// Checks every number.
-    ///
-    /// # Errors
-    /// Names the first that is out of range.
-    pub fn validate(&self) -> Result<(), TableError> {
-        self.model.validate()?;
-        self.storage.validate()?;
-        // A lattice read from a file has not passed through its constructor.
-        let window = &self.window;
-        Lattice::new(window.origin(), window.spacing(), window.shape()).map_err(|e| {
-            TableError::Spec {
-                name: "window",
-                expected: "a lattice",
-                found: e.to_string(),
-            }
-        })?;
-        let finite = |name, ok: bool, found: String| {
-            if ok {
-                Ok(())
-            } else {
-                Err(TableError::Spec {
-                    name,
-                    expected: "finite",
-                    found,
-                })
-            }
-        };
-        let pivot = DVec3::from_array(self.pivot);
-        finite("pivot", pivot.is_finite(), pivot.to_string())?;
-        let far = self.far_energy;
-        finite("far_energy", far.is_finite(), far.to_string())
-    }
-
-    /// The rotation nodes.
-    ///
-    /// # Errors
-    /// As [`RotationGrid::new`].
-    pub fn grid(&self) -> Result<RotationGrid, RotationError> {
-        RotationGrid::new(&self.rotations, self.symmetry.as_ref())
-    }
-
-    /// Bytes of memory for `rotations` rotation nodes of which nothing is left out.
-    pub fn bytes(&self, rotations: usize) -> u128 {
-        2 * rotations as u128 * Layout::dense_length(self.window.shape())
-    }
-
-    /// Refuses more rotation nodes than fit.
-    pub(crate) fn check_memory(&self, rotations: usize, limit: u64) -> Result<(), TableError> {
-        self.check_bytes(rotations, self.bytes(rotations), limit)
-    }
-
-    pub(crate) fn check_bytes(
-        &self,
-        rotations: usize,
-        needed: u128,
-        limit: u64,
-    ) -> Result<(), TableError> {
-        if needed <= u128::from(limit) {
-            return Ok(());
-        }
-        Err(TableError::Memory {
-            rotations: rotations as u64,
-            displacements: self.window.len() as u64,
-            needed,
-            limit,
-        })
-    }
 }
 
 impl EnergyTable {
@@ -417,12 +180,59 @@ impl EnergyTable {
         Some(value * f64::from(scale) * self.unit())
     }
 
-    pub(crate) fn plan(&self) -> &Arc<Plan> {
-        &self.plan
+    /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that would
+    /// be read is not in memory, and for an invalid pose, the energy is the specification's far
+    /// energy, the wrench and coverage zero.
+    pub fn respond(&self, pose: &Pose) -> Response {
+        self.reader().respond(pose)
     }
 
-    pub(crate) fn rows(&self) -> &Rows {
-        &self.rows
+    /// [`EnergyTable::respond`] for many poses, on all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn respond_many(&self, poses: &[Pose], responses: &mut [Response]) {
+        assert_eq!(poses.len(), responses.len(), "one response per pose");
+        poses
+            .par_chunks(256)
+            .zip(responses.par_chunks_mut(256))
+            .for_each(|(poses, responses)| self.respond_each(poses, responses));
+    }
+
+    /// [`EnergyTable::respond`] for many poses, on this thread. Random poses of a large table take
+    /// less time than one by one: each pose's energies are fetched while the one before is computed.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn respond_each(&self, poses: &[Pose], responses: &mut [Response]) {
+        assert_eq!(poses.len(), responses.len(), "one response per pose");
+        for (n, (pose, response)) in poses.iter().zip(responses).enumerate() {
+            if let Some(next) = poses.get(n + 1) {
+                self.reader().prefetch(next);
+            }
+            *response = self.respond(pose);
+        }
+    }
+
+    pub(super) fn reader(&self) -> Reader<'_> {
+        Reader {
+            plan: &self.plan,
+            rows: &self.rows,
+            interpolation: self.interpolation,
+        }
+    }
+
+    /// Whether every rotation node that a query at `pose` reads is in memory, and those one node
+    /// around them.
+    fn has_around(&self, pose: &Pose) -> bool {
+        let has = |slot| self.rows.has(slot as usize);
+        self.rows.all()
+            || !pose.is_valid()
+            || self.grid().all_around(pose, self.interpolation, has)
+    }
+
+    pub(crate) fn plan(&self) -> &Arc<Plan> {
+        &self.plan
     }
 
     /// The numbers of a slot and their scale; `None` if they are not in memory.
@@ -438,39 +248,20 @@ pub(crate) struct Slot<'a> {
     pub(crate) scale: &'a mut f32,
 }
 
-/// Computes the energies, joules, of some rotation nodes of a group, one after the other to
-/// `joules`.
-pub(crate) fn nodes<P: NodeEnergies>(
-    spec: &TableSpec,
-    producer: &P,
-    rotation: DQuat,
-    members: &[(HalfTurn, usize)],
-    scratch: &mut P::Scratch,
-    joules: &mut Vec<f32>,
-) {
-    let length = spec.window.len();
-    joules.resize(members.len() * length, 0f32);
-    let turns: Vec<_> = members.iter().map(|m| m.0).collect();
-    let mut views: Vec<_> = joules
-        .chunks_exact_mut(length)
-        .map(|out| view(spec, out))
-        .collect();
-    producer.energies_of_half_turns(rotation, &turns, scratch, &mut views);
-}
+impl EnergySource for EnergyTable {
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
 
-/// Computes the energies of one rotation node by itself, joules.
-pub(crate) fn node<P: NodeEnergies>(
-    spec: &TableSpec,
-    grid: &RotationGrid,
-    producer: &P,
-    row: usize,
-    scratch: &mut P::Scratch,
-    out: &mut [f32],
-) {
-    producer.energies(grid.nodes()[row], scratch, view(spec, out));
-}
+    fn evaluate(&self, pose: &Pose, _scratch: &mut Scratch) -> Response {
+        self.respond(pose)
+    }
 
-/// A buffer of the window's length in the window's shape.
-fn view<'a>(spec: &TableSpec, out: &'a mut [f32]) -> ArrayViewMut3<'a, f32> {
-    ArrayViewMut3::from_shape(spec.window.shape(), out).expect("the buffer has the window's length")
+    fn is_loaded(&self, pose: &Pose, _scratch: &Scratch) -> bool {
+        self.has_around(pose)
+    }
+
+    fn field(&self) -> usize {
+        Arc::as_ptr(self.plan()) as usize
+    }
 }

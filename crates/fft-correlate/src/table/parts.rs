@@ -6,24 +6,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DQuat;
 use rayon::prelude::*;
 
-use crate::layout::Layout;
-use crate::store::{StoreError, TableStore};
-use crate::table::{EnergyTable, Plan};
-use crate::table_rows::{Row, zeroed_pages};
-use crate::{Pose, TableSpec};
-
-impl EnergyTable {
-    /// Whether every rotation node that a query at `pose` reads is in memory, and those one node
-    /// around them.
-    pub(crate) fn has_around(&self, pose: &Pose) -> bool {
-        let rows = self.rows();
-        rows.all()
-            || !pose.is_valid()
-            || self
-                .grid()
-                .all_around(pose, self.interpolation(), |slot| rows.has(slot as usize))
-    }
-}
+use crate::table::energy_table::EnergyTable;
+use crate::table::layout::Layout;
+use crate::table::plan::Plan;
+use crate::table::rows::{Row, zeroed_pages};
+use crate::table::spec::TableSpec;
+use crate::table::store::error::StoreError;
+use crate::table::store::table_store::TableStore;
 
 /// A table on disk and the rotation nodes of it that are in memory. Its [`PartialTable::table`] answers
 /// wherever all nodes that it reads are there, with the same energy and wrench, bit by bit, as the
@@ -49,7 +38,7 @@ impl PartialTable {
     /// # Errors
     /// If the table is not finished, or its files cannot be listed.
     pub fn new(store: TableStore) -> Result<Self, StoreError> {
-        store.expect_all_there()?;
+        store.chunks().expect_all_there()?;
         let rotations = store.grid().nodes().len();
         let plan = Plan::new(
             store.spec().clone(),
@@ -126,7 +115,7 @@ impl PartialTable {
     pub fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
         let read = |&node: &usize| {
             let mut codes = zeroed_pages(self.plan.layout.length());
-            let scale = self.store.read_row(node, &self.plan.layout, &mut codes)?;
+            let scale = self.store.chunks().read_row(node, &self.plan.layout, &mut codes)?;
             Ok((node, Arc::new(Row::new(codes, scale, &self.held))))
         };
         let absent = nodes.par_iter().filter(|&&node| self.rows[node].is_none());

@@ -1,16 +1,16 @@
 //! Interpolation of a table's energy and its exact gradient.
 
-use std::sync::Arc;
-
 use glam::DVec3;
-use rayon::prelude::*;
 
-use crate::chart::Chart;
-use crate::rotation_grid::{MARGIN, Site};
-use crate::stencil::{RotationTap, Stencil};
-use crate::table::EnergyTable;
-use crate::taps::{Reach, Taps};
-use crate::{EnergySource, Pose, Response, Scratch, Wrench};
+use crate::energy::Response;
+use crate::geometry::se3::{Pose, Wrench};
+use crate::geometry::taps::{Interpolation, Reach, Taps};
+use crate::rotations::atlas::MARGIN;
+use crate::rotations::chart::Chart;
+use crate::rotations::grid::Site;
+use crate::table::plan::Plan;
+use crate::table::rows::Rows;
+use crate::table::stencil::{RotationTap, Stencil};
 
 /// An interpolated value and its slopes per node, above the far energy, joules.
 #[derive(Debug, Clone, Copy)]
@@ -26,57 +26,36 @@ struct Displacement {
     reach: [Reach; 3],
 }
 
-impl EnergyTable {
-    /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that would
-    /// be read is not in memory, and for an invalid pose, the energy is the specification's far
-    /// energy, the wrench and coverage zero.
-    pub fn respond(&self, pose: &Pose) -> Response {
+/// A table's plan and the energies of it that are in memory, to be read with one interpolation.
+#[derive(Clone, Copy)]
+pub(super) struct Reader<'t> {
+    pub(super) plan: &'t Plan,
+    pub(super) rows: &'t Rows,
+    pub(super) interpolation: Interpolation,
+}
+
+impl<'t> Reader<'t> {
+    /// Energy, wrench and coverage at a pose ([`super::energy_table::EnergyTable::respond`]).
+    pub(super) fn respond(&self, pose: &Pose) -> Response {
         let far = Response {
-            energy: self.spec().far_energy,
+            energy: self.plan.spec.far_energy,
             ..Response::default()
         };
         let (mut response, mut whole) = (far, true);
         if pose.is_valid() {
-            self.grid().visit(pose, self.interpolation(), |site| {
+            self.plan.grid.visit(pose, self.interpolation, |site| {
                 whole &= self.add(&site, &mut response).is_some();
             });
         }
         if whole { response } else { far }
     }
 
-    /// [`EnergyTable::respond`] for many poses, on all threads of the current rayon pool.
-    ///
-    /// # Panics
-    /// If the slices differ in length.
-    pub fn respond_many(&self, poses: &[Pose], responses: &mut [Response]) {
-        assert_eq!(poses.len(), responses.len(), "one response per pose");
-        poses
-            .par_chunks(256)
-            .zip(responses.par_chunks_mut(256))
-            .for_each(|(poses, responses)| self.respond_each(poses, responses));
-    }
-
-    /// [`EnergyTable::respond`] for many poses, on this thread. Random poses of a large table take
-    /// less time than one by one: each pose's energies are fetched while the one before is computed.
-    ///
-    /// # Panics
-    /// If the slices differ in length.
-    pub fn respond_each(&self, poses: &[Pose], responses: &mut [Response]) {
-        assert_eq!(poses.len(), responses.len(), "one response per pose");
-        for (n, (pose, response)) in poses.iter().zip(responses).enumerate() {
-            if let Some(next) = poses.get(n + 1) {
-                self.prefetch(next);
-            }
-            *response = self.respond(pose);
-        }
-    }
-
     /// Asks the processor to fetch what a query at `pose` will read.
-    fn prefetch(&self, pose: &Pose) {
+    pub(super) fn prefetch(&self, pose: &Pose) {
         if !pose.is_valid() {
             return;
         }
-        self.grid().visit(pose, self.interpolation(), |site| {
+        self.plan.grid.visit(pose, self.interpolation, |site| {
             let Some((_, displacement)) = self.place(&site) else {
                 return;
             };
@@ -98,9 +77,9 @@ impl EnergyTable {
     /// Where a patch reads along the translation axes: the moving part's arm from its origin to the
     /// pivot, and the place in the window, if it is in or near it.
     fn place(&self, site: &Site<'_>) -> Option<(DVec3, Displacement)> {
-        let pivot = DVec3::from_array(self.spec().pivot);
+        let pivot = DVec3::from_array(self.plan.spec.pivot);
         let arm = site.pose.rotation * pivot;
-        let window = &self.spec().window;
+        let window = &self.plan.spec.window;
         let x = window.fractional_index(arm + site.pose.translation - pivot);
         Some((arm, self.displacement(x)?))
     }
@@ -108,7 +87,7 @@ impl EnergyTable {
     /// Adds one patch's share: `share * coverage * (energy - far)`, differentiated as a product.
     /// `None` if what it reads is not in memory.
     fn add(&self, site: &Site<'_>, response: &mut Response) -> Option<()> {
-        let window = &self.spec().window;
+        let window = &self.plan.spec.window;
         let Some((arm, displacement)) = self.place(site) else {
             return Some(());
         };
@@ -145,10 +124,10 @@ impl EnergyTable {
     }
 
     fn displacement(&self, x: DVec3) -> Option<Displacement> {
-        let (x, shape) = (x.to_array(), self.spec().window.shape());
+        let (x, shape) = (x.to_array(), self.plan.spec.window.shape());
         let reach = |k: usize| Reach::new(x[k], shape[k], MARGIN);
         let reach = [reach(0)?, reach(1)?, reach(2)?];
-        let taps = std::array::from_fn(|k| Taps::open(reach[k].at, shape[k], self.interpolation()));
+        let taps = std::array::from_fn(|k| Taps::open(reach[k].at, shape[k], self.interpolation));
         Some(Displacement { taps, reach })
     }
 
@@ -166,7 +145,7 @@ impl EnergyTable {
         let along_y = LaneWeights::new(ty, ty.nodes[0] / 4 * 4);
         let along_z = LaneWeights::new(tz, tz.nodes[0]);
         let stencil = self.stencil(translation, if along_y.long { 2 } else { 1 });
-        let code = self.spec().storage.numbers.code();
+        let code = self.plan.spec.storage.numbers.code();
         let sums = stencil.sum(code, &taps[..count]);
         let total = |sum: usize, y: &[f64; 8], z: &[f64; 8]| -> f64 {
             let mut total = 0.0;
@@ -175,10 +154,10 @@ impl EnergyTable {
                     total += f64::from(value) * z[lane / 4] * y[4 * group + lane % 4];
                 }
             }
-            total * self.unit()
+            total * self.plan.probe.unit
         };
         let (y, z) = (&along_y.weights, &along_z.weights);
-        let far = self.spec().far_energy;
+        let far = self.plan.spec.far_energy;
         Some(Reading {
             energy: total(0, y, z) + far * absent[0] - far,
             translation: DVec3::new(
@@ -192,11 +171,11 @@ impl EnergyTable {
 
     /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones. `None`
     /// if one is not in memory.
-    fn rotation_taps<'a>(
-        &'a self,
+    fn rotation_taps(
+        &self,
         chart: &Chart,
         [tx, ty, tz]: &[Taps; 3],
-        taps: &mut [RotationTap<'a>; 64],
+        taps: &mut [RotationTap<'t>; 64],
     ) -> Option<(usize, [f64; 4])> {
         let [_, ny, nz] = chart.shape;
         let (mut count, mut absent) = (0, [0f64; 4]);
@@ -224,7 +203,7 @@ impl EnergyTable {
                         }
                         continue;
                     }
-                    let (codes, scale) = self.row(slot)?;
+                    let (codes, scale) = self.rows.get(slot as usize, self.plan.layout.length())?;
                     taps[count] = RotationTap {
                         codes,
                         weights: weights.map(|w| w as f32 * scale),
@@ -240,7 +219,7 @@ impl EnergyTable {
         let first = ty.nodes[0] / 4;
         let run = |group: usize, s: usize| {
             let group = if group < groups { first + group } else { first };
-            self.plan().layout.run(tx.nodes[s], group, tz.nodes[0])
+            self.plan.layout.run(tx.nodes[s], group, tz.nodes[0])
         };
         Stencil {
             runs: std::array::from_fn(|group| std::array::from_fn(|s| run(group, s))),
@@ -253,10 +232,10 @@ impl EnergyTable {
     /// Share of the nodes around a displacement that were not left out, changing linearly between
     /// nodes; 1 where everything is kept.
     fn kept(&self, displacement: &Displacement) -> f64 {
-        if self.plan().layout.is_dense() {
+        if self.plan.layout.is_dense() {
             return 1.0;
         }
-        let shape = self.spec().window.shape();
+        let shape = self.plan.spec.window.shape();
         let cell: [usize; 3] = std::array::from_fn(|k| {
             let last = shape[k].saturating_sub(2) as f64;
             displacement.reach[k].at.floor().clamp(0.0, last) as usize
@@ -269,7 +248,7 @@ impl EnergyTable {
                 let node =
                     std::array::from_fn(|k| (cell[k] + usize::from(upper[k])).min(shape[k] - 1));
                 let weight = |k: usize| if upper[k] { part[k] } else { 1.0 - part[k] };
-                let held = f64::from(u8::from(self.plan().layout.holds(node)));
+                let held = f64::from(u8::from(self.plan.layout.holds(node)));
                 held * weight(0) * weight(1) * weight(2)
             })
             .sum::<f64>()
@@ -302,142 +281,6 @@ impl LaneWeights {
     }
 }
 
-impl EnergySource for EnergyTable {
-    fn scratch(&self) -> Scratch {
-        Scratch::default()
-    }
-
-    fn evaluate(&self, pose: &Pose, _scratch: &mut Scratch) -> Response {
-        self.respond(pose)
-    }
-
-    fn is_loaded(&self, pose: &Pose, _scratch: &Scratch) -> bool {
-        self.has_around(pose)
-    }
-
-    fn field(&self) -> usize {
-        Arc::as_ptr(self.plan()) as usize
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use glam::DQuat;
-    use ndarray::ArrayViewMut3;
-    use sdf_grid::{Lattice, Silent};
-
-    use super::*;
-    use crate::stencil::value_of;
-    use crate::taps::Interpolation;
-    use crate::{NodeEnergies, Numbers, RotationDomain, ScoreModel, Storage, TableSpec};
-
-    /// The definition: every product of six weights with a stored energy, in double precision.
-    fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> Reading {
-        let far = table.spec().far_energy;
-        let stored = |rotation: [usize; 3], node: [usize; 3]| {
-            let [_, ny, nz] = chart.shape;
-            let slot = chart.rows[(rotation[0] * ny + rotation[1]) * nz + rotation[2]];
-            if slot == Chart::ABSENT {
-                return far;
-            }
-            let (codes, scale) = table.row(slot).unwrap();
-            let code = table.spec().storage.numbers.code();
-            let value = value_of(codes[table.plan().layout.place(node)], code);
-            value * f64::from(scale) * table.unit()
-        };
-        // Value, then slopes along x, y, z and the three rotation coordinates.
-        let mut sums = [0.0; 7];
-        for slots in 0..4usize.pow(6) {
-            let s: [usize; 6] = std::array::from_fn(|k| slots >> (2 * k) & 3);
-            let axes = [&t[0], &t[1], &t[2], &r[0], &r[1], &r[2]];
-            let node = |k: usize| axes[k].nodes[s[k]];
-            let e = stored([node(3), node(4), node(5)], [node(0), node(1), node(2)]);
-            for (which, sum) in sums.iter_mut().enumerate() {
-                let weight = |k: usize| match which == k + 1 {
-                    true => axes[k].slopes[s[k]],
-                    false => axes[k].weights[s[k]],
-                };
-                *sum += (0..6).map(weight).product::<f64>() * e;
-            }
-        }
-        Reading {
-            energy: sums[0] - far,
-            translation: DVec3::new(sums[1], sums[2], sums[3]),
-            rotation: [sums[4], sums[5], sums[6]],
-        }
-    }
-
-    /// Energies that do not repeat.
-    struct Mixed;
-
-    impl NodeEnergies for Mixed {
-        type Scratch = ();
-
-        fn scratch(&self) {}
-
-        fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
-            for ((i, j, k), e) in out.indexed_iter_mut() {
-                let phase = 1.7 * i as f64 + 2.9 * j as f64 + 0.6 * k as f64;
-                let turn = rotation.x + 1.3 * rotation.y - 0.7 * rotation.z;
-                *e = (phase + 9.0 * turn).sin() as f32;
-            }
-        }
-    }
-
-    /// Single precision errs by 6e-8 for each of a few hundred additions of numbers below 1 whose
-    /// weights sum to at most 1.25^6 = 4; slopes have weights twice as large.
-    #[test]
-    fn readings_are_those_of_the_definition() {
-        for (shape, numbers) in [
-            ([1, 1, 1], Numbers::Half),
-            ([2, 5, 3], Numbers::Integer),
-            ([5, 1, 4], Numbers::Half),
-            ([6, 13, 9], Numbers::Half),
-            ([7, 8, 5], Numbers::Integer),
-        ] {
-            for how in [Interpolation::CatmullRom, Interpolation::Linear] {
-                let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
-                let spec = TableSpec {
-                    model: ScoreModel::GUIDED,
-                    pivot: [0.1, 0.2, -0.1],
-                    window,
-                    rotations: RotationDomain::ball(20.0, 10.0),
-                    symmetry: None,
-                    far_energy: 0.2,
-                    storage: Storage {
-                        numbers,
-                        ..Storage::default()
-                    },
-                    fields: None,
-                    fixed_mesh: String::new(),
-                    moving_mesh: String::new(),
-                };
-                let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent)
-                    .unwrap()
-                    .with_interpolation(how);
-                for step in 0..40 {
-                    let s = f64::from(step);
-                    let turn = 0.5 * DVec3::new(s.sin(), (2.0 * s).cos(), (0.7 * s).sin());
-                    let pose = Pose::new(DQuat::from_scaled_axis(turn), DVec3::ZERO);
-                    let x = DVec3::from_array(std::array::from_fn(|k| {
-                        (0.5 + 0.62 * (s * (1.1 + k as f64)).sin()) * (shape[k] - 1) as f64
-                    }));
-                    let Some(displacement) = table.displacement(x) else {
-                        continue;
-                    };
-                    table.grid().visit(&pose, how, |site| {
-                        let (r, t) = (&site.taps, &displacement.taps);
-                        let fast = table.read(site.chart, r, t).unwrap();
-                        let slow = read_slowly(&table, site.chart, r, t);
-                        let numbers = |r: &Reading| {
-                            [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()
-                        };
-                        for (a, b) in numbers(&fast).iter().zip(numbers(&slow)) {
-                            assert!((a - b).abs() < 2e-5, "{shape:?} {how:?}: {a} {b}");
-                        }
-                    });
-                }
-            }
-        }
-    }
-}
+#[path = "query_tests.rs"]
+mod tests;

@@ -5,7 +5,7 @@
 
 use half::f16;
 
-use crate::layout::RUN;
+use crate::table::layout::RUN;
 
 /// How stored numbers are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

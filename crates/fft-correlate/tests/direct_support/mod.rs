@@ -137,7 +137,7 @@ pub(crate) fn brute_force(pair: &Pair, pose: &Pose) -> Complex64 {
         direct::Side::Fixed => pair.fixed(),
         direct::Side::Moving => pair.moving(),
     };
-    let terms = direct::plan(pair.model(), pair.fixed(), pair.moving());
+    let terms = direct::score_terms(pair.model(), pair.fixed(), pair.moving());
     terms
         .iter()
         .map(|term| {

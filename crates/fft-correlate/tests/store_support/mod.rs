@@ -7,8 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use fft_correlate::bake::{BakeError, Share, bake};
-use fft_correlate::{RotationDomain, TableSpec};
+use fft_correlate::{BakeError, RotationDomain, Share, TableSpec, bake};
 use sdf_grid::{Monitor, Silent};
 
 use crate::common::*;

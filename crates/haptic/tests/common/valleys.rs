@@ -1,10 +1,7 @@
 //! A small table whose energy differs at every rotation.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use fft_correlate::bake::{Share, bake_files};
-use fft_correlate::{
-    NodeEnergies, RotationDomain, ScoreModel, Storage, TableFiles, TableSpec, TableStore,
-};
+use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec, TableStore, bake_files};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use sdf_grid::{Aabb, Lattice, Silent};

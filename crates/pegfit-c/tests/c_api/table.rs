@@ -4,8 +4,7 @@ use std::ffi::CString;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use fft_correlate::bake::Share;
-use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, TableSpec, bake};
+use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, Share, TableSpec, bake};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use pegfit_c::{PegfitPose, PegfitStatus, PegfitTable, pegfit_table_load};

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fft_correlate::bake::{Share, bake};
-use fft_correlate::table_error::{Errors, measure_error};
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Well};
+use fft_correlate::table::Errors;
+use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Share, Well, bake, measure_error};
 use haptic::{Clock, LoopReport, Sample, Script};
 use sdf_grid::mesh_io;
 use sdf_grid::shapes::PegInHole;

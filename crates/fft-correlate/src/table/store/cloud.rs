@@ -14,8 +14,8 @@ use zarrs::storage::storage_adapter::async_to_sync::{
 };
 use zarrs_object_store::AsyncObjectStore;
 
-use super::StoreError;
-use super::files::Storage;
+use crate::table::store::error::StoreError;
+use crate::table::store::backend::Backend;
 
 /// How the names of settings in the environment begin, in lower case.
 const PREFIXES: [&str; 2] = ["aws_", "google_"];
@@ -44,7 +44,7 @@ fn runtime() -> std::io::Result<Handle> {
 }
 
 /// The store of a URL, its path being the folder of the table.
-pub(super) fn connect(place: &Path) -> Result<Arc<Storage>, StoreError> {
+pub(super) fn connect(place: &Path) -> Result<Arc<Backend>, StoreError> {
     let fail = |reason: String| StoreError::Url {
         url: place.into(),
         reason,

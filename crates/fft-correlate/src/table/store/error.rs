@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::table::TableError;
+use crate::table::error::TableError;
 
 /// Why a table on disk cannot be made, read or extended.
 #[derive(Debug, thiserror::Error)]

@@ -13,13 +13,11 @@ use zarrs::filesystem::FilesystemStore;
 use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 use zarrs::storage::store::MemoryStore;
 use zarrs::storage::{
-    Bytes, ReadableWritableListableStorageTraits, StorageError, StoreKey, StorePrefix,
+    Bytes, StorageError, StoreKey, StorePrefix,
 };
 
-use super::StoreError;
-
-/// What arrays are read from and written to.
-pub(super) type Storage = dyn ReadableWritableListableStorageTraits;
+use crate::table::store::backend::Backend;
+use crate::table::store::error::StoreError;
 
 /// The place of a table. Clones are the same place.
 #[derive(Clone)]
@@ -27,7 +25,7 @@ pub struct TableFiles {
     /// A path, a URL, or what errors call a table in memory.
     place: PathBuf,
     is_folder: bool,
-    storage: Arc<Storage>,
+    storage: Arc<Backend>,
 }
 
 impl std::fmt::Debug for TableFiles {
@@ -92,7 +90,7 @@ impl TableFiles {
 
     #[cfg(feature = "cloud")]
     fn in_object_store(path: &Path) -> Result<Self, StoreError> {
-        let storage = super::cloud::connect(path)?;
+        let storage = crate::table::store::cloud::connect(path)?;
         Ok(Self {
             place: path.into(),
             is_folder: false,
@@ -115,7 +113,7 @@ impl TableFiles {
         self.is_folder.then_some(&self.place)
     }
 
-    pub(super) fn storage(&self) -> &Arc<Storage> {
+    pub(super) fn storage(&self) -> &Arc<Backend> {
         &self.storage
     }
 

@@ -5,11 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::files::TableFiles;
-use super::{FORMAT_VERSION, StoreError};
-use crate::encode::Probe;
-use crate::table::TableSpec;
-use crate::table_error::ErrorReport;
+use crate::table::accuracy::ErrorReport;
+use crate::table::encode::Probe;
+use crate::table::spec::TableSpec;
+use crate::table::store::error::StoreError;
+use crate::table::store::files::TableFiles;
+use crate::table::store::format::FORMAT_VERSION;
 
 /// Content of the attribute.
 #[derive(Debug, Clone, Serialize, Deserialize)]

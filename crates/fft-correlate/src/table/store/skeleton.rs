@@ -5,21 +5,18 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-use half::f16;
 use serde_json::json;
-use zarrs::array::codec::{
-    BloscCodec, BloscCompressionLevel, BloscCompressor, BloscShuffleMode, Crc32cCodec,
-};
+use zarrs::array::codec::Crc32cCodec;
 use zarrs::array::{ArrayBuilder, data_type};
 use zarrs::group::GroupBuilder;
-use zarrs::metadata::ChunkKeySeparator;
 
-use super::files::{Storage, TableFiles, beside};
-use super::header::Header;
-use super::{StoreError, metadata_options, one_thread};
-use crate::encode::Numbers;
-use crate::rotation_grid::RotationGrid;
-use crate::table::TableSpec;
+use crate::rotations::grid::RotationGrid;
+use crate::table::storage::Numbers;
+use crate::table::store::error::StoreError;
+use crate::table::store::backend::Backend;
+use crate::table::store::files::{TableFiles, beside};
+use crate::table::store::format::{energy_array, metadata_options, one_thread, scale_array};
+use crate::table::store::header::Header;
 
 /// Writes the metadata of an empty table, its own last: what makes it one. In a store of objects,
 /// processes that do this at the same time write the same bytes.
@@ -67,7 +64,7 @@ fn place_folder(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(),
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 fn write_skeleton(
-    files: &Arc<Storage>,
+    files: &Arc<Backend>,
     header: &Header,
     grid: &RotationGrid,
 ) -> Result<(), AnyError> {
@@ -98,56 +95,8 @@ fn write_skeleton(
     Ok(())
 }
 
-/// One chunk of energies for each rotation node.
-pub(super) fn energy_array(spec: &TableSpec, grid: &RotationGrid) -> ArrayBuilder {
-    let [nx, ny, nz] = spec.window.shape().map(|n| n as u64);
-    let level = BloscCompressionLevel::try_from(5u8).expect("levels reach 9");
-    let blosc = BloscCodec::new(
-        BloscCompressor::LZ4,
-        level,
-        None,
-        BloscShuffleMode::Shuffle,
-        Some(2),
-    )
-    .expect("blosc has lz4 and the element size is given");
-    let (unit, coordinates) = match spec.storage.numbers {
-        Numbers::Half => ("energy_unit", "quaternion"),
-        Numbers::Integer => ("scale times energy_unit", "quaternion scale"),
-    };
-    let attributes = json!({
-        "long_name": format!("energy in units of {unit}"), "coordinates": coordinates,
-    });
-    let (shape, chunk) = (
-        vec![grid.nodes().len() as u64, nx, ny, nz],
-        vec![1, nx, ny, nz],
-    );
-    let mut builder = match spec.storage.numbers {
-        Numbers::Half => ArrayBuilder::new(shape, chunk, data_type::float16(), f16::NAN),
-        Numbers::Integer => ArrayBuilder::new(shape, chunk, data_type::int16(), i16::MIN),
-    };
-    builder
-        .bytes_to_bytes_codecs(vec![Arc::new(blosc), Arc::new(Crc32cCodec::new())])
-        .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
-        .dimension_names(Some(["rotation", "x", "y", "z"]))
-        .attributes(attributes.as_object().cloned().unwrap_or_default());
-    builder
-}
-
-/// What the whole numbers of each rotation node are multiplied by, in units.
-pub(super) fn scale_array(grid: &RotationGrid) -> ArrayBuilder {
-    let attributes = json!({ "long_name": "units of energy per number", "units": "1" });
-    let shape = vec![grid.nodes().len() as u64];
-    let mut builder = ArrayBuilder::new(shape, vec![1], data_type::float32(), f32::NAN);
-    builder
-        .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
-        .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
-        .dimension_names(Some(["rotation"]))
-        .attributes(attributes.as_object().cloned().unwrap_or_default());
-    builder
-}
-
 fn coordinate(
-    files: &Arc<Storage>,
+    files: &Arc<Backend>,
     name: &str,
     shape: &[(&str, usize)],
     values: &[f64],

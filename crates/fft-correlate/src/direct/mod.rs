@@ -1,0 +1,10 @@
+//! The score by direct quadrature: any rotation, no table, a few megabytes.
+
+pub(crate) mod condition;
+pub(crate) mod evaluator;
+mod lookup;
+mod quadrature;
+mod terms;
+
+pub use evaluator::{DirectDescription, FullResponse, TermDescription};
+pub use terms::{Blend, Side, Term, score_terms};

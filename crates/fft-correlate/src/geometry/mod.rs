@@ -1,0 +1,6 @@
+//! Rigid motions, windows of displacements, half turns, and interpolation along lattice axes.
+
+pub(crate) mod half_turn;
+pub(crate) mod se3;
+pub(crate) mod taps;
+pub(crate) mod translation;

@@ -1,0 +1,8 @@
+//! Two parts and the model between them: from meshes to what every scorer works on.
+
+pub(crate) mod builder;
+pub(crate) mod deaverage;
+pub(crate) mod fields;
+pub(crate) mod model;
+
+pub use builder::{default_halo, default_spacing};

@@ -1,0 +1,121 @@
+//! Charts over a set of rotations, their images under a symmetry, and the seams that join them.
+
+use std::f64::consts::FRAC_PI_4;
+
+use glam::{DQuat, DVec3};
+
+use crate::geometry::taps::fade;
+use crate::rotations::chart::Chart;
+use crate::rotations::fold::Symmetry;
+
+/// Nodes over which coverage fades outside the domain, in spacings.
+pub(crate) const MARGIN: f64 = 2.0;
+
+/// The nodes of a rotation domain and how queries find them.
+#[derive(Debug, Clone)]
+pub(super) struct Atlas {
+    /// In the order of a table's rows.
+    pub(super) nodes: Vec<DQuat>,
+    pub(super) charts: Vec<Chart>,
+    pub(super) patches: Vec<Patch>,
+    pub(super) symmetry: Option<Symmetry>,
+    pub(super) cover: Cover,
+    /// Angle between neighbouring nodes, radians.
+    pub(super) step: f64,
+}
+
+/// One image of a chart under the symmetry: queries near `image` are turned onto the chart.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Patch {
+    pub(super) chart: usize,
+    /// The chart's centre, turned back by `turn`.
+    pub(super) image: DQuat,
+    /// The symmetry's turn that takes queries near `image` onto the chart.
+    pub(super) turn: DQuat,
+}
+
+/// How coverage ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Cover {
+    All,
+    /// Beyond this angle from the centre, over the margin; radians.
+    Ball {
+        center: DQuat,
+        angle: f64,
+        margin: f64,
+    },
+    /// With the tilt away from the spin axis; and beyond the ends of the range, `margin` nodes.
+    Spin {
+        margin: f64,
+    },
+    /// With the angle from the nearest listed rotation.
+    List {
+        margin: f64,
+    },
+}
+
+impl Atlas {
+    /// Cosine of half the angle from the query to the patch's image (for a body of revolution, to
+    /// the nearest of its images).
+    pub(super) fn closeness(&self, patch: usize, q: DQuat) -> f64 {
+        let image = self.patches[patch].image;
+        match &self.symmetry {
+            Some(s) if s.is_continuous() => s.swing_closeness(q, image),
+            _ => q.dot(image).abs(),
+        }
+    }
+
+    /// Gradient of [`Self::closeness`] by a turn of `q`.
+    fn closeness_gradient(&self, patch: usize, q: DQuat) -> DVec3 {
+        let image = self.patches[patch].image;
+        match &self.symmetry {
+            Some(s) if s.is_continuous() => s.swing_closeness_gradient(q, image),
+            _ => {
+                let toward = image * q.conjugate();
+                0.5 * toward.w.signum() * toward.xyz()
+            }
+        }
+    }
+
+    /// Share of a patch before division by the sum: a product over the seams with all others.
+    pub(super) fn share(&self, patch: usize, q: DQuat) -> (f64, DVec3) {
+        let own = self.closeness(patch, q);
+        let own_gradient = self.closeness_gradient(patch, q);
+        let (mut share, mut log_gradient) = (1.0, DVec3::ZERO);
+        for other in (0..self.patches.len()).filter(|&k| k != patch) {
+            let width = self.seam_width(patch, other);
+            let theirs = self.closeness(other, q);
+            let place = theirs.atan2(own) - FRAC_PI_4;
+            if place <= -width {
+                continue;
+            }
+            let (factor, slope) = fade((place + width) / (2.0 * width));
+            if factor <= 0.0 {
+                return (0.0, DVec3::ZERO);
+            }
+            let turn = own * self.closeness_gradient(other, q) - theirs * own_gradient;
+            share *= factor;
+            log_gradient += slope / (2.0 * width) / factor * turn / (own * own + theirs * theirs);
+        }
+        (share, share * log_gradient)
+    }
+
+    /// Half the width of a seam in the angle whose tangent is the ratio of closenesses: about one
+    /// node of the chart on each side.
+    fn seam_width(&self, a: usize, b: usize) -> f64 {
+        seam_width(
+            self.patches[a].image,
+            self.patches[b].image,
+            &self.symmetry,
+            0.5 * self.step,
+        )
+    }
+}
+
+fn seam_width(a: DQuat, b: DQuat, symmetry: &Option<Symmetry>, half_step: f64) -> f64 {
+    let half_apart = match symmetry {
+        Some(s) if s.is_continuous() => FRAC_PI_4,
+        _ => 0.5 * a.dot(b).abs().min(1.0).acos(),
+    };
+    half_step.min(0.9 * half_apart) * half_apart.tan()
+}

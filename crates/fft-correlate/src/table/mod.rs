@@ -1,0 +1,24 @@
+//! Energies over a grid of rotations and a lattice of translations: made, stored, and interpolated.
+
+pub(crate) mod accuracy;
+pub(crate) mod bake;
+mod encode;
+pub(crate) mod energy_table;
+pub(crate) mod error;
+pub(crate) mod launcher;
+mod layout;
+pub(crate) mod pair_energies;
+pub(crate) mod parts;
+mod plan;
+pub(crate) mod producer;
+mod query;
+mod rows;
+pub(crate) mod spec;
+mod stencil;
+pub(crate) mod storage;
+pub(crate) mod store;
+
+pub use accuracy::Errors;
+pub use launcher::LauncherError;
+pub use store::chunks::ChunkState;
+pub use store::format::FORMAT_VERSION;

@@ -1,0 +1,142 @@
+//! What a table holds: everything that decides its values.
+
+use glam::DVec3;
+use sdf_grid::{Lattice, Sampling};
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::translation::TranslationWindow;
+use crate::pair::fields::Pair;
+use crate::pair::model::ScoreModel;
+use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError};
+use crate::rotations::grid::RotationGrid;
+use crate::table::error::TableError;
+use crate::table::layout::Layout;
+use crate::table::storage::Storage;
+
+/// What a table holds and for which pair: everything that decides its values.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableSpec {
+    /// Weights of the score and the scale of the energy.
+    pub model: ScoreModel,
+    /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
+    pub pivot: [f64; 3],
+    /// Pivot displacements of the translation nodes, metres in the fixed frame.
+    pub window: Lattice,
+    /// Rotations of the moving part.
+    pub rotations: RotationDomain,
+    /// A symmetry by which rotation nodes are left out.
+    #[serde(default)]
+    pub symmetry: Option<AxisSymmetry>,
+    /// Energy far outside the table, joules. The model's own is 0, as densities fade.
+    #[serde(default)]
+    pub far_energy: f64,
+    /// How energies are stored.
+    #[serde(default)]
+    pub storage: Storage,
+    /// How the densities were sampled; absent where there are none.
+    #[serde(default)]
+    pub fields: Option<FieldSampling>,
+    /// Identity of the fixed part's mesh, as its hash in hexadecimal; empty if there is no mesh.
+    #[serde(default)]
+    pub fixed_mesh: String,
+    /// Identity of the moving part's mesh.
+    #[serde(default)]
+    pub moving_mesh: String,
+}
+
+/// How the densities of a table's pair were sampled, on lattices of the window's spacing.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldSampling {
+    /// What a lattice value stands for.
+    pub sampling: Sampling,
+    /// What averages lose at coincident boundaries was restored ([`crate::deaverage`]).
+    pub deaverage: bool,
+}
+
+impl TableSpec {
+    /// The table of a pair; mesh hashes and symmetry are left to fill in.
+    pub fn for_pair(pair: &Pair, window: &TranslationWindow, rotations: RotationDomain) -> Self {
+        Self {
+            model: *pair.model(),
+            pivot: pair.pivot().to_array(),
+            window: *window.lattice(),
+            rotations,
+            symmetry: None,
+            far_energy: 0.0,
+            storage: Storage::default(),
+            fields: None,
+            fixed_mesh: String::new(),
+            moving_mesh: String::new(),
+        }
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// Names the first that is out of range.
+    pub fn validate(&self) -> Result<(), TableError> {
+        self.model.validate()?;
+        self.storage.validate()?;
+        // A lattice read from a file has not passed through its constructor.
+        let window = &self.window;
+        Lattice::new(window.origin(), window.spacing(), window.shape()).map_err(|e| {
+            TableError::Spec {
+                name: "window",
+                expected: "a lattice",
+                found: e.to_string(),
+            }
+        })?;
+        let finite = |name, ok: bool, found: String| {
+            if ok {
+                Ok(())
+            } else {
+                Err(TableError::Spec {
+                    name,
+                    expected: "finite",
+                    found,
+                })
+            }
+        };
+        let pivot = DVec3::from_array(self.pivot);
+        finite("pivot", pivot.is_finite(), pivot.to_string())?;
+        let far = self.far_energy;
+        finite("far_energy", far.is_finite(), far.to_string())
+    }
+
+    /// The rotation nodes.
+    ///
+    /// # Errors
+    /// As [`RotationGrid::new`].
+    pub fn grid(&self) -> Result<RotationGrid, RotationError> {
+        RotationGrid::new(&self.rotations, self.symmetry.as_ref())
+    }
+
+    /// Bytes of memory for `rotations` rotation nodes of which nothing is left out.
+    pub fn bytes(&self, rotations: usize) -> u128 {
+        2 * rotations as u128 * Layout::dense_length(self.window.shape())
+    }
+
+    /// Refuses more rotation nodes than fit.
+    pub(crate) fn check_memory(&self, rotations: usize, limit: u64) -> Result<(), TableError> {
+        self.check_bytes(rotations, self.bytes(rotations), limit)
+    }
+
+    pub(crate) fn check_bytes(
+        &self,
+        rotations: usize,
+        needed: u128,
+        limit: u64,
+    ) -> Result<(), TableError> {
+        if needed <= u128::from(limit) {
+            return Ok(());
+        }
+        Err(TableError::Memory {
+            rotations: rotations as u64,
+            displacements: self.window.len() as u64,
+            needed,
+            limit,
+        })
+    }
+}

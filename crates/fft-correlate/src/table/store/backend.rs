@@ -1,0 +1,6 @@
+//! What arrays are read from and written to.
+
+use zarrs::storage::ReadableWritableListableStorageTraits;
+
+/// A folder, an object store or memory.
+pub(super) type Backend = dyn ReadableWritableListableStorageTraits;

@@ -150,7 +150,7 @@ impl<'a> Refinement<'a> {
 fn radius_about_pivot(pair: &Pair) -> f64 {
     let field = pair.moving();
     let distance = |((i, j, k), d): ((usize, usize, usize), &f32)| {
-        (*d <= 0.0).then(|| (field.lattice.position([i, j, k]) - pair.pivot()).length())
+        (*d <= 0.0).then(|| (field.lattice().position([i, j, k]) - pair.pivot()).length())
     };
     field
         .signed_distance

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
+use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
 use glam::{DQuat, DVec3};
 use haptic::hid_report::Layouts;
 use haptic::pid::PidLayout;
@@ -28,16 +28,12 @@ impl NodeEnergies for Constant {
 static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a folder");
     let spec = TableSpec {
-        model: ScoreModel::GUIDED,
-        pivot: [0.0; 3],
+        recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::ZERO),
         window: Lattice::new(DVec3::splat(-1.0), 1.0, [3; 3]).expect("a lattice"),
         rotations: RotationDomain::ball(10.0, 10.0),
         symmetry: None,
         far_energy: 0.0,
         storage: Default::default(),
-        fields: None,
-        fixed_mesh: "aa".into(),
-        moving_mesh: "bb".into(),
     };
     let root = folder.path().join("table");
     bake(&root, &spec, &Constant, Share::ALL, &Silent).expect("a table");

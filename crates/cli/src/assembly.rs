@@ -7,7 +7,7 @@ mod parts;
 use std::time::Instant;
 
 use fft_correlate::well::gamma_for_peak_force;
-use fft_correlate::{AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, FieldSampling, Pair, PairEnergies, Pose, RotationGrid, TableSpec, TranslationWindow};
+use fft_correlate::{AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairEnergies, Pose, RotationGrid, TableSpec, TranslationWindow};
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{Aabb, LengthUnit, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};
@@ -17,9 +17,9 @@ use crate::error::CommandError;
 use crate::memory;
 use crate::scene::{EnergyScale, Scene};
 use fields::compute_pair;
-pub(crate) use fields::plan;
+pub(crate) use fields::{as_baked, expect_table_of, plan};
 use parts::warn_of_scale;
-pub(crate) use parts::{hash_text, read_part};
+pub(crate) use parts::read_part;
 
 /// Deviation from symmetry that counts as none, in lattice spacings.
 const SYMMETRY_TOLERANCE: f64 = 0.02;
@@ -139,17 +139,7 @@ impl Assembly {
         let mut spec =
             TableSpec::for_pair(&self.pair, &self.window()?, self.scene.rotations.clone());
         spec.symmetry = self.table_symmetry();
-        spec.fields = Some(FieldSampling {
-            sampling: self.scene.lattice.sampling,
-            deaverage: self.scene.lattice.deaverage,
-        });
-        [spec.fixed_mesh, spec.moving_mesh] = self.mesh_hashes();
         Ok(spec)
-    }
-
-    /// The hashes of the fixed and the moving mesh, in hexadecimal.
-    pub fn mesh_hashes(&self) -> [String; 2] {
-        [&self.fixed, &self.moving].map(hash_text)
     }
 
     /// The correlation that fills a table.

@@ -11,10 +11,10 @@ use serde::Serialize;
 use super::table::print_error;
 use super::{Context, print_json, tolerance, verify};
 use crate::args::{BakeArgs, NumbersChoice};
-use crate::assembly::Assembly;
+use crate::assembly::{Assembly, as_baked};
 use crate::error::CommandError;
 use crate::memory::display_bytes;
-use crate::scene::{EnergyScale, LatticeStep, Scene};
+use crate::scene::Scene;
 
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 const SEED: u64 = 1;
@@ -111,17 +111,12 @@ fn prepare(
         return Ok((choice.assembly, Some(reference)));
     }
     let store = open(&args.output)?;
+    verify::require_scene_of(&store, &scene, context)?;
     let spec = store.spec();
     let spacing = 0.5 * spec.window.spacing();
     let (truth, _) = verify::reference(&store, scene.clone(), spacing, context)?;
-    let mut scene = scene;
-    scene.energy = EnergyScale::Gamma(spec.model.gamma);
-    scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());
+    let mut scene = as_baked(scene, spec);
     scene.rotations = spec.rotations.clone();
-    if let Some(fields) = spec.fields {
-        scene.lattice.sampling = fields.sampling;
-        scene.lattice.deaverage = fields.deaverage;
-    }
     let assembly = Assembly::load(scene, context)?;
     Ok((assembly, Some(Reference { truth, spacing })))
 }

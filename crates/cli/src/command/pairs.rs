@@ -11,7 +11,7 @@ use haptic::scene::{
 use sdf_grid::{Aabb, TriangleMesh};
 
 use super::{Context, bake};
-use crate::assembly::{self, Assembly};
+use crate::assembly::{self, Assembly, expect_table_of};
 use crate::error::CommandError;
 use crate::progress::Progress;
 use crate::scene::{EnergyScale, Part, Scene};
@@ -44,10 +44,14 @@ impl LivePairs {
         let mut kinds: Vec<PairFiles> = Vec::new();
         for (index, part) in parts.iter().enumerate() {
             let mut single = scene.clone().only(Some(&part.name))?;
-            single.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
             let chosen = table.filter(|_| index == 0).map(Path::to_owned);
+            let table = chosen.or_else(|| part.table.clone());
+            // A table has its own energy scale; all others share one.
+            if table.is_none() {
+                single.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
+            }
             let pair = PairFiles {
-                table: chosen.or_else(|| part.table.clone()),
+                table,
                 scene: single,
                 pivot,
             };
@@ -229,25 +233,20 @@ impl PairFiles {
         known: Option<&Assembly>,
         context: &Context,
     ) -> Result<Loaded, CommandError> {
-        let hashes = match known {
-            Some(assembly) => assembly.mesh_hashes(),
-            None => {
-                let read = |part| assembly::read_part(&self.scene, part, context);
-                [read(&self.scene.fixed)?, read(&self.scene.moving)?]
-                    .map(|mesh| assembly::hash_text(&mesh))
-            }
-        };
         let store = bake::open(path)?;
-        store
-            .expect_meshes(&hashes[0], &hashes[1])
-            .map_err(|e| CommandError::bad_input("table", e))?;
-        let own = known.map(|a| *a.pair.model());
-        if own.is_some_and(|model| model != store.spec().model) {
+        if known.is_some_and(|a| a.pair.model().gamma != store.spec().model().gamma) {
             context.progress.note(&format!(
-                "note: {} was baked with another model or energy scale than the scene's; the \
-                 table's counts",
+                "note: {} was baked with another energy scale than the scene's; the table's counts",
                 path.display()
             ));
+        }
+        match known {
+            Some(a) => expect_table_of(&self.scene, [&a.fixed, &a.moving], &store, context)?,
+            None => {
+                let fixed = assembly::read_part(&self.scene, &self.scene.fixed, context)?;
+                let moving = assembly::read_part(&self.scene, &self.scene.moving, context)?;
+                expect_table_of(&self.scene, [&fixed, &moving], &store, context)?;
+            }
         }
         let reach = self.table_reach(store.spec());
         let table = PartialTable::new(store).map_err(|e| CommandError::bad_input("table", e))?;
@@ -274,7 +273,7 @@ impl PairFiles {
     /// Two nodes beyond the window the table has faded out.
     fn table_reach(&self, spec: &fft_correlate::TableSpec) -> Aabb {
         let window = &spec.window;
-        let own = DVec3::from_array(spec.pivot);
+        let own = spec.pivot();
         let last = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
         let first = own + window.origin();
         Aabb {

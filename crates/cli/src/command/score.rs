@@ -174,7 +174,7 @@ impl Scorer {
                 }
             }
             Source::Table(table) => {
-                let gamma = table.spec().model.gamma;
+                let gamma = table.spec().model().gamma;
                 let mut responses = vec![Response::default(); poses.len()];
                 table.respond_each(poses, &mut responses);
                 for (pose, response) in poses.iter().zip(responses) {

@@ -82,7 +82,7 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
-    let m = &spec.model;
+    let m = spec.model();
     crate::say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
         m.sigma,
@@ -91,8 +91,21 @@ fn print(d: &Description, store: &TableStore) {
         m.separation_weight,
         m.gamma
     );
-    crate::say!("  fixed mesh     {}", spec.fixed_mesh);
-    crate::say!("  moving mesh    {}", spec.moving_mesh);
+    for (name, field) in [("fixed", &spec.recipe.fixed), ("moving", &spec.recipe.moving)] {
+        if let Some(field) = field {
+            crate::say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
+        }
+    }
+    if let Some(field) = &spec.recipe.fixed {
+        crate::say!(
+            "  fields         {:?}{}, halo {:.4} mm, tolerance {}, version {}",
+            field.sampling,
+            if spec.recipe.deaverage { ", deaveraged" } else { "" },
+            1e3 * field.halo,
+            field.tolerance,
+            field.version
+        );
+    }
     crate::say!(
         "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
         spec.storage.numbers,

@@ -6,7 +6,7 @@
 //! middle reads. Truth is direct quadrature on a lattice of half the spacing.
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyTable, FieldSampling, RotationDomain, TableError,
+    DirectEvaluator, DirectOptions, EnergyTable, RotationDomain, TableError,
     TableSpec, measure_error, random_pose,
 };
 use sdf_grid::Sampling;
@@ -129,31 +129,21 @@ fn lattice_error(
     spacing: f64,
     context: &Context,
 ) -> Result<(f64, Choice), CommandError> {
-    let at = |spacing: f64, fields: FieldSampling| {
+    let at = |spacing: f64, (sampling, deaverage): (Sampling, bool)| {
         let mut scene = scene.clone();
         scene.lattice.step = LatticeStep::Spacing(spacing);
-        scene.lattice.sampling = fields.sampling;
-        scene.lattice.deaverage = fields.deaverage;
+        scene.lattice.sampling = sampling;
+        scene.lattice.deaverage = deaverage;
         Assembly::load(scene, context)
     };
-    let average = FieldSampling {
-        sampling: Sampling::CellAverage,
-        deaverage: false,
-    };
     let reference_spacing = 0.5 * spacing;
-    let fine = at(reference_spacing, average)?;
+    let fine = at(reference_spacing, (Sampling::CellAverage, false))?;
     let truth = fine.direct(&DirectOptions::FULL)?;
     let mut best: Option<(f64, Assembly)> = None;
     for fields in [
-        average,
-        FieldSampling {
-            deaverage: true,
-            ..average
-        },
-        FieldSampling {
-            sampling: Sampling::Point,
-            ..average
-        },
+        (Sampling::CellAverage, false),
+        (Sampling::CellAverage, true),
+        (Sampling::Point, false),
     ] {
         let assembly = at(spacing, fields)?;
         let error = probe(&assembly, &truth, None, context)?;

@@ -5,9 +5,9 @@ use serde::Serialize;
 
 use super::{Context, bake, print_json};
 use crate::args::VerifyArgs;
-use crate::assembly::Assembly;
+use crate::assembly::{Assembly, as_baked, expect_table_of, read_part};
 use crate::error::CommandError;
-use crate::scene::{EnergyScale, LatticeStep, Scene};
+use crate::scene::{LatticeStep, Scene};
 
 #[derive(Serialize)]
 struct Verdict {
@@ -21,21 +21,18 @@ struct Verdict {
 pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandError> {
     let store = bake::open(&args.table)?;
     let name = args.table.display().to_string();
+    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    require_scene_of(&store, &scene, context)?;
     let Some(stated) = store.error_report().cloned() else {
         return Err(CommandError::input(
             &name,
             "attribute error",
             "the error measured when the table was finished",
-            "none: bake with --resume",
+            "none: `pegfit bake` with --resume and the options of its bake measures it",
         ));
     };
     let table = bake::load(&store, context)?;
-    let (truth, pair) = reference(
-        &store,
-        Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
-        stated.reference_spacing,
-        context,
-    )?;
+    let (truth, pair) = reference(&store, scene, stated.reference_spacing, context)?;
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
     let mut found = measure_error(&table, &truth, args.poses, seed);
     found.reference_spacing = stated.reference_spacing;
@@ -60,49 +57,31 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     }
 }
 
+/// Refuses a table that was not baked from the scene's parts, model and fields.
+pub(super) fn require_scene_of(
+    store: &TableStore,
+    scene: &Scene,
+    context: &Context,
+) -> Result<(), CommandError> {
+    let fixed = read_part(scene, &scene.fixed, context)?;
+    let moving = read_part(scene, &scene.moving, context)?;
+    expect_table_of(scene, [&fixed, &moving], store, context)
+}
+
 /// The evaluator that a table's error is measured against, direct quadrature on densities of
 /// `spacing` (0: the table's own), with the table's sampling and energy scale; and the pair that it
 /// evaluates.
 pub(super) fn reference(
     store: &TableStore,
-    mut scene: Scene,
+    scene: Scene,
     spacing: f64,
     context: &Context,
 ) -> Result<(DirectEvaluator, Pair), CommandError> {
-    let spec = store.spec();
-    let model = &spec.model;
-    let numbers = |m: &fft_correlate::ScoreModel| {
-        [
-            m.sigma,
-            m.lambda_exterior,
-            m.lambda_interior,
-            m.separation_weight,
-        ]
-    };
-    if numbers(&scene.model) != numbers(model) {
-        return Err(CommandError::input(
-            scene.path.display().to_string(),
-            "model",
-            format!("that of the table, {:?}", numbers(model)),
-            format!("{:?}", numbers(&scene.model)),
-        ));
-    }
-    scene.energy = EnergyScale::Gamma(model.gamma);
-    let spacing = if spacing > 0.0 {
-        spacing
-    } else {
-        spec.window.spacing()
-    };
-    scene.lattice.step = LatticeStep::Spacing(spacing);
-    if let Some(fields) = spec.fields {
-        scene.lattice.sampling = fields.sampling;
-        scene.lattice.deaverage = fields.deaverage;
+    let mut scene = as_baked(scene, store.spec());
+    if spacing > 0.0 {
+        scene.lattice.step = LatticeStep::Spacing(spacing);
     }
     let assembly = Assembly::load(scene, context)?;
-    let [fixed, moving] = assembly.mesh_hashes();
-    store
-        .expect_meshes(&fixed, &moving)
-        .map_err(|e| CommandError::bad_input("table", e))?;
     Ok((assembly.direct(&DirectOptions::FULL)?, assembly.pair))
 }
 

@@ -9,6 +9,7 @@ pub(crate) mod lattices;
 mod measure;
 pub(crate) mod options;
 pub(crate) mod peaks;
+mod recipe;
 pub(crate) mod refine;
 pub(crate) mod report;
 pub(crate) mod rotations;

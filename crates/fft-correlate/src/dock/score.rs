@@ -6,6 +6,7 @@ use std::time::Instant;
 use sdf_grid::Monitor;
 
 use crate::dock::error::SearchError;
+use crate::dock::recipe::SearchRecipe;
 use crate::dock::scan::Scan;
 use crate::dock::state::State;
 use crate::geometry::half_turn::HalfTurnGroup;
@@ -13,19 +14,19 @@ use crate::geometry::half_turn::HalfTurnGroup;
 /// Rotations scored between two writes of the state.
 pub(super) const BATCH: usize = 256;
 
-/// Scores what is left to score of `count` rotations; the state and how many rotations it held
-/// before.
+/// Scores what is left to score of a search's chosen rotations; the state and how many rotations it
+/// held before.
 pub(super) fn score(
     scan: &Scan,
     groups: &[HalfTurnGroup],
-    count: usize,
     file: Option<&Path>,
-    fingerprint: String,
+    recipe: SearchRecipe,
     monitor: &dyn Monitor,
 ) -> Result<(State, usize), SearchError> {
+    let count = recipe.chosen.count;
     let mut state = match file {
-        Some(path) => State::load(path, fingerprint, count, scan.window.shape())?,
-        None => State::new(fingerprint),
+        Some(path) => State::load(path, recipe, scan.window.shape())?,
+        None => State::new(recipe),
     };
     let resumed = state.scored;
     monitor.begin("scoring rotations", (count - resumed) as u64);

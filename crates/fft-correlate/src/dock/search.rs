@@ -29,13 +29,13 @@ use crate::dock::descend::{Refinement, fine_sources};
 use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::options::SearchOptions;
+use crate::dock::recipe::SearchRecipe;
 use crate::dock::report::{FoundPose, SCORING, SearchReport, SearchStage};
 use crate::dock::scan::{Candidate, Scan};
 use crate::dock::score::score;
 use crate::dock::sketch::{sketch, wants_sketch};
 use crate::dock::weights::with_docking_weights;
 use crate::geometry::half_turn::half_turn_groups;
-use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 
 /// Searches `domain`; only gamma is taken from the pairs' models. With `state`, what was scored is kept in
@@ -71,8 +71,8 @@ pub fn search(
         per_rotation: options.per_rotation,
         distance: 2.0 * coarse.spacing(),
     };
-    let print = fingerprint(&coarse, &window, options, &rotations);
-    let (done, resumed) = score(&scan, &groups, rotations.len(), state, print, monitor)?;
+    let recipe = SearchRecipe::new(domain, options, pairs.sketch, [&coarse, &fine], &rotations);
+    let (done, resumed) = score(&scan, &groups, state, recipe, monitor)?;
     stages.0.push(SearchStage {
         name: SCORING,
         items: done.scored,
@@ -170,43 +170,6 @@ fn refined(
         let poses = refinement.descend(poses, fine, &[&merged, &source], count);
         refinement.finish(poses, fine, &source)
     }))
-}
-
-/// A hash of everything that the candidates depend on.
-fn fingerprint(
-    pair: &Pair,
-    window: &TranslationWindow,
-    options: &SearchOptions,
-    rotations: &[DQuat],
-) -> String {
-    let model = pair.model();
-    let mut numbers = vec![
-        model.sigma,
-        model.lambda_exterior,
-        model.lambda_interior,
-        model.gamma,
-        pair.spacing(),
-        options.per_rotation as f64,
-    ];
-    for field in [pair.fixed(), pair.moving()] {
-        numbers.extend([field.recipe.halo, f64::from(field.recipe.sampling as u8)]);
-        numbers.extend(field.lattice().origin().to_array());
-    }
-    let window = window.lattice();
-    for place in [pair.pivot(), window.origin()] {
-        numbers.extend(place.to_array());
-    }
-    numbers.extend(window.shape().map(|n| n as f64));
-    for q in rotations {
-        numbers.extend(q.to_array());
-    }
-    let mut hash = blake3::Hasher::new();
-    for number in numbers {
-        hash.update(&number.to_le_bytes());
-    }
-    hash.update(pair.fixed().recipe.mesh.as_bytes());
-    hash.update(pair.moving().recipe.mesh.as_bytes());
-    hash.finalize().to_hex().to_string()
 }
 
 fn lattice_pose(scan: &Scan, rotations: &[DQuat], candidate: &Candidate) -> FoundPose {

@@ -1,11 +1,12 @@
 //! What a docking search has done so far, in a file that is whole at any moment.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use sdf_grid::atomic;
+use sdf_grid::recipe::{Difference, difference};
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
 
+use crate::dock::recipe::SearchRecipe;
 use crate::dock::scan::{Candidate, sort};
 
 /// Candidates kept of all rotations: far more than any later stage looks at.
@@ -32,16 +33,14 @@ pub enum StateError {
     },
     /// The file belongs to another search.
     #[error(
-        "{path}: state of another search (parts, model or options differ): expected {expected}, \
-         found {found}; delete it to start anew", path = path.display()
+        "{}: state of another search: {} is {} there, {} here; delete it to start anew",
+        path.display(), difference.key, difference.stored, difference.given
     )]
     Other {
         /// The file.
         path: PathBuf,
-        /// Fingerprint of this search.
-        expected: String,
-        /// Fingerprint in the file.
-        found: String,
+        /// What differs first.
+        difference: Difference,
     },
 }
 
@@ -49,8 +48,8 @@ pub enum StateError {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct State {
-    /// Of everything that the candidates depend on.
-    pub(super) fingerprint: String,
+    /// What the result depends on.
+    pub(super) recipe: SearchRecipe,
     pub(super) scored: usize,
     /// Seconds of scoring.
     pub(super) seconds: f64,
@@ -58,27 +57,26 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(fingerprint: String) -> Self {
+    pub(super) fn new(recipe: SearchRecipe) -> Self {
         Self {
-            fingerprint,
+            recipe,
             scored: 0,
             seconds: 0.0,
             candidates: Vec::new(),
         }
     }
 
-    /// What `path` holds, or a new state if there is no such file. `rotations` and `shape` are
-    /// those of this search: candidates outside them are refused.
+    /// What `path` holds, or a new state if there is no such file. Candidates outside the recipe's
+    /// rotations and a window of `shape` nodes are refused.
     pub(super) fn load(
         path: &Path,
-        fingerprint: String,
-        rotations: usize,
+        recipe: SearchRecipe,
         shape: [usize; 3],
     ) -> Result<Self, StateError> {
         let text = match std::fs::read(path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(Self::new(fingerprint));
+                return Ok(Self::new(recipe));
             }
             Err(source) => return Err(io(path, source)),
         };
@@ -87,11 +85,10 @@ impl State {
             reason,
         };
         let state: Self = serde_json::from_slice(&text).map_err(|e| format(e.to_string()))?;
-        if state.fingerprint != fingerprint {
+        if let Some(difference) = difference(&state.recipe, &recipe) {
             return Err(StateError::Other {
                 path: path.to_owned(),
-                expected: fingerprint,
-                found: state.fingerprint,
+                difference,
             });
         }
         let inside = |c: &Candidate| {
@@ -99,7 +96,7 @@ impl State {
                 && (0..3).all(|a| c.index[a] < shape[a])
                 && c.energy.is_finite()
         };
-        if state.scored > rotations || !state.candidates.iter().all(inside) {
+        if state.scored > recipe.chosen.count || !state.candidates.iter().all(inside) {
             return Err(format("a number is out of range".into()));
         }
         Ok(state)
@@ -113,20 +110,9 @@ impl State {
         self.scored += scored;
     }
 
-    /// Writes the state beside `path`, syncs it and renames it into place.
+    /// Writes the state to `path`, whole or not at all.
     pub(super) fn save(&self, path: &Path) -> Result<(), StateError> {
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
-        let write = || -> std::io::Result<()> {
-            let mut file = NamedTempFile::new_in(folder)?;
-            serde_json::to_writer(std::io::BufWriter::new(&mut file), self)?;
-            file.flush()?;
-            file.as_file().sync_all()?;
-            file.persist(path).map_err(|e| e.error)?;
-            Ok(())
-        };
+        let write = || -> std::io::Result<()> { Ok(atomic::write(path, &serde_json::to_vec(self)?)?) };
         write().map_err(|source| io(path, source))
     }
 }
@@ -140,7 +126,13 @@ fn io(path: &Path, source: std::io::Error) -> StateError {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::dock::options::SearchOptions;
+    use crate::dock::recipe::RotationList;
+    use crate::pair::model::ScoreModel;
+    use crate::pair::recipe::PairRecipe;
 
     fn candidate(rotation: usize, energy: f64) -> Candidate {
         Candidate {
@@ -151,29 +143,54 @@ mod tests {
         }
     }
 
+    fn recipe(rotations: usize, ratio: f64) -> SearchRecipe {
+        let list = |count| RotationList {
+            count,
+            hash: "aa".into(),
+        };
+        let pair = PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::ZERO);
+        SearchRecipe {
+            options: SearchOptions {
+                ratio,
+                ..SearchOptions::default()
+            },
+            sketch: None,
+            coarse: pair.clone(),
+            fine: pair,
+            places: [[0.0; 3]; 2],
+            step: 0.1,
+            rotations: list(9),
+            chosen: list(rotations),
+            symmetries: Vec::new(),
+        }
+    }
+
     #[test]
     fn a_state_survives_its_file_and_others_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("state.json");
-        let load =
-            |print: &str, rotations, shape| State::load(&path, print.to_owned(), rotations, shape);
-        let mut state = load("a", 5, [4; 3]).unwrap();
+        let load = |ratio: f64, shape| State::load(&path, recipe(5, ratio), shape);
+        let mut state = load(12.0, [4; 3]).unwrap();
         assert_eq!(state.scored, 0);
         state.add(vec![candidate(1, -1.0), candidate(0, -2.0)], 2);
         assert_eq!(state.candidates[0].rotation, 0, "lowest first");
         state.save(&path).unwrap();
-        assert_eq!(load("a", 5, [4; 3]).unwrap(), state);
+        assert_eq!(load(12.0, [4; 3]).unwrap(), state);
+        let refused = load(11.0, [4; 3]).unwrap_err().to_string();
+        assert!(
+            refused.contains("options.ratio is 12.0 there, 11.0 here"),
+            "{refused}"
+        );
+        let outside = load(12.0, [4, 4, 3]);
+        assert!(matches!(outside, Err(StateError::Format { .. })));
+        let mut many = state.clone();
+        many.scored = 6;
+        many.save(&path).unwrap();
+        let too_many = load(12.0, [4; 3]);
+        assert!(matches!(too_many, Err(StateError::Format { .. })));
+        std::fs::write(&path, "{\"recipe\":").unwrap();
         assert!(matches!(
-            load("b", 5, [4; 3]),
-            Err(StateError::Other { .. })
-        ));
-        for (rotations, shape) in [(1, [4; 3]), (5, [4, 4, 3])] {
-            let refused = load("a", rotations, shape);
-            assert!(matches!(refused, Err(StateError::Format { .. })));
-        }
-        std::fs::write(&path, "{\"fingerprint\":").unwrap();
-        assert!(matches!(
-            load("a", 5, [4; 3]),
+            load(12.0, [4; 3]),
             Err(StateError::Format { .. })
         ));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
@@ -181,7 +198,7 @@ mod tests {
 
     #[test]
     fn only_the_best_are_kept() {
-        let mut state = State::new(String::new());
+        let mut state = State::new(recipe(5000, 12.0));
         state.add((0..5000).map(|i| candidate(i, -(i as f64))).collect(), 5000);
         assert_eq!(state.candidates.len(), KEPT);
         assert_eq!(state.candidates[0].rotation, 4999);

@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, KernelError, Lattice,
-    LatticeError, Monitor, Sampling, TriangleMesh,
+    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, FieldRecipe, KernelError,
+    Lattice, LatticeError, Monitor, Sampling, TriangleMesh,
 };
 
-use crate::pair::deaverage::deaveraged;
+use crate::pair::deaverage::deaveraged_recipe;
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
+use crate::pair::recipe::PairRecipe;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -98,6 +99,17 @@ pub enum PairBuildError {
         /// Why.
         source: DensityError,
     },
+    /// A part lies between the nodes of its lattice: probably it, or the spacing, is in another
+    /// unit.
+    #[error("{part} part: {size} m at its largest, smaller than a lattice cell of {spacing} m")]
+    TooSmall {
+        /// `fixed` or `moving`.
+        part: &'static str,
+        /// Its largest extent, metres.
+        size: f64,
+        /// The lattice spacing, metres.
+        spacing: f64,
+    },
     /// The fields would need more memory than is allowed.
     #[error(
         "density fields need {needed} bytes at a spacing of {spacing} m, expected at most {limit}"
@@ -154,8 +166,8 @@ impl PairBuilder {
     /// Decides lattices, halo and pivot, and what they cost; allocates nothing of their size.
     ///
     /// # Errors
-    /// If the model or an option is out of range, a lattice cannot be made, or the memory limit
-    /// would be exceeded.
+    /// If the model or an option is out of range, a part is smaller than a cell, a lattice cannot be
+    /// made, or the memory limit would be exceeded.
     pub fn plan(
         &self,
         fixed: &TriangleMesh,
@@ -169,6 +181,16 @@ impl PairBuilder {
         let spacing = self
             .spacing
             .unwrap_or_else(|| default_spacing(&a, &b, halo));
+        for (part, bounds) in [("fixed", &a), ("moving", &b)] {
+            let size = bounds.size().max_element();
+            if size < spacing {
+                return Err(PairBuildError::TooSmall {
+                    part,
+                    size,
+                    spacing,
+                });
+            }
+        }
         let density = DensityOptions {
             tolerance: self.tolerance,
             sampling: self.sampling,
@@ -224,10 +246,40 @@ impl PairBuilder {
     }
 }
 
+fn lattice_of_fixed(source: LatticeError) -> PairBuildError {
+    PairBuildError::Lattice {
+        part: "fixed",
+        source,
+    }
+}
+
 impl PairPlan {
     /// The lattice spacing of both parts, metres.
     pub fn spacing(&self) -> f64 {
         self.fixed_lattice.spacing()
+    }
+
+    /// The recipe of the pair that these meshes would make; nothing is computed.
+    ///
+    /// # Errors
+    /// If the restored density's lattice would have too many nodes.
+    pub fn recipe(
+        &self,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+    ) -> Result<PairRecipe, PairBuildError> {
+        let field = |mesh, lattice| FieldRecipe::new(mesh, &self.kernel, lattice, &self.density);
+        let mut fixed = field(fixed, &self.fixed_lattice);
+        if self.deaverage {
+            fixed = deaveraged_recipe(&fixed).map_err(lattice_of_fixed)?;
+        }
+        Ok(PairRecipe {
+            model: self.model,
+            fixed: Some(fixed),
+            moving: Some(field(moving, &self.moving_lattice)),
+            deaverage: self.deaverage,
+            pivot: self.pivot.to_array(),
+        })
     }
 
     /// Computes both densities with `compute` (mesh, kernel, lattice, options), first the fixed
@@ -251,13 +303,12 @@ impl PairPlan {
                 .map(Arc::new)
                 .map_err(|source| PairBuildError::Density { part, source })
         };
-        let mut fixed = field("fixed", fixed, &self.fixed_lattice)?;
-        if self.deaverage {
-            let part = "fixed";
-            let undone = deaveraged(&fixed);
-            fixed = Arc::new(undone.map_err(|source| PairBuildError::Lattice { part, source })?);
-        }
+        let fixed = field("fixed", fixed, &self.fixed_lattice)?;
         let moving = field("moving", moving, &self.moving_lattice)?;
-        Ok(Pair::new(fixed, moving, self.model, self.pivot)?)
+        let pair = Pair::new(fixed, moving, self.model, self.pivot)?;
+        match self.deaverage {
+            true => pair.with_deaveraged_fixed().map_err(lattice_of_fixed),
+            false => Ok(pair),
+        }
     }
 }

@@ -110,20 +110,30 @@ pub fn deaveraged(field: &DensityField) -> Result<DensityField, LatticeError> {
         Sampling::Point => return Ok(field.clone()),
         Sampling::CellAverage => averaging_strength(field),
     };
-    let h = field.lattice().spacing();
-    let lattice = Lattice::new(
-        field.lattice().origin() - h * REACH as f64,
-        h,
-        field.lattice().shape().map(|s| s + 2 * REACH),
-    )?;
     Ok(DensityField {
+        recipe: deaveraged_recipe(&field.recipe)?,
         exterior: filtered(field.exterior.view(), strength),
         interior: filtered(field.interior.view(), strength),
         signed_distance: widened_distance(field),
-        recipe: FieldRecipe {
-            lattice,
-            ..field.recipe.clone()
-        },
+    })
+}
+
+/// The recipe of a field that [`deaveraged`] makes of one with this recipe.
+pub(crate) fn deaveraged_recipe(recipe: &FieldRecipe) -> Result<FieldRecipe, LatticeError> {
+    let lattice = match recipe.sampling {
+        Sampling::Point => recipe.lattice,
+        Sampling::CellAverage => {
+            let h = recipe.lattice.spacing();
+            Lattice::new(
+                recipe.lattice.origin() - h * REACH as f64,
+                h,
+                recipe.lattice.shape().map(|s| s + 2 * REACH),
+            )?
+        }
+    };
+    Ok(FieldRecipe {
+        lattice,
+        ..recipe.clone()
     })
 }
 

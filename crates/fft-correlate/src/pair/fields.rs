@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::DensityField;
+use sdf_grid::{DensityField, LatticeError};
 
 use crate::geometry::se3::Pose;
+use crate::pair::deaverage::deaveraged;
 use crate::pair::model::{ModelError, ScoreModel};
+use crate::pair::recipe::PairRecipe;
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///
@@ -20,6 +22,7 @@ pub struct Pair {
     moving: Arc<DensityField>,
     model: ScoreModel,
     pivot: DVec3,
+    deaverage: bool,
 }
 
 /// Why two fields do not make a pair.
@@ -92,7 +95,32 @@ impl Pair {
             moving,
             model,
             pivot,
+            deaverage: false,
         })
+    }
+
+    /// The same pair with what cell averages lose restored in the fixed density
+    /// ([`crate::deaveraged`]).
+    ///
+    /// # Errors
+    /// If the fixed part's lattice, three nodes wider on every side, would have too many nodes.
+    pub fn with_deaveraged_fixed(&self) -> Result<Self, LatticeError> {
+        Ok(Self {
+            fixed: Arc::new(deaveraged(&self.fixed)?),
+            deaverage: true,
+            ..self.clone()
+        })
+    }
+
+    /// Everything that the energies depend on.
+    pub fn recipe(&self) -> PairRecipe {
+        PairRecipe {
+            model: self.model,
+            fixed: Some(self.fixed.recipe.clone()),
+            moving: Some(self.moving.recipe.clone()),
+            deaverage: self.deaverage,
+            pivot: self.pivot.to_array(),
+        }
     }
 
     /// Density of the fixed part in its own frame.
@@ -131,7 +159,11 @@ impl Pair {
     /// # Errors
     /// If the model is out of range or its sigma is not that of the densities.
     pub fn with_model(&self, model: ScoreModel) -> Result<Self, PairError> {
-        Self::new(self.fixed.clone(), self.moving.clone(), model, self.pivot)
+        let pair = Self::new(self.fixed.clone(), self.moving.clone(), model, self.pivot)?;
+        Ok(Self {
+            deaverage: self.deaverage,
+            ..pair
+        })
     }
 
     /// The moving part's pivot, metres in its own frame.

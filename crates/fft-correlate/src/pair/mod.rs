@@ -4,5 +4,6 @@ pub(crate) mod builder;
 pub(crate) mod deaverage;
 pub(crate) mod fields;
 pub(crate) mod model;
+pub(crate) mod recipe;
 
 pub use builder::{default_halo, default_spacing};

@@ -119,7 +119,7 @@ pub fn measure_error(
     poses: usize,
     seed: u64,
 ) -> ErrorReport {
-    let pivot = DVec3::from_array(table.spec().pivot);
+    let pivot = table.spec().pivot();
     let drawn: Vec<(Pose, [f64; 6])> = (0..poses.max(1) as u64)
         .into_par_iter()
         .map_init(
@@ -189,7 +189,7 @@ pub fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
     let bounds = spec.window.node_bounds();
     let place = DVec3::new(random.unit(), random.unit(), random.unit());
     let displacement = bounds.min + place * (bounds.max - bounds.min);
-    let pivot = DVec3::from_array(spec.pivot);
+    let pivot = spec.pivot();
     Pose::new(rotation, pivot + displacement - rotation * pivot)
 }
 

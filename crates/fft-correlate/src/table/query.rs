@@ -77,7 +77,7 @@ impl<'t> Reader<'t> {
     /// Where a patch reads along the translation axes: the moving part's arm from its origin to the
     /// pivot, and the place in the window, if it is in or near it.
     fn place(&self, site: &Site<'_>) -> Option<(DVec3, Displacement)> {
-        let pivot = DVec3::from_array(self.plan.spec.pivot);
+        let pivot = self.plan.spec.pivot();
         let arm = site.pose.rotation * pivot;
         let window = &self.plan.spec.window;
         let x = window.fractional_index(arm + site.pose.translation - pivot);

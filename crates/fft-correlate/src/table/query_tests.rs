@@ -4,6 +4,7 @@ use sdf_grid::{Lattice, Silent};
 
 use super::*;
 use crate::pair::model::ScoreModel;
+use crate::pair::recipe::PairRecipe;
 use crate::rotations::domain::RotationDomain;
 use crate::table::energy_table::EnergyTable;
 use crate::table::producer::NodeEnergies;
@@ -78,8 +79,10 @@ fn readings_are_those_of_the_definition() {
         for how in [Interpolation::CatmullRom, Interpolation::Linear] {
             let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
             let spec = TableSpec {
-                model: ScoreModel::GUIDED,
-                pivot: [0.1, 0.2, -0.1],
+                recipe: PairRecipe::without_fields(
+                    ScoreModel::GUIDED,
+                    DVec3::new(0.1, 0.2, -0.1),
+                ),
                 window,
                 rotations: RotationDomain::ball(20.0, 10.0),
                 symmetry: None,
@@ -88,9 +91,6 @@ fn readings_are_those_of_the_definition() {
                     numbers,
                     ..Storage::default()
                 },
-                fields: None,
-                fixed_mesh: String::new(),
-                moving_mesh: String::new(),
             };
             let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent)
                 .unwrap()

@@ -1,12 +1,13 @@
 //! What a table holds: everything that decides its values.
 
 use glam::DVec3;
-use sdf_grid::{Lattice, Sampling};
+use sdf_grid::Lattice;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
+use crate::pair::recipe::PairRecipe;
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError};
 use crate::rotations::grid::RotationGrid;
 use crate::table::error::TableError;
@@ -17,10 +18,8 @@ use crate::table::storage::Storage;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSpec {
-    /// Weights of the score and the scale of the energy.
-    pub model: ScoreModel,
-    /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
-    pub pivot: [f64; 3],
+    /// What the energies are made from; its lattices have the window's spacing.
+    pub recipe: PairRecipe,
     /// Pivot displacements of the translation nodes, metres in the fixed frame.
     pub window: Lattice,
     /// Rotations of the moving part.
@@ -34,42 +33,29 @@ pub struct TableSpec {
     /// How energies are stored.
     #[serde(default)]
     pub storage: Storage,
-    /// How the densities were sampled; absent where there are none.
-    #[serde(default)]
-    pub fields: Option<FieldSampling>,
-    /// Identity of the fixed part's mesh, as its hash in hexadecimal; empty if there is no mesh.
-    #[serde(default)]
-    pub fixed_mesh: String,
-    /// Identity of the moving part's mesh.
-    #[serde(default)]
-    pub moving_mesh: String,
-}
-
-/// How the densities of a table's pair were sampled, on lattices of the window's spacing.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FieldSampling {
-    /// What a lattice value stands for.
-    pub sampling: Sampling,
-    /// What averages lose at coincident boundaries was restored ([`crate::deaverage`]).
-    pub deaverage: bool,
 }
 
 impl TableSpec {
-    /// The table of a pair; mesh hashes and symmetry are left to fill in.
+    /// The table of a pair, without symmetry.
     pub fn for_pair(pair: &Pair, window: &TranslationWindow, rotations: RotationDomain) -> Self {
         Self {
-            model: *pair.model(),
-            pivot: pair.pivot().to_array(),
+            recipe: pair.recipe(),
             window: *window.lattice(),
             rotations,
             symmetry: None,
             far_energy: 0.0,
             storage: Storage::default(),
-            fields: None,
-            fixed_mesh: String::new(),
-            moving_mesh: String::new(),
         }
+    }
+
+    /// The moving part's pivot, metres in its frame.
+    pub fn pivot(&self) -> DVec3 {
+        DVec3::from_array(self.recipe.pivot)
+    }
+
+    /// Weights of the score and the scale of the energy.
+    pub fn model(&self) -> &ScoreModel {
+        &self.recipe.model
     }
 
     /// Checks every number.
@@ -77,7 +63,7 @@ impl TableSpec {
     /// # Errors
     /// Names the first that is out of range.
     pub fn validate(&self) -> Result<(), TableError> {
-        self.model.validate()?;
+        self.recipe.model.validate()?;
         self.storage.validate()?;
         // A lattice read from a file has not passed through its constructor.
         let window = &self.window;
@@ -99,7 +85,7 @@ impl TableSpec {
                 })
             }
         };
-        let pivot = DVec3::from_array(self.pivot);
+        let pivot = self.pivot();
         finite("pivot", pivot.is_finite(), pivot.to_string())?;
         let far = self.far_energy;
         finite("far_energy", far.is_finite(), far.to_string())

@@ -2,7 +2,7 @@
 #![allow(dead_code, missing_docs, unreachable_pub)]
 
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, Part, Pose, Response, RotationDomain,
+    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, Part, Pose, Response, PairRecipe, RotationDomain,
     ScoreModel, Scratch, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
@@ -129,16 +129,12 @@ pub fn window(half: f64, spacing: f64) -> Lattice {
 
 pub fn spec(window: Lattice, rotations: RotationDomain) -> TableSpec {
     TableSpec {
-        model: ScoreModel::GUIDED,
-        pivot: PIVOT.to_array(),
+        recipe: PairRecipe::without_fields(ScoreModel::GUIDED, PIVOT),
         window,
         rotations,
         symmetry: None,
         far_energy: 0.0,
         storage: Storage::default(),
-        fields: None,
-        fixed_mesh: "aa".into(),
-        moving_mesh: "bb".into(),
     }
 }
 

@@ -1,7 +1,7 @@
 //! A small table whose energy differs at every rotation.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec, TableStore, bake_files};
+use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec, TableStore, bake_files};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use sdf_grid::{Aabb, Lattice, Silent};
@@ -41,16 +41,12 @@ impl Valleys {
     /// The table over turns of 60 degrees every 6, and displacements of 20 mm every 10.
     pub(crate) fn bake(self) -> TableFiles {
         let spec = TableSpec {
-            model: ScoreModel::GUIDED,
-            pivot: [0.0; 3],
+            recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::ZERO),
             window: Lattice::new(DVec3::splat(-0.02), 0.01, [5; 3]).unwrap(),
             rotations: RotationDomain::ball(60.0, 6.0),
             symmetry: None,
             far_energy: 0.0,
             storage: Storage::default(),
-            fields: None,
-            fixed_mesh: String::new(),
-            moving_mesh: String::new(),
         };
         let files = TableFiles::in_memory("valleys");
         bake_files(&files, &spec, &self, Share::ALL, &Silent).unwrap();

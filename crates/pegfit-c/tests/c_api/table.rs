@@ -4,7 +4,7 @@ use std::ffi::CString;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, Share, TableSpec, bake};
+use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, bake};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use pegfit_c::{PegfitPose, PegfitStatus, PegfitTable, pegfit_table_load};
@@ -32,8 +32,7 @@ impl NodeEnergies for Spring {
 pub(crate) fn bake_spring(folder: &Path) -> CString {
     let window = Lattice::new(DVec3::splat(-0.008), 0.002, [9; 3]).unwrap();
     let spec = TableSpec {
-        model: ScoreModel::default(),
-        pivot: [0.0; 3],
+        recipe: PairRecipe::without_fields(ScoreModel::default(), DVec3::ZERO),
         window,
         rotations: RotationDomain::List {
             rotations: vec![[0.0, 0.0, 0.0, 1.0]],
@@ -42,9 +41,6 @@ pub(crate) fn bake_spring(folder: &Path) -> CString {
         symmetry: None,
         far_energy: 0.0,
         storage: Default::default(),
-        fields: None,
-        fixed_mesh: String::new(),
-        moving_mesh: String::new(),
     };
     let path = folder.join("spring.zarr");
     bake(&path, &spec, &Spring(window), Share::ALL, &Silent).unwrap();

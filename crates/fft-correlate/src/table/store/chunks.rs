@@ -50,14 +50,14 @@ impl Chunks {
         let energies = array(
             files,
             ["energy", "energy/zarr.json"],
-            &energy_array(&header.table, &grid),
+            &energy_array(&header.table, header.energy_unit, &grid),
         )?;
         let scales = match header.table.storage.numbers {
             Numbers::Half => None,
             Numbers::Integer => Some(array(
                 files,
                 ["scale", "scale/zarr.json"],
-                &scale_array(&grid),
+                &scale_array(header.energy_unit, &grid),
             )?),
         };
         Ok(Self {

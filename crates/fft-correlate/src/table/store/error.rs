@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use sdf_grid::recipe::Difference;
+
 use crate::table::error::TableError;
 
 /// Why a table on disk cannot be made, read or extended.
@@ -41,7 +43,7 @@ pub enum StoreError {
         reason: String,
     },
     /// The table is of another format.
-    #[error("{}: table format {expected} expected, {found} found", path.display())]
+    #[error("{}: table format {expected} expected, {found} found; bake it again", path.display())]
     Version {
         /// The table.
         path: PathBuf,
@@ -50,25 +52,16 @@ pub enum StoreError {
         /// The table's.
         found: u64,
     },
-    /// The table is for another part.
-    #[error("{}: table of another {part} part: mesh {expected} expected, {found} found", path.display())]
-    Mesh {
-        /// The table.
-        path: PathBuf,
-        /// `fixed` or `moving`.
-        part: &'static str,
-        /// Hash expected.
-        expected: String,
-        /// Hash in the table.
-        found: String,
-    },
-    /// The table at the path was baked with another specification.
-    #[error("{}: a table with another {item} is already there", path.display())]
+    /// The table at the path was baked from another pair or with another specification.
+    #[error(
+        "{}: a table with another {} is already there: {} is stored, {} is given",
+        path.display(), difference.key, difference.stored, difference.given
+    )]
     Different {
         /// The table.
         path: PathBuf,
         /// What differs first.
-        item: String,
+        difference: Difference,
     },
     /// Rotation nodes are not baked yet.
     #[error(

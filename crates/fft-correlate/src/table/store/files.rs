@@ -5,10 +5,11 @@
 //! lock.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use sdf_grid::atomic::AtomicFile;
 use zarrs::filesystem::FilesystemStore;
 use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 use zarrs::storage::store::MemoryStore;
@@ -162,22 +163,15 @@ impl TableFiles {
             let set = store_key(key).and_then(|k| self.storage.set(&k, bytes.into()));
             return set.map_err(|e| self.io(key, e));
         };
-        let file = folder.join(key);
         let io = |source: io::Error| StoreError::Io {
-            path: file.clone(),
+            path: folder.join(key),
             source,
         };
         // Beside the table, not in it: what a kill leaves is then no part of the table.
-        let (parent, prefix) = beside(folder);
-        let mut temporary = tempfile::Builder::new()
-            .prefix(&prefix)
-            .suffix(".tmp")
-            .tempfile_in(parent)
-            .map_err(io)?;
-        io::Write::write_all(&mut temporary, &bytes).map_err(io)?;
-        temporary.as_file().sync_all().map_err(io)?;
-        temporary.persist(&file).map_err(|e| io(e.error))?;
-        Ok(())
+        let mut file = AtomicFile::create_in(folder_of(folder), folder.join(key))
+            .map_err(|e| io(e.into()))?;
+        file.write_all(&bytes).map_err(io)?;
+        file.commit().map_err(|e| io(e.into()))
     }
 
     /// Removes what an interrupted write of `key` left behind. Only folders keep such files.
@@ -223,14 +217,12 @@ impl TableFiles {
     }
 }
 
-/// Where temporary files of a table are made, and what their names begin with.
-pub(super) fn beside(table: &Path) -> (&Path, String) {
-    let parent = match table.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
+/// The folder that a table lies in.
+fn folder_of(table: &Path) -> &Path {
+    match table.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    };
-    let name = table.file_name().unwrap_or_default().to_string_lossy();
-    (parent, format!(".{name}."))
+    }
 }
 
 fn store_key(key: &str) -> Result<StoreKey, StorageError> {

@@ -20,10 +20,10 @@ use crate::table::store::backend::Backend;
 use crate::table::store::files::TableFiles;
 
 /// Version of the layout and of the meaning of the attributes.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
-/// One chunk of energies for each rotation node.
-pub(super) fn energy_array(spec: &TableSpec, grid: &RotationGrid) -> ArrayBuilder {
+/// One chunk of energies for each rotation node; stored numbers are `unit` joules each.
+pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> ArrayBuilder {
     let [nx, ny, nz] = spec.window.shape().map(|n| n as u64);
     let level = BloscCompressionLevel::try_from(5u8).expect("levels reach 9");
     let blosc = BloscCodec::new(
@@ -34,13 +34,18 @@ pub(super) fn energy_array(spec: &TableSpec, grid: &RotationGrid) -> ArrayBuilde
         Some(2),
     )
     .expect("blosc has lz4 and the element size is given");
-    let (unit, coordinates) = match spec.storage.numbers {
-        Numbers::Half => ("energy_unit", "quaternion"),
-        Numbers::Integer => ("scale times energy_unit", "quaternion scale"),
+    // What readers that follow the CF conventions multiply by: they find joules. Whole numbers have a
+    // scale per rotation, which those conventions cannot say: their energy is the product of two arrays.
+    let attributes = match spec.storage.numbers {
+        Numbers::Half => json!({
+            "long_name": "energy", "units": "J", "scale_factor": unit,
+            "coordinates": "quaternion",
+        }),
+        Numbers::Integer => json!({
+            "long_name": "energy as a multiple of scale", "units": "1",
+            "coordinates": "quaternion scale",
+        }),
     };
-    let attributes = json!({
-        "long_name": format!("energy in units of {unit}"), "coordinates": coordinates,
-    });
     let (shape, chunk) = (
         vec![grid.nodes().len() as u64, nx, ny, nz],
         vec![1, nx, ny, nz],
@@ -57,9 +62,11 @@ pub(super) fn energy_array(spec: &TableSpec, grid: &RotationGrid) -> ArrayBuilde
     builder
 }
 
-/// What the whole numbers of each rotation node are multiplied by, in units.
-pub(super) fn scale_array(grid: &RotationGrid) -> ArrayBuilder {
-    let attributes = json!({ "long_name": "units of energy per number", "units": "1" });
+/// What the whole numbers of each rotation node are multiplied by, in `unit` joules.
+pub(super) fn scale_array(unit: f64, grid: &RotationGrid) -> ArrayBuilder {
+    let attributes = json!({
+        "long_name": "energy per whole number", "units": "J", "scale_factor": unit,
+    });
     let shape = vec![grid.nodes().len() as u64];
     let mut builder = ArrayBuilder::new(shape, vec![1], data_type::float32(), f32::NAN);
     builder

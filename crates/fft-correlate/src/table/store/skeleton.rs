@@ -1,10 +1,10 @@
 //! The files of a table without energies: metadata and coordinates.
 
-use std::fs;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
+use sdf_grid::atomic::AtomicFolder;
 use serde_json::json;
 use zarrs::array::codec::Crc32cCodec;
 use zarrs::array::{ArrayBuilder, data_type};
@@ -14,7 +14,7 @@ use crate::rotations::grid::RotationGrid;
 use crate::table::storage::Numbers;
 use crate::table::store::error::StoreError;
 use crate::table::store::backend::Backend;
-use crate::table::store::files::{TableFiles, beside};
+use crate::table::store::files::TableFiles;
 use crate::table::store::format::{energy_array, metadata_options, one_thread, scale_array};
 use crate::table::store::header::Header;
 
@@ -41,23 +41,13 @@ fn place_folder(path: &Path, header: &Header, grid: &RotationGrid) -> Result<(),
         path: path.into(),
         source,
     };
-    let (parent, prefix) = beside(path);
-    let folder = tempfile::Builder::new()
-        .prefix(&prefix)
-        .suffix(".tmp")
-        .tempdir_in(parent)
-        .map_err(io)?;
-    let beside = TableFiles::in_folder(folder.path())?;
+    let folder = AtomicFolder::create(path).map_err(|e| io(e.into()))?;
+    let beside = TableFiles::in_folder(folder.temporary())?;
     write_skeleton(beside.storage(), header, grid).map_err(|e| io(io::Error::other(e)))?;
-    match fs::rename(folder.path(), path) {
-        Ok(()) => {
-            let _ = folder.keep();
-            fs::File::open(parent)
-                .and_then(|d| d.sync_all())
-                .map_err(io)
-        }
+    match folder.commit_new() {
+        Ok(_) => Ok(()),
         Err(_) if path.join("zarr.json").exists() => Ok(()),
-        Err(source) => Err(io(source)),
+        Err(e) => Err(io(e.into())),
     }
 }
 
@@ -69,11 +59,11 @@ fn write_skeleton(
     grid: &RotationGrid,
 ) -> Result<(), AnyError> {
     let window = &header.table.window;
-    energy_array(&header.table, grid)
+    energy_array(&header.table, header.energy_unit, grid)
         .build(files.clone(), "/energy")?
         .store_metadata_opt(&metadata_options())?;
     if header.table.storage.numbers == Numbers::Integer {
-        scale_array(grid)
+        scale_array(header.energy_unit, grid)
             .build(files.clone(), "/scale")?
             .store_metadata_opt(&metadata_options())?;
     }

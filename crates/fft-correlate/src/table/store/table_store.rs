@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use serde_json::json;
+use sdf_grid::recipe::{Difference, difference};
 
+use crate::pair::recipe::PairRecipe;
 use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
 use crate::table::encode::Probe;
@@ -121,41 +122,26 @@ impl TableStore {
         self.chunks.header.error.as_ref()
     }
 
-    /// Checks that the table is for these meshes, by their hashes.
+    /// Checks that the table was baked from this pair.
     ///
     /// # Errors
-    /// Names the part whose hash differs.
-    pub fn expect_meshes(&self, fixed: &str, moving: &str) -> Result<(), StoreError> {
-        let spec = self.spec();
-        for (part, expected, found) in [
-            ("fixed", fixed, &spec.fixed_mesh),
-            ("moving", moving, &spec.moving_mesh),
-        ] {
-            if expected != found {
-                return Err(StoreError::Mesh {
-                    path: self.path().into(),
-                    part,
-                    expected: expected.into(),
-                    found: found.clone(),
-                });
-            }
-        }
-        Ok(())
+    /// Names the first key of the recipe that differs.
+    pub fn expect_recipe(&self, given: &PairRecipe) -> Result<(), StoreError> {
+        self.expect(difference(&self.spec().recipe, given))
     }
 
-    fn expect_spec(&self, spec: &TableSpec) -> Result<(), StoreError> {
-        self.expect_meshes(&spec.fixed_mesh, &spec.moving_mesh)?;
-        let (found, expected) = (json!(self.spec()), json!(spec));
-        let Some(item) = expected
-            .as_object()
-            .and_then(|e| e.iter().find(|(k, v)| found.get(k.as_str()) != Some(v)))
-        else {
-            return Ok(());
-        };
-        Err(StoreError::Different {
-            path: self.path().into(),
-            item: item.0.clone(),
-        })
+    fn expect_spec(&self, given: &TableSpec) -> Result<(), StoreError> {
+        self.expect(difference(self.spec(), given))
+    }
+
+    fn expect(&self, found: Option<Difference>) -> Result<(), StoreError> {
+        match found {
+            None => Ok(()),
+            Some(difference) => Err(StoreError::Different {
+                path: self.path().into(),
+                difference,
+            }),
+        }
     }
 
     /// Whether the chunk of a rotation node is finished.

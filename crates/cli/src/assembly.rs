@@ -7,7 +7,10 @@ mod parts;
 use std::time::Instant;
 
 use fft_correlate::well::gamma_for_peak_force;
-use fft_correlate::{AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairEnergies, Pose, RotationGrid, TableSpec, TranslationWindow};
+use fft_correlate::{
+    AxisSymmetry, DirectEvaluator, DirectOptions, EnergySource, Pair, PairEnergies, Pose,
+    RotationGrid, TableSpec, TranslationWindow,
+};
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{Aabb, LengthUnit, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};
@@ -18,8 +21,8 @@ use crate::memory;
 use crate::scene::{EnergyScale, Scene};
 use fields::compute_pair;
 pub(crate) use fields::{as_baked, expect_table_of, plan};
-use parts::warn_of_scale;
 pub(crate) use parts::read_part;
+use parts::warn_of_scale;
 
 /// Deviation from symmetry that counts as none, in lattice spacings.
 const SYMMETRY_TOLERANCE: f64 = 0.02;

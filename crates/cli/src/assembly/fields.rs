@@ -69,7 +69,11 @@ pub(crate) fn expect_table_of(
         StoreError::Different { path, difference } => CommandError::input(
             scene.path.display().to_string(),
             difference.key,
-            format!("that of the table {}, {}", path.display(), difference.stored),
+            format!(
+                "that of the table {}, {}",
+                path.display(),
+                difference.stored
+            ),
             difference.given,
         ),
         other => CommandError::bad_input("table", other),
@@ -115,7 +119,10 @@ fn explain(scene: &Scene, error: PairBuildError) -> CommandError {
             CommandError::input(
                 scene.path.display().to_string(),
                 format!("{part} part {name}"),
-                format!("at least a lattice cell of {:.4} {unit} across", spacing / metre),
+                format!(
+                    "at least a lattice cell of {:.4} {unit} across",
+                    spacing / metre
+                ),
                 format!("{:.3e} {unit}: is it in {unit}?", size / metre),
             )
         }

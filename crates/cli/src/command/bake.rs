@@ -4,7 +4,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::table::ChunkState;
-use fft_correlate::{BakeError, BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share, Storage, StoreError, TableFiles, TableStore, bake, measure_error, typical_condition};
+use fft_correlate::{
+    BakeError, BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher,
+    Numbers, Share, Storage, StoreError, TableFiles, TableStore, bake, measure_error,
+    typical_condition,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 

@@ -5,8 +5,8 @@ mod builder;
 use std::path::Path;
 
 use fft_correlate::{
-    Condition, DirectEvaluator, DirectOptions, FoundPose, ScoreModel, SearchError,
-    SearchLattices, SearchOptions, SearchPairs, SearchReport, TranslationWindow, wants_sketch,
+    Condition, DirectEvaluator, DirectOptions, FoundPose, ScoreModel, SearchError, SearchLattices,
+    SearchOptions, SearchPairs, SearchReport, TranslationWindow, wants_sketch,
 };
 use rayon::prelude::*;
 use sdf_grid::{Aabb, atomic};

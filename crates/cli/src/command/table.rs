@@ -91,7 +91,10 @@ fn print(d: &Description, store: &TableStore) {
         m.separation_weight,
         m.gamma
     );
-    for (name, field) in [("fixed", &spec.recipe.fixed), ("moving", &spec.recipe.moving)] {
+    for (name, field) in [
+        ("fixed", &spec.recipe.fixed),
+        ("moving", &spec.recipe.moving),
+    ] {
         if let Some(field) = field {
             crate::say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
         }
@@ -100,7 +103,11 @@ fn print(d: &Description, store: &TableStore) {
         crate::say!(
             "  fields         {:?}{}, halo {:.4} mm, tolerance {}, version {}",
             field.sampling,
-            if spec.recipe.deaverage { ", deaveraged" } else { "" },
+            if spec.recipe.deaverage {
+                ", deaveraged"
+            } else {
+                ""
+            },
             1e3 * field.halo,
             field.tolerance,
             field.version

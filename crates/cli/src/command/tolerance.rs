@@ -6,8 +6,8 @@
 //! middle reads. Truth is direct quadrature on a lattice of half the spacing.
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyTable, RotationDomain, TableError,
-    TableSpec, measure_error, random_pose,
+    DirectEvaluator, DirectOptions, EnergyTable, RotationDomain, TableError, TableSpec,
+    measure_error, random_pose,
 };
 use sdf_grid::Sampling;
 

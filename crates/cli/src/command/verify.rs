@@ -1,6 +1,9 @@
 //! `pegfit verify`: is a table as right as it says?
 
-use fft_correlate::{DirectEvaluator, DirectOptions, ErrorReport, Excess, Pair, TableStore, measure_error, typical_condition};
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, ErrorReport, Excess, Pair, TableStore, measure_error,
+    typical_condition,
+};
 use serde::Serialize;
 
 use super::{Context, bake, print_json};

@@ -4,9 +4,9 @@ use glam::DVec3;
 use sdf_grid::{Aabb, TriangleMesh};
 
 use crate::dock::rotations::search_rotations;
-use crate::rotations::domain::{RotationDomain, RotationError, check_range, quaternion};
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::model::ScoreModel;
+use crate::rotations::domain::{RotationDomain, RotationError, check_range, quaternion};
 use crate::rotations::grid::RotationGrid;
 
 /// Cells across the narrow side of the moving part, fine lattice.

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use sdf_grid::Monitor;
 use serde::{Deserialize, Serialize};
 
-use crate::dock::peaks::{half_width, top_peaks};
 use crate::correlate::Correlator;
+use crate::dock::peaks::{half_width, top_peaks};
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;

@@ -89,7 +89,14 @@ pub fn search(
     if monitor.cancelled() {
         poses.truncate(options.top);
     } else {
-        poses = refined(poses, [&coarse, &fine], &refinement, options, &mut stages, monitor)?;
+        poses = refined(
+            poses,
+            [&coarse, &fine],
+            &refinement,
+            options,
+            &mut stages,
+            monitor,
+        )?;
     }
     for p in &mut poses {
         p.rotation = chosen[p.rotation];

@@ -112,7 +112,8 @@ impl State {
 
     /// Writes the state to `path`, whole or not at all.
     pub(super) fn save(&self, path: &Path) -> Result<(), StateError> {
-        let write = || -> std::io::Result<()> { Ok(atomic::write(path, &serde_json::to_vec(self)?)?) };
+        let write =
+            || -> std::io::Result<()> { Ok(atomic::write(path, &serde_json::to_vec(self)?)?) };
         write().map_err(|source| io(path, source))
     }
 }
@@ -189,10 +190,7 @@ mod tests {
         let too_many = load(12.0, [4; 3]);
         assert!(matches!(too_many, Err(StateError::Format { .. })));
         std::fs::write(&path, "{\"recipe\":").unwrap();
-        assert!(matches!(
-            load(12.0, [4; 3]),
-            Err(StateError::Format { .. })
-        ));
+        assert!(matches!(load(12.0, [4; 3]), Err(StateError::Format { .. })));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

@@ -262,7 +262,8 @@ fn assemble(
         for (flat, row) in rows.iter_mut().enumerate() {
             if *row != Chart::ABSENT {
                 *row = atlas.nodes.len() as u32;
-                atlas.nodes
+                atlas
+                    .nodes
                     .push(atlas.charts[c].node(atlas.charts[c].unravel(flat)));
             }
         }
@@ -300,9 +301,9 @@ fn read_nodes(
     let mut rows = vec![Chart::ABSENT; atlas.charts[chart].len()];
     // The patch that reads this chart as it stands; no patch reads it if another chart has the
     // same images.
-    let Some(own) = (0..atlas.patches.len()).find(|&k| {
-        atlas.patches[k].chart == chart && atlas.patches[k].turn.w.abs() > 1.0 - 1e-12
-    }) else {
+    let Some(own) = (0..atlas.patches.len())
+        .find(|&k| atlas.patches[k].chart == chart && atlas.patches[k].turn.w.abs() > 1.0 - 1e-12)
+    else {
         return rows;
     };
     let cells = shape.map(|n| (n - 1).max(1));

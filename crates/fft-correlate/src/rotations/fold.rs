@@ -7,7 +7,6 @@ use glam::{DQuat, DVec3};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::rotations::domain::{AxisSymmetry, Part};
 
-
 /// A validated part symmetry.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Symmetry {

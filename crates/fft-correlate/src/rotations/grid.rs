@@ -284,7 +284,8 @@ impl RotationGrid {
                 (row, best) = (k, closeness);
             }
         }
-        let (coverage, coverage_gradient) = beyond(q * self.atlas.nodes[row].conjugate(), 0.0, margin);
+        let (coverage, coverage_gradient) =
+            beyond(q * self.atlas.nodes[row].conjugate(), 0.0, margin);
         let mut taps = [Taps::open(0.0, 1, Interpolation::Linear); 3];
         taps[0].nodes = [row; 4];
         Site {

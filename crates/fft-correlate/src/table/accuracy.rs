@@ -6,13 +6,13 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::rotations::domain::RotationDomain;
-use crate::table::energy_table::EnergyTable;
-use crate::table::spec::TableSpec;
 use crate::direct::condition::Condition;
 use crate::energy::{EnergySource, Response};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
+use crate::rotations::domain::RotationDomain;
+use crate::table::energy_table::EnergyTable;
+use crate::table::spec::TableSpec;
 
 /// Differences between a table and another energy source over random poses of the table's domain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

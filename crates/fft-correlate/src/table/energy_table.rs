@@ -226,9 +226,7 @@ impl EnergyTable {
     /// around them.
     fn has_around(&self, pose: &Pose) -> bool {
         let has = |slot| self.rows.has(slot as usize);
-        self.rows.all()
-            || !pose.is_valid()
-            || self.grid().all_around(pose, self.interpolation, has)
+        self.rows.all() || !pose.is_valid() || self.grid().all_around(pose, self.interpolation, has)
     }
 
     pub(crate) fn plan(&self) -> &Arc<Plan> {

@@ -79,10 +79,7 @@ fn readings_are_those_of_the_definition() {
         for how in [Interpolation::CatmullRom, Interpolation::Linear] {
             let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
             let spec = TableSpec {
-                recipe: PairRecipe::without_fields(
-                    ScoreModel::GUIDED,
-                    DVec3::new(0.1, 0.2, -0.1),
-                ),
+                recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::new(0.1, 0.2, -0.1)),
                 window,
                 rotations: RotationDomain::ball(20.0, 10.0),
                 symmetry: None,

@@ -1,7 +1,10 @@
 //! A small table whose energy differs at every rotation.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec, TableStore, bake_files};
+use fft_correlate::{
+    NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec,
+    TableStore, bake_files,
+};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use sdf_grid::{Aabb, Lattice, Silent};

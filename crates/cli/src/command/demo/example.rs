@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use fft_correlate::table::Errors;
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Share, Well, bake, measure_error};
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, EnergyTable, Share, Well, bake, measure_error,
+};
 use haptic::{Clock, LoopReport, Sample, Script};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{atomic, mesh_io};

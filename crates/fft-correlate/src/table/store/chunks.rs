@@ -10,10 +10,12 @@ use crate::table::encode::{Encoded, far_code, is_storable};
 use crate::table::error::TableError;
 use crate::table::layout::Layout;
 use crate::table::storage::Numbers;
-use crate::table::store::error::StoreError;
 use crate::table::store::backend::Backend;
+use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::format::{array, chunk_index, energy_array, one_thread, read, scale_array};
+use crate::table::store::format::{
+    array, chunk_index, energy_array, one_thread, read, scale_array,
+};
 use crate::table::store::header::Header;
 
 /// State of a rotation node's chunk.

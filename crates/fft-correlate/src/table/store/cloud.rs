@@ -14,8 +14,8 @@ use zarrs::storage::storage_adapter::async_to_sync::{
 };
 use zarrs_object_store::AsyncObjectStore;
 
-use crate::table::store::error::StoreError;
 use crate::table::store::backend::Backend;
+use crate::table::store::error::StoreError;
 
 /// How the names of settings in the environment begin, in lower case.
 const PREFIXES: [&str; 2] = ["aws_", "google_"];

@@ -13,9 +13,7 @@ use sdf_grid::atomic::AtomicFile;
 use zarrs::filesystem::FilesystemStore;
 use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 use zarrs::storage::store::MemoryStore;
-use zarrs::storage::{
-    Bytes, StorageError, StoreKey, StorePrefix,
-};
+use zarrs::storage::{Bytes, StorageError, StoreKey, StorePrefix};
 
 use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;
@@ -168,8 +166,8 @@ impl TableFiles {
             source,
         };
         // Beside the table, not in it: what a kill leaves is then no part of the table.
-        let mut file = AtomicFile::create_in(folder_of(folder), folder.join(key))
-            .map_err(|e| io(e.into()))?;
+        let mut file =
+            AtomicFile::create_in(folder_of(folder), folder.join(key)).map_err(|e| io(e.into()))?;
         file.write_all(&bytes).map_err(io)?;
         file.commit().map_err(|e| io(e.into()))
     }

@@ -15,8 +15,8 @@ use zarrs::metadata::ChunkKeySeparator;
 use crate::rotations::grid::RotationGrid;
 use crate::table::spec::TableSpec;
 use crate::table::storage::Numbers;
-use crate::table::store::error::StoreError;
 use crate::table::store::backend::Backend;
+use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 
 /// Version of the layout and of the meaning of the attributes.

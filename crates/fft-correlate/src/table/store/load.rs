@@ -122,4 +122,3 @@ fn fill(chunks: &Chunks, layout: Layout, kept: &[usize]) -> Result<EnergyTable, 
     let alone = (0..kept.len()).map(|slot| vec![slot]);
     EnergyTable::filled(plan, alone.collect(), || (), fill)
 }
-

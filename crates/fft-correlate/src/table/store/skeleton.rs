@@ -12,8 +12,8 @@ use zarrs::group::GroupBuilder;
 
 use crate::rotations::grid::RotationGrid;
 use crate::table::storage::Numbers;
-use crate::table::store::error::StoreError;
 use crate::table::store::backend::Backend;
+use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 use crate::table::store::format::{energy_array, metadata_options, one_thread, scale_array};
 use crate::table::store::header::Header;

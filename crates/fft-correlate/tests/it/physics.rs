@@ -1,10 +1,8 @@
 //! The energy against closed forms and the symmetries of the paper's peg-in-hole pairs.
 
-mod physics_support;
-
+use crate::physics_support::{COLUMNS, fitted, kink_slope, tongue_and_groove};
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, Pair, ScoreModel};
 use glam::{DQuat, DVec3};
-use physics_support::{COLUMNS, fitted, kink_slope, tongue_and_groove};
 use sdf_grid::shapes::PegInHole;
 
 /// Energy at a displacement and yaw of the moving part.

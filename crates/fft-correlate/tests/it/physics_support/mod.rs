@@ -1,7 +1,5 @@
 //! Pairs and closed forms shared by the tests of physics.
 
-#![allow(dead_code, reason = "each test file uses its part")]
-
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

@@ -1,19 +1,19 @@
 //! Tables on disk: exact round trips, bakes split and interrupted in every way, what is left out.
 
-mod common;
-mod store_support;
-
 use std::fs;
 use std::sync::atomic::AtomicU64;
 
-use common::*;
-use fft_correlate::{BakeError, EnergyTable, NodeEnergies, Numbers, RotationDomain, Share, Storage, StoreError, TableError, TableSpec, TableStore, bake, measure_error};
+use crate::common::*;
+use crate::store_support::*;
+use fft_correlate::{
+    BakeError, EnergyTable, NodeEnergies, Numbers, RotationDomain, Share, Storage, StoreError,
+    TableError, TableSpec, TableStore, bake, measure_error,
+};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::Silent;
-use store_support::*;
 
 #[test]
 fn what_is_loaded_is_what_was_computed() {

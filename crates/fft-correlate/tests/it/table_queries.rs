@@ -1,10 +1,8 @@
 //! Queries of tables wherever they may fall, and specifications that are refused.
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::*;
+use crate::common::*;
 use fft_correlate::{EnergyTable, Part, Pose, RotationDomain, RotationError, TableError};
 use glam::{DQuat, DVec3};
 use rand::SeedableRng;
@@ -126,7 +124,7 @@ fn bad_specifications_are_refused() {
         Err(TableError::Rotations(RotationError::Symmetry { order: 4 }))
     ));
     assert!(matches!(
-        try_spec(&|s| s.pivot[1] = f64::INFINITY),
+        try_spec(&|s| s.recipe.pivot[1] = f64::INFINITY),
         Err(TableError::Spec { name: "pivot", .. })
     ));
 }

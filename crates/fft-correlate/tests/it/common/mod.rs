@@ -1,9 +1,9 @@
 //! Closed-form energies of a pose, their exact wrenches, and random poses.
-#![allow(dead_code, missing_docs, unreachable_pub)]
+#![allow(missing_docs, unreachable_pub)]
 
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, Part, Pose, Response, PairRecipe, RotationDomain,
-    ScoreModel, Scratch, Storage, TableSpec, Wrench,
+    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairRecipe, Part, Pose, Response,
+    RotationDomain, ScoreModel, Scratch, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;

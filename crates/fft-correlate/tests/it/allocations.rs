@@ -1,10 +1,8 @@
 //! A rotation allocates nothing: counted by the allocator itself.
 
-mod counting;
-
 use std::sync::Arc;
 
-use counting::calls;
+use crate::counting::calls;
 use fft_correlate::{Correlator, HalfTurn, Pair, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;

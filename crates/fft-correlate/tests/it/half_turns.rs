@@ -1,17 +1,16 @@
 //! Tables and searches of all rotations, where four at a time share the moving part's transforms.
 
-mod common;
-mod direct_support;
-mod store_support;
-
 use std::path::Path;
 
-use direct_support::{Blobs, model, pair};
-use fft_correlate::{EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, Share, TableSpec, TableStore, TranslationWindow, bake, half_turn_groups, search_rotations};
+use crate::direct_support::{Blobs, model, pair};
+use crate::store_support::{SHARED, chunk, files};
+use fft_correlate::{
+    EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, Share,
+    TableSpec, TableStore, TranslationWindow, bake, half_turn_groups, search_rotations,
+};
 use glam::DQuat;
 use ndarray::Array3;
 use sdf_grid::Silent;
-use store_support::{SHARED, chunk, files};
 
 const H: f64 = 0.001;
 

@@ -1,11 +1,9 @@
 //! Tables of closed-form energies against the closed form, and against themselves where that says
 //! more: gradients, seams, symmetry, edges.
 
-mod common;
-
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-use common::*;
+use crate::common::*;
 use fft_correlate::{
     AxisSymmetry, EnergyTable, Interpolation, Part, Pose, RotationDomain, RotationGrid, Twist,
 };

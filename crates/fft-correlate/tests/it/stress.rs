@@ -1,11 +1,9 @@
 //! Correlations where they are hardest: sums that cancel, axes of one node, windows larger than the
 //! parts, half turns.
 
-mod direct_support;
-
 use std::sync::Arc;
 
-use direct_support::{Blobs, model, pair};
+use crate::direct_support::{Blobs, model, pair};
 use fft_correlate::{Condition, Correlator, Pair, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::{Array3, Axis, concatenate, s};

@@ -1,8 +1,6 @@
 //! What the tests of the direct evaluator share: synthetic densities with a closed-form score, a
 //! brute-force score in f64, random poses.
 
-#![allow(dead_code, reason = "each test file uses its part")]
-
 use std::sync::Arc;
 
 use fft_correlate::{Pair, Pose, ScoreModel, Wrench, direct};

@@ -1,12 +1,12 @@
 //! Tables on disk that are damaged or of another kind: refused by name, repaired where they can be,
 //! never fatal.
 
-mod common;
-mod store_support;
-
-use common::*;
+use crate::common::*;
+use crate::store_support::*;
 use fft_correlate::table::{ChunkState, FORMAT_VERSION};
-use fft_correlate::{BakeError, Numbers, RotationDomain, Share, StoreError, TableError, TableStore, bake};
+use fft_correlate::{
+    BakeError, Numbers, RotationDomain, Share, StoreError, TableError, TableStore, bake,
+};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -14,7 +14,6 @@ use sdf_grid::Silent;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
-use store_support::*;
 
 #[test]
 fn damaged_and_lost_chunks_are_named_and_baked_again_alone() {
@@ -132,7 +131,7 @@ fn foreign_metadata_is_refused_by_name() {
         ),
         "{fine}"
     );
-    let sigma = with_header(|h| h["table"]["model"]["sigma"] = json!(7));
+    let sigma = with_header(|h| h["table"]["recipe"]["model"]["sigma"] = json!(7));
     assert!(
         matches!(sigma, StoreError::Table(TableError::Model(_))),
         "{sigma}"
@@ -149,14 +148,8 @@ fn broken_files_are_refused_by_name() {
     ));
     let path = folder.path().join("t.zarr");
     baked(&path, Share::ALL).unwrap();
-    let store = TableStore::open(&path).unwrap();
-    store.expect_meshes("aa", "bb").unwrap();
-    assert!(matches!(
-        store.expect_meshes("aa", "cc"),
-        Err(StoreError::Mesh { part: "moving", .. })
-    ));
     let (energy, mut spec) = small();
-    spec.model.sigma = 0.1;
+    spec.recipe.model.sigma = 0.1;
     let other = bake(
         &path,
         &spec,
@@ -165,8 +158,8 @@ fn broken_files_are_refused_by_name() {
         &Silent,
     );
     assert!(
-        matches!(other, Err(BakeError::Store(StoreError::Different { ref item, .. }))
-        if item == "model")
+        matches!(other, Err(BakeError::Store(StoreError::Different { ref difference, .. }))
+        if difference.key == "recipe.model.sigma")
     );
     for (file, keep) in [("energy/zarr.json", 100), ("zarr.json", 60)] {
         let file = path.join(file);

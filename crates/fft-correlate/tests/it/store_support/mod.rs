@@ -1,7 +1,5 @@
 //! What the tests of tables on disk share: a small table, its files, a bake that stops.
 
-#![allow(dead_code, reason = "each test file uses its part")]
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,6 @@
 //! The direct evaluator against an f64 brute-force sum, closed forms and invariants.
 
-mod direct_support;
-
-use direct_support::{
+use crate::direct_support::{
     Blobs, brute_force, central_differences, closed_form, model, pair, random_pose,
 };
 use fft_correlate::direct::score_terms;

@@ -1,9 +1,7 @@
 //! The two independent evaluations of a score against each other: FFT correlation and direct
 //! quadrature.
 
-mod direct_support;
-
-use direct_support::{Blobs, model, pair};
+use crate::direct_support::{Blobs, model, pair};
 use fft_correlate::{Correlator, DirectEvaluator, DirectOptions, Pair, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;

@@ -1,18 +1,18 @@
 //! Tables where there are no folders and no renaming, as in a store of objects: the same keys and
 //! bytes as on disk, whole or not there, resumed and repaired alike.
 
-mod common;
-mod store_support;
-
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
-use common::*;
+use crate::common::*;
+use crate::store_support::{SHARED, StopAfter};
 use fft_correlate::table::ChunkState;
-use fft_correlate::{BakeError, BakeReport, Numbers, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files, measure_error};
+use fft_correlate::{
+    BakeError, BakeReport, Numbers, RotationDomain, Share, StoreError, TableFiles, TableSpec,
+    TableStore, bake_files, measure_error,
+};
 use sdf_grid::Silent;
-use store_support::{SHARED, StopAfter};
 
 fn small_of(numbers: Numbers) -> (Gaussians, TableSpec) {
     let mut spec = spec(window(0.3, 0.1), RotationDomain::ball(20.0, 10.0));

@@ -1,9 +1,7 @@
 //! Condition numbers of scores: against the direct evaluator and a brute-force sum, and where they
 //! are known.
 
-mod direct_support;
-
-use direct_support::{Blobs, brute_force, model, pair, random_pose};
+use crate::direct_support::{Blobs, brute_force, model, pair, random_pose};
 use fft_correlate::{
     Condition, DirectEvaluator, DirectOptions, Pair, PairBuilder, Pose, ScoreModel,
 };

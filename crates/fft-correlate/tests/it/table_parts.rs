@@ -1,9 +1,10 @@
 //! Tables in memory by parts: what is there answers as the whole table does, what is not is far away.
 
-mod common;
-
-use common::*;
-use fft_correlate::{AxisSymmetry, EnergySource, EnergyTable, Numbers, Part, PartialTable, Pose, Response, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files};
+use crate::common::*;
+use fft_correlate::{
+    AxisSymmetry, EnergySource, EnergyTable, Numbers, Part, PartialTable, Pose, Response,
+    RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files,
+};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};

@@ -158,7 +158,7 @@ pub fn dock(
 ) -> Result<Docking, DockError> {
     check_rotations(rotations)?;
     let groups = half_turn_groups(rotations);
-    let correlator = Correlator::plan_groups(pair, window, &groups)?;
+    let correlator = Correlator::for_groups(pair, window, &groups)?;
     let scan = Scan {
         pair,
         correlator: &correlator,

@@ -35,40 +35,26 @@
 
 pub mod bake;
 mod chart;
-pub mod correlate;
-pub mod correlate_fields;
-mod cost;
+mod correlate;
 pub mod deaverage;
 pub mod direct;
 pub mod dock;
 mod encode;
 pub mod energy;
-mod fft3;
 mod fold;
-mod fused;
-mod gradient;
 pub mod half_turn;
-mod hull;
-mod lane_fft;
-mod lane_plan;
-mod lanes;
 pub mod launcher;
 mod layout;
+mod level;
 pub mod model;
-mod overlap;
 pub mod pair;
 pub mod pair_builder;
 pub mod peaks;
 pub mod query;
-mod radix;
-mod real;
 pub mod refine;
-mod resample;
 pub mod rotation_domain;
 pub mod rotation_grid;
 pub mod se3;
-mod spectral;
-mod spectral_reference;
 mod stencil;
 pub mod store;
 pub mod table;
@@ -80,8 +66,10 @@ pub mod translation;
 pub mod well;
 
 pub use bake::{BakeError, BakeReport, PairEnergies, Share, bake, bake_files};
-pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
-pub use correlate_fields::correlate_fields;
+pub use correlate::{
+    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport, ProductPlan, Real,
+    StageTimes,
+};
 pub use deaverage::{averaging_strength, deaveraged};
 pub use direct::{Condition, DirectError, DirectEvaluator, DirectOptions};
 pub use dock::{
@@ -97,12 +85,10 @@ pub use model::{ModelError, ScoreModel};
 pub use pair::{Pair, PairError};
 pub use pair_builder::{PairBuildError, PairBuilder, PairPlan};
 pub use peaks::{Peak, PoseSpacing, half_width, top_peaks};
-pub use real::Real;
 pub use refine::Descent;
 pub use rotation_domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotation_grid::RotationGrid;
 pub use se3::{Pose, Twist, Wrench};
-pub use spectral::StageTimes;
 pub use store::{StoreError, TableFiles, TableStore};
 pub use table::{EnergyTable, FieldSampling, NodeEnergies, TableError, TableSpec};
 pub use table_error::{ErrorReport, Excess, measure_error, random_pose, typical_condition};

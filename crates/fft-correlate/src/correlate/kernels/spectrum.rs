@@ -1,77 +1,14 @@
-//! One-dimensional transforms of many lines and the three-dimensional transform made of them. The
-//! only file that names an FFT library.
+//! Spectra of the fixed fields, made once: the only place that names an FFT library.
 //!
-//! Nothing here is normalized: a forward and an inverse transform multiply by the number of
-//! points. "Positive" means the kernel `e^{+2 pi i k x / n}`, "negative" its conjugate.
+//! Nothing here is normalized. "Negative" means the kernel `e^{-2 pi i k x / n}`.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use ndarray::{Array3, ArrayViewMut1, Axis};
 use num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner};
-use rustfft::{Fft, FftDirection, FftPlanner};
+use rustfft::FftPlanner;
 
-use crate::real::Real;
-
-/// Transforms of complex lines of one length with the positive exponent.
-pub(crate) struct Lines<T> {
-    fft: Arc<dyn Fft<T>>,
-}
-
-impl<T: Real> Lines<T> {
-    pub(crate) fn new(len: usize) -> Self {
-        Self {
-            fft: FftPlanner::new().plan_fft(len, FftDirection::Inverse),
-        }
-    }
-
-    /// Complex numbers of scratch that [`Lines::process`] needs.
-    pub(crate) fn scratch_len(&self) -> usize {
-        self.fft.get_inplace_scratch_len()
-    }
-
-    /// Transforms each of the consecutive lines in `lines` in place.
-    pub(crate) fn process(&self, lines: &mut [Complex<T>], scratch: &mut [Complex<T>]) {
-        self.fft.process_with_scratch(lines, scratch);
-    }
-}
-
-/// Transforms of half spectra (`len / 2 + 1` values) of real lines to the lines, with the positive
-/// exponent.
-pub(crate) struct RealLines<T> {
-    fft: Arc<dyn ComplexToReal<T>>,
-}
-
-impl<T: Real> RealLines<T> {
-    pub(crate) fn new(len: usize) -> Self {
-        Self {
-            fft: RealFftPlanner::new().plan_fft_inverse(len),
-        }
-    }
-
-    /// Complex numbers of scratch that [`RealLines::process`] needs.
-    pub(crate) fn scratch_len(&self) -> usize {
-        self.fft.get_scratch_len()
-    }
-
-    /// Transforms one half spectrum, which is destroyed, to its real line.
-    pub(crate) fn process(
-        &self,
-        half: &mut [Complex<T>],
-        line: &mut [T],
-        scratch: &mut [Complex<T>],
-    ) {
-        // Rounding leaves tiny imaginary parts where a real line has none.
-        half[0].im = T::zero();
-        if line.len().is_multiple_of(2) {
-            half[line.len() / 2].im = T::zero();
-        }
-        self.fft
-            .process_with_scratch(half, line, scratch)
-            .expect("lengths are fixed by the plan and the purely real entries are real");
-    }
-}
+use crate::correlate::real::Real;
 
 /// The negative-exponent transform of a complex field, in place.
 pub(crate) fn transform_negative<T: Real>(field: &mut Array3<Complex<T>>) {
@@ -92,27 +29,28 @@ fn transform_axis<T: Real>(field: &mut Array3<Complex<T>>, axis: Axis) {
     field.lanes_mut(axis).into_iter().for_each(each);
 }
 
-/// The negative-exponent spectra of a field's real and imaginary parts, of even length `nz` along
-/// z, at the frequencies `2 k + 1/2`, k below `nz / 2`, along z (see [`crate::fused`]) and all
-/// whole ones along x and y.
-pub(crate) fn negative_spectra<T: Real>(field: &Array3<Complex<T>>) -> [Array3<Complex<T>>; 2] {
+/// The negative-exponent spectrum of a field's real (`part` 0) or imaginary (1) part, of even
+/// length `nz` along z, at the frequencies `2 k + 1/2`, k below `nz / 2`, along z (see the folder's
+/// page) and all whole ones along x and y.
+pub(super) fn negative_spectrum<T: Real>(
+    field: &Array3<Complex<T>>,
+    part: usize,
+) -> Array3<Complex<T>> {
     let (nx, ny, nz) = field.dim();
     let half = nz / 2;
     let twist: Vec<Complex<T>> = (0..half)
         .map(|z| -PI * z as f64 / nz as f64)
         .map(|angle| Complex::new(T::nearest(angle.cos()), T::nearest(angle.sin())))
         .collect();
-    [0, 1].map(|part| {
-        let value = |x, y, z| {
-            let v: Complex<T> = field[[x, y, z]];
-            if part == 0 { v.re } else { v.im }
-        };
-        let mut spectrum = Array3::from_shape_fn([nx, ny, half], |(x, y, z)| {
-            Complex::new(value(x, y, z), -value(x, y, z + half)) * twist[z]
-        });
-        transform_negative(&mut spectrum);
-        spectrum
-    })
+    let value = |x, y, z| {
+        let v: Complex<T> = field[[x, y, z]];
+        if part == 0 { v.re } else { v.im }
+    };
+    let mut spectrum = Array3::from_shape_fn([nx, ny, half], |(x, y, z)| {
+        Complex::new(value(x, y, z), -value(x, y, z + half)) * twist[z]
+    });
+    transform_negative(&mut spectrum);
+    spectrum
 }
 
 #[cfg(test)]

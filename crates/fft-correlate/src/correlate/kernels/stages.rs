@@ -1,14 +1,4 @@
-//! The kernels of the three stages, one plane or one block of columns at a time.
-//!
-//! # Safety
-//! All memory is reached through [`Tile`]s, which check bounds in debug builds only: the tests run
-//! every size and level with those checks. In release builds accesses are within bounds because
-//! every buffer was laid out by [`super::Fused::scratch`] for the sizes that its own [`Layout`]
-//! holds: bundles of `bundle` numbers, planes of `2 * bundles * row`, tiles of the longest line and
-//! one block, lines of `lines(planes)`, half spectra of `block(planes)`. What is left to the caller is that the scratch is
-//! borrowed and that no one else uses the plane or columns it names.
-//!
-//! [`Layout`]: super::layout::Layout
+//! Stages 1 and 3 and the y transforms of stage 2, one plane or one block of columns at a time.
 
 use std::ops::Range;
 
@@ -16,24 +6,15 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use ndarray::ArrayViewMut2;
 
-use super::images::{Image, Output, Sum};
-use super::{Fused, MAX_TERMS, PlaneScratch, Spectra, Term};
-use crate::lane_fft::{first_passes, transform};
-use crate::lanes::{Line, Tile, transpose};
-use crate::radix::{inlined, mul};
-use crate::real::Real;
-use crate::spectral::MovingRows;
-
-/// The line of a column or row of half spectra that begins at `offset`.
-///
-/// # Safety
-/// As [`Tile::from`].
-#[inline(always)]
-pub(super) unsafe fn line<T: Real>(of: Tile<T>, offset: usize, places: &[usize]) -> Line<'_, T> {
-    // SAFETY: as demanded.
-    let tile = unsafe { of.from(offset) };
-    Line { tile, places }
-}
+use super::buffer::Buffer;
+use super::fused::{Fused, Term};
+use super::image::{Image, Output};
+use super::lane_fft::transform;
+use super::radix::{inlined, mul};
+use super::scratch::{PlaneScratch, Spectra, Sum};
+use super::tile::{Line, Tile, transpose};
+use crate::correlate::contract::MovingRows;
+use crate::correlate::real::Real;
 
 /// Samples one x plane of a moving field, the `slot`th of those at hand.
 #[simd]
@@ -57,12 +38,10 @@ pub(super) fn resample_plane<S: Simd, T: Real, M: MovingRows<T>>(
     }
 }
 
-/// Stage 1: one x plane of a moving field, sampled to a slot, y rows `rows`, to its lines along y over kz.
-///
-/// # Safety
-/// No one else may use plane `x` of the lines.
+/// Stage 1: one x plane of a moving field, sampled to a slot, y rows `rows`, to its lines along y
+/// over kz.
 #[simd]
-pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
+pub(super) fn forward_plane<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     term: &Term<T>,
@@ -73,40 +52,39 @@ pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
 ) {
     let l = f.layout;
     let (plane, bundles) = (own.plane.tile(), own.bundles.tile());
-    let [a, b, ..] = &mut own.tiles;
-    let (a, b) = (a.tile(), b.tile());
+    let work = own.work.each_mut().map(Buffer::tile);
     let first = slot * f.plane_bundles;
     let count = l.bundles(rows.len());
-    let real = term.moving_shape[2] <= l.half;
     for bundle in 0..count {
         let filled = own.filled[first + bundle].clone();
         for part in 0..2 {
-            // SAFETY: laid out so, see the module.
-            unsafe {
-                let from = bundles.from((first + bundle) * f.bundle);
-                let to = plane.from((2 * bundle + part) * l.row);
-                z_forward(simd, f, from, part, filled.clone(), real, to, [a, b]);
-            }
+            let from = bundles.from((first + bundle) * f.bundle);
+            let to = plane.from((2 * bundle + part) * l.row);
+            z_forward(
+                simd,
+                f,
+                from,
+                part,
+                filled.clone(),
+                term.half_deep,
+                to,
+                work,
+            );
         }
     }
     let element = 2 * l.lanes;
     let zero = [T::Native::<S>::splat(simd, T::zero()); 2];
     for block in 0..l.blocks {
         for part in 0..2 {
-            // SAFETY: laid out so, see the module.
-            let line = unsafe { to.lines.from(l.line(to.planes, block, part, x)) };
+            let line = to.lines.from(l.line(to.planes, block, part, x));
             for bundle in 0..count {
                 let offset = (2 * bundle + part) * l.row + block * l.lanes * element;
-                // SAFETY: laid out so, see the module.
-                unsafe {
-                    let to = line.from((rows.start + bundle * l.lanes) * element);
-                    transpose_block(simd, plane.from(offset), to);
-                }
+                let to = line.from((rows.start + bundle * l.lanes) * element);
+                transpose_block(simd, plane.from(offset), to);
             }
             // Rows beyond the last one may hold anything.
             for y in (0..rows.start).chain(rows.end..l.line_elements) {
-                // SAFETY: laid out so, see the module.
-                unsafe { line.put(simd, y, zero) };
+                line.put(simd, y, zero);
             }
         }
     }
@@ -114,28 +92,23 @@ pub(super) unsafe fn forward_plane<S: Simd, T: Real>(
 
 /// The half spectra of one part (0 real, 1 imaginary) of a bundle of lines that is zero outside
 /// `filled`, written as a bundle. `real` says that nothing lies beyond half of the period.
-///
-/// # Safety
-/// The bundle must hold the filled elements, `to` half the period, the tiles whatever `f` asks for;
-/// no one else may use them.
 #[inline(always)]
-unsafe fn z_forward<S: Simd, T: Real>(
+fn z_forward<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
-    from: Tile<T>,
+    from: Tile<'_, T>,
     part: usize,
     filled: Range<usize>,
     real: bool,
-    to: Tile<T>,
-    tiles: [Tile<T>; 2],
+    to: Tile<'_, T>,
+    tiles: [Tile<'_, T>; 2],
 ) {
     let half = f.layout.half;
     let lanes = f.layout.lanes;
     let zero = T::Native::<S>::splat(simd, T::zero());
     let store = inlined(
         #[inline(always)]
-        // SAFETY: laid out so, see the module.
-        |k: usize, v| unsafe { to.put(simd, k, v) },
+        |k: usize, v| to.put(simd, k, v),
     );
     if filled.is_empty() {
         for k in 0..half {
@@ -147,8 +120,7 @@ unsafe fn z_forward<S: Simd, T: Real>(
         #[inline(always)]
         |z: usize| {
             if filled.contains(&z) {
-                // SAFETY: laid out so, see the module.
-                unsafe { from.load(simd, (2 * z + part) * lanes) }
+                from.load(simd, (2 * z + part) * lanes)
             } else {
                 zero
             }
@@ -164,47 +136,35 @@ unsafe fn z_forward<S: Simd, T: Real>(
             ]
         },
     );
-    // SAFETY: as demanded.
-    unsafe {
-        if real {
-            let load = inlined(
-                #[inline(always)]
-                |z: usize| {
-                    let (value, [cos, sin]) = (read(z), twist(z));
-                    [value * cos, value * sin]
-                },
-            );
-            f.z.process(simd, tiles, load, store);
-        } else {
-            let load = inlined(
-                #[inline(always)]
-                |z: usize| mul([read(z), read(z + half)], twist(z)),
-            );
-            f.z.process(simd, tiles, load, store);
-        }
+    if real {
+        let load = inlined(
+            #[inline(always)]
+            |z: usize| {
+                let (value, [cos, sin]) = (read(z), twist(z));
+                [value * cos, value * sin]
+            },
+        );
+        f.z.process(simd, tiles, load, store);
+    } else {
+        let load = inlined(
+            #[inline(always)]
+            |z: usize| mul([read(z), read(z + half)], twist(z)),
+        );
+        f.z.process(simd, tiles, load, store);
     }
 }
 
 /// One block of elements, lanes of which become elements and the other way round.
-///
-/// # Safety
-/// Both must hold as many elements as there are lanes; no one else may use them.
 #[inline(always)]
-unsafe fn transpose_block<S: Simd, T: Real>(simd: S, from: Tile<T>, to: Tile<T>) {
+fn transpose_block<S: Simd, T: Real>(simd: S, from: Tile<'_, T>, to: Tile<'_, T>) {
     let lanes = T::Native::<S>::LEN;
-    // SAFETY: as demanded.
-    unsafe {
-        transpose(simd, from, 2 * lanes, to, 2 * lanes);
-        transpose(simd, from.from(lanes), 2 * lanes, to.from(lanes), 2 * lanes);
-    }
+    transpose(simd, from, 2 * lanes, to, 2 * lanes);
+    transpose(simd, from.from(lanes), 2 * lanes, to.from(lanes), 2 * lanes);
 }
 
 /// Stage 2: the y transforms of one kz block of all terms, to its half spectra.
-///
-/// # Safety
-/// No one else may use the lines and the spectra.
 #[simd]
-pub(super) unsafe fn forward_block<S: Simd, T: Real>(
+pub(super) fn forward_block<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     block: usize,
@@ -212,93 +172,24 @@ pub(super) unsafe fn forward_block<S: Simd, T: Real>(
     own: &mut PlaneScratch<T>,
 ) {
     let l = f.layout;
-    let [a, b, ..] = &mut own.tiles;
-    let (a, b) = (a.tile(), b.tile());
+    let work = own.work.each_mut().map(Buffer::tile);
     for (term, moving) in f.terms.iter().zip(spectra) {
         for part in 0..2 {
             for x in moving.filled.clone() {
                 let at = l.column(moving.planes, part, 0) + x * l.x_stride;
-                // SAFETY: laid out so, see the module.
-                unsafe {
-                    let from = Line {
-                        tile: moving.lines.from(l.line(moving.planes, block, part, x)),
-                        places: &f.places,
-                    };
-                    let to = line(moving.tile, at, &term.y_places);
-                    // Passes do not read in an order that would bring the next line by itself.
-                    transform(simd, &f.y, [a, b], from, to, [l.line, 0]);
-                }
+                let from = l.line(moving.planes, block, part, x);
+                let from = Line::new(moving.lines, from, &f.places);
+                let to = Line::new(moving.block, at, &term.y_places);
+                // Passes do not read in an order that would bring the next line by itself.
+                transform(simd, &f.y, work, from, to, [l.line, 0]);
             }
-        }
-    }
-}
-
-/// The x lines of one kz block, for all terms, to one sum without a half turn.
-///
-/// # Safety
-/// No one else may use the spectra. The sum may lie where those of the first term do.
-#[simd]
-pub(super) unsafe fn multiply_columns<S: Simd, T: Real>(
-    simd: S,
-    f: &Fused<T>,
-    block: usize,
-    spectra: &[Spectra<'_, T>],
-    sum: &Sum<'_, T>,
-    own: &mut PlaneScratch<T>,
-) {
-    let l = f.layout;
-    let [nx, ny, _] = f.size;
-    let (there, back) = (&f.x, &sum.image.x);
-    let [tiles @ .., spare] = &mut own.tiles;
-    let column = nx * 4 * l.lanes;
-    let block_len = back.first_radix() * 2 * l.lanes;
-    for y in 0..ny {
-        let mut lines = [(spare.tile(), &[][..]); 2 * MAX_TERMS];
-        let mut count = 0;
-        let mut free = spare.tile();
-        for (term, moving) in f.terms.iter().zip(spectra) {
-            if moving.filled.is_empty() {
-                continue;
-            }
-            let fixed = &term.spectrum.as_slice()[(block * ny + y) * column..][..column];
-            // Half of it beside each part: else the products wait for it.
-            let ahead = if f.is_large { fixed } else { &[] };
-            let halves = ahead.split_at(ahead.len() / 2);
-            for (part, ahead) in [halves.0, halves.1].into_iter().enumerate() {
-                // SAFETY: laid out so, see the module.
-                unsafe {
-                    let from = line(moving.tile, l.column(moving.planes, part, y), moving.x_from);
-                    let [done, other] =
-                        first_passes(simd, there, [tiles[count].tile(), free], from, ahead);
-                    free = other;
-                    lines[count] = (done, &fixed[part * block_len..]);
-                }
-                count += 1;
-            }
-        }
-        // SAFETY: laid out so, see the module.
-        unsafe {
-            let tiles = [tiles[2 * MAX_TERMS].tile(), free];
-            let to = line(sum.tile, l.column(sum.planes, sum.part, y), &sum.image.x_to);
-            let lines = &lines[..count];
-            back.turn(
-                simd,
-                lines,
-                2 * block_len,
-                tiles,
-                #[inline(always)]
-                |x, v| to.put(simd, x, v),
-            );
         }
     }
 }
 
 /// The y transforms back of one kz block of a sum.
-///
-/// # Safety
-/// No one else may use its lines and its half spectra.
 #[simd]
-pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
+pub(super) fn inverse_block<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     block: usize,
@@ -306,32 +197,25 @@ pub(super) unsafe fn inverse_block<S: Simd, T: Real>(
     own: &mut PlaneScratch<T>,
 ) {
     let l = f.layout;
-    let [a, b, ..] = &mut own.tiles;
-    let (a, b) = (a.tile(), b.tile());
+    let work = own.work.each_mut().map(Buffer::tile);
     // The half spectra of four sums, and where their lines go, have left the caches meanwhile.
     let next = if f.is_large && f.images.len() > 1 {
         [l.x_stride, l.line]
     } else {
         [0; 2]
     };
-    for x in 0..f.window[0] {
+    for x in 0..f.sizes.window[0] {
         let at = l.column(sum.planes, sum.part, 0) + x * l.x_stride;
-        // SAFETY: laid out so, see the module.
-        unsafe {
-            let from = line(sum.tile, at, &f.terms[0].y_places);
-            let to = l.line(sum.planes, block, sum.part, x);
-            let to = line(sum.lines, to, &sum.image.y_to);
-            transform(simd, &sum.image.y, [a, b], from, to, next);
-        }
+        let from = Line::new(sum.block, at, &f.terms[0].y_places);
+        let to = l.line(sum.planes, block, sum.part, x);
+        let to = Line::new(sum.lines, to, &sum.image.y_to);
+        transform(simd, &sum.image.y, work, from, to, next);
     }
 }
 
 /// Stage 3: one x plane of the sum to real values.
-///
-/// # Safety
-/// No one else may write to the plane.
 #[simd]
-pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
+pub(super) fn inverse_plane<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     x: usize,
@@ -341,34 +225,34 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
 ) {
     let l = f.layout;
     let plane = own.plane.tile();
-    let [a, b, lines, real, ..] = &mut own.tiles;
-    let (a, b, lines, real) = (a.tile(), b.tile(), lines.tile(), real.tile());
-    let [_, wy, wz] = f.window;
+    let work = own.work.each_mut().map(Buffer::tile);
+    let [lines, real, ..] = &mut own.parts;
+    let lines = lines.tile();
+    let [_, wy, wz] = f.sizes.window;
     let count = l.bundles(wy);
     for block in 0..l.blocks {
         for bundle in 0..count {
             let offset = 2 * bundle * l.row + block * l.lanes * 2 * l.lanes;
-            // SAFETY: laid out so, see the module.
-            unsafe {
-                let line = sum.lines.from(l.line(sum.planes, block, sum.part, x));
-                let from = line.from(bundle * l.lanes * 2 * l.lanes);
-                transpose_block(simd, from, plane.from(offset));
-            }
+            let line = sum.lines.from(l.line(sum.planes, block, sum.part, x));
+            let from = line.from(bundle * l.lanes * 2 * l.lanes);
+            transpose_block(simd, from, plane.from(offset));
         }
     }
     let row = wz.next_multiple_of(l.lanes);
     for bundle in 0..count {
-        // SAFETY: laid out so, see the module.
-        unsafe {
-            let from = plane.from(2 * bundle * l.row);
-            z_inverse(simd, f, sum.image, from, lines, [a, b]);
-            for z in (0..wz).step_by(l.lanes) {
-                transpose(simd, lines.from(z * l.lanes), l.lanes, real.from(z), row);
-            }
+        let from = plane.from(2 * bundle * l.row);
+        z_inverse(simd, f, sum.image, from, lines, work);
+        for z in (0..wz).step_by(l.lanes) {
+            transpose(
+                simd,
+                lines.from(z * l.lanes),
+                l.lanes,
+                real.tile().from(z),
+                row,
+            );
         }
         for lane in 0..l.lanes.min(wy - bundle * l.lanes) {
-            // SAFETY: laid out so, see the module.
-            let values = unsafe { real.slice(lane * row, wz) };
+            let values = &real.as_slice()[lane * row..][..wz];
             let mut to = out.row_mut(bundle * l.lanes + lane);
             match to.as_slice_mut() {
                 Some(to) => to.copy_from_slice(values),
@@ -379,23 +263,19 @@ pub(super) unsafe fn inverse_plane<S: Simd, T: Real>(
 }
 
 /// The real lines of a bundle of half spectra: one vector per wanted z.
-///
-/// # Safety
-/// As [`z_forward`].
 #[inline(always)]
-unsafe fn z_inverse<S: Simd, T: Real>(
+fn z_inverse<S: Simd, T: Real>(
     simd: S,
     f: &Fused<T>,
     image: &Image<T>,
-    from: Tile<T>,
-    to: Tile<T>,
-    tiles: [Tile<T>; 2],
+    from: Tile<'_, T>,
+    to: Tile<'_, T>,
+    tiles: [Tile<'_, T>; 2],
 ) {
-    let (wanted, lanes) = (f.window[2], f.layout.lanes);
+    let (wanted, lanes) = (f.sizes.window[2], f.layout.lanes);
     let load = inlined(
         #[inline(always)]
-        // SAFETY: laid out so, see the module.
-        |k: usize| unsafe { from.get(simd, k) },
+        |k: usize| from.get(simd, k),
     );
     let store = inlined(
         #[inline(always)]
@@ -405,12 +285,10 @@ unsafe fn z_inverse<S: Simd, T: Real>(
                     let [a, b] = factors;
                     let a = T::Native::<S>::splat(simd, a);
                     let b = T::Native::<S>::splat(simd, b);
-                    // SAFETY: as demanded.
-                    unsafe { to.store::<S>(index * lanes, re.mul_add(a, im * b)) };
+                    to.store::<S>(index * lanes, re.mul_add(a, im * b));
                 }
             }
         },
     );
-    // SAFETY: as demanded.
-    unsafe { f.z.process(simd, tiles, load, store) };
+    f.z.process(simd, tiles, load, store);
 }

@@ -61,7 +61,7 @@ pub fn hand_at_fit(pair: &Pair) -> (Geometry, Workspace) {
 /// # Panics
 /// If the window does not fit the pair.
 pub fn scores(pair: &Pair, rotation: DQuat, window: &TranslationWindow) -> Array3<f32> {
-    let correlator = Correlator::plan(pair, window).expect("window on the pair's lattice");
+    let correlator = Correlator::new(pair, window).expect("window on the pair's lattice");
     let mut out = Array3::zeros(window.shape());
     correlator.score(rotation, &mut correlator.scratch(), out.view_mut());
     out

@@ -40,7 +40,7 @@ fn the_score_is_highest_assembled_for_every_example_and_preset() {
             let mut rng = SmallRng::seed_from_u64(1);
             let others = (0..12).map(|_| rotation(&mut rng, PI));
             let others: Vec<_> = axis_rotations().into_iter().chain(others).collect();
-            let correlator = fft_correlate::Correlator::plan(&pair, &window).expect("a plan");
+            let correlator = fft_correlate::Correlator::new(&pair, &window).expect("a plan");
             let (mut scratch, mut out) = (correlator.scratch(), assembled.clone());
             for q in others {
                 correlator.score(q, &mut scratch, out.view_mut());

@@ -179,7 +179,7 @@ const PLACES: [[f64; 3]; 5] = [
 fn scores_at_places(pair: &Pair, rotation: DQuat) -> Outcome<(Vec<f64>, f64)> {
     let window =
         TranslationWindow::new(DVec3::ZERO, DVec3::new(0.003, 0.003, 0.015), pair.spacing())?;
-    let correlator = Correlator::plan(pair, &window)?;
+    let correlator = Correlator::new(pair, &window)?;
     let (mut scratch, mut out) = (correlator.scratch(), Array3::zeros(window.shape()));
     let ((), seconds) = timed(2, || {
         correlator.score(rotation, &mut scratch, out.view_mut())

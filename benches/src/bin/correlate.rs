@@ -172,11 +172,11 @@ fn measure(
     quick: bool,
 ) -> Outcome<Vec<Row>> {
     let (pair, window) = scene(n, case)?;
-    let one = Correlator::plan(&pair, &window)?;
+    let one = Correlator::new(&pair, &window)?;
     let four = Correlator::plan_half_turns(&pair, &window)?;
     let mut rows = Vec::new();
     for (correlator, at_once) in [(one, 1), (four, 4)] {
-        let plan = correlator.description();
+        let plan = correlator.plan();
         if plan.transform_size != [n; 3] || plan.shares_half_turns != (at_once > 1) {
             return Err(format!("N = {n}, {case}: planned {plan}").into());
         }

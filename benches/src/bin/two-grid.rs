@@ -72,7 +72,7 @@ fn scores(model: &ScoreModel, rotation: DQuat, spacing: f64, halo: f64) -> Outco
     };
     let pair = builder.build(&hole, &peg, model, &Silent)?;
     let window = TranslationWindow::new(DVec3::ZERO, DVec3::new(0.012, 0.012, 0.036), spacing)?;
-    let correlator = Correlator::plan(&pair, &window)?;
+    let correlator = Correlator::new(&pair, &window)?;
     let (mut scratch, mut out) = (correlator.scratch(), Array3::zeros(window.shape()));
     let ((), seconds) = timed(3, || {
         correlator.score(rotation, &mut scratch, out.view_mut())

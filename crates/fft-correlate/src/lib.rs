@@ -33,33 +33,21 @@
 //! [`Condition::at`] says how far the terms of a score cancel; [`measure_error`] compares a table with
 //! any other source at poses it has never seen.
 
-pub mod correlate;
-pub mod correlate_fields;
-mod cost;
+mod correlate;
 pub mod direct;
 pub mod dock;
 mod energy;
-mod fft3;
-mod fused;
 mod geometry;
-mod gradient;
-mod hull;
-mod lane_fft;
-mod lane_plan;
-mod lanes;
-mod overlap;
+mod level;
 pub mod pair;
-mod radix;
-mod real;
-mod resample;
 mod rotations;
-mod spectral;
-mod spectral_reference;
 pub mod table;
 pub mod well;
 
-pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
-pub use correlate_fields::correlate_fields;
+pub use correlate::{
+    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport, ProductPlan, Real,
+    StageTimes,
+};
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::decide::decide;
@@ -83,10 +71,8 @@ pub use pair::deaverage::{averaging_strength, deaveraged};
 pub use pair::fields::{Pair, PairError};
 pub use pair::model::{ModelError, ScoreModel};
 pub use pair::recipe::PairRecipe;
-pub use real::Real;
 pub use rotations::domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotations::grid::RotationGrid;
-pub use spectral::StageTimes;
 pub use table::accuracy::{ErrorReport, Excess, measure_error, random_pose, typical_condition};
 pub use table::bake::{BakeError, BakeReport, Share, bake, bake_files};
 pub use table::energy_table::EnergyTable;

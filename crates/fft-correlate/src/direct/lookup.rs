@@ -6,7 +6,7 @@
     reason = "lanes and axes index several arrays at once"
 )]
 
-use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
+use fearless_simd::{Level, f32x4, f32x8, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
@@ -15,6 +15,7 @@ use sdf_grid::DensityField;
 use crate::direct::quadrature::Point;
 use crate::direct::terms::Blend;
 use crate::geometry::se3::Pose;
+use crate::level::dispatch_lanes;
 
 /// Layers of zeros around the values: in the outermost layer of cells value and gradient are zero,
 /// so a point anywhere outside may be clamped into it.
@@ -331,7 +332,7 @@ pub(super) fn sum<const IMAGINARY: bool>(
 ) -> Sums {
     let map = Map::new(points, grid, motion);
     let mut totals = [0.0f64; 8];
-    dispatch!(level, simd => sum_clusters::<_, IMAGINARY>(simd, points, grid, &map, &mut totals));
+    dispatch_lanes!(level, simd => sum_clusters::<_, IMAGINARY>(simd, points, grid, &map, &mut totals));
     let [re, im, gx, gy, gz, mx, my, mz] = totals;
     // The kernel differentiates per grid spacing and takes levers, in that unit, about the set's
     // centre.

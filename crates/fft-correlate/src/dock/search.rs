@@ -63,7 +63,7 @@ pub fn search(
     let fine = with_docking_weights(pairs.fine, options.ratio)?;
     let window = domain.window(&coarse)?;
     let groups = half_turn_groups(&rotations);
-    let correlator = Correlator::plan_groups(&coarse, &window, &groups)?;
+    let correlator = Correlator::for_groups(&coarse, &window, &groups)?;
     let scan = Scan {
         pair: &coarse,
         correlator: &correlator,
@@ -108,7 +108,7 @@ pub fn search(
         rotations: domain.rotations.len(),
         resumed,
         window: window.shape(),
-        transform_size: correlator.description().transform_size,
+        transform_size: correlator.plan().transform_size,
         model: *coarse.model(),
         stages: stages.0,
     })

@@ -33,7 +33,7 @@ pub(super) fn sketch(
     let pair = with_weights(pair, RATIO)?;
     let window = domain.window(&pair)?;
     let groups = half_turn_groups(&domain.rotations);
-    let correlator = Correlator::plan_groups(&pair, &window, &groups)?;
+    let correlator = Correlator::for_groups(&pair, &window, &groups)?;
     let scan = Scan {
         pair: &pair,
         correlator: &correlator,

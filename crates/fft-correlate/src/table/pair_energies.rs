@@ -19,10 +19,10 @@ impl PairEnergies {
     /// Plans the correlation of a pair over a window for single rotations.
     ///
     /// # Errors
-    /// As [`Correlator::plan`].
+    /// As [`Correlator::new`].
     pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
         Ok(Self {
-            correlator: Correlator::plan(pair, window)?,
+            correlator: Correlator::new(pair, window)?,
             gamma: pair.model().gamma,
         })
     }
@@ -30,14 +30,14 @@ impl PairEnergies {
     /// The same for `rotations`: half turns share their work if there are enough among them.
     ///
     /// # Errors
-    /// As [`Correlator::plan`].
+    /// As [`Correlator::new`].
     pub fn plan_for(
         pair: &Pair,
         window: &TranslationWindow,
         rotations: &[DQuat],
     ) -> Result<Self, CorrelateError> {
         Ok(Self {
-            correlator: Correlator::plan_groups(pair, window, &half_turn_groups(rotations))?,
+            correlator: Correlator::for_groups(pair, window, &half_turn_groups(rotations))?,
             gamma: pair.model().gamma,
         })
     }

@@ -45,7 +45,7 @@ fn scores_and_gradients_allocate_nothing() {
         let pair = Pair::new(fixed, moving, model, DVec3::ZERO).unwrap();
         let window = TranslationWindow::cube(6.0, 1.0).unwrap();
         let correlator = Correlator::plan_half_turns(&pair, &window).unwrap();
-        assert!(correlator.description().shares_half_turns);
+        assert!(correlator.plan().shares_half_turns);
         let mut scratch = correlator.scratch();
         let mut out = Array3::zeros(window.shape());
         let mut parts: [Array3<f32>; 6] = std::array::from_fn(|_| Array3::zeros(window.shape()));

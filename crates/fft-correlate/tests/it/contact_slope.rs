@@ -22,7 +22,7 @@ fn energies(pair: &Pair, cells: usize) -> Vec<f64> {
     let h = pair.spacing();
     let end = DVec3::X * (cells as f64 * h);
     let window = TranslationWindow::new(DVec3::ZERO, end, h).unwrap();
-    let correlator = Correlator::plan(pair, &window).unwrap();
+    let correlator = Correlator::new(pair, &window).unwrap();
     let mut out = Array3::zeros(window.shape());
     let mut scratch = correlator.scratch();
     correlator.score(DQuat::IDENTITY, &mut scratch, out.view_mut());

@@ -9,7 +9,7 @@ use ndarray::Array3;
 /// Relative L2 difference of the two over a window of translations.
 fn difference(pair: &Pair, rotation: DQuat) -> f64 {
     let window = TranslationWindow::cube(0.002, pair.spacing()).expect("a small window");
-    let correlator = Correlator::plan(pair, &window).expect("a valid pair");
+    let correlator = Correlator::new(pair, &window).expect("a valid pair");
     let mut scores = Array3::<f32>::zeros(window.shape());
     correlator.score(rotation, &mut correlator.scratch(), scores.view_mut());
     let direct = DirectEvaluator::new(pair, &DirectOptions::FULL).expect("a valid pair");

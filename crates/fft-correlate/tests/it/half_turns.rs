@@ -26,7 +26,7 @@ fn scene(rotations: RotationDomain) -> (Pair, TranslationWindow, TableSpec) {
 fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEnergies {
     let energies =
         PairEnergies::plan_for(pair, window, spec.grid().unwrap().nodes()).expect("plannable");
-    assert!(energies.correlator().description().shares_half_turns);
+    assert!(energies.correlator().plan().shares_half_turns);
     energies
 }
 
@@ -36,7 +36,7 @@ fn a_few_half_turns_are_not_shared() {
     let (pair, window, _) = scene(RotationDomain::full(30.0));
     let shares = |rotations: &[DQuat]| {
         let energies = PairEnergies::plan_for(&pair, &window, rotations).unwrap();
-        energies.correlator().description().shares_half_turns
+        energies.correlator().plan().shares_half_turns
     };
     let alone: Vec<_> = (0..6)
         .map(|i| DQuat::from_rotation_z(0.1 * f64::from(i)))
@@ -54,7 +54,7 @@ fn every_node_has_the_energy_of_its_rotation() {
     let energies = energies(&pair, &window, &spec);
     let table = EnergyTable::compute(spec.clone(), &energies, 1 << 30, &Silent).unwrap();
     let single = PairEnergies::plan(&pair, &window).unwrap();
-    assert!(!single.correlator().description().shares_half_turns);
+    assert!(!single.correlator().plan().shares_half_turns);
     let (mut scratch, mut exact) = (single.scratch(), Array3::zeros(window.shape()));
     for (row, rotation) in table.grid().nodes().iter().enumerate() {
         single.energies(*rotation, &mut scratch, exact.view_mut());

@@ -15,7 +15,7 @@ use sdf_grid::{DensityField, FieldRecipe, Lattice};
 const H: f64 = 0.001;
 
 fn score(pair: &Pair, rotation: DQuat, window: &TranslationWindow) -> Array3<f32> {
-    let correlator = Correlator::plan(pair, window).expect("plannable");
+    let correlator = Correlator::new(pair, window).expect("plannable");
     let mut out = Array3::from_elem(window.shape(), f32::NAN);
     correlator.score(rotation, &mut correlator.scratch(), out.view_mut());
     out

@@ -18,7 +18,7 @@ pub(super) fn quadrature(
     direct: &DirectEvaluator,
 ) -> Result<f64, CommandError> {
     let window = assembly.window()?;
-    let correlator = Correlator::plan(&assembly.pair, &window)
+    let correlator = Correlator::new(&assembly.pair, &window)
         .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
     let rotation = assembly.assembled().rotation;
     let mut score = Array3::zeros(window.shape());

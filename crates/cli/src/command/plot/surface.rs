@@ -38,7 +38,7 @@ pub(in crate::command) fn score_surface(
     reach[across] = 0.0;
     let window = TranslationWindow::new(middle - reach, middle + reach, assembly.pair.spacing())
         .map_err(failed)?;
-    let correlator = Correlator::plan(&assembly.pair, &window)
+    let correlator = Correlator::new(&assembly.pair, &window)
         .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
     let mut score = Array3::zeros(window.shape());
     correlator.score(pose.rotation, &mut correlator.scratch(), score.view_mut());

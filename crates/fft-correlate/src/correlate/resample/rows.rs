@@ -6,15 +6,27 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use glam::DVec3;
 
-use super::{PATCH, Turned};
-use crate::lanes::Tile;
-use crate::radix::inlined;
-use crate::real::Real;
+use super::occupied::PATCH;
+use super::turned::Turned;
+use crate::correlate::contract::MovingRows;
+use crate::correlate::kernels::corners::{Cells, Corners};
+use crate::correlate::kernels::radix::inlined;
+use crate::correlate::real::Real;
+
+impl<T: Real> MovingRows<T> for Turned<'_, T> {
+    fn bounds(&self) -> [Range<usize>; 3] {
+        self.bounds.clone()
+    }
+
+    fn fill_lanes<S: Simd>(&self, simd: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
+        sample(simd, self, x, y, bundle)
+    }
+}
 
 /// Samples the rows from `[x, y]` on to `bundle`: per z the real, then the imaginary parts. Returns
 /// the range of z outside of which all are zero; `bundle` is written inside of it only.
 #[simd]
-pub(super) fn sample<S: Simd, T: Real>(
+fn sample<S: Simd, T: Real>(
     simd: S,
     turned: &Turned<'_, T>,
     x: usize,
@@ -33,7 +45,7 @@ pub(super) fn sample<S: Simd, T: Real>(
         fractions: [T::Eight::<S>::splat(simd, T::zero()); 3],
     }; PATCH * MOST_PARTS]; 2];
     let [mut next, mut current] = cells.each_mut();
-    let rows = rows(turned);
+    let corners = Corners::new(&turned.field.values);
     let ask = size_of_val(turned.field.values.as_slice().unwrap_or_default()) > CACHED;
     let numbers = |z: Range<usize>| 2 * lanes * z.start..2 * lanes * z.end;
     // The patch whose cells are known, and whose values are on their way.
@@ -47,10 +59,10 @@ pub(super) fn sample<S: Simd, T: Real>(
         }
         find_patch(simd, turned, at, next);
         if ask {
-            ask_for(rows, next);
+            corners.ask_for(next);
         }
         if !known.is_empty() {
-            sample_patch(simd, rows, current, &mut bundle[numbers(known)]);
+            sample_patch(simd, corners, current, &mut bundle[numbers(known)]);
         }
         std::mem::swap(&mut next, &mut current);
         filled.start = if filled.is_empty() { z } else { filled.start };
@@ -58,7 +70,7 @@ pub(super) fn sample<S: Simd, T: Real>(
         known = patch;
     }
     if !known.is_empty() {
-        sample_patch(simd, rows, current, &mut bundle[numbers(known)]);
+        sample_patch(simd, corners, current, &mut bundle[numbers(known)]);
     }
     filled
 }
@@ -66,27 +78,8 @@ pub(super) fn sample<S: Simd, T: Real>(
 /// Parts of eight lanes of a patch at most.
 const MOST_PARTS: usize = 2;
 
-/// Eight samples before any value is read.
-#[derive(Clone, Copy)]
-struct Cells<V> {
-    /// Where the first corner of each one's cell lies.
-    places: [i32; 8],
-    /// Places within the cells.
-    fractions: [V; 3],
-}
-
-/// The field's numbers from the near and the far y of the near and the far x of cells on.
-fn rows<T: Real>(turned: &Turned<'_, T>) -> [Tile<T>; 4] {
-    let values = turned.field.values.as_slice();
-    let values = values.expect("made in standard layout");
-    let (_, ny, nz) = turned.field.values.dim();
-    let numbers = Tile::<T>::shared(bytemuck::cast_slice(values));
-    // SAFETY: a field has more than two rows in more than two planes.
-    [0, nz, ny * nz, ny * nz + nz].map(|corner| unsafe { numbers.from(2 * corner) })
-}
-
-/// Where the samples of a patch lie, the first at index `at` of the field: in eights, of eight lanes at one
-/// z or of fewer lanes at several.
+/// Where the samples of a patch lie, the first at index `at` of the field: in eights, of eight lanes
+/// at one z or of fewer lanes at several.
 #[inline(always)]
 fn find_patch<S: Simd, T: Real>(
     simd: S,
@@ -105,24 +98,11 @@ fn find_patch<S: Simd, T: Real>(
 /// Fields of fewer bytes stay in the second-level cache by themselves.
 const CACHED: usize = 512 << 10;
 
-/// Asks for the values of cells ahead of their use.
-#[inline(always)]
-fn ask_for<T: Real, V>(rows: [Tile<T>; 4], cells: &[Cells<V>]) {
-    // Two corners of four: neighbours ask for the others.
-    let [near, _, _, far] = rows;
-    for eight in cells {
-        for place in &eight.places {
-            near.fetch(2 * *place as usize);
-            far.fetch(2 * *place as usize);
-        }
-    }
-}
-
 /// Samples a patch.
 #[inline(always)]
 fn sample_patch<S: Simd, T: Real>(
     simd: S,
-    rows: [Tile<T>; 4],
+    corners: Corners<'_, T>,
     cells: &[Cells<T::Eight<S>>],
     samples: &mut [T],
 ) {
@@ -137,8 +117,7 @@ fn sample_patch<S: Simd, T: Real>(
     {
         let first = part * across;
         for (elements, cells) in samples.chunks_mut(group).zip(cells) {
-            // SAFETY: places are such that all corners of the cells lie within the field.
-            let [re, im] = unsafe { interpolated(simd, rows, cells) };
+            let [re, im] = corners.interpolated(simd, cells);
             if lanes >= 8 {
                 re.store_slice(&mut elements[first..first + 8]);
                 im.store_slice(&mut elements[lanes + first..lanes + first + 8]);
@@ -204,61 +183,4 @@ fn find_cells<S: Simd, T: Real>(
         cells.places = T::places(simd, nodes, strides, origin as i32, last);
         z += splat((8 / across) as f64);
     }
-}
-
-/// Real and imaginary parts of eight samples. `rows` are the field's numbers from the near and the
-/// far y of the near and the far x of cells on.
-///
-/// # Safety
-/// All corners of the cells must lie within the field.
-#[inline(always)]
-unsafe fn interpolated<S: Simd, T: Real>(
-    simd: S,
-    rows: [Tile<T>; 4],
-    cells: &Cells<T::Eight<S>>,
-) -> [T::Eight<S>; 2] {
-    let one = T::Eight::<S>::splat(simd, T::one());
-    let [fx, fy, fz] = cells.fractions;
-    let (gx, gy) = (one - fx, one - fy);
-    let weights = [gx * gy, gx * fy, fx * gy, fx * fy];
-    // Of samples p and p + 4 real and imaginary part at both z.
-    let mut points = [one; 4];
-    for (p, point) in points.iter_mut().enumerate() {
-        let (a, b) = (cells.places[p] as u32, cells.places[p + 4] as u32);
-        for (i, (row, weights)) in rows.iter().zip(&weights).enumerate() {
-            // SAFETY: as demanded.
-            let value = unsafe {
-                row.quad(simd, 2 * a as usize)
-                    .combine(row.quad(simd, 2 * b as usize))
-            };
-            let weights = weights.as_slice();
-            let a = T::Quad::<S>::splat(simd, weights[p]);
-            let b = T::Quad::<S>::splat(simd, weights[p + 4]);
-            let weight: T::Eight<S> = a.combine(b);
-            *point = if i == 0 {
-                value * weight
-            } else {
-                value.mul_add(weight, *point)
-            };
-        }
-    }
-    let mut low = [points[0].split().0; 4];
-    let mut high = low;
-    for p in 0..4 {
-        (low[p], high[p]) = points[p].split();
-    }
-    let (low, high) = (transposed(low), transposed(high));
-    let (re0, im0) = (low[0].combine(high[0]), low[1].combine(high[1]));
-    let (re1, im1) = (low[2].combine(high[2]), low[3].combine(high[3]));
-    [fz.mul_add(re1 - re0, re0), fz.mul_add(im1 - im0, im0)]
-}
-
-/// Rows of a square of numbers as columns.
-#[inline(always)]
-fn transposed<S: Simd, V: SimdFloat<S>>(rows: [V; 4]) -> [V; 4] {
-    let (a, b) = rows[0].interleave(rows[2]);
-    let (c, d) = rows[1].interleave(rows[3]);
-    let (e, f) = a.interleave(c);
-    let (g, h) = b.interleave(d);
-    [e, f, g, h]
 }

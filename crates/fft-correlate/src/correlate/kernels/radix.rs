@@ -2,9 +2,9 @@
 
 use fearless_simd::prelude::*;
 
-use crate::lanes::Tile;
-
-use crate::real::Real;
+use super::buffer::fetch;
+use super::tile::{Complex, Tile, element};
+use crate::correlate::real::Real;
 
 /// The closure itself: attributes stand on arguments, but not yet on the right of `let`. Code that
 /// is not inlined has no vector instructions.
@@ -12,9 +12,6 @@ use crate::real::Real;
 pub(crate) fn inlined<F>(closure: F) -> F {
     closure
 }
-
-/// Real and imaginary parts of one element of a bundle of lines.
-pub(crate) type Complex<V> = [V; 2];
 
 #[inline(always)]
 fn add<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {
@@ -297,91 +294,72 @@ const AHEAD: usize = 2;
 /// outputs of the one are inputs of the other, so that no spectrum is ever stored.
 ///
 /// `fixed` holds, for each line, the elements in the order in which they are met: `R` for each of
-/// the `len / R` blocks, blocks `fixed_stride` numbers apart.
-///
-/// # Safety
-/// Lines and `out` must hold `len` elements; no one else may use them.
+/// the `len / R` blocks, blocks `fixed_stride` numbers apart. Lines and `out` hold `len` elements.
 #[inline(always)]
-pub(crate) unsafe fn turning_pass<S: Simd, T: Real, const R: usize>(
+pub(crate) fn turning_pass<S: Simd, T: Real, const R: usize>(
     simd: S,
     blocks: usize,
     twiddles: &[[T; 2]],
-    lines: &[(Tile<T>, &[T])],
+    lines: &[(Tile<'_, T>, &[T])],
     fixed_stride: usize,
-    out: Tile<T>,
+    out: Tile<'_, T>,
 ) {
     let zero = T::Native::<S>::splat(simd, T::zero());
     for p in 0..blocks {
         // The sum of the products waits in memory: in registers there is no room for it.
-        // SAFETY: elements of the lines and of `out`, as all below.
-        let sum = unsafe { out.from(R * p * 2 * T::Native::<S>::LEN) };
+        let sum = out.from(R * p * 2 * T::Native::<S>::LEN);
         for (i, (line, fixed)) in lines.iter().enumerate() {
             for number in (0..2 * R * T::Native::<S>::LEN).step_by(64 / size_of::<T>()) {
-                Tile::shared(fixed).fetch((p + AHEAD) * fixed_stride + number);
+                let ahead = (p + AHEAD) * fixed_stride + number;
+                fetch(fixed.as_ptr().wrapping_add(ahead));
             }
             let fixed = &fixed[p * fixed_stride..];
             if i == 0 {
-                // SAFETY: as above.
-                unsafe { products::<S, T, R, true>(simd, *line, p, blocks, fixed, sum) };
+                products::<S, T, R, true>(simd, *line, p, blocks, fixed, sum);
             } else {
-                // SAFETY: as above.
-                unsafe { products::<S, T, R, false>(simd, *line, p, blocks, fixed, sum) };
+                products::<S, T, R, false>(simd, *line, p, blocks, fixed, sum);
             }
         }
         let mut x = [[zero; 2]; R];
         for (j, x) in x.iter_mut().enumerate() {
-            // SAFETY: as above.
-            *x = unsafe { sum.get(simd, j) };
+            *x = sum.get(simd, j);
         }
         let y = butterfly::<S, T, R>(simd, x);
         let factors = &twiddles[p * (R - 1)..][..R - 1];
-        // SAFETY: as above.
-        unsafe { sum.put(simd, 0, y[0]) };
+        sum.put(simd, 0, y[0]);
         for j in 1..R {
             let w = splat::<S, T>(simd, factors[j - 1]);
-            // SAFETY: as above.
-            unsafe { sum.put(simd, j, mul(y[j], w)) };
+            sum.put(simd, j, mul(y[j], w));
         }
     }
 }
 
 /// The last pass of one line for block `p`, times the fixed spectrum: the first products or added
 /// to those there are.
-///
-/// # Safety
-/// As [`turning_pass`].
 #[inline(always)]
-unsafe fn products<S: Simd, T: Real, const R: usize, const FIRST: bool>(
+fn products<S: Simd, T: Real, const R: usize, const FIRST: bool>(
     simd: S,
-    line: Tile<T>,
+    line: Tile<'_, T>,
     p: usize,
     blocks: usize,
     fixed: &[T],
-    sum: Tile<T>,
+    sum: Tile<'_, T>,
 ) {
     let lanes = T::Native::<S>::LEN;
     let mut x = [[T::Native::<S>::splat(simd, T::zero()); 2]; R];
     for (j, x) in x.iter_mut().enumerate() {
-        // SAFETY: as demanded.
-        *x = unsafe { line.get(simd, p + j * blocks) };
+        *x = line.get(simd, p + j * blocks);
     }
     let y = butterfly::<S, T, R>(simd, x);
     let fixed = &fixed[..2 * R * lanes];
     for (j, y) in y.iter().enumerate() {
-        let a = &fixed[2 * j * lanes..][..2 * lanes];
-        let a = [
-            T::Native::<S>::from_slice(simd, &a[..lanes]),
-            T::Native::<S>::from_slice(simd, &a[lanes..]),
-        ];
-        // SAFETY: as demanded.
-        unsafe {
-            let product = if FIRST {
-                mul(a, *y)
-            } else {
-                add_mul(sum.get(simd, j), a, *y)
-            };
-            sum.put(simd, j, product);
-        }
+        let a = element(simd, &fixed[2 * j * lanes..]);
+        let product = if FIRST {
+            mul(a, *y)
+        } else {
+            add_mul(sum.get(simd, j), a, *y)
+        };
+        sum.put(simd, j, product);
     }
 }
 

@@ -13,25 +13,23 @@
 use std::ops::Range;
 
 use fearless_simd::prelude::*;
-use glam::{DMat3, DQuat, DVec3};
-use ndarray::ArrayViewMut3;
+use glam::{DMat3, DVec3};
 use num_complex::Complex;
 
-use crate::correlate::{Correlator, CorrelatorScratch};
-use crate::real::Real;
-use crate::resample::Turned;
-use crate::spectral::MovingRows;
+use super::contract::MovingRows;
+use super::real::Real;
+use super::resample::Turned;
 
 /// One component of the gradient of a turned field.
 pub(crate) struct Derivative<'a, T> {
-    turned: Turned<'a, T>,
-    rotation: DMat3,
+    pub(super) turned: Turned<'a, T>,
+    pub(super) rotation: DMat3,
     /// Position of index `[0, 0, 0]` relative to the pivot, cells of the fixed frame.
-    corner: DVec3,
+    pub(super) corner: DVec3,
     /// 0 to 2 the turn about x, y, z; 3 to 5 the displacement along them.
-    component: usize,
+    pub(super) component: usize,
     /// What a derivative per cell is multiplied with.
-    scale: f64,
+    pub(super) scale: f64,
 }
 
 impl<T: Real> Derivative<'_, T> {
@@ -58,13 +56,6 @@ impl<T: Real> MovingRows<T> for Derivative<'_, T> {
         self.turned.bounds()
     }
 
-    fn fill(&self, x: usize, y: usize, row: &mut [Complex<T>]) -> bool {
-        for z in self.bounds()[2].clone() {
-            row[z] = self.at(x, y, z);
-        }
-        true
-    }
-
     fn fill_lanes<S: Simd>(&self, _: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
         let lanes = T::Native::<S>::LEN;
         let range = self.bounds()[2].clone();
@@ -76,41 +67,5 @@ impl<T: Real> MovingRows<T> for Derivative<'_, T> {
             }
         }
         range
-    }
-}
-
-impl<T: Real> Correlator<T> {
-    /// Writes the gradient of `Re f` (eq_5b, eq_5c) for `rotation` at every displacement of the
-    /// window to `out`, angular part first: by a turn about the x, y, z axis of the fixed frame
-    /// through the displaced pivot (cubic metres per radian), then by the displacement along x, y, z
-    /// (square metres). The wrench about the pivot is gamma times it (eq_9a, eq_9b).
-    ///
-    /// Costs six scores with a slower resampling; it is exact for the sum that
-    /// [`Correlator::score`] computes. Where a sample lies on a face between cells of the moving
-    /// lattice the interpolant has a kink, and the derivative is that of one of its sides. Allocates
-    /// nothing.
-    ///
-    /// # Panics
-    /// As [`Correlator::score`].
-    pub fn gradient(
-        &self,
-        rotation: DQuat,
-        scratch: &mut CorrelatorScratch<T>,
-        out: [ArrayViewMut3<'_, T>; 6],
-    ) {
-        for (component, out) in out.into_iter().enumerate() {
-            let scale = if component < 3 {
-                1.0
-            } else {
-                1.0 / self.spacing
-            };
-            self.correlate(&[], scratch, &mut [out], |product| Derivative {
-                turned: product.turned(rotation, self.origin),
-                rotation: DMat3::from_quat(rotation),
-                corner: product.corner(self.origin),
-                component,
-                scale,
-            });
-        }
     }
 }

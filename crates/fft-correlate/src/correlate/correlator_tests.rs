@@ -1,81 +1,22 @@
 use std::sync::Arc;
 
 use fearless_simd::Level;
-use num_complex::Complex64;
+use ndarray::Array3;
+use num_complex::{Complex32, Complex64};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{FIELD_VERSION, FieldRecipe, Lattice, Sampling};
+use sdf_grid::{DensityField, Lattice};
 
 use super::*;
-use crate::ScoreModel;
+use crate::correlate::fixtures::{H, fixed_part, moving_part, pair, window};
+use crate::pair::model::ScoreModel;
 
-const H: f64 = 0.1;
-
-/// A part that is a union of balls with made-up densities: exterior outside within a halo, interior
-/// inside; smooth enough to turn, with nothing that favours an axis.
-fn part(balls: &[(DVec3, f64)], min: [i64; 3], shape: [usize; 3]) -> DensityField {
-    let origin = (DVec3::from_array(min.map(|m| m as f64)) + 0.5) * H;
-    let lattice = Lattice::new(origin, H, shape).unwrap();
-    let distance = |p: DVec3| {
-        let to = |(c, r): &(DVec3, f64)| (p - c).length() - r;
-        balls.iter().map(to).fold(f64::INFINITY, f64::min)
-    };
-    let at = |i, j, k| distance(lattice.position([i, j, k]));
-    let complex = |re: f64, im: f64| Complex32::new(re as f32, im as f32);
-    DensityField {
-        exterior: Array3::from_shape_fn(shape, |(i, j, k)| match at(i, j, k) {
-            d if d > 0.0 && d < 0.3 => complex((d * 5.0).cos() * (0.3 - d), d - 0.3),
-            _ => Complex32::default(),
-        }),
-        interior: Array3::from_shape_fn(shape, |(i, j, k)| match at(i, j, k) {
-            d if d <= 0.0 => complex(d, 0.7 - d),
-            _ => Complex32::default(),
-        }),
-        signed_distance: Array3::from_shape_fn(shape, |(i, j, k)| at(i, j, k) as f32),
-        recipe: FieldRecipe {
-            version: FIELD_VERSION,
-            mesh: String::new(),
-            sigma: 0.2,
-            halo: 0.3,
-            tolerance: 1e-3,
-            sampling: Sampling::Point,
-            lattice,
-        },
-    }
-}
-
-fn fixed_part() -> DensityField {
-    let balls = [
-        (DVec3::new(0.1, 0.0, -0.2), 0.35),
-        (DVec3::new(-0.35, 0.3, 0.1), 0.25),
-    ];
-    part(&balls, [-10, -8, -9], [18, 17, 16])
-}
-
-fn moving_part() -> DensityField {
-    let balls = [
-        (DVec3::new(0.05, 0.1, 0.0), 0.25),
-        (DVec3::new(0.3, 0.05, 0.15), 0.15),
-    ];
-    part(&balls, [-6, -5, -6], [14, 12, 13])
-}
-
-fn pair(w: f64, pivot: DVec3) -> Pair {
-    let model = ScoreModel {
-        separation_weight: w,
-        ..ScoreModel::GUIDED
-    };
-    Pair::new(
-        Arc::new(fixed_part()),
-        Arc::new(moving_part()),
-        model,
-        pivot,
-    )
-    .unwrap()
-}
-
-fn window() -> TranslationWindow {
-    TranslationWindow::new(DVec3::new(-0.4, -0.2, -0.9), DVec3::new(0.2, 0.5, 0.3), H).unwrap()
+/// The vectors that every machine of this kind has.
+fn baseline() -> Level {
+    #[cfg(feature = "scalar")]
+    return level::native();
+    #[cfg(not(feature = "scalar"))]
+    Level::baseline()
 }
 
 /// The trilinear interpolant of a field in double precision, zero beyond the lattice.
@@ -123,7 +64,7 @@ fn direct(pair: &Pair, rotation: DQuat, displacement: DVec3) -> f64 {
 }
 
 fn score(pair: &Pair, rotation: DQuat, window: &TranslationWindow) -> Array3<f32> {
-    let correlator = Correlator::plan(pair, window).unwrap();
+    let correlator = Correlator::new(pair, window).unwrap();
     let mut out = Array3::from_elem(window.shape(), f32::NAN);
     correlator.score(rotation, &mut correlator.scratch(), out.view_mut());
     out
@@ -200,11 +141,12 @@ fn half_turns_are_the_rotations_that_they_say() {
             .flat_map(|p| windows.iter().map(move |w| (p, w)))
         {
             let pair = pair(w, *pivot);
-            let single = [Level::new(), Level::baseline()].map(|level| {
-                Correlator::<f32>::plan_as(&pair, window, Way::Fastest(level), true).unwrap()
-            });
-            let double = Correlator::<f64>::plan_as(&pair, window, Way::native(), true).unwrap();
-            let shares = single[0].description().shares_half_turns;
+            let support = PairSupport::of(&pair).unwrap();
+            let plan = CorrelatorPlan::for_half_turns(&support, window).unwrap();
+            let single = [level::native(), baseline()]
+                .map(|level| Correlator::<f32>::build_at(&plan, &pair, level).unwrap());
+            let double = Correlator::build_double(&plan, &pair).unwrap();
+            let shares = plan.shares_half_turns;
             assert!(
                 !shares || pivot.x != 0.123,
                 "no node is the image of another"
@@ -265,7 +207,7 @@ fn turned<T: Real>(
 fn scratch_carries_nothing_from_one_rotation_to_the_next() {
     let mut rng = SmallRng::seed_from_u64(2);
     let (pair, window) = (pair(0.0, DVec3::ZERO), window());
-    let correlator = Correlator::plan(&pair, &window).unwrap();
+    let correlator = Correlator::new(&pair, &window).unwrap();
     let mut scratch = correlator.scratch();
     let mut score = |rotation| {
         let mut out = Array3::from_elem(window.shape(), f32::NAN);
@@ -392,7 +334,8 @@ fn double_precision_is_exact_and_single_is_good_to_rounding() {
     let window = window();
     for w in [0.0, 1.0] {
         let pair = pair(w, DVec3::new(0.123, -0.04, 0.3));
-        let correlator = Correlator::plan_double(&pair, &window).unwrap();
+        let plan = CorrelatorPlan::new(&PairSupport::of(&pair).unwrap(), &window).unwrap();
+        let correlator = Correlator::build_double(&plan, &pair).unwrap();
         let mut exact = Array3::from_elem(window.shape(), f64::NAN);
         correlator.score(rotation, &mut correlator.scratch(), exact.view_mut());
         let e = distance(&score(&pair, rotation, &window), &exact);
@@ -422,7 +365,7 @@ fn gradients_equal_differences_of_the_definition() {
     for w in [0.0, 1.0] {
         let pair = pair(w, DVec3::new(0.123, -0.04, 0.3));
         let rotation = random_rotation(&mut rng);
-        let correlator = Correlator::plan(&pair, &window).unwrap();
+        let correlator = Correlator::new(&pair, &window).unwrap();
         let mut found: [Array3<f32>; 6] = std::array::from_fn(|_| Array3::zeros(window.shape()));
         let views = found.each_mut().map(|a| a.view_mut());
         correlator.gradient(rotation, &mut correlator.scratch(), views);
@@ -453,64 +396,8 @@ fn gradients_equal_differences_of_the_definition() {
 }
 
 #[test]
-fn plans_say_what_is_transformed_and_what_is_skipped() {
-    let plan = |w, window: &TranslationWindow| {
-        Correlator::plan(&pair(w, DVec3::ZERO), window)
-            .unwrap()
-            .description()
-            .clone()
-    };
-    let near = window();
-    let transforms =
-        |p: &CorrelatorPlan| (p.products.len(), p.forward_transforms, p.inverse_transforms);
-    assert_eq!(transforms(&plan(0.0, &near)), (2, 4, 1));
-    assert_eq!(transforms(&plan(0.5, &near)), (2, 4, 1));
-    assert_eq!(transforms(&plan(1.0, &near)), (1, 2, 1));
-    let guided = plan(0.0, &near);
-    assert_eq!(guided.window, near.shape());
-    for product in &guided.products {
-        for axis in 0..3 {
-            let nodes = product.moving_nodes[axis].max(guided.window[axis]);
-            assert!(guided.transform_size[axis] >= nodes, "{guided:?}");
-        }
-    }
+fn parts_that_never_meet_score_zero() {
     let far = TranslationWindow::new(DVec3::splat(5.0), DVec3::splat(5.3), H).unwrap();
-    let none = plan(0.0, &far);
-    assert_eq!((transforms(&none), none.skipped.len()), ((0, 0, 0), 2));
     let zero = score(&pair(0.0, DVec3::ZERO), DQuat::IDENTITY, &far);
     assert!(zero.iter().all(|v| *v == 0.0));
-}
-
-#[test]
-fn bad_input_is_refused() {
-    let pair = pair(0.0, DVec3::ZERO);
-    let other = TranslationWindow::cube(0.5, 0.11).unwrap();
-    let refused = Correlator::plan(&pair, &other).err();
-    assert_eq!(
-        refused,
-        Some(CorrelateError::Spacing {
-            expected: H,
-            found: 0.11
-        })
-    );
-    let huge = TranslationWindow::cube(100.0, H).unwrap();
-    let refused = Correlator::plan(&pair, &huge).err();
-    assert!(
-        matches!(refused, Some(CorrelateError::Size { .. })),
-        "{refused:?}"
-    );
-    let mut moving = moving_part();
-    moving.interior[[1, 2, 3]].im = f32::NAN;
-    let pair = Pair::new(
-        Arc::new(fixed_part()),
-        Arc::new(moving),
-        *pair.model(),
-        DVec3::ZERO,
-    );
-    let refused = Correlator::plan(&pair.unwrap(), &window()).err();
-    let expected = CorrelateError::NotFinite {
-        part: "moving",
-        index: [1, 2, 3],
-    };
-    assert_eq!(refused, Some(expected));
 }

@@ -14,10 +14,11 @@ use std::f64::consts::TAU;
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 
-use crate::lane_plan::{Ends, Step, steps, turning_steps};
-use crate::lanes::{Line, Tile, ask_for};
-use crate::radix::{Complex, inlined, pass, pass_from_half, pass_to_half, turning_pass};
-use crate::real::Real;
+use super::buffer::ask_for;
+use super::radix::{inlined, pass, pass_from_half, pass_to_half, turning_pass};
+use super::steps::{Ends, Step, steps, turning_steps};
+use super::tile::{Complex, Line, Tile};
+use crate::correlate::real::Real;
 
 /// The passes of a transform of one length.
 #[derive(Debug, Clone)]
@@ -97,41 +98,30 @@ impl<T: Real> LaneFft<T> {
 
     /// Transforms the bundle that `load(index)` reads; `store(index, value)` receives the result.
     /// Both tiles are overwritten. All reads of the input happen before any write of the result.
-    ///
-    /// # Safety
-    /// Both tiles must hold `len` elements of `2 * LANES` numbers.
     #[inline(always)]
-    pub(crate) unsafe fn process<S: Simd>(
+    pub(crate) fn process<S: Simd>(
         &self,
         simd: S,
-        tiles: [Tile<T>; 2],
+        tiles: [Tile<'_, T>; 2],
         load: impl Fn(usize) -> Complex<T::Native<S>>,
         store: impl FnMut(usize, Complex<T::Native<S>>),
     ) {
-        // SAFETY: as demanded.
-        unsafe {
-            let tiles = self.all_but_last(simd, tiles, load);
-            let done = self.passes.len().saturating_sub(1);
-            self.remaining(simd, done, tiles, store);
-        }
+        let tiles = self.all_but_last(simd, tiles, load);
+        let done = self.passes.len().saturating_sub(1);
+        self.remaining(simd, done, tiles, store);
     }
 
     /// All passes but the last; the tile with the result, then the other.
-    ///
-    /// # Safety
-    /// As [`LaneFft::process`].
     #[inline(always)]
-    pub(crate) unsafe fn all_but_last<S: Simd>(
+    pub(crate) fn all_but_last<'a, S: Simd>(
         &self,
         simd: S,
-        [mut at, mut other]: [Tile<T>; 2],
+        [mut at, mut other]: [Tile<'a, T>; 2],
         load: impl Fn(usize) -> Complex<T::Native<S>>,
-    ) -> [Tile<T>; 2] {
-        // SAFETY (of the tile accesses below): passes read and write elements below `len`.
+    ) -> [Tile<'a, T>; 2] {
         let put = inlined(
             #[inline(always)]
-            // SAFETY: as said above.
-            |i, v| unsafe { at.put(simd, i, v) },
+            |i, v| at.put(simd, i, v),
         );
         let last = self.passes.len().saturating_sub(1);
         let mut done = 0;
@@ -150,8 +140,7 @@ impl<T: Real> LaneFft<T> {
             }
         }
         while done < last {
-            // SAFETY: as said above.
-            unsafe { self.middle(simd, done, [at, other]) };
+            self.middle(simd, done, [at, other]);
             std::mem::swap(&mut at, &mut other);
             done += 1;
         }
@@ -159,29 +148,24 @@ impl<T: Real> LaneFft<T> {
     }
 
     /// The passes from number `done` on, of data in the first tile.
-    ///
-    /// # Safety
-    /// As [`LaneFft::process`].
     #[inline(always)]
-    unsafe fn remaining<S: Simd>(
+    fn remaining<S: Simd>(
         &self,
         simd: S,
         mut done: usize,
-        [mut at, mut other]: [Tile<T>; 2],
+        [mut at, mut other]: [Tile<'_, T>; 2],
         mut store: impl FnMut(usize, Complex<T::Native<S>>),
     ) {
         let count = self.passes.len();
         let streams = done < count && self.passes[count - 1].step.streams();
         while done + usize::from(streams) < count {
-            // SAFETY: as demanded.
-            unsafe { self.middle(simd, done, [at, other]) };
+            self.middle(simd, done, [at, other]);
             std::mem::swap(&mut at, &mut other);
             done += 1;
         }
         let read = inlined(
             #[inline(always)]
-            // SAFETY: elements below `len`.
-            |i| unsafe { at.get(simd, i) },
+            |i| at.get(simd, i),
         );
         if !streams {
             for i in 0..self.len {
@@ -200,138 +184,111 @@ impl<T: Real> LaneFft<T> {
     }
 
     /// Pass number `done`, from the first tile to the second.
-    ///
-    /// # Safety
-    /// As [`LaneFft::process`].
     #[inline(always)]
-    unsafe fn middle<S: Simd>(&self, simd: S, done: usize, tiles: [Tile<T>; 2]) {
+    fn middle<S: Simd>(&self, simd: S, done: usize, tiles: [Tile<'_, T>; 2]) {
         let stride: usize = self.passes[..done].iter().map(|p| p.step.radix).product();
         let Pass { step, twiddles } = &self.passes[done];
         let rest = self.len / stride;
-        // SAFETY: as demanded.
-        unsafe { middle_pass(simd, step.radix, rest, stride, twiddles, tiles) };
+        middle_pass(simd, step.radix, rest, stride, twiddles, tiles);
     }
 
     /// From lines that lack the last pass of the transform there, through the sum of their products
     /// with the fixed spectra (see [`turning_pass`]), to the transform of that sum; `self` is the
     /// transform back of a [`LaneFft::pair`].
-    ///
-    /// # Safety
-    /// As [`LaneFft::process`] and [`turning_pass`].
     #[inline(always)]
-    pub(crate) unsafe fn turn<S: Simd>(
+    pub(crate) fn turn<S: Simd>(
         &self,
         simd: S,
-        lines: &[(Tile<T>, &[T])],
+        lines: &[(Tile<'_, T>, &[T])],
         fixed_stride: usize,
-        tiles: [Tile<T>; 2],
+        tiles: [Tile<'_, T>; 2],
         store: impl FnMut(usize, Complex<T::Native<S>>),
     ) {
         let radix = self.first_radix();
         let blocks = self.len / radix;
         let twiddles = self.passes.first().map_or(&[][..], |p| &p.twiddles);
-        // SAFETY: as demanded.
-        unsafe {
-            match radix {
-                1 => turning_pass::<S, T, 1>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
-                2 => turning_pass::<S, T, 2>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
-                3 => turning_pass::<S, T, 3>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
-                4 => turning_pass::<S, T, 4>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
-                5 => turning_pass::<S, T, 5>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
-                _ => turning_pass::<S, T, 8>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
-            }
-            self.remaining(simd, 1, tiles, store);
+        match radix {
+            1 => turning_pass::<S, T, 1>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
+            2 => turning_pass::<S, T, 2>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
+            3 => turning_pass::<S, T, 3>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
+            4 => turning_pass::<S, T, 4>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
+            5 => turning_pass::<S, T, 5>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
+            _ => turning_pass::<S, T, 8>(simd, blocks, twiddles, lines, fixed_stride, tiles[0]),
         }
+        self.remaining(simd, 1, tiles, store);
     }
 }
 
 /// [`LaneFft::process`] from one bundle to another, while the bundle that begins `next` numbers after
 /// the first is on its way to the nearest cache, and that after the second too if its number is not
 /// zero. Not inlined: it is the same for most transforms.
-///
-/// # Safety
-/// As [`LaneFft::process`]; no one else may use the bundles.
 #[simd]
-pub(crate) unsafe fn transform<S: Simd, T: Real>(
+pub(crate) fn transform<S: Simd, T: Real>(
     simd: S,
     fft: &LaneFft<T>,
-    tiles: [Tile<T>; 2],
+    tiles: [Tile<'_, T>; 2],
     from: Line<'_, T>,
     to: Line<'_, T>,
     [next, next_to]: [usize; 2],
 ) {
-    // SAFETY: as demanded.
-    unsafe {
-        fft.process(
-            simd,
-            tiles,
-            #[inline(always)]
-            |i| {
-                from.fetch::<S>(i, next);
-                from.get(simd, i)
-            },
-            #[inline(always)]
-            |i, v| {
-                if next_to > 0 {
-                    to.fetch::<S>(i, next_to);
-                }
-                to.put(simd, i, v);
-            },
-        );
-    }
+    fft.process(
+        simd,
+        tiles,
+        #[inline(always)]
+        |i| {
+            from.fetch::<S>(i, next);
+            from.get(simd, i)
+        },
+        #[inline(always)]
+        |i, v| {
+            if next_to > 0 {
+                to.fetch::<S>(i, next_to);
+            }
+            to.put(simd, i, v);
+        },
+    );
 }
 
 /// [`LaneFft::all_but_last`] of a bundle, while `ahead` is on its way to the second-level cache. Not inlined,
 /// as [`transform`].
-///
-/// # Safety
-/// As [`LaneFft::process`]; no one else may use the bundle.
 #[simd]
-pub(crate) unsafe fn first_passes<S: Simd, T: Real>(
+pub(crate) fn first_passes<'a, S: Simd, T: Real>(
     simd: S,
     fft: &LaneFft<T>,
-    tiles: [Tile<T>; 2],
+    tiles: [Tile<'a, T>; 2],
     from: Line<'_, T>,
     ahead: &[T],
-) -> [Tile<T>; 2] {
+) -> [Tile<'a, T>; 2] {
     // A little with every element: all at once would hold up what is asked for meanwhile.
     let share = ahead.len().div_ceil(fft.reads());
-    // SAFETY: as demanded.
-    unsafe {
-        fft.all_but_last(
-            simd,
-            tiles,
-            #[inline(always)]
-            |i| {
-                ask_for(ahead, i * share, share);
-                from.get(simd, i)
-            },
-        )
-    }
+    fft.all_but_last(
+        simd,
+        tiles,
+        #[inline(always)]
+        |i| {
+            ask_for(ahead, i * share, share);
+            from.get(simd, i)
+        },
+    )
 }
 
 /// One pass of any radix from tile to tile. Not inlined: it is the same for all transforms.
-///
-/// # Safety
-/// As [`LaneFft::process`].
 #[simd]
-unsafe fn middle_pass<S: Simd, T: Real>(
+fn middle_pass<S: Simd, T: Real>(
     simd: S,
     radix: usize,
     rest: usize,
     stride: usize,
     twiddles: &[[T; 2]],
-    [from, to]: [Tile<T>; 2],
+    [from, to]: [Tile<'_, T>; 2],
 ) {
     let load = inlined(
         #[inline(always)]
-        // SAFETY: as said above.
-        |i| unsafe { from.get(simd, i) },
+        |i| from.get(simd, i),
     );
     let store = inlined(
         #[inline(always)]
-        // SAFETY: as said above.
-        |i, v| unsafe { to.put(simd, i, v) },
+        |i, v| to.put(simd, i, v),
     );
     match radix {
         2 => pass::<S, T, 2>(simd, rest, stride, twiddles, load, store),
@@ -351,8 +308,9 @@ mod tests {
     use rustfft::FftPlanner;
 
     use super::*;
-    use crate::lane_plan::known;
-    use crate::lanes::{Buffer, dispatch_lanes};
+    use crate::correlate::kernels::buffer::Buffer;
+    use crate::correlate::kernels::steps::known;
+    use crate::level::dispatch_lanes;
 
     /// Transforms one bundle of lines, given and returned as `[element][re, im][lane]`.
     #[simd]
@@ -367,8 +325,7 @@ mod tests {
             tile: at,
             places: &places,
         };
-        // SAFETY: the tiles hold `len` elements, and so does the buffer.
-        unsafe { transform(simd, fft, [a, b], at, at, [0, 0]) };
+        transform(simd, fft, [a, b], at, at, [0, 0]);
         lanes
     }
 

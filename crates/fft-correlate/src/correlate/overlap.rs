@@ -26,6 +26,17 @@ impl IndexBox {
         std::array::from_fn(|a| (self.hi[a] - self.lo[a]).max(0) as usize)
     }
 
+    /// All indices, the last one fastest; none may be negative.
+    pub(crate) fn indices(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let range = |a: usize| self.lo[a] as usize..self.hi[a] as usize;
+        let [x, y, z] = [0, 1, 2].map(range);
+        x.flat_map(move |i| {
+            let z = z.clone();
+            y.clone()
+                .flat_map(move |j| z.clone().map(move |k| [i, j, k]))
+        })
+    }
+
     /// The smallest box that holds both.
     pub(crate) fn hull(&self, other: &Self) -> Self {
         Self {

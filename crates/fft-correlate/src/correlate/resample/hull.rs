@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array3, s};
 use num_complex::Complex;
 
-use crate::real::Real;
+use crate::correlate::real::Real;
 
 /// Normals: all directions with coordinates up to 2, and repetitions that fill vectors of eight.
 const COUNT: usize = 56;
@@ -149,7 +149,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
 
     use super::*;
-    use crate::lanes::dispatch_lanes;
+    use crate::level::dispatch_lanes;
 
     const NODES: usize = 24;
 

@@ -5,8 +5,12 @@ use std::ops::Range;
 use fearless_simd::Level;
 use fearless_simd::prelude::*;
 
-use crate::lanes::dispatch_lanes;
-use crate::real::Real;
+use crate::correlate::contract::Sizes;
+use crate::correlate::real::Real;
+use crate::level::dispatch_lanes;
+
+/// The largest number of terms of one sum.
+pub(super) const MAX_TERMS: usize = 2;
 
 /// Numbers by which rows are apart beyond their length, so that equal places of many rows do not
 /// fall into the same few cache sets.
@@ -15,8 +19,8 @@ const PAD: usize = 16;
 /// Numbers that neighbouring y share in one visit of a plane: 1 KiB of f32.
 const CHUNK: usize = 256;
 
-/// x planes that are sampled before the first of them is transformed: what the next plane reads of the field is
-/// then still in the second-level cache.
+/// x planes that are sampled before the first of them is transformed: what the next plane reads of
+/// the field is then still in the second-level cache.
 pub(super) const PLANES: usize = 8;
 
 /// Where things lie.
@@ -45,8 +49,13 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// For transforms of this size whose y lines have at most `line` elements to read or wanted.
-    pub(super) fn new(size: [usize; 3], line: usize, lanes: usize) -> Self {
+    pub(super) fn new(sizes: &Sizes, lanes: usize) -> Self {
+        let size = sizes.transform;
+        // Elements of y lines that are read or wanted.
+        let line = match halves(sizes, 1) {
+            (true, true) => size[1] / 2,
+            _ => size[1],
+        };
         let half = size[2] / 2;
         let blocks = half.div_ceil(lanes);
         // A last bundle of rows may reach beyond the end.
@@ -78,13 +87,6 @@ impl Layout {
     /// Offset of one of them.
     pub(super) fn line(&self, planes: usize, block: usize, part: usize, x: usize) -> usize {
         ((block * 2 + part) * planes + x) * self.line
-    }
-
-    /// From bundle to bundle of y rows in a resampled plane.
-    pub(super) fn bundle(&self, moving_shapes: &[[usize; 3]]) -> usize {
-        let longest = moving_shapes.iter().map(|s| s[2]).max().unwrap_or(0);
-        let longest = longest.max(self.half);
-        (longest * 2 * self.lanes + PAD).next_multiple_of(PAD)
     }
 
     pub(super) fn chunk(&self, planes: usize) -> usize {
@@ -119,40 +121,61 @@ impl Layout {
         chunk * self.chunk(planes) + (y & ((1 << self.chunk_bits) - 1)) * 2 * self.lanes
     }
 
+    /// Numbers of the fixed spectra of one term.
+    pub(super) fn spectrum(&self, [nx, ny, _]: [usize; 3]) -> usize {
+        self.blocks * ny * nx * 4 * self.lanes
+    }
+
+    /// Memory for one plane or column.
+    pub(super) fn plane(&self, sizes: &Sizes) -> PlaneSizes {
+        let [nx, ny, _] = sizes.transform;
+        let longest_row = sizes
+            .moving
+            .iter()
+            .map(|s| s[2])
+            .fold(self.half, usize::max);
+        let longest = nx.max(ny).max(self.half);
+        PlaneSizes {
+            bundles: PLANES * self.bundles(ny),
+            bundle: (longest_row * 2 * self.lanes + PAD).next_multiple_of(PAD),
+            plane: 2 * self.bundles(ny) * self.row,
+            tile: (longest + self.lanes) * 2 * self.lanes,
+        }
+    }
+
     /// Bundles that hold `rows` rows.
     pub(super) fn bundles(&self, rows: usize) -> usize {
         rows.div_ceil(self.lanes)
     }
 }
 
+/// Whether all moving parts, and the window, fill no more than half of an axis.
+pub(super) fn halves(sizes: &Sizes, axis: usize) -> (bool, bool) {
+    let half = sizes.transform[axis] / 2;
+    let from_half = sizes.moving.iter().all(|s| s[axis] <= half);
+    (from_half, sizes.window[axis] <= half)
+}
+
 /// x planes of a term's half spectra: the first term's also take the sum of all.
-pub(super) fn planes(term: usize, moving_shape: [usize; 3], window: [usize; 3]) -> usize {
+pub(super) fn planes(sizes: &Sizes, term: usize) -> usize {
+    let own = sizes.moving[term][0];
     if term == 0 {
-        moving_shape[0].max(window[0])
+        own.max(sizes.window[0])
     } else {
-        moving_shape[0]
+        own
     }
 }
 
-pub(super) fn spectrum_len(layout: &Layout, [nx, ny, _]: [usize; 3]) -> usize {
-    layout.blocks * ny * nx * 4 * layout.lanes
-}
-
-/// Numbers in the bundles of [`PLANES`] moving planes, bundles, numbers in a plane between its transforms,
-/// numbers in a tile.
-pub(super) fn plane_scratch(
-    layout: &Layout,
-    size: [usize; 3],
-    moving_shapes: &[[usize; 3]],
-) -> [usize; 4] {
-    let bundles = PLANES * layout.bundles(size[1]);
-    let longest = size[0].max(size[1]).max(layout.half);
-    [
-        bundles * layout.bundle(moving_shapes),
-        bundles,
-        2 * layout.bundles(size[1]) * layout.row,
-        (longest + layout.lanes) * 2 * layout.lanes,
-    ]
+/// Memory for one plane or column, in numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlaneSizes {
+    /// Bundles of [`PLANES`] moving planes, and numbers in each.
+    pub(super) bundles: usize,
+    pub(super) bundle: usize,
+    /// A plane between its transforms.
+    pub(super) plane: usize,
+    /// A line.
+    pub(super) tile: usize,
 }
 
 /// Lanes of this machine's vectors of `T`.

@@ -7,7 +7,7 @@
 //! the caches, 15 % too long. Other machines differ by a factor that hardly changes which size
 //! is best.
 
-use crate::lane_plan::{Ends, Step, cost, known, steps, turning_steps};
+use super::kernels::steps::{Ends, Step, cost, known, steps, turning_steps};
 
 /// Nanoseconds of a radix-2 pass over one complex element of eight lanes.
 const PASS: f64 = 1.1;

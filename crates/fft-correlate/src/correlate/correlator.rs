@@ -1,0 +1,297 @@
+//! Correlators: a pair's spectra and fields, and the scores that they give.
+
+use fearless_simd::Level;
+use glam::{DMat3, DQuat, DVec3};
+use ndarray::ArrayViewMut3;
+
+use super::contract::{MovingRows, StageTimes};
+use super::error::CorrelateError;
+use super::gradient::Derivative;
+use super::kernels::{self, Fused, FusedScratch};
+use super::overlap::IndexBox;
+use super::plan::{CorrelatorPlan, ProductPlan};
+use super::real::Real;
+use super::resample::{MovingField, Turned};
+use super::support::PairSupport;
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
+use crate::level;
+use crate::pair::fields::Pair;
+use crate::geometry::translation::TranslationWindow;
+
+/// Scores one pair over one window; shared by all threads. In `f32`, or in `f64` for verification
+/// ([`Correlator::build_double`]).
+pub struct Correlator<T: Real = f32> {
+    plan: CorrelatorPlan,
+    /// None where nothing meets in the window.
+    kernels: Option<Box<Fused<T>>>,
+    products: Vec<MovingFactor<T>>,
+    compiled: Compiled<T>,
+}
+
+/// Working memory of one thread; see [`Correlator::scratch`].
+pub struct CorrelatorScratch<T: Real = f32> {
+    kernels: Option<FusedScratch<T>>,
+    times: StageTimes,
+}
+
+impl<T: Real> CorrelatorScratch<T> {
+    /// Seconds that the parts of the last [`Correlator::score`] took.
+    pub fn stage_times(&self) -> StageTimes {
+        self.times
+    }
+}
+
+/// The moving factor of a product.
+struct MovingFactor<T> {
+    field: MovingField<T>,
+    /// Where the field may be nonzero and meet the fixed one, and the box that the transforms are
+    /// given.
+    within: IndexBox,
+    placed: IndexBox,
+}
+
+impl<T: Real> MovingFactor<T> {
+    fn turned(&self, rotation: DQuat, origin: DVec3) -> Turned<'_, T> {
+        Turned::new(&self.field, rotation, origin, self.placed, self.within)
+    }
+}
+
+/// The kernels' entries. Called through pointers that are made here: crates that name a generic
+/// `Correlator<T>` would else compile all kernels again.
+struct Compiled<T: Real> {
+    score: Score<T>,
+    gradient: Gradient<T>,
+}
+
+type Score<T> =
+    fn(&Correlator<T>, DQuat, &[HalfTurn], &mut CorrelatorScratch<T>, &mut [ArrayViewMut3<T>]);
+
+type Gradient<T> = fn(&Correlator<T>, DQuat, &mut CorrelatorScratch<T>, [ArrayViewMut3<'_, T>; 6]);
+
+impl Correlator {
+    /// Crops and transforms the fixed part's fields as planned.
+    ///
+    /// # Errors
+    /// If `pair` is not the one that was planned for, or a density is not finite.
+    pub fn build(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
+        Self::build_at(plan, pair, level::native())
+    }
+
+    /// Plans and builds for any rotations, one by one: [`CorrelatorPlan::new`] says what it would
+    /// need.
+    ///
+    /// # Errors
+    /// As [`PairSupport::of`] and [`CorrelatorPlan::new`].
+    pub fn new(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
+        let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, window)?;
+        Ok(Self::of(plan, pair, level::native()))
+    }
+
+    /// The same for the rotations of `groups`, as [`CorrelatorPlan::for_groups`].
+    ///
+    /// # Errors
+    /// As [`Correlator::new`].
+    pub fn for_groups(
+        pair: &Pair,
+        window: &TranslationWindow,
+        groups: &[HalfTurnGroup],
+    ) -> Result<Self, CorrelateError> {
+        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, groups)?;
+        Ok(Self::of(plan, pair, level::native()))
+    }
+}
+
+impl Correlator<f64> {
+    /// As [`Correlator::build`], in double precision: the same steps with an error of about 1e-15
+    /// instead of 1e-7, to tell rounding from everything else. [`Correlator::plan`] then says what
+    /// that needs.
+    ///
+    /// # Errors
+    /// As [`Correlator::build`].
+    pub fn build_double(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
+        Self::build_at(plan, pair, level::native())
+    }
+}
+
+impl<T: Real> Correlator<T> {
+    fn build_at(plan: &CorrelatorPlan, pair: &Pair, level: Level) -> Result<Self, CorrelateError> {
+        if PairSupport::of(pair)? != plan.support {
+            return Err(CorrelateError::OtherPair);
+        }
+        Ok(Self::of(plan.clone(), pair, level))
+    }
+
+    /// For the pair that was planned for.
+    fn of(plan: CorrelatorPlan, pair: &Pair, level: Level) -> Self {
+        let plan = plan.with_needs::<T>(level);
+        tracing::debug!(%plan, "correlator");
+        let support = |p: &ProductPlan| &plan.support.products[p.number];
+        let products = plan.products.iter().filter_map(|p| {
+            let of = support(p);
+            let value = |at| of.product.moving.value(pair.moving(), at);
+            let nodes = of.moving?.nodes;
+            Some(MovingFactor {
+                field: MovingField::new(&nodes, value, plan.support.moving_first),
+                within: p.crop.met.moving,
+                placed: p.crop.placed,
+            })
+        });
+        let products: Vec<_> = products.collect();
+        let scale = T::nearest(plan.support.spacing.powi(3));
+        let fixed = |term: usize| {
+            let p: &ProductPlan = &plan.products[term];
+            let (kept, first) = (&p.crop.met.fixed, p.crop.placed.lo);
+            let (window_first, size) = (plan.window_first, plan.transform_size);
+            let factor = &support(p).product.fixed;
+            factor.periodic(pair.fixed(), kept, first, window_first, size, scale)
+        };
+        let kernels = (!products.is_empty()).then(|| Fused::new(level, plan.sizes(), fixed));
+        Self {
+            kernels: kernels.map(Box::new),
+            products,
+            plan,
+            compiled: Compiled {
+                score: score::<T>,
+                gradient: gradient::<T>,
+            },
+        }
+    }
+
+    /// Sizes, transforms and memory.
+    pub fn plan(&self) -> &CorrelatorPlan {
+        &self.plan
+    }
+
+    /// Working memory for [`Correlator::score`] and [`Correlator::score_half_turns`], one per
+    /// thread.
+    pub fn scratch(&self) -> CorrelatorScratch<T> {
+        CorrelatorScratch {
+            kernels: self.kernels.as_ref().map(|f| FusedScratch::new(f)),
+            times: StageTimes::default(),
+        }
+    }
+
+    /// Writes `Re f` (eq_5, cubic metres) for `rotation` at every displacement of the window to
+    /// `out`; the energy is `-gamma` times it (eq_6). Allocates nothing.
+    ///
+    /// # Panics
+    /// If `out` does not have the window's shape, or `scratch` comes from another correlator.
+    pub fn score(
+        &self,
+        rotation: DQuat,
+        scratch: &mut CorrelatorScratch<T>,
+        mut out: ArrayViewMut3<T>,
+    ) {
+        let outs = std::slice::from_mut(&mut out);
+        (self.compiled.score)(self, rotation, &[], scratch, outs);
+    }
+
+    /// The scores of `rotation` followed by each of `turns`, one output each, as
+    /// [`Correlator::score`] gives them up to rounding. Where the plan shares half turns the moving
+    /// part is sampled and transformed only once; a score does not depend on the other turns asked
+    /// for. Allocates nothing.
+    ///
+    /// # Panics
+    /// If there are not as many outputs as turns, at most four, one of them does not have the
+    /// window's shape, or `scratch` comes from another correlator.
+    pub fn score_half_turns(
+        &self,
+        rotation: DQuat,
+        turns: &[HalfTurn],
+        scratch: &mut CorrelatorScratch<T>,
+        outs: &mut [ArrayViewMut3<T>],
+    ) {
+        assert_eq!(outs.len(), turns.len(), "outputs");
+        if turns.is_empty() {
+            return;
+        }
+        if self.plan.shares_half_turns {
+            return (self.compiled.score)(self, rotation, turns, scratch, outs);
+        }
+        let mut times = StageTimes::default();
+        for (turn, out) in turns.iter().zip(outs) {
+            self.score(turn.rotation() * rotation, scratch, out.view_mut());
+            times += scratch.times;
+        }
+        scratch.times = times;
+    }
+
+    /// Writes the gradient of `Re f` (eq_5b, eq_5c) for `rotation` at every displacement of the
+    /// window to `out`, angular part first: by a turn about the x, y, z axis of the fixed frame
+    /// through the displaced pivot (cubic metres per radian), then by the displacement along x, y, z
+    /// (square metres). The wrench about the pivot is gamma times it (eq_9a, eq_9b).
+    ///
+    /// Costs six scores with a slower resampling; it is exact for the sum that
+    /// [`Correlator::score`] computes. Where a sample lies on a face between cells of the moving
+    /// lattice the interpolant has a kink, and the derivative is that of one of its sides. Allocates
+    /// nothing.
+    ///
+    /// # Panics
+    /// As [`Correlator::score`].
+    pub fn gradient(
+        &self,
+        rotation: DQuat,
+        scratch: &mut CorrelatorScratch<T>,
+        out: [ArrayViewMut3<'_, T>; 6],
+    ) {
+        (self.compiled.gradient)(self, rotation, scratch, out);
+    }
+}
+
+fn score<T: Real>(
+    of: &Correlator<T>,
+    rotation: DQuat,
+    turns: &[HalfTurn],
+    scratch: &mut CorrelatorScratch<T>,
+    outs: &mut [ArrayViewMut3<T>],
+) {
+    let origin = of.plan.support.fixed_first;
+    correlate(of, turns, scratch, outs, |p| p.turned(rotation, origin));
+}
+
+fn gradient<T: Real>(
+    of: &Correlator<T>,
+    rotation: DQuat,
+    scratch: &mut CorrelatorScratch<T>,
+    out: [ArrayViewMut3<'_, T>; 6],
+) {
+    let (origin, spacing) = (of.plan.support.fixed_first, of.plan.support.spacing);
+    for (component, out) in out.into_iter().enumerate() {
+        correlate(of, &[], scratch, &mut [out], |p| Derivative {
+            turned: p.turned(rotation, origin),
+            rotation: DMat3::from_quat(rotation),
+            corner: origin + DVec3::from_array(p.placed.lo.map(|v| v as f64)),
+            component,
+            scale: if component < 3 { 1.0 } else { 1.0 / spacing },
+        });
+    }
+}
+
+/// The sum of all products, with the moving fields that `moving` makes of them: for each turn or,
+/// without turns, as it is.
+fn correlate<'a, T: Real, M: MovingRows<T>>(
+    of: &'a Correlator<T>,
+    turns: &[HalfTurn],
+    scratch: &mut CorrelatorScratch<T>,
+    outs: &mut [ArrayViewMut3<T>],
+    moving: impl Fn(&'a MovingFactor<T>) -> M,
+) {
+    for out in &mut *outs {
+        assert_eq!(out.shape(), of.plan.window, "shape of the output");
+    }
+    scratch.times = match (&of.kernels, &mut scratch.kernels, of.products.as_slice()) {
+        (Some(f), Some(own), [a]) => kernels::correlate(f, &[moving(a)], turns, own, outs),
+        (Some(f), Some(own), [a, b]) => {
+            kernels::correlate(f, &[moving(a), moving(b)], turns, own, outs)
+        }
+        (None, None, _) => {
+            outs.iter_mut().for_each(|out| out.fill(T::zero()));
+            StageTimes::default()
+        }
+        _ => panic!("scratch of another correlator"),
+    };
+}
+
+#[cfg(test)]
+#[path = "correlator_tests.rs"]
+mod tests;

@@ -1,0 +1,126 @@
+//! Trilinear samples of a field, eight at a time.
+
+use fearless_simd::prelude::*;
+use ndarray::Array3;
+use num_complex::Complex;
+
+use super::buffer::fetch;
+use crate::correlate::real::Real;
+
+/// A field's numbers, read at the corners of cells.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corners<'a, T> {
+    /// From the near and the far y of the near and the far x of the first cell on: each begins
+    /// later than the one before, and all end together.
+    rows: [&'a [T]; 4],
+}
+
+/// Eight samples before any value is read.
+#[derive(Clone, Copy)]
+pub(crate) struct Cells<V> {
+    /// Where the first corner of each one's cell lies.
+    pub(crate) places: [i32; 8],
+    /// Places within the cells.
+    pub(crate) fractions: [V; 3],
+}
+
+#[cold]
+#[inline(never)]
+fn beyond() -> ! {
+    panic!("a sample beyond the field");
+}
+
+impl<'a, T: Real> Corners<'a, T> {
+    /// Of a field in standard layout.
+    pub(crate) fn new(values: &'a Array3<Complex<T>>) -> Self {
+        let (_, ny, nz) = values.dim();
+        let values = values.as_slice().expect("made in standard layout");
+        let numbers: &[T] = bytemuck::cast_slice(values);
+        let rows = [0, nz, ny * nz, ny * nz + nz].map(|corner| &numbers[2 * corner..]);
+        Self { rows }
+    }
+
+    /// Asks for the values of cells ahead of their use.
+    #[inline(always)]
+    pub(crate) fn ask_for<V>(self, cells: &[Cells<V>]) {
+        // Two corners of four: neighbours ask for the others.
+        let [near, _, _, far] = self.rows;
+        for eight in cells {
+            for place in &eight.places {
+                let at = 2 * *place as usize;
+                fetch(near.as_ptr().wrapping_add(at));
+                fetch(far.as_ptr().wrapping_add(at));
+            }
+        }
+    }
+
+    /// Where the corners of a cell begin in each of the rows.
+    #[inline(always)]
+    fn start(self, place: i32) -> usize {
+        let at = 2 * place as u32 as usize;
+        // The last row is the shortest.
+        match self.rows[3].len().checked_sub(4) {
+            Some(last) if at <= last => at,
+            _ => beyond(),
+        }
+    }
+
+    /// Real and imaginary parts of eight samples.
+    ///
+    /// # Panics
+    /// If a cell does not lie within the field.
+    #[inline(always)]
+    pub(crate) fn interpolated<S: Simd>(
+        self,
+        simd: S,
+        cells: &Cells<T::Eight<S>>,
+    ) -> [T::Eight<S>; 2] {
+        let one = T::Eight::<S>::splat(simd, T::one());
+        let [fx, fy, fz] = cells.fractions;
+        let (gx, gy) = (one - fx, one - fy);
+        let weights = [gx * gy, gx * fy, fx * gy, fx * fy];
+        // Of samples p and p + 4 real and imaginary part at both z.
+        let mut points = [one; 4];
+        for (p, point) in points.iter_mut().enumerate() {
+            let (a, b) = (self.start(cells.places[p]), self.start(cells.places[p + 4]));
+            for (i, (row, weights)) in self.rows.iter().zip(&weights).enumerate() {
+                // SAFETY: `start` left four numbers in the last row, and no row is shorter.
+                let [low, high] =
+                    unsafe { [row.get_unchecked(a..a + 4), row.get_unchecked(b..b + 4)] };
+                let (low, high) = (
+                    T::Quad::from_slice(simd, low),
+                    T::Quad::from_slice(simd, high),
+                );
+                let value = low.combine(high);
+                let weights = weights.as_slice();
+                let a = T::Quad::<S>::splat(simd, weights[p]);
+                let b = T::Quad::<S>::splat(simd, weights[p + 4]);
+                let weight: T::Eight<S> = a.combine(b);
+                *point = if i == 0 {
+                    value * weight
+                } else {
+                    value.mul_add(weight, *point)
+                };
+            }
+        }
+        let mut low = [points[0].split().0; 4];
+        let mut high = low;
+        for p in 0..4 {
+            (low[p], high[p]) = points[p].split();
+        }
+        let (low, high) = (transposed(low), transposed(high));
+        let (re0, im0) = (low[0].combine(high[0]), low[1].combine(high[1]));
+        let (re1, im1) = (low[2].combine(high[2]), low[3].combine(high[3]));
+        [fz.mul_add(re1 - re0, re0), fz.mul_add(im1 - im0, im0)]
+    }
+}
+
+/// Rows of a square of numbers as columns.
+#[inline(always)]
+fn transposed<S: Simd, V: SimdFloat<S>>(rows: [V; 4]) -> [V; 4] {
+    let (a, b) = rows[0].interleave(rows[2]);
+    let (c, d) = rows[1].interleave(rows[3]);
+    let (e, f) = a.interleave(c);
+    let (g, h) = b.interleave(d);
+    [e, f, g, h]
+}

@@ -1,0 +1,337 @@
+//! What a correlator will do and need, known before anything is made.
+
+use std::fmt;
+
+use fearless_simd::Level;
+use serde::Serialize;
+
+use super::contract::Sizes;
+use super::cost::{best_size, seconds};
+use super::error::CorrelateError;
+use super::kernels::Fused;
+use super::overlap::{IndexBox, Overlap, overlap};
+use super::real::Real;
+use super::resample::MovingField;
+use super::support::{PairSupport, ProductSupport};
+use crate::geometry::half_turn::HalfTurnGroup;
+use crate::level;
+use crate::geometry::translation::TranslationWindow;
+
+/// What a correlator does for each rotation and what it needs: data to print, compare and test.
+/// Planning reads no density and allocates a few hundred bytes, whatever the window.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CorrelatorPlan {
+    /// Points of the three-dimensional transforms along x, y, z.
+    pub transform_size: [usize; 3],
+    /// Displacements scored along x, y, z.
+    pub window: [usize; 3],
+    /// The products that are transformed.
+    pub products: Vec<ProductPlan>,
+    /// Products left out because their factors never meet inside the window.
+    pub skipped: Vec<&'static str>,
+    /// Forward transforms of real fields per rotation (two share each complex one).
+    pub forward_transforms: usize,
+    /// Inverse transforms to a real field per rotation.
+    pub inverse_transforms: usize,
+    /// Bytes held once: spectra of the fixed fields and the moving fields.
+    pub shared_bytes: u64,
+    /// Bytes held beside them while the correlator is built.
+    pub building_bytes: u64,
+    /// Bytes held per thread: one [`CorrelatorScratch`](super::CorrelatorScratch).
+    pub scratch_bytes: u64,
+    /// Bytes of the scores of one rotation, or of four if they share half turns.
+    pub result_bytes: u64,
+    /// Whether rotations that differ by half turns share the moving part's transforms: if they were
+    /// planned for, save time, and the lattice has its nodes, or the middles between them, at the
+    /// pivot.
+    pub shares_half_turns: bool,
+    /// Seconds that a rotation should take on one thread, one of four if they share half turns, by a
+    /// model measured with vectors of eight f32 (AVX2); empty space in the moving part makes it
+    /// faster.
+    pub expected_seconds: f64,
+    /// What it was made from.
+    #[serde(skip)]
+    pub(super) support: PairSupport,
+    /// Index of the window's first displacement.
+    #[serde(skip)]
+    pub(super) window_first: [i64; 3],
+}
+
+/// One product of a [`CorrelatorPlan`].
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProductPlan {
+    /// The two factors: fixed, then moving.
+    pub factors: &'static str,
+    /// Nodes of the fixed factor that can meet the moving one inside the window.
+    pub fixed_nodes: [usize; 3],
+    /// Nodes of the moving factor, under any rotation, that can meet the fixed one.
+    pub moving_nodes: [usize; 3],
+    /// Its number in the support.
+    #[serde(skip)]
+    pub(super) number: usize,
+    #[serde(skip)]
+    pub(super) crop: Crop,
+}
+
+/// What of a product's factors is kept, as indices of the fixed lattice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Crop {
+    pub(super) met: Overlap,
+    /// The moving box that the transforms are given; holds that of `met`.
+    pub(super) placed: IndexBox,
+}
+
+impl Crop {
+    fn new(met: Overlap) -> Self {
+        let placed = met.moving;
+        Self { met, placed }
+    }
+}
+
+/// Rotations per group from which on groups are scored together: what is shared is about half of
+/// the work, and the rest then takes a little longer.
+const WORTHWHILE: f64 = 1.5;
+
+impl CorrelatorPlan {
+    /// The largest number of points of one transform (2^30: 8 GiB per complex field).
+    pub const MAX_POINTS: u64 = 1 << 30;
+
+    /// For any rotations, one by one.
+    ///
+    /// # Errors
+    /// If the window's spacing is not the pair's, or the transform would exceed
+    /// [`CorrelatorPlan::MAX_POINTS`].
+    pub fn new(support: &PairSupport, window: &TranslationWindow) -> Result<Self, CorrelateError> {
+        Self::of(support, window, false)
+    }
+
+    /// For [`Correlator::score_half_turns`](super::Correlator::score_half_turns): with room for the
+    /// half turns' results and, if that costs less in all, somewhat longer transforms. Single scores
+    /// are as good, but may take longer.
+    ///
+    /// # Errors
+    /// As [`CorrelatorPlan::new`].
+    pub fn for_half_turns(
+        support: &PairSupport,
+        window: &TranslationWindow,
+    ) -> Result<Self, CorrelateError> {
+        Self::of(support, window, true)
+    }
+
+    /// For the rotations of `groups`: [`CorrelatorPlan::for_half_turns`] if they are large enough on
+    /// average, else [`CorrelatorPlan::new`].
+    ///
+    /// # Errors
+    /// As [`CorrelatorPlan::new`].
+    pub fn for_groups(
+        support: &PairSupport,
+        window: &TranslationWindow,
+        groups: &[HalfTurnGroup],
+    ) -> Result<Self, CorrelateError> {
+        let rotations: usize = groups.iter().map(|g| g.members.len()).sum();
+        let shared = rotations as f64 >= WORTHWHILE * groups.len() as f64;
+        Self::of(support, window, shared)
+    }
+
+    /// Bytes that building the correlator and correlating with this many threads takes, each with
+    /// scratch and results of its own.
+    pub fn bytes(&self, threads: usize) -> u64 {
+        let running = threads as u64 * (self.scratch_bytes + self.result_bytes);
+        self.shared_bytes + self.building_bytes.max(running)
+    }
+
+    fn of(
+        support: &PairSupport,
+        window: &TranslationWindow,
+        half_turns: bool,
+    ) -> Result<Self, CorrelateError> {
+        let (expected, found) = (support.spacing, window.lattice().spacing());
+        if (found - expected).abs() > 1e-9 * expected {
+            return Err(CorrelateError::Spacing { expected, found });
+        }
+        let (shape, first) = (window.shape(), window.first());
+        let window_box = IndexBox {
+            lo: first,
+            hi: std::array::from_fn(|a| first[a] + shape[a] as i64),
+        };
+        let origin = support.fixed_first;
+        let mut crops: Vec<_> = support
+            .products
+            .iter()
+            .map(|p| crop(p, window_box, origin))
+            .collect();
+        let kept: Vec<Crop> = crops.iter().flatten().copied().collect();
+        let periods = kept.iter().map(|k| k.met.min_period);
+        let mut size = transform_size(periods, shape, &shapes(&kept))?;
+        let images = half_turns.then(|| symmetric(support, &crops, window_box, size));
+        let images = images.flatten();
+        let shares_half_turns = images.is_some();
+        if let Some((longer, symmetric)) = images {
+            (size, crops) = (longer, symmetric);
+        }
+        let mut plan = Self {
+            transform_size: size,
+            window: shape,
+            products: Vec::new(),
+            skipped: Vec::new(),
+            forward_transforms: 0,
+            inverse_transforms: 0,
+            shared_bytes: 0,
+            building_bytes: 0,
+            scratch_bytes: 0,
+            result_bytes: 0,
+            shares_half_turns,
+            expected_seconds: 0.0,
+            support: support.clone(),
+            window_first: first,
+        };
+        for (number, (crop, of)) in crops.into_iter().zip(&support.products).enumerate() {
+            match crop {
+                Some(crop) => plan.products.push(ProductPlan {
+                    factors: of.product.name,
+                    fixed_nodes: crop.met.fixed.shape(),
+                    moving_nodes: crop.met.moving.shape(),
+                    number,
+                    crop,
+                }),
+                None => plan.skipped.push(of.product.name),
+            }
+        }
+        Ok(plan.with_needs::<f32>(level::native()))
+    }
+
+    /// The same with what its correlator needs in these numbers and with these vectors.
+    pub(super) fn with_needs<T: Real>(mut self, level: Level) -> Self {
+        let sizes = self.sizes();
+        let points: usize = self.window.iter().product();
+        let results = if self.shares_half_turns { 4 } else { 1 };
+        self.result_bytes = (results * points * size_of::<T>()) as u64;
+        if self.products.is_empty() {
+            return self;
+        }
+        let memory = Fused::<T>::memory(level, &sizes);
+        let fields = self.products.iter().filter_map(|p| {
+            let moving = self.support.products[p.number].moving.as_ref()?;
+            Some(MovingField::<T>::bytes(&moving.nodes))
+        });
+        self.shared_bytes = memory.spectra + fields.sum::<u64>();
+        self.building_bytes = memory.building;
+        self.scratch_bytes = memory.scratch;
+        self.forward_transforms = 2 * self.products.len();
+        self.inverse_transforms = 1;
+        let expected = seconds(self.transform_size, self.window, &sizes.moving, results);
+        self.expected_seconds = expected.unwrap_or(f64::NAN);
+        self
+    }
+
+    pub(super) fn sizes(&self) -> Sizes {
+        let placed = self.products.iter().map(|p| p.crop.placed.shape());
+        Sizes {
+            transform: self.transform_size,
+            window: self.window,
+            moving: placed.collect(),
+            half_turns: self.shares_half_turns,
+        }
+    }
+}
+
+impl fmt::Display for CorrelatorPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let by = |n: &[usize; 3]| format!("{} x {} x {}", n[0], n[1], n[2]);
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        write!(
+            f,
+            "{} displacements by transforms of {}: {} + {} real per rotation, about {:.3} ms on \
+             one thread; {:.1} MiB shared, {:.1} MiB per thread",
+            by(&self.window),
+            by(&self.transform_size),
+            self.forward_transforms,
+            self.inverse_transforms,
+            1e3 * self.expected_seconds,
+            mib(self.shared_bytes),
+            mib(self.scratch_bytes + self.result_bytes)
+        )?;
+        if self.shares_half_turns {
+            write!(f, ", half turns sharing the moving transforms")?;
+        }
+        for p in &self.products {
+            let (fixed, moving) = (by(&p.fixed_nodes), by(&p.moving_nodes));
+            write!(f, "; {}: {fixed} fixed, {moving} moving nodes", p.factors)?;
+        }
+        for name in &self.skipped {
+            write!(f, "; {name}: never meet")?;
+        }
+        Ok(())
+    }
+}
+
+/// What is kept of a product, unless its factors never meet.
+fn crop(of: &ProductSupport, window: IndexBox, origin: glam::DVec3) -> Option<Crop> {
+    let reach = of.moving?.reach(origin);
+    Some(Crop::new(overlap(of.fixed?, reach, window)?))
+}
+
+/// Cells by which a node may be off its mirror image.
+const OFF: f64 = 1e-9;
+
+/// One moving box for all products that is symmetric about the pivot, as half turns demand, and the
+/// transforms' size, if that can be done and four half turns at once then cost less than four
+/// rotations by transforms of `size`.
+fn symmetric(
+    support: &PairSupport,
+    crops: &[Option<Crop>],
+    window: IndexBox,
+    size: [usize; 3],
+) -> Option<([usize; 3], Vec<Option<Crop>>)> {
+    // Node i is the mirror image of node `middle - i`.
+    let middle = -2.0 * support.fixed_first;
+    if (middle - middle.round()).abs().max_element() > OFF {
+        return None;
+    }
+    let middle = middle.round().to_array().map(|v| v as i64);
+    let mirrored = crops.iter().zip(&support.products).map(|(crop, of)| {
+        let met = crop.as_ref()?.met;
+        Some(Crop::new(met.symmetric(of.fixed?, window, middle)))
+    });
+    let mut mirrored: Vec<_> = mirrored.collect();
+    let kept: Vec<Crop> = mirrored.iter().flatten().copied().collect();
+    let placed = kept.iter().map(|k| k.placed).reduce(|a, b| a.hull(&b))?;
+    for crop in mirrored.iter_mut().flatten() {
+        crop.placed = placed;
+    }
+    let shape = window.shape();
+    let placed_shapes = vec![placed.shape(); kept.len()];
+    let periods = kept.iter().map(|k| k.met.min_period);
+    let longer = transform_size(periods.chain([placed.shape()]), shape, &placed_shapes).ok()?;
+    let alone: Vec<Crop> = crops.iter().flatten().copied().collect();
+    let one = seconds(size, shape, &shapes(&alone), 1)?;
+    (seconds(longer, shape, &placed_shapes, 4)? <= one).then_some((longer, mirrored))
+}
+
+/// Shapes of the moving boxes.
+fn shapes(kept: &[Crop]) -> Vec<[usize; 3]> {
+    kept.iter().map(|k| k.placed.shape()).collect()
+}
+
+/// Good lengths for all products at once, from the shortest that each may have.
+fn transform_size(
+    periods: impl Iterator<Item = [usize; 3]>,
+    window: [usize; 3],
+    moving: &[[usize; 3]],
+) -> Result<[usize; 3], CorrelateError> {
+    let longer = |min: [usize; 3], period: [usize; 3]| [0, 1, 2].map(|a| min[a].max(period[a]));
+    let min = periods.fold(window, longer);
+    let limit = CorrelatorPlan::MAX_POINTS;
+    let checked = |size: [usize; 3]| {
+        let points = size.iter().fold(1u64, |n, s| n.saturating_mul(*s as u64));
+        if points > limit {
+            return Err(CorrelateError::Size { size, limit });
+        }
+        Ok(size)
+    };
+    checked(best_size(checked(min)?, window, moving))
+}
+
+#[cfg(test)]
+#[path = "plan_tests.rs"]
+mod tests;

@@ -1,0 +1,86 @@
+use std::sync::Arc;
+
+use glam::DVec3;
+use sdf_grid::DensityField;
+
+use super::*;
+use crate::correlate::correlator::Correlator;
+use crate::correlate::fixtures::{H, fixed_part, moving_part, pair, window};
+use crate::pair::fields::Pair;
+
+#[test]
+fn plans_say_what_is_transformed_and_what_is_skipped() {
+    let plan = |w, window: &TranslationWindow| {
+        let support = PairSupport::of(&pair(w, DVec3::ZERO)).unwrap();
+        CorrelatorPlan::new(&support, window).unwrap()
+    };
+    let near = window();
+    let transforms =
+        |p: &CorrelatorPlan| (p.products.len(), p.forward_transforms, p.inverse_transforms);
+    assert_eq!(transforms(&plan(0.0, &near)), (2, 4, 1));
+    assert_eq!(transforms(&plan(0.5, &near)), (2, 4, 1));
+    assert_eq!(transforms(&plan(1.0, &near)), (1, 2, 1));
+    let guided = plan(0.0, &near);
+    assert_eq!(guided.window, near.shape());
+    for product in &guided.products {
+        for axis in 0..3 {
+            let nodes = product.moving_nodes[axis].max(guided.window[axis]);
+            assert!(guided.transform_size[axis] >= nodes, "{guided:?}");
+        }
+    }
+    let far = TranslationWindow::new(DVec3::splat(5.0), DVec3::splat(5.3), H).unwrap();
+    let none = plan(0.0, &far);
+    assert_eq!((transforms(&none), none.skipped.len()), ((0, 0, 0), 2));
+    assert_eq!((none.shared_bytes, none.scratch_bytes), (0, 0));
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let pair = pair(0.0, DVec3::ZERO);
+    let support = PairSupport::of(&pair).unwrap();
+    let other = TranslationWindow::cube(0.5, 0.11).unwrap();
+    let refused = CorrelatorPlan::new(&support, &other).err();
+    assert_eq!(
+        refused,
+        Some(CorrelateError::Spacing {
+            expected: H,
+            found: 0.11
+        })
+    );
+    let huge = TranslationWindow::cube(100.0, H).unwrap();
+    let refused = CorrelatorPlan::new(&support, &huge).err();
+    assert!(
+        matches!(refused, Some(CorrelateError::Size { .. })),
+        "{refused:?}"
+    );
+    let mut moving = moving_part();
+    moving.interior[[1, 2, 3]].im = f32::NAN;
+    let pair = Pair::new(
+        Arc::new(fixed_part()),
+        Arc::new(moving),
+        *pair.model(),
+        DVec3::ZERO,
+    );
+    let refused = PairSupport::of(&pair.unwrap()).err();
+    let expected = CorrelateError::NotFinite {
+        part: "moving",
+        index: [1, 2, 3],
+    };
+    assert_eq!(refused, Some(expected));
+}
+
+/// A plan belongs to its pair's weights and to where its densities are nonzero.
+#[test]
+fn another_pair_is_refused() {
+    let (planned, window) = (pair(0.0, DVec3::ZERO), window());
+    let plan = CorrelatorPlan::new(&PairSupport::of(&planned).unwrap(), &window).unwrap();
+    assert_eq!(*Correlator::build(&plan, &planned).unwrap().plan(), plan);
+    let mut moving = moving_part();
+    moving.interior[[0, 0, 0]].re = 1.0;
+    let more = (Arc::new(fixed_part()), Arc::new(moving));
+    let more = Pair::new(more.0, more.1, *planned.model(), DVec3::ZERO).unwrap();
+    for other in [pair(0.3, DVec3::ZERO), pair(0.0, DVec3::X), more] {
+        let refused = Correlator::build(&plan, &other).err();
+        assert_eq!(refused, Some(CorrelateError::OtherPair));
+    }
+}

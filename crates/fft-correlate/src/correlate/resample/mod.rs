@@ -1,0 +1,13 @@
+//! The moving part's field at the nodes of the fixed part's lattice, for one rotation.
+
+mod field;
+mod hull;
+mod occupied;
+mod rows;
+mod turned;
+
+pub(super) use field::MovingField;
+pub(super) use turned::Turned;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,129 @@
+//! Where a pair's densities are nonzero: all that a plan needs to know of them.
+
+use glam::DVec3;
+use num_complex::Complex32;
+use sdf_grid::DensityField;
+
+use super::error::CorrelateError;
+use super::factors::{Product, products};
+use super::overlap::IndexBox;
+use crate::pair::fields::Pair;
+
+/// Where the factors of a pair's score are nonzero. To find it every density is read once or twice;
+/// nothing is allocated for it, and plans made from it read no density.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairSupport {
+    /// Metres per cell.
+    pub(super) spacing: f64,
+    /// Node 0 of the fixed and of the moving lattice relative to the pivot, cells.
+    pub(super) fixed_first: DVec3,
+    pub(super) moving_first: DVec3,
+    pub(super) products: Vec<ProductSupport>,
+}
+
+/// The supports of one product's factors; `None` where a factor is zero everywhere.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ProductSupport {
+    pub(super) product: Product,
+    pub(super) fixed: Option<IndexBox>,
+    pub(super) moving: Option<MovingSupport>,
+}
+
+/// Where a moving field is nonzero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MovingSupport {
+    pub(super) nodes: IndexBox,
+    /// Largest distance from the pivot at which the interpolated field may be nonzero, cells.
+    radius: f64,
+}
+
+impl PairSupport {
+    /// Reads the densities of a pair.
+    ///
+    /// # Errors
+    /// If one is not finite.
+    pub fn of(pair: &Pair) -> Result<Self, CorrelateError> {
+        for (part, field) in [("fixed", pair.fixed()), ("moving", pair.moving())] {
+            check_finite(part, field)?;
+        }
+        let h = pair.spacing();
+        let first = |field: &DensityField| (field.lattice.origin() - pair.pivot()) / h;
+        let moving_first = first(pair.moving());
+        let of_product = |product: Product| {
+            let fixed = |at| product.fixed.value(pair.fixed(), at);
+            let moving = |at| product.moving.value(pair.moving(), at);
+            ProductSupport {
+                fixed: support(pair.fixed().lattice.shape(), fixed),
+                moving: MovingSupport::of(pair.moving().lattice.shape(), moving, moving_first),
+                product,
+            }
+        };
+        Ok(Self {
+            spacing: h,
+            fixed_first: first(pair.fixed()),
+            moving_first,
+            products: products(pair.model()).map(of_product).collect(),
+        })
+    }
+}
+
+impl MovingSupport {
+    /// Of values whose node `[0, 0, 0]` lies `first` cells from the pivot; `None` if all are zero.
+    pub(super) fn of(
+        shape: [usize; 3],
+        value: impl Fn([usize; 3]) -> Complex32,
+        first: DVec3,
+    ) -> Option<Self> {
+        let nodes = support(shape, &value)?;
+        let mut radius = 0.0f64;
+        for at in nodes.indices() {
+            if value(at) != Complex32::default() {
+                let p = first + DVec3::from_array(at.map(|a| a as f64));
+                radius = radius.max(p.length());
+            }
+        }
+        // Trilinear weights reach to the far corner of a cell.
+        let radius = radius + 3f64.sqrt();
+        Some(Self { nodes, radius })
+    }
+
+    /// The box of fixed-lattice indices that can be nonzero under any rotation, when index 0 lies
+    /// `origin` cells from the pivot.
+    pub(super) fn reach(&self, origin: DVec3) -> IndexBox {
+        let lo = (DVec3::splat(-self.radius) - origin).ceil();
+        let hi = (DVec3::splat(self.radius) - origin).floor() + 1.0;
+        IndexBox {
+            lo: lo.to_array().map(|v| v as i64),
+            hi: hi.to_array().map(|v| v as i64),
+        }
+    }
+}
+
+/// The bounding box of the nonzero values, or `None`.
+fn support(shape: [usize; 3], value: impl Fn([usize; 3]) -> Complex32) -> Option<IndexBox> {
+    let mut found: Option<IndexBox> = None;
+    for index in IndexBox::of_shape(shape).indices() {
+        if value(index) != Complex32::default() {
+            let at = index.map(|i| i as i64);
+            let b = found.get_or_insert(IndexBox {
+                lo: at,
+                hi: at.map(|v| v + 1),
+            });
+            b.lo = std::array::from_fn(|a| b.lo[a].min(at[a]));
+            b.hi = std::array::from_fn(|a| b.hi[a].max(at[a] + 1));
+        }
+    }
+    found
+}
+
+fn check_finite(part: &'static str, field: &DensityField) -> Result<(), CorrelateError> {
+    for values in [&field.exterior, &field.interior] {
+        if let Some(((i, j, k), _)) = values.indexed_iter().find(|(_, v)| !v.is_finite()) {
+            return Err(CorrelateError::NotFinite {
+                part,
+                index: [i, j, k],
+            });
+        }
+    }
+    Ok(())
+}

@@ -15,7 +15,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fft_correlate::{
-    Correlator, CorrelatorScratch, HalfTurn, Pair, ScoreModel, StageTimes, TranslationWindow,
+    Correlator, CorrelatorPlan, CorrelatorScratch, HalfTurn, Pair, PairSupport, ScoreModel,
+    StageTimes, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
@@ -172,8 +173,9 @@ fn measure(
     quick: bool,
 ) -> Outcome<Vec<Row>> {
     let (pair, window) = scene(n, case)?;
-    let one = Correlator::new(&pair, &window)?;
-    let four = Correlator::plan_half_turns(&pair, &window)?;
+    let support = PairSupport::of(&pair)?;
+    let one = Correlator::build(&CorrelatorPlan::new(&support, &window)?, &pair)?;
+    let four = Correlator::build(&CorrelatorPlan::for_half_turns(&support, &window)?, &pair)?;
     let mut rows = Vec::new();
     for (correlator, at_once) in [(one, 1), (four, 4)] {
         let plan = correlator.plan();
@@ -233,7 +235,7 @@ fn error(
     window: &TranslationWindow,
     at_once: usize,
 ) -> Outcome<f64> {
-    let exact = Correlator::plan_double(pair, window)?;
+    let exact = Correlator::build_double(correlator.plan(), pair)?;
     let mut scratch = exact.scratch();
     let mut found = vec![Array3::zeros(window.shape()); at_once];
     score(correlator, 1, &mut correlator.scratch(), &mut found);

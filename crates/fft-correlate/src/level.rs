@@ -10,6 +10,23 @@ pub(crate) fn native() -> Level {
     Level::new()
 }
 
+/// This machine's best vectors, those before them, and those that every machine of its kind has.
+#[cfg(test)]
+pub(crate) fn levels() -> Vec<Level> {
+    let best = native();
+    #[cfg(feature = "scalar")]
+    return vec![best];
+    #[cfg(not(feature = "scalar"))]
+    {
+        #[cfg(target_arch = "x86_64")]
+        let before = best.as_avx2().map(Level::Avx2);
+        #[cfg(not(target_arch = "x86_64"))]
+        let before = None;
+        let others = before.into_iter().chain([Level::baseline()]);
+        [best].into_iter().chain(others).collect()
+    }
+}
+
 /// Runs an expression with the vectors of a level: `fearless_simd::dispatch!` without the levels
 /// between the baseline and AVX2, of which no machine in use is the best.
 macro_rules! dispatch_lanes {

@@ -1,6 +1,5 @@
 use std::sync::Arc;
 
-use fearless_simd::Level;
 use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
 use rand::rngs::SmallRng;
@@ -9,15 +8,8 @@ use sdf_grid::{DensityField, Lattice};
 
 use super::*;
 use crate::correlate::fixtures::{H, fixed_part, moving_part, pair, window};
+use crate::level::levels;
 use crate::pair::model::ScoreModel;
-
-/// The vectors that every machine of this kind has.
-fn baseline() -> Level {
-    #[cfg(feature = "scalar")]
-    return level::native();
-    #[cfg(not(feature = "scalar"))]
-    Level::baseline()
-}
 
 /// The trilinear interpolant of a field in double precision, zero beyond the lattice.
 fn interpolate(values: &Array3<Complex32>, at: DVec3) -> Complex64 {
@@ -143,8 +135,8 @@ fn half_turns_are_the_rotations_that_they_say() {
             let pair = pair(w, *pivot);
             let support = PairSupport::of(&pair).unwrap();
             let plan = CorrelatorPlan::for_half_turns(&support, window).unwrap();
-            let single = [level::native(), baseline()]
-                .map(|level| Correlator::<f32>::build_at(&plan, &pair, level).unwrap());
+            let at = |level| Correlator::<f32>::build_at(&plan, &pair, level).unwrap();
+            let single: Vec<_> = levels().into_iter().map(at).collect();
             let double = Correlator::build_double(&plan, &pair).unwrap();
             let shares = plan.shares_half_turns;
             assert!(

@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use sdf_grid::DensityField;
 
 use super::*;
 use crate::correlate::correlator::Correlator;

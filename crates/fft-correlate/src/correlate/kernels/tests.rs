@@ -11,7 +11,7 @@ use crate::correlate::contract::{MovingRows, Sizes};
 use crate::correlate::real::Real;
 use crate::correlate::reference;
 use crate::geometry::half_turn::HalfTurn;
-use crate::level;
+use crate::level::levels;
 
 type Field = Array3<Complex<f64>>;
 
@@ -96,14 +96,6 @@ fn distance(found: &Array3<f64>, exact: &Array3<f64>) -> f64 {
 fn pair(size: [usize; 3], moving: [usize; 3], rng: &mut SmallRng) -> ((Field, Field), [usize; 3]) {
     let window = std::array::from_fn(|a| size[a] + 1 - moving[a]);
     ((random(size, rng), random(moving, rng)), window)
-}
-
-/// The best vectors of this machine and those that every machine of its kind has.
-fn levels() -> [Level; 2] {
-    #[cfg(feature = "scalar")]
-    return [level::native(); 2];
-    #[cfg(not(feature = "scalar"))]
-    [level::native(), Level::baseline()]
 }
 
 /// Of transforms of odd, prime and composite lengths.

@@ -11,10 +11,9 @@ use rand::{Rng, SeedableRng};
 use super::field::MovingField;
 use super::turned::Turned;
 use crate::correlate::contract::MovingRows;
-use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
 use crate::correlate::support::MovingSupport;
-use crate::level::{self, dispatch_lanes};
+use crate::level::{dispatch_lanes, levels};
 
 /// A shell with a hole and a separate grain: full, empty and partly filled blocks.
 fn field(rng: &mut SmallRng) -> Array3<Complex32> {
@@ -30,13 +29,6 @@ fn field(rng: &mut SmallRng) -> Array3<Complex32> {
     })
 }
 
-fn baseline() -> Level {
-    #[cfg(feature = "scalar")]
-    return level::native();
-    #[cfg(not(feature = "scalar"))]
-    Level::baseline()
-}
-
 /// Largest difference between bundles and rows over all samples, and how many bundles skipped.
 fn compare<T: Real>(level: Level, turned: &Turned<'_, T>) -> (f64, usize) {
     let lanes = dispatch_lanes!(level, simd => lanes_of::<_, T>(simd));
@@ -49,7 +41,7 @@ fn compare<T: Real>(level: Level, turned: &Turned<'_, T>) -> (f64, usize) {
             skipped += usize::from(filled.len() < zs.len());
             for lane in 0..lanes.min(ys.end - y) {
                 let mut row = vec![Complex::default(); zs.end];
-                turned.fill(x, y + lane, &mut row);
+                fill(turned, x, y + lane, &mut row);
                 for (z, exact) in row.iter().enumerate() {
                     let mut found = Complex::default();
                     if filled.contains(&z) {
@@ -96,7 +88,7 @@ fn bundles_equal_rows() {
             within.hi[1] -= 19;
             within.lo[2] += 17;
         }
-        for level in [level::native(), baseline()] {
+        for level in levels() {
             let (worst, skipped) = compare(
                 level,
                 &Turned::new(&single, rotation, origin, within, within),

@@ -43,13 +43,13 @@ arm *ARGS:
 
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
 stress-tables:
-    cargo test --release -p fft-correlate --test table_queries -- --ignored --nocapture
+    cargo test --release -p fft-correlate --test it -- table_queries --ignored --nocapture
     cargo test --release -p pegfit --test cli -- kill --include-ignored --nocapture
 
 # Tables in object stores: builds with the feature `cloud`, bakes and reads through a small S3 server.
 cloud:
     cargo clippy -p fft-correlate -p pegfit --features pegfit/cloud --all-targets -- -D warnings
-    cargo test -p fft-correlate --features cloud --test store_memory
+    cargo test -p fft-correlate --features cloud --test it store_memory
     cargo test -p pegfit --features cloud --test cli cloud
 
 # Tables by Slurm, mpirun and a Kubernetes Job's command; tables in zarr-python and xarray.

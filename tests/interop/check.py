@@ -6,6 +6,7 @@ usage: check.py PEGFIT TABLE
 import csv
 import io
 import json
+import pathlib
 import subprocess
 import sys
 
@@ -22,7 +23,7 @@ def rotate(q, v):
 
 def poses(table, pegfit, nodes):
     """Poses of (rotation, x, y, z) nodes as the rows that `pegfit score` reads."""
-    pivot = np.array(pegfit["table"]["pivot"])
+    pivot = np.array(pegfit["table"]["recipe"]["pivot"])
     for r, i, j, k in nodes:
         q = table.quaternion.values[r]
         d = np.array([table.x.values[i], table.y.values[j], table.z.values[k]])
@@ -44,8 +45,8 @@ def main(program, path):
             [program, "table", path, "--json"], capture_output=True, text=True, check=True
         ).stdout
     )
-    assert pegfit["format"] == 2, pegfit["format"]
-    assert pegfit["table"]["fixed_mesh"] == described["spec"]["fixed_mesh"]
+    assert pegfit["format"] == 3, pegfit["format"]
+    assert pegfit["table"]["recipe"] == described["spec"]["recipe"]
     assert pegfit["error"]["force"]["rms"] == described["error"]["force"]["rms"]
     shape = (described["rotations"], *described["displacements"])
     assert table.energy.dims == ("rotation", "x", "y", "z"), table.energy.dims
@@ -54,14 +55,32 @@ def main(program, path):
     assert np.allclose(np.diff(table.x.values), spacing)
     assert np.allclose(np.linalg.norm(table.quaternion.values, axis=1), 1)
 
+    # By the CF attributes energies are in joules: at once, or as the product with the scale.
+    joules = table.energy
+    if "scale" in table:
+        assert table.scale.attrs["units"] == "J", table.scale.attrs
+        joules = joules * table.scale
+    else:
+        assert table.energy.attrs["units"] == "J", table.energy.attrs
+    assert all("long_name" in table[name].attrs for name in ["energy", "x", "quaternion"])
+    assert [table[axis].attrs["units"] for axis in "xyz"] == ["m"] * 3
+
     # The same numbers through zarr-python.
     group = zarr.open_group(path, mode="r")
     raw = group["energy"][:]
-    np.testing.assert_array_equal(raw, table.energy.values)
     energy = raw.astype("f8") * pegfit["energy_unit"]
     if "scale" in group:
         energy *= group["scale"][:].astype("f8")[:, None, None, None]
     assert np.isfinite(energy).all()
+    np.testing.assert_allclose(joules.values, energy, rtol=1e-6)
+
+    # A rotation that is not there has no energy.
+    chunk = pathlib.Path(path, "energy", "c.0.0.0.0")
+    moved = chunk.with_name("away")
+    chunk.rename(moved)
+    absent = xarray.open_zarr(path, consolidated=False).energy[0]
+    moved.rename(chunk)
+    assert np.isnan(absent.values).all()
 
     # At a node the interpolant is the stored energy; a query sums in single precision.
     random = np.random.default_rng(1)

@@ -11,8 +11,8 @@
 //! | [`EnergyTable`] ([`EnergyTable::respond`], [`EnergyTable::respond_many`]) | within the table's rotations and window, exact gradient of its interpolant | microseconds |
 //! | [`Correlator::gradient`] | one rotation, all displacements of a window at once: the exact gradient of [`Correlator::score`] | six correlations |
 //!
-//! The first two answer through one trait, [`EnergySource::evaluate`], with energy, wrench (torque first, about
-//! the moving part's origin, fixed frame) and coverage:
+//! The first two answer through one trait, [`EnergySource::evaluate`], with energy, wrench (torque
+//! first, about the moving part's origin, fixed frame) and coverage:
 //!
 //! ```
 //! use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, PairBuilder, Pose, ScoreModel};
@@ -30,8 +30,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`Condition::at`] says how far the terms of a score cancel; [`measure_error`] compares a table with
-//! any other source at poses it has never seen.
+//! [`Condition::at`] says how far the terms of a score cancel; [`measure_error`] compares a table
+//! with any other source at poses it has never seen.
 
 mod correlate;
 pub mod direct;

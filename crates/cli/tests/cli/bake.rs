@@ -104,7 +104,7 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
             serde_json::from_str(&succeed(root, &["table", numbers, "--json"])).unwrap();
         assert_eq!(described["spec"]["storage"]["numbers"], numbers);
         assert_eq!(described["finished"], described["rotations"]);
-        assert_eq!(described["spec"]["fields"]["sampling"], "point");
+        assert_eq!(described["spec"]["recipe"]["fixed"]["sampling"], "point");
         assert!(described["error"]["reference_spacing"].as_f64().unwrap() > 0.0);
         assert!(succeed(root, &["table", numbers]).contains("torque"));
         // Other poses than those of the bake.
@@ -143,6 +143,69 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
     std::fs::write(root.join("other.toml"), scene + "[model]\nsigma = 0.15\n").unwrap();
     let said = refuse(root, &["verify", "float16", "--scene", "other.toml", "-q"]);
     assert!(said.contains("other.toml: model"), "{said}");
+}
+
+/// What a table was baked from is compared as a whole, by every command that joins it to a scene.
+#[test]
+fn a_table_is_joined_to_its_own_scene_only() {
+    let folder = scene_folder(BALL);
+    let root = folder.path();
+    succeed(root, &["bake", "scene.toml", "-o", "t.zarr", "-q"]);
+    let scene = std::fs::read_to_string(root.join("scene.toml")).unwrap();
+    for (key, from, to) in [
+        ("fixed.halo", "halo = 0.006", "halo = 0.005"),
+        (
+            "fixed.tolerance",
+            "field_tolerance = 0.01",
+            "field_tolerance = 0.005",
+        ),
+    ] {
+        std::fs::write(root.join("other.toml"), scene.replace(from, to)).unwrap();
+        for command in [
+            &["bake", "other.toml", "-o", "t.zarr", "--resume", "-q"][..],
+            &["verify", "t.zarr", "--scene", "other.toml", "-q"],
+            &[
+                "feel",
+                "other.toml",
+                "--table",
+                "t.zarr",
+                "--seconds",
+                "0.1",
+                "-q",
+            ],
+        ] {
+            let said = refuse(root, command);
+            assert!(said.contains(key), "{command:?}: {said}");
+        }
+    }
+
+    // A table whose error was never measured.
+    let file = root.join("t.zarr/zarr.json");
+    let mut group: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    group["attributes"]["pegfit"]["error"] = serde_json::Value::Null;
+    std::fs::write(&file, group.to_string()).unwrap();
+    let verify = ["verify", "t.zarr", "--scene", "scene.toml", "-q"];
+    let said = refuse(root, &verify);
+    assert!(said.contains("--resume"), "{said}");
+    succeed(
+        root,
+        &["bake", "scene.toml", "-o", "t.zarr", "--resume", "-q"],
+    );
+    assert!(succeed(root, &verify).contains("holds"));
+}
+
+/// A part in another unit than the scene's lies between the nodes of the lattice.
+#[test]
+fn a_part_smaller_than_a_cell_is_refused_with_its_unit() {
+    let folder = scene_folder(BALL);
+    let tiny = sdf_grid::shapes::cuboid(glam::DVec3::splat(1e-4)).unwrap();
+    sdf_grid::mesh_io::write_obj(folder.path().join("peg.obj"), &tiny).unwrap();
+    let said = refuse(folder.path(), &["bake", "scene.toml", "-o", "t.zarr", "-q"]);
+    for word in ["moving part", "0.0025 m", "1.000e-4 m", "is it in m?"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    assert!(!folder.path().join("t.zarr").exists());
 }
 
 #[test]

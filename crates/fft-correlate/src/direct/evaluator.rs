@@ -2,10 +2,10 @@
 //! table, a few megabytes.
 //!
 //! Weighted points of one part are looked up in the other part's density on its lattice by
-//! trilinear interpolation; which part gives the points of which product is decided by [`score_terms`].
-//! Force and torque are the exact gradient of the interpolated sum, so the energy is conservative
-//! up to the rounding of single precision. Outside its lattice a density is zero, reached within
-//! one cell; with a finite halo it has faded to zero before.
+//! trilinear interpolation; which part gives the points of which product is decided by
+//! [`score_terms`]. Force and torque are the exact gradient of the interpolated sum, so the energy
+//! is conservative up to the rounding of single precision. Outside its lattice a density is zero,
+//! reached within one cell; with a finite halo it has faded to zero before.
 //!
 //! Interpolation and cell averages smooth the energy over about two lattice spacings: at zero
 //! clearance the V of the contact energy is rounded within that distance, and slopes are right

@@ -46,13 +46,13 @@ pub(super) fn sort(poses: &mut [FoundPose]) {
 /// What all descents of a search share.
 pub(super) struct Refinement<'a> {
     domain: &'a SearchDomain,
-    options: &'a SearchOptions,
+    pub(super) options: &'a SearchOptions,
     /// Of the lattice whose displacements limit the search.
     window: TranslationWindow,
     pivot: DVec3,
     /// Of the moving part about the pivot, metres.
     radius: f64,
-    monitor: &'a dyn Monitor,
+    pub(super) monitor: &'a dyn Monitor,
 }
 
 impl<'a> Refinement<'a> {

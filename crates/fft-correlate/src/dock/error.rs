@@ -1,11 +1,13 @@
 //! Why a search cannot start or go on.
 
+use std::path::PathBuf;
+
 use glam::{DQuat, DVec3};
 use sdf_grid::LatticeError;
+use sdf_grid::recipe::Difference;
 
 use crate::correlate::CorrelateError;
 use crate::direct::evaluator::DirectError;
-use crate::dock::state::StateError;
 use crate::pair::fields::PairError;
 
 /// Why a search cannot start or go on.
@@ -48,4 +50,36 @@ pub enum SearchError {
     /// The monitor cancelled before any rotation was scored.
     #[error("cancelled")]
     Cancelled,
+}
+
+/// Why a search cannot go on from its file, or write it.
+#[derive(Debug, thiserror::Error)]
+pub enum StateError {
+    /// The file cannot be read or written.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not a search's state.
+    #[error("{path}: not the state of a docking search: {reason}", path = path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The file belongs to another search.
+    #[error(
+        "{}: state of another search: {} is {} there, {} here; delete it to start anew",
+        path.display(), difference.key, difference.stored, difference.given
+    )]
+    Other {
+        /// The file.
+        path: PathBuf,
+        /// What differs first.
+        difference: Difference,
+    },
 }

@@ -55,8 +55,8 @@ impl SearchLattices {
         fixed.grown(0.75 * self.radius)
     }
 
-    /// The plans of the pairs of [`super::SearchPairs`]: sketch, coarse, fine. `builder` says all but spacing
-    /// and halo.
+    /// The plans of the pairs of [`super::SearchPairs`]: sketch, coarse, fine. `builder` says all
+    /// but spacing and halo.
     ///
     /// # Errors
     /// As [`PairBuilder::plan`].

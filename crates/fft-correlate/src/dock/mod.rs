@@ -20,6 +20,6 @@ pub(crate) mod sketch;
 mod state;
 mod weights;
 
+pub use error::StateError;
 pub use report::{CLOSE, SearchStage};
-pub use state::StateError;
 pub use weights::DOCKING_RATIO;

@@ -18,7 +18,8 @@ pub struct SearchOptions {
     pub coarse_poses: usize,
     /// Distinct poses that descend on the fine lattice; at least `top`.
     pub fine_poses: usize,
-    /// Interior weight over exterior weight; [`crate::dock::DOCKING_RATIO`] unless there is a reason.
+    /// Interior weight over exterior weight; [`crate::dock::DOCKING_RATIO`] unless there is a
+    /// reason.
     pub ratio: f64,
 }
 

@@ -18,9 +18,9 @@ pub struct Peak {
 
 /// The `count` highest local maxima that lie more than `radius` nodes apart, highest first.
 ///
-/// A local maximum is no lower than any of its 26 neighbours (of equal neighbours the first counts),
-/// so a slope that leaves the window counts where it leaves. Where two are closer than `radius`
-/// (Euclidean, in nodes) the lower one is left out.
+/// A local maximum is no lower than any of its 26 neighbours (of equal neighbours the first
+/// counts), so a slope that leaves the window counts where it leaves. Where two are closer than
+/// `radius` (Euclidean, in nodes) the lower one is left out.
 pub fn top_peaks(score: ArrayView3<f32>, count: usize, radius: f64) -> Vec<Peak> {
     let mut found: Vec<Peak> = score
         .indexed_iter()

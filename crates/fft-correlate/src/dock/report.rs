@@ -16,8 +16,8 @@ pub struct FoundPose {
     pub pose: Pose,
     /// Energy there under the docking weights, joules; 0 far away.
     pub energy: f64,
-    /// False if downhill led out of the domain (or the monitor cancelled): the pose is then where it
-    /// was before that stage.
+    /// False if downhill led out of the domain (or the monitor cancelled): the pose is then where
+    /// it was before that stage.
     pub refined: bool,
     /// How far along the axis on which the energy rises fastest it rises to half, metres; none if
     /// it does not within the moving part's radius.

@@ -89,8 +89,8 @@ fn angle(q: DQuat) -> f64 {
 /// after each rotation the three that half turns make of it.
 fn spiral(count: usize) -> impl Iterator<Item = DQuat> {
     // Turns of (x, y) and of (z, w) from one to the next, found by a search over spirals of 552 to
-    // 100000 rotations: no orientation is farther than 0.97 steps from one of them, 0.49 on average.
-    // (Alexa's spiral without half turns: 0.92 and 0.49.)
+    // 100000 rotations: no orientation is farther than 0.97 steps from one of them, 0.49 on
+    // average. (Alexa's spiral without half turns: 0.92 and 0.49.)
     let (first, second) = (0.157_595, 0.227_702);
     let quarter = count.div_ceil(4);
     (0..quarter).flat_map(move |i| {

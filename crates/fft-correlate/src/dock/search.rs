@@ -1,21 +1,21 @@
 //! The docking product: where does the moving part belong?
 //!
-//! 0. **Sketch**, where there are many rotations: every one, all translations at once, on a lattice of
-//!    twice the coarse spacing and with lighter interiors; the best go on.
-//! 1. **Scoring.** Their translations, all at once, on a coarse lattice; the best local maxima of each are
-//!    kept.
+//! 0. **Sketch**, where there are many rotations: every one, all translations at once, on a lattice
+//!    of twice the coarse spacing and with lighter interiors; the best go on.
+//! 1. **Scoring.** Their translations, all at once, on a coarse lattice; the best local maxima of
+//!    each are kept.
 //! 2. **Coarse descent.** The lowest distinct ones go downhill with the direct evaluator on the
 //!    coarse lattice, rotation included: between the rotations scored, the rest of the way.
 //! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with
 //!    merged points, and once more with every cell its own point, whose energy ranks them.
-//! 4. **Decision**, by [`crate::decide`] and only if poses are too close to call: those go downhill once
-//!    more on a lattice of half the spacing.
+//! 4. **Decision**, by [`crate::decide`] and only if poses are too close to call: those go downhill
+//!    once more on a lattice of half the spacing.
 //!
-//! All stages but the sketch weigh the interiors [`crate::dock::DOCKING_RATIO`] times the exteriors, or as the model does if
-//! that is more, and leave separation out. A force that a hand is to feel wants lighter interiors:
-//! walls that yield a little, a wide funnel. The best place wants heavier ones: with 5 : 1, a peg
-//! gains more along the walls of a blind hole than it pays for sticking through a thin floor.
-//! Measured in `docs/docking.md`.
+//! All stages but the sketch weigh the interiors [`crate::dock::DOCKING_RATIO`] times the
+//! exteriors, or as the model does if that is more, and leave separation out. A force that a hand
+//! is to feel wants lighter interiors: walls that yield a little, a wide funnel. The best place
+//! wants heavier ones: with 5 : 1, a peg gains more along the walls of a blind hole than it pays
+//! for sticking through a thin floor. Measured in `docs/docking.md`.
 
 use std::path::Path;
 use std::time::Instant;
@@ -38,10 +38,11 @@ use crate::dock::weights::with_docking_weights;
 use crate::geometry::half_turn::half_turn_groups;
 use crate::pair::fields::Pair;
 
-/// Searches `domain`; only gamma is taken from the pairs' models. With `state`, what was scored is kept in
-/// that file after every batch of rotations, and a file that is already there is gone on with; the sketch is
-/// done again. When the monitor cancels, the best of what was scored is returned unrefined. The result does
-/// not depend on the number of threads, nor on where a search was interrupted.
+/// Searches `domain`; only gamma is taken from the pairs' models. With `state`, what was scored is
+/// kept in that file after every batch of rotations, and a file that is already there is gone on
+/// with; the sketch is done again. When the monitor cancels, the best of what was scored is
+/// returned unrefined. The result does not depend on the number of threads, nor on where a search
+/// was interrupted.
 ///
 /// # Errors
 /// If there is no rotation or one is not a unit quaternion, the window cannot be correlated, the
@@ -79,9 +80,8 @@ pub fn search(
         seconds: done.seconds,
     });
     let refinement = Refinement::new(&coarse, domain, options, monitor)?;
-    let poses: Vec<FoundPose> = done
-        .candidates
-        .iter()
+    let candidates = done.candidates.iter();
+    let poses: Vec<_> = candidates
         .map(|c| lattice_pose(&scan, &rotations, c))
         .collect();
     let apart = (0.7 * domain.step, 2.0 * coarse.spacing());
@@ -89,14 +89,7 @@ pub fn search(
     if monitor.cancelled() {
         poses.truncate(options.top);
     } else {
-        poses = refined(
-            poses,
-            [&coarse, &fine],
-            &refinement,
-            options,
-            &mut stages,
-            monitor,
-        )?;
+        poses = refined(poses, [&coarse, &fine], &refinement, &mut stages)?;
     }
     for p in &mut poses {
         p.rotation = chosen[p.rotation];
@@ -159,10 +152,11 @@ fn refined(
     poses: Vec<FoundPose>,
     [coarse, fine]: [&Pair; 2],
     refinement: &Refinement<'_>,
-    options: &SearchOptions,
     stages: &mut Stages,
-    monitor: &dyn Monitor,
 ) -> Result<Vec<FoundPose>, SearchError> {
+    let Refinement {
+        options, monitor, ..
+    } = refinement;
     let count = options.fine_poses.max(options.top);
     let source = DirectEvaluator::new(coarse, &DirectOptions::FULL)?;
     let name = "coarse descent";

@@ -1,48 +1,17 @@
 //! What a docking search has done so far, in a file that is whole at any moment.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use sdf_grid::atomic;
-use sdf_grid::recipe::{Difference, difference};
+use sdf_grid::recipe::difference;
 use serde::{Deserialize, Serialize};
 
+use crate::dock::error::StateError;
 use crate::dock::recipe::SearchRecipe;
 use crate::dock::scan::{Candidate, sort};
 
 /// Candidates kept of all rotations: far more than any later stage looks at.
 const KEPT: usize = 4000;
-
-/// Why a search cannot go on from its file, or write it.
-#[derive(Debug, thiserror::Error)]
-pub enum StateError {
-    /// The file cannot be read or written.
-    #[error("{path}: {source}", path = path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file is not a search's state.
-    #[error("{path}: not the state of a docking search: {reason}", path = path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The file belongs to another search.
-    #[error(
-        "{}: state of another search: {} is {} there, {} here; delete it to start anew",
-        path.display(), difference.key, difference.stored, difference.given
-    )]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// What differs first.
-        difference: Difference,
-    },
-}
 
 /// Rotations `0 .. scored` are done; the best candidates among them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -166,8 +166,8 @@ impl PairBuilder {
     /// Decides lattices, halo and pivot, and what they cost; allocates nothing of their size.
     ///
     /// # Errors
-    /// If the model or an option is out of range, a part is smaller than a cell, a lattice cannot be
-    /// made, or the memory limit would be exceeded.
+    /// If the model or an option is out of range, a part is smaller than a cell, a lattice cannot
+    /// be made, or the memory limit would be exceeded.
     pub fn plan(
         &self,
         fixed: &TriangleMesh,

@@ -143,8 +143,8 @@ pub(super) fn ball(
     if angle > ONE_CHART || angle + (MARGIN + 2.0) * step > 0.9 * PI {
         return full(center, step, symmetry);
     }
-    // Where the ball meets its images, the image further from a query is read too, within the seam's
-    // blending zone: there it must be covered as well.
+    // Where the ball meets its images, the image further from a query is read too, within the
+    // seam's blending zone: there it must be covered as well.
     let apart = symmetry.as_ref().map_or(f64::INFINITY, Symmetry::half_turn);
     let angle = if angle + step > apart {
         angle + 2.0 * step

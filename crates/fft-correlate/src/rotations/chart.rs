@@ -6,8 +6,9 @@ use glam::{DQuat, DVec3};
 /// axes:
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Projection {
-    /// `x_k = atan(r_k / r_w)`: half the angle along each axis, gnomonic with evened spacing. Covers
-    /// rotations by less than 180 degrees; one cell of the cubed 3-sphere is `|x_k| <= pi/4`.
+    /// `x_k = atan(r_k / r_w)`: half the angle along each axis, gnomonic with evened spacing.
+    /// Covers rotations by less than 180 degrees; one cell of the cubed 3-sphere is `|x_k| <=
+    /// pi/4`.
     Gnomonic,
     /// `x_2 = atan(r_z / r_w)` of the turn about z alone, in (-pi/2, pi/2]: half the twist angle.
     Twist,

@@ -1,4 +1,5 @@
-//! Which rotations a table, a docking run or a plot covers, and the symmetry that shortens the list.
+//! Which rotations a table, a docking run or a plot covers, and the symmetry that shortens the
+//! list.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};

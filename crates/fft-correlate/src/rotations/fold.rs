@@ -126,8 +126,8 @@ impl Symmetry {
         )
     }
 
-    /// Chart axes with z along the symmetry axis and x along that of [`Self::flipped`], both as they
-    /// lie in the fixed frame for rotation `center`.
+    /// Chart axes with z along the symmetry axis and x along that of [`Self::flipped`], both as
+    /// they lie in the fixed frame for rotation `center`.
     pub(crate) fn frame(&self, center: DQuat) -> DQuat {
         let turn = match self.part {
             Part::Moving => center,

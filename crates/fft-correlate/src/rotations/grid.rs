@@ -1,10 +1,10 @@
 //! The rotations a table holds, and which of them a query reads with which weights.
 //!
 //! A ball of up to 120 degrees is one chart; larger balls and the full set are cut into the four
-//! cells of the cubed 3-sphere (two where a part has a symmetry axis), each a little larger than its
-//! share, and joined by weights that sum to one and fade smoothly across every seam. A symmetry of
-//! order n makes n images of each chart, joined the same way; a body of revolution needs only the
-//! rotations without twist about its axis, a two-dimensional chart.
+//! cells of the cubed 3-sphere (two where a part has a symmetry axis), each a little larger than
+//! its share, and joined by weights that sum to one and fade smoothly across every seam. A symmetry
+//! of order n makes n images of each chart, joined the same way; a body of revolution needs only
+//! the rotations without twist about its axis, a two-dimensional chart.
 
 use std::f64::consts::FRAC_PI_4;
 
@@ -177,15 +177,15 @@ impl RotationGrid {
         }
     }
 
-    /// Writes to `distances`, for each row of the charts, how far it lies from `rotation`, in nodes:
-    /// the greatest of the distances along a chart's axes, the least over charts and images. A query
-    /// reads rows nearer than 2, on a grid of listed rotations only the nearest.
+    /// Writes to `distances`, for each row of the charts, how far it lies from `rotation`, in
+    /// nodes: the greatest of the distances along a chart's axes, the least over charts and images.
+    /// A query reads rows nearer than 2, on a grid of listed rotations only the nearest.
     pub(crate) fn distances(&self, rotation: DQuat, distances: &mut [f32]) {
         near::distances(&self.atlas, rotation, distances);
     }
 
-    /// Whether `has` holds for every row that a query at `pose` reads, and for those one node around
-    /// them.
+    /// Whether `has` holds for every row that a query at `pose` reads, and for those one node
+    /// around them.
     pub(crate) fn all_around(
         &self,
         pose: &Pose,

@@ -111,8 +111,8 @@ impl Errors {
     }
 }
 
-/// Compares a table with `truth` at `poses` poses drawn from the table's rotations and the inside of
-/// its window; the same seed draws the same poses.
+/// Compares a table with `truth` at `poses` poses drawn from the table's rotations and the inside
+/// of its window; the same seed draws the same poses.
 pub fn measure_error(
     table: &EnergyTable,
     truth: &dyn EnergySource,
@@ -172,7 +172,8 @@ fn summary(drawn: &[(Pose, [f64; 6])], quantity: usize) -> Errors {
     }
 }
 
-/// Median condition number of a pair's score over `poses` of the poses that [`measure_error`] draws.
+/// Median condition number of a pair's score over `poses` of the poses that [`measure_error`]
+/// draws.
 pub fn typical_condition(pair: &Pair, spec: &TableSpec, poses: usize, seed: u64) -> f64 {
     let mut numbers: Vec<f64> = (0..poses.max(1) as u64)
         .into_par_iter()

@@ -1,10 +1,11 @@
 //! Filling a table on disk, by any number of processes, interrupted any number of times.
 //!
 //! Nodes that differ by half turns make a group, of which one transform of the moving part serves
-//! all; groups are dealt to processes by their number. Each node is compressed and renamed into place
-//! on its own, and does not depend on which others of its group were missing: stopping between nodes
-//! loses nothing, and the finished files do not depend on how the work was split. The one number that all nodes share, the unit of energy, is found from nodes
-//! fixed by the grid and stored before the first chunk.
+//! all; groups are dealt to processes by their number. Each node is compressed and renamed into
+//! place on its own, and does not depend on which others of its group were missing: stopping
+//! between nodes loses nothing, and the finished files do not depend on how the work was split. The
+//! one number that all nodes share, the unit of energy, is found from nodes fixed by the grid and
+//! stored before the first chunk.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -12,7 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
-use crate::geometry::half_turn::{HalfTurnGroup, half_turn_groups};
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
 use crate::table::encode::{Encoded, Probe, encode, probe};
 use crate::table::error::TableError;
 use crate::table::producer::{NodeEnergies, nodes};
@@ -94,11 +95,12 @@ impl From<TableError> for BakeError {
 }
 
 /// Computes this process's missing rotation nodes of the table at a path or URL
-/// ([`TableFiles::at`]), making the table if there is none, on all threads of the current rayon pool.
+/// ([`TableFiles::at`]), making the table if there is none, on all threads of the current rayon
+/// pool.
 ///
 /// # Errors
-/// If the specification or share is out of range, the table is of another specification or cannot be
-/// written, an energy is not finite, or `monitor` cancels.
+/// If the specification or share is out of range, the table is of another specification or cannot
+/// be written, an energy is not finite, or `monitor` cancels.
 pub fn bake<P: NodeEnergies>(
     path: &Path,
     spec: &TableSpec,
@@ -120,32 +122,16 @@ pub fn bake_files<P: NodeEnergies>(
     share: Share,
     monitor: &dyn Monitor,
 ) -> Result<BakeReport, BakeError> {
-    let Share { rank, size, resume } = share;
+    let Share { rank, size, .. } = share;
     if rank >= size {
         return Err(BakeError::Share { rank, size });
     }
-    let store = if files.exist()? {
-        if !resume && size == 1 {
-            return Err(BakeError::Exists {
-                path: files.place().into(),
-            });
-        }
-        // What was probed for a table that is there is its own.
-        let none = Probe {
-            unit: 1.0,
-            negligible: 0.0,
-        };
-        TableStore::create(files, spec, none)?
-    } else {
-        spec.validate()?;
-        let grid = spec.grid().map_err(TableError::from)?;
-        TableStore::create(files, spec, probe(spec, &grid, producer)?)?
-    };
+    let store = begun(files, spec, producer, share)?;
     let all = store.grid().nodes();
     let groups = half_turn_groups(all);
     let groups: Vec<&HalfTurnGroup> = groups.iter().skip(rank).step_by(size).collect();
     let rows: usize = groups.iter().map(|g| g.members.len()).sum();
-    let [computed, repaired, bricks, left_out] = std::array::from_fn(|_| AtomicUsize::new(0));
+    let counts = Counts::default();
     monitor.begin("table", rows as u64);
     groups.par_iter().with_max_len(1).try_for_each_init(
         || (producer.scratch(), Vec::new(), Encoded::default()),
@@ -153,17 +139,7 @@ pub fn bake_files<P: NodeEnergies>(
             if monitor.cancelled() {
                 return Err(BakeError::Cancelled);
             }
-            let mut missing = Vec::new();
-            for &(turn, row) in &group.members {
-                store.chunks().clean(row)?;
-                match store.state(row)? {
-                    ChunkState::Finished => monitor.advance(1),
-                    state => {
-                        missing.push((turn, row));
-                        repaired.fetch_add(usize::from(state != ChunkState::Missing), Relaxed);
-                    }
-                }
-            }
+            let missing = counts.missing(&store, group, monitor)?;
             if missing.is_empty() {
                 return Ok(());
             }
@@ -172,21 +148,89 @@ pub fn bake_files<P: NodeEnergies>(
                 encode(spec, &store.probe(), row, joules, encoded)?;
                 store.chunks().write(row, encoded)?;
                 tracing::debug!(row, "rotation finished");
-                computed.fetch_add(1, Relaxed);
-                left_out.fetch_add(encoded.bricks[0], Relaxed);
-                bricks.fetch_add(encoded.bricks[1], Relaxed);
+                counts.add(encoded);
                 monitor.advance(1);
             }
             Ok(())
         },
     )?;
-    let computed = computed.into_inner();
-    Ok(BakeReport {
-        rotations: all.len(),
-        computed,
-        repaired: repaired.into_inner(),
-        kept: rows - computed,
-        bricks: bricks.into_inner(),
-        bricks_left_out: left_out.into_inner(),
-    })
+    Ok(counts.report(all.len(), rows))
+}
+
+/// The table that is there, or a new one.
+fn begun<P: NodeEnergies>(
+    files: &TableFiles,
+    spec: &TableSpec,
+    producer: &P,
+    share: Share,
+) -> Result<TableStore, BakeError> {
+    let probe = if files.exist()? {
+        if !share.resume && share.size == 1 {
+            return Err(BakeError::Exists {
+                path: files.place().into(),
+            });
+        }
+        // What was probed for a table that is there is its own.
+        Probe {
+            unit: 1.0,
+            negligible: 0.0,
+        }
+    } else {
+        spec.validate()?;
+        let grid = spec.grid().map_err(TableError::from)?;
+        probe(spec, &grid, producer)?
+    };
+    Ok(TableStore::create(files, spec, probe)?)
+}
+
+/// What the threads of a bake have done.
+#[derive(Default)]
+struct Counts {
+    computed: AtomicUsize,
+    repaired: AtomicUsize,
+    bricks: AtomicUsize,
+    left_out: AtomicUsize,
+}
+
+impl Counts {
+    /// The members of a group that are not finished.
+    fn missing(
+        &self,
+        store: &TableStore,
+        group: &HalfTurnGroup,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<(HalfTurn, usize)>, StoreError> {
+        let mut missing = Vec::new();
+        for &(turn, row) in &group.members {
+            store.chunks().clean(row)?;
+            match store.state(row)? {
+                ChunkState::Finished => monitor.advance(1),
+                state => {
+                    missing.push((turn, row));
+                    let damaged = state != ChunkState::Missing;
+                    self.repaired.fetch_add(usize::from(damaged), Relaxed);
+                }
+            }
+        }
+        Ok(missing)
+    }
+
+    fn add(&self, written: &Encoded) {
+        self.computed.fetch_add(1, Relaxed);
+        self.left_out.fetch_add(written.bricks[0], Relaxed);
+        self.bricks.fetch_add(written.bricks[1], Relaxed);
+    }
+
+    /// `rows` of `rotations` were this process's.
+    fn report(self, rotations: usize, rows: usize) -> BakeReport {
+        let computed = self.computed.into_inner();
+        BakeReport {
+            rotations,
+            computed,
+            repaired: self.repaired.into_inner(),
+            kept: rows - computed,
+            bricks: self.bricks.into_inner(),
+            bricks_left_out: self.left_out.into_inner(),
+        }
+    }
 }

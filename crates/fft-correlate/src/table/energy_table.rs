@@ -76,8 +76,8 @@ impl EnergyTable {
         )
     }
 
-    /// A table of a size already found acceptable, in whose every group of slots `fill` fills all, in
-    /// parallel. Each slot is in one group.
+    /// A table of a size already found acceptable, in whose every group of slots `fill` fills all,
+    /// in parallel. Each slot is in one group.
     pub(crate) fn filled<S, E: Send>(
         plan: Plan,
         groups: Vec<Vec<usize>>,
@@ -180,9 +180,9 @@ impl EnergyTable {
         Some(value * f64::from(scale) * self.unit())
     }
 
-    /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that would
-    /// be read is not in memory, and for an invalid pose, the energy is the specification's far
-    /// energy, the wrench and coverage zero.
+    /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that
+    /// would be read is not in memory, and for an invalid pose, the energy is the specification's
+    /// far energy, the wrench and coverage zero.
     pub fn respond(&self, pose: &Pose) -> Response {
         self.reader().respond(pose)
     }
@@ -200,7 +200,8 @@ impl EnergyTable {
     }
 
     /// [`EnergyTable::respond`] for many poses, on this thread. Random poses of a large table take
-    /// less time than one by one: each pose's energies are fetched while the one before is computed.
+    /// less time than one by one: each pose's energies are fetched while the one before is
+    /// computed.
     ///
     /// # Panics
     /// If the slices differ in length.

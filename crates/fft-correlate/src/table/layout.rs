@@ -1,10 +1,10 @@
 //! How a rotation node's energies lie in memory.
 //!
 //! A query reads 4 x 4 x 4 neighbouring displacement nodes of up to 64 rotation nodes. Four
-//! neighbours along y lie side by side for each z, `[x][y / 4][z][y % 4]`, so one read of 16 numbers
-//! holds 4 nodes of z by 4 of y: half the reads, and half the cache lines, of plain C order. Along
-//! each such pencil only the stretch that holds something is kept; the rest is read from one run of
-//! far values.
+//! neighbours along y lie side by side for each z, `[x][y / 4][z][y % 4]`, so one read of 16
+//! numbers holds 4 nodes of z by 4 of y: half the reads, and half the cache lines, of plain C
+//! order. Along each such pencil only the stretch that holds something is kept; the rest is read
+//! from one run of far values.
 
 use std::ops::Range;
 

@@ -14,12 +14,12 @@ use crate::table::spec::TableSpec;
 use crate::table::store::error::StoreError;
 use crate::table::store::table_store::TableStore;
 
-/// A table on disk and the rotation nodes of it that are in memory. Its [`PartialTable::table`] answers
-/// wherever all nodes that it reads are there, with the same energy and wrench, bit by bit, as the
-/// whole table; elsewhere as far away.
+/// A table on disk and the rotation nodes of it that are in memory. Its [`PartialTable::table`]
+/// answers wherever all nodes that it reads are there, with the same energy and wrench, bit by bit,
+/// as the whole table; elsewhere as far away.
 ///
-/// Nothing is left out of a node that is in memory, so [`PartialTable::node_bytes`] may be more than
-/// its share of [`TableStore::load`]'s table.
+/// Nothing is left out of a node that is in memory, so [`PartialTable::node_bytes`] may be more
+/// than its share of [`TableStore::load`]'s table.
 #[derive(Debug)]
 pub struct PartialTable {
     store: TableStore,
@@ -29,8 +29,8 @@ pub struct PartialTable {
 }
 
 impl PartialTable {
-    /// The distance, in nodes, within which [`EnergyTable`] needs every node in memory to answer and
-    /// to be [`crate::EnergySource::is_loaded`]: 2 that are read, and one around them.
+    /// The distance, in nodes, within which [`EnergyTable`] needs every node in memory to answer
+    /// and to be [`crate::EnergySource::is_loaded`]: 2 that are read, and one around them.
     pub const NEEDED: f32 = 3.0;
 
     /// Nothing of a table in memory yet.
@@ -88,14 +88,14 @@ impl PartialTable {
         2 * self.plan.layout.length() as u64
     }
 
-    /// Bytes of the nodes that are in memory, and of those that were dropped here but are still held
-    /// by a table that [`PartialTable::table`] gave.
+    /// Bytes of the nodes that are in memory, and of those that were dropped here but are still
+    /// held by a table that [`PartialTable::table`] gave.
     pub fn held_bytes(&self) -> u64 {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// Writes to `distances` how far each rotation node lies from `rotation`, in nodes. All nodes nearer
-    /// than [`PartialTable::NEEDED`] are needed there.
+    /// Writes to `distances` how far each rotation node lies from `rotation`, in nodes. All nodes
+    /// nearer than [`PartialTable::NEEDED`] are needed there.
     ///
     /// # Panics
     /// If there are not as many distances as nodes.
@@ -133,8 +133,8 @@ impl PartialTable {
         failed.map_or(Ok(()), Err)
     }
 
-    /// Drops a rotation node; its memory is free once no table that [`PartialTable::table`] gave holds
-    /// it.
+    /// Drops a rotation node; its memory is free once no table that [`PartialTable::table`] gave
+    /// holds it.
     ///
     /// # Panics
     /// If there is no such node.

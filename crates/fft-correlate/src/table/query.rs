@@ -131,8 +131,8 @@ impl<'t> Reader<'t> {
         Some(Displacement { taps, reach })
     }
 
-    /// The interpolated energy and its slopes. Absent rotation nodes hold the far energy. `None` if a
-    /// rotation node is not in memory.
+    /// The interpolated energy and its slopes. Absent rotation nodes hold the far energy. `None` if
+    /// a rotation node is not in memory.
     fn read(
         &self,
         chart: &Chart,
@@ -169,8 +169,8 @@ impl<'t> Reader<'t> {
         })
     }
 
-    /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones. `None`
-    /// if one is not in memory.
+    /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones.
+    /// `None` if one is not in memory.
     fn rotation_taps(
         &self,
         chart: &Chart,

@@ -1,4 +1,5 @@
-//! Where a table's energies lie: all rotation nodes in one piece, or each by itself and some absent.
+//! Where a table's energies lie: all rotation nodes in one piece, or each by itself and some
+//! absent.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,4 +1,5 @@
-//! The sum at the heart of a query: 4 x 4 x 4 displacement nodes of each of up to 64 rotation nodes.
+//! The sum at the heart of a query: 4 x 4 x 4 displacement nodes of each of up to 64 rotation
+//! nodes.
 //!
 //! Weights along x and over rotations are applied while reading; those along y and z belong to the
 //! lanes of a run (see [`crate::layout`]) and are applied once, at the end, by the caller.
@@ -129,8 +130,8 @@ fn decode(codes: &[u16], code: Code) -> Lanes {
     })
 }
 
-/// Exponent and mantissa move into place and a product by 2^112 mends the exponent's bias; infinities
-/// and NaN are not stored.
+/// Exponent and mantissa move into place and a product by 2^112 mends the exponent's bias;
+/// infinities and NaN are not stored.
 fn half_to_single(h: u16) -> f32 {
     let h = u32::from(h);
     let magnitude = f32::from_bits((h & 0x7fff) << 13) * f32::from_bits(0x7780_0000);

@@ -34,15 +34,16 @@ pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> 
         Some(2),
     )
     .expect("blosc has lz4 and the element size is given");
-    // What readers that follow the CF conventions multiply by: they find joules. Whole numbers have a
-    // scale per rotation, which those conventions cannot say: their energy is the product of two arrays.
+    // What readers that follow the CF conventions multiply by: they find joules. Whole numbers have
+    // a scale per rotation, which those conventions cannot say: their energy is the product of two
+    // arrays.
     let attributes = match spec.storage.numbers {
         Numbers::Half => json!({
             "long_name": "energy", "units": "J", "scale_factor": unit,
             "coordinates": "quaternion",
         }),
         Numbers::Integer => json!({
-            "long_name": "energy as a multiple of scale", "units": "1",
+            "long_name": "energy as a multiple of scale", "units": "1", "_FillValue": i16::MIN,
             "coordinates": "quaternion scale",
         }),
     };
@@ -90,7 +91,8 @@ pub(super) fn chunk_index(array: &Array<Backend>, row: usize) -> Vec<u64> {
     index
 }
 
-/// Nodes are handled in parallel; within one, compression by one thread gives the same bytes always.
+/// Nodes are handled in parallel; within one, compression by one thread gives the same bytes
+/// always.
 pub(super) fn one_thread() -> CodecOptions {
     CodecOptions::default().with_concurrent_target(1)
 }

@@ -33,6 +33,12 @@ peers:
 stress:
     cargo test --release -p sdf-grid --test stress -- --include-ignored --nocapture
 
+# The kernels of correlations in Miri, without vector instructions: every access to memory checked
+# (needs `rustup +nightly component add miri`).
+miri:
+    MIRIFLAGS="-Zmiri-disable-isolation" cargo +nightly miri test -p fft-correlate --features scalar \
+        --lib correlate::kernels
+
 # Devices against a real kernel, in qemu; says what is missing where it cannot run.
 hid-vm:
     tests/hid-vm/run

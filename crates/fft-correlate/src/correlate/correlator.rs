@@ -218,13 +218,13 @@ impl<T: Real> Correlator<T> {
 
     /// Writes the gradient of `Re f` (eq_5b, eq_5c) for `rotation` at every displacement of the
     /// window to `out`, angular part first: by a turn about the x, y, z axis of the fixed frame
-    /// through the displaced pivot (cubic metres per radian), then by the displacement along x, y, z
-    /// (square metres). The wrench about the pivot is gamma times it (eq_9a, eq_9b).
+    /// through the displaced pivot (cubic metres per radian), then by the displacement along x, y,
+    /// z (square metres). The wrench about the pivot is gamma times it (eq_9a, eq_9b).
     ///
     /// Costs six scores with a slower resampling; it is exact for the sum that
     /// [`Correlator::score`] computes. Where a sample lies on a face between cells of the moving
-    /// lattice the interpolant has a kink, and the derivative is that of one of its sides. Allocates
-    /// nothing.
+    /// lattice the interpolant has a kink, and the derivative is that of one of its sides.
+    /// Allocates nothing.
     ///
     /// # Panics
     /// As [`Correlator::score`].

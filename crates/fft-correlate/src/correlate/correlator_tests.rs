@@ -105,9 +105,9 @@ fn equals_the_direct_sum_for_every_separation_weight() {
 }
 
 /// Half turns at once against the same rotations one by one in double precision, on windows of even
-/// and odd sizes, on one side, and one node wide, with the pivot at nodes and between them, with one
-/// product and with two, for all vectors that there are. Which other turns are asked for must not
-/// matter.
+/// and odd sizes, on one side, and one node wide, with the pivot at nodes and between them, with
+/// one product and with two, for all vectors that there are. Which other turns are asked for must
+/// not matter.
 #[test]
 fn half_turns_are_the_rotations_that_they_say() {
     let mut rng = SmallRng::seed_from_u64(7);

@@ -12,8 +12,8 @@ use super::kernels::steps::{Ends, Step, cost, known, steps, turning_steps};
 /// Nanoseconds of a radix-2 pass over one complex element of eight lanes.
 const PASS: f64 = 1.1;
 
-/// Nanoseconds to read, write and transpose one complex element of eight lanes, of one product
-/// with a spectrum that comes from memory, and of one resampled value where half of the box is empty.
+/// Nanoseconds to read, write and transpose one complex element of eight lanes, of one product with
+/// a spectrum that comes from memory, and of one resampled value where half of the box is empty.
 const MOVE: f64 = 1.6;
 const PRODUCT: f64 = 0.5;
 const SAMPLE: f64 = 2.3;

@@ -45,8 +45,8 @@ pub struct CorrelatorPlan {
     /// planned for, save time, and the lattice has its nodes, or the middles between them, at the
     /// pivot.
     pub shares_half_turns: bool,
-    /// Seconds that a rotation should take on one thread, one of four if they share half turns, by a
-    /// model measured with vectors of eight f32 (AVX2); empty space in the moving part makes it
+    /// Seconds that a rotation should take on one thread, one of four if they share half turns, by
+    /// a model measured with vectors of eight f32 (AVX2); empty space in the moving part makes it
     /// faster.
     pub expected_seconds: f64,
     /// What it was made from.
@@ -106,8 +106,8 @@ impl CorrelatorPlan {
     }
 
     /// For [`Correlator::score_half_turns`](super::Correlator::score_half_turns): with room for the
-    /// half turns' results and, if that costs less in all, somewhat longer transforms. Single scores
-    /// are as good, but may take longer.
+    /// half turns' results and, if that costs less in all, somewhat longer transforms. Single
+    /// scores are as good, but may take longer.
     ///
     /// # Errors
     /// As [`CorrelatorPlan::new`].
@@ -118,8 +118,8 @@ impl CorrelatorPlan {
         Self::of(support, window, true)
     }
 
-    /// For the rotations of `groups`: [`CorrelatorPlan::for_half_turns`] if they are large enough on
-    /// average, else [`CorrelatorPlan::new`].
+    /// For the rotations of `groups`: [`CorrelatorPlan::for_half_turns`] if they are large enough
+    /// on average, else [`CorrelatorPlan::new`].
     ///
     /// # Errors
     /// As [`CorrelatorPlan::new`].
@@ -163,12 +163,13 @@ impl CorrelatorPlan {
         let kept: Vec<Crop> = crops.iter().flatten().copied().collect();
         let periods = kept.iter().map(|k| k.met.min_period);
         let mut size = transform_size(periods, shape, &shapes(&kept))?;
-        let images = half_turns.then(|| symmetric(support, &crops, window_box, size));
-        let images = images.flatten();
-        let shares_half_turns = images.is_some();
-        if let Some((longer, symmetric)) = images {
-            (size, crops) = (longer, symmetric);
-        }
+        let mirrored = if half_turns {
+            symmetric(support, &crops, window_box, size)
+        } else {
+            None
+        };
+        let shares_half_turns = mirrored.is_some();
+        (size, crops) = mirrored.unwrap_or((size, crops));
         let mut plan = Self {
             transform_size: size,
             window: shape,
@@ -185,19 +186,24 @@ impl CorrelatorPlan {
             support: support.clone(),
             window_first: first,
         };
-        for (number, (crop, of)) in crops.into_iter().zip(&support.products).enumerate() {
+        plan.list(crops);
+        Ok(plan.with_needs::<f32>(level::native()))
+    }
+
+    /// Takes up what is kept of each product.
+    fn list(&mut self, crops: Vec<Option<Crop>>) {
+        for (number, (crop, of)) in crops.into_iter().zip(&self.support.products).enumerate() {
             match crop {
-                Some(crop) => plan.products.push(ProductPlan {
+                Some(crop) => self.products.push(ProductPlan {
                     factors: of.product.name,
                     fixed_nodes: crop.met.fixed.shape(),
                     moving_nodes: crop.met.moving.shape(),
                     number,
                     crop,
                 }),
-                None => plan.skipped.push(of.product.name),
+                None => self.skipped.push(of.product.name),
             }
         }
-        Ok(plan.with_needs::<f32>(level::native()))
     }
 
     /// The same with what its correlator needs in these numbers and with these vectors.

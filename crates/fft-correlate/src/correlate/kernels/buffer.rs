@@ -1,10 +1,8 @@
 //! Aligned memory for bundles of lines, and hints of what will be read next.
 
-use bytemuck::{Pod, Zeroable};
-use sdf_grid::large;
-
 use super::tile::Tile;
 use crate::correlate::real::Real;
+use bytemuck::{Pod, Zeroable};
 
 /// One cache line.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -22,7 +20,8 @@ impl<T: Real> Buffer<T> {
         let lines = (len * size_of::<T>()).div_ceil(size_of::<CacheLine>());
         let lines = bytemuck::zeroed_vec(lines);
         // Read in strides of a kibibyte and more.
-        large::ask_for_large_pages(&lines);
+        #[cfg(not(miri))]
+        sdf_grid::large::ask_for_large_pages(&lines);
         Self {
             lines,
             kind: std::marker::PhantomData,

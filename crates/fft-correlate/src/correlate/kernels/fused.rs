@@ -107,25 +107,9 @@ impl<T: Real> Fused<T> {
         let (y_from_half, y_to_half) = halves(&sizes, 1);
         let pair = LaneFft::pair(size[0], x_from_half, x_to_half);
         let [x, x_back] = pair.expect("lengths of factors 2, 3 and 5");
-        let angle = |z: usize| PI * z as f64 / size[2] as f64;
-        let twist: Vec<_> = (0..layout.half)
-            .map(|z| [angle(z).cos(), angle(z).sin()].map(T::nearest))
-            .collect();
-        let image_sizes = ImageSizes {
-            layout: &layout,
-            size,
-            window: sizes.window,
-            extent: sizes.moving[0],
-            planes: planes(&sizes, 0),
-        };
-        let turns = &HalfTurn::ALL[..if sizes.half_turns { 4 } else { 1 }];
-        let y_back = y(false, y_to_half);
-        let image = |turn: &HalfTurn| {
-            let back = [x_back.clone(), y_back.clone()];
-            Image::new(*turn, &image_sizes, back, &twist)
-        };
-        let images: Vec<_> = turns.iter().map(image).collect();
+        let twist = twist(layout.half);
         let radix = x_back.first_radix();
+        let images = images(&layout, &sizes, [x_back, y(false, y_to_half)], &twist);
         let terms = (0..sizes.moving.len()).map(|term| Term {
             y_places: layout.y_places(planes(&sizes, term), size[1]),
             spectrum: packed(&layout, size, radix, &fixed(term)),
@@ -149,6 +133,33 @@ impl<T: Real> Fused<T> {
             layout,
         }
     }
+}
+
+/// Cosine and sine of `pi z / nz` for z below `half`, half of `nz`.
+fn twist<T: Real>(half: usize) -> Vec<[T; 2]> {
+    let angle = |z: usize| PI * z as f64 / (2 * half) as f64;
+    (0..half)
+        .map(|z| [angle(z).cos(), angle(z).sin()].map(T::nearest))
+        .collect()
+}
+
+/// The ways back; `back` transforms along x and y.
+fn images<T: Real>(
+    layout: &Layout,
+    sizes: &Sizes,
+    back: [LaneFft<T>; 2],
+    twist: &[[T; 2]],
+) -> Vec<Image<T>> {
+    let of = ImageSizes {
+        layout,
+        size: sizes.transform,
+        window: sizes.window,
+        extent: sizes.moving[0],
+        planes: planes(sizes, 0),
+    };
+    let turns = &HalfTurn::ALL[..if sizes.half_turns { 4 } else { 1 }];
+    let image = |turn: &HalfTurn| Image::new(*turn, &of, back.clone(), twist);
+    turns.iter().map(image).collect()
 }
 
 /// Both half spectra of a fixed field, divided by the number of points, as stage 2 reads them;

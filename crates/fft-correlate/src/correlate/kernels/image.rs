@@ -7,9 +7,9 @@
 //!
 //! `sum_m f(w + m) b(c - m) = sum_m f_S(-(w + e - 1) + m) b(m)`:
 //!
-//! the correlation of the same moving field with the flipped fixed one, read at other places. And the
-//! spectrum of a flipped real field is the old one, at `-k` along the flipped axes; where z is one
-//! of them, `-k` is the conjugate of what stands at `k` along z and mirrored along the others:
+//! the correlation of the same moving field with the flipped fixed one, read at other places. And
+//! the spectrum of a flipped real field is the old one, at `-k` along the flipped axes; where z is
+//! one of them, `-k` is the conjugate of what stands at `k` along z and mirrored along the others:
 //! blocks of kz stay blocks of kz. So the fixed spectra are read in another order, and nothing is
 //! sampled, transformed or stored anew.
 
@@ -67,6 +67,38 @@ pub(super) struct ImageSizes<'a> {
     pub(super) planes: usize,
 }
 
+impl ImageSizes<'_> {
+    /// For every output along an axis the window index that it belongs to, and how often that has
+    /// gone around.
+    fn outputs(&self, axis: usize, flipped: bool) -> Vec<Option<(usize, i64)>> {
+        let (n, wanted) = (self.size[axis], self.window[axis]);
+        let mut indices = vec![None; n];
+        for w in 0..wanted {
+            let (at, around) = output(flipped, w, self.extent[axis], n);
+            indices[at] = Some((w, around));
+        }
+        indices
+    }
+}
+
+/// The real outputs that complex ones along z hold.
+fn z_outputs<T: Real>(depth: &[Option<(usize, i64)>], twist: &[[T; 2]]) -> Vec<[Output<T>; 2]> {
+    let output = |z: usize, [a, b]: [T; 2]| {
+        let (index, around) = depth[z].unwrap_or((usize::MAX, 0));
+        // What goes around along z comes back with the opposite sign.
+        let sign = if around % 2 == 0 { T::one() } else { -T::one() };
+        Output {
+            index,
+            factors: [sign * a, sign * b],
+        }
+    };
+    let half = twist.len();
+    let both = |(z, &[cos, sin]): (usize, &[T; 2])| {
+        [output(z, [cos, -sin]), output(z + half, [-sin, -cos])]
+    };
+    twist.iter().enumerate().map(both).collect()
+}
+
 impl<T: Real> Image<T> {
     /// `back` transforms along x and y; `twist` are cosine and sine of `pi z / nz`.
     pub(super) fn new(
@@ -77,16 +109,7 @@ impl<T: Real> Image<T> {
     ) -> Self {
         let flips = turn.flips();
         let l = of.layout;
-        // Window index of every output, or none.
-        let indices = |axis: usize| {
-            let (n, wanted) = (of.size[axis], of.window[axis]);
-            let mut indices = vec![None; n];
-            for w in 0..wanted {
-                let (at, around) = output(flips[axis], w, of.extent[axis], n);
-                indices[at] = Some((w, around));
-            }
-            indices
-        };
+        let indices = |axis| of.outputs(axis, flips[axis]);
         let first = |axis: usize| {
             let (n, w) = (of.size[axis], of.window[axis]);
             let last = if flips[axis] { w - 1 } else { 0 };
@@ -105,28 +128,13 @@ impl<T: Real> Image<T> {
             // As packed: in the order in which the turning pass meets them.
             (k % blocks * 2 * radix + k / blocks) * 2 * l.lanes
         });
-        let depth = indices(2);
-        let z_output = |z: usize, [a, b]: [T; 2]| {
-            let (index, around) = depth[z].unwrap_or((usize::MAX, 0));
-            // What goes around along z comes back with the opposite sign.
-            let sign = if around % 2 == 0 { T::one() } else { -T::one() };
-            Output {
-                index,
-                factors: [sign * a, sign * b],
-            }
-        };
         Self {
             x_to: indices(0)
                 .iter()
                 .map(|o| l.x_to(of.planes, index(o)))
                 .collect(),
             y_to: indices(1).iter().map(|o| l.y_to(index(o))).collect(),
-            z_to: (0..l.half)
-                .zip(twist)
-                .map(|(z, &[cos, sin])| {
-                    [z_output(z, [cos, -sin]), z_output(z + l.half, [-sin, -cos])]
-                })
-                .collect(),
+            z_to: z_outputs(&indices(2), twist),
             x: x.with_first_output(first(0)),
             y: y.with_first_output(first(1)),
             order: order.collect(),

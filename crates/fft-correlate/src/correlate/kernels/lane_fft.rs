@@ -219,9 +219,9 @@ impl<T: Real> LaneFft<T> {
     }
 }
 
-/// [`LaneFft::process`] from one bundle to another, while the bundle that begins `next` numbers after
-/// the first is on its way to the nearest cache, and that after the second too if its number is not
-/// zero. Not inlined: it is the same for most transforms.
+/// [`LaneFft::process`] from one bundle to another, while the bundle that begins `next` numbers
+/// after the first is on its way to the nearest cache, and that after the second too if its number
+/// is not zero. Not inlined: it is the same for most transforms.
 #[simd]
 pub(crate) fn transform<S: Simd, T: Real>(
     simd: S,
@@ -249,8 +249,8 @@ pub(crate) fn transform<S: Simd, T: Real>(
     );
 }
 
-/// [`LaneFft::all_but_last`] of a bundle, while `ahead` is on its way to the second-level cache. Not inlined,
-/// as [`transform`].
+/// [`LaneFft::all_but_last`] of a bundle, while `ahead` is on its way to the second-level cache.
+/// Not inlined, as [`transform`].
 #[simd]
 pub(crate) fn first_passes<'a, S: Simd, T: Real>(
     simd: S,
@@ -371,10 +371,9 @@ mod tests {
         (wrong / size).sqrt()
     }
 
-    /// Every length with the factors 2, 3 and 5 up to 512, whole and with halves left out, any half of
-    /// the output, with each kind of vectors, against rustfft.
-    /// Rounding grows like the root of the number of passes: a few times 6e-8 in f32 and 1.1e-16 in
-    /// f64.
+    /// Every length with the factors 2, 3 and 5 up to 512, whole and with halves left out, any half
+    /// of the output, with each kind of vectors, against rustfft. Rounding grows like the root of
+    /// the number of passes: a few times 6e-8 in f32 and 1.1e-16 in f64.
     #[test]
     fn equals_rustfft_for_all_lengths() {
         let mut rng = SmallRng::seed_from_u64(4);

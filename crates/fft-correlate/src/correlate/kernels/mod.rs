@@ -9,12 +9,12 @@
 //! 3. per wanted x plane: blocks back to lanes of y, z transforms to real values.
 //!
 //! Only real parts are computed: `Re(A B) = Ar Br - Ai Bi`, two real transforms going in, and one
-//! coming out of the sum of all products. Along z the period is `nz` but the frequencies are
-//! `2 k + 1/2`: the sum over z of `b(z) e^{2 pi i z (2 k + 1/2) / nz}` is a complex transform of
-//! `nz / 2` points of `(b(z) + i b(z + nz / 2)) e^{pi i z / nz}`, and those `nz / 2` values hold all
-//! there is to know of a real line. No frequency is its own conjugate, so there is no zero and no
-//! Nyquist frequency to treat apart and no half spectrum to split. What wraps around along z
-//! returns with the opposite sign; nothing that wraps around is ever wanted.
+//! coming out of the sum of all products. Along z the period is `nz` but the frequencies are `2 k +
+//! 1/2`: the sum over z of `b(z) e^{2 pi i z (2 k + 1/2) / nz}` is a complex transform of `nz / 2`
+//! points of `(b(z) + i b(z + nz / 2)) e^{pi i z / nz}`, and those `nz / 2` values hold all there
+//! is to know of a real line. No frequency is its own conjugate, so there is no zero and no Nyquist
+//! frequency to treat apart and no half spectrum to split. What wraps around along z returns with
+//! the opposite sign; nothing that wraps around is ever wanted.
 //!
 //! Lines that are zero going in are skipped, and so are those unwanted coming out. Half turns take
 //! stages 2 and 3 from the products on ([`image`]).

@@ -99,23 +99,9 @@ pub(super) fn multiply_images<S: Simd, T: Real>(
     let fixed = |term: usize, y: usize| -> &[T] {
         &f.terms[term].spectrum.as_slice()[(block * ny + y) * column..][..column]
     };
-    let part_offset = f.images[0].x.first_radix() * 2 * l.lanes;
-    let filled = |term: &usize| !spectra[*term].filled.is_empty();
     let mut next = columns(ny).skip(2);
     for y in columns(ny) {
-        let mut lines = [(work[0], 0, 0); 2 * MAX_TERMS];
-        let mut count = 0;
-        for term in (0..spectra.len()).filter(filled) {
-            let moving = &spectra[term];
-            for part in 0..2 {
-                let from = l.column(moving.planes, part, y);
-                let from = Line::new(moving.block, from, moving.x_from);
-                let to = Line::new(done[count], 0, &f.places);
-                transform(simd, &f.x, work, from, to, [0, 0]);
-                lines[count] = (done[count], term, part * part_offset);
-                count += 1;
-            }
-        }
+        let (lines, count) = transformed(simd, f, spectra, y, work, done);
         // The columns after the next are asked for meanwhile: else the products wait for them.
         let after = next.next().filter(|_| f.is_large);
         for (i, sum) in sums.iter().enumerate() {
@@ -151,6 +137,37 @@ pub(super) fn multiply_images<S: Simd, T: Real>(
             }
         }
     }
+}
+
+/// The x transforms of one column of all terms: lines with their terms and where the fixed spectra
+/// of their parts begin in a column; and how many there are.
+#[inline(always)]
+fn transformed<'a, S: Simd, T: Real>(
+    simd: S,
+    f: &Fused<T>,
+    spectra: &[Spectra<'a, T>],
+    y: usize,
+    work: [Tile<'a, T>; 2],
+    done: [Tile<'a, T>; 2 * MAX_TERMS],
+) -> ([(Tile<'a, T>, usize, usize); 2 * MAX_TERMS], usize) {
+    let l = f.layout;
+    let part_offset = f.images[0].x.first_radix() * 2 * l.lanes;
+    let mut lines = [(work[0], 0, 0); 2 * MAX_TERMS];
+    let mut count = 0;
+    for (term, moving) in spectra.iter().enumerate() {
+        if moving.filled.is_empty() {
+            continue;
+        }
+        for part in 0..2 {
+            let from = l.column(moving.planes, part, y);
+            let from = Line::new(moving.block, from, moving.x_from);
+            let to = Line::new(done[count], 0, &f.places);
+            transform(simd, &f.x, work, from, to, [0, 0]);
+            lines[count] = (done[count], term, part * part_offset);
+            count += 1;
+        }
+    }
+    (lines, count)
 }
 
 /// A line of the moving field and its column of the fixed spectra.

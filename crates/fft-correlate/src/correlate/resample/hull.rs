@@ -1,6 +1,6 @@
-//! Where lines along the fixed lattice's z may meet a turned field: slabs around its occupied nodes,
-//! normal to all small whole directions. The slabs around a ball hold a few percent more than the
-//! ball, its bounding box twice as much.
+//! Where lines along the fixed lattice's z may meet a turned field: slabs around its occupied
+//! nodes, normal to all small whole directions. The slabs around a ball hold a few percent more
+//! than the ball, its bounding box twice as much.
 
 use std::array::from_fn;
 use std::ops::Range;
@@ -28,7 +28,8 @@ pub(crate) struct Hull {
 }
 
 impl Hull {
-    /// Around all nodes that are not zero, of which there must be some; places are indices of the lattice.
+    /// Around all nodes that are not zero, of which there must be some; places are indices of the
+    /// lattice.
     pub(crate) fn new<T: Real>(values: &Array3<Complex<T>>) -> Self {
         let normals = normals();
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; COUNT];
@@ -190,9 +191,9 @@ mod tests {
         counts
     }
 
-    /// Ranges hold all that is occupied, whatever its shape. Around a ball they hold little more: 49
-    /// slabs some percent, and the corners of cells and the ends of groups of lines in proportion
-    /// to its surface, which for a ball this small is a lot.
+    /// Ranges hold all that is occupied, whatever its shape. Around a ball they hold little more:
+    /// 49 slabs some percent, and the corners of cells and the ends of groups of lines in
+    /// proportion to its surface, which for a ball this small is a lot.
     #[test]
     fn ranges_hold_what_is_occupied_and_little_else() {
         let mut rng = SmallRng::seed_from_u64(8);

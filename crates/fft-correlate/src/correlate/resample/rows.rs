@@ -78,8 +78,8 @@ fn sample<S: Simd, T: Real>(
 /// Parts of eight lanes of a patch at most.
 const MOST_PARTS: usize = 2;
 
-/// Where the samples of a patch lie, the first at index `at` of the field: in eights, of eight lanes
-/// at one z or of fewer lanes at several.
+/// Where the samples of a patch lie, the first at index `at` of the field: in eights, of eight
+/// lanes at one z or of fewer lanes at several.
 #[inline(always)]
 fn find_patch<S: Simd, T: Real>(
     simd: S,

@@ -9,13 +9,16 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use crate::atomic;
-use crate::density::{DensityError, DensityField, DensityOptions, FieldRecipe};
-use crate::kernel::DensityKernel;
-use crate::lattice::Lattice;
-use crate::mesh::TriangleMesh;
-use crate::monitor::Monitor;
-use crate::recipe::{Difference, difference};
+use super::density_field::DensityField;
+use super::error::DensityError;
+use super::kernel::DensityKernel;
+use super::lattice::Lattice;
+use super::options::DensityOptions;
+use super::recipe::FieldRecipe;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::atomic;
+use crate::support::monitor::Monitor;
+use crate::support::recipe::{Difference, difference};
 
 /// First bytes of every file.
 const MAGIC: &[u8; 16] = b"pegfit field 16\n";

@@ -1,99 +1,18 @@
 //! The complex skeletal density of a mesh on a lattice.
-//!
-//! - [`reference`]: brute force over all triangles in f64, the measure of everything else;
-//! - `edge_integral`: the exact reduction of a flat face to integrals along its edges;
-//! - `gradient`: the gradient at single points (`edge_gradient` of a face, `distance_gradient` on the
-//!   medial axis);
-//! - `point`: the tree code at single points in f64;
-//! - `fast`: the tree code on packets of sixteen points in f32;
-//! - `patch`: distances, signs and densities of a small regular patch;
-//! - `smooth`: blocks of a patch that are interpolated from some of their points;
-//! - `signs`: on which side of the boundary points lie;
-//! - `signed_distance`: distances alone;
-//! - `recipe`: everything that a field's values depend on;
-//! - `sampling`: from points to lattice values (blocks, halo, cell averages).
 
-mod boundary;
-mod distance_gradient;
-mod edge_gradient;
-mod edge_integral;
-mod fast;
-mod gradient;
-mod patch;
-mod point;
-mod recipe;
-pub mod reference;
-mod sampling;
-mod signed_distance;
-mod signs;
-mod smooth;
-
-use bytemuck::Zeroable;
 use ndarray::{Array3, Zip};
 use num_complex::Complex32;
-use serde::{Deserialize, Serialize};
 
-use crate::{DensityKernel, Lattice, Monitor, TriangleMesh, large};
-pub use gradient::{DensityGradient, UnitGradient};
-pub use recipe::{FIELD_VERSION, FieldRecipe};
-pub use reference::{ReferenceDensity, UnitDensity};
-pub use signed_distance::signed_distances;
-
-/// How a lattice value represents the density around its node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Sampling {
-    /// The value at the node.
-    Point,
-    /// The mean over the node's cubic cell, by 4 x 4 x 4 sub-points in the cells that the boundary
-    /// may cut; the value at the node elsewhere. Exterior and interior are averaged separately, so
-    /// in a cut cell both are non-zero.
-    CellAverage,
-}
-
-/// How accurate a field must be and how it is sampled.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DensityOptions {
-    /// Relative L2 error against the f64 reference that the field must meet, 1e-5 .. 1e-2.
-    pub tolerance: f64,
-    /// How a lattice value represents its cell.
-    pub sampling: Sampling,
-    /// Distance outside the part, metres, at which the exterior density has faded to zero
-    /// (smooth cut-off from 70 % of it); infinite for none.
-    pub halo: f64,
-}
-
-impl Default for DensityOptions {
-    /// Tolerance 1e-3, cell averages, no halo.
-    fn default() -> Self {
-        Self {
-            tolerance: 1e-3,
-            sampling: Sampling::CellAverage,
-            halo: f64::INFINITY,
-        }
-    }
-}
-
-impl DensityOptions {
-    /// Checks every option against its range.
-    ///
-    /// # Errors
-    /// Names the first option out of range.
-    pub fn validate(&self) -> Result<(), DensityError> {
-        let refuse = |name, expected, found| DensityError::Option {
-            name,
-            expected,
-            found,
-        };
-        if !(1e-5..=1e-2).contains(&self.tolerance) {
-            return Err(refuse("tolerance", "in 1e-5..=1e-2", self.tolerance));
-        }
-        if self.halo.is_nan() || self.halo <= 0.0 {
-            return Err(refuse("halo", "> 0 metres", self.halo));
-        }
-        Ok(())
-    }
-}
+use super::error::DensityError;
+use super::kernel::DensityKernel;
+use super::lattice::Lattice;
+use super::options::DensityOptions;
+use super::recipe::FieldRecipe;
+use super::sampling::blocks::Arrays;
+use super::sampling::fill::fill;
+use super::zeros::zeros;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::monitor::Monitor;
 
 /// The density of one part on a lattice, as two unit parts: `rho = l1 * exterior + l2 * interior`.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,33 +25,6 @@ pub struct DensityField {
     pub signed_distance: Array3<f32>,
     /// What the values depend on.
     pub recipe: FieldRecipe,
-}
-
-/// Why a field cannot be computed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum DensityError {
-    /// The caller's monitor asked to stop.
-    #[error("cancelled")]
-    Cancelled,
-    /// An option is out of its range.
-    #[error("density option {name} must be {expected}, found {found}")]
-    Option {
-        /// The option.
-        name: &'static str,
-        /// Its accepted range.
-        expected: &'static str,
-        /// What was given.
-        found: f64,
-    },
-    /// The mesh has no triangle with an area.
-    #[error("a density needs a mesh with at least one triangle of non-zero area, found none")]
-    EmptyMesh,
-    /// The field's arrays cannot be allocated.
-    #[error("density field needs {bytes} bytes of memory, which cannot be had")]
-    Memory {
-        /// What the field needs, see [`DensityField::memory_bytes`].
-        bytes: u64,
-    },
 }
 
 impl DensityField {
@@ -165,7 +57,12 @@ impl DensityField {
         monitor: &dyn Monitor,
     ) -> Result<Self, DensityError> {
         let mut field = Self::allocate(recipe)?;
-        sampling::fill(&mut field, mesh, kernel, monitor)?;
+        let arrays = Arrays {
+            exterior: field.exterior.view_mut(),
+            interior: field.interior.view_mut(),
+            signed_distance: field.signed_distance.view_mut(),
+        };
+        fill(&field.recipe, arrays, mesh, kernel, monitor)?;
         Ok(field)
     }
 
@@ -198,12 +95,4 @@ impl DensityField {
             recipe,
         })
     }
-}
-
-/// An array of zeros on `lattice`, or none if the memory cannot be had. Untouched: its pages are first
-/// written by the threads that fill them.
-fn zeros<T: Zeroable>(lattice: &Lattice) -> Option<Array3<T>> {
-    let values = bytemuck::allocation::try_zeroed_vec(lattice.len()).ok()?;
-    large::ask_for_large_pages(&values);
-    Array3::from_shape_vec(lattice.shape(), values).ok()
 }

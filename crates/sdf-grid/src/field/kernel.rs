@@ -7,7 +7,7 @@
 
 use num_complex::Complex64;
 
-use crate::quadrature::GaussLegendre;
+use crate::field::quadrature::GaussLegendre;
 
 /// The density kernel of thickness `sigma` (the paper's eq_2, written as the bounded `H(u)` of
 /// `docs/conventions.md`).

@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::mesh::Aabb;
+use crate::mesh::aabb::Aabb;
 
 /// Nodes `origin + spacing * (i, j, k)` with `0 <= (i, j, k) < shape`.
 ///

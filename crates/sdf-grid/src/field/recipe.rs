@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{DensityOptions, Sampling};
-use crate::kernel::DensityKernel;
-use crate::lattice::Lattice;
-use crate::mesh::TriangleMesh;
+use super::kernel::DensityKernel;
+use super::lattice::Lattice;
+use super::options::{DensityOptions, Sampling};
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// Version of the computed values: raised whenever the same inputs give other values.
 pub const FIELD_VERSION: u32 = 15;

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::symmetry::principal_axes;
-use crate::{Aabb, TriangleMesh};
+use crate::frame::principal_axes::principal_axes;
+use crate::mesh::aabb::Aabb;
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// Normals within about this of each other are one direction.
 const SAME: f64 = 1e-3;
@@ -79,7 +80,7 @@ fn turn_onto_axes(first: DVec3, second: DVec3) -> DQuat {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shapes;
+    use crate::mesh::shapes;
 
     #[test]
     fn turned_parts_fill_their_boxes_again() {

@@ -1,82 +1,12 @@
-//! Triangle meshes that have passed hygiene, and boxes around them.
+//! Triangle meshes that have passed hygiene.
 
 use glam::{DQuat, DVec3};
-use serde::Serialize;
 
-use crate::hygiene::{self, HygieneOptions, HygieneReport};
-use crate::mesh_error::MeshError;
-
-/// An axis-aligned box, metres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Aabb {
-    /// Lowest corner.
-    pub min: DVec3,
-    /// Highest corner.
-    pub max: DVec3,
-}
-
-impl Aabb {
-    /// The box that holds nothing: the neutral element of [`Aabb::union`].
-    pub const EMPTY: Self = Self {
-        min: DVec3::INFINITY,
-        max: DVec3::NEG_INFINITY,
-    };
-
-    /// The smallest box around `points`; [`Aabb::EMPTY`] if there are none.
-    pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
-        points.into_iter().fold(Self::EMPTY, |b, p| Self {
-            min: b.min.min(p),
-            max: b.max.max(p),
-        })
-    }
-
-    /// Edge lengths, metres; negative infinity for the empty box.
-    pub fn size(&self) -> DVec3 {
-        self.max - self.min
-    }
-
-    /// Length of the space diagonal, metres; 0 for the empty box.
-    pub fn diagonal(&self) -> f64 {
-        if self.min.cmple(self.max).all() {
-            self.size().length()
-        } else {
-            0.0
-        }
-    }
-
-    /// Midpoint, metres.
-    pub fn center(&self) -> DVec3 {
-        0.5 * (self.min + self.max)
-    }
-
-    /// The smallest box around both boxes.
-    #[must_use]
-    pub fn union(&self, other: &Self) -> Self {
-        Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
-        }
-    }
-
-    /// The box moved outwards by `margin` metres on every side.
-    #[must_use]
-    pub fn grown(&self, margin: f64) -> Self {
-        Self {
-            min: self.min - margin,
-            max: self.max + margin,
-        }
-    }
-
-    /// True if `point` lies inside or on the box.
-    pub fn contains(&self, point: DVec3) -> bool {
-        self.min.cmple(point).all() && point.cmple(self.max).all()
-    }
-
-    /// True if the boxes share at least a point.
-    pub fn overlaps(&self, other: &Self) -> bool {
-        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
-    }
-}
+use crate::mesh::aabb::Aabb;
+use crate::mesh::error::MeshError;
+use crate::mesh::hygiene::pipeline;
+use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
+use crate::mesh::measure::{face_area, volume};
 
 /// A triangle mesh that has passed hygiene: finite vertices, indices in range, no zero-area or
 /// duplicate faces, components oriented outwards (cavities inwards). Vertices are metres.
@@ -90,7 +20,14 @@ pub struct TriangleMesh {
 const HASHED_AT_ONCE: usize = 4096;
 
 impl TriangleMesh {
-    /// Runs the hygiene pipeline of [`crate::hygiene`] on raw triangles and keeps what is left.
+    /// Cleans raw triangles and keeps what is left.
+    ///
+    /// In order: vertices must be finite and indices in range; vertices closer than a tolerance are
+    /// welded; faces without area and repeated faces are dropped; open edges are cut where the
+    /// vertices of others lie on them, so that faces which meet share vertices; the faces of each
+    /// component are oriented alike, then outwards (a cavity inwards); what is still open is
+    /// measured, and refused when it is too much. The result does not depend on the order of the
+    /// input beyond the order of its own vertices and triangles, and a second run changes nothing.
     ///
     /// `name` (a file or part name) appears in every error.
     ///
@@ -103,7 +40,7 @@ impl TriangleMesh {
         triangles: Vec<[u32; 3]>,
         options: &HygieneOptions,
     ) -> Result<(Self, HygieneReport), MeshError> {
-        let (vertices, triangles, report) = hygiene::run(name, vertices, triangles, options)?;
+        let (vertices, triangles, report) = pipeline::run(name, vertices, triangles, options)?;
         let mesh = Self {
             vertices,
             triangles,
@@ -217,23 +154,4 @@ impl TriangleMesh {
             triangles: self.triangles.clone(),
         }
     }
-}
-
-/// Area of a triangle, in the squared unit of its corners.
-pub(crate) fn face_area([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
-}
-
-/// Volume enclosed by `triangles`, seen from the centre of their bounds so that a part far from
-/// the origin loses no digits.
-pub(crate) fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
-    let corners = |t: &[u32; 3]| t.map(|v| vertices[v as usize]);
-    let center = Aabb::around(triangles.iter().flat_map(corners)).center();
-    triangles
-        .iter()
-        .map(|t| {
-            let [a, b, c] = corners(t).map(|p| p - center);
-            a.dot(b.cross(c)) / 6.0
-        })
-        .sum()
 }

@@ -1,31 +1,14 @@
-//! Reading and writing mesh files.
-//!
-//! Files are untrusted: nothing is allocated from a count that the file states before the bytes
-//! that back it have been seen, and every mesh goes through [`crate::hygiene`]. A file is read
-//! into a [`MeshFile`], which lists the solids in it; cleaning turns all of them, or one, into a
-//! [`TriangleMesh`]. `docs/input.md` says what is read of each format.
+//! Files of solids, of whatever format.
 
-mod gltf;
-mod obj;
-mod ply;
-mod soup;
-mod step;
-mod stl;
-mod threemf;
-mod unit;
-
-use std::fs::File;
-use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use soup::Soup;
-pub use step::StepOptions;
-pub use unit::LengthUnit;
-
-use crate::atomic;
-use crate::hygiene::{HygieneOptions, HygieneReport};
-use crate::mesh::TriangleMesh;
-use crate::mesh_error::MeshError;
+use super::soup::{Solid, Soup};
+use super::step::StepOptions;
+use super::unit::LengthUnit;
+use super::{bytes, gltf, obj, ply, step, stl, threemf};
+use crate::mesh::error::MeshError;
+use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The file name endings that are read.
 pub const FORMATS: &str = ".obj, .stl, .ply, .glb, .gltf, .3mf, .step or .stp";
@@ -59,15 +42,6 @@ pub struct ReadOptions {
     pub step: StepOptions,
 }
 
-/// One of the solids in a file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Solid {
-    /// Its name in the file; empty if it has none.
-    pub name: String,
-    /// Number of its triangles, before hygiene.
-    pub triangles: usize,
-}
-
 /// A mesh file's content before hygiene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
@@ -95,7 +69,7 @@ impl MeshFile {
             "ply" => MeshFormat::Ply,
             "glb" | "gltf" => MeshFormat::Gltf,
             "3mf" => MeshFormat::ThreeMf,
-            "step" | "stp" => return step::open(path, step),
+            "step" | "stp" => return Self::convert(path, step),
             _ => {
                 return Err(MeshError::Format {
                     path: path.to_owned(),
@@ -104,8 +78,18 @@ impl MeshFile {
                 });
             }
         };
-        let bytes = read_whole(path)?;
+        let bytes = bytes::read_whole(path)?;
         Self::parse(&path.display().to_string(), &bytes, format, path.parent())
+    }
+
+    fn convert(path: &Path, options: &StepOptions) -> Result<Self, MeshError> {
+        let name = path.display().to_string();
+        let (converter, soup) = step::convert_file(&name, path, options)?;
+        Ok(Self {
+            name,
+            soup,
+            converter: Some(converter),
+        })
     }
 
     /// Reads a file's bytes. `name` (the file) appears in every error; `folder` is where a glTF
@@ -202,39 +186,4 @@ pub fn read_with(
     options: &ReadOptions,
 ) -> Result<(TriangleMesh, HygieneReport), MeshError> {
     MeshFile::open(path, &options.step)?.clean(options)
-}
-
-fn read_whole(path: &Path) -> Result<Vec<u8>, MeshError> {
-    let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|mut f| f.read_to_end(&mut bytes))
-        .map_err(|source| MeshError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-    Ok(bytes)
-}
-
-/// Writes a mesh as OBJ in metres, with enough digits to read back the same numbers. The file
-/// appears whole or not at all.
-///
-/// # Errors
-/// If the file cannot be written.
-pub fn write_obj(path: impl AsRef<Path>, mesh: &TriangleMesh) -> Result<(), MeshError> {
-    let path = path.as_ref();
-    atomic::write_with(path, |out| -> io::Result<()> {
-        writeln!(out, "# metres")?;
-        for v in mesh.vertices() {
-            writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
-        }
-        for t in mesh.triangles() {
-            let [a, b, c] = t.map(|i| i + 1);
-            writeln!(out, "f {a} {b} {c}")?;
-        }
-        Ok(())
-    })
-    .map_err(|source| MeshError::Write {
-        path: path.to_owned(),
-        source,
-    })
 }

@@ -16,9 +16,10 @@ use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Semantic};
 use gltf::{Accessor, Document, Gltf, Node, Primitive};
 
+use super::bytes;
 use super::soup::{Soup, syntax};
-use super::{LengthUnit, read_whole};
-use crate::mesh_error::MeshError;
+use super::unit::LengthUnit;
+use crate::mesh::error::MeshError;
 
 /// Nodes below one another; deeper trees are refused.
 const DEEPEST: usize = 1000;
@@ -138,7 +139,7 @@ fn uri_bytes(
             .components()
             .all(|c| matches!(c, std::path::Component::Normal(_)));
     match folder {
-        Some(folder) if beside => read_whole(&folder.join(name)),
+        Some(folder) if beside => bytes::read_whole(&folder.join(name)),
         _ => {
             let expected = "a buffer in the file or in one beside it";
             Err(syntax(file, place, expected, format!("{uri:?}")))

@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::face::Face;
+use crate::surface::face::Face;
 
 /// Moments about the area centroid.
 #[derive(Debug, Clone, Default)]
@@ -209,8 +209,8 @@ fn second_moment(t: &Face) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::Bvh;
-    use crate::shapes::random_solid;
+    use crate::mesh::shapes::random_solid;
+    use crate::surface::bvh::tree::Bvh;
 
     #[test]
     fn moments_of_nodes_are_those_of_their_faces() {

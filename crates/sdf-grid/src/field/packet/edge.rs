@@ -2,9 +2,9 @@
 
 use fearless_simd::{f32x16, prelude::*};
 
-use super::PacketDensity;
 use super::kernel::{MAX_POINTS, PacketKernel, atan2};
-use super::near::Query;
+use super::query::Query;
+use super::tree::PacketTree;
 
 /// One of the faces of an edge, seen from every point.
 #[derive(Clone, Copy)]
@@ -50,7 +50,7 @@ impl<S: Simd> Line<S> {
     #[inline(always)]
     pub(crate) fn add<const N: usize>(
         &self,
-        density: &PacketDensity<'_>,
+        tree: &PacketTree<'_>,
         query: &Query<S>,
         sides: [Side<S>; N],
         sum: &mut [f32x16<S>; 2],
@@ -71,7 +71,7 @@ impl<S: Simd> Line<S> {
         if longest <= 0.0 {
             return;
         }
-        let kernel = &density.kernel;
+        let kernel = &tree.kernel;
         let count = ((1.5 + query.density * longest).ceil() as usize).min(MAX_POINTS);
         // Nearer to the foot than this, numerator and denominator are both rounding noise; the
         // quotient is smooth and hardly differs there.

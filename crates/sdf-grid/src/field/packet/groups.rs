@@ -3,10 +3,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::far::Cluster;
-use crate::bvh::Bvh;
-use crate::large;
-use crate::mesh::Aabb;
+use super::cluster::Cluster;
+use crate::mesh::aabb::Aabb;
+use crate::support::large;
+use crate::surface::bvh::tree::Bvh;
 
 /// Nodes and faces in a group at most.
 pub(crate) const WIDTH: usize = 8;
@@ -217,8 +217,8 @@ impl Children {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::Leaves;
-    use crate::shapes::random_solid;
+    use crate::mesh::shapes::random_solid;
+    use crate::surface::bvh::build::Leaves;
 
     fn three(v: &[Members; 3], place: usize) -> Vec3 {
         Vec3::new(v[0][place], v[1][place], v[2][place])
@@ -230,7 +230,7 @@ mod tests {
         for seed in 0..6 {
             let bvh = Bvh::merged(
                 &random_solid(seed).unwrap(),
-                crate::coplanar::EXACT,
+                crate::surface::coplanar::pieces::EXACT,
                 Leaves::Small,
             );
             let (groups, _) = groups(&bvh);

@@ -4,8 +4,8 @@ use fearless_simd::{f32x16, i32x16, prelude::*};
 use num_complex::Complex64;
 
 use super::settings::Settings;
-use crate::kernel::CumulativeKernel;
-use crate::quadrature::GaussLegendre;
+use crate::field::kernel::CumulativeKernel;
+use crate::field::quadrature::GaussLegendre;
 
 /// Gauss points per edge at most. Only wide kernels ask for more, at 1e-5, and gain nothing by 40.
 pub(crate) const MAX_POINTS: usize = 20;

@@ -1,47 +1,17 @@
 //! Near faces of a packet: collected by the walk, then added edge by edge; the formulas are those of
-//! [`crate::density::edge_integral`].
+//! [`crate::field::point::edge_integral`].
 //!
 //! The kernel along an edge is the same for both faces it belongs to: where both are near it is
 //! evaluated once. Where both lie in one plane the edge does not count at all.
 
-use fearless_simd::{f32x16, mask32x16, prelude::*};
+use fearless_simd::{f32x16, prelude::*};
 
 use super::edge::{Line, Side};
-use super::packet::{Packet, View};
-use super::{Lanes, PacketDensity};
-
-/// What all faces share for one packet: distances and what follows from them.
-pub(crate) struct Query<S: Simd> {
-    /// Distances; zero in lanes to leave out.
-    pub(crate) xi: f32x16<S>,
-    /// Which lanes count.
-    pub(crate) counts: mask32x16<S>,
-    /// `1 / xi`.
-    pub(crate) inverse: f32x16<S>,
-    /// The square of the distance within which boundary points count.
-    pub(crate) reach_squared: f32x16<S>,
-    /// Gauss points per half length in units of `xi`.
-    pub(crate) density: f32,
-}
-
-/// The kernel varies over `sqrt(sigma)` along an edge, and whatever sigma over about this to the
-/// power of -1/2, in units of the distance.
-const BROAD: f32 = 3.0;
-
-impl<S: Simd> Query<S> {
-    #[inline(always)]
-    pub(crate) fn new(density: &PacketDensity<'_>, xi: f32x16<S>) -> Self {
-        let kernel = &density.kernel;
-        let reach = xi * (1.0 + kernel.reach * kernel.sigma);
-        Self {
-            xi,
-            counts: xi.simd_gt(0.0),
-            inverse: 1.0 / xi.max(1e-12),
-            reach_squared: reach * reach,
-            density: density.settings.density as f32 * (1.0 / kernel.sigma + BROAD).sqrt(),
-        }
-    }
-}
+use super::facet::View;
+use super::lanes::Lanes;
+use super::points::Packet;
+use super::query::Query;
+use super::tree::PacketTree;
 
 /// Faces added at a time: what is kept of them should stay in the first-level cache.
 const BATCH: usize = 48;
@@ -88,19 +58,19 @@ impl NearFaces {
     #[inline(always)]
     pub(crate) fn add<S: Simd>(
         &mut self,
-        density: &PacketDensity<'_>,
+        tree: &PacketTree<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
         index: usize,
         sum: &mut [f32x16<S>; 2],
     ) {
-        let face = &density.bvh.faces[index];
-        let view = View::new(packet, face, density.distance.facet(index));
+        let face = &tree.bvh.faces[index];
+        let view = View::new(packet, face, tree.distance.facet(index));
         let active = view.distance_squared(packet).simd_lt(query.reach_squared) & query.counts;
         if !active.any_true() {
             return;
         }
-        let kernel = &density.kernel;
+        let kernel = &tree.kernel;
         let mut k0 = kernel.rise_from_below(view.height.abs() * query.inverse);
         let within = (view.height * view.height).simd_lt(query.reach_squared);
         for (k0, whole) in k0.iter_mut().zip(kernel.beyond) {
@@ -131,7 +101,7 @@ impl NearFaces {
         (waiting.start, waiting.end) = (view.first, view.last);
         self.len += 1;
         if self.len == BATCH {
-            self.add_waiting(density, packet, query, sum);
+            self.add_waiting(tree, packet, query, sum);
         }
     }
 
@@ -139,7 +109,7 @@ impl NearFaces {
     #[inline(always)]
     pub(crate) fn add_waiting<S: Simd>(
         &mut self,
-        density: &PacketDensity<'_>,
+        tree: &PacketTree<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
         sum: &mut [f32x16<S>; 2],
@@ -147,8 +117,8 @@ impl NearFaces {
         for i in 0..self.len {
             let face = &self.faces[i];
             let index = face.index as usize;
-            for k in 0..density.bvh.faces[index].count {
-                let twin = density.twins[index][k].get();
+            for k in 0..tree.bvh.faces[index].count {
+                let twin = tree.twins[index][k].get();
                 let twin = twin.and_then(|(j, l, flat)| Some((self.place(j)?, l, flat)));
                 let other = match twin {
                     Some((_, _, true)) => continue,
@@ -157,15 +127,15 @@ impl NearFaces {
                     Some((j, l, false)) => Some((&self.faces[j], l)),
                     None => None,
                 };
-                let along = density.distance.facet(index).along(k);
+                let along = tree.distance.facet(index).along(k);
                 let along = packet.dot_add(-along, 0.0);
-                let side = face.side(density, packet, query, k);
+                let side = face.side(tree, packet, query, k);
                 let line = Line::new(query, &side, [along + face.start[k], along + face.end[k]]);
                 match other {
-                    None => line.add(density, query, [side], sum),
+                    None => line.add(tree, query, [side], sum),
                     Some((other, l)) => {
-                        let other = other.side(density, packet, query, l);
-                        line.add(density, query, [side, other], sum);
+                        let other = other.side(tree, packet, query, l);
+                        line.add(tree, query, [side, other], sum);
                     }
                 }
             }
@@ -178,7 +148,7 @@ impl NearFace {
     #[inline(always)]
     fn side<S: Simd>(
         &self,
-        density: &PacketDensity<'_>,
+        tree: &PacketTree<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
         k: usize,
@@ -186,7 +156,7 @@ impl NearFace {
         let load = |lanes: &Lanes| f32x16::simd_from(packet.simd, *lanes);
         let height = load(&self.height);
         let k0 = [load(&self.k0[0]), load(&self.k0[1])];
-        let beyond = density.kernel.beyond;
+        let beyond = tree.kernel.beyond;
         Side {
             d: load(&self.d[k]),
             height,

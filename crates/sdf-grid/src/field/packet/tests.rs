@@ -5,32 +5,38 @@ use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
+use super::density::PacketDensity;
+use super::facet::Facet;
 use super::kernel::{PacketKernel, atan2, exp};
-use super::near::{NearFaces, Query};
-use super::packet::{Facet, Packet};
+use super::lanes::{LANES, Lanes};
+use super::near::NearFaces;
+use super::points::{Packet, Points};
+use super::query::Query;
 use super::settings::Settings;
-use super::{LANES, Lanes, PacketDensity, Points, Walk};
-use crate::DensityKernel;
-use crate::bvh::{Bvh, Leaves};
-use crate::density::edge_integral::EdgeQuadrature;
-use crate::kernel::CumulativeKernel;
-use crate::shapes::{self, PegInHole, random_solid};
+use super::tree::PacketTree;
+use super::walk::Walk;
+use crate::field::kernel::CumulativeKernel;
+use crate::field::kernel::DensityKernel;
+use crate::field::point::edge_integral::EdgeQuadrature;
+use crate::mesh::shapes::{self, PegInHole, random_solid};
+use crate::surface::bvh::build::Leaves;
+use crate::surface::bvh::tree::Bvh;
 
 #[simd]
 fn triangle<S: Simd>(
     simd: S,
-    density: &PacketDensity<'_>,
+    tree: &PacketTree<'_>,
     points: &Points,
     xi: f32,
     index: usize,
 ) -> [f32; 2] {
     let packet = Packet::new(simd, points);
-    let query = Query::new(density, f32x16::splat(simd, xi));
+    let query = Query::new(tree, f32x16::splat(simd, xi));
     let mut sum = [packet.splat(0.0); 2];
     let mut near = NearFaces::default();
-    near.prepare(density.bvh.faces.len());
-    near.add(density, &packet, &query, index, &mut sum);
-    near.add_waiting(density, &packet, &query, &mut sum);
+    near.prepare(tree.bvh.faces.len());
+    near.add(tree, &packet, &query, index, &mut sum);
+    near.add_waiting(tree, &packet, &query, &mut sum);
     [sum[0][0], sum[1][0]]
 }
 
@@ -45,14 +51,14 @@ fn triangles_match_the_f64_edge_integrals() {
     for sigma in [0.05, 0.2] {
         let kernel = DensityKernel::new(sigma).unwrap();
         let table = CumulativeKernel::new(kernel);
-        let density = PacketDensity::new(&bvh, &table, 1e-5);
+        let tree = PacketTree::new(&bvh, &table, 1e-5);
         let exact = EdgeQuadrature::new(sigma, 8.4, 12, 0.25);
         for q in &points {
             let xi = bvh.nearest_normalized(*q).1.sqrt();
             for (i, t) in bvh.faces.iter().enumerate() {
                 let expected = exact.face(&table, t, *q, xi);
                 let [re, im] = dispatch!(Level::new(), simd => {
-                    triangle(simd, &density, &Points::new(&[*q; LANES]), xi as f32, i)
+                    triangle(simd, &tree, &Points::new(&[*q; LANES]), xi as f32, i)
                 });
                 let error = (Complex64::new(re.into(), im.into()) - expected).norm();
                 // Of densities near 1, at the setting for 1e-5.
@@ -72,7 +78,11 @@ fn single_points_match_the_f64_edge_integrals() {
         (torus, [-0.1, -0.01, 1e-3, 0.03, 0.1, 0.5, 2.0]),
         (plate, [-1e-3, -4e-3, 1e-3, 0.03, 0.1, 0.5, 2.0]),
     ] {
-        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT, Leaves::Small);
+        let bvh = Bvh::merged(
+            &mesh,
+            crate::surface::coplanar::pieces::EXACT,
+            Leaves::Small,
+        );
         for (sigma, tolerance) in [(0.05, 1e-3), (0.1, 1e-4), (0.2, 1e-5)] {
             let table = CumulativeKernel::new(DensityKernel::new(sigma).unwrap());
             let mut density = PacketDensity::new(&bvh, &table, tolerance);
@@ -156,7 +166,11 @@ fn relative<'a>(found: impl Iterator<Item = (&'a f32, &'a f32)>) -> f64 {
 fn instruction_sets_agree() {
     let (_, peg) = PegInHole::Combined.pair(0.0).unwrap();
     for mesh in [peg, random_solid(0).unwrap()] {
-        let bvh = Bvh::merged(&mesh, crate::coplanar::EXACT, Leaves::Small);
+        let bvh = Bvh::merged(
+            &mesh,
+            crate::surface::coplanar::pieces::EXACT,
+            Leaves::Small,
+        );
         let table = CumulativeKernel::new(DensityKernel::new(0.1).unwrap());
         for tolerance in [1e-3, 1e-5] {
             let mut density = PacketDensity::new(&bvh, &table, tolerance);
@@ -246,14 +260,20 @@ fn expansions_are_those_of_the_radial_kernel() {
 #[simd]
 fn nearer<S: Simd>(simd: S, facet: &Facet, points: &Points, best: &Lanes) -> bool {
     let packet = Packet::new(simd, points);
-    packet.disc_may_be_nearer(&facet.disc, f32x16::simd_from(simd, *best))
+    facet
+        .disc
+        .may_be_nearer(&packet, f32x16::simd_from(simd, *best))
 }
 
 /// Seen from close by and from far away, over a face, beside it and below it.
 #[test]
 fn discs_keep_every_face_that_is_nearer_and_none_that_is_far() {
     let torus = shapes::torus(1.0, 0.4, 60, 24).unwrap();
-    let bvh = Bvh::merged(&torus, crate::coplanar::EXACT, Leaves::Small);
+    let bvh = Bvh::merged(
+        &torus,
+        crate::surface::coplanar::pieces::EXACT,
+        Leaves::Small,
+    );
     let (mut needless, mut tried) = (0, 0);
     for (i, face) in bvh.faces.iter().enumerate().step_by(7) {
         let facet = Facet::new(face);

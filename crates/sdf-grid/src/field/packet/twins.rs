@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::face::Face;
+use crate::surface::face::Face;
 
 /// The edge beyond an edge of a face: the same line between the same corners, the other way round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,8 +174,8 @@ fn keys(face: &Face) -> [u64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::Bvh;
-    use crate::shapes::{self, PegInHole};
+    use crate::mesh::shapes::{self, PegInHole};
+    use crate::surface::bvh::tree::Bvh;
 
     /// Of few faces, and of more than are looked at together.
     #[test]

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use crate::face::Face;
+use crate::surface::face::Face;
 
 /// A point nearer than this, in units of the part's largest extent, lies on the boundary. Far
 /// above the rounding of f64 coordinates, far below any length that matters.

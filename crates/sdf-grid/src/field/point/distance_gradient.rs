@@ -7,6 +7,10 @@
 
 use glam::DVec3;
 
+/// Boundary points count as equally near if their distances differ by less than this, in units of the
+/// part's largest extent: far above rounding, far below any distance from the medial axis that matters.
+pub(crate) const EQUALLY_NEAR: f64 = 1e-9;
+
 /// Rounds of support points at most; few nearest points matter.
 const ROUNDS: usize = 100;
 

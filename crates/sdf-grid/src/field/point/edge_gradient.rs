@@ -19,8 +19,8 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::edge_integral::{EdgeQuadrature, Span};
-use crate::face::Face;
-use crate::kernel::CumulativeKernel;
+use crate::field::kernel::CumulativeKernel;
+use crate::surface::face::Face;
 
 /// Least `u` whose values are subtracted.
 const LEAST: f64 = 0.5;

@@ -13,9 +13,9 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-use crate::face::Face;
-use crate::kernel::CumulativeKernel;
-use crate::quadrature::GaussLegendre;
+use crate::field::kernel::CumulativeKernel;
+use crate::field::quadrature::GaussLegendre;
+use crate::surface::face::Face;
 
 /// How finely the edge integrals are taken.
 #[derive(Debug, Clone)]

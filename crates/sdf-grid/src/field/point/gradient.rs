@@ -1,54 +1,19 @@
 //! The gradient of the density (eq_3a) at single points.
 
 use glam::DVec3;
-use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::DensityError;
 use super::boundary;
-use super::distance_gradient::extended_gradient;
+use super::distance_gradient::{EQUALLY_NEAR, extended_gradient};
 use super::edge_gradient::FaceGradient;
 use super::edge_integral::EdgeQuadrature;
-use super::reference::UnitDensity;
-use crate::TriangleMesh;
-use crate::bvh::{Bvh, Leaves};
-use crate::coplanar;
-use crate::kernel::{CumulativeKernel, DensityKernel};
-
-/// Boundary points count as equally near if their distances differ by less than this, in units of the
-/// part's largest extent: far above rounding, far below any distance from the medial axis that matters.
-pub(crate) const EQUALLY_NEAR: f64 = 1e-9;
-
-/// Value and gradient of the two unit parts of the density at one point.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct UnitGradient {
-    /// The density itself, dimensionless.
-    pub density: UnitDensity,
-    /// Gradient of the exterior part in the part's frame, per metre; zero inside the part.
-    pub exterior: [Complex64; 3],
-    /// Gradient of the interior part in the part's frame, per metre; zero outside the part.
-    pub interior: [Complex64; 3],
-}
-
-impl UnitGradient {
-    /// The gradient of `l1 * exterior + l2 * interior`, per metre.
-    pub fn combined(&self, lambda_exterior: f64, lambda_interior: f64) -> [Complex64; 3] {
-        let [o, i] = [self.exterior, self.interior];
-        std::array::from_fn(|k| o[k] * lambda_exterior + i[k] * lambda_interior)
-    }
-
-    /// From the sum over faces, the extended gradient of the unsigned distance, and what one metre is
-    /// in the sum's unit of length.
-    pub(crate) fn new(sum: &FaceGradient, distance: DVec3, inside: bool, scale: f64) -> Self {
-        let slope = |k: usize| (sum.point[k] + sum.distance * distance[k]) * scale;
-        let parts = [0, 1, 2].map(|k| UnitDensity::from_integral(slope(k), inside));
-        Self {
-            density: UnitDensity::from_integral(sum.value, inside),
-            exterior: parts.map(|p| p.exterior),
-            interior: parts.map(|p| p.interior),
-        }
-    }
-}
+use super::unit::UnitGradient;
+use crate::field::error::DensityError;
+use crate::field::kernel::{CumulativeKernel, DensityKernel};
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::bvh::build::Leaves;
+use crate::surface::bvh::tree::Bvh;
+use crate::surface::coplanar::pieces;
 
 /// Evaluates the gradient of the density of one mesh (eq_3a) in f64, through the hierarchy that fields
 /// are computed with.
@@ -70,7 +35,7 @@ impl DensityGradient {
     /// # Errors
     /// If the mesh has no triangle with an area.
     pub fn new(mesh: &TriangleMesh, kernel: &DensityKernel) -> Result<Self, DensityError> {
-        let bvh = Bvh::merged(mesh, coplanar::EXACT, Leaves::Small);
+        let bvh = Bvh::merged(mesh, pieces::EXACT, Leaves::Small);
         if bvh.faces.is_empty() {
             return Err(DensityError::EmptyMesh);
         }

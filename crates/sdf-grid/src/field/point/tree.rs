@@ -5,9 +5,9 @@ use num_complex::Complex64;
 
 use super::boundary;
 use super::edge_integral::EdgeQuadrature;
-use super::reference::UnitDensity;
-use crate::bvh::Bvh;
-use crate::kernel::CumulativeKernel;
+use super::unit::UnitDensity;
+use crate::field::kernel::CumulativeKernel;
+use crate::surface::bvh::tree::Bvh;
 
 /// Density at single points by the hierarchy: the faces within the kernel's reach, each by its
 /// edge integrals. Coordinates are normalized ([`Bvh::normalized`]).

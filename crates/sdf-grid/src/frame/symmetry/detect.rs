@@ -1,59 +1,15 @@
-//! Rotational symmetry axes of a part.
-//!
-//! Every axis passes through the centroid. Candidates come from two sources, each of which covers
-//! what the other misses: the principal axes of inertia (all axes of a body with unequal moments,
-//! the main axis of one that is tessellated unevenly), and the rotations that carry one pair of
-//! far-out vertices to another (all axes of a body with equal moments, such as a cube). A candidate
-//! counts if it carries sample points of the surface to within a tolerance of the surface.
-
-mod candidates;
-mod samples;
+//! The search for axes.
 
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
-use serde::Serialize;
 
-use crate::bvh::Bvh;
-use crate::mesh::TriangleMesh;
-pub(crate) use candidates::principal_axes;
-use samples::Samples;
-
-/// The highest finite order looked for.
-const MAX_ORDER: u32 = 360;
-
-/// How often a turn about an axis brings a part onto itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SymmetryOrder {
-    /// Every turn by a multiple of `2 pi / n` does, n = 2 .. 360, and none between.
-    Finite(u32),
-    /// Every turn does, within the tolerance.
-    Continuous,
-}
-
-/// An axis about which a part can be turned onto itself.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct SymmetryAxis {
-    /// The part's centroid, metres.
-    pub point: DVec3,
-    /// Unit vector along the axis; as detected, its largest component is positive.
-    pub direction: DVec3,
-    /// How often a turn brings the part onto itself.
-    pub order: SymmetryOrder,
-}
-
-impl SymmetryAxis {
-    /// The axis of a part that is moved by `p -> rotation * p + translation`.
-    #[must_use]
-    pub fn moved(&self, rotation: DQuat, translation: DVec3) -> Self {
-        Self {
-            point: rotation * self.point + translation,
-            direction: rotation * self.direction,
-            order: self.order,
-        }
-    }
-}
+use super::axis::{MAX_ORDER, SymmetryAxis, SymmetryOrder};
+use super::candidates;
+use super::samples::Samples;
+use crate::frame::principal_axes::principal_axes;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::bvh::tree::Bvh;
 
 /// The rotational symmetry axes of `mesh`, highest order first.
 ///

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use crate::mesh::{TriangleMesh, face_area};
+use crate::mesh::measure::face_area;
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// Vertices taken at most, spread evenly over the vertex list.
 const MAX_VERTICES: usize = 1000;

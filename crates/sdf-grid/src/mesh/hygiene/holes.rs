@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::mesh::face_area;
+use crate::mesh::measure::face_area;
 
 /// Area of the fans that close the loops of `boundary` (directed edges of which as many enter each
 /// vertex as leave it), each about the centroid of its loop's vertices.

@@ -3,9 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::ComponentReport;
 use super::edges::Edges;
-use crate::mesh::{Aabb, face_area, volume};
+use super::report::ComponentReport;
+use crate::mesh::aabb::Aabb;
+use crate::mesh::measure::{face_area, volume};
 
 /// Below this fraction of area times diagonal a component encloses nothing and has no outside.
 const FLAT: f64 = 1e-9;

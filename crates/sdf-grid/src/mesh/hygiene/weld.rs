@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, I64Vec3};
 
-use crate::mesh::Aabb;
+use crate::mesh::aabb::Aabb;
 
 /// Cells are this many weld distances wide: most vertices then lie far enough from every cell face
 /// to need a look into one cell only.

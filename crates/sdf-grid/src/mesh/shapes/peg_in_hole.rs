@@ -3,9 +3,9 @@
 use glam::{DVec2, dvec2};
 use serde::{Deserialize, Serialize};
 
-use super::{circle, named_prism, out_of_range};
-use crate::mesh::TriangleMesh;
-use crate::mesh_error::MeshError;
+use super::solids::{circle, named_prism, out_of_range};
+use crate::mesh::error::MeshError;
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// A peg and the block with a through hole that it fills, named by the cross-section they share.
 ///

@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
 
-use super::{cuboid, cylinder, finish, torus};
-use crate::mesh::TriangleMesh;
-use crate::mesh_error::MeshError;
+use super::solids::{cuboid, cylinder, finish, torus};
+use crate::mesh::error::MeshError;
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The kinds of [`random_solid`], in the order in which seeds run through them.
 pub const RANDOM_KINDS: [&str; 6] = ["hull", "perforated", "plate", "needle", "torus", "star"];

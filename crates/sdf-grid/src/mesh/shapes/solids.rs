@@ -1,22 +1,13 @@
-//! Shapes made from numbers: the analytic parts of tests, examples and the paper.
-//!
-//! All are closed, point outwards and share vertices along edges. Lengths are metres; a shape is
-//! centred on the origin with its axis, if it has one, along z.
-
-mod peg_in_hole;
-mod random_solid;
+//! Boxes, prisms, cylinders, spheres and tori.
 
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
-pub use peg_in_hole::PegInHole;
-pub use random_solid::{RANDOM_KINDS, random_solid};
-
-use crate::hygiene::HygieneOptions;
-use crate::mesh::TriangleMesh;
-use crate::mesh_error::MeshError;
-use crate::polygon;
+use crate::mesh::error::MeshError;
+use crate::mesh::hygiene::report::HygieneOptions;
+use crate::mesh::polygon;
+use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The most segments around a circle, or subdivisions of a sphere's faces, that are accepted.
 const MAX_SEGMENTS: u32 = 4096;
@@ -143,13 +134,13 @@ pub fn torus(
 }
 
 /// Corners of a regular polygon on the radius, counter-clockwise, the first at +x.
-pub(crate) fn circle(radius: f64, segments: u32) -> Vec<DVec2> {
+pub(super) fn circle(radius: f64, segments: u32) -> Vec<DVec2> {
     (0..segments)
         .map(|i| radius * DVec2::from_angle(2.0 * PI * f64::from(i) / f64::from(segments)))
         .collect()
 }
 
-fn named_prism(
+pub(super) fn named_prism(
     name: &str,
     outline: &[DVec2],
     holes: &[Vec<DVec2>],
@@ -229,7 +220,7 @@ fn icosahedron() -> ([DVec3; 12], [[usize; 3]; 20]) {
     (corners.map(DVec3::from_array), faces)
 }
 
-fn finish(
+pub(super) fn finish(
     name: &str,
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
@@ -260,7 +251,12 @@ fn counted(part: &str, item: &'static str, found: u32, least: u32) -> Result<(),
     Err(out_of_range(part, item, "3 .. 4096", f64::from(found)))
 }
 
-fn out_of_range(part: &str, item: &'static str, expected: &'static str, found: f64) -> MeshError {
+pub(super) fn out_of_range(
+    part: &str,
+    item: &'static str,
+    expected: &'static str,
+    found: f64,
+) -> MeshError {
     MeshError::OutOfRange {
         part: part.to_owned(),
         item,

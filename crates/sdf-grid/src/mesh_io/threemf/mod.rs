@@ -14,7 +14,7 @@ use std::rc::Rc;
 use glam::DMat4;
 
 use super::soup::{Soup, syntax};
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
 use model::{Kind, Model, Placed};
 use package::Package;
 

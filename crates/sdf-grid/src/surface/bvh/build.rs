@@ -3,11 +3,11 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{MAX_SAH_DEPTH, Node};
-use crate::face::{Face, Piece};
-use crate::large;
-use crate::mesh::Aabb;
-use crate::moments::Moments;
+use super::node::{MAX_SAH_DEPTH, Node};
+use crate::mesh::aabb::Aabb;
+use crate::support::large;
+use crate::surface::face::{Face, Piece};
+use crate::surface::moments::Moments;
 
 /// Faces of a leaf at most.
 #[derive(Debug, Clone, Copy)]

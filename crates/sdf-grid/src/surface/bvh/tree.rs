@@ -1,19 +1,14 @@
-//! One bounding volume hierarchy for nearest distance, winding number and density.
-//!
-//! Inside, coordinates are normalized in f64: `q = (p - centre) * scale` with `scale` a power of
-//! two that brings the part's largest extent into `(1, 2]`. All public functions speak metres.
-
-mod build;
+//! The tree itself, and searches in it.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-pub(crate) use self::build::Leaves;
-use crate::TriangleMesh;
-use crate::coplanar;
-use crate::face::{Face, Piece};
-use crate::mesh::Aabb;
-use crate::moments::Moments;
+use super::build::{self, Leaves};
+use super::node::{Node, Stack};
+use crate::mesh::aabb::Aabb;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::coplanar::pieces;
+use crate::surface::face::{Face, Piece};
 
 /// A bounding volume hierarchy over the triangles of one mesh.
 #[derive(Debug, Clone)]
@@ -27,19 +22,6 @@ pub struct Bvh {
     pub(crate) closed: bool,
 }
 
-/// A node: its box and moments cover `faces[first..first + count]`. What searches look at comes first and is one
-/// cache line.
-#[derive(Debug, Clone)]
-#[repr(C, align(64))]
-pub(crate) struct Node {
-    pub(crate) bounds: Aabb,
-    pub(crate) first: u32,
-    pub(crate) count: u32,
-    /// Index of the second child (the first follows its parent); 0 for a leaf.
-    pub(crate) second: u32,
-    pub(crate) moments: Moments,
-}
-
 /// The boundary point closest to a query point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest {
@@ -50,11 +32,6 @@ pub struct Nearest {
     /// The triangle it lies on, as an index into [`TriangleMesh::triangles`].
     pub triangle: usize,
 }
-
-/// Depth of the tree at most: [`MAX_SAH_DEPTH`] levels of any balance, then halving of at most
-/// 2^32 triangles. Fixed stacks rely on it.
-pub(crate) const MAX_DEPTH: usize = MAX_SAH_DEPTH + 32;
-const MAX_SAH_DEPTH: usize = 64;
 
 impl Bvh {
     /// Builds the hierarchy by binned surface area heuristic, in parallel; the result does not
@@ -68,12 +45,12 @@ impl Bvh {
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to `flat`
-    /// ([`coplanar::merged`]) are merged and long faces cut.
+    /// ([`pieces::merged`]) are merged and long faces cut.
     pub(crate) fn merged(mesh: &TriangleMesh, flat: f64, leaves: Leaves) -> Self {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
-        let faces = coplanar::merged(mesh.triangles(), &corners, flat);
+        let faces = pieces::merged(mesh.triangles(), &corners, flat);
         let tree = build::tree(faces.len(), leaves, |i| faces.get(i));
         Self::over(tree, centre, scale, faces.closed)
     }
@@ -118,18 +95,6 @@ impl Bvh {
             distance: squared.sqrt() / self.scale,
             point: face.closest(q) / self.scale + self.centre,
             triangle: face.source as usize,
-        }
-    }
-
-    /// Distance of `p` (metres) from the boundary, metres, negative where the winding number
-    /// exceeds 1/2.
-    pub fn signed_distance(&self, p: DVec3) -> f64 {
-        let q = self.normalized(p);
-        let distance = self.nearest_normalized(q).1.sqrt() / self.scale;
-        if self.inside_normalized(q) {
-            -distance
-        } else {
-            distance
         }
     }
 
@@ -186,47 +151,6 @@ impl Bvh {
                 stack.push(id + 1);
             }
         }
-    }
-}
-
-impl Node {
-    pub(crate) fn is_leaf(&self) -> bool {
-        self.second == 0
-    }
-
-    pub(crate) fn range(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
-
-    /// Squared distance of `q` from the box, zero inside.
-    pub(crate) fn distance_squared(&self, q: DVec3) -> f64 {
-        let gap = (self.bounds.min - q).max(q - self.bounds.max);
-        gap.max(DVec3::ZERO).length_squared()
-    }
-}
-
-/// A fixed stack for depth-first walks: every level leaves at most one node waiting.
-pub(crate) struct Stack<T> {
-    items: [T; MAX_DEPTH + 2],
-    len: usize,
-}
-
-impl<T: Copy + Default> Stack<T> {
-    pub(crate) fn new() -> Self {
-        Self {
-            items: [T::default(); MAX_DEPTH + 2],
-            len: 0,
-        }
-    }
-
-    pub(crate) fn push(&mut self, item: T) {
-        self.items[self.len] = item;
-        self.len += 1;
-    }
-
-    pub(crate) fn pop(&mut self) -> Option<T> {
-        self.len = self.len.checked_sub(1)?;
-        Some(self.items[self.len])
     }
 }
 

@@ -1,8 +1,9 @@
-//! The generalized winding number of a mesh by the hierarchy.
+//! The generalized winding number of a mesh by the hierarchy, and the signs that follow from it.
 
 use glam::DVec3;
 
-use crate::bvh::{Bvh, Stack};
+use super::node::Stack;
+use super::tree::Bvh;
 
 /// A cluster is far once its distance exceeds this many radii; second-order terms then leave an
 /// error of about 1e-3 in all.
@@ -16,6 +17,18 @@ impl Bvh {
     /// outward-oriented mesh, 0 outside, a half on a face.
     pub fn winding_number(&self, p: DVec3) -> f64 {
         self.winding_normalized(self.normalized(p), FAR)
+    }
+
+    /// Distance of `p` (metres) from the boundary, metres, negative where the winding number
+    /// exceeds 1/2.
+    pub fn signed_distance(&self, p: DVec3) -> f64 {
+        let q = self.normalized(p);
+        let distance = self.nearest_normalized(q).1.sqrt() / self.scale();
+        if self.inside_normalized(q) {
+            -distance
+        } else {
+            distance
+        }
     }
 
     /// Whether the winding number exceeds 1/2, decided by the exact sum where it is near.

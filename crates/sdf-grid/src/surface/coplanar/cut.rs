@@ -1,10 +1,15 @@
 //! Long faces cut across.
 
-use super::slack;
-use crate::face::Piece;
+use crate::surface::face::Piece;
 
 /// Faces whose longest edge, squared, exceeds their area this many times are cut across.
 const LONG: f64 = 8.0;
+
+/// By how much areas may differ where sides move by `flat`.
+pub(super) fn slack(face: &Piece, flat: f64) -> f64 {
+    let around: f64 = (0..face.count()).map(|k| face.edge(k).length()).sum();
+    1e-9 * face.area + flat * around
+}
 
 /// Faces, flat up to `flat`, in pieces that are not long, after `cuts` cuts one after the other at most. Cuts go through the
 /// middles of long edges, so that those of neighbours meet.

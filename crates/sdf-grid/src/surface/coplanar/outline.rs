@@ -4,8 +4,10 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 
-use super::regions::{Regions, Surface};
-use super::{CONVEX, NONE};
+use super::regions::{NONE, Regions, Surface};
+
+/// Quadrangles turn left by this at every corner at least, the sine of the angle.
+pub(super) const CONVEX: f64 = 1e-9;
 
 /// Straightening takes a few looks at every corner of a ring, but one by one of a comb's; then it stays.
 const MOST_LOOKS: usize = 200;

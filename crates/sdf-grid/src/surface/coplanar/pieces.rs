@@ -1,32 +1,17 @@
-//! The same surface in fewer, better faces: coplanar triangles merged, long faces cut.
-//!
-//! Every query of a field is an integral over the surface or a distance from it, so any flat pieces
-//! will do. Edges between coplanar triangles cost time and cancel: each flat region is outlined
-//! afresh, corners on straight sides are dropped, and unless three or four make a convex face it is cut into
-//! triangles that are joined to quadrangles in pairs. Long faces are then cut across, so that clusters of them
-//! are compact.
-//!
-//! Files round coordinates, so the caller says how far from flat is flat; the surface moves by that much.
-
-mod cut;
-mod outline;
-mod regions;
+//! The faces that a mesh's triangles are merged into.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::face::Piece;
-use crate::polygon;
-use cut::cut_across;
-use outline::paired;
-use regions::{Regions, Surface};
+use super::cut::{cut_across, slack};
+use super::outline::{CONVEX, paired};
+use super::regions::{LARGE, Regions, Surface};
+use crate::mesh::polygon;
+use crate::surface::face::Piece;
 
 /// How near to a plane or a line lies in it what differs by rounding alone, in units of the normalized part,
 /// whose longest side is 1 to 2: far below any distance that shows in a field.
 pub(crate) const EXACT: f64 = 1e-10;
-
-/// Quadrangles turn left by this at every corner at least, the sine of the angle.
-const CONVEX: f64 = 1e-9;
 
 /// Cuts one face can undergo, one after the other.
 const MAX_CUTS: u32 = 5;
@@ -37,11 +22,6 @@ const MAX_PIECES: usize = 100_000;
 /// A region is covered anew if its area, less what lies upside down, is at least this share of that of its
 /// triangles.
 const UNFOLDED: f64 = 0.99;
-
-/// Regions of more triangles than this are shared out one by one.
-const LARGE: usize = 32;
-
-const NONE: u32 = u32::MAX;
 
 /// What a surface is made of, in lists one after the other: to put them in one would move each once more.
 pub(crate) struct Pieces {
@@ -103,12 +83,6 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pie
         .into_par_iter()
         .map(|list| cut_across(list, cuts.min(MAX_CUTS), flat));
     Pieces::new(pieces.collect(), surface.closed)
-}
-
-/// By how much areas may differ where sides move by `flat`.
-fn slack(face: &Piece, flat: f64) -> f64 {
-    let around: f64 = (0..face.count()).map(|k| face.edge(k).length()).sum();
-    1e-9 * face.area + flat * around
 }
 
 impl Surface<'_> {
@@ -228,4 +202,5 @@ impl Surface<'_> {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

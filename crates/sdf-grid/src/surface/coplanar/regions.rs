@@ -3,8 +3,13 @@
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{LARGE, NONE};
-use crate::face::Face;
+use crate::surface::face::Face;
+
+/// Regions of more triangles than this are shared out one by one.
+pub(super) const LARGE: usize = 32;
+
+/// No triangle, or no region.
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Triangles whose corners lie within this many times `flat` of a region's plane join it for the time
 /// being: a plane found from part of a region is off by more farther away. The whole must then lie within

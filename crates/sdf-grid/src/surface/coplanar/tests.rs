@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use glam::DQuat;
 
 use super::*;
-use crate::face::Face;
+use crate::surface::face::Face;
 
 const FLAT: f64 = 4e-7;
 

@@ -1,16 +1,63 @@
 //! Nearest distance of a packet.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{Level, dispatch, f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
+use rayon::prelude::*;
 
-use super::packet::{Packet, View};
-use super::{Lanes, PacketDistance, Points};
-use crate::bvh::Stack;
+use super::facet::{Facet, Hull, View};
+use super::lanes::Lanes;
+use super::points::{Packet, Points};
+use crate::support::large::{self, prefetch};
+use crate::surface::bvh::node::Stack;
+use crate::surface::bvh::tree::Bvh;
+
+/// Distances of packets.
+pub(crate) struct PacketDistance<'a> {
+    bvh: &'a Bvh,
+    facets: Vec<Facet>,
+    hulls: Vec<Hull>,
+    level: Level,
+}
+
+impl<'a> PacketDistance<'a> {
+    pub(crate) fn new(bvh: &'a Bvh) -> Self {
+        Self {
+            bvh,
+            facets: large::collect(bvh.faces.par_iter().map(Facet::new)),
+            hulls: large::collect(bvh.nodes.par_iter().map(Hull::new)),
+            level: Level::new(),
+        }
+    }
+
+    pub(super) fn facet(&self, index: usize) -> &Facet {
+        &self.facets[index]
+    }
+
+    /// Asks for what the search looks at below a node, ahead of its use.
+    #[inline(always)]
+    fn ask_below(&self, id: u32, hull: &Hull) {
+        if hull.is_leaf() {
+            for i in hull.range() {
+                prefetch(&self.facets[i]);
+            }
+            return;
+        }
+        for child in [id + 1, hull.second] {
+            prefetch(&self.hulls[child as usize]);
+        }
+    }
+
+    /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
+    /// replaced by the nearest one found: it changes the time, not the result.
+    pub(crate) fn at(&self, points: &Points, hint: &mut usize) -> Lanes {
+        dispatch!(self.level, simd => distances(simd, self, points, hint))
+    }
+}
 
 /// See [`PacketDistance::at`].
 #[simd]
-pub(crate) fn distances<S: Simd>(
+fn distances<S: Simd>(
     simd: S,
     distance: &PacketDistance<'_>,
     points: &Points,
@@ -29,12 +76,12 @@ pub(crate) fn distances<S: Simd>(
         if gap >= worst {
             continue;
         }
-        if since != looks && !hull.disc.is_thick() && !packet.disc_may_be_nearer(&hull.disc, best) {
+        if since != looks && !hull.disc.is_thick() && !hull.disc.may_be_nearer(&packet, best) {
             continue;
         }
         if hull.is_leaf() {
             for i in hull.range() {
-                if !packet.disc_may_be_nearer(&distance.facets[i].disc, best) {
+                if !distance.facets[i].disc.may_be_nearer(&packet, best) {
                     continue;
                 }
                 let found = squared(distance, &packet, i);
@@ -94,7 +141,7 @@ fn gaps<S: Simd>(
 ) -> [f32; 2] {
     let hull = &distance.hulls[id as usize];
     if !hull.disc.is_thick() {
-        if !packet.disc_may_be_nearer(&hull.disc, best) {
+        if !hull.disc.may_be_nearer(&packet, best) {
             return [f32::INFINITY; 2];
         }
         distance.ask_below(id, hull);

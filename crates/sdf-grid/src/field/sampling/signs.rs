@@ -8,7 +8,7 @@
 //! side to the other without a boundary between: there every point is asked for.
 
 use super::patch::{Anchor, Patch};
-use crate::bvh::Bvh;
+use crate::surface::bvh::tree::Bvh;
 
 /// Working memory.
 #[derive(Debug, Default)]
@@ -140,10 +140,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::bvh::Leaves;
-    use crate::coplanar::EXACT;
-    use crate::shapes::random_solid;
-    use crate::{HygieneOptions, TriangleMesh};
+    use crate::mesh::hygiene::report::HygieneOptions;
+    use crate::mesh::shapes::random_solid;
+    use crate::mesh::triangle_mesh::TriangleMesh;
+    use crate::surface::bvh::build::Leaves;
+    use crate::surface::coplanar::pieces::EXACT;
 
     /// The mesh without its first faces.
     fn opened(mesh: &TriangleMesh) -> TriangleMesh {

@@ -1,20 +1,23 @@
-//! From points to lattice values: blocks, halo, boundary and cell averages.
+//! The values of a field: halo, boundary and cell averages.
 
-use ndarray::{ArrayViewMut3, Axis};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::fast::PacketDensity;
-use super::patch::{Anchor, Patch, PatchDensity, PatchValues};
-use super::point::PointDensity;
-use super::recipe::FieldRecipe;
-use super::{DensityError, DensityField, Sampling, boundary};
-use crate::bvh::{Bvh, Leaves};
-use crate::kernel::CumulativeKernel;
-use crate::{DensityKernel, Lattice, Monitor, TriangleMesh};
-
-/// Nodes along each edge of a block, the unit of work.
-const BLOCK: usize = 8;
+use super::blocks::{Arrays, Block, blocks};
+use super::patch::{Anchor, Patch};
+use super::patch_density::{PatchDensity, PatchValues};
+use crate::field::error::DensityError;
+use crate::field::kernel::{CumulativeKernel, DensityKernel};
+use crate::field::lattice::Lattice;
+use crate::field::options::Sampling;
+use crate::field::packet::density::PacketDensity;
+use crate::field::point::boundary;
+use crate::field::point::tree::PointDensity;
+use crate::field::recipe::FieldRecipe;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::monitor::Monitor;
+use crate::surface::bvh::build::Leaves;
+use crate::surface::bvh::tree::Bvh;
 
 /// A cell whose node is nearer to the boundary than this many spacings may be cut by it (the half
 /// diagonal is 0.866).
@@ -33,20 +36,16 @@ fn flat(tolerance: f64) -> f64 {
 /// From this tolerance on most of a field is distances and far clusters, below it near faces.
 const COARSE: f64 = 3e-4;
 
-/// Computes every value of `field`, whose arrays are zero.
+/// Computes the values of a field by its recipe, which is that of `mesh` and `kernel`, into arrays of
+/// zeros.
 pub(crate) fn fill(
-    field: &mut DensityField,
+    recipe: &FieldRecipe,
+    arrays: Arrays<'_>,
     mesh: &TriangleMesh,
     kernel: &DensityKernel,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
-    let FieldRecipe {
-        halo,
-        tolerance,
-        sampling,
-        lattice,
-        ..
-    } = field.recipe;
+    let tolerance = recipe.tolerance;
     let table = || CumulativeKernel::new(*kernel);
     let leaves = if tolerance < COARSE {
         Leaves::Small
@@ -58,21 +57,8 @@ pub(crate) fn fill(
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }
-    let sampler = Sampler {
-        patches: PatchDensity::new(
-            &bvh,
-            PacketDensity::new(&bvh, &table, tolerance),
-            PointDensity::new(&bvh, &table),
-            halo * bvh.scale(),
-            boundary::STEP * lattice.spacing() * bvh.scale(),
-            [tolerance, kernel.sigma()],
-        ),
-        bvh: &bvh,
-        lattice,
-        halo,
-        sampling,
-    };
-    let mut blocks = blocks(field);
+    let sampler = Sampler::new(recipe, &bvh, &table);
+    let mut blocks = blocks(arrays);
     monitor.begin("density", blocks.len() as u64);
     // Few enough reports for the monitor, whatever the lattice.
     let batch = blocks.len().div_ceil(2048);
@@ -94,59 +80,9 @@ const UNFADED: f64 = 0.7;
 
 /// The smooth cut-off of the exterior at signed distance `xi`: 1 up to 70 % of `halo`, 0 from
 /// `halo` on, a quintic step between. A function of distance only, so it moves with the part.
-pub(crate) fn taper(xi: f64, halo: f64) -> f64 {
+fn taper(xi: f64, halo: f64) -> f64 {
     let t = ((xi / halo - UNFADED) / (1.0 - UNFADED)).clamp(0.0, 1.0);
     1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
-}
-
-/// A block of the field's arrays and where it starts.
-struct Block<'a> {
-    start: [usize; 3],
-    exterior: ArrayViewMut3<'a, Complex32>,
-    interior: ArrayViewMut3<'a, Complex32>,
-    signed_distance: ArrayViewMut3<'a, f32>,
-}
-
-/// The field's arrays cut into blocks.
-fn blocks(field: &mut DensityField) -> Vec<Block<'_>> {
-    let exterior = cut(field.exterior.view_mut());
-    let interior = cut(field.interior.view_mut());
-    let distance = cut(field.signed_distance.view_mut());
-    let parts = exterior.into_iter().zip(interior).zip(distance);
-    parts
-        .map(
-            |(((start, exterior), (_, interior)), (_, signed_distance))| Block {
-                start,
-                exterior,
-                interior,
-                signed_distance,
-            },
-        )
-        .collect()
-}
-
-/// Disjoint views of at most [`BLOCK`] nodes per axis, each with the index it starts at.
-pub(crate) fn cut<T>(view: ArrayViewMut3<'_, T>) -> Vec<([usize; 3], ArrayViewMut3<'_, T>)> {
-    (0..3).fold(vec![([0; 3], view)], |parts, axis| {
-        let slices = |(start, view)| cut_axis(start, view, axis);
-        parts.into_iter().flat_map(slices).collect()
-    })
-}
-
-fn cut_axis<T>(
-    mut start: [usize; 3],
-    mut rest: ArrayViewMut3<'_, T>,
-    axis: usize,
-) -> Vec<([usize; 3], ArrayViewMut3<'_, T>)> {
-    let mut parts = Vec::new();
-    while rest.len_of(Axis(axis)) > BLOCK {
-        let (head, tail) = rest.split_at(Axis(axis), BLOCK);
-        parts.push((start, head));
-        start[axis] += BLOCK;
-        rest = tail;
-    }
-    parts.push((start, rest));
-    parts
 }
 
 struct Sampler<'a> {
@@ -164,7 +100,26 @@ struct Scratch {
     sub_points: PatchValues,
 }
 
-impl Sampler<'_> {
+impl<'a> Sampler<'a> {
+    fn new(recipe: &FieldRecipe, bvh: &'a Bvh, table: &'a CumulativeKernel) -> Self {
+        let (scale, lattice) = (bvh.scale(), recipe.lattice);
+        let patches = PatchDensity::new(
+            bvh,
+            PacketDensity::new(bvh, table, recipe.tolerance),
+            PointDensity::new(bvh, table),
+            recipe.halo * scale,
+            boundary::STEP * lattice.spacing() * scale,
+            [recipe.tolerance, table.kernel().sigma()],
+        );
+        Self {
+            patches,
+            bvh,
+            lattice,
+            halo: recipe.halo,
+            sampling: recipe.sampling,
+        }
+    }
+
     fn block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
         let shape: [usize; 3] = block.exterior.dim().into();
         let patch = Patch {

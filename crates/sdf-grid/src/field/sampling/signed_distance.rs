@@ -4,14 +4,19 @@ use glam::DVec3;
 use ndarray::{Array3, ArrayView1, ArrayViewMut3};
 use rayon::prelude::*;
 
-use super::fast::{LANES, PacketDistance};
+use super::blocks::cut;
 use super::patch::{Brick, Patch};
-use super::sampling::cut;
 use super::signs::Signs;
-use super::{DensityError, zeros};
-use crate::bvh::{Bvh, Leaves};
-use crate::coplanar;
-use crate::{Lattice, Monitor, TriangleMesh};
+use crate::field::error::DensityError;
+use crate::field::lattice::Lattice;
+use crate::field::packet::distance::PacketDistance;
+use crate::field::packet::lanes::LANES;
+use crate::field::zeros::zeros;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::monitor::Monitor;
+use crate::surface::bvh::build::Leaves;
+use crate::surface::bvh::tree::Bvh;
+use crate::surface::coplanar::pieces;
 
 /// Packet coordinates are rounded to 1e-7 of half the packet's diagonal. Points nearer to the
 /// boundary than this many of it are taken in f64, so that their distance, too, is good to 1e-4.
@@ -29,7 +34,7 @@ pub fn signed_distances(
     lattice: &Lattice,
     monitor: &dyn Monitor,
 ) -> Result<Array3<f32>, DensityError> {
-    let bvh = Bvh::merged(mesh, coplanar::EXACT, Leaves::LargeOfMany);
+    let bvh = Bvh::merged(mesh, pieces::EXACT, Leaves::LargeOfMany);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }

@@ -19,8 +19,11 @@ pub fn ask_for_large_pages<T>(memory: &[T]) {
         if len >= LEAST {
             use rustix::mm::{Advice, madvise};
             let start = bytes.start.wrapping_byte_add(first - bytes.start as usize);
-            // SAFETY: whole pages of the allocation; the advice changes no content. If the kernel
-            // knows no such pages, nothing is lost.
+            // SAFETY: `start` is the first page boundary in `memory` and `len` is cut down to whole
+            // pages before its end, so the range lies in an allocation that the borrow keeps alive
+            // (zero where it holds no whole page, and then `len < LEAST`). The advice moves pages,
+            // never their content, so that it may be given for memory that others read; where the
+            // kernel refuses it, nothing has happened.
             let _ = unsafe { madvise(start.cast_mut().cast(), len, Advice::LinuxHugepage) };
         }
     }
@@ -57,7 +60,9 @@ pub(crate) fn prefetch<T>(value: &T) {
     for offset in (0..size_of::<T>()).step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let at = std::ptr::from_ref(value).cast::<i8>().wrapping_add(offset);
-        // SAFETY: a hint that reads nothing, on machines that all know it.
+        // SAFETY: SSE, to which the instruction belongs, is part of every x86-64. It is a hint: it
+        // reads nothing as far as the program can tell and faults on no address, so that the last
+        // line of a value, which may begin before it, needs no argument of its own.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };
     }
     #[cfg(not(target_arch = "x86_64"))]

@@ -108,11 +108,8 @@ fn distances<S: Simd>(
         };
         for (id, [gap, _]) in order {
             if gap < worst {
-                stack.push(Waiting {
-                    id,
-                    gap,
-                    since: looks,
-                });
+                let since = looks;
+                stack.push(Waiting { id, gap, since });
             }
         }
     }
@@ -141,7 +138,7 @@ fn gaps<S: Simd>(
 ) -> [f32; 2] {
     let hull = &distance.hulls[id as usize];
     if !hull.disc.is_thick() {
-        if !hull.disc.may_be_nearer(&packet, best) {
+        if !hull.disc.may_be_nearer(packet, best) {
             return [f32::INFINITY; 2];
         }
         distance.ask_below(id, hull);

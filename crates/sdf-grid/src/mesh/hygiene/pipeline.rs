@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::report::{HygieneOptions, HygieneReport};
+use super::report::{ComponentReport, HygieneOptions, HygieneReport};
 use super::{edges, faces, holes, orient, stitch, weld};
 use crate::mesh::aabb::Aabb;
 use crate::mesh::error::MeshError;
@@ -34,66 +34,29 @@ pub(crate) fn run(
         .iter()
         .map(|t| t.map(|v| welded.representative[v as usize]))
         .collect();
-
-    let (mut zero_area_faces, mut duplicate_faces, mut stitched_edges) = (0, 0, 0);
-    // A corner on a line where faces meet cuts about one side. In a knot of faces hardly larger than
-    // the weld distance cuts can open sides to cut, in numbers that grow exponentially.
-    let mut budget = 3 * triangles.len();
-    // Cutting faces can repeat one that exists; dropping that one can open an edge.
-    loop {
-        zero_area_faces += faces::drop_zero_area(&vertices, &mut triangles, diagonal);
-        duplicate_faces += faces::drop_duplicates(&mut triangles);
-        let cut = stitch::stitch(&vertices, &mut triangles, weld_distance, &mut budget);
-        stitched_edges += cut;
-        if cut == 0 {
-            break;
-        }
-    }
+    let changed = change_faces(&vertices, &mut triangles, diagonal, weld_distance);
     if triangles.is_empty() {
         return Err(MeshError::Empty {
             part: name.to_owned(),
             vertices: input_vertices,
             triangles: input_triangles,
-            zero_area: zero_area_faces,
-            duplicates: duplicate_faces,
+            zero_area: changed.zero_area,
+            duplicates: changed.duplicate,
         });
     }
 
     let oriented = orient::orient(&vertices, triangles);
-    let components = oriented.components;
     let (vertices, triangles) = compact(&vertices, oriented.triangles);
-
-    let edges = edges::Edges::of(&triangles);
-    let area: f64 = triangles
-        .iter()
-        .map(|t| face_area(t.map(|v| vertices[v as usize])))
-        .sum();
-    let missing = holes::missing_area(&vertices, &edges.boundary());
     let report = HygieneReport {
-        name: name.to_owned(),
         input_vertices,
         input_triangles,
-        vertices: vertices.len(),
-        triangles: triangles.len(),
         welded_vertices: welded.merged,
         unused_vertices: input_vertices - welded.merged - vertices.len(),
         weld_distance,
-        zero_area_faces,
-        duplicate_faces,
-        stitched_edges,
-        flipped_faces: components.iter().map(|c| c.flipped_faces).sum(),
-        components: components.len(),
-        cavities: components.iter().filter(|c| c.cavity).count(),
-        overlapping_components: components.iter().filter(|c| c.overlaps).count(),
-        per_component: components,
-        open_edges: edges.count(|faces| faces.len() == 1),
-        nonmanifold_edges: edges.count(|faces| faces.len() > 2),
-        inconsistent_edges: edges.count(edges::inconsistent),
-        watertight: edges.count(|faces| edges::net_uses(faces) != 0) == 0,
-        open_area_fraction: missing / (missing + area),
-        volume: volume(&vertices, &triangles),
-        area,
-        bounds: Aabb::around(vertices.iter().copied()),
+        zero_area_faces: changed.zero_area,
+        duplicate_faces: changed.duplicate,
+        stitched_edges: changed.stitched,
+        ..described(name, &vertices, &triangles, oriented.components)
     };
     if report.open_area_fraction > options.max_open_fraction {
         return Err(MeshError::Open {
@@ -104,6 +67,79 @@ pub(crate) fn run(
         });
     }
     Ok((vertices, triangles, report))
+}
+
+/// What was done to faces.
+struct Changed {
+    zero_area: usize,
+    duplicate: usize,
+    stitched: usize,
+}
+
+/// Drops faces without area and repeated ones, and cuts open edges, until nothing changes.
+fn change_faces(
+    vertices: &[DVec3],
+    triangles: &mut Vec<[u32; 3]>,
+    diagonal: f64,
+    weld_distance: f64,
+) -> Changed {
+    let mut changed = Changed {
+        zero_area: 0,
+        duplicate: 0,
+        stitched: 0,
+    };
+    // A corner on a line where faces meet cuts about one side. In a knot of faces hardly larger than
+    // the weld distance cuts can open sides to cut, in numbers that grow exponentially.
+    let mut budget = 3 * triangles.len();
+    // Cutting faces can repeat one that exists; dropping that one can open an edge.
+    loop {
+        changed.zero_area += faces::drop_zero_area(vertices, triangles, diagonal);
+        changed.duplicate += faces::drop_duplicates(triangles);
+        let cut = stitch::stitch(vertices, triangles, weld_distance, &mut budget);
+        changed.stitched += cut;
+        if cut == 0 {
+            return changed;
+        }
+    }
+}
+
+/// The report of a mesh to which nothing but the flipping of faces was done.
+fn described(
+    name: &str,
+    vertices: &[DVec3],
+    triangles: &[[u32; 3]],
+    components: Vec<ComponentReport>,
+) -> HygieneReport {
+    let edges = edges::Edges::of(triangles);
+    let faces = triangles.iter().map(|t| t.map(|v| vertices[v as usize]));
+    let area: f64 = faces.map(face_area).sum();
+    let missing = holes::missing_area(vertices, &edges.boundary());
+    HygieneReport {
+        name: name.to_owned(),
+        input_vertices: vertices.len(),
+        input_triangles: triangles.len(),
+        vertices: vertices.len(),
+        triangles: triangles.len(),
+        welded_vertices: 0,
+        unused_vertices: 0,
+        weld_distance: 0.0,
+        zero_area_faces: 0,
+        duplicate_faces: 0,
+        stitched_edges: 0,
+        flipped_faces: components.iter().map(|c| c.flipped_faces).sum(),
+        components: components.len(),
+        cavities: components.iter().filter(|c| c.cavity).count(),
+        overlapping_components: components.iter().filter(|c| c.overlaps).count(),
+        per_component: components,
+        open_edges: edges.count(|faces| faces.len() == 1),
+        nonmanifold_edges: edges.count(|faces| faces.len() > 2),
+        inconsistent_edges: edges.count(edges::inconsistent),
+        watertight: edges.count(|faces| edges::net_uses(faces) != 0) == 0,
+        open_area_fraction: missing / (missing + area),
+        volume: volume(vertices, triangles),
+        area,
+        bounds: Aabb::around(vertices.iter().copied()),
+    }
 }
 
 fn check_options(name: &str, options: &HygieneOptions) -> Result<(), MeshError> {

@@ -31,7 +31,7 @@ peers:
 
 # The ten million queries that the tests leave out.
 stress:
-    cargo test --release -p sdf-grid --test stress -- --include-ignored --nocapture
+    cargo test --release -p sdf-grid --test it stress:: -- --include-ignored --nocapture
 
 # Devices against a real kernel, in qemu; says what is missing where it cannot run.
 hid-vm:

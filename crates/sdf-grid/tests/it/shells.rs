@@ -1,11 +1,10 @@
 //! Several shells in one mesh: nested, touching, doubled, cutting through each other.
 
-mod common;
-
-use approx::assert_relative_eq;
-use common::bare::{clean, joined, moved, raw, reversed, scaled, unit_cube};
+use crate::common::bare::{clean, joined, moved, raw, reversed, scaled, unit_cube};
 use glam::{DQuat, DVec3};
 use sdf_grid::shapes;
+
+use crate::common::assert_close;
 
 #[test]
 fn a_cavity_points_inwards_and_a_body_in_it_outwards() {
@@ -17,7 +16,7 @@ fn a_cavity_points_inwards_and_a_body_in_it_outwards() {
         (report.components, report.cavities, report.flipped_faces),
         (3, 1, 12)
     );
-    assert_relative_eq!(mesh.volume(), 64.0 - 8.0 + 1.0, max_relative = 1e-12);
+    assert_close(mesh.volume(), 64.0 - 8.0 + 1.0, 1e-12);
     let (_, again) = clean(raw(&mesh).0, raw(&mesh).1).expect("still nested");
     assert_eq!(again.flipped_faces, 0);
 }
@@ -30,13 +29,13 @@ fn touching_shells_are_not_nested() {
     let (vertices, triangles) = joined(&[&cube, &small]);
     let (mesh, report) = clean(vertices, triangles).expect("two bodies");
     assert_eq!((report.cavities, report.overlapping_components), (0, 0));
-    assert_relative_eq!(mesh.volume(), 1.125, max_relative = 1e-12);
+    assert_close(mesh.volume(), 1.125, 1e-12);
     // The same from inside: a cavity that reaches a wall.
     let niche = moved(&scaled(&cube, 0.5), DVec3::new(0.25, 0.1, 0.05));
     let (vertices, triangles) = joined(&[&cube, &niche]);
     let (mesh, report) = clean(vertices, triangles).expect("a body with a cavity");
     assert_eq!((report.cavities, report.overlapping_components), (1, 0));
-    assert_relative_eq!(mesh.volume(), 0.875, max_relative = 1e-12);
+    assert_close(mesh.volume(), 0.875, 1e-12);
 }
 
 #[test]
@@ -46,7 +45,7 @@ fn a_doubled_shell_stays_outward_and_is_said() {
     let (vertices, triangles) = joined(&[&sphere, &turned]);
     let (mesh, report) = clean(vertices, triangles).expect("a doubled shell");
     assert_eq!((report.cavities, report.overlapping_components), (0, 2));
-    assert_relative_eq!(mesh.volume(), 2.0 * sphere.volume(), max_relative = 1e-12);
+    assert_close(mesh.volume(), 2.0 * sphere.volume(), 1e-12);
     // Shell for shell the same faces: one of each is left.
     let (vertices, triangles) = joined(&[&sphere, &sphere]);
     let (mesh, report) = clean(vertices, triangles).expect("a doubled shell");
@@ -60,7 +59,7 @@ fn bodies_that_cut_through_each_other_stay_outward_and_are_said() {
     let (vertices, triangles) = joined(&[&cube, &moved(&cube, DVec3::new(0.31, 0.47, 0.23))]);
     let (mesh, report) = clean(vertices, triangles).expect("two bodies");
     assert_eq!((report.cavities, report.overlapping_components), (0, 2));
-    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
+    assert_close(mesh.volume(), 2.0, 1e-12);
 }
 
 #[test]
@@ -77,8 +76,8 @@ fn the_wall_between_solids_that_touch_is_dropped() {
     let (mesh, report) = clean(vertices, triangles).expect("two cubes");
     assert_eq!((report.duplicate_faces, report.components), (4, 1));
     assert!(report.watertight);
-    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
-    assert_relative_eq!(mesh.area(), 10.0, max_relative = 1e-12);
+    assert_close(mesh.volume(), 2.0, 1e-12);
+    assert_close(mesh.area(), 10.0, 1e-12);
 }
 
 #[test]

@@ -3,11 +3,12 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use approx::assert_relative_eq;
 use glam::DVec3;
 use sdf_grid::mesh_io::{read, write_obj};
 use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, MeshError, TriangleMesh};
+
+use crate::common::assert_close;
 
 struct Folder(tempfile::TempDir);
 
@@ -67,7 +68,7 @@ fn quads_become_a_closed_cube() {
     let (mesh, report) = load("cube.obj", CUBE).expect("a cube");
     assert_eq!(report.input_triangles, 12);
     assert!(report.watertight && report.warnings().is_empty());
-    assert_relative_eq!(mesh.volume(), 1.0, max_relative = 1e-15);
+    assert_close(mesh.volume(), 1.0, 1e-15);
 }
 
 #[test]
@@ -118,7 +119,7 @@ fn several_objects_become_one_mesh() {
     let (mesh, report) = load("two.obj", text).expect("two cubes");
     assert_eq!(report.components, 2);
     // The second cube's x runs from 10 to 11.
-    assert_relative_eq!(mesh.volume(), 2.0, max_relative = 1e-12);
+    assert_close(mesh.volume(), 2.0, 1e-12);
     assert_eq!(mesh.bounds().max, DVec3::new(11.0, 1.0, 1.0));
 }
 
@@ -138,8 +139,8 @@ fn concave_polygons_are_cut_inside() {
     }
     let (mesh, report) = load("l.obj", text).expect("an L");
     assert!(report.watertight);
-    assert_relative_eq!(mesh.volume(), 4.0, max_relative = 1e-12);
-    assert_relative_eq!(mesh.area(), 2.0 * 4.0 + 10.0, max_relative = 1e-12);
+    assert_close(mesh.volume(), 4.0, 1e-12);
+    assert_close(mesh.area(), 2.0 * 4.0 + 10.0, 1e-12);
 }
 
 #[test]
@@ -271,11 +272,7 @@ fn all_solids_of_an_ascii_stl_are_read() {
     let text = ascii_solid("cube", &cube) + &ascii_solid("ball of steel", &ball);
     let (mesh, report) = load("two.STL", &text).expect("two solids");
     assert_eq!((report.components, report.watertight), (2, true));
-    assert_relative_eq!(
-        mesh.volume(),
-        cube.volume() + ball.volume(),
-        max_relative = 1e-12
-    );
+    assert_close(mesh.volume(), cube.volume() + ball.volume(), 1e-12);
 
     assert_eq!(syntax("cut.stl", &text[..text.len() / 2]).0, "end of file");
     assert_eq!(
@@ -301,7 +298,7 @@ fn binary_stl_is_read_whatever_its_title() {
         assert!(report.watertight);
         assert_eq!(report.vertices, ball.vertices().len());
         // Single precision: 6e-8 on each coordinate.
-        assert_relative_eq!(mesh.volume(), ball.volume(), max_relative = 1e-6);
+        assert_close(mesh.volume(), ball.volume(), 1e-6);
     }
 }
 
@@ -386,7 +383,7 @@ fn ply_is_read_in_every_encoding() {
         assert!(report.watertight);
         assert_eq!(mesh.triangles(), torus.triangles());
         // Single precision: 6e-8 on each coordinate.
-        assert_relative_eq!(mesh.volume(), torus.volume(), max_relative = 1e-6);
+        assert_close(mesh.volume(), torus.volume(), 1e-6);
     }
 }
 

@@ -1,5 +1,4 @@
 //! Bare vertices and triangles, and hygiene with its defaults.
-#![allow(dead_code, reason = "each test file uses some of it")]
 
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;

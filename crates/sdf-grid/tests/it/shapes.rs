@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
-use approx::assert_relative_eq;
 use glam::{DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh};
+
+use crate::common::assert_close;
 
 /// Rounding of sums over a few thousand faces.
 const EXACT: f64 = 1e-12;
@@ -28,15 +29,11 @@ fn cuboid_has_its_volume_area_and_bounds() {
     let mesh = shapes::cuboid(size).expect("valid size");
     let report = report(&mesh);
     assert_eq!((report.vertices, report.triangles), (8, 12));
-    assert_relative_eq!(mesh.volume(), 3e-5, max_relative = EXACT);
-    assert_relative_eq!(
-        mesh.area(),
-        2.0 * (6e-4 + 1e-3 + 1.5e-3),
-        max_relative = EXACT
-    );
+    assert_close(mesh.volume(), 3e-5, EXACT);
+    assert_close(mesh.area(), 2.0 * (6e-4 + 1e-3 + 1.5e-3), EXACT);
     assert_eq!(mesh.bounds().size(), size);
     assert!(mesh.centroid().length() < 1e-15);
-    assert_relative_eq!(mesh.radius_about(DVec3::ZERO), 0.5 * size.length());
+    assert_close(mesh.radius_about(DVec3::ZERO), 0.5 * size.length(), 1e-15);
 }
 
 #[test]
@@ -47,8 +44,8 @@ fn cylinder_has_the_volume_of_its_polygon() {
         let n = f64::from(segments);
         let base = 0.5 * n * 1e-4 * (2.0 * PI / n).sin();
         let side = n * 2.0 * 0.01 * (PI / n).sin() * 0.03;
-        assert_relative_eq!(mesh.volume(), base * 0.03, max_relative = EXACT);
-        assert_relative_eq!(mesh.area(), 2.0 * base + side, max_relative = EXACT);
+        assert_close(mesh.volume(), base * 0.03, EXACT);
+        assert_close(mesh.area(), 2.0 * base + side, EXACT);
     }
 }
 
@@ -57,7 +54,7 @@ fn icosphere_converges_to_the_sphere_at_second_order() {
     let error = |n| {
         let mesh = shapes::icosphere(2.0, n).expect("valid size");
         assert_eq!(report(&mesh).triangles, 20 * (n * n) as usize);
-        assert_relative_eq!(mesh.radius_about(DVec3::ZERO), 2.0, max_relative = EXACT);
+        assert_close(mesh.radius_about(DVec3::ZERO), 2.0, EXACT);
         1.0 - mesh.volume() / (4.0 / 3.0 * PI * 8.0)
     };
     let (coarse, fine) = (error(8), error(16));
@@ -75,7 +72,7 @@ fn torus_has_the_volume_of_its_polygons() {
     // element is r |d0 x d1| dr ds dz.
     let tube = 0.5 * f64::from(m) * 1e-4 * (2.0 * PI / f64::from(m)).sin();
     let around = f64::from(n) * (2.0 * PI / f64::from(n)).sin() * 0.03;
-    assert_relative_eq!(mesh.volume(), tube * around, max_relative = EXACT);
+    assert_close(mesh.volume(), tube * around, EXACT);
 }
 
 #[test]
@@ -96,11 +93,11 @@ fn prism_with_a_hole_keeps_both_rings_whichever_way_they_run() {
         }
         let mesh = shapes::prism(&outline, &[hole], 3.0).expect("valid prism");
         report(&mesh);
-        assert_relative_eq!(mesh.volume(), 36.0, max_relative = EXACT);
+        assert_close(mesh.volume(), 36.0, EXACT);
         meshes.push(mesh.area());
     }
     for area in meshes {
-        assert_relative_eq!(area, 2.0 * 12.0 + 3.0 * (16.0 + 8.0), max_relative = EXACT);
+        assert_close(area, 2.0 * 12.0 + 3.0 * (16.0 + 8.0), EXACT);
     }
 }
 
@@ -121,8 +118,8 @@ fn corners_on_straight_sides_leave_no_crack() {
     .map(|(x, y)| DVec2::new(f64::from(x), f64::from(y)));
     let mesh = shapes::prism(&outline, &[], 2.0).expect("an L");
     report(&mesh);
-    assert_relative_eq!(mesh.volume(), 2.0 * 5.0, max_relative = EXACT);
-    assert_relative_eq!(mesh.area(), 2.0 * 5.0 + 2.0 * 12.0, max_relative = EXACT);
+    assert_close(mesh.volume(), 2.0 * 5.0, EXACT);
+    assert_close(mesh.area(), 2.0 * 5.0 + 2.0 * 12.0, EXACT);
 }
 
 /// Corner positions of a face with the lowest first, in the order that flips with orientation.
@@ -151,7 +148,7 @@ fn hole_and_peg_share_every_mating_facet_at_zero_clearance() {
         assert_eq!(wall(&hole, true), mating, "{}", pair.name());
         // Together they fill the block.
         let block = PegInHole::BLOCK.powi(2) * PegInHole::HEIGHT;
-        assert_relative_eq!(hole.volume() + peg.volume(), block, max_relative = EXACT);
+        assert_close(hole.volume() + peg.volume(), block, EXACT);
     }
 }
 
@@ -168,7 +165,7 @@ fn clearance_widens_the_hole_only() {
                 .map(|i| 0.5 * s[i].perp_dot(s[(i + 1) % s.len()]))
                 .sum::<f64>()
         });
-        assert_relative_eq!(gap, outer - inner, max_relative = 1e-9);
+        assert_close(gap, outer - inner, 1e-9);
         assert!(gap > 0.0);
     }
     assert!(matches!(

@@ -1,13 +1,12 @@
 //! Hygiene: what it repairs, what it reports, what it refuses.
 
-mod common;
-
-use approx::assert_relative_eq;
-use common::bare::{clean, raw, reversed, unit_cube};
+use crate::common::bare::{clean, raw, reversed, unit_cube};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
 use sdf_grid::{HygieneOptions, MeshError, TriangleMesh, shapes};
+
+use crate::common::assert_close;
 
 #[test]
 fn empty_meshes_are_refused() {
@@ -102,11 +101,7 @@ fn an_open_mesh_is_warned_about_or_refused_by_its_missing_area() {
     assert!(!report.watertight);
     // Single triangles are missing, so the fans have exactly their area.
     let missing = area - mesh.area();
-    assert_relative_eq!(
-        report.open_area_fraction,
-        missing / area,
-        max_relative = 1e-9
-    );
+    assert_close(report.open_area_fraction, missing / area, 1e-9);
     assert!(
         report
             .warnings()
@@ -178,7 +173,7 @@ fn randomly_flipped_faces_are_made_consistent() {
     let (mesh, report) = clean(vertices, triangles).expect("repairable");
     assert_eq!(report.flipped_faces, count);
     assert!(report.watertight);
-    assert_relative_eq!(mesh.volume(), sphere.volume(), max_relative = 1e-12);
+    assert_close(mesh.volume(), sphere.volume(), 1e-12);
 }
 
 #[test]
@@ -216,7 +211,7 @@ fn a_triangle_soup_is_welded() {
     );
     assert!(report.watertight);
     // Jitter of 1e-9 m on a tube of 1e-2 m.
-    assert_relative_eq!(mesh.volume(), torus.volume(), max_relative = 1e-6);
+    assert_close(mesh.volume(), torus.volume(), 1e-6);
 }
 
 #[test]

@@ -1,12 +1,11 @@
 //! The gradient of the density against difference quotients of the density itself.
 
-mod common;
-
-use common::{SIGMAS, cuboid, random_points, random_star};
 use glam::DVec3;
 use num_complex::Complex64;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Bvh, DensityGradient, DensityKernel, ReferenceDensity, TriangleMesh};
+
+use crate::common::{self, SIGMAS, cuboid, random_points, random_star};
 
 type Gradient = [Complex64; 3];
 

@@ -1,16 +1,15 @@
 //! Fields on disk: stored once, found again, replaced when damaged.
 
-mod common;
-
 use std::fs;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use common::cuboid;
 use glam::DVec3;
 use sdf_grid::{
     DensityField, DensityKernel, DensityOptions, FieldCache, Lattice, Monitor, Sampling,
     TriangleMesh,
 };
+
+use crate::common::cuboid;
 
 /// Counts computations.
 #[derive(Default)]

@@ -1,10 +1,9 @@
 //! The kernel against the paper's complex form and the half-space table.
 
-mod common;
-
-use common::{SIGMAS, kernel_h, simpson};
 use num_complex::Complex64;
 use sdf_grid::DensityKernel;
+
+use crate::common::{SIGMAS, kernel_h, simpson};
 
 #[test]
 fn unit_integrals_of_a_half_space() {

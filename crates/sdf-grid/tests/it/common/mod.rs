@@ -1,5 +1,4 @@
 //! Small closed meshes and independent oracles shared by the tests.
-#![allow(dead_code, reason = "each test file uses some of it")]
 
 pub(crate) mod bare;
 
@@ -10,6 +9,16 @@ use rand::{Rng, SeedableRng};
 use sdf_grid::{HygieneOptions, TriangleMesh};
 
 pub(crate) const SIGMAS: [f64; 4] = [0.05, 0.1, 0.2, 0.3];
+
+/// Fails unless two numbers differ by no more than this much of the larger one.
+#[track_caller]
+pub(crate) fn assert_close(found: f64, expected: f64, relative: f64) {
+    let allowed = relative * found.abs().max(expected.abs());
+    assert!(
+        (found - expected).abs() <= allowed,
+        "found {found}, expected {expected} to {relative}"
+    );
+}
 
 pub(crate) fn mesh(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> TriangleMesh {
     let options = HygieneOptions::default();

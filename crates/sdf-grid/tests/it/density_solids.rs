@@ -1,9 +1,6 @@
 //! The density's tolerance and the signed distance on random closed solids: hulls, perforated
 //! blocks, plates, needles, tori, stars.
 
-mod common;
-
-use common::relative_l2;
 use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -12,6 +9,8 @@ use sdf_grid::{
     Bvh, DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
     TriangleMesh,
 };
+
+use crate::common::relative_l2;
 
 /// The field at every node, as points.
 fn computed(

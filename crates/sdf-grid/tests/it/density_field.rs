@@ -1,8 +1,5 @@
 //! Fields on lattices: against the reference, invariances, boundary, halo, sampling.
 
-mod common;
-
-use common::{cuboid, random_star, relative_l2};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use glam::{DQuat, DVec3};
@@ -13,6 +10,8 @@ use sdf_grid::{
     DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Monitor, ReferenceDensity,
     Sampling, Silent, TriangleMesh, UnitDensity,
 };
+
+use crate::common::{self, cuboid, random_star, relative_l2};
 
 fn options(tolerance: f64, sampling: Sampling) -> DensityOptions {
     DensityOptions {

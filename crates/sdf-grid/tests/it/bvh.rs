@@ -1,14 +1,13 @@
 //! Distance, nearest point and winding number of the hierarchy against brute force in f64.
 
-mod common;
-
-use common::{cuboid, icosphere, random_points, random_star};
 use glam::DVec3;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
     Bvh, DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
     TriangleMesh,
 };
+
+use crate::common::{self, cuboid, icosphere, random_points, random_star};
 
 fn meshes() -> Vec<TriangleMesh> {
     let mut meshes = vec![

@@ -6,11 +6,8 @@
 //! of one size by 6e-8, and the walk to the nearest triangle a few times that), no wrong sign
 //! farther than that from the boundary.
 
-mod common;
-
 use std::f64::consts::TAU;
 
-use common::{cuboid, icosphere, random_star, relative_l2};
 use glam::{DQuat, DVec2, DVec3};
 use num_complex::Complex64;
 use rand::rngs::SmallRng;
@@ -20,6 +17,8 @@ use sdf_grid::{
     Bvh, DensityField, DensityKernel, DensityOptions, HygieneOptions, HygieneReport, Lattice,
     MeshError, ReferenceDensity, Sampling, Silent, TriangleMesh,
 };
+
+use crate::common::{cuboid, icosphere, random_star, relative_l2};
 
 const TOLERANCE: f64 = 1e-3;
 const DISTANCE: f64 = 1e-6;

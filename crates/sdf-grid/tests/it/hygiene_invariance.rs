@@ -1,16 +1,15 @@
 //! What hygiene does not depend on: order, scale, place, how often it is done; and that no input
 //! breaks it.
 
-mod common;
-
-use approx::assert_relative_eq;
-use common::bare::{clean, faulty, raw};
+use crate::common::bare::{clean, faulty, raw};
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
 use rand::seq::SliceRandom;
 use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh};
+
+use crate::common::assert_close;
 
 /// Faces as sorted sets of positions, each running from its lowest corner.
 fn face_set(mesh: &TriangleMesh) -> Vec<[[u64; 3]; 3]> {
@@ -111,6 +110,6 @@ fn neither_scale_nor_place_changes_what_is_found() {
         assert_eq!(counts(&report), counts(&here));
         // At 1e6 sizes from the origin a coordinate holds 1e-10 of the size.
         let expected = here.volume * scale.powi(3);
-        assert_relative_eq!(mesh.volume(), expected, max_relative = 1e-8);
+        assert_close(mesh.volume(), expected, 1e-8);
     }
 }

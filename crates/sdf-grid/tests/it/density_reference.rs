@@ -1,11 +1,12 @@
 //! The f64 reference against oracles that share none of its code.
 
-mod common;
-
-use common::{SIGMAS, cuboid, icosphere, random_points, random_star, subdivided_density};
 use glam::DVec3;
 use num_complex::Complex64;
 use sdf_grid::{DensityKernel, ReferenceDensity};
+
+use crate::common::{
+    self, SIGMAS, cuboid, icosphere, random_points, random_star, subdivided_density,
+};
 
 fn kernel(sigma: f64) -> DensityKernel {
     DensityKernel::new(sigma).unwrap()

@@ -3,8 +3,8 @@
 //! The crate's two densities are the reference, a plain sum over all triangles in f64
 //! ([`point::reference`]), and the fast one, of which fields consist. From the bottom up:
 //!
-//! - [`kernel`], [`quadrature`], [`lattice`]: the kernel of a density, rules of integration, and the
-//!   places of values;
+//! - [`kernel`], [`quadrature`], [`lattice`]: the kernel of a density, rules of integration, and
+//!   the places of values;
 //! - [`point`]: densities and their gradients at single points in f64;
 //! - [`packet`]: the tree code on packets of sixteen points in f32;
 //! - [`sampling`]: from points to lattice values: blocks, halo, boundary and cell averages;

@@ -17,9 +17,9 @@ const TRIED: usize = 3;
 /// A box smaller by less than this is not worth another frame.
 const WORTHWHILE: f64 = 0.95;
 
-/// A rotation after which the box of `mesh` along the axes is small: the smallest of its own, those along
-/// its largest flat faces and the one along its principal axes. The identity unless the box becomes
-/// smaller by a twentieth at least.
+/// A rotation after which the box of `mesh` along the axes is small: the smallest of its own, those
+/// along its largest flat faces and the one along its principal axes. The identity unless the box
+/// becomes smaller by a twentieth at least.
 pub fn snug_rotation(mesh: &TriangleMesh) -> DQuat {
     let volume = |rotation: DQuat| {
         let corners = mesh.triangles().iter().flatten();

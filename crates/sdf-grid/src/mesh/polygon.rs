@@ -42,10 +42,10 @@ pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec
     Some(cuts.iter().map(upward).collect())
 }
 
-/// Cuts the region within rings (the outline and the holes as places among `points`, any way round) into
-/// triangles that are as little drawn out as its sides allow, which are not cut; adds corners inside it for
-/// that. Corners (the given ones first) and triangles of their indices, counter-clockwise. Rings may touch
-/// in corners; `None` if they cross or points coincide.
+/// Cuts the region within rings (the outline and the holes as places among `points`, any way round)
+/// into triangles that are as little drawn out as its sides allow, which are not cut; adds corners
+/// inside it for that. Corners (the given ones first) and triangles of their indices,
+/// counter-clockwise. Rings may touch in corners; `None` if they cross or points coincide.
 pub(crate) fn triangulate_compactly(points: &[DVec2], rings: &[Vec<u32>]) -> Option<Triangles> {
     let mut delaunay = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
     let mut handles = Vec::with_capacity(points.len());

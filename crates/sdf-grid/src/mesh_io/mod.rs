@@ -1,8 +1,9 @@
 //! Reading and writing mesh files.
 //!
 //! Files are untrusted: nothing is allocated from a count that the file states before the bytes
-//! that back it have been seen, and every mesh goes through [`TriangleMesh::clean`](crate::TriangleMesh::clean). A file is read
-//! into a [`MeshFile`], which lists the solids in it; cleaning turns all of them, or one, into a
+//! that back it have been seen, and every mesh goes through
+//! [`TriangleMesh::clean`](crate::TriangleMesh::clean). A file is read into a [`MeshFile`], which
+//! lists the solids in it; cleaning turns all of them, or one, into a
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
 mod bytes;

@@ -1,13 +1,14 @@
-//! Large arrays: in large pages, and asked for ahead of their use. What is read all over otherwise waits for
-//! the addresses of its pages, for the kernel to hand them out one by one, and for distant caches.
+//! Large arrays: in large pages, and asked for ahead of their use. What is read all over otherwise
+//! waits for the addresses of its pages, for the kernel to hand them out one by one, and for
+//! distant caches.
 
 use rayon::prelude::*;
 
 /// Arrays smaller than this gain nothing.
 const LEAST: usize = 2 << 20;
 
-/// Asks the kernel to back `memory` with large pages. Before it is first touched is best; nothing is lost where
-/// there are no such pages.
+/// Asks the kernel to back `memory` with large pages. Before it is first touched is best; nothing
+/// is lost where there are no such pages.
 #[doc(hidden)]
 pub fn ask_for_large_pages<T>(memory: &[T]) {
     #[cfg(target_os = "linux")]

@@ -99,8 +99,8 @@ impl Face {
         let edges = [0, 1, 2, 3].map(|k| piece.edge(k % count));
         let twice = piece.halves();
         let normal = (twice[0] + twice[1]).normalize();
-        // Corners that a file has rounded leave the plane: edges are what is seen of them in it, so that
-        // distances along and across them belong together.
+        // Corners that a file has rounded leave the plane: edges are what is seen of them in it, so
+        // that distances along and across them belong together.
         let flat = |edge: DVec3| edge - normal * edge.dot(normal);
         let edges = if count == 4 { edges.map(flat) } else { edges };
         let length = edges.map(DVec3::length);

@@ -123,8 +123,8 @@ fn on_a_sheet_of_the_medial_axis_it_is_the_gradient_along_the_sheet() {
             }
             // The sheet is a plane of symmetry.
             assert!(dot(exact, across).norm() < 1e-9 * scale, "{sigma} {p}");
-            // Either side has a steep slope towards the sheet: the two do not agree, and the extended
-            // gradient is their mean.
+            // Either side has a steep slope towards the sheet: the two do not agree, and the
+            // extended gradient is their mean.
             let sides = [1.0, -1.0].map(|s| {
                 let q = p + across * (s * 1e-6);
                 dot(
@@ -145,7 +145,8 @@ fn at_centres_of_symmetry_it_vanishes() {
     for sigma in SIGMAS {
         let kernel = DensityKernel::new(sigma).unwrap();
         let fast = DensityGradient::new(&cube, &kernel).unwrap();
-        // Six nearest points around the centre; near it the density is about 1 / sigma per half edge.
+        // Six nearest points around the centre; near it the density is about 1 / sigma per half
+        // edge.
         assert!(norm(fast.at(DVec3::ZERO).unwrap().interior) < 1e-6 / sigma);
         let plate = cuboid(DVec3::new(-9.0, -9.0, -0.5), DVec3::new(9.0, 9.0, 0.5), 1);
         let fast = DensityGradient::new(&plate, &kernel).unwrap();

@@ -96,9 +96,10 @@ fn random_solids_are_closed_and_repeatable() {
 
 #[test]
 fn tolerances_hold_on_the_axis_of_a_cylinder() {
-    // All of the boundary around such a point is equally near and seen from its front, so that errors of
-    // clusters are all the same and add up. Beside them 4e-5 remain whatever the clusters, probably of
-    // single precision: too much for 1e-5, which is a promise for whole fields.
+    // All of the boundary around such a point is equally near and seen from its front, so that
+    // errors of clusters are all the same and add up. Beside them 4e-5 remain whatever the
+    // clusters, probably of single precision: too much for 1e-5, which is a promise for whole
+    // fields.
     let mesh = cylinder(0.1, 1.0, 256).unwrap();
     let centre = mesh.bounds().center();
     for sigma in [0.03, 0.1] {
@@ -123,8 +124,9 @@ fn tolerances_hold_on_the_axis_of_a_cylinder() {
     }
 }
 
-/// On a cube of twice a needle most nodes see both of its sides nearly cancel. The worst of 200 solids; and two of which
-/// the first misses 1e-3 where the cancelling of clusters is overlooked, 1e-2 where that inside of clusters is.
+/// On a cube of twice a needle most nodes see both of its sides nearly cancel. The worst of 200
+/// solids; and two of which the first misses 1e-3 where the cancelling of clusters is overlooked,
+/// 1e-2 where that inside of clusters is.
 #[test]
 fn tolerances_hold_far_from_needles() {
     for seed in [9, 39, 123, 135, 189] {
@@ -136,8 +138,8 @@ fn tolerances_hold_far_from_needles() {
     }
 }
 
-/// A finely cut torus is all clusters, none of which cancel: their size and bend are all of its error but what
-/// interpolation adds.
+/// A finely cut torus is all clusters, none of which cancel: their size and bend are all of its
+/// error but what interpolation adds.
 #[test]
 fn tolerances_hold_on_a_finely_cut_torus() {
     let mesh = torus(0.015, 0.007, 123, 41).unwrap();
@@ -147,8 +149,8 @@ fn tolerances_hold_on_a_finely_cut_torus() {
     assert_tolerances_hold("torus", &mesh, 0.03, &lattice, 371);
 }
 
-/// Next to faces much smaller than the spacing distances in a packet differ so much that its points are taken with
-/// others.
+/// Next to faces much smaller than the spacing distances in a packet differ so much that its points
+/// are taken with others.
 #[test]
 fn tolerances_hold_where_faces_are_much_finer_than_the_lattice() {
     let mesh = torus(0.015, 0.007, 123, 41).unwrap();

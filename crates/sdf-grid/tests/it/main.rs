@@ -1,4 +1,5 @@
-//! Tests of the whole crate from outside, in one binary: its kernels are compiled once for all of them.
+//! Tests of the whole crate from outside, in one binary: its kernels are compiled once for all of
+//! them.
 
 mod bvh;
 mod common;

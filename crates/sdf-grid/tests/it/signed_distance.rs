@@ -5,8 +5,8 @@ use sdf_grid::{
     Bvh, DensityError, Lattice, Monitor, Silent, TriangleMesh, shapes, signed_distances,
 };
 
-/// Largest deviation, in sizes of the part or distances if those are larger, and nodes with another sign although farther from the
-/// boundary than single precision can see.
+/// Largest deviation, in sizes of the part or distances if those are larger, and nodes with another
+/// sign although farther from the boundary than single precision can see.
 fn compare(mesh: &TriangleMesh, lattice: &Lattice) -> (f64, usize) {
     let found = signed_distances(mesh, lattice, &Silent).unwrap();
     let bvh = Bvh::build(mesh);

@@ -182,7 +182,8 @@ fn layered_cylinder(radius: f64, height: f64, sides: u32, layers: u32) -> Triang
 
 #[test]
 fn coordinates_rounded_as_files_round_them() {
-    // A peg in metres: eight decimals (1e-7 of its length) in a text file, single precision in an STL.
+    // A peg in metres: eight decimals (1e-7 of its length) in a text file, single precision in an
+    // STL.
     let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -0.9, 0.2));
     let exact = layered_cylinder(0.004, 0.05, 90, 6).transformed(turn, DVec3::splat(0.003));
     let text = |v: &DVec3| (*v * 1e8).round() * 1e-8;
@@ -356,8 +357,8 @@ fn flipped_faces_are_restored() {
 fn missing_faces_cost_little() {
     // Bounds: both paths see the same holes (the module's bounds, but the sign flips where the
     // winding number passes 1/2 in a hole, at a place that both find); and the density stays near
-    // that of the whole sphere, by a few times the share that is missing: beside a hole the distance
-    // grows as well.
+    // that of the whole sphere, by a few times the share that is missing: beside a hole the
+    // distance grows as well.
     let sphere = icosphere(2, |p| p);
     let (vertices, triangles) = raw(&sphere);
     let lattice = around(&sphere, 12);

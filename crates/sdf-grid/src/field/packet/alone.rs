@@ -1,5 +1,5 @@
-//! The integral at one point that hardly any face or cluster has in common with its neighbours: sixteen
-//! clusters at a time, instead of one cluster for sixteen points.
+//! The integral at one point that hardly any face or cluster has in common with its neighbours:
+//! sixteen clusters at a time, instead of one cluster for sixteen points.
 
 use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;

@@ -31,8 +31,8 @@ impl<'a> PacketDensity<'a> {
         self.tree.distance.facet(index).disc.radius
     }
 
-    /// In units of the faces near, the distance up to which few of them are in far clusters: less of the surface
-    /// is far at smaller tolerances.
+    /// In units of the faces near, the distance up to which few of them are in far clusters: less
+    /// of the surface is far at smaller tolerances.
     pub(crate) fn fine(&self) -> f32 {
         (15.0 / self.tree.settings.far.size) as f32
     }
@@ -53,8 +53,8 @@ impl<'a> PacketDensity<'a> {
         dispatch!(self.level, simd => together::integrals(simd, &self.tree, points, distances, walk))
     }
 
-    /// The same at one point whose distance is not zero: where faces are so small that neighbouring points have
-    /// hardly any clusters in common.
+    /// The same at one point whose distance is not zero: where faces are so small that neighbouring
+    /// points have hardly any clusters in common.
     pub(crate) fn integral(&self, point: DVec3, distance: f32, walk: &mut Walk) -> [f32; 2] {
         dispatch!(self.level, simd => alone::integral(simd, &self.tree, point, distance, walk))
     }

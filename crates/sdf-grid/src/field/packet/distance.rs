@@ -126,8 +126,9 @@ struct Waiting {
     since: u32,
 }
 
-/// Squared distance of a node's box from the packet's (zero of those whose disc tells more), infinite if none of the
-/// points may be nearer to what is in it than `best` (`worst` of them); and from the packet's centre.
+/// Squared distance of a node's box from the packet's (zero of those whose disc tells more),
+/// infinite if none of the points may be nearer to what is in it than `best` (`worst` of them); and
+/// from the packet's centre.
 #[inline(always)]
 fn gaps<S: Simd>(
     distance: &PacketDistance<'_>,

@@ -96,8 +96,8 @@ impl<S: Simd> Line<S> {
         }
     }
 
-    /// The means over the edge of `2 (K(u) - K0) / (d^2 + t^2)`, where no point's foot is next to the
-    /// edge's line.
+    /// The means over the edge of `2 (K(u) - K0) / (d^2 + t^2)`, where no point's foot is next to
+    /// the edge's line.
     #[inline(always)]
     fn away<const N: usize>(
         &self,
@@ -133,7 +133,8 @@ impl<S: Simd> Line<S> {
         sums
     }
 
-    /// The angle that the parts of the edge beyond the reach fill about the foot, with the sign of `d`.
+    /// The angle that the parts of the edge beyond the reach fill about the foot, with the sign of
+    /// `d`.
     #[inline(always)]
     fn outer_angle(&self, d: f32x16<S>) -> f32x16<S> {
         let d2 = d * d;

@@ -8,7 +8,8 @@ use crate::surface::bvh::node::Node;
 use crate::surface::face::Face;
 use crate::surface::moments::Moments;
 
-/// What searches see of a node, in one cache line; where its faces are nearly flat and oblique, that is all.
+/// What searches see of a node, in one cache line; where its faces are nearly flat and oblique,
+/// that is all.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct Hull {
@@ -38,9 +39,9 @@ impl Hull {
     }
 }
 
-/// What holds the faces of a node: all lies within `radius` of `centre` and within `thickness` of the plane
-/// through it that is normal to `axis`. Where faces are nearly flat and oblique that is much thinner than
-/// their box.
+/// What holds the faces of a node: all lies within `radius` of `centre` and within `thickness` of
+/// the plane through it that is normal to `axis`. Where faces are nearly flat and oblique that is
+/// much thinner than their box.
 #[derive(Debug, Clone)]
 pub(crate) struct Disc {
     pub(crate) centre: DVec3,
@@ -66,8 +67,8 @@ impl Disc {
         self.thickness == f32::INFINITY
     }
 
-    /// Whether some point of a packet may be nearer to what is in the disc than `best`, its squared distance from
-    /// something else.
+    /// Whether some point of a packet may be nearer to what is in the disc than `best`, its squared
+    /// distance from something else.
     #[inline(always)]
     pub(crate) fn may_be_nearer<S: Simd>(&self, packet: &Packet<S>, best: f32x16<S>) -> bool {
         let middle = (self.centre - packet.centre).as_vec3();
@@ -80,7 +81,8 @@ impl Disc {
         let height = packet.dot_add(self.axis, -self.axis.dot(middle));
         let zero = packet.splat(0.0);
         let over = (height.abs() - self.thickness).max(zero);
-        // With `a` across the axis and `b` left of `best`, `a - r < sqrt(b)`, squared twice: no root is taken.
+        // With `a` across the axis and `b` left of `best`, `a - r < sqrt(b)`, squared twice: no
+        // root is taken.
         let left = over.mul_add(-over, best);
         let r2 = self.radius * self.radius;
         let room = r2 * (1.0 + SQUARED_ROUNDING);

@@ -44,7 +44,8 @@ impl<'a> Limits<'a> {
     }
 }
 
-/// What tells whether a cluster may be far from a packet, or out of reach, without a look at its points.
+/// What tells whether a cluster may be far from a packet, or out of reach, without a look at its
+/// points.
 pub(crate) struct Glance {
     centre: Vec3,
     /// Half the size of the points' box, and half its diagonal.
@@ -95,8 +96,9 @@ impl Glance {
     }
 
     /// Which members of a group are within reach of the box of points, and of which
-    /// [`super::seen::Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves most of the tests
-    /// that fail. And the sines between the members' axes and the line from the packet's centre.
+    /// [`super::seen::Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves
+    /// most of the tests that fail. And the sines between the members' axes and the line from the
+    /// packet's centre.
     #[inline(always)]
     pub(crate) fn at<S: Simd>(&self, simd: S, group: &Group) -> ([u32; 2], Members) {
         let load = |members: &Members| f32x8::simd_from(simd, *members);

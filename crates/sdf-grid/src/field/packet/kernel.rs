@@ -86,8 +86,9 @@ impl PacketKernel {
     /// `G flat + (G' / u) first + (G'' - G' / u) bow`, real and imaginary, with `G` of
     /// [`crate::DensityKernel::radial`], given `x`, `u`, `1 / u` and `w = 1 / (1 + u^2)`.
     ///
-    /// `G` is `e^{-x^2/2} / (u (1 - i u)^2)` but for constants. So `G' = G q` and `G'' = G (q^2 + q')` with
-    /// `q = -(x / sigma + 1 / u) + 2 i / (1 - i u)`: one exponential, one complex product.
+    /// `G` is `e^{-x^2/2} / (u (1 - i u)^2)` but for constants. So `G' = G q` and `G'' = G (q^2 +
+    /// q')` with `q = -(x / sigma + 1 / u) + 2 i / (1 - i u)`: one exponential, one complex
+    /// product.
     #[inline(always)]
     pub(crate) fn expansion<S: Simd>(
         &self,
@@ -134,7 +135,8 @@ struct Rise {
 }
 
 impl Rise {
-    /// Fits `f`, which is zero with slope `slope` at zero, on `[start, end]` to `error`, at the ends exactly.
+    /// Fits `f`, which is zero with slope `slope` at zero, on `[start, end]` to `error`, at the
+    /// ends exactly.
     fn fit(
         start: f64,
         end: f64,
@@ -193,7 +195,8 @@ impl Rise {
     }
 }
 
-/// The Chebyshev series of the polynomial through `f` at `n` places of `[-1, 1]`, its ends among them.
+/// The Chebyshev series of the polynomial through `f` at `n` places of `[-1, 1]`, its ends among
+/// them.
 fn interpolant(n: usize, f: impl Fn(f64) -> Complex64) -> Vec<Complex64> {
     let last = n - 1;
     let angle = |i: usize| std::f64::consts::PI * i as f64 / last as f64;

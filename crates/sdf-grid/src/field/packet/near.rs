@@ -1,5 +1,5 @@
-//! Near faces of a packet: collected by the walk, then added edge by edge; the formulas are those of
-//! [`crate::field::point::edge_integral`].
+//! Near faces of a packet: collected by the walk, then added edge by edge; the formulas are those
+//! of [`crate::field::point::edge_integral`].
 //!
 //! The kernel along an edge is the same for both faces it belongs to: where both are near it is
 //! evaluated once. Where both lie in one plane the edge does not count at all.

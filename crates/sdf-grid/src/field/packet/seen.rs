@@ -29,7 +29,8 @@ impl<S: Simd> Terms<S> for [Lanes; TERMS] {
     }
 }
 
-/// Tangents to the root in [`Seen::is_far`] touch it at the square of this or more: at zero they are vertical.
+/// Tangents to the root in [`Seen::is_far`] touch it at the square of this or more: at zero they
+/// are vertical.
 const LEAST_SINE: f32 = 0.1;
 
 /// A cluster as the points of a packet see it, in units of their distances.
@@ -109,7 +110,8 @@ impl<S: Simd> Seen<S> {
         !(counts & !(small & straight)).any_true()
     }
 
-    /// Adds the cluster's second-order expansion ([`crate::surface::moments::Moments::far_field`]), and its size to `magnitude`.
+    /// Adds the cluster's second-order expansion ([`crate::surface::moments::Moments::far_field`]),
+    /// and its size to `magnitude`.
     #[inline(always)]
     pub(crate) fn add(
         &self,

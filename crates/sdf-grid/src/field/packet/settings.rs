@@ -42,8 +42,8 @@ impl Far {
     }
 }
 
-/// Settings for one tolerance. Limits are those for kernels up to [`NARROW`]. From [`WIDE`] on clusters may be bent more, up
-/// to `wide_bend`, but where they cancel (measured).
+/// Settings for one tolerance. Limits are those for kernels up to [`NARROW`]. From [`WIDE`] on
+/// clusters may be bent more, up to `wide_bend`, but where they cancel (measured).
 struct Row {
     reach: f64,
     far: Far,
@@ -55,7 +55,8 @@ struct Row {
 const NARROW: f64 = 0.03;
 const WIDE: f64 = 0.1;
 
-/// For 1e-2, 1e-3, 1e-4 and 1e-5. Between them, and between kernels, limits are interpolated in the logarithm.
+/// For 1e-2, 1e-3, 1e-4 and 1e-5. Between them, and between kernels, limits are interpolated in the
+/// logarithm.
 const TABLE: [Row; 4] = [
     Row {
         reach: 2.7,

@@ -68,8 +68,8 @@ fn triangles_match_the_f64_edge_integrals() {
     }
 }
 
-/// From next to the faces, where all are near, to far away, where all are in clusters; outside and inside; and between
-/// the faces of a thin plate, which cancel.
+/// From next to the faces, where all are near, to far away, where all are in clusters; outside and
+/// inside; and between the faces of a thin plate, which cancel.
 #[test]
 fn single_points_match_the_f64_edge_integrals() {
     let torus = shapes::torus(1.0, 0.4, 90, 36).unwrap();

@@ -9,13 +9,15 @@ use crate::surface::face::Face;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Twin(u32);
 
-/// Faces, their edges and one flag fit into a word up to this many faces; beyond, no twins are kept.
+/// Faces, their edges and one flag fit into a word up to this many faces; beyond, no twins are
+/// kept.
 const MAX_FACES: usize = 1 << 29;
 
 /// Corners that agree to this are one: cuts through neighbouring faces differ by rounding.
 const SAME: f64 = 1e-9;
 
-/// Added to a number of a size up to 2^50, leaves its nearest integer in the last bits: cheaper than to round.
+/// Added to a number of a size up to 2^50, leaves its nearest integer in the last bits: cheaper
+/// than to round.
 const INTEGER: f64 = 1.5 * (1u64 << 52) as f64;
 
 /// The sine of the angle between normals up to which two faces lie in one plane.
@@ -44,8 +46,8 @@ const NO_HALF: u32 = u32::MAX;
 /// More than one edge.
 const CROWD: u32 = u32::MAX - 1;
 
-/// The twin of every edge of every face. An edge that more than two faces have mostly has none, one that another face
-/// has only in part never: that costs time, not accuracy.
+/// The twin of every edge of every face. An edge that more than two faces have mostly has none, one
+/// that another face has only in part never: that costs time, not accuracy.
 pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
     if faces.len() >= MAX_FACES {
         return vec![[Twin::NONE; 4]; faces.len()];
@@ -53,8 +55,8 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
     let keys: Vec<[u64; 4]> = faces.par_iter().map(keys).collect();
     let partners = partners(&keys);
     let place = |half: u32| (half as usize / 4, half as usize % 4);
-    // Corners lie all over memory and looking them up takes longest: each pair once, in the order of the faces,
-    // whose neighbours are mostly near in memory, too.
+    // Corners lie all over memory and looking them up takes longest: each pair once, in the order
+    // of the faces, whose neighbours are mostly near in memory, too.
     let first = |i: usize, k: usize| {
         let (j, l) = place(partners[4 * i + k]);
         let is_pair = i < j && j < faces.len();
@@ -78,11 +80,12 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
     twins
 }
 
-/// Edges looked at together first: their table stays in the nearest caches, and next to all find their twins there.
+/// Edges looked at together first: their table stays in the nearest caches, and next to all find
+/// their twins there.
 const TOGETHER: usize = 4096;
 
-/// Another edge with the same key, of edge `k` of face `i` at `4 i + k`, of which that is the other: [`NO_HALF`] if there is
-/// none, [`CROWD`] if several are together.
+/// Another edge with the same key, of edge `k` of face `i` at `4 i + k`, of which that is the
+/// other: [`NO_HALF`] if there is none, [`CROWD`] if several are together.
 fn partners(keys: &[[u64; 4]]) -> Vec<u32> {
     let keys = keys.as_flattened();
     let mut partners = vec![NO_HALF; keys.len()];
@@ -106,8 +109,8 @@ fn pair_up(
     partners: &mut [u32],
     first: usize,
 ) {
-    // The first edge of each key, in the first free place from one that its bits give: an eighth to a quarter of the
-    // places are taken.
+    // The first edge of each key, in the first free place from one that its bits give: an eighth to
+    // a quarter of the places are taken.
     let mut places = vec![NO_HALF; (2 * halves.len()).next_power_of_two()];
     let last = places.len() - 1;
     for half in halves {
@@ -152,8 +155,8 @@ fn ends(face: &Face, k: usize) -> [DVec3; 2] {
     [face.corners[k], face.corners[(k + 1) % face.count]]
 }
 
-/// For each edge of a face a number that both its directions share and other edges hardly ever. Where rounding of a corner
-/// crosses into another cell a twin is missed.
+/// For each edge of a face a number that both its directions share and other edges hardly ever.
+/// Where rounding of a corner crosses into another cell a twin is missed.
 fn keys(face: &Face) -> [u64; 4] {
     let corner = |p: DVec3| {
         let cells = p * (1.0 / SAME) + INTEGER;

@@ -115,8 +115,8 @@ impl Path {
     }
 }
 
-/// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it lies in distant
-/// caches.
+/// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it
+/// lies in distant caches.
 #[inline(always)]
 fn ask_for(
     tree: &PacketTree<'_>,

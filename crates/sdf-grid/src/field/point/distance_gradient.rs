@@ -7,8 +7,9 @@
 
 use glam::DVec3;
 
-/// Boundary points count as equally near if their distances differ by less than this, in units of the
-/// part's largest extent: far above rounding, far below any distance from the medial axis that matters.
+/// Boundary points count as equally near if their distances differ by less than this, in units of
+/// the part's largest extent: far above rounding, far below any distance from the medial axis that
+/// matters.
 pub(crate) const EQUALLY_NEAR: f64 = 1e-9;
 
 /// Rounds of support points at most; few nearest points matter.
@@ -20,8 +21,8 @@ pub(crate) fn extended_gradient(directions: &[DVec3]) -> DVec3 {
     let Some(first) = directions.first() else {
         return DVec3::ZERO;
     };
-    // Of a simplex within the hull, the point nearest to the origin; then the direction farthest the
-    // other way joins the simplex, until none is farther (the algorithm of Gilbert, Johnson and
+    // Of a simplex within the hull, the point nearest to the origin; then the direction farthest
+    // the other way joins the simplex, until none is farther (the algorithm of Gilbert, Johnson and
     // Keerthi).
     let mut simplex = vec![*first];
     let mut nearest = *first;
@@ -47,8 +48,8 @@ pub(crate) fn extended_gradient(directions: &[DVec3]) -> DVec3 {
     nearest
 }
 
-/// The point nearest to the origin in the hull of up to four points, and the points of the face of the
-/// simplex that it lies in.
+/// The point nearest to the origin in the hull of up to four points, and the points of the face of
+/// the simplex that it lies in.
 fn nearest_in_simplex(points: &[DVec3]) -> (DVec3, Vec<DVec3>) {
     let mut best = (DVec3::INFINITY, Vec::new());
     for subset in 1usize..1 << points.len() {

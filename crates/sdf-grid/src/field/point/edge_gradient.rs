@@ -2,18 +2,18 @@
 //!
 //! With the notation of [`super::edge_integral`], `G` of [`crate::DensityKernel::radial`] and
 //! `P = sum over edges of integral of d (K(u) - K0) / (d^2 + t^2) dt`, the face's integral is
-//! `(h / |xi|) P`. At fixed `|xi|` the divergence theorem gives the gradient of `P` in the plane and
-//! the polar form its derivative along the normal:
+//! `(h / |xi|) P`. At fixed `|xi|` the divergence theorem gives the gradient of `P` in the plane
+//! and the polar form its derivative along the normal:
 //!
 //! `grad P = -(1 / xi^2) sum over edges of m * integral of G(u) dt`
 //! `       + n (h / xi^2) sum over edges of integral of d (G(u) - G0) / (d^2 + t^2) dt`
 //!
-//! with `m` the outward normal of the edge in the plane. With respect to `|xi|` the integral has the
-//! derivative `-(h / xi^2) (P + Q)`, where `Q` is `P` with `u^2 G` in place of `K`.
+//! with `m` the outward normal of the edge in the plane. With respect to `|xi|` the integral has
+//! the derivative `-(h / xi^2) (P + Q)`, where `Q` is `P` with `u^2 G` in place of `K`.
 //!
 //! The constants subtracted (`K0`, ...) are those at `max(|h| / |xi|, 1/2)`, continued analytically
-//! below 1. `G` has a pole at zero; but where `|h|` is less than `|xi|` the foot lies outside the face,
-//! so that any constant serves, and where it is less than half of it, far outside.
+//! below 1. `G` has a pole at zero; but where `|h|` is less than `|xi|` the foot lies outside the
+//! face, so that any constant serves, and where it is less than half of it, far outside.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -134,8 +134,8 @@ impl<'a> Plane<'a> {
         }
     }
 
-    /// `(f(u) - f0) / r2` at squared distance `r2` from the foot for every `f`, and `G(u)`; near the
-    /// foot, where that is a difference of near equals, as a mean slope.
+    /// `(f(u) - f0) / r2` at squared distance `r2` from the foot for every `f`, and `G(u)`; near
+    /// the foot, where that is a difference of near equals, as a mean slope.
     fn integrand(&self, r2: f64, quadrature: &EdgeQuadrature) -> (Radial, Complex64) {
         let sigma = self.table.kernel().sigma();
         let u2 = (r2 + self.h * self.h) / (self.xi * self.xi);

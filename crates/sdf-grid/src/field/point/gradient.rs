@@ -15,13 +15,13 @@ use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
 use crate::surface::coplanar::pieces;
 
-/// Evaluates the gradient of the density of one mesh (eq_3a) in f64, through the hierarchy that fields
-/// are computed with.
+/// Evaluates the gradient of the density of one mesh (eq_3a) in f64, through the hierarchy that
+/// fields are computed with.
 ///
-/// The distance enters by its extended gradient: on the medial axis, where the distance has a crease,
-/// the gradient is the limit along the axis, and across a sheet of it the mean direction of the two
-/// sides (zero in the middle of a plate). The density itself has a crease there too, so that no
-/// difference quotient across the medial axis converges to it; along the axis they do.
+/// The distance enters by its extended gradient: on the medial axis, where the distance has a
+/// crease, the gradient is the limit along the axis, and across a sheet of it the mean direction of
+/// the two sides (zero in the middle of a plate). The density itself has a crease there too, so
+/// that no difference quotient across the medial axis converges to it; along the axis they do.
 #[derive(Debug, Clone)]
 pub struct DensityGradient {
     bvh: Bvh,
@@ -42,8 +42,8 @@ impl DensityGradient {
         Ok(Self {
             bvh,
             table: CumulativeKernel::new(*kernel),
-            // Beyond 6.5 widths the kernel is below 1e-9; panels of 10 points and a third of the width
-            // over which it varies along an edge are converged to about 1e-8.
+            // Beyond 6.5 widths the kernel is below 1e-9; panels of 10 points and a third of the
+            // width over which it varies along an edge are converged to about 1e-8.
             quadrature: EdgeQuadrature::new(kernel.sigma(), 6.5, 10, 0.35),
         })
     }

@@ -84,8 +84,8 @@ impl ReferenceDensity {
         UnitDensity::from_integral(integral, self.winding_number(p) > 0.5)
     }
 
-    /// Value and gradient of both unit parts at `p` (eq_3a), per metre, with the extended gradient of
-    /// the distance ([`crate::DensityGradient`]). None on the boundary, where the density jumps.
+    /// Value and gradient of both unit parts at `p` (eq_3a), per metre, with the extended gradient
+    /// of the distance ([`crate::DensityGradient`]). None on the boundary, where the density jumps.
     pub fn unit_gradient(&self, p: DVec3) -> Option<UnitGradient> {
         let xi = self.distance(p);
         if xi <= boundary::BAND * self.size {

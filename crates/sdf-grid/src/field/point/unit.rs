@@ -64,8 +64,8 @@ impl UnitGradient {
         std::array::from_fn(|k| o[k] * lambda_exterior + i[k] * lambda_interior)
     }
 
-    /// From the sum over faces, the extended gradient of the unsigned distance, and what one metre is
-    /// in the sum's unit of length.
+    /// From the sum over faces, the extended gradient of the unsigned distance, and what one metre
+    /// is in the sum's unit of length.
     pub(crate) fn new(sum: &FaceGradient, distance: DVec3, inside: bool, scale: f64) -> Self {
         let slope = |k: usize| (sum.point[k] + sum.distance * distance[k]) * scale;
         let parts = [0, 1, 2].map(|k| UnitDensity::from_integral(slope(k), inside));

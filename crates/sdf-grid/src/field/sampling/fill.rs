@@ -26,9 +26,10 @@ const CUT: f64 = 0.87;
 /// Sub-points per axis of a cut cell.
 const SUB: usize = 4;
 
-/// What is flat for a tolerance, in units of the normalized part, whose longest side is 1 to 2. A part of
-/// 50 mm in a file of metres with eight decimals is rounded by up to 2.3e-7. Signed distances are to be
-/// within 1e-6 of the longest side; a field at 1e-5 and thin kernels shows a surface that has moved by 1e-7.
+/// What is flat for a tolerance, in units of the normalized part, whose longest side is 1 to 2. A
+/// part of 50 mm in a file of metres with eight decimals is rounded by up to 2.3e-7. Signed
+/// distances are to be within 1e-6 of the longest side; a field at 1e-5 and thin kernels shows a
+/// surface that has moved by 1e-7.
 fn flat(tolerance: f64) -> f64 {
     3e-7 * (1e4 * tolerance).powf(0.8).min(1.0)
 }
@@ -36,8 +37,8 @@ fn flat(tolerance: f64) -> f64 {
 /// From this tolerance on most of a field is distances and far clusters, below it near faces.
 const COARSE: f64 = 3e-4;
 
-/// Computes the values of a field by its recipe, which is that of `mesh` and `kernel`, into arrays of
-/// zeros.
+/// Computes the values of a field by its recipe, which is that of `mesh` and `kernel`, into arrays
+/// of zeros.
 pub(crate) fn fill(
     recipe: &FieldRecipe,
     arrays: Arrays<'_>,

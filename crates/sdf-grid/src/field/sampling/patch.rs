@@ -76,8 +76,8 @@ impl Patch {
     }
 }
 
-/// Place of a point along a compact curve through patches of up to eight points per axis, below 512: the bits of its
-/// three indices interleaved.
+/// Place of a point along a compact curve through patches of up to eight points per axis, below
+/// 512: the bits of its three indices interleaved.
 pub(crate) fn along_curve(index: [usize; 3]) -> usize {
     let bit = |b: usize, i: usize| (i >> b & 1) << (3 * b);
     let spread = |i: usize| (0..3).map(|b| bit(b, i)).sum::<usize>();

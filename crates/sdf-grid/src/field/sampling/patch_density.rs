@@ -106,8 +106,8 @@ impl<'a> PatchDensity<'a> {
         values.bricks = bricks;
     }
 
-    /// Whether every density of a block is wanted, none is known, none lies beyond the boundary from
-    /// another, and distances vary smoothly.
+    /// Whether every density of a block is wanted, none is known, none lies beyond the boundary
+    /// from another, and distances vary smoothly.
     fn may_be_smooth(&self, patch: &Patch, values: &PatchValues) -> bool {
         let inside = values.distance[0] < 0.0;
         SmoothBlock::covers(patch.shape)
@@ -267,10 +267,10 @@ impl PatchValues {
 /// Distances in a packet may differ by this factor.
 const EVEN: f32 = 4.0;
 
-/// Whether the points of a packet have parted: it adds clusters that are small enough for its nearest point, as far as
-/// the reach of its farthest. Next to a boundary of many small faces those are thousands, where one point needs a
-/// hundred. `face` is the size of the faces near, of which there are few up to `fine` times that; `distances` are zero
-/// where no density is wanted.
+/// Whether the points of a packet have parted: it adds clusters that are small enough for its
+/// nearest point, as far as the reach of its farthest. Next to a boundary of many small faces those
+/// are thousands, where one point needs a hundred. `face` is the size of the faces near, of which
+/// there are few up to `fine` times that; `distances` are zero where no density is wanted.
 fn parted(distances: &Lanes, face: f32, fine: f32) -> bool {
     let most = distances.iter().fold(0f32, |a, d| a.max(*d));
     let wanted = |d: &&f32| **d > 0.0;

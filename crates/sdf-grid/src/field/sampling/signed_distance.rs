@@ -24,8 +24,8 @@ const NEAR: f32 = 1e-3;
 
 /// Distance from the boundary of `mesh` at every node of `lattice`, metres, negative where the
 /// generalized winding number exceeds 1/2; zero or either sign on the boundary itself. Good to 1e-6
-/// of the part's size, far away to 1e-6 of the distance. Runs on rayon's current thread pool; the result does not depend on the
-/// number of threads. Takes 4 bytes per node and one tree.
+/// of the part's size, far away to 1e-6 of the distance. Runs on rayon's current thread pool; the
+/// result does not depend on the number of threads. Takes 4 bytes per node and one tree.
 ///
 /// # Errors
 /// If no triangle of the mesh has an area, the memory cannot be had, or the monitor cancels.

@@ -1,11 +1,12 @@
 //! On which side of the boundary the points of a patch lie.
 //!
-//! Two points whose distances from the boundary add up to more than the distance between them lie on the
-//! same side of it. So a side found for one point floods all that is connected with it, and the winding number, which
-//! costs far more, is asked for once for each such piece, where that piece is farthest from the boundary.
+//! Two points whose distances from the boundary add up to more than the distance between them lie
+//! on the same side of it. So a side found for one point floods all that is connected with it, and
+//! the winding number, which costs far more, is asked for once for each such piece, where that
+//! piece is farthest from the boundary.
 //!
-//! That holds where the boundary is closed. Through the holes of one that is not the winding number passes from one
-//! side to the other without a boundary between: there every point is asked for.
+//! That holds where the boundary is closed. Through the holes of one that is not the winding number
+//! passes from one side to the other without a boundary between: there every point is asked for.
 
 use super::patch::{Anchor, Patch};
 use crate::surface::bvh::tree::Bvh;
@@ -35,7 +36,8 @@ impl Signs {
             self.ask_everywhere(bvh, patch, distance);
             return;
         }
-        // Where every point is farther from the boundary than half way to the next, all lie on one side.
+        // Where every point is farther from the boundary than half way to the next, all lie on one
+        // side.
         let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
         let all = connected(least, least, patch.spacing);
         if let Some(anchor) = anchor {
@@ -62,8 +64,8 @@ impl Signs {
         }
     }
 
-    /// Asks for every point; far from the boundary, where the winding number varies little, for the corners of the
-    /// patch if all are clear.
+    /// Asks for every point; far from the boundary, where the winding number varies little, for the
+    /// corners of the patch if all are clear.
     fn ask_everywhere(&self, bvh: &Bvh, patch: &Patch, distance: &mut [f32]) {
         let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
         let last = patch.shape.map(|n| n - 1);
@@ -129,7 +131,8 @@ impl Signs {
     }
 }
 
-/// Whether two points so far apart, given their distances from the boundary, must lie on one side of it.
+/// Whether two points so far apart, given their distances from the boundary, must lie on one side
+/// of it.
 fn connected(a: f32, b: f32, apart: f64) -> bool {
     // Room for the rounding of single-precision distances.
     f64::from(a.abs() + b.abs()) > apart * 1.0001 + 1e-6

@@ -1,8 +1,8 @@
-//! Smooth blocks: where values interpolated between some nodes agree with others that were computed,
-//! the rest are interpolated too.
+//! Smooth blocks: where values interpolated between some nodes agree with others that were
+//! computed, the rest are interpolated too.
 //!
-//! Away from the skeleton and from the reach of edges the density varies over lengths of the order of
-//! the distance from the boundary, many nodes on a fine lattice.
+//! Away from the skeleton and from the reach of edges the density varies over lengths of the order
+//! of the distance from the boundary, many nodes on a fine lattice.
 
 use num_complex::Complex32;
 
@@ -12,8 +12,8 @@ use crate::field::packet::lanes::LANES;
 /// Nodes along each edge of a block.
 const EDGE: usize = 8;
 
-/// Nodes per axis between which a block is interpolated: as few as do, from the first on. All belong to
-/// the last.
+/// Nodes per axis between which a block is interpolated: as few as do, from the first on. All
+/// belong to the last.
 const KNOTS: [&[usize]; 3] = [&[0, 3, 7], &[0, 2, 5, 7], &[0, 2, 3, 5, 7]];
 
 /// Nodes to check at: off the knots on every axis, where interpolation is worst, and next to the
@@ -41,8 +41,8 @@ const CHECKS: [[usize; 3]; LANES] = [
 /// lie where the error is largest, and the errors of blocks add up in the mean square.
 const ALLOWED: f64 = 1.7;
 
-/// Spacings, times the root of the kernel's thickness, that the boundary must be away: the density varies
-/// over that root times the distance.
+/// Spacings, times the root of the kernel's thickness, that the boundary must be away: the density
+/// varies over that root times the distance.
 const RESOLVED: f64 = 1.2;
 
 /// Which nodes of a block to compute, and how to fill in the rest.
@@ -61,8 +61,8 @@ pub(crate) struct SmoothBlock {
 
 /// Interpolation from one set of knots.
 pub(crate) struct Attempt {
-    /// Nodes (C order) to compute before [`SmoothBlock::fill`] beside those of the attempts before, in
-    /// compact packets.
+    /// Nodes (C order) to compute before [`SmoothBlock::fill`] beside those of the attempts before,
+    /// in compact packets.
     pub(crate) nodes: Vec<[usize; LANES]>,
     knots: &'static [usize],
     /// Of each knot for every place along an axis.
@@ -104,8 +104,8 @@ impl SmoothBlock {
     }
 
     /// Whether the distances of a block tell that its density may be smooth: on the skeleton, where
-    /// it is not, they have creases, and near the boundary they are short. Distances are known everywhere, so
-    /// none is overlooked.
+    /// it is not, they have creases, and near the boundary they are short. Distances are known
+    /// everywhere, so none is overlooked.
     pub(crate) fn promises(&self, distance: &[f32], spacing: f64) -> bool {
         let least = (self.resolved * spacing) as f32;
         if distance.iter().any(|d| d.abs() < least) {
@@ -119,8 +119,8 @@ impl SmoothBlock {
         filled.iter().zip(distance).all(close)
     }
 
-    /// Interpolates the density of all nodes of a block, all inside or all outside, from the knots of
-    /// an attempt. False if that disagrees with the checks.
+    /// Interpolates the density of all nodes of a block, all inside or all outside, from the knots
+    /// of an attempt. False if that disagrees with the checks.
     pub(crate) fn fill(
         &self,
         attempt: &Attempt,

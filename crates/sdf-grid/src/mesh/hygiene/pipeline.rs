@@ -88,8 +88,8 @@ fn change_faces(
         duplicate: 0,
         stitched: 0,
     };
-    // A corner on a line where faces meet cuts about one side. In a knot of faces hardly larger than
-    // the weld distance cuts can open sides to cut, in numbers that grow exponentially.
+    // A corner on a line where faces meet cuts about one side. In a knot of faces hardly larger
+    // than the weld distance cuts can open sides to cut, in numbers that grow exponentially.
     let mut budget = 3 * triangles.len();
     // Cutting faces can repeat one that exists; dropping that one can open an edge.
     loop {

@@ -14,8 +14,8 @@ use crate::surface::moments::Moments;
 pub(crate) enum Leaves {
     /// Four: the best for what looks at faces one by one.
     Small,
-    /// Eight in trees of more than [`MANY_PIECES`]: for searches and far clusters among faces so small that they are
-    /// looked at many at a time, and nodes wait for memory.
+    /// Eight in trees of more than [`MANY_PIECES`]: for searches and far clusters among faces so
+    /// small that they are looked at many at a time, and nodes wait for memory.
     LargeOfMany,
 }
 
@@ -36,8 +36,8 @@ const BINS: usize = 16;
 /// Subtrees of more faces than this are built in parallel.
 const PARALLEL_SIZE: usize = 2048;
 
-/// Nodes, and the faces in leaf order, of those of the `count` pieces `make(i)` that there are. Makes
-/// them twice: that is cheaper than to move them.
+/// Nodes, and the faces in leaf order, of those of the `count` pieces `make(i)` that there are.
+/// Makes them twice: that is cheaper than to move them.
 pub(super) fn tree(
     count: usize,
     leaves: Leaves,
@@ -103,8 +103,8 @@ impl Branch {
     }
 }
 
-/// Boxes and moments of a subtree, whose nodes lie one after the other from the index `start` on: of leaves from their
-/// faces, of the others from their children.
+/// Boxes and moments of a subtree, whose nodes lie one after the other from the index `start` on:
+/// of leaves from their faces, of the others from their children.
 fn finish(nodes: &mut [Node], start: usize, faces: &[Face]) {
     let (node, below) = nodes.split_first_mut().expect("at least itself");
     let own = &faces[node.range()];
@@ -126,7 +126,8 @@ fn finish(nodes: &mut [Node], start: usize, faces: &[Face]) {
     node.moments = a.moments.joined(&b.moments).bounded(own);
 }
 
-/// Appends the nodes of the subtree over `faces`, which start at `first` in leaf order; reorders them.
+/// Appends the nodes of the subtree over `faces`, which start at `first` in leaf order; reorders
+/// them.
 fn grow(faces: &mut [PieceBox], leaf: usize, first: usize, depth: usize, nodes: &mut Vec<Branch>) {
     let this = nodes.len();
     nodes.push(Branch {

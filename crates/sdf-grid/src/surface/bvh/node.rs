@@ -11,8 +11,8 @@ const MAX_DEPTH: usize = MAX_SAH_DEPTH + 32;
 /// Levels that are split where it costs least, whatever the balance.
 pub(super) const MAX_SAH_DEPTH: usize = 64;
 
-/// A node: its box and moments cover `faces[first..first + count]`. What searches look at comes first and is one
-/// cache line.
+/// A node: its box and moments cover `faces[first..first + count]`. What searches look at comes
+/// first and is one cache line.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct Node {

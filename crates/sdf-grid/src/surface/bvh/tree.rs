@@ -18,7 +18,8 @@ pub struct Bvh {
     pub(crate) faces: Vec<Face>,
     centre: DVec3,
     scale: f64,
-    /// Whether the surface is known to be closed and of one orientation: winding numbers are integers.
+    /// Whether the surface is known to be closed and of one orientation: winding numbers are
+    /// integers.
     pub(crate) closed: bool,
 }
 
@@ -44,8 +45,8 @@ impl Bvh {
         Self::over(tree, centre, scale, false)
     }
 
-    /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to `flat`
-    /// ([`pieces::merged`]) are merged and long faces cut.
+    /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to
+    /// `flat` ([`pieces::merged`]) are merged and long faces cut.
     pub(crate) fn merged(mesh: &TriangleMesh, flat: f64, leaves: Leaves) -> Self {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
@@ -132,8 +133,8 @@ impl Bvh {
         best
     }
 
-    /// Calls `f` with the leaf-order index of every face of every leaf whose box comes nearer to `q`
-    /// than `radius` (normalized).
+    /// Calls `f` with the leaf-order index of every face of every leaf whose box comes nearer to
+    /// `q` than `radius` (normalized).
     pub(crate) fn visit_within(&self, q: DVec3, radius: f64, mut f: impl FnMut(usize)) {
         let mut stack = Stack::new();
         if !self.nodes.is_empty() {

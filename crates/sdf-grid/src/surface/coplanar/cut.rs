@@ -11,8 +11,8 @@ pub(super) fn slack(face: &Piece, flat: f64) -> f64 {
     1e-9 * face.area + flat * around
 }
 
-/// Faces, flat up to `flat`, in pieces that are not long, after `cuts` cuts one after the other at most. Cuts go through the
-/// middles of long edges, so that those of neighbours meet.
+/// Faces, flat up to `flat`, in pieces that are not long, after `cuts` cuts one after the other at
+/// most. Cuts go through the middles of long edges, so that those of neighbours meet.
 pub(super) fn cut_across(faces: Vec<Piece>, cuts: u32, flat: f64) -> Vec<Piece> {
     if cuts == 0 || !faces.iter().any(|f| long_edge(f).is_some()) {
         return faces;
@@ -40,8 +40,8 @@ fn long_edge(f: &Piece) -> Option<usize> {
     (length(longest) > LONG * f.area).then_some(longest)
 }
 
-/// A face cut from the middle of its longest edge to that of the opposite edge, of a triangle to that of
-/// the next longest edge.
+/// A face cut from the middle of its longest edge to that of the opposite edge, of a triangle to
+/// that of the next longest edge.
 fn halves(f: &Piece, longest: usize) -> [Option<Piece>; 2] {
     let corner = |k: usize| f.corners[(longest + k) % f.count()];
     let middle = |k: usize| 0.5 * (corner(k) + corner(k + 1));

@@ -9,15 +9,17 @@ use super::regions::{NONE, Regions, Surface};
 /// Quadrangles turn left by this at every corner at least, the sine of the angle.
 pub(super) const CONVEX: f64 = 1e-9;
 
-/// Straightening takes a few looks at every corner of a ring, but one by one of a comb's; then it stays.
+/// Straightening takes a few looks at every corner of a ring, but one by one of a comb's; then it
+/// stays.
 const MOST_LOOKS: usize = 200;
 
 /// A triangle and one of its edges.
 type Side = (u32, usize);
 
 impl Surface<'_> {
-    /// The closed chains of edges around a region, the region to their left. They may touch themselves and
-    /// each other in corners. None if the mesh is not one of closed fans around its vertices.
+    /// The closed chains of edges around a region, the region to their left. They may touch
+    /// themselves and each other in corners. None if the mesh is not one of closed fans around its
+    /// vertices.
     pub(super) fn loops(&self, regions: &Regions, id: usize) -> Option<Vec<Vec<u32>>> {
         let inside = |t: u32| t != NONE && regions.of[t as usize] == id as u32;
         let beyond = |(t, k): Side| self.neighbours[t as usize][k];
@@ -78,8 +80,8 @@ impl Surface<'_> {
         from.distance_squared(along * place.clamp(0.0, 1.0))
     }
 
-    /// Rings without the corners on straight sides, but for those in which rings touch: what is dropped there
-    /// might lie a little beyond the other ring.
+    /// Rings without the corners on straight sides, but for those in which rings touch: what is
+    /// dropped there might lie a little beyond the other ring.
     pub(super) fn all_straightened(&self, rings: &[Vec<u32>]) -> Vec<Vec<u32>> {
         let mut corners = rings.concat();
         corners.sort_unstable();

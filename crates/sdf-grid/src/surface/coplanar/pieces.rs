@@ -9,8 +9,8 @@ use super::regions::{LARGE, Regions, Surface};
 use crate::mesh::polygon;
 use crate::surface::face::Piece;
 
-/// How near to a plane or a line lies in it what differs by rounding alone, in units of the normalized part,
-/// whose longest side is 1 to 2: far below any distance that shows in a field.
+/// How near to a plane or a line lies in it what differs by rounding alone, in units of the
+/// normalized part, whose longest side is 1 to 2: far below any distance that shows in a field.
 pub(crate) const EXACT: f64 = 1e-10;
 
 /// Cuts one face can undergo, one after the other.
@@ -19,11 +19,12 @@ const MAX_CUTS: u32 = 5;
 /// Large meshes are cut less, so that cutting makes no more faces than about this many.
 const MAX_PIECES: usize = 100_000;
 
-/// A region is covered anew if its area, less what lies upside down, is at least this share of that of its
-/// triangles.
+/// A region is covered anew if its area, less what lies upside down, is at least this share of that
+/// of its triangles.
 const UNFOLDED: f64 = 0.99;
 
-/// What a surface is made of, in lists one after the other: to put them in one would move each once more.
+/// What a surface is made of, in lists one after the other: to put them in one would move each once
+/// more.
 pub(crate) struct Pieces {
     lists: Vec<Vec<Piece>>,
     /// Where each list ends in the order of all.
@@ -57,8 +58,8 @@ impl Pieces {
     }
 }
 
-/// Faces that cover the triangles of corners `vertices[i]`, where what lies within `flat` of a plane lies in
-/// it; at least [`EXACT`]. Deterministic.
+/// Faces that cover the triangles of corners `vertices[i]`, where what lies within `flat` of a
+/// plane lies in it; at least [`EXACT`]. Deterministic.
 pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pieces {
     let surface = Surface::new(indices, vertices, flat);
     let regions = surface.regions();

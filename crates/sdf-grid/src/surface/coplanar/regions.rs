@@ -11,12 +11,13 @@ pub(super) const LARGE: usize = 32;
 /// No triangle, or no region.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Triangles whose corners lie within this many times `flat` of a region's plane join it for the time
-/// being: a plane found from part of a region is off by more farther away. The whole must then lie within
-/// `flat` of a plane of its own.
+/// Triangles whose corners lie within this many times `flat` of a region's plane join it for the
+/// time being: a plane found from part of a region is off by more farther away. The whole must then
+/// lie within `flat` of a plane of its own.
 const PERHAPS: f64 = 6.0;
 
-/// A plane is not fitted to points that lie on a line up to this: variance across over variance along.
+/// A plane is not fitted to points that lie on a line up to this: variance across over variance
+/// along.
 const THIN: f64 = 1e-13;
 
 /// What the growth of regions asks of a triangle.
@@ -218,10 +219,11 @@ impl<'a> Surface<'a> {
         regions.planes[id].unwrap_or_else(|| self.plane_of(regions.get(id)[0]))
     }
 
-    /// Triangles that have an area, largest first up to a 256th of it, then in the order of the mesh, in which neighbours
-    /// mostly are not far apart.
+    /// Triangles that have an area, largest first up to a 256th of it, then in the order of the
+    /// mesh, in which neighbours mostly are not far apart.
     fn largest_first(&self) -> Vec<u32> {
-        // Exponents and eight more bits: numbers that are not negative are ordered as their bits are.
+        // Exponents and eight more bits: numbers that are not negative are ordered as their bits
+        // are.
         let rank =
             |facet: &Facet| usize::from(u16::MAX - ((facet.area as f32).to_bits() >> 15) as u16);
         // Where triangles of each rank begin. Those of no area have the last and are left out.
@@ -271,8 +273,8 @@ impl<'a> Surface<'a> {
 
     /// Adds the triangles of the flat region around one; its plane.
     ///
-    /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates nothing
-    /// is fitted. Rounded ones leave it farther away; then the plane follows them.
+    /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates
+    /// nothing is fitted. Rounded ones leave it farther away; then the plane follows them.
     fn grow(&self, regions: &mut Regions, seed: u32) -> Plane {
         let start = regions.triangles.len();
         let mut plane = self.plane_of(seed);
@@ -320,8 +322,8 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// How far a triangle leaves a plane, infinity if it is steep. Needles lie every way: the surface is the
-    /// same chain with them, folded back where they are upside down.
+    /// How far a triangle leaves a plane, infinity if it is steep. Needles lie every way: the
+    /// surface is the same chain with them, folded back where they are upside down.
     fn off(&self, triangle: u32, plane: &Plane) -> f64 {
         let facet = &self.facets[triangle as usize];
         if facet.area <= 0.0 || !facet.needle && facet.normal.dot(plane.normal) <= 0.9 {
@@ -340,8 +342,8 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// The triangle beyond each edge: the one other triangle that has it, the other way round. And whether every
-/// edge is gone along as often one way as the other.
+/// The triangle beyond each edge: the one other triangle that has it, the other way round. And
+/// whether every edge is gone along as often one way as the other.
 fn neighbours(indices: &[[u32; 3]], vertices: usize) -> (Vec<[u32; 3]>, bool) {
     let edge = |half: u32| {
         let (t, k) = (indices[half as usize / 3], half as usize % 3);

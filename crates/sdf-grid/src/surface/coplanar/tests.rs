@@ -40,7 +40,8 @@ fn regions(indices: &[[u32; 3]], vertices: &[DVec3]) -> usize {
     Surface::new(indices, vertices, FLAT).regions().count()
 }
 
-/// A plane from one narrow triangle of rounded corners is wrong farther away; that of its strip is not.
+/// A plane from one narrow triangle of rounded corners is wrong farther away; that of its strip is
+/// not.
 #[test]
 fn strips_of_rounded_corners_are_merged() {
     let turn = DQuat::from_scaled_axis(DVec3::new(0.3, 1.1, -0.5));

@@ -61,7 +61,7 @@ impl FieldRecipe {
     }
 
     /// The recipe as one line of JSON, the same for equal recipes.
-    pub fn to_json(&self) -> String {
+    pub(crate) fn to_json(&self) -> String {
         serde_json::to_string(self).expect("numbers, text and lists all have a form in JSON")
     }
 }

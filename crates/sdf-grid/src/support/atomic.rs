@@ -5,7 +5,7 @@
 //! `.NAME.XXXXXX.tmp`. What is written has the mode of an ordinary new file or folder (what the
 //! process's umask leaves of it), and is on the disk when the call returns.
 //!
-//! [`write`] and [`write_with`] replace a file at once; [`AtomicFile`] is for a file that grows for
+//! [`write()`] and [`write_with`] replace a file at once; [`AtomicFile`] is for a file that grows for
 //! a while; [`AtomicFolder`] for a folder of several files.
 
 use std::ffi::OsString;

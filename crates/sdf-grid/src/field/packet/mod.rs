@@ -1,6 +1,6 @@
 //! The tree code on packets of sixteen points, in single precision through SIMD.
 //!
-//! Positions are normalized ([`Bvh::normalized`]). Everything is taken relative to the packet's
+//! Positions are normalized ([`crate::Bvh`]). Everything is taken relative to the packet's
 //! centre, subtracted in f64, so that single precision resolves lengths relative to the packet,
 //! not to the part. Instruction sets are chosen at run time.
 //!

@@ -31,7 +31,7 @@ peers:
 
 # The ten million queries that the tests leave out.
 stress:
-    cargo test --release -p sdf-grid --test stress -- --include-ignored --nocapture
+    cargo test --release -p sdf-grid --test it stress:: -- --include-ignored --nocapture
 
 # The kernels of correlations in Miri, without vector instructions: every access to memory checked
 # (needs `rustup +nightly component add miri`).

@@ -1,46 +1,39 @@
 //! Complex skeletal density and signed distance of triangle meshes on a lattice.
 //!
 //! The crate name keeps the paper's abbreviation (skeletal density function); in the code the two
-//! quantities are always called [`density`] and `signed_distance`.
+//! quantities are always called density and signed distance: [`DensityField`] holds both.
 //!
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
-pub mod atomic;
-pub mod bvh;
-mod coplanar;
-pub mod density;
-mod face;
-pub mod field_cache;
-pub mod hygiene;
-pub mod kernel;
-#[doc(hidden)]
-pub mod large;
-pub mod lattice;
-pub mod mesh;
-pub mod mesh_error;
+mod field;
+mod frame;
+mod mesh;
 pub mod mesh_io;
-mod moments;
-pub mod monitor;
-mod polygon;
-mod quadrature;
-pub mod recipe;
-pub mod shapes;
-pub mod snug;
-pub mod symmetry;
-mod winding;
+mod support;
+mod surface;
 
-pub use bvh::{Bvh, Nearest};
-pub use density::{
-    DensityError, DensityField, DensityGradient, DensityOptions, FIELD_VERSION, FieldRecipe,
-    ReferenceDensity, Sampling, UnitDensity, UnitGradient, signed_distances,
-};
-pub use field_cache::{CacheError, FieldCache};
-pub use hygiene::{ComponentReport, HygieneOptions, HygieneReport};
-pub use kernel::{DensityKernel, KernelError};
-pub use lattice::{Lattice, LatticeError};
-pub use mesh::{Aabb, TriangleMesh};
-pub use mesh_error::MeshError;
-pub use mesh_io::LengthUnit;
-pub use monitor::{Monitor, Silent};
-pub use snug::snug_rotation;
-pub use symmetry::{SymmetryAxis, SymmetryOrder};
+pub use field::cache::{CacheError, FieldCache};
+pub use field::density_field::DensityField;
+pub use field::error::DensityError;
+pub use field::kernel::{DensityKernel, KernelError};
+pub use field::lattice::{Lattice, LatticeError};
+pub use field::options::{DensityOptions, Sampling};
+pub use field::point::gradient::DensityGradient;
+pub use field::point::reference::ReferenceDensity;
+pub use field::point::unit::{UnitDensity, UnitGradient};
+pub use field::recipe::{FIELD_VERSION, FieldRecipe};
+pub use field::sampling::signed_distance::signed_distances;
+pub use frame::snug::snug_rotation;
+pub use frame::symmetry;
+pub use frame::symmetry::axis::{SymmetryAxis, SymmetryOrder};
+pub use mesh::aabb::Aabb;
+pub use mesh::error::MeshError;
+pub use mesh::hygiene::report::{ComponentReport, HygieneOptions, HygieneReport};
+pub use mesh::shapes;
+pub use mesh::triangle_mesh::TriangleMesh;
+pub use mesh_io::unit::LengthUnit;
+#[doc(hidden)]
+pub use support::large;
+pub use support::monitor::{Monitor, Silent};
+pub use support::{atomic, recipe};
+pub use surface::bvh::tree::{Bvh, Nearest};

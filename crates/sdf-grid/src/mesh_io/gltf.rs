@@ -16,9 +16,10 @@ use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Semantic};
 use gltf::{Accessor, Document, Gltf, Node, Primitive};
 
+use super::bytes;
 use super::soup::{Soup, syntax};
-use super::{LengthUnit, read_whole};
-use crate::mesh_error::MeshError;
+use super::unit::LengthUnit;
+use crate::mesh::error::MeshError;
 
 /// Nodes below one another; deeper trees are refused.
 const DEEPEST: usize = 1000;
@@ -90,6 +91,25 @@ fn checked(file: &str, bytes: &[u8]) -> Result<Gltf, MeshError> {
     Ok(Gltf { document, blob })
 }
 
+/// The triangles of a primitive, all the same way round.
+fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
+    match mode {
+        Mode::TriangleStrip => {
+            let strip = indices.windows(3).enumerate();
+            let turned = |(i, w): (usize, &[u32])| match i % 2 {
+                0 => [w[0], w[1], w[2]],
+                _ => [w[1], w[0], w[2]],
+            };
+            strip.map(turned).collect()
+        }
+        Mode::TriangleFan => {
+            let rim = indices.windows(2).skip(1);
+            rim.map(|w| [indices[0], w[0], w[1]]).collect()
+        }
+        _ => indices.as_chunks().0.to_vec(),
+    }
+}
+
 /// The bytes of every buffer: the binary chunk, `data:` text, or files in `folder`.
 fn buffers<'a>(
     file: &str,
@@ -138,7 +158,7 @@ fn uri_bytes(
             .components()
             .all(|c| matches!(c, std::path::Component::Normal(_)));
     match folder {
-        Some(folder) if beside => read_whole(&folder.join(name)),
+        Some(folder) if beside => bytes::read_whole(&folder.join(name)),
         _ => {
             let expected = "a buffer in the file or in one beside it";
             Err(syntax(file, place, expected, format!("{uri:?}")))
@@ -219,57 +239,37 @@ impl GltfReader<'_> {
             .get(&gltf::Semantic::Positions)
             .ok_or_else(|| syntax(self.file, place, "positions", "none"))?;
         self.soup.check_room(self.file, positions.count())?;
-        let first = self.soup.vertices.len() as u32;
-        let before = self.soup.triangles.len();
-        let count = positions.count();
-        let types = [DataType::F32];
-        for at in elements(
-            self.file,
-            &self.buffers,
-            &positions,
-            Dimensions::Vec3,
-            &types,
-            place,
-        )? {
-            let (numbers, _) = at.as_chunks::<4>();
-            let [x, y, z] = [0, 1, 2].map(|i| f64::from(f32::from_le_bytes(numbers[i])));
-            self.soup
-                .vertices
-                .push(transform.transform_point3(DVec3::new(x, y, z)));
-        }
+        let (first, count) = (self.soup.vertices.len() as u32, positions.count());
+        self.add_positions(&positions, transform, place)?;
         let indices = match primitive.indices() {
             Some(accessor) => self.indices(&accessor, count, place)?,
             None => (0..count as u32).collect(),
         };
         let mirrored = transform.determinant() < 0.0;
-        let mut push = |a: u32, b: u32, c: u32| {
-            let [a, b, c] = [a, b, c].map(|i| first + i);
-            self.soup
-                .triangles
-                .push(if mirrored { [a, c, b] } else { [a, b, c] });
-        };
-        match primitive.mode() {
-            Mode::TriangleStrip => indices.windows(3).enumerate().for_each(|(i, w)| {
-                if i % 2 == 0 {
-                    push(w[0], w[1], w[2])
-                } else {
-                    push(w[1], w[0], w[2])
-                }
-            }),
-            Mode::TriangleFan => {
-                indices
-                    .windows(2)
-                    .skip(1)
-                    .for_each(|w| push(indices[0], w[0], w[1]));
-            }
-            _ => indices
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|&[a, b, c]| push(a, b, c)),
+        let before = self.soup.triangles.len();
+        for corners in triangles(primitive.mode(), &indices) {
+            let [a, b, c] = corners.map(|i| first + i);
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+            self.soup.triangles.push(corners);
         }
         self.soup
             .check_room(self.file, self.soup.triangles.len() - before)
+    }
+
+    fn add_positions(
+        &mut self,
+        positions: &Accessor<'_>,
+        transform: DMat4,
+        place: &str,
+    ) -> Result<(), MeshError> {
+        let (types, shape) = ([DataType::F32], Dimensions::Vec3);
+        for at in elements(self.file, &self.buffers, positions, shape, &types, place)? {
+            let (numbers, _) = at.as_chunks::<4>();
+            let [x, y, z] = [0, 1, 2].map(|i| f64::from(f32::from_le_bytes(numbers[i])));
+            let position = transform.transform_point3(DVec3::new(x, y, z));
+            self.soup.vertices.push(position);
+        }
+        Ok(())
     }
 
     fn indices(

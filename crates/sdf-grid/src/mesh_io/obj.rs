@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::soup::{Soup, syntax};
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
 
 /// Reads all objects of an OBJ file; polygons are cut into triangles.
 pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {

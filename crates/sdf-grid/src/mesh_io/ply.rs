@@ -8,7 +8,7 @@ use ply_rs_bw::ply::{
 };
 
 use super::soup::{Soup, syntax};
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
 
 /// Reads the elements `vertex` (x, y, z) and `face` (`vertex_indices` or `vertex_index`) of a PLY
 /// file and skips others; polygons are cut into triangles.

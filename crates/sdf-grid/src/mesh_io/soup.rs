@@ -4,13 +4,22 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{LengthUnit, Solid};
-use crate::mesh_error::MeshError;
-use crate::polygon;
+use super::unit::LengthUnit;
+use crate::mesh::error::MeshError;
+use crate::mesh::polygon;
 
 /// Most vertices that a file which places parts several times may unfold to: such a file may be
 /// far smaller than its mesh.
 const MOST_UNFOLDED: u64 = 1 << 26;
+
+/// One of the solids in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Solid {
+    /// Its name in the file; empty if it has none.
+    pub name: String,
+    /// Number of its triangles, before hygiene.
+    pub triangles: usize,
+}
 
 /// Vertices in the file's unit and triangles, as a file gives them.
 #[derive(Debug, Clone, Default, PartialEq)]

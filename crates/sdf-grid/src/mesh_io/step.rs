@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use super::{LengthUnit, MeshFile, stl};
-use crate::mesh_error::MeshError;
+use super::soup::Soup;
+use super::stl;
+use super::unit::LengthUnit;
+use crate::mesh::error::MeshError;
 
 /// What Python runs: Gmsh, or else Open CASCADE, through their Python modules.
 const SCRIPT: &str = include_str!("step.py");
@@ -53,9 +55,13 @@ impl Default for StepOptions {
     }
 }
 
-/// Converts all solids of a STEP file. The file states its own unit; the result is in metres.
-pub(super) fn open(path: &Path, options: &StepOptions) -> Result<MeshFile, MeshError> {
-    let name = path.display().to_string();
+/// Converts all solids of a STEP file, called `name` in errors; says which program did it. The file
+/// states its own unit; the result is in metres.
+pub(super) fn convert_file(
+    name: &str,
+    path: &Path,
+    options: &StepOptions,
+) -> Result<(PathBuf, Soup), MeshError> {
     // An absolute name cannot be taken for an option of the converter.
     let file = path.canonicalize().map_err(|source| MeshError::Read {
         path: path.to_owned(),
@@ -63,20 +69,16 @@ pub(super) fn open(path: &Path, options: &StepOptions) -> Result<MeshFile, MeshE
     })?;
     if !(6..=1000).contains(&options.segments_per_turn) {
         return Err(MeshError::OutOfRange {
-            part: name,
+            part: name.to_owned(),
             item: "segments-per-turn",
             expected: "6 .. 1000",
             found: f64::from(options.segments_per_turn),
         });
     }
     let (converter, bytes) = convert(&file, options)?;
-    let mut soup = stl::parse(&name, &bytes)?;
+    let mut soup = stl::parse(name, &bytes)?;
     soup.unit = Some(LengthUnit::M);
-    Ok(MeshFile {
-        name,
-        soup,
-        converter: Some(converter),
-    })
+    Ok((converter, soup))
 }
 
 /// Runs the converter, or the first that is installed, and returns it and the STL that it writes.

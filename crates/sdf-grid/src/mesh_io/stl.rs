@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 
 use super::soup::{Soup, syntax};
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
 
 /// Bytes before the facets of a binary file: a free text and the number of facets.
 const HEADER: usize = 84;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
 
 /// The unit of a file's coordinates. Written as `m`, `mm`, `cm`, `um`, `inch` or `foot`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]

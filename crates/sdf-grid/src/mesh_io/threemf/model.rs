@@ -6,9 +6,9 @@ use std::io::BufRead;
 use glam::{DMat4, DVec3};
 use quick_xml::events::{BytesStart, Event};
 
-use super::super::LengthUnit;
-use super::super::soup::syntax;
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
+use crate::mesh_io::soup::syntax;
+use crate::mesh_io::unit::LengthUnit;
 
 /// A model file's content.
 #[derive(Debug, Default)]

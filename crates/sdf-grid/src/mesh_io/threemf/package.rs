@@ -5,9 +5,9 @@ use std::io::{BufRead, BufReader, Cursor, Read};
 use quick_xml::events::Event;
 use zip::ZipArchive;
 
-use super::super::soup::syntax;
 use super::model::attribute;
-use crate::mesh_error::MeshError;
+use crate::mesh::error::MeshError;
+use crate::mesh_io::soup::syntax;
 
 /// Most bytes that a file in the archive may unpack to, per byte of the archive; deflated models
 /// take 5 to 30.

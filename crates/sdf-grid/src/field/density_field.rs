@@ -1,0 +1,98 @@
+//! The complex skeletal density of a mesh on a lattice.
+
+use ndarray::{Array3, Zip};
+use num_complex::Complex32;
+
+use super::error::DensityError;
+use super::kernel::DensityKernel;
+use super::lattice::Lattice;
+use super::options::DensityOptions;
+use super::recipe::FieldRecipe;
+use super::sampling::blocks::Arrays;
+use super::sampling::fill::fill;
+use super::zeros::zeros;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::monitor::Monitor;
+
+/// The density of one part on a lattice, as two unit parts: `rho = l1 * exterior + l2 * interior`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DensityField {
+    /// Unit exterior density `O` (dimensionless), zero inside the part; includes the halo cut-off.
+    pub exterior: Array3<Complex32>,
+    /// Unit interior density `I` (dimensionless), zero outside the part.
+    pub interior: Array3<Complex32>,
+    /// Distance to the boundary at the node, metres, negative inside.
+    pub signed_distance: Array3<f32>,
+    /// What the values depend on.
+    pub recipe: FieldRecipe,
+}
+
+impl DensityField {
+    /// Computes the density of `mesh` at every node of `lattice` (eq_3, exact edge-integral form)
+    /// on rayon's current thread pool. The result does not depend on the number of threads.
+    ///
+    /// On the boundary itself the density is the mean of its limits from both sides: the exterior
+    /// part holds half the outer limit, the interior part half the inner one.
+    ///
+    /// # Errors
+    /// If an option is out of range, the mesh is empty, the memory cannot be had, or the monitor
+    /// cancels.
+    pub fn compute(
+        mesh: &TriangleMesh,
+        kernel: &DensityKernel,
+        lattice: &Lattice,
+        options: &DensityOptions,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, DensityError> {
+        options.validate()?;
+        let recipe = FieldRecipe::new(mesh, kernel, lattice, options);
+        Self::follow(recipe, mesh, kernel, monitor)
+    }
+
+    /// Computes the field of a recipe, which must be that of `mesh` and `kernel`.
+    pub(crate) fn follow(
+        recipe: FieldRecipe,
+        mesh: &TriangleMesh,
+        kernel: &DensityKernel,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, DensityError> {
+        let mut field = Self::allocate(recipe)?;
+        let arrays = Arrays {
+            exterior: field.exterior.view_mut(),
+            interior: field.interior.view_mut(),
+            signed_distance: field.signed_distance.view_mut(),
+        };
+        fill(&field.recipe, arrays, mesh, kernel, monitor)?;
+        Ok(field)
+    }
+
+    /// Where the values sit, in the part's own frame.
+    pub fn lattice(&self) -> &Lattice {
+        &self.recipe.lattice
+    }
+
+    /// Memory that [`DensityField::compute`] needs for the values on `lattice`, bytes.
+    pub fn memory_bytes(lattice: &Lattice) -> u64 {
+        let node = 2 * size_of::<Complex32>() + size_of::<f32>();
+        lattice.len() as u64 * node as u64
+    }
+
+    /// `l1 * exterior + l2 * interior` at every node.
+    pub fn combined(&self, lambda_exterior: f32, lambda_interior: f32) -> Array3<Complex32> {
+        Zip::from(&self.exterior)
+            .and(&self.interior)
+            .par_map_collect(|o, i| o * lambda_exterior + i * lambda_interior)
+    }
+
+    /// A field of zeros.
+    pub(crate) fn allocate(recipe: FieldRecipe) -> Result<Self, DensityError> {
+        let lattice = &recipe.lattice;
+        let bytes = Self::memory_bytes(lattice);
+        Ok(Self {
+            exterior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            interior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            signed_distance: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            recipe,
+        })
+    }
+}

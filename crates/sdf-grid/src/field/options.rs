@@ -1,0 +1,61 @@
+//! How fields are computed.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::DensityError;
+
+/// How a lattice value represents the density around its node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// The value at the node.
+    Point,
+    /// The mean over the node's cubic cell, by 4 x 4 x 4 sub-points in the cells that the boundary
+    /// may cut; the value at the node elsewhere. Exterior and interior are averaged separately, so
+    /// in a cut cell both are non-zero.
+    CellAverage,
+}
+
+/// How accurate a field must be and how it is sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DensityOptions {
+    /// Relative L2 error against the f64 reference that the field must meet, 1e-5 .. 1e-2.
+    pub tolerance: f64,
+    /// How a lattice value represents its cell.
+    pub sampling: Sampling,
+    /// Distance outside the part, metres, at which the exterior density has faded to zero
+    /// (smooth cut-off from 70 % of it); infinite for none.
+    pub halo: f64,
+}
+
+impl Default for DensityOptions {
+    /// Tolerance 1e-3, cell averages, no halo.
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            sampling: Sampling::CellAverage,
+            halo: f64::INFINITY,
+        }
+    }
+}
+
+impl DensityOptions {
+    /// Checks every option against its range.
+    ///
+    /// # Errors
+    /// Names the first option out of range.
+    pub fn validate(&self) -> Result<(), DensityError> {
+        let refuse = |name, expected, found| DensityError::Option {
+            name,
+            expected,
+            found,
+        };
+        if !(1e-5..=1e-2).contains(&self.tolerance) {
+            return Err(refuse("tolerance", "in 1e-5..=1e-2", self.tolerance));
+        }
+        if self.halo.is_nan() || self.halo <= 0.0 {
+            return Err(refuse("halo", "> 0 metres", self.halo));
+        }
+        Ok(())
+    }
+}

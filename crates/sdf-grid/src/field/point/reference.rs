@@ -1,0 +1,124 @@
+//! The density by brute force over every triangle, in f64: slow, plain, the measure of the fast
+//! path.
+
+use glam::DVec3;
+
+use super::boundary;
+use super::distance_gradient::{EQUALLY_NEAR, extended_gradient};
+use super::edge_gradient::FaceGradient;
+use super::edge_integral::EdgeQuadrature;
+use super::unit::{UnitDensity, UnitGradient};
+use crate::field::kernel::{CumulativeKernel, DensityKernel};
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::face::{Face, Piece};
+
+/// Evaluates distance, winding number and density of one mesh point by point.
+#[derive(Debug, Clone)]
+pub struct ReferenceDensity {
+    triangles: Vec<Face>,
+    table: CumulativeKernel,
+    quadrature: EdgeQuadrature,
+    size: f64,
+}
+
+impl ReferenceDensity {
+    /// Prepares `mesh` for the kernel. Zero-area triangles do not count.
+    pub fn new(mesh: &TriangleMesh, kernel: &DensityKernel) -> Self {
+        let triangles: Vec<Face> = (0..mesh.triangles().len())
+            .filter_map(|i| Piece::triangle(mesh.corners(i), i as u32))
+            .map(|t| Face::new(&t))
+            .collect();
+        let corners = || triangles.iter().flat_map(|t| t.corners);
+        let lo = corners().fold(DVec3::INFINITY, DVec3::min);
+        let hi = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        Self {
+            size: (hi - lo).max_element(),
+            triangles,
+            table: CumulativeKernel::new(*kernel),
+            // Twelve points per half kernel width: converged to about 1e-12.
+            quadrature: EdgeQuadrature::new(kernel.sigma(), 8.4, 12, 0.25),
+        }
+    }
+
+    /// Distance to the boundary, metres.
+    pub fn distance(&self, p: DVec3) -> f64 {
+        let squares = self.triangles.iter().map(|t| t.distance_squared(p));
+        squares.fold(f64::INFINITY, f64::min).sqrt()
+    }
+
+    /// Generalized winding number: 1 inside a closed outward-oriented mesh, 0 outside.
+    pub fn winding_number(&self, p: DVec3) -> f64 {
+        let sum: f64 = self.triangles.iter().map(|t| t.solid_angle(p)).sum();
+        -sum / (4.0 * std::f64::consts::PI)
+    }
+
+    /// Distance to the boundary, metres, negative inside (winding number above 1/2).
+    pub fn signed_distance(&self, p: DVec3) -> f64 {
+        let distance = self.distance(p);
+        if self.winding_number(p) > 0.5 {
+            -distance
+        } else {
+            distance
+        }
+    }
+
+    /// Both unit parts at `p` (eq_3). On the boundary they are half of each one-sided limit, taken
+    /// `step` metres from it along the averaged normal.
+    pub fn unit_density(&self, p: DVec3, step: f64) -> UnitDensity {
+        if self.distance(p) > boundary::BAND * self.size {
+            return self.off_boundary(p);
+        }
+        let normal =
+            boundary::averaged_normal(self.triangles.iter(), p, boundary::BAND * self.size);
+        let side = |s: f64| self.off_boundary(p + normal * (s * step));
+        UnitDensity::mean(side(1.0), side(-1.0))
+    }
+
+    fn off_boundary(&self, p: DVec3) -> UnitDensity {
+        let xi = self.distance(p);
+        if xi == 0.0 {
+            return UnitDensity::default();
+        }
+        let term = |t| self.quadrature.face(&self.table, t, p, xi);
+        let integral = self.triangles.iter().map(term).sum();
+        UnitDensity::from_integral(integral, self.winding_number(p) > 0.5)
+    }
+
+    /// Value and gradient of both unit parts at `p` (eq_3a), per metre, with the extended gradient
+    /// of the distance ([`crate::DensityGradient`]). None on the boundary, where the density jumps.
+    pub fn unit_gradient(&self, p: DVec3) -> Option<UnitGradient> {
+        let xi = self.distance(p);
+        if xi <= boundary::BAND * self.size {
+            return None;
+        }
+        let near = xi + EQUALLY_NEAR * self.size;
+        let nearest = self.triangles.iter().filter_map(|t| {
+            let from = p - t.closest(p);
+            (from.length_squared() <= near * near).then(|| from.normalize())
+        });
+        let nearest: Vec<DVec3> = nearest.collect();
+        let mut sum = FaceGradient::default();
+        for t in &self.triangles {
+            sum.add(&self.quadrature.face_gradient(&self.table, t, p, xi));
+        }
+        let inside = self.winding_number(p) > 0.5;
+        Some(UnitGradient::new(
+            &sum,
+            extended_gradient(&nearest),
+            inside,
+            1.0,
+        ))
+    }
+
+    /// The paper's midpoint sum (eq_10) at `p`: one sample per triangle. A baseline, not an oracle.
+    pub fn midpoint_sum(&self, p: DVec3) -> UnitDensity {
+        let xi = self.distance(p);
+        let kernel = self.table.kernel();
+        let term = |t: &Face| {
+            let r = (p - t.centroid) / xi;
+            kernel.radial(r.length())[0] * (r.dot(t.normal) * t.area / (xi * xi))
+        };
+        let integral = self.triangles.iter().map(term).sum();
+        UnitDensity::from_integral(integral, self.winding_number(p) > 0.5)
+    }
+}

@@ -1,0 +1,17 @@
+//! From points to lattice values.
+//!
+//! - [`patch`]: small regular patches of points, cut into packets;
+//! - [`signs`]: on which side of the boundary their points lie;
+//! - [`smooth`]: blocks that are interpolated from some of their points;
+//! - [`patch_density`]: distances, signs and densities of a patch;
+//! - [`blocks`]: arrays cut into blocks, the unit of work;
+//! - [`fill`]: the values of a field, with halo and cell averages;
+//! - [`signed_distance`]: distances alone.
+
+pub(super) mod blocks;
+pub(super) mod fill;
+mod patch;
+mod patch_density;
+pub(crate) mod signed_distance;
+mod signs;
+mod smooth;

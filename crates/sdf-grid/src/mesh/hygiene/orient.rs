@@ -1,0 +1,226 @@
+//! Faces of a component run alike, shells point outwards, cavities inwards.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::edges::Edges;
+use super::report::ComponentReport;
+use crate::mesh::aabb::Aabb;
+use crate::mesh::measure::{face_area, volume};
+
+/// Below this fraction of area times diagonal a component encloses nothing and has no outside.
+const FLAT: f64 = 1e-9;
+
+/// How many faces of a component are asked whether they lie inside another component.
+const WITNESSES: usize = 8;
+
+/// The oriented faces and what was done to them.
+pub(super) struct Oriented {
+    /// All faces in their input order.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// What became of each component, in the order of their first faces.
+    pub(super) components: Vec<ComponentReport>,
+}
+
+/// One component, oriented so that its volume is not negative.
+struct Component {
+    /// Faces, by index.
+    faces: Vec<u32>,
+    /// Their corners.
+    corners: Vec<[DVec3; 3]>,
+    bounds: Aabb,
+    /// Enclosed volume, 0 if it is flat.
+    volume: f64,
+}
+
+/// Orients every component of `triangles`.
+pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
+    let (groups, mut flipped) = flood(&triangles);
+    let components: Vec<Component> = groups
+        .into_iter()
+        .map(|faces| outward(vertices, &triangles, faces, &mut flipped))
+        .collect();
+    let nesting: Vec<Nesting> = (0..components.len())
+        .into_par_iter()
+        .map(|i| nesting(&components, i))
+        .collect();
+    let mut reports = Vec::with_capacity(components.len());
+    for (component, nesting) in components.iter().zip(&nesting) {
+        let cavity = nesting.depth % 2 == 1;
+        if cavity {
+            for &f in &component.faces {
+                flipped[f as usize] ^= true;
+            }
+        }
+        let faces = component.faces.iter();
+        reports.push(ComponentReport {
+            triangles: component.faces.len(),
+            flipped_faces: faces.filter(|&&f| flipped[f as usize]).count(),
+            volume: if cavity {
+                -component.volume
+            } else {
+                component.volume
+            },
+            cavity,
+            overlaps: nesting.overlaps,
+        });
+    }
+    let oriented = triangles
+        .iter()
+        .zip(&flipped)
+        .map(|(&t, &flip)| turned(t, flip))
+        .collect();
+    Oriented {
+        triangles: oriented,
+        components: reports,
+    }
+}
+
+fn turned([a, b, c]: [u32; 3], flip: bool) -> [u32; 3] {
+    if flip { [a, c, b] } else { [a, b, c] }
+}
+
+/// Groups faces connected through edges of exactly two faces and says which to flip so that each
+/// group runs alike (as its first face does).
+fn flood(triangles: &[[u32; 3]]) -> (Vec<Vec<u32>>, Vec<bool>) {
+    const NONE: (u32, bool) = (u32::MAX, false);
+    // Across each side of each face: the face there, and whether it runs the other way round.
+    let mut across = vec![[NONE; 3]; triangles.len()];
+    for uses in Edges::of(triangles).iter() {
+        if let [a, b] = uses {
+            let opposed = a.forward == b.forward;
+            across[a.face as usize][a.side as usize] = (b.face, opposed);
+            across[b.face as usize][b.side as usize] = (a.face, opposed);
+        }
+    }
+    let mut flipped = vec![false; triangles.len()];
+    let mut seen = vec![false; triangles.len()];
+    let mut groups = Vec::new();
+    for first in 0..triangles.len() {
+        if seen[first] {
+            continue;
+        }
+        seen[first] = true;
+        let mut group = vec![first as u32];
+        let mut done = 0;
+        while done < group.len() {
+            let face = group[done] as usize;
+            done += 1;
+            for (other, opposed) in across[face] {
+                if other != NONE.0 && !seen[other as usize] {
+                    seen[other as usize] = true;
+                    flipped[other as usize] = flipped[face] ^ opposed;
+                    group.push(other);
+                }
+            }
+        }
+        groups.push(group);
+    }
+    (groups, flipped)
+}
+
+/// Flips the whole component if it encloses a negative volume; a flat one so that fewer of its
+/// faces are changed.
+fn outward(
+    vertices: &[DVec3],
+    triangles: &[[u32; 3]],
+    faces: Vec<u32>,
+    flipped: &mut [bool],
+) -> Component {
+    let run = |flipped: &[bool]| -> Vec<[u32; 3]> {
+        faces
+            .iter()
+            .map(|&f| turned(triangles[f as usize], flipped[f as usize]))
+            .collect()
+    };
+    let current = run(flipped);
+    let corner = |v: u32| vertices[v as usize];
+    let bounds = Aabb::around(current.iter().flatten().map(|&v| corner(v)));
+    let area: f64 = current.iter().map(|t| face_area(t.map(corner))).sum();
+    let enclosed = volume(vertices, &current);
+    let flat = enclosed.abs() <= FLAT * area * bounds.diagonal();
+    let changed = faces.iter().filter(|&&f| flipped[f as usize]).count();
+    if (!flat && enclosed < 0.0) || (flat && 2 * changed > faces.len()) {
+        for &f in &faces {
+            flipped[f as usize] ^= true;
+        }
+    }
+    let corners = run(flipped).iter().map(|t| t.map(corner)).collect();
+    Component {
+        faces,
+        corners,
+        bounds,
+        volume: if flat { 0.0 } else { enclosed.abs() },
+    }
+}
+
+/// How a component lies among the others.
+struct Nesting {
+    /// Number of components it lies inside.
+    depth: usize,
+    /// It cuts through one at least as large, or coincides with it.
+    overlaps: bool,
+}
+
+fn nesting(components: &[Component], index: usize) -> Nesting {
+    let inner = &components[index];
+    let mut result = Nesting {
+        depth: 0,
+        overlaps: false,
+    };
+    if inner.volume == 0.0 {
+        return result;
+    }
+    let witnesses = inner.witnesses();
+    for (k, outer) in components.iter().enumerate() {
+        // A shell cannot lie inside one of a smaller volume; one of the same it may coincide with.
+        let larger = inner.volume > outer.volume * (1.0 + 1e-6);
+        let smaller = inner.volume < outer.volume * (1.0 - 1e-6);
+        if k == index || outer.volume == 0.0 || larger || !outer.bounds.overlaps(&inner.bounds) {
+            continue;
+        }
+        let inside = witnesses
+            .iter()
+            .filter(|&&p| outer.winding_number(p) > 0.5)
+            .count();
+        if inside == witnesses.len() && smaller {
+            result.depth += 1;
+        } else if inside > 0 {
+            result.overlaps = true;
+        }
+    }
+    result
+}
+
+impl Component {
+    /// Points just inside the component, behind faces spread over it. Behind, not on, so that
+    /// shells which touch or coincide are still told apart.
+    fn witnesses(&self) -> Vec<DVec3> {
+        let count = self.corners.len().min(WITNESSES);
+        (0..count)
+            .map(|k| {
+                let [a, b, c] = self.corners[k * self.corners.len() / count];
+                let normal = (b - a).cross(c - a);
+                let depth = 1e-4 * normal.length().sqrt();
+                (a + b + c) / 3.0 - depth * normal.normalize_or_zero()
+            })
+            .collect()
+    }
+
+    /// Winding number of the component about a point: about 1 inside, 0 outside.
+    fn winding_number(&self, point: DVec3) -> f64 {
+        let turns: f64 = self
+            .corners
+            .iter()
+            .map(|t| half_solid_angle(t.map(|p| p - point)))
+            .sum();
+        turns / (2.0 * std::f64::consts::PI)
+    }
+}
+
+/// Half the signed solid angle of a triangle seen from the origin (Van Oosterom and Strackee).
+fn half_solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
+    let (la, lb, lc) = (a.length(), b.length(), c.length());
+    let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    a.dot(b.cross(c)).atan2(denominator)
+}

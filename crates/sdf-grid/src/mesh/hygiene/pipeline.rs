@@ -1,0 +1,223 @@
+//! The steps of hygiene, one after the other.
+
+use glam::DVec3;
+
+use super::report::{ComponentReport, HygieneOptions, HygieneReport};
+use super::{edges, faces, holes, orient, stitch, weld};
+use crate::mesh::aabb::Aabb;
+use crate::mesh::error::MeshError;
+use crate::mesh::measure::{face_area, volume};
+
+/// The largest coordinate magnitude accepted, metres: squares and cubes of it stay finite.
+const COORDINATE_LIMIT: f64 = 1e12;
+
+/// Vertices, triangles and the report of what was done to them.
+type Cleaned = (Vec<DVec3>, Vec<[u32; 3]>, HygieneReport);
+
+/// Runs the pipeline; see the module documentation.
+pub(crate) fn run(
+    name: &str,
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    options: &HygieneOptions,
+) -> Result<Cleaned, MeshError> {
+    check_options(name, options)?;
+    check_input(name, &vertices, &triangles)?;
+    let (input_vertices, input_triangles) = (vertices.len(), triangles.len());
+
+    // A stray vertex that no face uses must not coarsen the weld.
+    let used = triangles.iter().flatten().map(|&v| vertices[v as usize]);
+    let diagonal = Aabb::around(used).diagonal();
+    let weld_distance = options.weld_tolerance * diagonal;
+    let welded = weld::weld(&vertices, weld_distance);
+    let mut triangles: Vec<_> = triangles
+        .iter()
+        .map(|t| t.map(|v| welded.representative[v as usize]))
+        .collect();
+    let changed = change_faces(&vertices, &mut triangles, diagonal, weld_distance);
+    if triangles.is_empty() {
+        return Err(MeshError::Empty {
+            part: name.to_owned(),
+            vertices: input_vertices,
+            triangles: input_triangles,
+            zero_area: changed.zero_area,
+            duplicates: changed.duplicate,
+        });
+    }
+
+    let oriented = orient::orient(&vertices, triangles);
+    let (vertices, triangles) = compact(&vertices, oriented.triangles);
+    let report = HygieneReport {
+        input_vertices,
+        input_triangles,
+        welded_vertices: welded.merged,
+        unused_vertices: input_vertices - welded.merged - vertices.len(),
+        weld_distance,
+        zero_area_faces: changed.zero_area,
+        duplicate_faces: changed.duplicate,
+        stitched_edges: changed.stitched,
+        ..described(name, &vertices, &triangles, oriented.components)
+    };
+    if report.open_area_fraction > options.max_open_fraction {
+        return Err(MeshError::Open {
+            part: name.to_owned(),
+            open_edges: report.open_edges,
+            limit: options.max_open_fraction,
+            found: report.open_area_fraction,
+        });
+    }
+    Ok((vertices, triangles, report))
+}
+
+/// What was done to faces.
+struct Changed {
+    zero_area: usize,
+    duplicate: usize,
+    stitched: usize,
+}
+
+/// Drops faces without area and repeated ones, and cuts open edges, until nothing changes.
+fn change_faces(
+    vertices: &[DVec3],
+    triangles: &mut Vec<[u32; 3]>,
+    diagonal: f64,
+    weld_distance: f64,
+) -> Changed {
+    let mut changed = Changed {
+        zero_area: 0,
+        duplicate: 0,
+        stitched: 0,
+    };
+    // A corner on a line where faces meet cuts about one side. In a knot of faces hardly larger
+    // than the weld distance cuts can open sides to cut, in numbers that grow exponentially.
+    let mut budget = 3 * triangles.len();
+    // Cutting faces can repeat one that exists; dropping that one can open an edge.
+    loop {
+        changed.zero_area += faces::drop_zero_area(vertices, triangles, diagonal);
+        changed.duplicate += faces::drop_duplicates(triangles);
+        let cut = stitch::stitch(vertices, triangles, weld_distance, &mut budget);
+        changed.stitched += cut;
+        if cut == 0 {
+            return changed;
+        }
+    }
+}
+
+/// The report of a mesh to which nothing but the flipping of faces was done.
+fn described(
+    name: &str,
+    vertices: &[DVec3],
+    triangles: &[[u32; 3]],
+    components: Vec<ComponentReport>,
+) -> HygieneReport {
+    let edges = edges::Edges::of(triangles);
+    let faces = triangles.iter().map(|t| t.map(|v| vertices[v as usize]));
+    let area: f64 = faces.map(face_area).sum();
+    let missing = holes::missing_area(vertices, &edges.boundary());
+    HygieneReport {
+        name: name.to_owned(),
+        input_vertices: vertices.len(),
+        input_triangles: triangles.len(),
+        vertices: vertices.len(),
+        triangles: triangles.len(),
+        welded_vertices: 0,
+        unused_vertices: 0,
+        weld_distance: 0.0,
+        zero_area_faces: 0,
+        duplicate_faces: 0,
+        stitched_edges: 0,
+        flipped_faces: components.iter().map(|c| c.flipped_faces).sum(),
+        components: components.len(),
+        cavities: components.iter().filter(|c| c.cavity).count(),
+        overlapping_components: components.iter().filter(|c| c.overlaps).count(),
+        per_component: components,
+        open_edges: edges.count(|faces| faces.len() == 1),
+        nonmanifold_edges: edges.count(|faces| faces.len() > 2),
+        inconsistent_edges: edges.count(edges::inconsistent),
+        watertight: edges.count(|faces| edges::net_uses(faces) != 0) == 0,
+        open_area_fraction: missing / (missing + area),
+        volume: volume(vertices, triangles),
+        area,
+        bounds: Aabb::around(vertices.iter().copied()),
+    }
+}
+
+fn check_options(name: &str, options: &HygieneOptions) -> Result<(), MeshError> {
+    let check = |item, found: f64, high: f64, expected| {
+        if (0.0..=high).contains(&found) {
+            return Ok(());
+        }
+        Err(MeshError::OutOfRange {
+            part: name.to_owned(),
+            item,
+            expected,
+            found,
+        })
+    };
+    check(
+        "weld-tolerance",
+        options.weld_tolerance,
+        0.01,
+        "a fraction 0 .. 0.01",
+    )?;
+    check(
+        "max-open-fraction",
+        options.max_open_fraction,
+        1.0,
+        "a fraction 0 .. 1",
+    )
+}
+
+fn check_input(name: &str, vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), MeshError> {
+    // Face numbers and their three edges are counted in 32 bits.
+    let limit = u64::from(u32::MAX / 4);
+    for (item, found) in [
+        ("vertices", vertices.len() as u64),
+        ("triangles", triangles.len() as u64),
+    ] {
+        if found > limit {
+            return Err(MeshError::TooLarge {
+                part: name.to_owned(),
+                item,
+                limit,
+                found,
+            });
+        }
+    }
+    let finite = |v: &DVec3| v.is_finite() && v.abs().max_element() <= COORDINATE_LIMIT;
+    if let Some(vertex) = vertices.iter().position(|v| !finite(v)) {
+        return Err(MeshError::NonFiniteVertex {
+            part: name.to_owned(),
+            vertex,
+            limit: COORDINATE_LIMIT,
+            found: vertices[vertex],
+        });
+    }
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if let Some(&found) = corners.iter().find(|&&v| v as usize >= vertices.len()) {
+            return Err(MeshError::IndexOutOfRange {
+                part: name.to_owned(),
+                triangle,
+                expected: vertices.len(),
+                found,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the vertices that are used, in the order of their first use.
+fn compact(vertices: &[DVec3], mut triangles: Vec<[u32; 3]>) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut place = vec![u32::MAX; vertices.len()];
+    let mut kept = Vec::new();
+    for corner in triangles.iter_mut().flatten() {
+        let slot = &mut place[*corner as usize];
+        if *slot == u32::MAX {
+            *slot = kept.len() as u32;
+            // Adding zero turns -0 into 0, so that equal meshes have equal bits.
+            kept.push(vertices[*corner as usize] + 0.0);
+        }
+        *corner = *slot;
+    }
+    (kept, triangles)
+}

@@ -1,0 +1,12 @@
+//! Shapes made from numbers: the analytic parts of tests, examples and the paper.
+//!
+//! All are closed, point outwards and share vertices along edges. Lengths are metres; a shape is
+//! centred on the origin with its axis, if it has one, along z.
+
+mod peg_in_hole;
+mod random_solid;
+mod solids;
+
+pub use peg_in_hole::PegInHole;
+pub use random_solid::{RANDOM_KINDS, random_solid};
+pub use solids::{cuboid, cylinder, icosphere, plate, prism, torus};

@@ -1,0 +1,189 @@
+//! Files of solids, of whatever format.
+
+use std::path::{Path, PathBuf};
+
+use super::soup::{Solid, Soup};
+use super::step::StepOptions;
+use super::unit::LengthUnit;
+use super::{bytes, gltf, obj, ply, step, stl, threemf};
+use crate::mesh::error::MeshError;
+use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
+use crate::mesh::triangle_mesh::TriangleMesh;
+
+/// The file name endings that are read.
+pub const FORMATS: &str = ".obj, .stl, .ply, .glb, .gltf, .3mf, .step or .stp";
+
+/// A mesh format that is read from bytes alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// STL, binary or ASCII.
+    Stl,
+    /// PLY, binary or ASCII.
+    Ply,
+    /// glTF 2.0, JSON or binary.
+    Gltf,
+    /// 3D Manufacturing Format.
+    ThreeMf,
+}
+
+/// How a mesh file is read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ReadOptions {
+    /// Unit of the coordinates, for formats that do not state one (OBJ, STL, PLY).
+    pub unit: LengthUnit,
+    /// The solid to use, by its name or its number from 1 as [`MeshFile::solids`] lists them; all
+    /// of them if `None`.
+    pub solid: Option<String>,
+    /// What hygiene may change and what it refuses.
+    pub hygiene: HygieneOptions,
+    /// How STEP files become triangles.
+    pub step: StepOptions,
+}
+
+/// A mesh file's content before hygiene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshFile {
+    name: String,
+    soup: Soup,
+    /// The program that made the triangles, if the file holds none.
+    converter: Option<PathBuf>,
+}
+
+impl MeshFile {
+    /// Reads a file; the format follows from the name's ending.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has an unknown ending or does not follow its format, or if the
+    /// converter of a STEP file is missing, fails or passes a limit.
+    pub fn open(path: impl AsRef<Path>, step: &StepOptions) -> Result<Self, MeshError> {
+        let path = path.as_ref();
+        let ending = path
+            .extension()
+            .map(|e| e.to_string_lossy().to_lowercase())
+            .unwrap_or_default();
+        let format = match ending.as_str() {
+            "obj" => MeshFormat::Obj,
+            "stl" => MeshFormat::Stl,
+            "ply" => MeshFormat::Ply,
+            "glb" | "gltf" => MeshFormat::Gltf,
+            "3mf" => MeshFormat::ThreeMf,
+            "step" | "stp" => return Self::convert(path, step),
+            _ => {
+                return Err(MeshError::Format {
+                    path: path.to_owned(),
+                    expected: FORMATS,
+                    found: ending,
+                });
+            }
+        };
+        let bytes = bytes::read_whole(path)?;
+        Self::parse(&path.display().to_string(), &bytes, format, path.parent())
+    }
+
+    fn convert(path: &Path, options: &StepOptions) -> Result<Self, MeshError> {
+        let name = path.display().to_string();
+        let (converter, soup) = step::convert_file(&name, path, options)?;
+        Ok(Self {
+            name,
+            soup,
+            converter: Some(converter),
+        })
+    }
+
+    /// Reads a file's bytes. `name` (the file) appears in every error; `folder` is where a glTF
+    /// file's buffers may lie, if they are files of their own.
+    ///
+    /// # Errors
+    /// If the bytes do not follow the format.
+    pub fn parse(
+        name: &str,
+        bytes: &[u8],
+        format: MeshFormat,
+        folder: Option<&Path>,
+    ) -> Result<Self, MeshError> {
+        let soup = match format {
+            MeshFormat::Obj => obj::parse(name, bytes),
+            MeshFormat::Stl => stl::parse(name, bytes),
+            MeshFormat::Ply => ply::parse(name, bytes),
+            MeshFormat::Gltf => gltf::parse(name, bytes, folder),
+            MeshFormat::ThreeMf => threemf::parse(name, bytes),
+        }?;
+        Ok(Self {
+            name: name.to_owned(),
+            soup,
+            converter: None,
+        })
+    }
+
+    /// The solids in the file, in its order; empty if the format knows none (PLY) or the file
+    /// names none (OBJ).
+    pub fn solids(&self) -> Vec<Solid> {
+        self.soup.solids()
+    }
+
+    /// The unit that the file itself states.
+    pub fn stated_unit(&self) -> Option<LengthUnit> {
+        self.soup.unit
+    }
+
+    /// Cleans all solids, or the one that `options` choose, as one mesh in metres.
+    ///
+    /// # Errors
+    /// If there is no such solid, [`TriangleMesh::clean`] refuses the mesh, or what a converter
+    /// made of a STEP file is not watertight.
+    pub fn clean(self, options: &ReadOptions) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+        let Self {
+            name,
+            soup,
+            converter,
+        } = self;
+        let soup = match &options.solid {
+            Some(wanted) => soup.select(&name, wanted)?,
+            None => soup,
+        };
+        let scale = soup.unit.unwrap_or(options.unit).in_metres();
+        let vertices = soup.vertices.iter().map(|v| scale * *v).collect();
+        let (mesh, report) =
+            TriangleMesh::clean(&name, vertices, soup.triangles, &options.hygiene)?;
+        match converter {
+            Some(converter) if !report.watertight => Err(MeshError::Converter {
+                path: PathBuf::from(name),
+                converter,
+                expected: "closed solids".to_owned(),
+                found: format!("{} open edges", report.open_edges),
+            }),
+            _ => Ok((mesh, report)),
+        }
+    }
+}
+
+/// Reads a mesh file whose coordinates are in `unit`, unless the file states its own, and cleans
+/// it; the mesh is in metres. All solids in the file become one mesh.
+///
+/// # Errors
+/// As [`MeshFile::open`] and [`MeshFile::clean`].
+pub fn read(
+    path: impl AsRef<Path>,
+    unit: LengthUnit,
+    options: &HygieneOptions,
+) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    let options = ReadOptions {
+        unit,
+        hygiene: *options,
+        ..ReadOptions::default()
+    };
+    read_with(path, &options)
+}
+
+/// Reads a mesh file and cleans it, as [`read`] does, with every option.
+///
+/// # Errors
+/// As [`MeshFile::open`] and [`MeshFile::clean`].
+pub fn read_with(
+    path: impl AsRef<Path>,
+    options: &ReadOptions,
+) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    MeshFile::open(path, &options.step)?.clean(options)
+}

@@ -1,0 +1,7 @@
+//! What every part of the crate leans on: files, recipes, progress and memory.
+
+pub mod atomic;
+#[doc(hidden)]
+pub mod large;
+pub(crate) mod monitor;
+pub mod recipe;

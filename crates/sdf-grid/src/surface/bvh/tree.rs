@@ -1,0 +1,169 @@
+//! The tree itself, and searches in it.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::build::{self, Leaves};
+use super::node::{Node, Stack};
+use crate::mesh::aabb::Aabb;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::coplanar::pieces;
+use crate::surface::face::{Face, Piece};
+
+/// A bounding volume hierarchy over the triangles of one mesh.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    pub(crate) nodes: Vec<Node>,
+    /// Faces in leaf order, normalized coordinates.
+    pub(crate) faces: Vec<Face>,
+    centre: DVec3,
+    scale: f64,
+    /// Whether the surface is known to be closed and of one orientation: winding numbers are
+    /// integers.
+    pub(crate) closed: bool,
+}
+
+/// The boundary point closest to a query point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Nearest {
+    /// Its distance from the query point, metres.
+    pub distance: f64,
+    /// The point, metres.
+    pub point: DVec3,
+    /// The triangle it lies on, as an index into [`TriangleMesh::triangles`].
+    pub triangle: usize,
+}
+
+impl Bvh {
+    /// Builds the hierarchy by binned surface area heuristic, in parallel; the result does not
+    /// depend on the number of threads. Zero-area triangles are left out.
+    pub fn build(mesh: &TriangleMesh) -> Self {
+        let (centre, scale) = normalization(mesh);
+        let corner = |p: DVec3| (p - centre) * scale;
+        let triangle = |i: usize| Piece::triangle(mesh.corners(i).map(corner), i as u32);
+        let tree = build::tree(mesh.triangles().len(), Leaves::Small, triangle);
+        Self::over(tree, centre, scale, false)
+    }
+
+    /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to
+    /// `flat` ([`pieces::merged`]) are merged and long faces cut.
+    pub(crate) fn merged(mesh: &TriangleMesh, flat: f64, leaves: Leaves) -> Self {
+        let (centre, scale) = normalization(mesh);
+        let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
+        let corners: Vec<DVec3> = corners.collect();
+        let faces = pieces::merged(mesh.triangles(), &corners, flat);
+        let tree = build::tree(faces.len(), leaves, |i| faces.get(i));
+        Self::over(tree, centre, scale, faces.closed)
+    }
+
+    fn over(
+        (nodes, faces): (Vec<Node>, Vec<Face>),
+        centre: DVec3,
+        scale: f64,
+        closed: bool,
+    ) -> Self {
+        Self {
+            nodes,
+            faces,
+            centre,
+            scale,
+            closed,
+        }
+    }
+
+    /// A position in normalized coordinates.
+    pub(crate) fn normalized(&self, p: DVec3) -> DVec3 {
+        (p - self.centre) * self.scale
+    }
+
+    /// Normalized length of a metre.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The boundary point closest to `p` (metres); at infinite distance if the mesh has no area.
+    pub fn nearest(&self, p: DVec3) -> Nearest {
+        let q = self.normalized(p);
+        let (index, squared) = self.nearest_normalized(q);
+        let Some(face) = self.faces.get(index) else {
+            return Nearest {
+                distance: f64::INFINITY,
+                point: p,
+                triangle: 0,
+            };
+        };
+        Nearest {
+            distance: squared.sqrt() / self.scale,
+            point: face.closest(q) / self.scale + self.centre,
+            triangle: face.source as usize,
+        }
+    }
+
+    /// Leaf-order index and squared distance of the nearest face.
+    pub(crate) fn nearest_normalized(&self, q: DVec3) -> (usize, f64) {
+        let mut best = (usize::MAX, f64::INFINITY);
+        let mut stack = Stack::new();
+        if !self.nodes.is_empty() {
+            stack.push((0, 0.0));
+        }
+        while let Some((id, squared)) = stack.pop() {
+            if squared >= best.1 {
+                continue;
+            }
+            let node = &self.nodes[id as usize];
+            if node.is_leaf() {
+                for i in node.range() {
+                    let d = self.faces[i].distance_squared(q);
+                    if d < best.1 {
+                        best = (i, d);
+                    }
+                }
+                continue;
+            }
+            let children = [id + 1, node.second];
+            let near = children.map(|c| (c, self.nodes[c as usize].distance_squared(q)));
+            let (far, close) = if near[0].1 < near[1].1 {
+                (near[1], near[0])
+            } else {
+                (near[0], near[1])
+            };
+            stack.push(far);
+            stack.push(close);
+        }
+        best
+    }
+
+    /// Calls `f` with the leaf-order index of every face of every leaf whose box comes nearer to
+    /// `q` than `radius` (normalized).
+    pub(crate) fn visit_within(&self, q: DVec3, radius: f64, mut f: impl FnMut(usize)) {
+        let mut stack = Stack::new();
+        if !self.nodes.is_empty() {
+            stack.push(0u32);
+        }
+        while let Some(id) = stack.pop() {
+            let node = &self.nodes[id as usize];
+            if node.distance_squared(q) >= radius * radius {
+                continue;
+            }
+            if node.is_leaf() {
+                node.range().for_each(&mut f);
+            } else {
+                stack.push(node.second);
+                stack.push(id + 1);
+            }
+        }
+    }
+}
+
+/// Centre of the mesh's box and a power-of-two scale for its largest extent.
+fn normalization(mesh: &TriangleMesh) -> (DVec3, f64) {
+    let triangles = mesh.triangles().par_iter().with_min_len(4096);
+    let corners = triangles.map(|t| Aabb::around(t.map(|v| mesh.vertices()[v as usize])));
+    let bounds = corners.reduce(|| Aabb::EMPTY, |a, b| a.union(&b));
+    let (lo, hi) = (bounds.min, bounds.max);
+    let extent = (hi - lo).max_element();
+    if !(extent > 0.0 && extent.is_finite()) {
+        return (DVec3::ZERO, 1.0);
+    }
+    (0.5 * (lo + hi), (1.0 - extent.log2().ceil()).exp2())
+}

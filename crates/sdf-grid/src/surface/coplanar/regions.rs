@@ -1,0 +1,388 @@
+//! Connected flat regions of a mesh.
+
+use glam::{DMat2, DVec2, DVec3};
+use rayon::prelude::*;
+
+use crate::surface::face::Face;
+
+/// Regions of more triangles than this are shared out one by one.
+pub(super) const LARGE: usize = 32;
+
+/// No triangle, or no region.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Triangles whose corners lie within this many times `flat` of a region's plane join it for the
+/// time being: a plane found from part of a region is off by more farther away. The whole must then
+/// lie within `flat` of a plane of its own.
+const PERHAPS: f64 = 6.0;
+
+/// A plane is not fitted to points that lie on a line up to this: variance across over variance
+/// along.
+const THIN: f64 = 1e-13;
+
+/// What the growth of regions asks of a triangle.
+#[derive(Clone, Copy)]
+pub(super) struct Facet {
+    pub(super) normal: DVec3,
+    /// Zero if the triangle has no normal.
+    pub(super) area: f64,
+    /// Whether it is so narrow that rounding may have turned it over.
+    needle: bool,
+}
+
+/// Needles are narrower than this, in units of their length.
+const NEEDLE: f64 = 1e-3;
+
+impl Facet {
+    fn of(corners: [DVec3; 3]) -> Self {
+        let (normal, area) = Face::normal_and_area(corners).unwrap_or_default();
+        let [a, b, c] = corners;
+        let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
+        let longest = sides.into_iter().fold(0.0, f64::max);
+        Self {
+            normal,
+            area,
+            needle: 2.0 * area < NEEDLE * longest,
+        }
+    }
+}
+
+/// Where the triangles of a region lie.
+#[derive(Clone, Copy)]
+pub(super) struct Plane {
+    pub(super) origin: DVec3,
+    pub(super) normal: DVec3,
+}
+
+impl Plane {
+    fn height(&self, p: DVec3) -> f64 {
+        (p - self.origin).dot(self.normal)
+    }
+
+    /// Two directions that span it, `u x v` its normal.
+    pub(super) fn axes(&self) -> [DVec3; 2] {
+        let (u, v) = self.normal.any_orthonormal_pair();
+        [u, v]
+    }
+
+    /// The plane with the least squares of heights of `points`, none if they lie on a line.
+    fn fitted(&self, points: impl Iterator<Item = DVec3> + Clone) -> Option<Self> {
+        let [u, v] = self.axes();
+        let place = |p: DVec3| {
+            let p = p - self.origin;
+            DVec3::new(p.dot(u), p.dot(v), p.dot(self.normal))
+        };
+        let count = points.clone().count() as f64;
+        let mean = points.clone().map(place).sum::<DVec3>() / count;
+        let (mut squares, mut heights) = (DMat2::ZERO, DVec2::ZERO);
+        for p in points.map(place) {
+            let p = p - mean;
+            let flat = p.truncate();
+            squares += DMat2::from_cols(flat * flat.x, flat * flat.y);
+            heights += flat * p.z;
+        }
+        let trace = squares.x_axis.x + squares.y_axis.y;
+        if squares.determinant() <= THIN * trace * trace {
+            return None;
+        }
+        let slope = squares.inverse() * heights;
+        Some(Self {
+            origin: self.origin + u * mean.x + v * mean.y + self.normal * mean.z,
+            normal: (self.normal - u * slope.x - v * slope.y).normalize(),
+        })
+    }
+}
+
+/// What lies in the plane of a triangle beside it.
+#[derive(Clone, Copy)]
+enum Beside {
+    Nothing,
+    /// This triangle, and nothing beside that.
+    One(u32),
+    /// More, or what lies in it only perhaps.
+    More,
+}
+
+/// Triangles in connected flat regions.
+pub(super) struct Regions {
+    /// One region after the other, each beginning with its largest triangle.
+    triangles: Vec<u32>,
+    /// Where each begins, and the end of the last.
+    starts: Vec<usize>,
+    /// That of each, if it is not that of its first triangle.
+    planes: Vec<Option<Plane>>,
+    /// The region of each triangle, or [`NONE`].
+    pub(super) of: Vec<u32>,
+}
+
+impl Regions {
+    pub(super) fn count(&self) -> usize {
+        self.planes.len()
+    }
+
+    pub(super) fn get(&self, id: usize) -> &[u32] {
+        &self.triangles[self.starts[id]..self.starts[id + 1]]
+    }
+
+    /// The region that begins with a triangle, if there is one and it is not large.
+    pub(super) fn small_from(&self, triangle: u32) -> Option<usize> {
+        let id = self.of[triangle as usize];
+        if id == NONE {
+            return None;
+        }
+        let region = self.get(id as usize);
+        (region[0] == triangle && region.len() <= LARGE).then_some(id as usize)
+    }
+
+    fn add(&mut self, triangle: u32) {
+        self.of[triangle as usize] = self.count() as u32;
+        self.triangles.push(triangle);
+    }
+
+    /// Ends the region whose triangles were added last.
+    fn close(&mut self, plane: Option<Plane>) {
+        self.planes.push(plane);
+        self.starts.push(self.triangles.len());
+    }
+}
+
+/// The mesh with what lies beside each triangle.
+pub(super) struct Surface<'a> {
+    pub(super) indices: &'a [[u32; 3]],
+    pub(super) vertices: &'a [DVec3],
+    pub(super) facets: Vec<Facet>,
+    /// The triangle beyond edge `k`, or [`NONE`].
+    pub(super) neighbours: Vec<[u32; 3]>,
+    /// Whether every edge is gone along as often one way as the other.
+    pub(super) closed: bool,
+    /// What lies this near to a plane or a line lies in it.
+    pub(super) flat: f64,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(indices: &'a [[u32; 3]], vertices: &'a [DVec3], flat: f64) -> Self {
+        let facet = |t: &[u32; 3]| Facet::of(t.map(|v| vertices[v as usize]));
+        let facets = || indices.par_iter().map(facet).collect();
+        let (beyond, facets) = rayon::join(|| neighbours(indices, vertices.len()), facets);
+        let (neighbours, closed) = beyond;
+        Self {
+            indices,
+            vertices,
+            facets,
+            neighbours,
+            closed,
+            flat,
+        }
+    }
+
+    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.indices[triangle as usize].map(|v| self.vertices[v as usize])
+    }
+
+    /// Connected flat regions, grown from the largest triangle on.
+    pub(super) fn regions(&self) -> Regions {
+        let all = (0..self.indices.len() as u32).into_par_iter();
+        let (beside, seeds) = rayon::join(
+            || all.map(|t| self.beside(t)).collect::<Vec<Beside>>(),
+            || self.largest_first(),
+        );
+        let mut regions = Regions {
+            triangles: Vec::with_capacity(seeds.len()),
+            starts: vec![0],
+            planes: Vec::new(),
+            of: vec![NONE; self.indices.len()],
+        };
+        for seed in seeds {
+            if regions.of[seed as usize] != NONE {
+                continue;
+            }
+            let plane = match beside[seed as usize] {
+                Beside::Nothing => {
+                    regions.add(seed);
+                    None
+                }
+                Beside::One(other) => {
+                    regions.add(seed);
+                    if regions.of[other as usize] == NONE {
+                        regions.add(other);
+                    }
+                    None
+                }
+                Beside::More => Some(self.grow(&mut regions, seed)),
+            };
+            regions.close(plane);
+        }
+        regions
+    }
+
+    pub(super) fn plane(&self, regions: &Regions, id: usize) -> Plane {
+        regions.planes[id].unwrap_or_else(|| self.plane_of(regions.get(id)[0]))
+    }
+
+    /// Triangles that have an area, largest first up to a 256th of it, then in the order of the
+    /// mesh, in which neighbours mostly are not far apart.
+    fn largest_first(&self) -> Vec<u32> {
+        // Exponents and eight more bits: numbers that are not negative are ordered as their bits
+        // are.
+        let rank =
+            |facet: &Facet| usize::from(u16::MAX - ((facet.area as f32).to_bits() >> 15) as u16);
+        // Where triangles of each rank begin. Those of no area have the last and are left out.
+        let last = usize::from(u16::MAX);
+        let mut places = vec![0u32; last + 2];
+        for facet in &self.facets {
+            places[rank(facet) + 1] += 1;
+        }
+        for r in 0..last {
+            places[r + 1] += places[r];
+        }
+        let mut seeds = vec![0; places[last] as usize];
+        for (i, facet) in self.facets.iter().enumerate() {
+            let place = &mut places[rank(facet)];
+            if let Some(seed) = seeds.get_mut(*place as usize) {
+                *seed = i as u32;
+                *place += 1;
+            }
+        }
+        seeds
+    }
+
+    /// What a region grown from a triangle would be were nothing taken.
+    fn beside(&self, triangle: u32) -> Beside {
+        let plane = self.plane_of(triangle);
+        let near = |n: &u32| *n != NONE && self.off(*n, &plane) <= PERHAPS * self.flat;
+        let neighbours = |t: u32| self.neighbours[t as usize].into_iter();
+        let mut others = neighbours(triangle).filter(near);
+        match (others.next(), others.next()) {
+            (None, _) => Beside::Nothing,
+            (Some(one), None)
+                if self.off(one, &plane) <= self.flat
+                    && !neighbours(one).filter(|n| *n != triangle).any(|n| near(&n)) =>
+            {
+                Beside::One(one)
+            }
+            _ => Beside::More,
+        }
+    }
+
+    fn plane_of(&self, triangle: u32) -> Plane {
+        Plane {
+            origin: self.corners(triangle)[0],
+            normal: self.facets[triangle as usize].normal,
+        }
+    }
+
+    /// Adds the triangles of the flat region around one; its plane.
+    ///
+    /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates
+    /// nothing is fitted. Rounded ones leave it farther away; then the plane follows them.
+    fn grow(&self, regions: &mut Regions, seed: u32) -> Plane {
+        let start = regions.triangles.len();
+        let mut plane = self.plane_of(seed);
+        regions.add(seed);
+        let mut next = start;
+        // The triangles before this one are known to lie in the plane.
+        let mut sound = start + 1;
+        let mut allowed = PERHAPS * self.flat;
+        loop {
+            while let Some(&t) = regions.triangles.get(next) {
+                next += 1;
+                for n in self.neighbours[t as usize] {
+                    if n == NONE || regions.of[n as usize] != NONE {
+                        continue;
+                    }
+                    let off = self.off(n, &plane);
+                    if off <= allowed {
+                        let all_sound = sound == regions.triangles.len();
+                        regions.add(n);
+                        sound += usize::from(all_sound && off <= self.flat);
+                    }
+                }
+                // A plane may be off by about as much beyond its points as between them.
+                if regions.triangles.len() - start >= 2 * (sound - start) {
+                    break;
+                }
+            }
+            let end = regions.triangles.len();
+            if sound == end {
+                if next == end {
+                    return plane;
+                }
+                continue;
+            }
+            match self.fitted(&regions.triangles[start..], &plane) {
+                Some(fitted) => (plane, sound) = (fitted, end),
+                None => {
+                    // Once more, without those that are a little off.
+                    for t in regions.triangles.drain(sound..) {
+                        regions.of[t as usize] = NONE;
+                    }
+                    (next, allowed) = (start, self.flat);
+                }
+            }
+        }
+    }
+
+    /// How far a triangle leaves a plane, infinity if it is steep. Needles lie every way: the
+    /// surface is the same chain with them, folded back where they are upside down.
+    fn off(&self, triangle: u32, plane: &Plane) -> f64 {
+        let facet = &self.facets[triangle as usize];
+        if facet.area <= 0.0 || !facet.needle && facet.normal.dot(plane.normal) <= 0.9 {
+            return f64::INFINITY;
+        }
+        let heights = self.corners(triangle).map(|c| plane.height(c).abs());
+        heights.into_iter().fold(0.0, f64::max)
+    }
+
+    /// A plane near another in which all of these triangles lie.
+    fn fitted(&self, triangles: &[u32], near: &Plane) -> Option<Plane> {
+        let corners = triangles.iter().flat_map(|t| self.corners(*t));
+        let plane = near.fitted(corners)?;
+        let lies = |t: &u32| self.off(*t, &plane) <= self.flat;
+        triangles.iter().all(lies).then_some(plane)
+    }
+}
+
+/// The triangle beyond each edge: the one other triangle that has it, the other way round. And
+/// whether every edge is gone along as often one way as the other.
+fn neighbours(indices: &[[u32; 3]], vertices: usize) -> (Vec<[u32; 3]>, bool) {
+    let edge = |half: u32| {
+        let (t, k) = (indices[half as usize / 3], half as usize % 3);
+        (t[k], t[(k + 1) % 3])
+    };
+    let lower = |half: u32| edge(half).0.min(edge(half).1) as usize;
+    let halves = 0..3 * indices.len() as u32;
+    // Edges by their lower vertex: counted, then put in their places.
+    let mut places = vec![0u32; vertices + 1];
+    for half in halves.clone() {
+        places[lower(half) + 1] += 1;
+    }
+    for v in 0..vertices {
+        places[v + 1] += places[v];
+    }
+    let mut sorted = vec![(0u32, 0u32); 3 * indices.len()];
+    for half in halves {
+        let place = &mut places[lower(half)];
+        sorted[*place as usize] = (edge(half).0.max(edge(half).1), half);
+        *place += 1;
+    }
+    let mut beyond = vec![[NONE; 3]; indices.len()];
+    let (mut first, mut closed) = (0, true);
+    // Each place has moved on to the end of its vertex's edges.
+    for end in &places[..vertices] {
+        let around = &mut sorted[first..*end as usize];
+        first = *end as usize;
+        around.sort_unstable();
+        for pair in around.chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, x), (_, y)] = *pair
+                && edge(x).0 != edge(y).0
+            {
+                beyond[x as usize / 3][x as usize % 3] = y / 3;
+                beyond[y as usize / 3][y as usize % 3] = x / 3;
+            } else {
+                let upward = pair.iter().filter(|(upper, half)| edge(*half).1 == *upper);
+                closed &= 2 * upward.count() == pair.len();
+            }
+        }
+    }
+    (beyond, closed)
+}

@@ -1,0 +1,23 @@
+//! Tests of the whole crate from outside, in one binary: its kernels are compiled once for all of
+//! them.
+
+mod bvh;
+mod common;
+mod density_field;
+mod density_gradient;
+mod density_reference;
+mod density_solids;
+mod field_cache;
+mod fixtures;
+mod hygiene;
+mod hygiene_invariance;
+mod kernel;
+mod mesh_formats;
+mod mesh_io;
+mod shapes;
+mod shells;
+mod signed_distance;
+mod step;
+mod stitching;
+mod stress;
+mod symmetry;

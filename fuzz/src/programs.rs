@@ -8,8 +8,8 @@ use fft_correlate::bake::{Share, bake};
 use fft_correlate::store::TableStore;
 use fft_correlate::{NodeEnergies, RotationDomain, ScoreModel, TableSpec};
 use glam::{DQuat, DVec3};
-use haptic::hid_report::Layouts;
-use haptic::pid::PidLayout;
+use haptic::device::hid::report::Layouts;
+use haptic::device::hid::pid::PidLayout;
 use sdf_grid::{Lattice, Silent};
 use tempfile::TempDir;
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Wrench;
 use glam::{DVec2, DVec3};
-use haptic::hid::{Access, DeviceInfo, DeviceKind, enumerate, open};
+use haptic::device::hid::{Access, DeviceInfo, DeviceKind, enumerate, open};
 use haptic::{Device, DeviceError, DeviceState};
 
 use crate::gadget::Gadget;

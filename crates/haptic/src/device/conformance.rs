@@ -3,7 +3,7 @@
 use fft_correlate::Wrench;
 use glam::DVec3;
 
-use crate::{Device, DeviceError, DeviceState};
+use crate::device::contract::{Device, DeviceError, DeviceState};
 
 /// A promise of [`Device`] that was not kept.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -6,8 +6,9 @@ use glam::DVec3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
-use crate::script::{Geometry, Script};
-use crate::{Device, DeviceError, DeviceSpec, DeviceState, Workspace};
+use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
+use crate::device::script::{Geometry, Script};
+use crate::device::workspace::Workspace;
 
 /// Longest step of the hand's own integration, seconds.
 const STEP: f64 = 2.5e-4;
@@ -270,7 +271,7 @@ mod tests {
     #[test]
     fn passes_the_conformance_suite() {
         let mut hand = hand(HandConfig::default(), Script::Free);
-        crate::conformance::check(&mut hand).unwrap();
+        crate::device::conformance::check(&mut hand).unwrap();
     }
 
     #[test]

@@ -11,8 +11,10 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::Sample;
-pub use crate::csv_log::{COLUMNS, faults, numbers};
+use crate::log::error::RecordError;
+use crate::log::writer::SampleWriter;
+use crate::panics::panic_message;
+use crate::path::sample::Sample;
 
 /// Samples the ring holds: 16 s at 1 kHz, for the time that the collecting thread gets no processor.
 const RING: usize = 16_384;
@@ -25,57 +27,6 @@ const WAITING_SIMULATED: usize = 65_536;
 
 /// Sleep of the collecting thread while the ring is empty.
 const REST: Duration = Duration::from_millis(2);
-
-/// Why a log could not be written or read.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordError {
-    /// The file system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The log.
-        path: PathBuf,
-        /// Its reason.
-        source: std::io::Error,
-    },
-    /// The file is not such a log.
-    #[error("{} line {line}: expected {expected}, found {found}", path.display())]
-    Format {
-        /// The log.
-        path: PathBuf,
-        /// Counted from 1.
-        line: u64,
-        /// What belongs there.
-        expected: String,
-        /// What is there.
-        found: String,
-    },
-    /// The writing thread panicked.
-    #[error("the log writer of {} failed: {reason}", path.display())]
-    Writer {
-        /// The log.
-        path: PathBuf,
-        /// The panic's message.
-        reason: String,
-    },
-}
-
-/// A file format for logs, written by the log's own thread.
-pub trait SampleWriter: Send {
-    /// Takes the next sample.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    fn write(&mut self, sample: &Sample) -> Result<(), RecordError>;
-
-    /// Puts the file, whole, in its place.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    fn finish(self: Box<Self>) -> Result<(), RecordError>;
-
-    /// The file, for messages.
-    fn path(&self) -> PathBuf;
-}
 
 /// The loop's end of a recording: neither blocks nor allocates.
 pub(crate) struct Recorder {
@@ -157,7 +108,7 @@ impl Writer {
         self.done.store(true, Ordering::Release);
         let panicked = |panic: Box<dyn std::any::Any + Send>| RecordError::Writer {
             path: self.path.clone(),
-            reason: crate::servo::panic_message(panic.as_ref()),
+            reason: panic_message(panic.as_ref()),
         };
         let kept = self.collecting.join().map_err(panicked)?;
         if let Some(writing) = self.writing {

@@ -312,4 +312,5 @@ fn solve_gram(rows: &[Six], right: &mut [f64]) {
 }
 
 #[cfg(test)]
+#[path = "bundle_tests.rs"]
 mod tests;

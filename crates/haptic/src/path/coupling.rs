@@ -8,9 +8,10 @@
 
 use fft_correlate::{Pose, Response, Twist, Wrench};
 
-use crate::bundle::{Bundle, Metric, Six};
 use crate::config::CouplingConfig;
-use crate::{DeviceSpec, HapticConfig};
+use crate::config::HapticConfig;
+use crate::device::contract::DeviceSpec;
+use crate::path::bundle::{Bundle, Metric, Six};
 
 /// Joules by which the model may be wrong at the object before the field is asked again within the
 /// same tick: 4 µm or 4 mN at 1 kN/m.
@@ -346,7 +347,7 @@ mod tests {
         let spec = DeviceSpec {
             max_stiffness: 1500.0,
             nominal_rate: 1000.0,
-            ..crate::simulated::HandConfig::default().spec()
+            ..crate::device::simulated::HandConfig::default().spec()
         };
         for rate_hz in [200.0, 500.0, 1000.0, 4000.0] {
             for stiffness in [100.0, 1000.0, 1e5] {
@@ -368,7 +369,10 @@ mod tests {
         let config = HapticConfig::default();
         let mut forces = Vec::new();
         for scale in [1.0, 0.1] {
-            let gains = Gains::passive(&crate::simulated::HandConfig::default().spec(), &config);
+            let gains = Gains::passive(
+                &crate::device::simulated::HandConfig::default().spec(),
+                &config,
+            );
             let limits = SpringLimits {
                 force: 5.0,
                 torque: 0.3,

@@ -3,10 +3,14 @@
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 
 use crate::config::ConfigError;
-use crate::coupling::{Coupling, Gains, SpringLimits};
-use crate::gate::Gate;
-use crate::passivity::{EnergyAccount, Passivity};
-use crate::{DeviceSpec, DeviceState, HapticConfig, Limiter, Sample, Workspace, flags};
+use crate::config::HapticConfig;
+use crate::device::contract::{DeviceSpec, DeviceState};
+use crate::device::workspace::Workspace;
+use crate::path::coupling::{Coupling, Gains, SpringLimits};
+use crate::path::gate::Gate;
+use crate::path::limiter::Limiter;
+use crate::path::passivity::{EnergyAccount, Passivity};
+use crate::path::sample::{Sample, flags};
 
 /// Share of the force and torque limits by which an exchanged source may change the wrench without
 /// the force being let go.

@@ -2,7 +2,9 @@
 
 use fft_correlate::Pose;
 
-use crate::{DeviceState, HapticConfig, flags};
+use crate::config::HapticConfig;
+use crate::device::contract::DeviceState;
+use crate::path::sample::flags;
 
 /// Ticks that a new place must hold after a jump before it is believed.
 const JUMP_TICKS: u32 = 50;

@@ -3,7 +3,8 @@
 use fft_correlate::Wrench;
 use glam::DVec3;
 
-use crate::{DeviceSpec, HapticConfig};
+use crate::config::HapticConfig;
+use crate::device::contract::DeviceSpec;
 
 /// Clamps magnitude and rate of change, and turns what is not finite into no force.
 #[derive(Debug, Clone)]
@@ -143,7 +144,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn limiter() -> Limiter {
-        let spec = crate::simulated::HandConfig::default().spec();
+        let spec = crate::device::simulated::HandConfig::default().spec();
         Limiter::new(&spec, &HapticConfig::default())
     }
 
@@ -182,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_force_only_device_gets_no_torque() {
-        let mut spec = crate::simulated::HandConfig::default().spec();
+        let mut spec = crate::device::simulated::HandConfig::default().spec();
         spec.output_dof = 2;
         let mut limiter = Limiter::new(&spec, &HapticConfig::default());
         let wanted = Wrench {

@@ -2,7 +2,8 @@
 
 use fft_correlate::{Pose, Wrench};
 
-use crate::{DeviceState, EnergyAccount};
+use crate::device::contract::DeviceState;
+use crate::path::passivity::EnergyAccount;
 
 /// Bits of [`Sample::flags`].
 pub mod flags {

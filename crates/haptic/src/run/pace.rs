@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use crate::{Clock, HapticConfig, realtime};
+use crate::config::HapticConfig;
+use crate::run::clock::Clock;
+use crate::run::realtime;
 
 /// The times of one run's ticks.
 pub(crate) struct Pace {

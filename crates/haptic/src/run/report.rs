@@ -6,23 +6,16 @@ use fft_correlate::Wrench;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-use crate::coupling::Gains;
-use crate::pace::Spent;
-use crate::realtime::Granted;
-use crate::{DeviceSpec, EnergyAccount, Sample, flags};
+use crate::device::contract::DeviceSpec;
+use crate::path::coupling::Gains;
+use crate::path::passivity::EnergyAccount;
+use crate::path::sample::{Sample, flags};
+use crate::run::clock::Clock;
+use crate::run::pace::Spent;
+use crate::run::realtime::Granted;
 
 /// Longest time a histogram tells from longer ones, nanoseconds.
 const LONGEST: u64 = 60_000_000_000;
-
-/// Whose seconds count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Clock {
-    /// The wall clock, one tick per period.
-    Real,
-    /// A count of periods, without waiting: the same inputs give the same forces on any machine.
-    Simulated,
-}
 
 /// Microseconds at quantiles of a distribution.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]

@@ -6,35 +6,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::EnergySource;
 
-use crate::config::ConfigError;
-use crate::csv_log::CsvLog;
-use crate::pace::{Due, Pace};
-use crate::realtime::{self, Granted};
-use crate::record::{self, RecordError, Recorder, SampleWriter, Writer};
-use crate::report::Tally;
-use crate::{
-    Clock, Device, DeviceError, ForcePath, HapticConfig, Outcome, Sample, Workspace, flags,
-};
-
-/// Why a session could not run or end well.
-#[derive(Debug, thiserror::Error)]
-pub enum HapticError {
-    /// A setting is out of range.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The log could not be written.
-    #[error(transparent)]
-    Record(#[from] RecordError),
-    /// The loop thread could not be started.
-    #[error("the loop thread could not be started: {0}")]
-    Thread(std::io::Error),
-    /// Something in a tick panicked; the device was stopped.
-    #[error("the loop panicked and the device was stopped: {0}")]
-    Panicked(String),
-    /// The device could not be told to stop.
-    #[error("the device may still push: {0}")]
-    NotStopped(DeviceError),
-}
+use crate::config::HapticConfig;
+use crate::device::contract::{Device, DeviceError};
+use crate::device::workspace::Workspace;
+use crate::log::csv::CsvLog;
+use crate::log::error::RecordError;
+use crate::log::record;
+use crate::log::record::{Recorder, Writer};
+use crate::log::writer::SampleWriter;
+use crate::panics::panic_message;
+use crate::path::force_path::ForcePath;
+use crate::path::sample::{Sample, flags};
+use crate::run::clock::Clock;
+use crate::run::error::HapticError;
+use crate::run::pace::{Due, Pace};
+use crate::run::realtime;
+use crate::run::realtime::Granted;
+use crate::run::report::Outcome;
+use crate::run::report::Tally;
 
 /// Shows the newest sample to another thread; never holds the loop up.
 #[derive(Debug)]
@@ -190,15 +179,6 @@ impl Session {
             began,
         })
     }
-}
-
-/// The message of a panic.
-pub(crate) fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
-    panic
-        .downcast_ref::<&str>()
-        .map(ToString::to_string)
-        .or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "without a message".into())
 }
 
 /// Stops the device when dropped, in a panic too.

@@ -11,7 +11,9 @@ use fft_correlate::{EnergySource, Pose, Response, Scratch};
 use glam::{DQuat, DVec3};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::SumSource;
+use crate::scene::shared::SourceId;
+use crate::scene::snapshot::Snapshot;
+use crate::scene::sum::SumSource;
 
 /// Snapshots under way to a reader, and back.
 const RING: usize = 4;
@@ -21,6 +23,7 @@ const RING: usize = 4;
 /// A pair of which not all that matters at the pose is in memory does not count for a reader, and its
 /// going and coming are changes like an exchange: they happen in [`EnergySource::refresh`] only.
 pub struct LiveSource {
+    id: SourceId,
     newest: Mutex<Shared>,
     /// The pose last asked for, metres and a quaternion, as bits. Torn reads are harmless: it only
     /// says what to load next.
@@ -41,46 +44,22 @@ struct Port {
 }
 
 /// The reading end, kept in the reader's scratch.
-struct View {
+struct Reader {
+    /// The source whose snapshots these are.
+    of: SourceId,
     current: Box<Snapshot>,
     updates: Consumer<Box<Snapshot>>,
     retired: Producer<Box<Snapshot>>,
 }
 
-struct Snapshot {
-    sum: SumSource,
-    scratch: Scratch,
-    /// Whether each pair counts.
-    on: Vec<bool>,
-}
-
-impl Snapshot {
-    fn new(sum: &SumSource) -> Box<Self> {
-        Box::new(Self {
-            scratch: sum.scratch(),
-            on: vec![true; sum.len()],
-            sum: sum.clone(),
-        })
-    }
-}
-
-impl View {
+impl Reader {
     /// Takes over the next snapshot, if there is one, and says what that changed at `pose`.
     fn exchange(&mut self, pose: &Pose) -> Option<Response> {
         if self.retired.is_full() {
             return None;
         }
         let mut next = self.updates.pop().ok()?;
-        let old = &mut self.current;
-        for (i, on) in next.on.iter_mut().enumerate() {
-            *on = !next.sum.same_field(&old.sum, i) || old.on[i];
-        }
-        let change = next.sum.change_since(
-            &old.sum,
-            pose,
-            (&mut next.scratch, &next.on),
-            (&mut old.scratch, &old.on),
-        );
+        let change = next.take_over(&mut self.current, pose);
         let old = std::mem::replace(&mut self.current, next);
         // There is room: this end alone fills the ring.
         let _ = self.retired.push(old);
@@ -92,6 +71,7 @@ impl LiveSource {
     /// Begins with `sum`; `start` is what [`LiveSource::asked`] says before the first evaluation.
     pub fn new(sum: SumSource, start: &Pose) -> Self {
         Self {
+            id: SourceId::new(),
             newest: Mutex::new(Shared {
                 sum,
                 ports: Vec::new(),
@@ -152,8 +132,17 @@ impl Shared {
     }
 }
 
-fn view(scratch: &mut Scratch) -> Option<&mut View> {
-    scratch.view.as_mut()?.downcast_mut()
+impl LiveSource {
+    fn reader_mut<'a>(&self, scratch: &'a mut Scratch) -> &'a mut Reader {
+        let reader = scratch.get_mut();
+        self.check(reader);
+        reader
+    }
+
+    /// Panics if the scratch is that of another live source.
+    fn check(&self, reader: &Reader) {
+        assert!(reader.of == self.id, "the scratch of another live source");
+    }
 }
 
 impl EnergySource for LiveSource {
@@ -166,34 +155,25 @@ impl EnergySource for LiveSource {
             retired,
             waiting: None,
         });
-        let view = View {
+        Scratch::new(Reader {
+            of: self.id,
             current: Snapshot::new(&shared.sum),
             updates: take,
             retired: give,
-        };
-        Scratch {
-            view: Some(Box::new(view)),
-            ..Scratch::default()
-        }
+        })
     }
 
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
         for (cell, value) in self.asked.iter().zip(numbers(pose)) {
             cell.store(value.to_bits(), Ordering::Relaxed);
         }
-        let Some(view) = view(scratch) else {
-            debug_assert!(false, "scratch of another source");
-            return Response::default();
-        };
-        let Snapshot { sum, scratch, on } = &mut *view.current;
-        sum.respond(pose, scratch, |i| on[i])
+        self.reader_mut(scratch).current.respond(pose)
     }
 
     fn refresh(&self, pose: &Pose, scratch: &mut Scratch) -> Option<Response> {
-        let view = view(scratch)?;
-        let exchanged = view.exchange(pose);
-        let Snapshot { sum, scratch, on } = &mut *view.current;
-        match (exchanged, sum.switch(pose, scratch, on)) {
+        let reader = self.reader_mut(scratch);
+        let exchanged = reader.exchange(pose);
+        match (exchanged, reader.current.switch(pose)) {
             (Some(a), Some(b)) => Some(Response {
                 energy: a.energy + b.energy,
                 wrench: a.wrench + b.wrench,
@@ -204,15 +184,17 @@ impl EnergySource for LiveSource {
     }
 
     fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
-        let view = scratch.view.as_ref().and_then(|v| v.downcast_ref::<View>());
-        view.is_some_and(|v| v.current.sum.counts_all(pose, &v.current.on))
+        let reader: &Reader = scratch.get();
+        self.check(reader);
+        reader.current.counts_all(pose)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Placed;
+    use crate::scene::shared::SharedSource;
+    use crate::scene::sum::Placed;
     use std::sync::Arc;
 
     /// A constant energy that tells when it is dropped.
@@ -241,7 +223,7 @@ mod tests {
     fn sum(energy: f64, drops: &Arc<AtomicU64>) -> SumSource {
         let source: Arc<dyn EnergySource> = Arc::new(Level(energy, Arc::clone(drops)));
         let placed = Placed {
-            source: Some(source),
+            source: Some(SharedSource::new(source)),
             placement: Pose::IDENTITY,
             reach: None,
         };
@@ -284,5 +266,13 @@ mod tests {
         drop(reader);
         live.tend();
         assert!(live.shared().ports.is_empty());
+    }
+
+    #[test]
+    #[should_panic(expected = "another live source")]
+    fn a_scratch_of_another_live_source_is_refused() {
+        let drops = Arc::default();
+        let [a, b] = [1.0, 2.0].map(|e| LiveSource::new(sum(e, &drops), &Pose::IDENTITY));
+        a.evaluate(&Pose::IDENTITY, &mut b.scratch());
     }
 }

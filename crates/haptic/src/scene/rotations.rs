@@ -1,6 +1,10 @@
 //! Which rotation nodes of a scene's tables are in memory: those nearest to where the part may turn.
 
+use std::sync::Arc;
+
 use fft_correlate::{PartialTable, Pose, StoreError};
+
+use crate::scene::shared::SharedSource;
 
 /// Nodes read or dropped at a time: a few milliseconds' worth.
 const BATCH: usize = 32;
@@ -12,6 +16,8 @@ const AWAY: f32 = 1e3;
 /// which the part would have to turn before it is; negative for nodes that are needed now.
 pub(crate) struct Rotations {
     pub(crate) table: PartialTable,
+    /// What is in memory of it, for the readers.
+    source: SharedSource,
     urgency: Vec<f32>,
     distances: Vec<f32>,
     /// What the urgencies are for.
@@ -58,6 +64,7 @@ impl Rotations {
     pub(crate) fn new(table: PartialTable) -> Self {
         let nodes = table.nodes();
         Self {
+            source: SharedSource::new(Arc::new(table.table())),
             table,
             urgency: vec![f32::INFINITY; nodes],
             distances: vec![0.0; nodes],
@@ -65,6 +72,17 @@ impl Rotations {
             bad: vec![false; nodes],
             cramped: false,
         }
+    }
+
+    /// What was last shown of it.
+    pub(crate) fn source(&self) -> &SharedSource {
+        &self.source
+    }
+
+    /// What is in memory of it now.
+    pub(crate) fn show(&mut self) -> &SharedSource {
+        self.source = self.source.with_part(Arc::new(self.table.table()));
+        &self.source
     }
 
     /// Half a step: a node that is less urgent by this much makes room for another.

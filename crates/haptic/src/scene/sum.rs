@@ -1,18 +1,17 @@
 //! Several fixed parts and one moving part: energies and wrenches added up.
 
-use std::sync::Arc;
-
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use sdf_grid::Aabb;
 
-use crate::box_tree::BoxTree;
+use crate::scene::box_tree::BoxTree;
+use crate::scene::shared::SharedSource;
 
 /// One pair of a scene: a fixed part's source and where the fixed part stands.
 #[derive(Clone)]
 pub struct Placed {
     /// Energy of the moving part in the fixed part's frame; `None` while it is not loaded.
-    pub source: Option<Arc<dyn EnergySource>>,
+    pub source: Option<SharedSource>,
     /// Pose of the fixed part in the scene.
     pub placement: Pose,
     /// Where the moving part's pivot must be, in the fixed part's frame, for the pair to matter,
@@ -30,19 +29,23 @@ pub struct Placed {
 #[derive(Clone)]
 pub struct SumSource {
     pivot: DVec3,
-    pairs: Vec<Pair>,
+    pairs: Vec<PlacedPair>,
     /// Over the pairs with a reach, by [`SumSource::bounded`].
     tree: BoxTree,
     bounded: Vec<usize>,
     unbounded: Vec<usize>,
 }
 
+/// A pair as it is asked.
 #[derive(Clone)]
-struct Pair {
+pub(super) struct PlacedPair {
     placed: Placed,
     /// Scene to fixed part.
     inverse: Pose,
 }
+
+/// Working memory of the pairs, in their order.
+pub(super) struct SumScratch(pub(super) Vec<Scratch>);
 
 impl SumSource {
     /// The sum of `pairs`; none give zero everywhere. `pivot` is the point of the moving part
@@ -54,7 +57,7 @@ impl SumSource {
             .iter()
             .filter_map(|&i| pairs[i].reach.map(|r| placed_box(&r, &pairs[i].placement)))
             .collect();
-        let pairs = pairs.into_iter().map(|placed| Pair {
+        let pairs = pairs.into_iter().map(|placed| PlacedPair {
             inverse: placed.placement.inverse(),
             placed,
         });
@@ -77,6 +80,10 @@ impl SumSource {
         self.pairs.is_empty()
     }
 
+    pub(super) fn pairs(&self) -> &[PlacedPair] {
+        &self.pairs
+    }
+
     /// How many pairs are in reach at `pose`.
     pub fn in_reach(&self, pose: &Pose) -> usize {
         let mut count = 0;
@@ -84,106 +91,8 @@ impl SumSource {
         count
     }
 
-    /// Working memory of pair `index`.
-    pub(crate) fn pair_scratch(&self, index: usize) -> Scratch {
-        let source = &self.pairs[index].placed.source;
-        source.as_ref().map(|s| s.scratch()).unwrap_or_default()
-    }
-
-    /// What this sum gives beyond `old` at `pose`; `None` if all pairs are the same fields in both,
-    /// whatever of them is in memory. Pairs that are the same are not asked. `on` and `old_on` say
-    /// which pairs count.
-    pub(crate) fn change_since(
-        &self,
-        old: &Self,
-        pose: &Pose,
-        (scratch, on): (&mut Scratch, &[bool]),
-        (old_scratch, old_on): (&mut Scratch, &[bool]),
-    ) -> Option<Response> {
-        if self.len() == old.len() && (0..self.len()).all(|i| self.same_field(old, i)) {
-            return None;
-        }
-        let mut change = Response::default();
-        self.visit(pose, |i, pair| {
-            if on[i] && !self.same_field(old, i) {
-                add(&mut change, &pair.answer(pose, &mut scratch.nested[i]));
-            }
-        });
-        let mut gone = Response::default();
-        old.visit(pose, |i, pair| {
-            if old_on[i] && !self.same_field(old, i) {
-                add(&mut gone, &pair.answer(pose, &mut old_scratch.nested[i]));
-            }
-        });
-        change.energy -= gone.energy;
-        change.wrench += gone.wrench * -1.0;
-        Some(change)
-    }
-
-    /// Whether pair `index` is the same field in both sums, whatever of it is in memory.
-    pub(crate) fn same_field(&self, other: &Self, index: usize) -> bool {
-        let pair = (self.pairs.get(index), other.pairs.get(index));
-        matches!(pair, (Some(a), Some(b)) if a.same_field(b))
-    }
-
-    /// Lets every pair in reach count if all that matters of it at `pose` is in memory, and gives what
-    /// that changed; `None` if nothing.
-    pub(crate) fn switch(
-        &self,
-        pose: &Pose,
-        scratch: &mut Scratch,
-        on: &mut [bool],
-    ) -> Option<Response> {
-        let mut change: Option<Response> = None;
-        self.visit(pose, |i, pair| {
-            let scratch = &mut scratch.nested[i];
-            let loaded = pair.placed.source.is_none() || pair.is_loaded(pose, scratch);
-            if loaded != on[i] {
-                on[i] = loaded;
-                let answer = pair.answer(pose, scratch);
-                let sign = if loaded { 1.0 } else { -1.0 };
-                let part = Response {
-                    energy: sign * answer.energy,
-                    wrench: answer.wrench * sign,
-                    coverage: if loaded { answer.coverage } else { 0.0 },
-                };
-                add(change.get_or_insert_default(), &part);
-            }
-        });
-        change
-    }
-
-    /// Whether every pair in reach is loaded and counts.
-    pub(crate) fn counts_all(&self, pose: &Pose, on: &[bool]) -> bool {
-        let mut all = true;
-        self.visit(pose, |i, pair| all &= on[i] && pair.placed.source.is_some());
-        all
-    }
-
-    /// The sum over the pairs in reach for which `counts` holds; the others count as not loaded.
-    pub(crate) fn respond(
-        &self,
-        pose: &Pose,
-        scratch: &mut Scratch,
-        counts: impl Fn(usize) -> bool,
-    ) -> Response {
-        let mut sum = Response::default();
-        let (mut in_reach, mut loaded) = (0u32, 0u32);
-        self.visit(pose, |i, pair| {
-            in_reach += 1;
-            if pair.placed.source.is_some() && counts(i) {
-                loaded += 1;
-                add(&mut sum, &pair.answer(pose, &mut scratch.nested[i]));
-            }
-        });
-        if loaded < in_reach {
-            sum.coverage *= f64::from(loaded) / f64::from(in_reach);
-        }
-        sum
-    }
-
     /// The pairs in reach, in the order of their boxes.
-    fn visit(&self, pose: &Pose, mut each: impl FnMut(usize, &Pair)) {
+    pub(super) fn visit(&self, pose: &Pose, mut each: impl FnMut(usize, &PlacedPair)) {
         let point = pose.apply(self.pivot);
         for &index in &self.unbounded {
             each(index, &self.pairs[index]);
@@ -215,29 +124,39 @@ pub(crate) fn placed_box(reach: &Aabb, placement: &Pose) -> Aabb {
     Aabb::around((0..8).map(corner)).grown(slack)
 }
 
-fn add(sum: &mut Response, part: &Response) {
+pub(super) fn add(sum: &mut Response, part: &Response) {
     sum.energy += part.energy;
     sum.wrench += part.wrench;
     sum.coverage = sum.coverage.max(part.coverage);
 }
 
-impl Pair {
+impl PlacedPair {
     fn reaches(&self, pivot: DVec3) -> bool {
         let reach = self.placed.reach;
         reach.is_none_or(|r| r.contains(self.inverse.apply(pivot)))
     }
 
-    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
-        let source = &self.placed.source;
-        source
-            .as_ref()
-            .is_some_and(|s| s.is_loaded(&(self.inverse * *pose), scratch))
+    pub(super) fn scratch(&self) -> Scratch {
+        let source = self.placed.source.as_ref();
+        source.map_or(Scratch::NONE, |s| s.energy().scratch())
     }
 
-    fn same_field(&self, other: &Self) -> bool {
+    /// Whether there is a source.
+    pub(super) fn is_there(&self) -> bool {
+        self.placed.source.is_some()
+    }
+
+    /// Whether there is a source, and all of it that matters at `pose` is in memory.
+    pub(super) fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        let source = self.placed.source.as_ref();
+        source.is_some_and(|s| s.energy().is_loaded(&(self.inverse * *pose), scratch))
+    }
+
+    /// Whether both are the same source at the same place, whatever of it is in memory.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
         match (&self.placed.source, &other.placed.source) {
             (Some(a), Some(b)) => {
-                a.field() == b.field()
+                a.id() == b.id()
                     && self.placed.placement == other.placed.placement
                     && self.placed.reach == other.placed.reach
             }
@@ -247,11 +166,11 @@ impl Pair {
     }
 
     /// In the scene's frame; nothing while it is not loaded.
-    fn answer(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+    pub(super) fn answer(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
         let Some(source) = &self.placed.source else {
             return Response::default();
         };
-        let part = source.evaluate(&(self.inverse * *pose), scratch);
+        let part = source.energy().evaluate(&(self.inverse * *pose), scratch);
         // Both torques are about the moving part's origin: only the axes turn.
         let turn = self.placed.placement.rotation;
         Response {
@@ -264,23 +183,48 @@ impl Pair {
     }
 }
 
+impl SumSource {
+    /// The sum over the pairs in reach for which `counts` holds; the others
+    /// count as not loaded.
+    pub(super) fn respond(
+        &self,
+        pose: &Pose,
+        scratch: &mut SumScratch,
+        counts: impl Fn(usize) -> bool,
+    ) -> Response {
+        let mut sum = Response::default();
+        let (mut in_reach, mut loaded) = (0u32, 0u32);
+        self.visit(pose, |i, pair| {
+            in_reach += 1;
+            if pair.is_there() && counts(i) {
+                loaded += 1;
+                add(&mut sum, &pair.answer(pose, &mut scratch.0[i]));
+            }
+        });
+        if loaded < in_reach {
+            sum.coverage *= f64::from(loaded) / f64::from(in_reach);
+        }
+        sum
+    }
+
+    pub(super) fn pair_scratches(&self) -> SumScratch {
+        SumScratch(self.pairs.iter().map(PlacedPair::scratch).collect())
+    }
+}
+
 impl EnergySource for SumSource {
     fn scratch(&self) -> Scratch {
-        Scratch {
-            nested: (0..self.len()).map(|i| self.pair_scratch(i)).collect(),
-            ..Scratch::default()
-        }
+        Scratch::new(self.pair_scratches())
     }
 
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
-        self.respond(pose, scratch, |_| true)
+        self.respond(pose, scratch.get_mut(), |_| true)
     }
 
     fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        let SumScratch(scratches) = scratch.get();
         let mut all = true;
-        self.visit(pose, |i, pair| {
-            all &= pair.is_loaded(pose, &scratch.nested[i])
-        });
+        self.visit(pose, |i, pair| all &= pair.is_loaded(pose, &scratches[i]));
         all
     }
 }
@@ -290,6 +234,7 @@ mod tests {
     use super::*;
     use fft_correlate::Twist;
     use glam::DQuat;
+    use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
 
     /// `E = |p|² + p·q(x axis) `, turning with its frame; counts how often it is asked.
@@ -318,8 +263,9 @@ mod tests {
     const PIVOT: DVec3 = DVec3::new(0.01, -0.02, 0.03);
 
     fn pairs(spring: &Arc<Spring>) -> Vec<Placed> {
+        let shared = SharedSource::new(Arc::clone(spring) as Arc<dyn EnergySource>);
         let at = |x: f64, reach| Placed {
-            source: Some(Arc::clone(spring) as Arc<dyn EnergySource>),
+            source: Some(shared.clone()),
             placement: Pose::new(DQuat::from_rotation_z(x), DVec3::new(x, 0.2, 0.0)),
             reach,
         };
@@ -372,35 +318,5 @@ mod tests {
         assert_eq!(spring.0.load(Ordering::Relaxed), 2);
         assert_eq!(response.coverage, 0.5);
         assert!(SumSource::new(PIVOT, Vec::new()).is_empty());
-    }
-
-    #[test]
-    fn a_pair_that_is_not_loaded_says_so_and_pushes_nothing() {
-        let spring = Arc::new(Spring::default());
-        let here = Pose::from_translation(DVec3::new(0.2, 0.2, 0.0));
-        let mut pairs = pairs(&spring);
-        let whole = SumSource::new(PIVOT, pairs.clone());
-        pairs[1].source = None;
-        let part = SumSource::new(PIVOT, pairs.clone());
-        let mut scratch = part.scratch();
-        let answer = part.evaluate(&here, &mut scratch);
-        assert_eq!(answer.coverage, 0.25, "half of the pairs in reach");
-        pairs[1].source = Some(spring);
-        let loaded = SumSource::new(PIVOT, pairs);
-        let mut fresh = loaded.scratch();
-        let on = vec![true; 64];
-        let change = loaded
-            .change_since(&part, &here, (&mut fresh, &on), (&mut scratch, &on))
-            .unwrap();
-        let after = loaded.evaluate(&here, &mut fresh);
-        assert_eq!(after, whole.evaluate(&here, &mut whole.scratch()));
-        let expected = after.wrench + answer.wrench * -1.0;
-        // One rounding of numbers of order one.
-        assert!((change.wrench.force - expected.force).length() < 1e-14);
-        assert!((change.energy - (after.energy - answer.energy)).abs() < 1e-14);
-        assert!(change.wrench.force.length() > 0.1);
-        let other = loaded.clone();
-        let none = loaded.change_since(&other, &here, (&mut fresh, &on), (&mut scratch, &on));
-        assert_eq!(none, None);
     }
 }

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use super::{Connector, HidPort};
-use crate::DeviceError;
+use crate::device::contract::DeviceError;
+use crate::device::hid::port::{Connector, HidPort};
 
 /// How it answers the request for the feature report with this id.
 type Answer = Box<dyn FnMut(u8) -> Vec<u8> + Send>;

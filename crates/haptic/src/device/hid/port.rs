@@ -2,14 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use crate::DeviceError;
-use crate::io_thread::{InputHalf, Reading};
-
-#[cfg(test)]
-pub(crate) mod fake;
-mod system;
-
-pub use system::{Access, DeviceInfo, DeviceKind, connector, enumerate, open, open_with};
+use crate::device::contract::DeviceError;
+use crate::device::threaded::halves::{InputHalf, Reading};
 
 /// Longest input report read, bytes.
 const LONGEST: usize = 1024;

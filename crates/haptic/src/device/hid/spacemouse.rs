@@ -24,9 +24,9 @@ use fft_correlate::Twist;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::hid::{Decoder, HidPort};
-use crate::io_thread::{Motion, Reading};
-use crate::{DeviceError, DeviceSpec};
+use crate::device::contract::{DeviceError, DeviceSpec};
+use crate::device::hid::port::{Decoder, HidPort};
+use crate::device::threaded::halves::{Motion, Reading};
 
 /// Vendor, product and name of every 3Dconnexion device known to send these reports.
 pub const MODELS: [(u16, u16, &str); 24] = [
@@ -205,7 +205,7 @@ pub fn spec(name: &str) -> DeviceSpec {
     }
 }
 
-/// The meaning of their reports; give it to [`crate::hid::HidInput`].
+/// The meaning of their reports; give it to [`HidInput`](crate::device::hid::HidInput).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SpaceMouse {
     feel: Feel,
@@ -254,4 +254,5 @@ impl Decoder for SpaceMouse {
 }
 
 #[cfg(test)]
+#[path = "spacemouse_tests.rs"]
 mod tests;

@@ -1,8 +1,9 @@
 use super::*;
-use crate::Device;
-use crate::hid::HidInput;
-use crate::hid::fake::{Fake, until};
-use crate::io_thread::{Cursor, Threaded};
+use crate::device::contract::Device;
+use crate::device::hid::fake::{Fake, until};
+use crate::device::hid::port::HidInput;
+use crate::device::threaded::device::Cursor;
+use crate::device::threaded::device::Threaded;
 
 #[test]
 fn reads_the_split_layout() {
@@ -73,7 +74,7 @@ fn device(fake: &Fake) -> Threaded {
 fn as_a_device_it_steers_a_cursor_and_passes_the_conformance_suite_in_both_layouts() {
     for combined in [false, true] {
         let mut device = device(&pushed(combined));
-        crate::conformance::check(&mut device).unwrap();
+        crate::device::conformance::check(&mut device).unwrap();
         let start = device.poll(1.0).unwrap();
         let end = device.poll(1.05).unwrap();
         assert_eq!(start.buttons, 2);

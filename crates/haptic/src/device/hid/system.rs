@@ -10,11 +10,15 @@ use std::time::Duration;
 use hidapi::{HidApi, HidDevice, HidError};
 use serde::Serialize;
 
-use super::{Connector, HidInput, HidPort};
-use crate::io_thread::{Cursor, Threaded};
-use crate::pid::{self, PidLayout, PidSettings};
-use crate::spacemouse::{self, Feel, SpaceMouse};
-use crate::{Device, DeviceError, DeviceSpec};
+use crate::device::contract::{Device, DeviceError, DeviceSpec};
+use crate::device::hid::pid;
+use crate::device::hid::pid::layout::PidLayout;
+use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::port::{Connector, HidInput, HidPort};
+use crate::device::hid::spacemouse;
+use crate::device::hid::spacemouse::{Feel, SpaceMouse};
+use crate::device::threaded::device::Cursor;
+use crate::device::threaded::device::Threaded;
 
 /// Longest report descriptor the kernel keeps.
 const DESCRIPTOR: usize = 4096;

@@ -1,21 +1,10 @@
-//! Devices whose input and output block: each half on a thread of its own, the loop sees the
-//! newest values only.
-//!
-//! A write to a HID device can take ten milliseconds; a loop that waited would miss as many ticks.
-//! The loop leaves the newest wrench in a mailbox, and the output thread writes what it finds
-//! there as fast as the device takes it. If the loop falls silent the output thread stops the
-//! device by itself.
+//! The two halves of a device, each of which may block.
 
 use std::time::Duration;
 
 use fft_correlate::{Pose, Twist, Wrench};
 
-use crate::DeviceError;
-
-mod threaded;
-mod threads;
-
-pub use threaded::{Cursor, Threaded};
+use crate::device::contract::DeviceError;
 
 /// What a handle tells.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +59,3 @@ pub trait OutputHalf: Send {
     /// If the device could not be told.
     fn stop_all(&mut self) -> Result<(), DeviceError>;
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,11 +1,14 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
+use std::time::Duration;
+
+use fft_correlate::{Pose, Twist, Wrench};
 use glam::DVec3;
 
 use super::*;
-use crate::hid::fake::until;
-use crate::{Device, DeviceSpec};
+use crate::device::contract::{Device, DeviceError, DeviceSpec};
+use crate::device::hid::fake::until;
 
 #[derive(Default)]
 struct World {
@@ -64,7 +67,7 @@ fn device(motion: Motion) -> (Arc<World>, Threaded) {
     world.plugged.store(true, Ordering::SeqCst);
     let spec = DeviceSpec {
         rate_controlled: matches!(motion, Motion::Rate(_)),
-        ..crate::HandConfig::default().spec()
+        ..crate::device::simulated::HandConfig::default().spec()
     };
     let device = Threaded::spawn(
         spec,
@@ -144,7 +147,7 @@ fn rates_move_a_cursor_that_gives_way_and_stays_in_the_workspace() {
 #[test]
 fn passes_the_conformance_suite() {
     let (_, mut device) = device(Motion::Position(Pose::IDENTITY));
-    crate::conformance::check(&mut device).unwrap();
+    crate::device::conformance::check(&mut device).unwrap();
 }
 
 #[test]

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use fft_correlate::Wrench;
 use triple_buffer::{Input, Output};
 
-use super::{InputHalf, OutputHalf, Reading};
-use crate::DeviceError;
+use crate::device::contract::DeviceError;
+use crate::device::threaded::halves::{InputHalf, OutputHalf, Reading};
 
 /// Longest wait for input before the thread shows that it is alive.
 const READ_TIMEOUT: Duration = Duration::from_millis(5);

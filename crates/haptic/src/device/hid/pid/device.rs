@@ -1,24 +1,16 @@
-//! USB HID PID devices (Physical Interface Device class 1.0): force feedback on their axes.
-//!
-//! Ids, sizes and ranges of all reports come from the device's own descriptor. Each axis gets one
-//! constant-force effect of unlimited duration, started once; a force is then one short report per
-//! axis that changed. Setting up, in this order: device control reset and actuators on, device
-//! gain, pool asked for, and per axis create new effect, block load, set effect. At the end: every
-//! magnitude zero, stop all, blocks freed.
+//! A PID device as the loop has it: set up, pushed along its axes, stopped.
 
 use std::time::{Duration, Instant};
 
 use fft_correlate::Wrench;
-use serde::{Deserialize, Serialize};
 
-use crate::hid::{Connector, Decoder, HidInput, HidPort};
-use crate::io_thread::{Cursor, OutputHalf, Reading, Threaded};
-use crate::{DeviceError, DeviceSpec};
-
-mod layout;
-mod usage;
-
-pub use layout::{BlockLoad, PidLayout, Pool};
+use crate::device::contract::{DeviceError, DeviceSpec};
+use crate::device::hid::pid::layout::{BlockLoad, PidLayout, Pool};
+use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::pid::usage;
+use crate::device::hid::port::{Connector, Decoder, HidInput, HidPort};
+use crate::device::threaded::device::{Cursor, Threaded};
+use crate::device::threaded::halves::{OutputHalf, Reading};
 
 /// How often a device is asked for a block it has not loaded yet.
 const LOAD_TRIES: u32 = 20;
@@ -29,38 +21,6 @@ const LOAD_PAUSE: Duration = Duration::from_millis(2);
 /// A force that does not change is sent again after this time: that is how an unplugged device is
 /// noticed while it is held still.
 const REFRESH: Duration = Duration::from_millis(100);
-
-/// What a descriptor cannot say: the table `pid` of a scene's `[device]`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PidSettings {
-    /// Force of the full magnitude at the handle, N, > 0. Default 5. A force of the loop becomes the
-    /// magnitude `force / max_force`; stated too low, the device pushes harder than the log says.
-    pub max_force: f64,
-    /// Edge of the workspace that the full range of the axes stands for, metres, > 0. Default 0.2.
-    pub workspace: f64,
-    /// Stiffest wall, N/m, at `rate`, > 0. Default 500.
-    pub max_stiffness: f64,
-    /// Reports per second the device takes, > 0. Default 500.
-    pub rate: f64,
-    /// Device gain, 0 ..= 1. Default 1: less makes full magnitude weaker than `max_force`.
-    pub gain: f64,
-    /// +1 or -1 per axis x, y, z: which way a positive magnitude pushes. Default +1.
-    pub signs: [f64; 3],
-}
-
-impl Default for PidSettings {
-    fn default() -> Self {
-        Self {
-            max_force: 5.0,
-            workspace: 0.2,
-            max_stiffness: 500.0,
-            rate: 500.0,
-            gain: 1.0,
-            signs: [1.0; 3],
-        }
-    }
-}
 
 /// Opens a PID device through two connections of its own, one per direction.
 ///
@@ -281,4 +241,5 @@ impl Drop for PidOutput {
 }
 
 #[cfg(test)]
+#[path = "device_tests.rs"]
 mod tests;

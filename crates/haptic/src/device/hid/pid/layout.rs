@@ -4,10 +4,11 @@
 use fft_correlate::Pose;
 use glam::DVec3;
 
-use super::{PidSettings, usage};
-use crate::hid_report::{Layout, Layouts, Slot, Usage, with_group};
-use crate::io_thread::{Motion, Reading};
-use crate::{DeviceError, DeviceSpec};
+use crate::device::contract::{DeviceError, DeviceSpec};
+use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::pid::usage;
+use crate::device::hid::report::layout::{Layout, Layouts, Slot, Usage, with_group};
+use crate::device::threaded::halves::{Motion, Reading};
 
 /// The reports of one PID device.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,6 +1,6 @@
 //! Usages of page 0x0F (Physical Interface) and of the axes.
 
-use crate::hid_report::Usage;
+use crate::device::hid::report::layout::Usage;
 
 pub(super) const SET_EFFECT: Usage = 0x000f_0021;
 pub(super) const BLOCK_INDEX: Usage = 0x000f_0022;

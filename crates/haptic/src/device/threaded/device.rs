@@ -9,9 +9,9 @@ use fft_correlate::{Pose, Twist, Wrench};
 use glam::DVec3;
 use triple_buffer::{Input, Output, triple_buffer};
 
-use super::threads::{REST, Seen, Signals, read_all, write_all};
-use super::{InputHalf, Motion, OutputHalf, Reading};
-use crate::{Device, DeviceError, DeviceSpec, DeviceState};
+use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
+use crate::device::threaded::halves::{InputHalf, Motion, OutputHalf, Reading};
+use crate::device::threaded::threads::{REST, Seen, Signals, read_all, write_all};
 
 /// Longest wait for the output thread to confirm a stop.
 const STOP_WAIT: Duration = Duration::from_millis(200);

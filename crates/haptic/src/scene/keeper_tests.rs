@@ -3,8 +3,11 @@ use std::time::Duration;
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 
+use sdf_grid::Aabb;
+
 use super::*;
-use crate::scene::LiveScene;
+use crate::scene::live_scene::LiveScene;
+use crate::scene::pair::{Content, Loaded};
 
 /// Pushes along x with `0` newtons.
 struct Push(f64);
@@ -206,12 +209,11 @@ fn the_same_part_in_several_places_is_loaded_and_counted_once() {
     keeper.reload(1);
     settle(&mut keeper, 0.05);
     assert_eq!(loads.load(Ordering::Relaxed), 3);
-    let pointers = keeper.slots.iter().map(|s| {
-        let source = &s.loaded.as_ref().unwrap().source;
-        Arc::as_ptr(source).cast::<()>()
-    });
-    let pointers: Vec<_> = pointers.collect();
-    assert!(pointers.iter().all(|p| *p == pointers[0]));
+    let ids = keeper.slots.iter();
+    let ids: Vec<_> = ids
+        .map(|s| s.loaded.as_ref().unwrap().source.id())
+        .collect();
+    assert!(ids.iter().all(|id| *id == ids[0]));
 }
 
 #[test]

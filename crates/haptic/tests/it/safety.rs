@@ -1,8 +1,6 @@
 //! Adversarial input: no force over the limit, nothing that is not finite, no energy from nowhere.
 
-mod common;
-
-use common::{Well, workspace};
+use crate::common::{Well, workspace};
 use fft_correlate::EnergySource;
 use fft_correlate::{Pose, Twist};
 use glam::{DQuat, DVec3};

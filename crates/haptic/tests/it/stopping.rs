@@ -1,14 +1,11 @@
 //! Whatever ends the process, the device is told to stop first: a child process per way to end.
-#![cfg(unix)]
-
-mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use common::{Well, workspace};
+use crate::common::{Well, workspace};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::{
@@ -101,7 +98,7 @@ fn child() {
 
 fn start(way: &str, folder: &Path) -> Child {
     Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "child", "--ignored"])
+        .args(["--exact", "stopping::child", "--ignored"])
         .env(WAY, way)
         .env(FOLDER, folder)
         .stdout(std::process::Stdio::null())

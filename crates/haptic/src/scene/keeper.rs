@@ -1,69 +1,32 @@
 //! Decides which pairs of a scene, and which rotations of their tables, are in memory: one decision
 //! and at most one load per step.
 
-mod tables;
-#[cfg(test)]
-mod tables_tests;
-
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
-use fft_correlate::{EnergySource, PartialTable, Pose};
+use fft_correlate::Pose;
 use glam::DVec3;
-use sdf_grid::Aabb;
 
-use crate::rotations::Rotations;
-use crate::scene::{
-    Content, LoadFailure, Loaded, PairSpec, PairState, SceneChange, SceneError, SceneEvent,
-    SceneOptions,
-};
-use crate::servo::panic_message;
-use crate::{LiveSource, Placed, SumSource};
-
-/// Time and length of each file; `None` for one that is not there.
-type Stamps = Vec<Option<(SystemTime, u64)>>;
-
-/// A source in memory; several pairs may hold the same.
-#[derive(Clone)]
-struct Held {
-    source: Arc<dyn EnergySource>,
-    reach: Aabb,
-    /// 0 for a table that is kept in part: its rotations count.
-    bytes: u64,
-}
-
-struct Slot {
-    spec: PairSpec,
-    /// The first pair with the same source.
-    group: usize,
-    loaded: Option<Held>,
-    state: PairState,
-    /// The files as they were when last loaded.
-    stamps: Stamps,
-    /// The files as they were at the last look.
-    seen: Stamps,
-    reload: bool,
-}
+use crate::scene::error::LiveSceneError;
+use crate::scene::event::{PairState, SceneChange, SceneEvent};
+use crate::scene::live_source::LiveSource;
+use crate::scene::options::SceneOptions;
+use crate::scene::pair::{LoadFailure, PairSpec};
+use crate::scene::rotations::{Node, View};
+use crate::scene::slot::{Held, Slot, Stamps, hold, stamps};
+use crate::scene::sum::{Placed, SumSource};
+use crate::scene::tables::{Reading, Step, Tables};
 
 /// The pairs of a scene and what is loaded of them.
 pub(crate) struct Keeper {
     slots: Vec<Slot>,
-    /// The tables that are kept in part, by group.
-    tables: BTreeMap<usize, Rotations>,
-    /// Tables that were replaced or unloaded but that readers may still hold.
-    retired: Vec<PartialTable>,
+    tables: Tables,
     options: SceneOptions,
     source: Arc<LiveSource>,
     watched: Instant,
     /// Where the pivot was at the last look at the tables.
     last: DVec3,
-    /// Nothing is left to do for the tables until something changes.
-    settled: bool,
-    /// Threads that read tables while the loop runs.
-    pool: Option<rayon::ThreadPool>,
     /// Not yet posted.
     pub(crate) events: Vec<SceneEvent>,
 }
@@ -85,39 +48,36 @@ impl Keeper {
         let source = Arc::new(LiveSource::new(sum, start));
         let keeper = Self {
             slots,
-            tables: BTreeMap::new(),
-            retired: Vec::new(),
+            tables: Tables::default(),
             last: DVec3::ZERO,
             options,
             source: Arc::clone(&source),
             watched: Instant::now(),
-            settled: false,
-            pool: None,
             events: Vec::new(),
         };
         (keeper, source)
     }
 
     /// Loads every pair in reach at `start`, and of tables the rotations near it, or says why not.
-    pub(crate) fn load_in_reach(&mut self, start: &Pose) -> Result<(), SceneError> {
+    pub(crate) fn load_in_reach(&mut self, start: &Pose) -> Result<(), LiveSceneError> {
         let point = self.point(start);
         let near: Vec<usize> = (0..self.slots.len())
             .filter(|&i| self.slots[i].distance(point) <= 0.0)
             .collect();
         for &index in &near {
-            self.load(index).map_err(|source| SceneError::Load {
+            self.load(index).map_err(|source| LiveSceneError::Load {
                 pair: self.slots[index].spec.name.clone(),
                 source,
             })?;
         }
         self.look(start);
         let (needed, budget) = (
-            self.bytes(|_, _| true) + self.needed_bytes(),
+            self.bytes(|_, _| true) + self.tables.needed_bytes(),
             self.options.memory,
         );
         if needed > budget {
             let names = near.iter().map(|&i| self.slots[i].spec.name.as_str());
-            return Err(SceneError::Memory {
+            return Err(LiveSceneError::Memory {
                 pairs: names.collect::<Vec<_>>().join(", "),
                 needed,
                 budget,
@@ -125,10 +85,7 @@ impl Keeper {
         }
         while self.load_rotations(self.options.turn_ahead as f32)? {}
         self.publish();
-        // The loop's core is left alone from now on.
-        let threads = rayon::current_num_threads().saturating_sub(1).max(1);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        self.pool = pool.ok();
+        self.tables.leave_a_core();
         Ok(())
     }
 
@@ -150,8 +107,8 @@ impl Keeper {
     /// The states of all pairs, into `states`.
     pub(crate) fn states(&self, states: &mut Vec<PairState>) {
         states.clear();
-        states.extend(self.slots.iter().map(|s| match self.tables.get(&s.group) {
-            Some(Rotations { table, .. }) if s.state == PairState::Loaded => {
+        states.extend(self.slots.iter().map(|s| match self.tables.table(s.group) {
+            Some(table) if s.state == PairState::Loaded => {
                 match (table.resident(), table.nodes()) {
                     (rotations, of) if rotations < of => PairState::Partly { rotations, of },
                     _ => PairState::Loaded,
@@ -184,11 +141,12 @@ impl Keeper {
     /// The pair to load next: one that changed, else the nearest that is not loaded.
     fn next(&self, point: DVec3) -> Option<usize> {
         let slots = || self.slots.iter().enumerate();
-        let stale = slots().find(|(_, s)| s.reload && (s.loaded.is_some() || s.near(self, point)));
+        let near = |s: &Slot| s.distance(point) <= self.options.ahead;
+        let stale = slots().find(|(_, s)| s.reload && (s.loaded.is_some() || near(s)));
         stale.map(|(i, _)| i).or_else(|| {
             slots()
                 .filter(|(_, s)| s.loaded.is_none() && s.state != PairState::Failed)
-                .filter(|(_, s)| s.near(self, point))
+                .filter(|(_, s)| near(s))
                 .min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point)))
                 .map(|(i, _)| i)
         })
@@ -197,10 +155,8 @@ impl Keeper {
     /// Bytes of the sources of the loaded pairs that count; a shared one once.
     fn bytes(&self, counts: impl Fn(usize, &Slot) -> bool) -> u64 {
         let counted = self.slots.iter().enumerate().filter(|(i, s)| counts(*i, s));
-        let mut sources = std::collections::BTreeMap::new();
-        for loaded in counted.filter_map(|(_, s)| s.loaded.as_ref()) {
-            sources.insert(Arc::as_ptr(&loaded.source).cast::<()>(), loaded.bytes);
-        }
+        let held = counted.filter_map(|(_, s)| s.loaded.as_ref());
+        let sources: BTreeMap<_, _> = held.map(|h| (h.source.id(), h.bytes)).collect();
         sources.values().sum()
     }
 
@@ -231,13 +187,18 @@ impl Keeper {
                 None => self.slots[index].spec.bytes,
             };
             let whole = self.bytes(|i, _| i != index && !self.outdated(index, i));
-            let others = whole + self.rotation_bytes();
+            let others = whole + self.tables.bytes();
             if others.saturating_add(needed) <= self.options.memory {
                 return true;
             }
             let own = self.slots[index].distance(point);
             let excess = others.saturating_add(needed) - self.options.memory;
-            if self.shed(excess, own <= 0.0) {
+            let least = match own <= 0.0 {
+                true => 0.0,
+                false => self.options.turn_ahead as f32,
+            };
+            if self.tables.shed(excess, least) {
+                self.show_tables();
                 continue;
             }
             let farthest = (0..self.slots.len())
@@ -272,9 +233,9 @@ impl Keeper {
             .iter()
             .all(|s| s.group != group || s.loaded.is_none())
         {
-            self.change_table(group, None);
+            self.tables.change(group, None);
         }
-        self.settled = false;
+        self.tables.unsettle();
         self.publish();
         self.tell(index, SceneChange::Unloaded);
     }
@@ -287,8 +248,8 @@ impl Keeper {
             Err(why) => SceneChange::Failed(why.to_string()),
             Ok(bytes) => {
                 let seconds = began.elapsed().as_secs_f64();
-                match (self.tables.get(&self.slots[index].group), again) {
-                    (Some(Rotations { table, .. }), _) => SceneChange::Opened {
+                match (self.tables.table(self.slots[index].group), again) {
+                    (Some(table), _) => SceneChange::Opened {
                         rotations: table.nodes(),
                         each: table.node_bytes(),
                     },
@@ -299,12 +260,12 @@ impl Keeper {
         };
         self.tell(index, what);
         // It may have turned out larger than expected.
-        let all = self.bytes(|i, _| !self.outdated(index, i)) + self.rotation_bytes();
+        let all = self.bytes(|i, _| !self.outdated(index, i)) + self.tables.bytes();
         if all > self.options.memory && self.slots[index].spec.bytes > 0 {
             let needed = self.slots[index].spec.bytes;
             self.slots[index].loaded = None;
             let whole = self.bytes(|i, _| !self.outdated(index, i));
-            let others = whole + self.rotation_bytes();
+            let others = whole + self.tables.bytes();
             let free = self.options.memory.saturating_sub(others);
             self.no_room(index, needed, free);
         }
@@ -333,7 +294,7 @@ impl Keeper {
                 slot.loaded = Some(loaded);
                 slot.state = PairState::Loaded;
                 if more == 1 {
-                    self.change_table(group, table);
+                    self.tables.change(group, table);
                 }
                 Ok(bytes * more)
             }
@@ -344,6 +305,119 @@ impl Keeper {
                 Err(why)
             }
         }
+    }
+
+    /// Brings the urgencies of all rotations up to date for a moving part at `pose`.
+    fn look(&mut self, pose: &Pose) {
+        let point = self.point(pose);
+        self.last = point;
+        let (slots, ahead) = (&self.slots, self.options.ahead);
+        self.tables.look(|group| {
+            let slots = slots.iter().filter(|s| s.group == group);
+            let views = slots.map(|s| View::new(&s.spec.placement, pose, s.distance(point)));
+            views.filter(|view| view.away <= ahead).collect()
+        });
+    }
+
+    /// One step of loading rotations for a moving part at `pose`. True if there is more to do.
+    fn turn(&mut self, pose: &Pose) -> bool {
+        self.look(pose);
+        if self.tables.settled() {
+            return false;
+        }
+        // What could not be read is said already; the others are tried next.
+        let more = self.load_rotations(f32::INFINITY).unwrap_or(true);
+        if !more {
+            self.tables.settle();
+        }
+        more
+    }
+
+    /// Reads the most urgent rotations below `limit`, as many as have room, or makes room for them.
+    /// True if there may be more to do.
+    ///
+    /// # Errors
+    /// If some could not be read; they are not tried again.
+    fn load_rotations(&mut self, limit: f32) -> Result<bool, LiveSceneError> {
+        let allowed = self.options.memory.saturating_sub(self.bytes(|_, _| true));
+        match self.tables.step(limit, allowed) {
+            Step::Done => return Ok(false),
+            Step::Full(most) => return Ok(self.make_room_for(&most, allowed)),
+            Step::Waiting => {}
+            Step::Dropped => self.show_tables(),
+            Step::Read(readings) => {
+                let told = self.tell_read(readings);
+                self.show_tables();
+                told?;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Tells what became of the tables read; the last failure.
+    fn tell_read(&mut self, readings: Vec<Reading>) -> Result<(), LiveSceneError> {
+        let mut result = Ok(());
+        for Reading { group, read } in readings {
+            let Some(first) = self.slots.iter().position(|s| s.group == group) else {
+                continue;
+            };
+            match read {
+                Err(why) => {
+                    self.tell(first, SceneChange::Failed(why.to_string()));
+                    result = Err(LiveSceneError::Load {
+                        pair: self.slots[first].spec.name.clone(),
+                        source: why.into(),
+                    });
+                }
+                Ok(Some(bytes)) => self.tell(first, SceneChange::Complete { bytes }),
+                Ok(None) => {}
+            }
+        }
+        result
+    }
+
+    /// Unloads the farthest pair out of reach if a rotation is needed soon, or says that there is no
+    /// room. True if a pair was unloaded.
+    fn make_room_for(&mut self, node: &Node, allowed: u64) -> bool {
+        if node.urgency >= self.options.turn_ahead as f32 {
+            return false;
+        }
+        let point = self.last;
+        let whole = self.slots.iter().enumerate().filter(|(_, slot)| {
+            let bytes = slot.loaded.as_ref().map_or(0, |held| held.bytes);
+            bytes > 0 && slot.distance(point) > 0.0
+        });
+        let farthest = whole.max_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point)));
+        if let Some((victim, _)) = farthest {
+            self.unload(victim);
+            return true;
+        }
+        let slot = self.slots.iter().position(|s| s.group == node.group);
+        if let Some(index) = slot
+            && node.urgency < 0.0
+            && self.tables.is_newly_cramped(node.group)
+        {
+            let needed = self.tables.needed_bytes();
+            let what = SceneChange::NoRoom {
+                needed,
+                free: allowed,
+            };
+            self.tell(index, what);
+        }
+        false
+    }
+
+    /// Shows the readers what is in memory of every table.
+    fn show_tables(&mut self) {
+        for (group, source) in self.tables.show() {
+            let slots = self.slots.iter_mut();
+            for slot in slots.filter(|s| s.group == group && !s.reload) {
+                if let Some(held) = &mut slot.loaded {
+                    held.source = source.clone();
+                }
+            }
+        }
+        self.publish();
     }
 
     fn tell(&mut self, index: usize, what: SceneChange) {
@@ -359,79 +433,9 @@ impl Keeper {
     }
 }
 
-impl Slot {
-    fn new(spec: PairSpec, group: usize) -> Self {
-        let stamps = stamps(&spec.files);
-        Self {
-            seen: stamps.clone(),
-            stamps,
-            spec,
-            group,
-            loaded: None,
-            state: PairState::Waiting,
-            reload: false,
-        }
-    }
-
-    /// A loader that panics has failed; the pairs that are loaded go on.
-    fn load(&mut self) -> Result<Loaded, LoadFailure> {
-        let load = AssertUnwindSafe(|| (self.spec.load)());
-        catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()))
-    }
-
-    /// Metres from the reach to a point of the scene; 0 inside.
-    fn distance(&self, point: DVec3) -> f64 {
-        let at = self.spec.placement.inverse().apply(point);
-        let Aabb { min, max } = self.spec.reach;
-        (min - at).max(at - max).max(DVec3::ZERO).length()
-    }
-
-    fn near(&self, keeper: &Keeper, point: DVec3) -> bool {
-        self.distance(point) <= keeper.options.ahead
-    }
-
-    /// Asks for a reload if the files differ from those loaded and have stood still since the last
-    /// look: a file that is being written is left alone.
-    fn look(&mut self) {
-        let now = stamps(&self.spec.files);
-        let settled = now == self.seen;
-        if settled && now != self.stamps {
-            self.stamps.clone_from(&now);
-            self.reload = true;
-            if self.state == PairState::Failed {
-                self.state = PairState::Waiting;
-            }
-        }
-        self.seen = now;
-    }
-}
-
-/// What the pairs of a group share, and the table if it is kept in part.
-fn hold(loaded: Loaded) -> (Held, Option<PartialTable>) {
-    let Loaded { content, reach } = loaded;
-    let (source, bytes, table): (Arc<dyn EnergySource>, _, _) = match content {
-        Content::Whole { source, bytes } => (source, bytes, None),
-        Content::Table(table) => (Arc::new(table.table()), 0, Some(*table)),
-    };
-    let held = Held {
-        source,
-        reach,
-        bytes,
-    };
-    (held, table)
-}
-
-fn stamps(files: &[PathBuf]) -> Stamps {
-    let stamp = |path: &PathBuf| {
-        let meta = std::fs::metadata(path).ok()?;
-        Some((meta.modified().ok()?, meta.len()))
-    };
-    files.iter().map(stamp).collect()
-}
-
 fn sum(slots: &[Slot], pivot: DVec3) -> SumSource {
     let placed = |slot: &Slot| Placed {
-        source: slot.loaded.as_ref().map(|l| Arc::clone(&l.source)),
+        source: slot.loaded.as_ref().map(|l| l.source.clone()),
         placement: slot.spec.placement,
         reach: Some(slot.spec.reach),
     };
@@ -441,3 +445,7 @@ fn sum(slots: &[Slot], pivot: DVec3) -> SumSource {
 #[cfg(test)]
 #[path = "keeper_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "tables_tests.rs"]
+mod tables_tests;

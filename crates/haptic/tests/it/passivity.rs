@@ -1,9 +1,7 @@
 //! The bound on energy that a hand can get out, against a hand that knows how: it circles in a bowl
 //! while every tick comes ten periods late, so that the held force drives it on.
 
-mod common;
-
-use common::workspace;
+use crate::common::workspace;
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::{DeviceState, ForcePath, HandConfig, HapticConfig};

@@ -1,10 +1,8 @@
 //! The paper's two tests and the quiet hand, on an analytic zero-clearance fit.
 
-mod common;
-
 use std::sync::atomic::AtomicBool;
 
-use common::{Well, hand, workspace};
+use crate::common::{Well, hand, workspace};
 use fft_correlate::{EnergySource, Pose};
 use haptic::{Clock, HandConfig, HapticConfig, Outcome, Script, Session, flags};
 

@@ -1,17 +1,15 @@
 //! The energy source is exchanged while the loop runs: nothing stops, nothing knocks, and the energy
 //! books say what was brought.
 
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use common::{Well, workspace};
+use crate::common::{Well, workspace};
 use fft_correlate::{EnergySource, Pose, Wrench};
 use glam::DVec3;
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveSource,
-    Outcome, Placed, Session, SumSource, flags,
+    Outcome, Placed, Session, SharedSource, SumSource, flags,
 };
 
 /// Held still beside the fit; exchanges the source at one poll.
@@ -50,7 +48,7 @@ impl Device for Holder {
 
 fn sum(wells: &[(Well, DVec3)]) -> SumSource {
     let placed = wells.iter().map(|(well, at)| Placed {
-        source: Some(Arc::new(*well) as Arc<dyn EnergySource>),
+        source: Some(SharedSource::new(Arc::new(*well))),
         placement: Pose::from_translation(*at),
         reach: None,
     });

@@ -1,11 +1,9 @@
 //! The loop as a whole: stopping, panics, logs, replay, unplugging.
 
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use common::{Well, hand, workspace};
+use crate::common::{Well, hand, workspace};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, ForcePath, HandConfig, HapticConfig,

@@ -2,10 +2,10 @@ use fft_correlate::Wrench;
 use glam::DVec3;
 
 use super::*;
-use crate::Device;
-use crate::hid::fake::{Fake, unhex, until};
+use crate::device::contract::Device;
+use crate::device::hid::fake::{Fake, unhex, until};
 
-const TWO_AXES: &str = include_str!("../../descriptors/pid-two-axes.hex");
+const TWO_AXES: &str = include_str!("../../../../descriptors/pid-two-axes.hex");
 
 /// A two-axis joystick with room for so many effects: x at its greatest, y in the middle, buttons
 /// 1 and 8.
@@ -136,7 +136,7 @@ fn the_record_and_the_input_follow_the_descriptor() {
     assert!((state.pose.translation.x - 0.1).abs() < 1e-12);
     // Halfway between -32767 and 32767.
     assert!(state.pose.translation.y.abs() < 1e-12);
-    crate::conformance::check(&mut device).unwrap();
+    crate::device::conformance::check(&mut device).unwrap();
 }
 
 #[test]

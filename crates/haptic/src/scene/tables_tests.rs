@@ -6,8 +6,12 @@ use std::time::Instant;
 use fft_correlate::{EnergySource, EnergyTable, PartialTable, Pose, Scratch, TableFiles};
 use glam::{DQuat, DVec3};
 
-use crate::keeper::Keeper;
-use crate::scene::{Content, Loaded, PairSpec, PairState, SceneChange, SceneError, SceneOptions};
+use crate::scene::error::LiveSceneError;
+use crate::scene::event::PairState;
+use crate::scene::event::SceneChange;
+use crate::scene::keeper::Keeper;
+use crate::scene::options::SceneOptions;
+use crate::scene::pair::{Content, Loaded, PairSpec};
 
 #[path = "../../tests/common/valleys.rs"]
 mod valleys;
@@ -62,13 +66,13 @@ fn state(keeper: &Keeper) -> PairState {
 
 struct Sight {
     keeper: Keeper,
-    source: Arc<crate::LiveSource>,
+    source: Arc<crate::scene::live_source::LiveSource>,
     reader: Scratch,
     whole: EnergyTable,
 }
 
 impl Sight {
-    fn new(files: &TableFiles, memory: u64, start: &Pose) -> Result<Self, SceneError> {
+    fn new(files: &TableFiles, memory: u64, start: &Pose) -> Result<Self, LiveSceneError> {
         let (mut keeper, source) = Keeper::new(vec![pair(files, 0.0)], options(memory), start);
         keeper.load_in_reach(start)?;
         Ok(Self {
@@ -119,12 +123,12 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
         // Forth and back through the whole domain, in steps of 0.06 degrees at most.
         let pose = turned((f64::from(k) * ROUND / 2000.0).sin());
         unloaded += u32::from(!sight.tick(&pose));
-        assert!(sight.keeper.held_bytes() <= budget, "tick {k}");
+        assert!(sight.keeper.tables.held_bytes() <= budget, "tick {k}");
     }
     assert_eq!(unloaded, 0, "the keeper was ahead of the hand");
     assert!(matches!(state(&sight.keeper), PairState::Partly { .. }));
     assert!(
-        sight.keeper.held_bytes() > budget / 2,
+        sight.keeper.tables.held_bytes() > budget / 2,
         "and the room is used"
     );
     // A jump to where nothing is loaded: nothing for a while, then all of it.
@@ -136,7 +140,7 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
     assert!(!sight.tick(&there));
     let ticks = (0..200).take_while(|_| !sight.tick(&there)).count();
     assert!((1..100).contains(&ticks), "{ticks}");
-    assert!(sight.keeper.held_bytes() <= budget);
+    assert!(sight.keeper.tables.held_bytes() <= budget);
     let told = sight.keeper.events.iter();
     assert_eq!(
         told.filter(|e| matches!(e.what, SceneChange::NoRoom { .. }))
@@ -183,7 +187,7 @@ fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
     let budget = needed * parts.node_bytes();
     let at = |turn: f64| Pose::from_translation(DVec3::new(turn, 0.0, 0.0));
     match Sight::new(&files, budget - 1, &at(0.0)) {
-        Err(SceneError::Memory { needed, .. }) => assert_eq!(needed, budget),
+        Err(LiveSceneError::Memory { needed, .. }) => assert_eq!(needed, budget),
         other => panic!("{:?}", other.err()),
     }
     // A node needs its neighbours' neighbours; between nodes there are more of them.
@@ -192,7 +196,7 @@ fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
     let between = Pose::new(DQuat::from_scaled_axis(DVec3::splat(0.05)), DVec3::ZERO);
     for _ in 0..100 {
         sight.tick(&between);
-        assert!(sight.keeper.held_bytes() <= budget);
+        assert!(sight.keeper.tables.held_bytes() <= budget);
     }
     let told = sight.keeper.events.iter();
     assert!(
@@ -232,7 +236,8 @@ fn a_table_that_changes_is_opened_again_and_a_lost_rotation_is_told_once() {
     while sight.keeper.turn(&turned(0.0)) {}
     sight.keeper.reload(0);
     sight.tick(&turned(0.0));
-    let opened = |e: &&crate::scene::SceneEvent| matches!(e.what, SceneChange::Opened { .. });
+    let opened =
+        |e: &&crate::scene::event::SceneEvent| matches!(e.what, SceneChange::Opened { .. });
     assert_eq!(sight.keeper.events.iter().filter(opened).count(), 1);
     let ticks = (0..300).take_while(|_| !sight.tick(&turned(0.0))).count();
     assert!(ticks < 299, "loaded again");

@@ -46,10 +46,10 @@ fn relative(report: &ErrorReport) -> [f64; 3] {
     [&report.energy, &report.force, &report.torque].map(|e| e.rms / e.scale)
 }
 
-/// Nodes 2 and 4 degrees apart, where the peg's edge moves by a quarter and by half a cell. Held-out
-/// poses fill the whole domain. The bounds say what a table on 8 cells across the peg is good
-/// for: its energy and force; torques about the middle of the peg are small differences there. The report kept
-/// with the table is what a second measurement finds.
+/// Nodes 2 and 4 degrees apart, where the peg's edge moves by a quarter and by half a cell.
+/// Held-out poses fill the whole domain. The bounds say what a table on 8 cells across the peg is
+/// good for: its energy and force; torques about the middle of the peg are small differences there.
+/// The report kept with the table is what a second measurement finds.
 #[test]
 fn a_table_answers_as_the_direct_evaluator_on_poses_it_never_saw() {
     let pair = example(PegInHole::Rectangular, &ScoreModel::GUIDED, H);

@@ -91,8 +91,8 @@ pub enum DeviceError {
 /// A haptic device as the loop sees it.
 ///
 /// All calls come from the loop thread. `poll` and `send` neither block nor allocate; `stop_all`
-/// may wait for the device to confirm. A device that needs slow input or output does it on threads of its own; see
-/// [`crate::device::threaded`].
+/// may wait for the device to confirm. A device that needs slow input or output does it on threads
+/// of its own; see [`crate::device::threaded`].
 ///
 /// To write a device of your own: (1) state its numbers in a [`DeviceSpec`]; (2) in `poll`, give
 /// the newest pose in a right-handed frame, metres, with the time it was measured; (3) in `send`,

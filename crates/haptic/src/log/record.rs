@@ -1,6 +1,6 @@
-//! Logs: samples leave the loop through a ring, wait in memory while the disk is busy, and are written
-//! by a thread of their own. A disk that stands still for ten minutes loses nothing and holds nobody
-//! up.
+//! Logs: samples leave the loop through a ring, wait in memory while the disk is busy, and are
+//! written by a thread of their own. A disk that stands still for ten minutes loses nothing and
+//! holds nobody up.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,7 +16,8 @@ use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::sample::Sample;
 
-/// Samples the ring holds: 16 s at 1 kHz, for the time that the collecting thread gets no processor.
+/// Samples the ring holds: 16 s at 1 kHz, for the time that the collecting thread gets no
+/// processor.
 const RING: usize = 16_384;
 
 /// Samples that may wait in memory for the disk: ten minutes at 1 kHz, some 250 MB.

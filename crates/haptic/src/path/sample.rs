@@ -30,13 +30,13 @@ pub mod flags {
     /// The device did not take the wrench.
     pub const NOT_SENT: u16 = 1 << 10;
 
-    /// The energy source was exchanged: a part was loaded, reloaded or unloaded, or began or ceased to
-    /// be [`NOT_LOADED`].
+    /// The energy source was exchanged: a part was loaded, reloaded or unloaded, or began or ceased
+    /// to be [`NOT_LOADED`].
     pub const CHANGED: u16 = 1 << 11;
     /// Deadlines were left out before this tick because the one before took too long.
     pub const OVERRUN: u16 = 1 << 12;
-    /// A part in reach, or rotations of its table that matter here, are not in memory: the part pushes
-    /// nothing.
+    /// A part in reach, or rotations of its table that matter here, are not in memory: the part
+    /// pushes nothing.
     pub const NOT_LOADED: u16 = 1 << 13;
 
     /// Names in the order of the bits.

@@ -130,7 +130,7 @@ impl Session {
             }
             false => (None, None),
         };
-        let mut state = State {
+        let mut ticker = Ticker {
             path,
             recorder,
             viewer: self.viewer,
@@ -139,37 +139,25 @@ impl Session {
         let mut granted = Granted::default();
         let realtime = self.config.realtime && clock == Clock::Real;
         let lock = realtime.then(|| realtime::lock_memory(&mut granted));
-        let config = &self.config;
         let spec = device.spec().clone();
-        let began = std::thread::scope(|scope| {
-            let state = &mut state;
-            let granted = &mut granted;
-            std::thread::Builder::new()
-                .name("haptic-loop".into())
-                .spawn_scoped(scope, move || {
-                    if realtime {
-                        realtime::raise_priority(granted);
-                    }
-                    let mut device = Guard {
-                        device,
-                        stopped: false,
-                    };
-                    let mut pace = Pace::new(clock, config);
-                    state.run(&mut pace, &mut device, source, seconds, stop);
-                    device.stop().map(|()| pace.begin())
-                })
-                .map_err(HapticError::Thread)?
-                .join()
-                .map_err(|panic| HapticError::Panicked(panic_message(panic.as_ref())))?
-                .map_err(HapticError::NotStopped)
+        let began = on_own_thread(|| {
+            if realtime {
+                realtime::raise_priority(&mut granted);
+            }
+            let mut device = Guard {
+                device,
+                stopped: false,
+            };
+            let mut pace = Pace::new(clock, &self.config);
+            ticker.run(&mut pace, &mut device, source, seconds, stop);
+            device.stop().map(|()| pace.begin())
         });
         drop(lock);
         let samples = writer.map(Writer::finish).transpose();
         let began = began?;
         let samples = samples?.unwrap_or_default();
-        let dropped = state.recorder.map_or(0, |r| r.dropped);
-        let gains = state.path.gains();
-        let tally = state.tally;
+        let dropped = ticker.recorder.map_or(0, |r| r.dropped);
+        let (tally, gains) = (ticker.tally, ticker.path.gains());
         Ok(Outcome {
             report: tally.report(clock, &spec, &gains, dropped, granted),
             samples,
@@ -179,6 +167,21 @@ impl Session {
             began,
         })
     }
+}
+
+/// Runs `body` on a thread of its own while this one waits.
+fn on_own_thread<T: Send>(
+    body: impl FnOnce() -> Result<T, DeviceError> + Send,
+) -> Result<T, HapticError> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("haptic-loop".into());
+        thread
+            .spawn_scoped(scope, body)
+            .map_err(HapticError::Thread)?
+            .join()
+            .map_err(|panic| HapticError::Panicked(panic_message(panic.as_ref())))?
+            .map_err(HapticError::NotStopped)
+    })
 }
 
 /// Stops the device when dropped, in a panic too.
@@ -208,14 +211,14 @@ impl Drop for Guard<'_> {
 }
 
 /// Everything the loop thread touches, allocated before it starts.
-struct State {
+struct Ticker {
     path: ForcePath,
     recorder: Option<Recorder>,
     viewer: Option<triple_buffer::Input<Sample>>,
     tally: Tally,
 }
 
-impl State {
+impl Ticker {
     fn run(
         &mut self,
         pace: &mut Pace,

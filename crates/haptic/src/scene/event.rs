@@ -32,8 +32,8 @@ pub enum SceneChange {
     },
     /// It made room for a nearer pair.
     Unloaded,
-    /// The table of a pair that came near was opened, or opened again because it changed: its rotations
-    /// are loaded as the part comes near them.
+    /// The table of a pair that came near was opened, or opened again because it changed: its
+    /// rotations are loaded as the part comes near them.
     Opened {
         /// Rotations of the whole table.
         rotations: usize,
@@ -45,11 +45,11 @@ pub enum SceneChange {
         /// Memory that they take.
         bytes: u64,
     },
-    /// It, or rotations of its table, could not be loaded; what was loaded before stays. It is tried
-    /// again when its files change or a reload is asked for.
+    /// It, or rotations of its table, could not be loaded; what was loaded before stays. It is
+    /// tried again when its files change or a reload is asked for.
     Failed(String),
-    /// It, or rotations of its table that are needed, are near but do not fit into the budget beside what
-    /// is in reach.
+    /// It, or rotations of its table that are needed, are near but do not fit into the budget
+    /// beside what is in reach.
     NoRoom {
         /// Bytes it needs.
         needed: u64,

@@ -376,8 +376,8 @@ impl Keeper {
         result
     }
 
-    /// Unloads the farthest pair out of reach if a rotation is needed soon, or says that there is no
-    /// room. True if a pair was unloaded.
+    /// Unloads the farthest pair out of reach if a rotation is needed soon, or says that there is
+    /// no room. True if a pair was unloaded.
     fn make_room_for(&mut self, node: &Node, allowed: u64) -> bool {
         if node.urgency >= self.options.turn_ahead as f32 {
             return false;

@@ -20,8 +20,9 @@ const RING: usize = 4;
 
 /// The newest [`SumSource`] for every reader.
 ///
-/// A pair of which not all that matters at the pose is in memory does not count for a reader, and its
-/// going and coming are changes like an exchange: they happen in [`EnergySource::refresh`] only.
+/// A pair of which not all that matters at the pose is in memory does not count for a reader, and
+/// its going and coming are changes like an exchange: they happen in [`EnergySource::refresh`]
+/// only.
 pub struct LiveSource {
     id: SourceId,
     newest: Mutex<Shared>,

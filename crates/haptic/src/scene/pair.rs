@@ -42,8 +42,8 @@ pub struct PairSpec {
     pub placement: Pose,
     /// What [`Loaded::reach`] will be; known before anything is loaded.
     pub reach: Aabb,
-    /// Memory that it will take if it is whole, as far as it is known; 0 for a table that is kept in
-    /// part.
+    /// Memory that it will take if it is whole, as far as it is known; 0 for a table that is kept
+    /// in part.
     pub bytes: u64,
     /// The pair is loaded again when one of these changes.
     pub files: Vec<PathBuf>,

@@ -1,4 +1,5 @@
-//! Which rotation nodes of a scene's tables are in memory: those nearest to where the part may turn.
+//! Which rotation nodes of a scene's tables are in memory: those nearest to where the part may
+//! turn.
 
 use std::sync::Arc;
 
@@ -12,8 +13,8 @@ const BATCH: usize = 32;
 /// Added to the urgency of nodes of a pair that is out of reach, for being so and per metre.
 const AWAY: f32 = 1e3;
 
-/// A table of which a part is in memory, and how urgently each node is needed: the angle, radians, by
-/// which the part would have to turn before it is; negative for nodes that are needed now.
+/// A table of which a part is in memory, and how urgently each node is needed: the angle, radians,
+/// by which the part would have to turn before it is; negative for nodes that are needed now.
 pub(crate) struct Rotations {
     pub(crate) table: PartialTable,
     /// What is in memory of it, for the readers.

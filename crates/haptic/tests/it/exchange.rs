@@ -1,5 +1,5 @@
-//! The energy source is exchanged while the loop runs: nothing stops, nothing knocks, and the energy
-//! books say what was brought.
+//! The energy source is exchanged while the loop runs: nothing stops, nothing knocks, and the
+//! energy books say what was brought.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

@@ -83,6 +83,20 @@ const ATTACKS: [Attack; 10] = [
 ];
 
 impl Attack {
+    /// Half of the time none.
+    fn any(rng: &mut SmallRng) -> Self {
+        let attack = ATTACKS[rng.random_range(0..ATTACKS.len())];
+        match rng.random_bool(0.5) {
+            true => Self::None,
+            false => attack,
+        }
+    }
+
+    /// The device tells the truth, if not in time.
+    fn is_honest(self) -> bool {
+        matches!(self, Self::None | Self::Flip | Self::Stall)
+    }
+
     /// What the device says of a hand at `pose`.
     fn say(self, rng: &mut SmallRng, pose: Pose, now: f64, tick: u64) -> Option<DeviceState> {
         let mut state = DeviceState::at(pose, now);
@@ -134,6 +148,66 @@ fn fault_bound(config: &HapticConfig, unseen: f64) -> f64 {
     POWER * (2.0 * unseen + config.decay_s * (1.0 + (-1f64).exp()) + 2.0 * DT)
 }
 
+/// What is known of a run from outside the loop.
+#[derive(Default)]
+struct Books {
+    toll: Toll,
+    last: Option<(Pose, Sample)>,
+    /// Since the last quiet tick: work that the loop did not see, and the bound of what went on.
+    unseen: f64,
+    allowed: f64,
+}
+
+impl Books {
+    /// An attack begins.
+    fn begin(&mut self, attack: Attack, config: &HapticConfig) {
+        if attack.is_honest() {
+            return;
+        }
+        let time = match attack {
+            Attack::Stuck => config.stale_s,
+            _ => DT,
+        };
+        self.toll.faults += 1;
+        self.allowed += fault_bound(config, time);
+        self.toll.bound += fault_bound(config, time);
+    }
+
+    /// A tick has ended, in which the loop booked so much work.
+    fn tick(&mut self, attack: Attack, pose: Pose, sample: Sample, booked: f64) {
+        let tick = sample.tick;
+        if let Some((was, held)) = &self.last {
+            let work = held.wrench.dot(&was.twist_to(&pose));
+            self.toll.work_out += work;
+            self.unseen += work - booked;
+            self.toll.ramps += (sample.gain - held.gain).max(0.0);
+        }
+        let (unseen, allowed) = (self.unseen, self.allowed);
+        let quiet = attack.is_honest() && sample.flags & FAULTS == 0;
+        if quiet && allowed > 0.0 {
+            assert!(unseen <= allowed, "{tick} {attack:?} {unseen} {allowed}");
+            self.toll.worst_fault = self.toll.worst_fault.max(unseen / allowed);
+            (self.unseen, self.allowed) = (0.0, 0.0);
+        } else if quiet {
+            // Seen as it happened, up to the rounding of sums.
+            assert!(unseen.abs() < 1e-9, "{tick} {attack:?} {unseen}");
+            self.unseen = 0.0;
+        }
+        self.toll.felt += u64::from(sample.wrench.force.length() > 0.5);
+        self.last = Some((pose, sample));
+    }
+}
+
+/// Limits hold and numbers are finite.
+fn check(sample: &Sample, attack: Attack) {
+    let tick = sample.tick;
+    assert!(sample.wrench.is_finite(), "{tick} {attack:?}");
+    assert!(sample.wrench.force.length() <= 5.0, "{tick} {attack:?}");
+    assert!(sample.wrench.torque.length() <= 0.3, "{tick} {attack:?}");
+    assert!(sample.account.balance.is_finite(), "{tick} {attack:?}");
+    assert_eq!(sample.flags & flags::NOT_FINITE, 0, "{tick} {attack:?}");
+}
+
 /// Ticks under attack. Every tick: limits hold, numbers are finite. Every fault: what the hand got
 /// out that the loop did not see is bounded. In all: work out is bounded by what the field holds,
 /// once and once more per ramp, by the faults, and by the credit.
@@ -150,33 +224,16 @@ fn assault(ticks: u64, seed: u64) -> Toll {
         + well.funnel
         + 0.5 * 25.0 / gains.stiffness
         + 0.5 * 0.09 / gains.rotational_stiffness;
-    let mut toll = Toll {
-        bound: held + config.passivity.credit,
-        ..Toll::default()
-    };
+    let mut books = Books::default();
+    books.toll.bound = held + config.passivity.credit;
     let mut rng = SmallRng::seed_from_u64(seed);
     let mut hand = Wanderer::new();
     let (mut now, mut attack, mut until) = (0.0, Attack::None, 0);
     let mut frozen = DeviceState::at(hand.pose, 0.0);
-    let mut last: Option<(Pose, Sample)> = None;
-    // Since the last quiet tick: unseen work, the bound of what went on, whether there was a fault.
-    let (mut unseen, mut allowed) = (0.0, 0.0);
     for tick in 0..ticks {
         if tick >= until {
-            attack = ATTACKS[rng.random_range(0..ATTACKS.len())];
-            if rng.random_bool(0.5) {
-                attack = Attack::None;
-            }
-            if !matches!(attack, Attack::None | Attack::Flip | Attack::Stall) {
-                toll.faults += 1;
-                let time = if matches!(attack, Attack::Stuck) {
-                    config.stale_s
-                } else {
-                    DT
-                };
-                allowed += fault_bound(&config, time);
-                toll.bound += fault_bound(&config, time);
-            }
+            attack = Attack::any(&mut rng);
+            books.begin(attack, &config);
             frozen = DeviceState::at(hand.pose, now);
             until = tick + rng.random_range(1..200);
         }
@@ -190,37 +247,13 @@ fn assault(ticks: u64, seed: u64) -> Toll {
             other => other.say(&mut rng, pose, now, tick),
         };
         let sample = path.step(&well, state.as_ref(), now, dt);
-        assert!(sample.wrench.is_finite(), "{tick} {attack:?}");
-        assert!(sample.wrench.force.length() <= 5.0, "{tick} {attack:?}");
-        assert!(sample.wrench.torque.length() <= 0.3, "{tick} {attack:?}");
-        assert!(sample.account.balance.is_finite(), "{tick} {attack:?}");
-        assert_eq!(sample.flags & flags::NOT_FINITE, 0, "{tick} {attack:?}");
-        if let Some((was, held)) = &last {
-            let work = held.wrench.dot(&was.twist_to(&pose));
-            let booked = -(path.account().work_in() - before);
-            toll.work_out += work;
-            unseen += work - booked;
-            toll.ramps += (sample.gain - held.gain).max(0.0);
-        }
-        let honest = matches!(attack, Attack::None | Attack::Flip | Attack::Stall);
-        let quiet = honest && sample.flags & FAULTS == 0;
-        if quiet && allowed > 0.0 {
-            assert!(unseen <= allowed, "{tick} {attack:?} {unseen} {allowed}");
-            toll.worst_fault = toll.worst_fault.max(unseen / allowed);
-            (unseen, allowed) = (0.0, 0.0);
-        } else if quiet {
-            // Seen as it happened, up to the rounding of sums.
-            assert!(unseen.abs() < 1e-9, "{tick} {attack:?} {unseen}");
-            unseen = 0.0;
-        }
-        toll.felt += u64::from(sample.wrench.force.length() > 0.5);
-        last = Some((pose, sample));
+        check(&sample, attack);
+        let booked = -(path.account().work_in() - before);
+        books.tick(attack, pose, sample, booked);
     }
+    let mut toll = books.toll;
     toll.bound += toll.ramps * held;
-    assert!(
-        toll.felt > ticks / 50,
-        "the field was felt at all: {toll:?}"
-    );
+    assert!(toll.felt > ticks / 50, "the field was felt: {toll:?}");
     assert!(toll.work_out < toll.bound, "{toll:?}");
     toll
 }

@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PidSettings {
-    /// Force of the full magnitude at the handle, N, > 0. Default 5. A force of the loop becomes the
-    /// magnitude `force / max_force`; stated too low, the device pushes harder than the log says.
+    /// Force of the full magnitude at the handle, N, > 0. Default 5. A force of the loop becomes
+    /// the magnitude `force / max_force`; stated too low, the device pushes harder than the log
+    /// says.
     pub max_force: f64,
     /// Edge of the workspace that the full range of the axes stands for, metres, > 0. Default 0.2.
     pub workspace: f64,

@@ -47,6 +47,22 @@ impl State {
         self.usages + (self.maximum.saturating_sub(self.minimum))
     }
 
+    /// A collection or a report's numbers: whether it is the one, and how many numbers and usages
+    /// it has.
+    fn main_item(&mut self, tag: u8) -> Result<(bool, u64), &'static str> {
+        if self.named() > 0 && !self.has_page {
+            return Err("usages without a page");
+        }
+        let collection = tag == tag::COLLECTION;
+        // Saturating: both factors have 32 bits.
+        if !collection && self.size.saturating_mul(self.count) > MOST_BITS {
+            return Err("a longer report than any system takes");
+        }
+        let numbers = self.named() + if collection { 0 } else { self.count };
+        self.forget_usages();
+        Ok((collection, numbers))
+    }
+
     fn forget_usages(&mut self) {
         (self.usages, self.minimum, self.maximum) = (0, 0, 0);
     }
@@ -54,9 +70,11 @@ impl State {
 
 /// Walks the items of a descriptor.
 pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
-    let mut states = vec![State::default()];
-    let mut depth = 0usize;
-    let mut numbers = 0u64;
+    let mut walk = Walk {
+        states: vec![State::default()],
+        depth: 0,
+        numbers: 0,
+    };
     let mut rest = descriptor;
     while let Some((&first, after)) = rest.split_first() {
         // None is defined, and parsers disagree about where one ends.
@@ -70,9 +88,26 @@ pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
             .iter()
             .rev()
             .fold(0, |v, byte| v << 8 | u64::from(*byte));
-        let open = states.len();
-        let state = states.last_mut().ok_or("more pops than pushes")?;
-        match first & 0xfc {
+        walk.item(first & 0xfc, value)?;
+    }
+    Ok(())
+}
+
+/// A walk through the items, as far as it has come.
+struct Walk {
+    /// The last is the one in force, the others are pushed.
+    states: Vec<State>,
+    /// Collections that are open.
+    depth: usize,
+    /// Numbers and usages so far.
+    numbers: u64,
+}
+
+impl Walk {
+    fn item(&mut self, tag: u8, value: u64) -> Result<(), &'static str> {
+        let open = self.states.len();
+        let state = self.states.last_mut().ok_or("more pops than pushes")?;
+        match tag {
             tag::USAGE_PAGE => state.has_page = true,
             tag::REPORT_SIZE => state.size = value,
             tag::REPORT_COUNT => state.count = value,
@@ -82,39 +117,29 @@ pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
             tag::PUSH if open == DEEPEST => return Err("states pushed too deep"),
             tag::PUSH => {
                 let copy = *state;
-                states.push(copy);
+                self.states.push(copy);
             }
             tag::POP if open == 1 => return Err("more pops than pushes"),
             tag::POP => {
-                states.pop();
+                self.states.pop();
             }
             tag::END_COLLECTION => {
-                depth = depth.checked_sub(1).ok_or("more ends than collections")?;
+                let ends = self.depth.checked_sub(1);
+                self.depth = ends.ok_or("more ends than collections")?;
                 state.forget_usages();
             }
-            main @ (tag::INPUT | tag::OUTPUT | tag::FEATURE | tag::COLLECTION) => {
-                if state.named() > 0 && !state.has_page {
-                    return Err("usages without a page");
-                }
-                if main == tag::COLLECTION {
-                    depth += 1;
-                    numbers += state.named();
-                } else {
-                    // Saturating: both factors have 32 bits.
-                    if state.size.saturating_mul(state.count) > MOST_BITS {
-                        return Err("a longer report than any system takes");
-                    }
-                    numbers += state.named() + state.count;
-                }
-                if numbers > MOST_NUMBERS || depth > DEEPEST {
+            tag::INPUT | tag::OUTPUT | tag::FEATURE | tag::COLLECTION => {
+                let (opened, numbers) = state.main_item(tag)?;
+                self.depth += usize::from(opened);
+                self.numbers += numbers;
+                if self.numbers > MOST_NUMBERS || self.depth > DEEPEST {
                     return Err("more numbers or collections than any device has");
                 }
-                state.forget_usages();
             }
             _ => {}
         }
+        Ok(())
     }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -19,7 +19,8 @@ pub struct Response {
 /// Working memory of one thread for one source; made once, reused for every evaluation.
 ///
 /// What is inside is the source's own business: [`EnergySource::scratch`] puts a value of a type of
-/// its own in, and the source's other methods take it out by that type.
+/// its own in, and the source's other methods take it out by that type. The default one is empty,
+/// for a source that needs none.
 #[derive(Debug, Default)]
 pub struct Scratch {
     inside: Option<Inside>,
@@ -33,9 +34,6 @@ struct Inside {
 }
 
 impl Scratch {
-    /// The working memory of a source that needs none.
-    pub const NONE: Self = Self { inside: None };
-
     /// Working memory that holds `value`.
     pub fn new<T: Send + 'static>(value: T) -> Self {
         let (value, name) = (Box::new(value), std::any::type_name::<T>());
@@ -76,9 +74,9 @@ fn refuse<T>(found: Option<&str>) -> ! {
 /// The wrench is minus the gradient of the energy under [`Pose::perturbed`]. `evaluate` allocates
 /// nothing, takes no lock, and returns finite numbers for every valid pose.
 ///
-/// A scratch goes to the source that made it. Giving it to another one is a mistake of the caller: a
-/// source whose answer depends on its scratch panics then, naming both types ([`Scratch::get_mut`]),
-/// and one that needs none does not look at it.
+/// A scratch goes to the source that made it. Giving it to another one is a mistake of the caller:
+/// a source whose answer depends on its scratch panics then, naming both types
+/// ([`Scratch::get_mut`]), and one that needs none does not look at it.
 ///
 /// ```
 /// use fft_correlate::{EnergySource, Pose, Response, Scratch};
@@ -120,9 +118,9 @@ pub trait EnergySource: Send + Sync {
     }
 
     /// Whether all that the response depends on, at `pose` and a little around it, is in memory.
-    /// True for a source that is always whole. Where it is false the response may be that of a pose
-    /// far away, without notice of where that begins. Like `evaluate` it allocates nothing and takes
-    /// no lock.
+    /// True for a source that is always whole. Where it is false the response may be that of a
+    /// pose far away, without notice of where that begins. Like `evaluate` it allocates nothing
+    /// and takes no lock.
     fn is_loaded(&self, _pose: &Pose, _scratch: &Scratch) -> bool {
         true
     }
@@ -148,6 +146,6 @@ mod tests {
     #[test]
     #[should_panic(expected = "expected f64, found nothing")]
     fn an_empty_scratch_holds_nothing() {
-        Scratch::NONE.get::<f64>();
+        Scratch::default().get::<f64>();
     }
 }

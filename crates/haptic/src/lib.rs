@@ -9,13 +9,16 @@
 //! [`Session`] runs that at a fixed rate on a thread of its own, or as fast as it can in simulated
 //! time; [`ForcePath`] is one tick of it as a plain struct. Forces are newtons on the handle,
 //! torques newton metres about it; poses are metres and unit quaternions.
+//!
+//! [`device`] is what the loop pushes, [`path`] the parts of one tick, [`log`] what every tick
+//! leaves, and [`scene`] the energy of many fixed parts, loaded while the loop runs.
 
 mod config;
 pub mod device;
 pub mod log;
 mod panics;
 pub mod path;
-pub mod run;
+mod run;
 pub mod scene;
 
 pub use config::{ConfigError, CouplingConfig, HapticConfig, LimitConfig, PassivityConfig};
@@ -32,6 +35,7 @@ pub use path::passivity::EnergyAccount;
 pub use path::sample::{Sample, flags};
 pub use run::clock::Clock;
 pub use run::error::HapticError;
+pub use run::realtime::Granted;
 pub use run::report::{LoopReport, Outcome, Quantiles};
 pub use run::session::{Session, Viewer};
 pub use scene::live_scene::LiveScene;

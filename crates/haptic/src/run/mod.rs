@@ -7,5 +7,3 @@ mod pace;
 pub(crate) mod realtime;
 pub(crate) mod report;
 pub(crate) mod session;
-
-pub use realtime::Granted;

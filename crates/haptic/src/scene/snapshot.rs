@@ -114,7 +114,7 @@ mod tests {
 
     impl EnergySource for Spring {
         fn scratch(&self) -> Scratch {
-            Scratch::NONE
+            Scratch::default()
         }
 
         fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {

@@ -138,7 +138,7 @@ impl PlacedPair {
 
     pub(super) fn scratch(&self) -> Scratch {
         let source = self.placed.source.as_ref();
-        source.map_or(Scratch::NONE, |s| s.energy().scratch())
+        source.map(|s| s.energy().scratch()).unwrap_or_default()
     }
 
     /// Whether there is a source.

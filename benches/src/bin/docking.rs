@@ -323,8 +323,8 @@ fn build(
             let is_fixed = mesh.hash() == hash;
             let known = |f: &&DensityField| {
                 is_fixed
-                    && f.lattice.shape() == lattice.shape()
-                    && (f.lattice.spacing() / lattice.spacing() - 1.0).abs() < 1e-9
+                    && f.lattice().shape() == lattice.shape()
+                    && (f.lattice().spacing() / lattice.spacing() - 1.0).abs() < 1e-9
             };
             if let Some(field) = kept.iter().find(known) {
                 return Ok(field.clone());

@@ -4,7 +4,6 @@
 
 pub mod args;
 pub mod assembly;
-pub mod atomic;
 pub mod command;
 pub mod device_choice;
 pub mod error;

@@ -4,12 +4,11 @@ use std::path::Path;
 
 use ndarray::Array3;
 use num_complex::Complex32;
-use sdf_grid::DensityField;
+use sdf_grid::{DensityField, atomic};
 use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataSet, Extent, ImageDataPiece, Piece, Version, Vtk,
 };
 
-use crate::atomic;
 use crate::error::CommandError;
 
 /// Writes `exterior` and `interior` (real, imaginary) and `signed_distance` (metres) as point data
@@ -27,7 +26,7 @@ pub fn write(path: &Path, field: &DensityField) -> Result<(), CommandError> {
 }
 
 fn document(field: &DensityField) -> Vtk {
-    let lattice = &field.lattice;
+    let lattice = field.lattice();
     let extent = Extent::Ranges(lattice.shape().map(|n| 0..=n as i32 - 1));
     let spacing = lattice.spacing() as f32;
     let data = Attributes {
@@ -70,21 +69,25 @@ fn components(values: &Array3<Complex32>) -> Vec<f32> {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use sdf_grid::{Lattice, Sampling};
+    use sdf_grid::{FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
     #[test]
     fn a_field_reads_back_in_vtk_order() {
         let lattice = Lattice::new(DVec3::new(0.1, 0.2, 0.3), 0.5, [2, 3, 4]).unwrap();
         let place = |(i, j, k): (usize, usize, usize)| (100 * i + 10 * j + k) as f32;
         let field = DensityField {
-            lattice,
             exterior: Array3::from_shape_fn([2, 3, 4], |p| Complex32::new(place(p), 1.0)),
             interior: Array3::zeros([2, 3, 4]),
             signed_distance: Array3::from_shape_fn([2, 3, 4], place),
-            sigma: 0.1,
-            halo: 1.0,
-            sampling: Sampling::Point,
-            mesh_hash: [0; 32],
+            recipe: FieldRecipe {
+                version: FIELD_VERSION,
+                mesh: String::new(),
+                sigma: 0.1,
+                halo: 1.0,
+                tolerance: 1e-3,
+                sampling: Sampling::Point,
+                lattice,
+            },
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("f.vti");

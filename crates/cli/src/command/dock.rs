@@ -9,13 +9,12 @@ use fft_correlate::{
     SearchLattices, SearchOptions, SearchPairs, SearchReport, TranslationWindow, wants_sketch,
 };
 use rayon::prelude::*;
-use sdf_grid::Aabb;
+use sdf_grid::{Aabb, atomic};
 use serde::Serialize;
 
 use super::{Context, print_json, require_folder};
 use crate::args::DockArgs;
 use crate::assembly::Assembly;
-use crate::atomic;
 use crate::error::CommandError;
 use crate::memory;
 use crate::poses::{POSE_COLUMNS, pose_fields};

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use haptic::scene::PairState;
 use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
+use sdf_grid::atomic;
 
 use super::feel_report::{Run, page, privileges, told};
 use super::pairs::LivePairs;
@@ -13,9 +14,9 @@ use crate::args::{FeelArgs, ScriptChoice};
 use crate::error::CommandError;
 use crate::hold::Hold;
 use crate::parquet_log;
+use crate::picture;
 use crate::progress::interrupted;
 use crate::scene::Scene;
-use crate::{atomic, picture};
 
 pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
     if !(args.seconds.is_finite() && args.seconds > 0.0) {
@@ -101,7 +102,7 @@ fn title(script: Script, device: &str) -> String {
 fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandError> {
     let chart = force_chart(title, samples);
     let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
-    atomic::write(png, &bytes)
+    Ok(atomic::write(png, &bytes)?)
 }
 
 fn report(

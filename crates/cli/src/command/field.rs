@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use sdf_grid::{
     DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Sampling, TriangleMesh,
-    mesh_io,
+    atomic, mesh_io,
 };
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use super::{Context, print_json, require_folder};
 use crate::args::FieldArgs;
 use crate::error::CommandError;
 use crate::slice::Slice;
-use crate::{atomic, figure, memory, picture, vti};
+use crate::{figure, memory, picture, vti};
 
 /// Samples along the longer side of a slice's picture.
 const SAMPLES: usize = 480;

@@ -211,7 +211,7 @@ impl PairFiles {
             }
         };
         let source = assembly.direct(&DirectOptions::REAL_TIME)?;
-        let halo = assembly.pair.fixed().halo;
+        let halo = assembly.pair.fixed().recipe.halo;
         Ok(Loaded {
             content: Content::Whole {
                 bytes: source.describe().bytes,

@@ -7,11 +7,11 @@ use std::sync::mpsc::{Receiver, sync_channel};
 
 use fft_correlate::{Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Pose, Response};
 use rayon::prelude::*;
+use sdf_grid::atomic;
 
 use super::{Context, bake, require_folder};
 use crate::args::ScoreArgs;
 use crate::assembly::Assembly;
-use crate::atomic;
 use crate::error::CommandError;
 use crate::poses::{PoseReader, ScoredPose, append_score, score_header};
 use crate::progress::check_interrupt;

@@ -7,8 +7,8 @@ use fft_correlate::bake::{Share, bake};
 use fft_correlate::table_error::{Errors, measure_error};
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Well};
 use haptic::{Clock, LoopReport, Sample, Script};
-use sdf_grid::mesh_io;
 use sdf_grid::shapes::PegInHole;
+use sdf_grid::{atomic, mesh_io};
 use serde::Serialize;
 
 use super::errors;
@@ -18,9 +18,9 @@ use crate::command::plot::{
 };
 use crate::command::{Context, bake as tables, dock, hand};
 use crate::error::CommandError;
+use crate::picture;
 use crate::scene::Scene;
 use crate::slice::Slice;
-use crate::{atomic, picture};
 
 /// Seconds of the two tests in simulated time.
 const TEST_SECONDS: f64 = 6.0;
@@ -120,7 +120,7 @@ pub(super) fn run(
         name,
         triangles: [&assembly.fixed, &assembly.moving].map(|m| m.triangles().len()),
         spacing_m: assembly.pair.spacing(),
-        field_nodes: assembly.pair.fixed().lattice.len() + assembly.pair.moving().lattice.len(),
+        field_nodes: assembly.pair.fixed().lattice().len() + assembly.pair.moving().lattice().len(),
         field_seconds: assembly.field_seconds,
         quadrature_error: errors::quadrature(&assembly, &direct)?,
         table,

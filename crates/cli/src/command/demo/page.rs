@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use sdf_grid::atomic;
 
 use super::Summary;
 use super::example::Example;
-use crate::atomic;
 use crate::error::CommandError;
 
 const STYLE: &str = include_str!("page.css");

@@ -8,10 +8,11 @@ mod well;
 
 use std::path::Path;
 
+use sdf_grid::atomic;
+
 use super::{Context, require_folder};
 use crate::args::{PlotArgs, PlotKind};
 use crate::assembly::Assembly;
-use crate::atomic;
 use crate::error::CommandError;
 use crate::scene::Scene;
 use crate::slice::Slice;

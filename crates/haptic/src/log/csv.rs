@@ -1,9 +1,8 @@
 //! Logs as CSV: one row per tick, whole or not at all.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
+use sdf_grid::atomic::AtomicFile;
 
 use crate::log::columns::{COLUMNS, faults, numbers};
 use crate::log::error::RecordError;
@@ -13,7 +12,7 @@ use crate::path::sample::Sample;
 /// A CSV log under a temporary name beside its own.
 pub(crate) struct CsvLog {
     path: PathBuf,
-    csv: csv::Writer<NamedTempFile>,
+    csv: csv::Writer<AtomicFile>,
     row: Vec<String>,
 }
 
@@ -24,18 +23,7 @@ impl CsvLog {
             path: path.to_owned(),
             source,
         };
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
-        let file = NamedTempFile::new_in(folder).map_err(io)?;
-        // Temporary files are made for their owner only; a log is an ordinary file.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            let mode = std::fs::Permissions::from_mode(0o644);
-            file.as_file().set_permissions(mode).map_err(io)?;
-        }
+        let file = AtomicFile::create(path).map_err(|e| io(e.into()))?;
         let mut csv = csv::Writer::from_writer(file);
         csv.write_record(COLUMNS).map_err(|e| io(e.into()))?;
         Ok(Self {
@@ -68,11 +56,8 @@ impl SampleWriter for CsvLog {
             path: path.clone(),
             source,
         };
-        let mut file = self.csv.into_inner().map_err(|e| io(e.into_error()))?;
-        file.flush().map_err(io)?;
-        file.as_file().sync_all().map_err(io)?;
-        file.persist(&path).map_err(|e| io(e.error))?;
-        Ok(())
+        let file = self.csv.into_inner().map_err(|e| io(e.into_error()))?;
+        file.commit().map_err(|e| io(e.into()))
     }
 
     fn path(&self) -> PathBuf {

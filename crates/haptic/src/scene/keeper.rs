@@ -13,10 +13,10 @@ use crate::scene::event::{PairState, SceneChange, SceneEvent};
 use crate::scene::live_source::LiveSource;
 use crate::scene::options::SceneOptions;
 use crate::scene::pair::{LoadFailure, PairSpec};
-use crate::scene::rotations::{Node, View};
+use crate::scene::rotations::{RotationNode, Viewpoint};
 use crate::scene::slot::{Held, Slot, Stamps, hold, stamps};
 use crate::scene::sum::{Placed, SumSource};
-use crate::scene::tables::{Reading, Step, Tables};
+use crate::scene::tables::{Step, TableRead, Tables};
 
 /// The pairs of a scene and what is loaded of them.
 pub(crate) struct Keeper {
@@ -314,7 +314,7 @@ impl Keeper {
         let (slots, ahead) = (&self.slots, self.options.ahead);
         self.tables.look(|group| {
             let slots = slots.iter().filter(|s| s.group == group);
-            let views = slots.map(|s| View::new(&s.spec.placement, pose, s.distance(point)));
+            let views = slots.map(|s| Viewpoint::new(&s.spec.placement, pose, s.distance(point)));
             views.filter(|view| view.away <= ahead).collect()
         });
     }
@@ -355,9 +355,9 @@ impl Keeper {
     }
 
     /// Tells what became of the tables read; the last failure.
-    fn tell_read(&mut self, readings: Vec<Reading>) -> Result<(), LiveSceneError> {
+    fn tell_read(&mut self, readings: Vec<TableRead>) -> Result<(), LiveSceneError> {
         let mut result = Ok(());
-        for Reading { group, read } in readings {
+        for TableRead { group, read } in readings {
             let Some(first) = self.slots.iter().position(|s| s.group == group) else {
                 continue;
             };
@@ -378,7 +378,7 @@ impl Keeper {
 
     /// Unloads the farthest pair out of reach if a rotation is needed soon, or says that there is
     /// no room. True if a pair was unloaded.
-    fn make_room_for(&mut self, node: &Node, allowed: u64) -> bool {
+    fn make_room_for(&mut self, node: &RotationNode, allowed: u64) -> bool {
         if node.urgency >= self.options.turn_ahead as f32 {
             return false;
         }

@@ -104,6 +104,17 @@ impl LiveSource {
         Pose::new(rotation, DVec3::new(at(0), at(1), at(2)))
     }
 
+    fn reader_mut<'a>(&self, scratch: &'a mut Scratch) -> &'a mut Reader {
+        let reader = scratch.get_mut();
+        self.check(reader);
+        reader
+    }
+
+    /// Panics if the scratch is that of another live source.
+    fn check(&self, reader: &Reader) {
+        assert!(reader.of == self.id, "the scratch of another live source");
+    }
+
     fn shared(&self) -> MutexGuard<'_, Shared> {
         // What is behind the lock is whole at every step: a panic elsewhere leaves it usable.
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
@@ -130,19 +141,6 @@ impl Shared {
                 };
             }
         }
-    }
-}
-
-impl LiveSource {
-    fn reader_mut<'a>(&self, scratch: &'a mut Scratch) -> &'a mut Reader {
-        let reader = scratch.get_mut();
-        self.check(reader);
-        reader
-    }
-
-    /// Panics if the scratch is that of another live source.
-    fn check(&self, reader: &Reader) {
-        assert!(reader.of == self.id, "the scratch of another live source");
     }
 }
 

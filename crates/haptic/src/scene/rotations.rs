@@ -22,7 +22,7 @@ pub(crate) struct Rotations {
     urgency: Vec<f32>,
     distances: Vec<f32>,
     /// What the urgencies are for.
-    views: Vec<View>,
+    views: Vec<Viewpoint>,
     /// Could not be read.
     bad: Vec<bool>,
     /// It was said that what is needed does not fit.
@@ -31,7 +31,7 @@ pub(crate) struct Rotations {
 
 /// A place from which a table is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct View {
+pub(crate) struct Viewpoint {
     /// The moving part's rotation as seen from the fixed part.
     pub(crate) rotation: glam::DQuat,
     /// Metres out of reach.
@@ -40,13 +40,13 @@ pub(crate) struct View {
 
 /// A node of one of the tables.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Node {
+pub(crate) struct RotationNode {
     pub(crate) urgency: f32,
     pub(crate) group: usize,
     pub(crate) node: usize,
 }
 
-impl View {
+impl Viewpoint {
     pub(crate) fn new(placement: &Pose, pose: &Pose, away: f64) -> Self {
         Self {
             rotation: placement.rotation.conjugate() * pose.rotation,
@@ -92,7 +92,7 @@ impl Rotations {
     }
 
     /// Brings the urgencies up to date; true if they changed. Without a view nothing is wanted.
-    pub(crate) fn look(&mut self, views: &[View]) -> bool {
+    pub(crate) fn look(&mut self, views: &[Viewpoint]) -> bool {
         let step = self.table.step();
         let old = self.views.iter().zip(views);
         if old.len() == self.views.len().max(views.len())
@@ -130,11 +130,11 @@ impl Rotations {
             .count()
     }
 
-    fn nodes(&self, group: usize, resident: bool) -> impl Iterator<Item = Node> + '_ {
+    fn nodes(&self, group: usize, resident: bool) -> impl Iterator<Item = RotationNode> + '_ {
         let urgent = self.urgency.iter().enumerate();
         urgent
             .filter(move |(node, _)| self.table.has(*node) == resident && !self.bad[*node])
-            .map(move |(node, &urgency)| Node {
+            .map(move |(node, &urgency)| RotationNode {
                 urgency,
                 group,
                 node,
@@ -167,20 +167,25 @@ impl Rotations {
 pub(crate) fn wanted<'a>(
     tables: impl Iterator<Item = (&'a usize, &'a Rotations)>,
     limit: f32,
-) -> Vec<Node> {
+) -> Vec<RotationNode> {
     let absent = tables.flat_map(|(&group, table)| table.nodes(group, false));
     let wanted = absent.filter(|n| n.urgency < limit && n.urgency.is_finite());
     first(wanted.collect(), |a, b| a.urgency.total_cmp(&b.urgency))
 }
 
 /// The least urgent nodes of all tables that are in memory, least urgent first.
-pub(crate) fn spare<'a>(tables: impl Iterator<Item = (&'a usize, &'a Rotations)>) -> Vec<Node> {
+pub(crate) fn spare<'a>(
+    tables: impl Iterator<Item = (&'a usize, &'a Rotations)>,
+) -> Vec<RotationNode> {
     let there = tables.flat_map(|(&group, table)| table.nodes(group, true));
     first(there.collect(), |a, b| b.urgency.total_cmp(&a.urgency))
 }
 
 /// The first of a batch, in order.
-fn first(mut nodes: Vec<Node>, order: impl Fn(&Node, &Node) -> std::cmp::Ordering) -> Vec<Node> {
+fn first(
+    mut nodes: Vec<RotationNode>,
+    order: impl Fn(&RotationNode, &RotationNode) -> std::cmp::Ordering,
+) -> Vec<RotationNode> {
     if nodes.len() > BATCH {
         nodes.select_nth_unstable_by(BATCH, &order);
         nodes.truncate(BATCH);
@@ -190,6 +195,6 @@ fn first(mut nodes: Vec<Node>, order: impl Fn(&Node, &Node) -> std::cmp::Orderin
 }
 
 /// Whether `spare` is to make room for `wanted`, of `table`.
-pub(crate) fn gives_way(spare: &Node, wanted: &Node, table: &Rotations) -> bool {
+pub(crate) fn gives_way(spare: &RotationNode, wanted: &RotationNode, table: &Rotations) -> bool {
     spare.urgency > wanted.urgency + table.patience()
 }

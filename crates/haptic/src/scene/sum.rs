@@ -23,9 +23,8 @@ pub struct Placed {
 ///
 /// Among the pairs in reach the coverage is the greatest of those that are loaded, times the share
 /// that is: a pair that is in reach and not loaded, in whole or in the part that matters, pulls it
-/// below one and adds no force. Leaving a
-/// box where the pair's energy is not near zero makes a step in the sum: make boxes as wide as the
-/// source's own domain.
+/// below one and adds no force. Leaving a box where the pair's energy is not near zero makes a step
+/// in the sum: make boxes as wide as the source's own domain.
 #[derive(Clone)]
 pub struct SumSource {
     pivot: DVec3,
@@ -80,6 +79,7 @@ impl SumSource {
         self.pairs.is_empty()
     }
 
+    /// In the order in which they were given.
     pub(super) fn pairs(&self) -> &[PlacedPair] {
         &self.pairs
     }
@@ -89,6 +89,33 @@ impl SumSource {
         let mut count = 0;
         self.visit(pose, |_, _| count += 1);
         count
+    }
+
+    /// The sum over the pairs in reach for which `counts` holds; the others count as not loaded.
+    pub(super) fn respond(
+        &self,
+        pose: &Pose,
+        scratch: &mut SumScratch,
+        counts: impl Fn(usize) -> bool,
+    ) -> Response {
+        let mut sum = Response::default();
+        let (mut in_reach, mut loaded) = (0u32, 0u32);
+        self.visit(pose, |i, pair| {
+            in_reach += 1;
+            if pair.is_there() && counts(i) {
+                loaded += 1;
+                add(&mut sum, &pair.answer(pose, &mut scratch.0[i]));
+            }
+        });
+        if loaded < in_reach {
+            sum.coverage *= f64::from(loaded) / f64::from(in_reach);
+        }
+        sum
+    }
+
+    /// Working memory for [`SumSource::respond`].
+    pub(super) fn pair_scratches(&self) -> SumScratch {
+        SumScratch(self.pairs.iter().map(PlacedPair::scratch).collect())
     }
 
     /// The pairs in reach, in the order of their boxes.
@@ -180,35 +207,6 @@ impl PlacedPair {
             },
             ..part
         }
-    }
-}
-
-impl SumSource {
-    /// The sum over the pairs in reach for which `counts` holds; the others
-    /// count as not loaded.
-    pub(super) fn respond(
-        &self,
-        pose: &Pose,
-        scratch: &mut SumScratch,
-        counts: impl Fn(usize) -> bool,
-    ) -> Response {
-        let mut sum = Response::default();
-        let (mut in_reach, mut loaded) = (0u32, 0u32);
-        self.visit(pose, |i, pair| {
-            in_reach += 1;
-            if pair.is_there() && counts(i) {
-                loaded += 1;
-                add(&mut sum, &pair.answer(pose, &mut scratch.0[i]));
-            }
-        });
-        if loaded < in_reach {
-            sum.coverage *= f64::from(loaded) / f64::from(in_reach);
-        }
-        sum
-    }
-
-    pub(super) fn pair_scratches(&self) -> SumScratch {
-        SumScratch(self.pairs.iter().map(PlacedPair::scratch).collect())
     }
 }
 

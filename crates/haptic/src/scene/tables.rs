@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fft_correlate::{PartialTable, StoreError};
 
-use crate::scene::rotations::{Node, Rotations, View, gives_way, spare, wanted};
+use crate::scene::rotations::{RotationNode, Rotations, Viewpoint, gives_way, spare, wanted};
 use crate::scene::shared::SharedSource;
 
 /// The tables of a scene that are kept in part, by the group of pairs that shares each.
@@ -24,17 +24,17 @@ pub(super) enum Step {
     /// Nothing: what is wanted is there.
     Done,
     /// It read rotations.
-    Read(Vec<Reading>),
+    Read(Vec<TableRead>),
     /// It dropped rotations that others need more.
     Dropped,
     /// Nothing yet: what was dropped comes free when the loop lets go of it.
     Waiting,
     /// Nothing: there is no room for this one, the most urgent.
-    Full(Node),
+    Full(RotationNode),
 }
 
 /// What became of rotations that were to be read.
-pub(super) struct Reading {
+pub(super) struct TableRead {
     pub(super) group: usize,
     /// The bytes of the whole table if all of it is in memory now.
     pub(super) read: Result<Option<u64>, StoreError>,
@@ -106,7 +106,7 @@ impl Tables {
     }
 
     /// Brings the urgencies of all rotations up to date; `views` says from where a group is asked.
-    pub(super) fn look(&mut self, views: impl Fn(usize) -> Vec<View>) {
+    pub(super) fn look(&mut self, views: impl Fn(usize) -> Vec<Viewpoint>) {
         for (&group, rotations) in &mut self.groups {
             if rotations.look(&views(group)) {
                 self.settled = false;
@@ -138,7 +138,7 @@ impl Tables {
     }
 
     /// The first nodes of `wanted` that fit into `allowed` bytes beside what is held, by group.
-    fn fitting(&self, wanted: &[Node], allowed: u64) -> Vec<(usize, Vec<usize>)> {
+    fn fitting(&self, wanted: &[RotationNode], allowed: u64) -> Vec<(usize, Vec<usize>)> {
         let mut held = self.held_bytes();
         let mut batches: Vec<(usize, Vec<usize>)> = Vec::new();
         for node in wanted {
@@ -154,7 +154,7 @@ impl Tables {
         batches
     }
 
-    fn read(&mut self, batches: Vec<(usize, Vec<usize>)>) -> Vec<Reading> {
+    fn read(&mut self, batches: Vec<(usize, Vec<usize>)>) -> Vec<TableRead> {
         let mut readings = Vec::new();
         for (group, nodes) in batches {
             let Some(rotations) = self.groups.get_mut(&group) else {
@@ -166,13 +166,13 @@ impl Tables {
             };
             let all = rotations.table.resident() == rotations.table.nodes();
             let read = read.map(|()| all.then(|| rotations.bytes()));
-            readings.push(Reading { group, read });
+            readings.push(TableRead { group, read });
         }
         readings
     }
 
     /// Drops rotations that are less urgent than those `wanted`; false if none are.
-    fn give_way(&mut self, wanted: &[Node]) -> bool {
+    fn give_way(&mut self, wanted: &[RotationNode]) -> bool {
         let (Some(most), spare) = (wanted.first(), spare(self.groups.iter())) else {
             return false;
         };

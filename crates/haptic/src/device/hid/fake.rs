@@ -10,7 +10,7 @@ use crate::device::hid::port::{Connector, HidPort};
 /// How it answers the request for the feature report with this id.
 type Answer = Box<dyn FnMut(u8) -> Vec<u8> + Send>;
 
-pub(crate) struct State {
+pub(crate) struct FakeState {
     pub(crate) plugged: bool,
     pub(crate) connections: usize,
     /// Reports to read, each once.
@@ -23,14 +23,14 @@ pub(crate) struct State {
 }
 
 #[derive(Clone)]
-pub(crate) struct Fake(Arc<Mutex<State>>);
+pub(crate) struct Fake(Arc<Mutex<FakeState>>);
 
 impl Fake {
     pub(crate) fn new(
         descriptor: Vec<u8>,
         answer: impl FnMut(u8) -> Vec<u8> + Send + 'static,
     ) -> Self {
-        Self(Arc::new(Mutex::new(State {
+        Self(Arc::new(Mutex::new(FakeState {
             plugged: true,
             connections: 0,
             input: VecDeque::new(),
@@ -41,7 +41,7 @@ impl Fake {
         })))
     }
 
-    pub(crate) fn lock(&self) -> MutexGuard<'_, State> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, FakeState> {
         self.0.lock().unwrap()
     }
 
@@ -58,7 +58,7 @@ impl Fake {
         std::mem::take(&mut self.lock().sent)
     }
 
-    fn there(&self) -> Result<MutexGuard<'_, State>, DeviceError> {
+    fn there(&self) -> Result<MutexGuard<'_, FakeState>, DeviceError> {
         let state = self.lock();
         if state.plugged {
             Ok(state)

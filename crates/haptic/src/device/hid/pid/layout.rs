@@ -7,23 +7,23 @@ use glam::DVec3;
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::hid::pid::settings::PidSettings;
 use crate::device::hid::pid::usage;
-use crate::device::hid::report::layout::{Layout, Layouts, Slot, Usage, with_group};
+use crate::device::hid::report::layout::{Layouts, ReportLayout, Slot, Usage, with_group};
 use crate::device::threaded::halves::{Motion, Reading};
 
 /// The reports of one PID device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PidLayout {
-    set_effect: Layout,
-    constant: Layout,
+    set_effect: ReportLayout,
+    constant: ReportLayout,
     magnitude: Slot,
-    operation: Layout,
-    create: Layout,
-    block_load: Layout,
-    block_free: Option<Layout>,
-    pool: Option<Layout>,
-    control: Option<Layout>,
-    gain: Option<Layout>,
-    input: Vec<Layout>,
+    operation: ReportLayout,
+    create: ReportLayout,
+    block_load: ReportLayout,
+    block_free: Option<ReportLayout>,
+    pool: Option<ReportLayout>,
+    control: Option<ReportLayout>,
+    gain: Option<ReportLayout>,
+    input: Vec<ReportLayout>,
 }
 
 /// What a device says of an effect it was asked to create.
@@ -60,7 +60,7 @@ impl PidLayout {
             found: found.to_owned(),
         };
         let all = Layouts::parse(name, descriptor)?;
-        let need = |layouts: &[Layout], group, what: &str| {
+        let need = |layouts: &[ReportLayout], group, what: &str| {
             with_group(layouts, group).cloned().ok_or_else(|| {
                 let expected = format!("a PID {what} report (usage {group:#010x})");
                 unsuitable(expected, "none in the descriptor")
@@ -150,7 +150,7 @@ impl PidLayout {
 
     /// A Pool report to be filled by the device, if it has one.
     pub(super) fn blank_pool(&self) -> Option<Vec<u8>> {
-        self.pool.as_ref().map(Layout::blank)
+        self.pool.as_ref().map(ReportLayout::blank)
     }
 
     /// The meaning of a Pool report, `None` if it is too short; any bytes will do.
@@ -265,7 +265,7 @@ impl PidLayout {
     }
 }
 
-fn buttons(layout: &Layout, report: &[u8]) -> u32 {
+fn buttons(layout: &ReportLayout, report: &[u8]) -> u32 {
     let slots = layout.slots.iter();
     slots
         .filter(|s| s.usage & 0xffff_0000 == usage::BUTTON_PAGE)
@@ -274,7 +274,7 @@ fn buttons(layout: &Layout, report: &[u8]) -> u32 {
         .fold(0, |mask, bit| mask | 1 << bit)
 }
 
-fn put(layout: &Layout, report: &mut [u8], usage: Usage, value: i64) {
+fn put(layout: &ReportLayout, report: &mut [u8], usage: Usage, value: i64) {
     if let Some(slot) = layout.find(usage) {
         slot.write(report, value);
     }

@@ -29,7 +29,7 @@ pub struct Slot {
 
 /// One report. On the wire it begins with its id, which is zero where a device has no ids.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
+pub struct ReportLayout {
     /// First byte.
     pub id: u8,
     /// Length, id included.
@@ -42,11 +42,11 @@ pub struct Layout {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layouts {
     /// Device to host.
-    pub input: Vec<Layout>,
+    pub input: Vec<ReportLayout>,
     /// Host to device.
-    pub output: Vec<Layout>,
+    pub output: Vec<ReportLayout>,
     /// Both ways, on request.
-    pub feature: Vec<Layout>,
+    pub feature: Vec<ReportLayout>,
 }
 
 /// Longest report believed, bytes; the kernel's own limit.
@@ -75,24 +75,24 @@ impl Layouts {
 }
 
 /// The report with a collection of this usage.
-pub fn with_group(layouts: &[Layout], group: Usage) -> Option<&Layout> {
+pub fn with_group(layouts: &[ReportLayout], group: Usage) -> Option<&ReportLayout> {
     layouts
         .iter()
         .find(|l| l.slots.iter().any(|s| s.groups.contains(&group)))
 }
 
-fn layouts(reports: &[impl Report]) -> Vec<Layout> {
+fn layouts(reports: &[impl Report]) -> Vec<ReportLayout> {
     let kept = reports.iter().map(layout);
     kept.filter(|l| l.bytes <= LONGEST).collect()
 }
 
-fn layout(report: &impl Report) -> Layout {
+fn layout(report: &impl Report) -> ReportLayout {
     let id = report.report_id().as_ref().map_or(0, u8::from);
     // Without ids the wire has a zero in front that the descriptor does not count.
     let shift = if report.report_id().is_some() { 0 } else { 8 };
     let bytes = report.size_in_bytes() + shift / 8;
     let slots = report.fields().iter().filter_map(|f| slot(f, shift));
-    Layout {
+    ReportLayout {
         id,
         bytes,
         slots: slots
@@ -169,7 +169,7 @@ impl Slot {
     }
 }
 
-impl Layout {
+impl ReportLayout {
     /// A report of zeros with its id.
     pub fn blank(&self) -> Vec<u8> {
         let mut report = vec![0; self.bytes.max(1)];

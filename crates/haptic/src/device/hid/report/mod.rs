@@ -3,7 +3,7 @@
 pub(crate) mod layout;
 mod screen;
 
-pub use layout::{Layout, Layouts, Slot, Usage, with_group};
+pub use layout::{Layouts, ReportLayout, Slot, Usage, with_group};
 
 #[cfg(test)]
 mod layout_tests;

@@ -32,7 +32,7 @@ mod tag {
 
 /// What the items so far have set.
 #[derive(Debug, Clone, Copy, Default)]
-struct State {
+struct Items {
     has_page: bool,
     size: u64,
     count: u64,
@@ -41,7 +41,7 @@ struct State {
     maximum: u64,
 }
 
-impl State {
+impl Items {
     /// Usages of the next main item.
     fn named(&self) -> u64 {
         self.usages + (self.maximum.saturating_sub(self.minimum))
@@ -71,7 +71,7 @@ impl State {
 /// Walks the items of a descriptor.
 pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
     let mut walk = Walk {
-        states: vec![State::default()],
+        states: vec![Items::default()],
         depth: 0,
         numbers: 0,
     };
@@ -96,7 +96,7 @@ pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
 /// A walk through the items, as far as it has come.
 struct Walk {
     /// The last is the one in force, the others are pushed.
-    states: Vec<State>,
+    states: Vec<Items>,
     /// Collections that are open.
     depth: usize,
     /// Numbers and usages so far.

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 
 use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
 use glam::{DQuat, DVec3};
-use haptic::hid_report::Layouts;
-use haptic::pid::PidLayout;
+use haptic::device::hid::report::Layouts;
+use haptic::device::hid::pid::PidLayout;
 use sdf_grid::{Lattice, Silent};
 use tempfile::TempDir;
 

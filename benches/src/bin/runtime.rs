@@ -11,7 +11,7 @@ use fft_correlate::{
 use glam::DVec3;
 use haptic::{
     Clock, Device, ForcePath, Geometry, HandConfig, HapticConfig, LiveSource, Placed, Script,
-    Session, SimulatedHand, SumSource, Workspace,
+    Session, SharedSource, SimulatedHand, SumSource, Workspace,
 };
 use pegfit_benches::{Arguments, Outcome, example};
 use sdf_grid::shapes::PegInHole;
@@ -58,7 +58,7 @@ fn main() -> Outcome<()> {
         max_points: Some(POINTS),
         ..DirectOptions::REAL_TIME
     };
-    let source: Arc<dyn EnergySource> = Arc::new(DirectEvaluator::new(&pair, &options)?);
+    let source = SharedSource::new(Arc::new(DirectEvaluator::new(&pair, &options)?));
     let counts = [1usize, 2, 4, 8, 16, 32, 64];
     println!("\nparts           in range   ns per tick: median       p99");
     for in_range in [1, 4, 16, 64] {
@@ -72,11 +72,11 @@ fn main() -> Outcome<()> {
 }
 
 /// `parts` parts, of which `in_range` stand where the hand is and the rest in a row.
-fn scene(source: &Arc<dyn EnergySource>, parts: usize, in_range: usize) -> SumSource {
+fn scene(source: &SharedSource, parts: usize, in_range: usize) -> SumSource {
     let placed = (0..parts).map(|k| {
         let away = k.saturating_sub(in_range - 1) as f64 * APART;
         Placed {
-            source: Some(Arc::clone(source)),
+            source: Some(source.clone()),
             placement: Pose::from_translation(DVec3::new(away, 0.0, 0.0)),
             reach: Some(Aabb {
                 min: DVec3::splat(-0.05),
@@ -127,7 +127,7 @@ fn overhead(ticks: usize) -> Outcome<()> {
     let [median, p99] = tick_times(&Bowl, ticks)?;
     println!("force path{median:>44.0}{p99:>10.0}");
     let placed = Placed {
-        source: Some(Arc::new(Bowl)),
+        source: Some(SharedSource::new(Arc::new(Bowl))),
         placement: Pose::IDENTITY,
         reach: None,
     };

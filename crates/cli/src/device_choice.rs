@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use haptic::hid::{DeviceInfo, DeviceKind};
+use haptic::device::hid::{DeviceInfo, DeviceKind};
 
 /// A device, or how to find one.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -101,8 +101,8 @@ mod tests {
             serial: "SN42".into(),
             name: "SpaceNavigator".into(),
             kind: DeviceKind::SpaceMouse,
-            spec: haptic::spacemouse::spec("SpaceNavigator"),
-            access: haptic::hid::Access::Ready,
+            spec: haptic::device::hid::spacemouse::spec("SpaceNavigator"),
+            access: haptic::device::hid::Access::Ready,
         };
         for name in ["/dev/hidraw3", "SN42", "046d:c626"] {
             assert!(Which::Named(name.into()).means(&device), "{name}");

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 #[cfg(not(feature = "parquet"))]
-use haptic::record::SampleWriter;
+use haptic::log::SampleWriter;
 
 use crate::error::CommandError;
 
@@ -49,8 +49,8 @@ mod with_feature {
     use std::path::{Path, PathBuf};
     use std::sync::Arc;
 
-    use haptic::Sample;
-    use haptic::record::{COLUMNS, RecordError, SampleWriter, faults, numbers};
+    use haptic::{RecordError, Sample};
+    use haptic::log::{COLUMNS, SampleWriter, faults, numbers};
     use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
     use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
     use parquet::errors::ParquetError;

@@ -2,7 +2,7 @@
 
 use std::any::Any;
 
-use crate::{Pose, Wrench};
+use crate::se3::{Pose, Wrench};
 
 /// Energy, its negative gradient, and how far the pose is covered by the source.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -17,21 +17,91 @@ pub struct Response {
 }
 
 /// Working memory of one thread for one source; made once, reused for every evaluation.
+///
+/// What is inside is the source's own business: [`EnergySource::scratch`] puts a value of a type of
+/// its own in, and the source's other methods take it out by that type. The default one is empty,
+/// for a source that needs none.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Single-precision work space; its layout belongs to the source that made it.
-    pub f32s: Vec<f32>,
-    /// Work spaces of the members of a source that is made of several.
-    pub nested: Vec<Scratch>,
-    /// What one thread keeps of a source that changes while it is used; see
-    /// [`EnergySource::refresh`].
-    pub view: Option<Box<dyn Any + Send>>,
+    inside: Option<Inside>,
+}
+
+/// A value, and the name of its type for the message when another one is asked for.
+#[derive(Debug)]
+struct Inside {
+    value: Box<dyn Any + Send>,
+    name: &'static str,
+}
+
+impl Scratch {
+    /// Working memory that holds `value`.
+    pub fn new<T: Send + 'static>(value: T) -> Self {
+        let (value, name) = (Box::new(value), std::any::type_name::<T>());
+        Self {
+            inside: Some(Inside { value, name }),
+        }
+    }
+
+    /// What [`Scratch::new`] put in; neither allocates nor locks.
+    ///
+    /// # Panics
+    /// If it is of another type: the scratch was made by another source.
+    pub fn get<T: 'static>(&self) -> &T {
+        let inside = self.inside.as_ref();
+        let value = inside.and_then(|i| i.value.downcast_ref());
+        value.unwrap_or_else(|| refuse::<T>(inside.map(|i| i.name)))
+    }
+
+    /// What [`Scratch::new`] put in, to be changed; neither allocates nor locks.
+    ///
+    /// # Panics
+    /// If it is of another type: the scratch was made by another source.
+    pub fn get_mut<T: 'static>(&mut self) -> &mut T {
+        let name = self.inside.as_ref().map(|i| i.name);
+        let value = self.inside.as_mut().and_then(|i| i.value.downcast_mut());
+        value.unwrap_or_else(|| refuse::<T>(name))
+    }
+}
+
+#[cold]
+fn refuse<T>(found: Option<&str>) -> ! {
+    let (expected, found) = (std::any::type_name::<T>(), found.unwrap_or("nothing"));
+    panic!("the scratch of another source: expected {expected}, found {found}")
 }
 
 /// Anything that gives energy and wrench at a pose: a table, a direct evaluator, a sum of several.
 ///
 /// The wrench is minus the gradient of the energy under [`Pose::perturbed`]. `evaluate` allocates
 /// nothing, takes no lock, and returns finite numbers for every valid pose.
+///
+/// A scratch goes to the source that made it. Giving it to another one is a mistake of the caller:
+/// a source whose answer depends on its scratch panics then, naming both types
+/// ([`Scratch::get_mut`]), and one that needs none does not look at it.
+///
+/// ```
+/// use fft_correlate::{EnergySource, Pose, Response, Scratch};
+///
+/// /// Remembers how often each thread has asked.
+/// struct Counted;
+///
+/// struct Count(u64);
+///
+/// impl EnergySource for Counted {
+///     fn scratch(&self) -> Scratch {
+///         Scratch::new(Count(0))
+///     }
+///
+///     fn evaluate(&self, _: &Pose, scratch: &mut Scratch) -> Response {
+///         let count = scratch.get_mut::<Count>();
+///         count.0 += 1;
+///         Response { energy: count.0 as f64, ..Response::default() }
+///     }
+/// }
+///
+/// let mut scratch = Counted.scratch();
+/// Counted.evaluate(&Pose::IDENTITY, &mut scratch);
+/// assert_eq!(Counted.evaluate(&Pose::IDENTITY, &mut scratch).energy, 2.0);
+/// ```
 pub trait EnergySource: Send + Sync {
     /// Working memory for [`EnergySource::evaluate`], one per thread.
     fn scratch(&self) -> Scratch;
@@ -48,16 +118,34 @@ pub trait EnergySource: Send + Sync {
     }
 
     /// Whether all that the response depends on, at `pose` and a little around it, is in memory.
-    /// True for a source that is always whole. Where it is false the response may be that of a pose
-    /// far away, without notice of where that begins. Like `evaluate` it allocates nothing and takes
-    /// no lock.
+    /// True for a source that is always whole. Where it is false the response may be that of a
+    /// pose far away, without notice of where that begins. Like `evaluate` it allocates nothing
+    /// and takes no lock.
     fn is_loaded(&self, _pose: &Pose, _scratch: &Scratch) -> bool {
         true
     }
+}
 
-    /// What the source interpolates or computes, as a number: two sources that exist at the same time
-    /// and have the same one give the same response wherever both are loaded.
-    fn field(&self) -> usize {
-        std::ptr::from_ref(self).cast::<()>() as usize
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scratch_gives_back_what_was_put_in() {
+        let mut scratch = Scratch::new(vec![1.5f32]);
+        scratch.get_mut::<Vec<f32>>().push(2.5);
+        assert_eq!(*scratch.get::<Vec<f32>>(), [1.5, 2.5]);
+    }
+
+    #[test]
+    #[should_panic(expected = "expected alloc::vec::Vec<f64>, found alloc::vec::Vec<f32>")]
+    fn a_scratch_of_another_type_is_refused_by_name() {
+        Scratch::new(vec![1.5f32]).get_mut::<Vec<f64>>();
+    }
+
+    #[test]
+    #[should_panic(expected = "expected f64, found nothing")]
+    fn an_empty_scratch_holds_nothing() {
+        Scratch::default().get::<f64>();
     }
 }

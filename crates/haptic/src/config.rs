@@ -4,9 +4,9 @@ use fft_correlate::Pose;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::Workspace;
-use crate::pid::PidSettings;
-use crate::spacemouse::Feel;
+use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::spacemouse::Feel;
+use crate::device::workspace::Workspace;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
 ///

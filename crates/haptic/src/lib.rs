@@ -9,52 +9,38 @@
 //! [`Session`] runs that at a fixed rate on a thread of its own, or as fast as it can in simulated
 //! time; [`ForcePath`] is one tick of it as a plain struct. Forces are newtons on the handle,
 //! torques newton metres about it; poses are metres and unit quaternions.
+//!
+//! [`device`] is what the loop pushes, [`path`] the parts of one tick, [`log`] what every tick
+//! leaves, and [`scene`] the energy of many fixed parts, loaded while the loop runs.
 
-mod box_tree;
-mod bundle;
-pub mod config;
-pub mod conformance;
-pub mod coupling;
-mod csv_log;
+mod config;
 pub mod device;
-pub mod gate;
-pub mod hid;
-pub mod hid_report;
-pub mod io_thread;
-mod keeper;
-pub mod limiter;
-pub mod live;
-mod pace;
-pub mod passivity;
+pub mod log;
+mod panics;
 pub mod path;
-pub mod pid;
-pub mod realtime;
-pub mod record;
-pub mod replay;
-pub mod report;
-mod rotations;
-pub mod sample;
+mod run;
 pub mod scene;
-pub mod script;
-pub mod servo;
-pub mod simulated;
-pub mod spacemouse;
-pub mod sum;
-pub mod workspace;
 
-pub use config::{ConfigError, HapticConfig};
-pub use device::{Device, DeviceError, DeviceSpec, DeviceState};
-pub use limiter::Limiter;
-pub use live::LiveSource;
-pub use passivity::EnergyAccount;
-pub use path::ForcePath;
-pub use record::RecordError;
-pub use replay::{Replay, read_log};
-pub use report::{Clock, LoopReport, Outcome, Quantiles};
-pub use sample::{Sample, flags};
-pub use scene::{LiveScene, PairSpec, SceneOptions};
-pub use script::{Geometry, Script};
-pub use servo::{HapticError, Session, Viewer};
-pub use simulated::{HandConfig, SimulatedHand};
-pub use sum::{Placed, SumSource};
-pub use workspace::Workspace;
+pub use config::{ConfigError, CouplingConfig, HapticConfig, LimitConfig, PassivityConfig};
+pub use device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
+pub use device::script::{Geometry, Script};
+pub use device::simulated::{HandConfig, SimulatedHand};
+pub use device::workspace::Workspace;
+pub use log::error::RecordError;
+pub use log::read::read_log;
+pub use log::replay::Replay;
+pub use path::force_path::ForcePath;
+pub use path::limiter::Limiter;
+pub use path::passivity::EnergyAccount;
+pub use path::sample::{Sample, flags};
+pub use run::clock::Clock;
+pub use run::error::HapticError;
+pub use run::realtime::Granted;
+pub use run::report::{LoopReport, Outcome, Quantiles};
+pub use run::session::{Session, Viewer};
+pub use scene::live_scene::LiveScene;
+pub use scene::live_source::LiveSource;
+pub use scene::options::SceneOptions;
+pub use scene::pair::PairSpec;
+pub use scene::shared::SharedSource;
+pub use scene::sum::{Placed, SumSource};

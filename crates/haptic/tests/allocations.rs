@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3};
 use haptic::scene::{Content, Loaded, PairState};
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveScene,
-    LiveSource, PairSpec, Placed, SceneOptions, Script, Session, SumSource, flags,
+    LiveSource, PairSpec, Placed, SceneOptions, Script, Session, SharedSource, SumSource, flags,
 };
 
 /// Counts the allocator calls of the thread that polls it, from its first poll to its last, and
@@ -102,7 +102,7 @@ fn no_tick_allocates_in_real_time() {
 fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
     let sum = || {
         let placed = Placed {
-            source: Some(Arc::new(Well::default()) as Arc<dyn EnergySource>),
+            source: Some(SharedSource::new(Arc::new(Well::default()))),
             placement: Pose::IDENTITY,
             reach: None,
         };

@@ -1,9 +1,9 @@
-//! Failures on their way to the caller: a code returned, a text kept per thread.
+//! Failures on their way to the caller: a code returned, a text kept.
 
-use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::PegfitStatus;
+use crate::last_error::keep;
+use crate::status::PegfitStatus;
 
 /// A failed call.
 #[derive(Debug)]
@@ -21,10 +21,6 @@ impl Failure {
     }
 }
 
-thread_local! {
-    static LAST: RefCell<String> = const { RefCell::new(String::new()) };
-}
-
 /// Runs the body of a call: a failure or a panic becomes a status, and its text is kept.
 pub(crate) fn guarded(body: impl FnOnce() -> Result<(), Failure>) -> PegfitStatus {
     // A body touches shared state only under a lock, which a panic poisons.
@@ -40,22 +36,14 @@ pub(crate) fn guarded(body: impl FnOnce() -> Result<(), Failure>) -> PegfitStatu
             Failure::new(PegfitStatus::Internal, text.unwrap_or_default())
         }
     };
-    // C reads up to the first zero.
-    let text = failure.text.replace('\0', " ");
-    // Gone only while the thread ends: then nobody asks any more.
-    let _ = LAST.try_with(|last| last.replace(text));
+    keep(&failure.text);
     failure.status
-}
-
-/// Gives the text of this thread's last failure to `read`.
-pub(crate) fn last_error<T>(read: impl Fn(&str) -> T) -> T {
-    LAST.try_with(|last| read(&last.borrow()))
-        .unwrap_or_else(|_| read(""))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::last_error::last_error;
 
     #[test]
     fn a_panic_is_a_status_with_its_text() {

@@ -11,6 +11,7 @@
 
 mod failure;
 mod handles;
+mod last_error;
 mod pose;
 mod status;
 mod table;

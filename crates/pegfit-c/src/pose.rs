@@ -3,8 +3,8 @@
 use fft_correlate::{Pose, Response};
 use glam::{DQuat, DVec3};
 
-use crate::PegfitStatus;
 use crate::failure::Failure;
+use crate::status::PegfitStatus;
 
 /// Pose of the moving part in the fixed part's frame: a point `q` of the moving part is at
 /// `R q + t`.

@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, c_char};
 
-use crate::failure::last_error;
+use crate::last_error::last_error;
 
 /// How a call ended.
 #[repr(C)]

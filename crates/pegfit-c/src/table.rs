@@ -8,7 +8,8 @@ use fft_correlate::{EnergyTable, TableStore};
 
 use crate::failure::{Failure, guarded};
 use crate::handles::Handles;
-use crate::{PegfitPose, PegfitResponse, PegfitStatus};
+use crate::pose::{PegfitPose, PegfitResponse};
+use crate::status::PegfitStatus;
 
 /// A loaded table. 0 is never one.
 pub type PegfitTable = u64;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Wrench;
 use glam::{DVec2, DVec3};
-use haptic::hid::{Access, DeviceInfo, DeviceKind, enumerate, open};
+use haptic::device::hid::{Access, DeviceInfo, DeviceKind, enumerate, open};
 use haptic::{Device, DeviceError, DeviceState};
 
 use crate::gadget::Gadget;
@@ -203,6 +203,17 @@ fn joystick_pushes() {
     until("let go", || {
         (motors.lock().expect("motors").push() == DVec2::ZERO).then_some(())
     });
+    keep_pushing(device.as_mut(), &motors);
+    drop(device);
+    // The kernel hands the last reports on after the writer has closed.
+    until("stopped and freed", || {
+        let motors = motors.lock().expect("motors");
+        (motors.effects.is_empty() && motors.stops >= 3).then_some(())
+    });
+}
+
+/// A thousand forces at 1 kHz, of which the newest arrive.
+fn keep_pushing(device: &mut dyn Device, motors: &Mutex<Motors>) {
     let begin = Instant::now();
     let before = motors.lock().expect("motors").magnitudes;
     for k in 0..1000 {
@@ -217,12 +228,6 @@ fn joystick_pushes() {
         begin.elapsed().as_secs_f64()
     );
     assert!(written > 100, "{written}");
-    drop(device);
-    // The kernel hands the last reports on after the writer has closed.
-    until("stopped and freed", || {
-        let motors = motors.lock().expect("motors");
-        (motors.effects.is_empty() && motors.stops >= 3).then_some(())
-    });
 }
 
 fn joystick_comes_back() {

@@ -2,7 +2,8 @@
 //!
 //! `hid-vm uhid` plugs in devices through `/dev/uhid`; `hid-vm usb` plugs one into a USB host
 //! controller through `dummy_hcd`; `hid-vm hold NAME FILE` only keeps a device plugged in until
-//! FILE appears, for the programs beside it. Each check prints one line; the exit status says whether all held.
+//! FILE appears, for the programs beside it. Each check prints one line; the exit status says
+//! whether all held.
 
 mod checks;
 mod gadget;

@@ -1,6 +1,6 @@
 //! `pegfit devices`: what is attached, what it can do, and which one `--device` means.
 
-use haptic::hid::{self, Access, DeviceInfo, DeviceKind};
+use haptic::device::hid::{self, Access, DeviceInfo, DeviceKind};
 use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
 use super::{Context, print_json};

@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use fft_correlate::{DirectOptions, EnergySource, PartialTable, Pose};
 use glam::DVec3;
-use haptic::scene::{
-    Content, LiveScene, LoadFailure, Loaded, Loader, PairSpec, SceneError, SceneOptions,
-};
+use haptic::scene::{Content, LiveSceneError, LoadFailure, Loaded, Loader};
+use haptic::{LiveScene, PairSpec, SceneOptions};
 use sdf_grid::{Aabb, TriangleMesh};
 
 use super::{Context, bake};
@@ -98,10 +97,10 @@ impl LivePairs {
     }
 }
 
-fn explain(scene: &Scene, error: SceneError) -> CommandError {
+fn explain(scene: &Scene, error: LiveSceneError) -> CommandError {
     let file = scene.path.display();
     match error {
-        SceneError::Memory {
+        LiveSceneError::Memory {
             pairs,
             needed,
             budget,

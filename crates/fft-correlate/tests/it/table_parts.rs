@@ -181,7 +181,6 @@ fn memory_is_counted_until_the_last_table_lets_go() {
     assert_eq!(parts.held_bytes(), count * each);
     let table = parts.table();
     assert_eq!(table.memory(), count * each);
-    assert_eq!(table.field(), parts.table().field());
     for node in 0..parts.nodes() {
         parts.unload(node);
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Twist;
 use glam::DVec3;
-use haptic::hid::DeviceInfo;
+use haptic::device::hid::DeviceInfo;
 use haptic::{Device, DeviceError, DeviceSpec, DeviceState, HapticConfig};
 use serde::Serialize;
 
@@ -24,7 +24,7 @@ const LINE: Duration = Duration::from_millis(500);
 /// Characters on each side of a bar's middle.
 const HALF: usize = 20;
 
-/// Speeds at the ends of a rate's bar, as [`haptic::spacemouse::Feel`] has them by default.
+/// Speeds at the ends of a rate's bar, as [`haptic::device::hid::spacemouse::Feel`] has them by default.
 const FULL_SPEED: f64 = 0.1;
 const FULL_TURN: f64 = 1.0;
 
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_picture_has_a_line_per_axis_and_says_what_is_held() {
-        let spec = haptic::spacemouse::spec("mouse");
+        let spec = haptic::device::hid::spacemouse::spec("mouse");
         let look = Look {
             time: 0.0,
             connected: true,

@@ -1,0 +1,125 @@
+//! What the loop asks of a device, and what a device says of itself.
+
+use fft_correlate::{Pose, Twist, Wrench};
+use serde::Serialize;
+
+/// What a device can do. Numbers a maker does not state are `f64::INFINITY` where they bound
+/// nothing.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DeviceSpec {
+    /// Maker and model.
+    pub name: String,
+    /// Degrees of freedom sensed: 3 (translation only) or 6.
+    pub input_dof: u8,
+    /// Degrees of freedom in which a force is shown: 0 (input only), 2, 3 (force only) or 6. A
+    /// 2-DOF device pushes along its x and y.
+    pub output_dof: u8,
+    /// True if the handle steers a cursor by its rate rather than holding it in place. Such a
+    /// device shows forces by letting the cursor give way.
+    pub rate_controlled: bool,
+    /// Greatest force \[N\].
+    pub max_force: f64,
+    /// Greatest torque \[N·m\].
+    pub max_torque: f64,
+    /// Greatest stiffness \[N/m\] the maker states for a virtual wall at `nominal_rate`.
+    pub max_stiffness: f64,
+    /// Greatest rotational stiffness \[N·m/rad\] at `nominal_rate`.
+    pub max_rotational_stiffness: f64,
+    /// Edge of the reachable cube \[m\], centred on the device's origin.
+    pub workspace: f64,
+    /// Rate \[Hz\] at which the device gives new input and takes forces.
+    pub nominal_rate: f64,
+}
+
+/// The newest input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeviceState {
+    /// Pose of the handle in the device's frame (right-handed, metres, origin at the middle of the
+    /// workspace).
+    pub pose: Pose,
+    /// Velocity of the handle in the device's frame, rad/s and m/s; zero if the device does not
+    /// measure it.
+    pub twist: Twist,
+    /// Bit `i` is set while button `i` is held.
+    pub buttons: u32,
+    /// When it was measured, seconds on the clock given to [`Device::poll`]. A device that is
+    /// silent at rest gives the time of the call.
+    pub timestamp: f64,
+}
+
+impl DeviceState {
+    /// At rest at `pose`.
+    pub fn at(pose: Pose, timestamp: f64) -> Self {
+        Self {
+            pose,
+            twist: Twist::default(),
+            buttons: 0,
+            timestamp,
+        }
+    }
+}
+
+/// Why a device did not answer.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DeviceError {
+    /// It was unplugged or switched off; it may come back.
+    #[error("the device is disconnected")]
+    Disconnected,
+    /// It has not given any input yet.
+    #[error("the device has given no input yet")]
+    NoInput,
+    /// The system refused to open or use it.
+    #[error("{name}: {reason}")]
+    System {
+        /// The device or its path.
+        name: String,
+        /// The system's words.
+        reason: String,
+    },
+    /// It is not the kind of device asked for, or its descriptor lacks what is needed.
+    #[error("{name}: expected {expected}, found {found}")]
+    Unsuitable {
+        /// The device.
+        name: String,
+        /// What is needed.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+}
+
+/// A haptic device as the loop sees it.
+///
+/// All calls come from the loop thread. `poll` and `send` neither block nor allocate; `stop_all`
+/// may wait for the device to confirm. A device that needs slow input or output does it on threads
+/// of its own; see [`crate::device::threaded`].
+///
+/// To write a device of your own: (1) state its numbers in a [`DeviceSpec`]; (2) in `poll`, give
+/// the newest pose in a right-handed frame, metres, with the time it was measured; (3) in `send`,
+/// hand the wrench on, torque and force on the handle in the same frame; (4) in `stop_all`, leave
+/// every motor without force; (5) run `haptic::conformance::check` on it.
+pub trait Device: Send {
+    /// What it can do; constant.
+    fn spec(&self) -> &DeviceSpec;
+
+    /// The newest input. `now` is the loop's clock, seconds, never decreasing.
+    ///
+    /// # Errors
+    /// [`DeviceError::Disconnected`] while it is gone, [`DeviceError::NoInput`] before its first
+    /// input.
+    fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError>;
+
+    /// The torque and force on the handle from now on, device frame, torque about the handle's
+    /// origin.
+    ///
+    /// # Errors
+    /// If the device is gone; the loop goes on.
+    fn send(&mut self, wrench: &Wrench) -> Result<(), DeviceError>;
+
+    /// Takes every force away at once. May be called at any time, more than once, and during a
+    /// panic.
+    ///
+    /// # Errors
+    /// If the device could not be told.
+    fn stop_all(&mut self) -> Result<(), DeviceError>;
+}

@@ -1,0 +1,12 @@
+//! Devices: what the loop asks of one, a simulated hand, and those of this machine.
+//!
+//! [`threaded`] makes a device of two halves that block; [`hid`] has the HID devices that are
+//! known; [`conformance`] checks a device of your own.
+
+pub mod conformance;
+pub(crate) mod contract;
+pub mod hid;
+pub(crate) mod script;
+pub(crate) mod simulated;
+pub mod threaded;
+pub(crate) mod workspace;

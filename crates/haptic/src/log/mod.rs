@@ -1,0 +1,12 @@
+//! Logs: what every tick left, written while the loop runs, read back, and replayed.
+
+pub(crate) mod columns;
+pub(crate) mod csv;
+pub(crate) mod error;
+pub(crate) mod read;
+pub(crate) mod record;
+pub(crate) mod replay;
+pub(crate) mod writer;
+
+pub use columns::{COLUMNS, faults, numbers};
+pub use writer::SampleWriter;

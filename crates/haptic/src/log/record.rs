@@ -1,0 +1,285 @@
+//! Logs: samples leave the loop through a ring, wait in memory while the disk is busy, and are
+//! written by a thread of their own. A disk that stands still for ten minutes loses nothing and
+//! holds nobody up.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::log::error::RecordError;
+use crate::log::writer::SampleWriter;
+use crate::panics::panic_message;
+use crate::path::sample::Sample;
+
+/// Samples the ring holds: 16 s at 1 kHz, for the time that the collecting thread gets no
+/// processor.
+const RING: usize = 16_384;
+
+/// Samples that may wait in memory for the disk: ten minutes at 1 kHz, some 250 MB.
+const WAITING: usize = 600_000;
+
+/// As many in simulated time, where the loop waits instead.
+const WAITING_SIMULATED: usize = 65_536;
+
+/// Sleep of the collecting thread while the ring is empty.
+const REST: Duration = Duration::from_millis(2);
+
+/// The loop's end of a recording: neither blocks nor allocates.
+pub(crate) struct Recorder {
+    ring: Producer<Sample>,
+    /// Wait for room rather than drop: in simulated time nobody is kept waiting.
+    patient: bool,
+    pub(crate) dropped: u64,
+}
+
+impl Recorder {
+    pub(crate) fn record(&mut self, sample: &Sample) {
+        while self.patient && self.ring.is_full() && !self.ring.is_abandoned() {
+            std::thread::yield_now();
+        }
+        if self.ring.push(*sample).is_err() {
+            self.dropped += 1;
+        }
+    }
+}
+
+/// The threads that collect and write.
+pub(crate) struct Writer {
+    collecting: JoinHandle<Vec<Sample>>,
+    writing: Option<JoinHandle<Result<(), RecordError>>>,
+    done: Arc<AtomicBool>,
+    path: PathBuf,
+}
+
+/// Starts the threads, which write to `file` and keep every sample if `keep` says so.
+pub(crate) fn start(
+    file: Option<Box<dyn SampleWriter>>,
+    keep: bool,
+    patient: bool,
+) -> Result<(Recorder, Writer), RecordError> {
+    let (ring, drain) = RingBuffer::new(RING);
+    let done = Arc::new(AtomicBool::new(false));
+    let path = file.as_ref().map_or_else(|| "memory".into(), |f| f.path());
+    let failed = |source| RecordError::Io {
+        path: path.clone(),
+        source,
+    };
+    let (mut batches, mut writing) = (None, None);
+    if let Some(file) = file {
+        // Room for one batch beside the one being written; the rest waits with the collector.
+        let (sender, receiver) = sync_channel(1);
+        let thread = std::thread::Builder::new().name("haptic-log".into());
+        let body = move || write_all(&receiver, file);
+        (batches, writing) = (Some(sender), Some(thread.spawn(body).map_err(failed)?));
+    }
+    let collector = Collector {
+        ring: drain,
+        batches,
+        waiting: Vec::new(),
+        room: if patient { WAITING_SIMULATED } else { WAITING },
+        kept: keep.then(Vec::new),
+    };
+    let stop = Arc::clone(&done);
+    let collecting = std::thread::Builder::new()
+        .name("haptic-collect".into())
+        .spawn(move || collector.run(&stop))
+        .map_err(failed)?;
+    let recorder = Recorder {
+        ring,
+        patient,
+        dropped: 0,
+    };
+    let writer = Writer {
+        collecting,
+        writing,
+        done,
+        path,
+    };
+    Ok((recorder, writer))
+}
+
+impl Writer {
+    /// Waits until everything is written; gives the samples if they were kept in memory.
+    pub(crate) fn finish(self) -> Result<Vec<Sample>, RecordError> {
+        self.done.store(true, Ordering::Release);
+        let panicked = |panic: Box<dyn std::any::Any + Send>| RecordError::Writer {
+            path: self.path.clone(),
+            reason: panic_message(panic.as_ref()),
+        };
+        let kept = self.collecting.join().map_err(panicked)?;
+        if let Some(writing) = self.writing {
+            writing.join().map_err(panicked)??;
+        }
+        Ok(kept)
+    }
+}
+
+/// Empties the ring, whatever the disk does.
+struct Collector {
+    ring: Consumer<Sample>,
+    batches: Option<SyncSender<Vec<Sample>>>,
+    waiting: Vec<Sample>,
+    room: usize,
+    kept: Option<Vec<Sample>>,
+}
+
+impl Collector {
+    /// Until the loop is done and the ring empty.
+    fn run(mut self, done: &AtomicBool) -> Vec<Sample> {
+        loop {
+            // Read before collecting: what was pushed before `done` was set is then seen.
+            let last = done.load(Ordering::Acquire) || self.ring.is_abandoned();
+            self.collect();
+            self.hand_on();
+            if last && self.ring.is_empty() {
+                break;
+            }
+            std::thread::sleep(REST);
+        }
+        if let Some(batches) = self.batches {
+            // Refused by a writer that has failed, which says so itself.
+            let _ = batches.send(self.waiting);
+        }
+        self.kept.unwrap_or_default()
+    }
+
+    fn collect(&mut self) {
+        while self.waiting.len() < self.room {
+            let Ok(sample) = self.ring.pop() else {
+                return;
+            };
+            if let Some(kept) = &mut self.kept {
+                kept.push(sample);
+            }
+            if self.batches.is_some() {
+                self.waiting.push(sample);
+            }
+        }
+    }
+
+    /// Gives what waits to the writer if it has room; after it failed, to nobody.
+    fn hand_on(&mut self) {
+        let Some(batches) = &self.batches else {
+            return;
+        };
+        if self.waiting.is_empty() {
+            return;
+        }
+        match batches.try_send(std::mem::take(&mut self.waiting)) {
+            Ok(()) => {}
+            Err(TrySendError::Full(batch)) => self.waiting = batch,
+            Err(TrySendError::Disconnected(_)) => self.batches = None,
+        }
+    }
+}
+
+fn write_all(
+    batches: &Receiver<Vec<Sample>>,
+    mut file: Box<dyn SampleWriter>,
+) -> Result<(), RecordError> {
+    for batch in batches {
+        batch.iter().try_for_each(|sample| file.write(sample))?;
+    }
+    file.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+
+    /// Does not take the second sample before it may; then keeps the numbers of all it gets.
+    struct StandsStill {
+        ticks: Arc<Mutex<Vec<u64>>>,
+        may: Receiver<()>,
+    }
+
+    impl SampleWriter for StandsStill {
+        fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
+            let mut ticks = self.ticks.lock().unwrap();
+            if ticks.len() == 1 {
+                self.may.recv().unwrap();
+            }
+            ticks.push(sample.tick);
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<(), RecordError> {
+            Ok(())
+        }
+
+        fn path(&self) -> PathBuf {
+            "nowhere".into()
+        }
+    }
+
+    #[test]
+    fn a_disk_that_stands_still_loses_nothing_and_holds_nobody_up() {
+        let ticks = Arc::default();
+        let (go, may) = sync_channel(1);
+        let file = StandsStill {
+            ticks: Arc::clone(&ticks),
+            may,
+        };
+        let (mut recorder, writer) = start(Some(Box::new(file)), true, false).unwrap();
+        // Three times what the ring holds, in pieces that the collector has time to fetch.
+        let count = 3 * RING as u64;
+        for tick in 0..count {
+            recorder.record(&Sample {
+                tick,
+                ..Sample::default()
+            });
+            while tick % 1024 == 0 && recorder.ring.slots() < RING / 2 {
+                std::thread::sleep(REST);
+            }
+        }
+        assert_eq!(recorder.dropped, 0);
+        // Everything was recorded while the disk stood still.
+        assert!(ticks.try_lock().is_err() || ticks.lock().unwrap().len() <= 1);
+        go.send(()).unwrap();
+        let kept = writer.finish().unwrap();
+        let all: Vec<u64> = (0..count).collect();
+        assert_eq!(*ticks.lock().unwrap(), all);
+        assert!(kept.iter().map(|s| s.tick).eq(all));
+    }
+
+    /// Fails at the first sample.
+    struct Full;
+
+    impl SampleWriter for Full {
+        fn write(&mut self, _: &Sample) -> Result<(), RecordError> {
+            Err(RecordError::Io {
+                path: self.path(),
+                source: std::io::ErrorKind::StorageFull.into(),
+            })
+        }
+
+        fn finish(self: Box<Self>) -> Result<(), RecordError> {
+            panic!("finished a log that failed")
+        }
+
+        fn path(&self) -> PathBuf {
+            "nowhere".into()
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end_and_keeps_nobody_waiting() {
+        for patient in [false, true] {
+            let (mut recorder, writer) = start(Some(Box::new(Full)), true, patient).unwrap();
+            for tick in 0..2 * WAITING_SIMULATED as u64 {
+                recorder.record(&Sample {
+                    tick,
+                    ..Sample::default()
+                });
+            }
+            let told = writer.finish().unwrap_err().to_string();
+            assert!(told.starts_with("nowhere: "), "{told}");
+        }
+    }
+}

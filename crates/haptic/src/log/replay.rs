@@ -1,0 +1,93 @@
+//! Recorded logs as devices: the same inputs again, and with them the same forces.
+
+use fft_correlate::Wrench;
+
+use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
+use crate::path::sample::Sample;
+
+/// Gives the inputs of a log one after the other, one per poll, whatever the clock says.
+///
+/// In simulated time, at the rate of a log that was recorded in simulated time with the same
+/// device record, settings and source, the forces are the recorded ones to the last bit.
+/// [`crate::ForcePath::step`] with the logged `time` and `dt` repeats any log so.
+#[derive(Debug)]
+pub struct Replay {
+    spec: DeviceSpec,
+    samples: Vec<Sample>,
+    next: usize,
+    last: Wrench,
+}
+
+impl Replay {
+    /// Replays `samples` as the device that `spec` describes.
+    pub fn new(spec: DeviceSpec, samples: Vec<Sample>) -> Self {
+        Self {
+            spec,
+            samples,
+            next: 0,
+            last: Wrench::ZERO,
+        }
+    }
+
+    /// Seconds the log lasts.
+    pub fn duration(&self) -> f64 {
+        self.samples.iter().map(|s| s.dt).sum()
+    }
+
+    /// The wrench sent last.
+    pub fn wrench(&self) -> Wrench {
+        self.last
+    }
+}
+
+impl Device for Replay {
+    fn spec(&self) -> &DeviceSpec {
+        &self.spec
+    }
+
+    fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
+        let sample = self.samples.get(self.next);
+        self.next += 1;
+        match sample.map(|s| (s.time, s.input)) {
+            // The age of the input counts, not the time of day of the recording.
+            Some((time, Some(input))) if time == now => Ok(input),
+            Some((time, Some(input))) => Ok(DeviceState {
+                timestamp: input.timestamp + (now - time),
+                ..input
+            }),
+            _ => Err(DeviceError::Disconnected),
+        }
+    }
+
+    fn send(&mut self, wrench: &Wrench) -> Result<(), DeviceError> {
+        self.last = *wrench;
+        Ok(())
+    }
+
+    fn stop_all(&mut self) -> Result<(), DeviceError> {
+        self.last = Wrench::ZERO;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fft_correlate::Pose;
+
+    use super::*;
+
+    #[test]
+    fn passes_the_conformance_suite_and_is_gone_after_its_end() {
+        let sample = |tick: u32| Sample {
+            time: f64::from(tick) * 1e-3,
+            dt: 1e-3,
+            input: Some(DeviceState::at(Pose::IDENTITY, f64::from(tick) * 1e-3)),
+            ..Sample::default()
+        };
+        let spec = crate::device::simulated::HandConfig::default().spec();
+        let mut replay = Replay::new(spec, (0..201).map(sample).collect());
+        assert!((replay.duration() - 0.201).abs() < 1e-12);
+        crate::device::conformance::check(&mut replay).unwrap();
+        assert_eq!(replay.poll(1.0), Err(DeviceError::Disconnected));
+    }
+}

@@ -1,0 +1,13 @@
+//! One tick of the force path, part by part: from the handle's pose to the wrench on it.
+
+pub(crate) mod bundle;
+pub(crate) mod coupling;
+pub(crate) mod force_path;
+pub(crate) mod gate;
+pub(crate) mod limiter;
+pub(crate) mod passivity;
+pub(crate) mod sample;
+pub use coupling::{Coupled, Coupling, Gains, SpringLimits};
+pub use gate::{Admitted, Gate};
+pub use limiter::Limited;
+pub use passivity::Passivity;

@@ -1,0 +1,164 @@
+//! When ticks are due: absolute deadlines on the wall clock, or a count of periods.
+
+use std::time::{Duration, Instant};
+
+use crate::config::HapticConfig;
+use crate::run::clock::Clock;
+use crate::run::realtime;
+
+/// The times of one run's ticks.
+pub(crate) struct Pace {
+    clock: Clock,
+    period: Duration,
+    seconds: f64,
+    spin: Duration,
+    begin: Instant,
+    deadline: Instant,
+    last: Instant,
+    ticks: u64,
+    skipped: u32,
+}
+
+/// A tick that is due.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Due {
+    /// Seconds on the loop's clock.
+    pub(crate) now: f64,
+    /// Seconds since the last tick.
+    pub(crate) dt: f64,
+    /// Deadlines left out before this one.
+    pub(crate) skipped: u32,
+    start: Instant,
+}
+
+/// What a tick took, nanoseconds on the wall clock.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Spent {
+    pub(crate) latency: u64,
+    /// Start after the deadline; 0 in simulated time.
+    pub(crate) lateness: u64,
+    /// Deadlines that passed before it ended.
+    pub(crate) skipped: u32,
+}
+
+impl Pace {
+    pub(crate) fn new(clock: Clock, config: &HapticConfig) -> Self {
+        let begin = Instant::now();
+        let period = Duration::from_secs_f64(config.period());
+        Self {
+            clock,
+            period,
+            seconds: config.period(),
+            spin: Duration::from_micros(config.spin_us.into()),
+            begin,
+            deadline: begin,
+            last: begin.checked_sub(period).unwrap_or(begin),
+            ticks: 0,
+            skipped: 0,
+        }
+    }
+
+    /// When the run began.
+    pub(crate) fn begin(&self) -> Instant {
+        self.begin
+    }
+
+    /// Waits for the next tick.
+    pub(crate) fn wait(&mut self) -> Due {
+        if self.clock == Clock::Simulated {
+            return Due {
+                now: self.ticks as f64 * self.seconds,
+                dt: self.seconds,
+                skipped: 0,
+                start: Instant::now(),
+            };
+        }
+        realtime::sleep_until(self.deadline, self.spin);
+        let start = Instant::now();
+        Due {
+            now: (start - self.begin).as_secs_f64(),
+            dt: (start - self.last).as_secs_f64(),
+            skipped: self.skipped,
+            start,
+        }
+    }
+
+    /// Ends a tick and sets the next deadline.
+    pub(crate) fn finish(&mut self, due: &Due) -> Spent {
+        let end = Instant::now();
+        let latency = nanoseconds(end - due.start);
+        self.ticks += 1;
+        if self.clock == Clock::Simulated {
+            return Spent {
+                latency,
+                lateness: 0,
+                skipped: 0,
+            };
+        }
+        let lateness = nanoseconds(due.start - self.deadline);
+        self.last = due.start;
+        self.skipped = ticks_skipped(self.deadline, end, self.period);
+        self.deadline += self.period * (self.skipped + 1);
+        Spent {
+            latency,
+            lateness,
+            skipped: self.skipped,
+        }
+    }
+}
+
+/// Deadlines after `deadline` that passed before `end`. They are left out: catching up in a burst
+/// would show the device several forces at once.
+fn ticks_skipped(deadline: Instant, end: Instant, period: Duration) -> u32 {
+    let past = end.saturating_duration_since(deadline).as_nanos() / period.as_nanos().max(1);
+    u32::try_from(past).unwrap_or(u32::MAX - 1)
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deadlines_that_passed_are_left_out_not_caught_up() {
+        let period = Duration::from_millis(1);
+        let deadline = Instant::now();
+        let end = |micros| deadline + Duration::from_micros(micros);
+        assert_eq!(ticks_skipped(deadline, end(300), period), 0);
+        assert_eq!(ticks_skipped(deadline, end(999), period), 0);
+        assert_eq!(ticks_skipped(deadline, end(1001), period), 1);
+        assert_eq!(ticks_skipped(deadline, end(10_500), period), 10);
+    }
+
+    #[test]
+    fn a_slow_tick_is_followed_by_no_burst() {
+        let config = HapticConfig {
+            rate_hz: 1000.0,
+            ..HapticConfig::default()
+        };
+        let mut pace = Pace::new(Clock::Real, &config);
+        let due = pace.wait();
+        std::thread::sleep(Duration::from_millis(5));
+        let skipped = pace.finish(&due).skipped;
+        assert!(skipped >= 5, "{skipped}");
+        let next = pace.wait();
+        assert_eq!(next.skipped, skipped);
+        // The next tick keeps to the grid of deadlines that began with the run.
+        assert!(next.now >= f64::from(skipped + 1) * 1e-3);
+        assert!(next.dt >= 5e-3);
+    }
+
+    #[test]
+    fn simulated_time_is_a_count_of_periods() {
+        let config = HapticConfig::default();
+        let mut pace = Pace::new(Clock::Simulated, &config);
+        for tick in 0..5 {
+            let due = pace.wait();
+            assert_eq!((due.now, due.dt), (f64::from(tick) * 1e-3, 1e-3));
+            assert_eq!(pace.finish(&due).lateness, 0);
+        }
+    }
+}

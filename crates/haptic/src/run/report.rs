@@ -1,0 +1,217 @@
+//! What a run was like, counted while it runs.
+
+use std::time::Instant;
+
+use fft_correlate::Wrench;
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+use crate::device::contract::DeviceSpec;
+use crate::path::coupling::Gains;
+use crate::path::passivity::EnergyAccount;
+use crate::path::sample::{Sample, flags};
+use crate::run::clock::Clock;
+use crate::run::pace::Spent;
+use crate::run::realtime::Granted;
+
+/// Longest time a histogram tells from longer ones, nanoseconds.
+const LONGEST: u64 = 60_000_000_000;
+
+/// Microseconds at quantiles of a distribution.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Quantiles {
+    /// Half are below.
+    pub p50: f64,
+    /// 99 of 100 are below.
+    pub p99: f64,
+    /// 999 of 1000 are below.
+    pub p999: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl Quantiles {
+    /// Of a histogram of nanoseconds.
+    pub fn of(nanoseconds: &Histogram<u64>) -> Self {
+        let at = |q| nanoseconds.value_at_quantile(q) as f64 * 1e-3;
+        Self {
+            p50: at(0.5),
+            p99: at(0.99),
+            p999: at(0.999),
+            max: at(1.0),
+        }
+    }
+}
+
+/// What a run was like.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LoopReport {
+    /// Which clock it ran on.
+    pub clock: Clock,
+    /// The device's name.
+    pub device: String,
+    /// Ticks done.
+    pub ticks: u64,
+    /// Seconds on the loop's clock.
+    pub seconds: f64,
+    /// Mean rate on the loop's clock, Hz.
+    pub rate_hz: f64,
+    /// Computing time per tick, microseconds, on the wall clock.
+    pub latency_us: Quantiles,
+    /// Start of each tick after its deadline, microseconds; zeros in simulated time.
+    pub lateness_us: Quantiles,
+    /// Ticks that ended after the next one's deadline.
+    pub overruns: u64,
+    /// Deadlines left out because of overruns.
+    pub missed: u64,
+    /// Ticks with no, bad, stale or jumping input.
+    pub input_faults: u64,
+    /// Times the energy source was exchanged ([`flags::CHANGED`]).
+    pub changes: u64,
+    /// Ticks in which a part in reach, or rotations of its table that matter, were not in memory
+    /// ([`flags::NOT_LOADED`]).
+    pub not_loaded: u64,
+    /// Ticks in which the passivity controller acted.
+    pub damped: u64,
+    /// Wrenches the device did not take.
+    pub not_sent: u64,
+    /// Samples the log has not got: zero unless the disk stood still for many seconds.
+    pub dropped_samples: u64,
+    /// Evaluations of the energy source.
+    pub evaluations: u64,
+    /// Greatest force sent, N.
+    pub peak_force: f64,
+    /// Greatest torque sent, N·m.
+    pub peak_torque: f64,
+    /// Coupling stiffness in use, N/m.
+    pub stiffness: f64,
+    /// Rotational coupling stiffness in use, N·m/rad.
+    pub rotational_stiffness: f64,
+    /// Energy bookkeeping, joules.
+    pub energy: EnergyAccount,
+    /// What the operating system granted.
+    pub granted: Granted,
+}
+
+/// All that a run leaves.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Counts and quantiles.
+    pub report: LoopReport,
+    /// Every sample, if [`Session::keep_samples`] was asked for.
+    pub samples: Vec<Sample>,
+    /// The last sample.
+    pub last: Sample,
+    /// Computing time per tick, nanoseconds.
+    pub latency: Histogram<u64>,
+    /// Start after deadline, nanoseconds.
+    pub lateness: Histogram<u64>,
+    /// When the first tick was due.
+    pub began: Instant,
+}
+
+/// Counts of a run so far; counting allocates nothing.
+pub(crate) struct Tally {
+    pub(crate) latency: Histogram<u64>,
+    pub(crate) lateness: Histogram<u64>,
+    pub(crate) last: Sample,
+    seconds: f64,
+    ticks: u64,
+    overruns: u64,
+    missed: u64,
+    input_faults: u64,
+    changes: u64,
+    not_loaded: u64,
+    damped: u64,
+    not_sent: u64,
+    evaluations: u64,
+    peak: (f64, f64),
+}
+
+fn histogram() -> Histogram<u64> {
+    // Bounds and digits are constants in range.
+    Histogram::new_with_bounds(1, LONGEST, 3).expect("constant bounds")
+}
+
+impl Tally {
+    pub(crate) fn new() -> Self {
+        Self {
+            latency: histogram(),
+            lateness: histogram(),
+            last: Sample::default(),
+            seconds: 0.0,
+            ticks: 0,
+            overruns: 0,
+            missed: 0,
+            input_faults: 0,
+            changes: 0,
+            not_loaded: 0,
+            damped: 0,
+            not_sent: 0,
+            evaluations: 0,
+            peak: (0.0, 0.0),
+        }
+    }
+
+    pub(crate) fn count(&mut self, sample: &Sample) {
+        let has = |bits: u16| u64::from(sample.flags & bits != 0);
+        self.ticks += 1;
+        self.seconds = sample.time + sample.dt.min(1.0);
+        self.input_faults += has(flags::NO_INPUT | flags::BAD_INPUT | flags::STALE | flags::JUMP);
+        self.changes += has(flags::CHANGED);
+        self.not_loaded += has(flags::NOT_LOADED);
+        self.damped += has(flags::DAMPED);
+        self.not_sent += has(flags::NOT_SENT);
+        self.evaluations += u64::from(sample.evaluations);
+        let Wrench { torque, force } = sample.wrench;
+        self.peak.0 = self.peak.0.max(force.length());
+        self.peak.1 = self.peak.1.max(torque.length());
+        self.last = *sample;
+    }
+
+    pub(crate) fn time(&mut self, spent: &Spent) {
+        self.latency.saturating_record(spent.latency);
+        self.lateness.saturating_record(spent.lateness);
+        self.overruns += u64::from(spent.skipped > 0);
+        self.missed += u64::from(spent.skipped);
+    }
+
+    /// The report, but for what only the session knows: `dropped` samples and what was `granted`.
+    pub(crate) fn report(
+        &self,
+        clock: Clock,
+        device: &DeviceSpec,
+        gains: &Gains,
+        dropped: u64,
+        granted: Granted,
+    ) -> LoopReport {
+        LoopReport {
+            clock,
+            device: device.name.clone(),
+            ticks: self.ticks,
+            seconds: self.seconds,
+            rate_hz: if self.seconds > 0.0 {
+                self.ticks as f64 / self.seconds
+            } else {
+                0.0
+            },
+            latency_us: Quantiles::of(&self.latency),
+            lateness_us: Quantiles::of(&self.lateness),
+            overruns: self.overruns,
+            missed: self.missed,
+            input_faults: self.input_faults,
+            changes: self.changes,
+            not_loaded: self.not_loaded,
+            damped: self.damped,
+            not_sent: self.not_sent,
+            dropped_samples: dropped,
+            evaluations: self.evaluations,
+            peak_force: self.peak.0,
+            peak_torque: self.peak.1,
+            stiffness: gains.stiffness,
+            rotational_stiffness: gains.rotational_stiffness,
+            energy: self.last.account,
+            granted,
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! The loop: ticks at absolute deadlines on a thread of its own, or as fast as it can in simulated
+//! time.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fft_correlate::EnergySource;
+
+use crate::config::HapticConfig;
+use crate::device::contract::{Device, DeviceError};
+use crate::device::workspace::Workspace;
+use crate::log::csv::CsvLog;
+use crate::log::error::RecordError;
+use crate::log::record;
+use crate::log::record::{Recorder, Writer};
+use crate::log::writer::SampleWriter;
+use crate::panics::panic_message;
+use crate::path::force_path::ForcePath;
+use crate::path::sample::{Sample, flags};
+use crate::run::clock::Clock;
+use crate::run::error::HapticError;
+use crate::run::pace::{Due, Pace};
+use crate::run::realtime;
+use crate::run::realtime::Granted;
+use crate::run::report::Outcome;
+use crate::run::report::Tally;
+
+/// Shows the newest sample to another thread; never holds the loop up.
+#[derive(Debug)]
+pub struct Viewer(triple_buffer::Output<Sample>);
+
+impl Viewer {
+    /// The newest sample; the default one before the first tick.
+    pub fn newest(&mut self) -> &Sample {
+        self.0.read()
+    }
+}
+
+/// Where every tick is written.
+enum Log {
+    Csv(PathBuf),
+    Other(Box<dyn SampleWriter>),
+}
+
+impl Log {
+    /// A file is created before the run, so that a bad path is told then.
+    fn open(self) -> Result<Box<dyn SampleWriter>, RecordError> {
+        match self {
+            Self::Csv(path) => Ok(Box::new(CsvLog::create(&path)?)),
+            Self::Other(writer) => Ok(writer),
+        }
+    }
+}
+
+/// A loop to be run.
+pub struct Session {
+    config: HapticConfig,
+    workspace: Workspace,
+    log: Option<Log>,
+    keep: bool,
+    viewer: Option<triple_buffer::Input<Sample>>,
+}
+
+impl Session {
+    /// A loop with these settings in this place.
+    pub fn new(config: HapticConfig, workspace: Workspace) -> Self {
+        Self {
+            config,
+            workspace,
+            log: None,
+            keep: false,
+            viewer: None,
+        }
+    }
+
+    /// Writes every tick to a CSV file ([`record::COLUMNS`]), which appears whole at the end.
+    #[must_use]
+    pub fn record_to(mut self, path: impl Into<PathBuf>) -> Self {
+        self.log = Some(Log::Csv(path.into()));
+        self
+    }
+
+    /// Writes every tick to a file of another format.
+    #[must_use]
+    pub fn record_with(mut self, writer: Box<dyn SampleWriter>) -> Self {
+        self.log = Some(Log::Other(writer));
+        self
+    }
+
+    /// Gives every tick back in the outcome.
+    #[must_use]
+    pub fn keep_samples(mut self) -> Self {
+        self.keep = true;
+        self
+    }
+
+    /// A view of the newest sample for another thread.
+    pub fn viewer(&mut self) -> Viewer {
+        let (input, output) = triple_buffer::triple_buffer(&Sample::default());
+        self.viewer = Some(input);
+        Viewer(output)
+    }
+
+    /// Runs for `seconds` on `clock` (infinity: until stopped) or until `stop` is set, on a thread
+    /// of its own while this one waits. The device is stopped at the end, whatever ends it.
+    ///
+    /// # Errors
+    /// If a setting is out of range, the log cannot be written, a tick panics, or the device
+    /// cannot be stopped. A device that is unplugged is no error: its force is let go, and taken up
+    /// again when it is back.
+    pub fn run(
+        self,
+        device: &mut dyn Device,
+        source: &dyn EnergySource,
+        clock: Clock,
+        seconds: f64,
+        stop: &AtomicBool,
+    ) -> Result<Outcome, HapticError> {
+        let path = ForcePath::new(
+            device.spec(),
+            &self.config,
+            self.workspace,
+            source.scratch(),
+        )?;
+        let file = self.log.map(Log::open).transpose()?;
+        let (recorder, writer) = match file.is_some() || self.keep {
+            true => {
+                let (r, w) = record::start(file, self.keep, clock == Clock::Simulated)?;
+                (Some(r), Some(w))
+            }
+            false => (None, None),
+        };
+        let mut ticker = Ticker {
+            path,
+            recorder,
+            viewer: self.viewer,
+            tally: Tally::new(),
+        };
+        let mut granted = Granted::default();
+        let realtime = self.config.realtime && clock == Clock::Real;
+        let lock = realtime.then(|| realtime::lock_memory(&mut granted));
+        let spec = device.spec().clone();
+        let began = on_own_thread(|| {
+            if realtime {
+                realtime::raise_priority(&mut granted);
+            }
+            let mut device = Guard {
+                device,
+                stopped: false,
+            };
+            let mut pace = Pace::new(clock, &self.config);
+            ticker.run(&mut pace, &mut device, source, seconds, stop);
+            device.stop().map(|()| pace.begin())
+        });
+        drop(lock);
+        let samples = writer.map(Writer::finish).transpose();
+        let began = began?;
+        let samples = samples?.unwrap_or_default();
+        let dropped = ticker.recorder.map_or(0, |r| r.dropped);
+        let (tally, gains) = (ticker.tally, ticker.path.gains());
+        Ok(Outcome {
+            report: tally.report(clock, &spec, &gains, dropped, granted),
+            samples,
+            last: tally.last,
+            latency: tally.latency,
+            lateness: tally.lateness,
+            began,
+        })
+    }
+}
+
+/// Runs `body` on a thread of its own while this one waits.
+fn on_own_thread<T: Send>(
+    body: impl FnOnce() -> Result<T, DeviceError> + Send,
+) -> Result<T, HapticError> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("haptic-loop".into());
+        thread
+            .spawn_scoped(scope, body)
+            .map_err(HapticError::Thread)?
+            .join()
+            .map_err(|panic| HapticError::Panicked(panic_message(panic.as_ref())))?
+            .map_err(HapticError::NotStopped)
+    })
+}
+
+/// Stops the device when dropped, in a panic too.
+struct Guard<'a> {
+    device: &'a mut dyn Device,
+    stopped: bool,
+}
+
+impl Guard<'_> {
+    fn stop(&mut self) -> Result<(), DeviceError> {
+        self.stopped = true;
+        match self.device.stop_all() {
+            // A device that is gone cannot push.
+            Err(DeviceError::Disconnected) => Ok(()),
+            other => other,
+        }
+    }
+}
+
+impl Drop for Guard<'_> {
+    fn drop(&mut self) {
+        if !self.stopped {
+            // Unwinding already: there is nobody left to tell.
+            let _ = self.stop();
+        }
+    }
+}
+
+/// Everything the loop thread touches, allocated before it starts.
+struct Ticker {
+    path: ForcePath,
+    recorder: Option<Recorder>,
+    viewer: Option<triple_buffer::Input<Sample>>,
+    tally: Tally,
+}
+
+impl Ticker {
+    fn run(
+        &mut self,
+        pace: &mut Pace,
+        guard: &mut Guard<'_>,
+        source: &dyn EnergySource,
+        seconds: f64,
+        stop: &AtomicBool,
+    ) {
+        while !stop.load(Ordering::Relaxed) {
+            let due = pace.wait();
+            if due.now >= seconds {
+                break;
+            }
+            self.tick(guard.device, source, &due);
+            self.tally.time(&pace.finish(&due));
+        }
+    }
+
+    /// One tick; neither allocates nor blocks.
+    fn tick(&mut self, device: &mut dyn Device, source: &dyn EnergySource, due: &Due) {
+        let input = device.poll(due.now).ok();
+        let mut sample = self.path.step(source, input.as_ref(), due.now, due.dt);
+        if device.send(&sample.wrench).is_err() {
+            sample.flags |= flags::NOT_SENT;
+        }
+        if due.skipped > 0 {
+            sample.flags |= flags::OVERRUN;
+        }
+        self.tally.count(&sample);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(&sample);
+        }
+        if let Some(viewer) = &mut self.viewer {
+            viewer.write(sample);
+        }
+    }
+}

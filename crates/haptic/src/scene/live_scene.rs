@@ -1,0 +1,124 @@
+//! A scene whose near pairs are loaded while a loop asks it.
+
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use fft_correlate::Pose;
+
+use crate::scene::error::LiveSceneError;
+use crate::scene::event::{PairState, SceneEvent};
+use crate::scene::keeper::Keeper;
+use crate::scene::live_source::LiveSource;
+use crate::scene::options::SceneOptions;
+use crate::scene::pair::PairSpec;
+
+/// Pause of the loading thread between two looks at where the part is.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// The same while there is more to load: time for the loop to give back what it no longer needs.
+const BUSY: Duration = Duration::from_millis(1);
+
+/// Shared with the loading thread.
+#[derive(Debug, Default)]
+struct Board {
+    events: Vec<SceneEvent>,
+    states: Vec<PairState>,
+}
+
+/// A scene whose near pairs are loaded while [`LiveScene::source`] is asked by a loop.
+pub struct LiveScene {
+    source: Arc<LiveSource>,
+    board: Arc<Mutex<Board>>,
+    commands: Sender<usize>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl LiveScene {
+    /// Loads the pairs in reach of `start`, in order, then keeps loading in the background.
+    ///
+    /// # Errors
+    /// If the pairs in reach of `start` cannot be loaded or are too large together.
+    pub fn start(
+        pairs: Vec<PairSpec>,
+        options: SceneOptions,
+        start: &Pose,
+    ) -> Result<Self, LiveSceneError> {
+        let (mut keeper, source) = Keeper::new(pairs, options, start);
+        keeper.load_in_reach(start)?;
+        let board = Arc::new(Mutex::new(Board::default()));
+        post(&board, &mut keeper);
+        let (commands, orders) = mpsc::channel();
+        let shared = (Arc::clone(&board), Arc::clone(&source));
+        let thread = std::thread::Builder::new()
+            .name("haptic-loader".into())
+            .spawn(move || {
+                let (board, source) = shared;
+                let mut pause = LOOK;
+                loop {
+                    match orders.recv_timeout(pause) {
+                        Ok(pair) => keeper.reload(pair),
+                        Err(RecvTimeoutError::Timeout) => {}
+                        Err(RecvTimeoutError::Disconnected) => return,
+                    }
+                    pause = match keeper.step(&source.asked(), Instant::now()) {
+                        true => BUSY,
+                        false => LOOK,
+                    };
+                    post(&board, &mut keeper);
+                }
+            })
+            .map_err(LiveSceneError::Thread)?;
+        Ok(Self {
+            source,
+            board,
+            commands,
+            thread: Some(thread),
+        })
+    }
+
+    /// What a loop asks.
+    pub fn source(&self) -> &LiveSource {
+        &self.source
+    }
+
+    /// Loads pair `index` again, in the background; the loop goes on with what it has until then.
+    /// A number that is no pair's is ignored.
+    pub fn reload(&self, index: usize) {
+        // The thread outlives every handle to it.
+        let _ = self.commands.send(index);
+    }
+
+    /// Everything that happened so far, in order.
+    pub fn events(&self) -> Vec<SceneEvent> {
+        self.board().events.clone()
+    }
+
+    /// What every pair is doing.
+    pub fn states(&self) -> Vec<PairState> {
+        self.board().states.clone()
+    }
+
+    fn board(&self) -> std::sync::MutexGuard<'_, Board> {
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn post(board: &Mutex<Board>, keeper: &mut Keeper) {
+    let mut board = board.lock().unwrap_or_else(PoisonError::into_inner);
+    board.events.append(&mut keeper.events);
+    keeper.states(&mut board.states);
+}
+
+impl Drop for LiveScene {
+    /// Waits for a pair that is being loaded.
+    fn drop(&mut self) {
+        let (closed, _) = mpsc::channel();
+        drop(std::mem::replace(&mut self.commands, closed));
+        if let Some(thread) = self.thread.take() {
+            // A panic of a loader was its own; the scene ends all the same.
+            let _ = thread.join();
+        }
+    }
+}

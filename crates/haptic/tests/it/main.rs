@@ -1,0 +1,11 @@
+//! The haptic loop from outside: feel, safety, sessions, exchanged sources, and how it ends.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod exchange;
+mod feel;
+mod passivity;
+mod safety;
+mod session;
+#[cfg(unix)]
+mod stopping;

@@ -22,6 +22,11 @@ use sdf_grid::{
     TriangleMesh,
 };
 
+/// What the errors of fields are.
+const FIELD_ERRORS: &str = "Relative L2 error of the field against the sum over all triangles in double precision, \
+    at nodes spread over the lattice, for each tolerance asked for, and the largest error of the signed distance, \
+    in sizes of the part. A tolerance is kept where the error is below it.";
+
 /// Measures; true for a quick run.
 type Measure = fn(bool) -> Outcome<Sweep>;
 
@@ -35,7 +40,7 @@ fn main() -> Outcome<()> {
     ];
     let folder = arguments.rest.iter().find_map(|w| w.strip_prefix("parts="));
     if let Some(folder) = folder {
-        return parts(folder, arguments.quick)?.publish(&arguments.out);
+        return parts(folder, arguments.quick)?.publish(&arguments);
     }
     for name in &arguments.rest {
         if sweeps.iter().all(|s| s.0 != name) {
@@ -47,7 +52,7 @@ fn main() -> Outcome<()> {
     }
     for (name, sweep) in sweeps {
         if arguments.rest.is_empty() || arguments.rest.iter().any(|n| n == name) {
-            sweep(arguments.quick)?.publish(&arguments.out)?;
+            sweep(arguments.quick)?.publish(&arguments)?;
         }
     }
     Ok(())
@@ -72,9 +77,10 @@ fn density(quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "density",
-        title: "Density field of the combined hole against the f64 sum over all triangles",
-        cost: "seconds/field",
-        errors: vec!["relative L2", "distance"],
+        title: "Density field of the combined hole",
+        about: FIELD_ERRORS,
+        cost: "field",
+        errors: vec!["error", "error of distance"],
         rows,
     })
 }
@@ -104,9 +110,10 @@ fn parts(folder: &str, quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "parts",
-        title: "Density fields of parts against the f64 sum over all triangles",
-        cost: "seconds/field",
-        errors: vec!["relative L2", "distance"],
+        title: "Density fields of parts",
+        about: FIELD_ERRORS,
+        cost: "field",
+        errors: vec!["error", "error of distance"],
         rows,
     })
 }
@@ -229,7 +236,6 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
     let ratio = millimetres[last - 1] / millimetres[last];
     let depth = found[1][last][0].0[0];
     let mut rows = Vec::new();
-    println!();
     for (r, (turn, _)) in turns.iter().enumerate() {
         let limits = [0, 1].map(|s: usize| -> Vec<f64> {
             let pair = found[s][last].iter().zip(&found[s][last - 1]).nth(r);
@@ -239,7 +245,6 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
         });
         let both = || limits[0].iter().zip(&limits[1]);
         let unsure = rms(both().map(|(a, b)| 0.5 * (a - b) / depth));
-        println!("reference for {turn}: uncertain by {unsure:.1e} of the depth");
         let truth: Vec<f64> = both().map(|(a, b)| 0.5 * (a + b)).collect();
         for (s, (sampling, _)) in samplings.iter().enumerate() {
             for (k, h) in millimetres.iter().enumerate() {
@@ -248,7 +253,10 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
                     series: format!("{sampling}, {turn}"),
                     setting: format!("h {h} mm"),
                     seconds: *seconds,
-                    errors: vec![rms(scores.iter().zip(&truth).map(|(a, b)| (a - b) / depth))],
+                    errors: vec![
+                        rms(scores.iter().zip(&truth).map(|(a, b)| (a - b) / depth)),
+                        unsure,
+                    ],
                 });
             }
         }
@@ -256,8 +264,12 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
     Ok(Sweep {
         name: "correlation",
         title: "Score of the rectangular pair by FFT against its limit at spacing zero",
-        cost: "s/rotation",
-        errors: vec!["of the depth"],
+        about: "Scores at five displacements from the fit, for two ways to sample densities and four \
+                rotations; rms error over the depth of the fit. The limit is extrapolated from the two \
+                finest spacings of both samplings: where their limits differ, it is uncertain by half the \
+                difference, which is the last column. Errors of that size say nothing.",
+        cost: "rotation",
+        errors: vec!["error of the score", "uncertainty"],
         rows,
     })
 }
@@ -325,9 +337,12 @@ fn table(quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "table",
-        title: "Table of the rectangular pair against the direct evaluator on held-out poses",
-        cost: "seconds/query",
-        errors: vec!["energy", "force", "torque"],
+        title: "Tables of the rectangular pair against the direct evaluator",
+        about: "What interpolation and storage cost: 300 random poses that are not nodes, answered by the \
+                table and by direct quadrature on the same densities. Errors are rms, of energy over its \
+                range, of force and torque over their rms. What the lattice itself costs is not in them.",
+        cost: "query",
+        errors: vec!["error of energy", "error of force", "error of torque"],
         rows,
     })
 }
@@ -355,9 +370,11 @@ fn direct(quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "direct",
-        title: "Direct evaluator with merged points against every cell its own point",
-        cost: "seconds/pose",
-        errors: vec!["energy", "force", "torque"],
+        title: "Direct evaluator with merged points",
+        about: "What merging cells into fewer quadrature points costs, against every cell its own point, at \
+                200 random poses. Errors as in the table before.",
+        cost: "pose",
+        errors: vec!["error of energy", "error of force", "error of torque"],
         rows,
     })
 }

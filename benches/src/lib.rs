@@ -75,8 +75,8 @@ impl Arguments {
         Ok(arguments)
     }
 
-    /// Prints a table, writes it as `NAME.csv`, and adds it to the program's part of the page, with a
-    /// picture (PNG, written as `NAME.png`) if there is one.
+    /// Prints a table, writes it as `NAME.csv`, and adds it to the program's part of the page, with
+    /// a picture (PNG, written as `NAME.png`) if there is one.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -136,7 +136,8 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Prints and writes a table with a chart of run time against the first error, both logarithmic.
+    /// Prints and writes a table with a chart of run time against the first error, both
+    /// logarithmic.
     ///
     /// # Errors
     /// If a file cannot be written or the chart not drawn.

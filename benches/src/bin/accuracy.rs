@@ -1,8 +1,8 @@
 //! Run time against error:
 //! `accuracy [--quick] [--out DIR] [density|correlation|table|direct]... [parts=DIR]`.
 //!
-//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps. With `parts`, only
-//! the density fields of the meshes (OBJ or STL, metres) in that folder.
+//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps. With `parts`,
+//! only the density fields of the meshes (OBJ or STL, metres) in that folder.
 
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies,
@@ -23,9 +23,10 @@ use sdf_grid::{
 };
 
 /// What the errors of fields are.
-const FIELD_ERRORS: &str = "Relative L2 error of the field against the sum over all triangles in double precision, \
-    at nodes spread over the lattice, for each tolerance asked for, and the largest error of the signed distance, \
-    in sizes of the part. A tolerance is kept where the error is below it.";
+const FIELD_ERRORS: &str = "Relative L2 error of the field against the sum over all triangles in \
+    double precision, at nodes spread over the lattice, for each tolerance asked for, and the \
+    largest error of the signed distance, in sizes of the part. A tolerance is kept where the \
+    error is below it.";
 
 /// Measures; true for a quick run.
 type Measure = fn(bool) -> Outcome<Sweep>;
@@ -264,10 +265,10 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
     Ok(Sweep {
         name: "correlation",
         title: "Score of the rectangular pair by FFT against its limit at spacing zero",
-        about: "Scores at five displacements from the fit, for two ways to sample densities and four \
-                rotations; rms error over the depth of the fit. The limit is extrapolated from the two \
-                finest spacings of both samplings: where their limits differ, it is uncertain by half the \
-                difference, which is the last column. Errors of that size say nothing.",
+        about: "Scores at five displacements from the fit, for two ways to sample densities and \
+            four rotations; rms error over the depth of the fit. The limit is extrapolated from \
+            the two finest spacings of both samplings: where their limits differ, it is uncertain \
+            by half the difference, which is the last column. Errors of that size say nothing.",
         cost: "rotation",
         errors: vec!["error of the score", "uncertainty"],
         rows,
@@ -338,9 +339,10 @@ fn table(quick: bool) -> Outcome<Sweep> {
     Ok(Sweep {
         name: "table",
         title: "Tables of the rectangular pair against the direct evaluator",
-        about: "What interpolation and storage cost: 300 random poses that are not nodes, answered by the \
-                table and by direct quadrature on the same densities. Errors are rms, of energy over its \
-                range, of force and torque over their rms. What the lattice itself costs is not in them.",
+        about: "What interpolation and storage cost: 300 random poses that are not nodes, \
+            answered by the table and by direct quadrature on the same densities. Errors are rms, \
+            of energy over its range, of force and torque over their rms. What the lattice itself \
+            costs is not in them.",
         cost: "query",
         errors: vec!["error of energy", "error of force", "error of torque"],
         rows,
@@ -371,8 +373,8 @@ fn direct(quick: bool) -> Outcome<Sweep> {
     Ok(Sweep {
         name: "direct",
         title: "Direct evaluator with merged points",
-        about: "What merging cells into fewer quadrature points costs, against every cell its own point, at \
-                200 random poses. Errors as in the table before.",
+        about: "What merging cells into fewer quadrature points costs, against every cell its own \
+            point, at 200 random poses. Errors as in the table before.",
         cost: "pose",
         errors: vec!["error of energy", "error of force", "error of torque"],
         rows,

@@ -2,11 +2,11 @@
 //! `correlate [--quick] [--out DIR] [fftw] [N...]`.
 //!
 //! For each N a made-up pair whose transforms have N points along each axis. `half`: a moving part
-//! and a window of N/2 along each axis, a fixed part without end. `full`: both parts N/2, all
-//! N - 1 displacements at which they meet. Rotations one by one, and, as in a search or a table of
-//! all rotations, four at once that differ by half turns: all times are of one. Beside it, in the
-//! same run, the same product of complex fields with plain rustfft, and with FFTW if `fftw` is given
-//! (a C program, compiled with `cc`; its library must be installed), neither pruned and neither with
+//! and a window of N/2 along each axis, a fixed part without end. `full`: both parts N/2, all N - 1
+//! displacements at which they meet. Rotations one by one, and, as in a search or a table of all
+//! rotations, four at once that differ by half turns: all times are of one. Beside it, in the same
+//! run, the same product of complex fields with plain rustfft, and with FFTW if `fftw` is given (a
+//! C program, compiled with `cc`; its library must be installed), neither pruned and neither with
 //! resampling.
 
 use std::path::Path;
@@ -62,14 +62,15 @@ fn main() -> Outcome<()> {
     arguments.publish(&table, None)
 }
 
-const ABOUT: &str = "Milliseconds per rotation: resampling the turned moving fields, transforms forward, products \
-    with the fixed spectra, transforms back; `total` is the mean over rotations and threads, the stages are those \
-    of the fastest round. Transforms have N points along each axis. `half`: moving part and window N/2. `full`: \
-    both parts N/2, all displacements at which they meet. `at once`: rotations scored one by one, or four that \
-    differ by half turns. `planned` is what the plan expected. `x rustfft`, `x FFTW`: our total, resampling \
-    included, over the time of the same product with unpruned transforms of complex fields, without resampling, \
-    on one thread (FFTW only where the page was made with `fftw`). `error`: relative L2 distance from double \
-    precision.";
+const ABOUT: &str = "Milliseconds per rotation: resampling the turned moving fields, transforms \
+    forward, products with the fixed spectra, transforms back; `total` is the mean over rotations \
+    and threads, the stages are those of the fastest round. Transforms have N points along each \
+    axis. `half`: moving part and window N/2. `full`: both parts N/2, all displacements at which \
+    they meet. `at once`: rotations scored one by one, or four that differ by half turns. \
+    `planned` is what the plan expected. `x rustfft`, `x FFTW`: our total, resampling included, \
+    over the time of the same product with unpruned transforms of complex fields, without \
+    resampling, on one thread (FFTW only where the page was made with `fftw`). `error`: relative \
+    L2 distance from double precision.";
 
 const COLUMNS: [&str; 14] = [
     "N",

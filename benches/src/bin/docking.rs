@@ -41,7 +41,8 @@ struct Task {
     name: String,
     fixed: TriangleMesh,
     moving: TriangleMesh,
-    /// Displacements from the identity, along z, between which the fit leaves the part free, metres.
+    /// Displacements from the identity, along z, between which the fit leaves the part free,
+    /// metres.
     slide: [f64; 2],
 }
 
@@ -60,7 +61,8 @@ fn main() -> Outcome<()> {
             ("--only", Some(name)) => only = Some(name),
             _ => {
                 return Err(
-                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] [--exhaustive] [PARTS_DIR]"
+                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] \
+                     [--exhaustive] [PARTS_DIR]"
                         .into(),
                 );
             }
@@ -100,12 +102,13 @@ fn main() -> Outcome<()> {
     arguments.publish(&table, None)
 }
 
-const ABOUT: &str = "The moving part is turned by a random rotation of SO(3) and shifted before anything is \
-    computed, then docked. `true first`: the best pose is the true one up to the part's symmetry and the play of \
-    the fit, pivots within 1 mm and rotations within 4 degrees. Margin: by how much the best false pose is \
-    shallower, the smallest of the starts where the true one came first. Worst distance and angle of these from \
-    the modelled pose. Medians per start: rotations scored by the sketch or, without one, in full, milliseconds \
-    for each of them, seconds altogether and for fields (of the moving part alone after the first start).";
+const ABOUT: &str = "The moving part is turned by a random rotation of SO(3) and shifted before \
+    anything is computed, then docked. `true first`: the best pose is the true one up to the \
+    part's symmetry and the play of the fit, pivots within 1 mm and rotations within 4 degrees. \
+    Margin: by how much the best false pose is shallower, the smallest of the starts where the \
+    true one came first. Worst distance and angle of these from the modelled pose. Medians per \
+    start: rotations scored by the sketch or, without one, in full, milliseconds for each of \
+    them, seconds altogether and for fields (of the moving part alone after the first start).";
 
 const COLUMNS: [&str; 9] = [
     "pair",
@@ -268,8 +271,8 @@ fn run(
         let seconds = fields + report.seconds();
         let best = &report.poses[0];
         println!(
-            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; {} rotations x {:?}, \
-             {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
+            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; \
+             {} rotations x {:?}, {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
             if judged.first {
                 "true fit first,"
             } else {

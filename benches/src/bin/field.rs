@@ -8,8 +8,8 @@
 //! distance, side and density together; and how long what does not depend on the lattice takes
 //! (merging, tree, tables: a field of one node). With a folder of meshes (metres), those too.
 //! `solids` measures instead the worst error of 200 random solids (12 with `--quick`) per tolerance
-//! and sigma: 0.03, 0.1, 0.2 and 0.5, or the one given. `only=NAME` leaves out meshes whose names do
-//! not contain NAME.
+//! and sigma: 0.03, 0.1, 0.2 and 0.5, or the one given. `only=NAME` leaves out meshes whose names
+//! do not contain NAME.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -102,13 +102,14 @@ fn summary(found: &[Measured]) -> Table {
     let mut table = Table::new(
         "field",
         "Density fields: time per node and error",
-        "Wall nanoseconds per node on all cores, setup included, for each tolerance, at sigma 0.1, point \
-         samples, N nodes per axis over twice the part; the error at each tolerance (relative L2, sampled \
-         nodes, against the sum over all triangles in double precision); the time of cell averages at 1e-3; \
-         how many times as long sums over all triangles take in the same run at 1e-3: the paper's midpoint \
-         sum given the distances, plain and with SIMD, and distance, side and density, which is what a field \
-         holds; seconds that do not depend on the lattice. `cad` is the combined hole finely cut, `curved` a \
-         torus, `facets` a round hole of narrow facets.",
+        "Wall nanoseconds per node on all cores, setup included, for each tolerance, at sigma \
+         0.1, point samples, N nodes per axis over twice the part; the error at each tolerance \
+         (relative L2, sampled nodes, against the sum over all triangles in double precision); \
+         the time of cell averages at 1e-3; how many times as long sums over all triangles take \
+         in the same run at 1e-3: the paper's midpoint sum given the distances, plain and with \
+         SIMD, and distance, side and density, which is what a field holds; seconds that do not \
+         depend on the lattice. `cad` is the combined hole finely cut, `curved` a torus, `facets` \
+         a round hole of narrow facets.",
         &[
             "mesh",
             "triangles",
@@ -230,10 +231,10 @@ fn solids(count: u64, sigmas: &[f64]) -> Outcome<Table> {
     let mut table = Table::new(
         "solids",
         &format!("Worst error over {count} random solids"),
-        "Hulls, perforated blocks, plates, needles, tori and stars (`sdf_grid::shapes::random_solid`), each \
-         on a lattice around it and on a cube of twice its size: the worst relative L2 error at each \
-         tolerance, the solid's number in brackets, and the largest error of the signed distance, in sizes \
-         of the part.",
+        "Hulls, perforated blocks, plates, needles, tori and stars \
+         (`sdf_grid::shapes::random_solid`), each on a lattice around it and on a cube of twice \
+         its size: the worst relative L2 error at each tolerance, the solid's number in brackets, \
+         and the largest error of the signed distance, in sizes of the part.",
         &["sigma", "1e-2", "1e-3", "1e-4", "1e-5", "distance"],
     );
     for &sigma in sigmas {
@@ -260,8 +261,8 @@ fn solids(count: u64, sigmas: &[f64]) -> Outcome<Table> {
     Ok(table)
 }
 
-/// Around the part, and a cube of twice its size: most nodes of that are far away, where little is left
-/// of thin parts.
+/// Around the part, and a cube of twice its size: most nodes of that are far away, where little is
+/// left of thin parts.
 fn lattices(mesh: &TriangleMesh) -> Outcome<[Lattice; 2]> {
     let (bounds, size) = (mesh.bounds(), mesh.bounds().size().max_element());
     let near = Lattice::covering(&bounds, 0.3 * size, size / 15.3)?;

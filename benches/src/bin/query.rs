@@ -32,17 +32,18 @@ fn main() -> Outcome<()> {
     let mut latency = Table::new(
         "latency",
         "Time of one query",
-        "Microseconds for energy and wrench at one pose, one thread, after a pass to warm up: the median and \
-         the slowest of a hundred and of a thousand. Along a path from pose to pose, as a hand moves, or at \
-         random poses. The small table (of the square pair) fits in the processor's caches; random poses in \
-         the large one (of a closed form) read main memory.",
+        "Microseconds for energy and wrench at one pose, one thread, after a pass to warm up: the \
+         median and the slowest of a hundred and of a thousand. Along a path from pose to pose, \
+         as a hand moves, or at random poses. The small table (of the square pair) fits in the \
+         processor's caches; random poses in the large one (of a closed form) read main memory.",
         &["source", "poses", "p50, µs", "p99, µs", "p99.9, µs"],
     );
     let mut many = Table::new(
         "throughput",
         "Many queries",
-        "Random poses per second on all threads, in memory; and, on one thread, the microseconds that a \
-         query takes with its row of CSV, and that reading a pose from CSV takes, as in `pegfit score`.",
+        "Random poses per second on all threads, in memory; and, on one thread, the microseconds \
+         that a query takes with its row of CSV, and that reading a pose from CSV takes, as in \
+         `pegfit score`.",
         &[
             "table",
             "rotations",

@@ -88,16 +88,18 @@ impl Tables {
             curves: Table::new(
                 "curves",
                 "Real parts: energy from the assembled pose",
-                "IndustReal's round and rectangular 8 mm pegs in their trays, interiors 12 times as heavy as \
-                 exteriors. The part is moved straight along an axis or turned about z: where the energy is \
-                 lowest, in depths of the assembled pose. The real play is about 0.5 mm; in the assembled pose \
-                 the nodes of both lattices coincide, which may hold the part there.",
+                "IndustReal's round and rectangular 8 mm pegs in their trays, interiors 12 times \
+                 as heavy as exteriors. The part is moved straight along an axis or turned about \
+                 z: where the energy is lowest, in depths of the assembled pose. The real play is \
+                 about 0.5 mm; in the assembled pose the nodes of both lattices coincide, which \
+                 may hold the part there.",
                 &["pair", "along", "lowest at", "unit", "depth there"],
             ),
             docked: Table::new(
                 "docked",
                 "Real parts: docking near the assembled pose",
-                "The deepest poses within 10 mm and 30 degrees of the assembled one, which is the origin.",
+                "The deepest poses within 10 mm and 30 degrees of the assembled one, which is the \
+                 origin.",
                 &[
                     "pair",
                     "x, mm",
@@ -111,8 +113,8 @@ impl Tables {
             snaps: Table::new(
                 "snaps",
                 "Real parts: the snap test",
-                "A simulated hand carries the peg away and lets go of it near the mouth: how far it strayed, \
-                 and where it ends.",
+                "A simulated hand carries the peg away and lets go of it near the mouth: how far \
+                 it strayed, and where it ends.",
                 &[
                     "pair",
                     "hand",

@@ -64,9 +64,9 @@ fn main() -> Outcome<()> {
     let mut table = Table::new(
         "parts",
         "A tick against the number of parts",
-        "Microseconds of a tick of the force path with its evaluations of the field, median and 99 of 100, for \
-         scenes of many parts of which some are in range of the hand; each in range is evaluated directly with \
-         about 1000 points. The hand's own physics is left out.",
+        "Microseconds of a tick of the force path with its evaluations of the field, median and \
+         99 of 100, for scenes of many parts of which some are in range of the hand; each in \
+         range is evaluated directly with about 1000 points. The hand's own physics is left out.",
         &["in range", "parts", "median, µs", "p99, µs"],
     );
     for in_range in [1, 4, 16, 64] {
@@ -140,9 +140,9 @@ fn overhead(ticks: usize) -> Outcome<Table> {
     let mut table = Table::new(
         "tick",
         "A tick without the field",
-        "Microseconds of a tick, median and 99 of 100, of a field that costs nothing: gate, coupling, passivity \
-         and limits (the force path); the same through a scene whose parts may be exchanged; the whole loop \
-         with the simulated hand, without and with a log.",
+        "Microseconds of a tick, median and 99 of 100, of a field that costs nothing: gate, \
+         coupling, passivity and limits (the force path); the same through a scene whose parts \
+         may be exchanged; the whole loop with the simulated hand, without and with a log.",
         &["what", "median, µs", "p99, µs"],
     );
     let mut add = |name: &str, ns: [f64; 2]| {

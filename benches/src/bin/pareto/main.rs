@@ -1,11 +1,11 @@
 //! Error of energy, force and torque against a converged reference, and what it costs:
 //! `pareto [--quick] [--out DIR] [pair=NAME] [clearance=MM] [turned]`.
 //!
-//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation of
-//! tables, and spacing, sampling and number of points of the direct evaluator, on one of the example
-//! pairs: the square peg-in-hole at zero clearance unless another is named; `turned`: both parts turned
-//! together, so that no face lies along the lattice. Poses are held out: random ones, and paths in contact.
-//! Prints and writes tables, and a chart with the efficient frontiers.
+//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation
+//! of tables, and spacing, sampling and number of points of the direct evaluator, on one of the
+//! example pairs: the square peg-in-hole at zero clearance unless another is named; `turned`: both
+//! parts turned together, so that no face lies along the lattice. Poses are held out: random ones,
+//! and paths in contact. Prints and writes tables, and a chart with the efficient frontiers.
 
 mod report;
 mod truth;

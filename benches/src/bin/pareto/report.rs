@@ -26,11 +26,12 @@ const COLUMNS: [&str; 17] = [
     "T, contact, %",
 ];
 
-const ABOUT: &str = "Those of all combinations that no other beats in time (t) or memory (m); `pareto-all.csv` has \
-    every one. `wrench` is the rms of four relative errors: force and torque (of their rms) at random poses and \
-    along paths in contact (sliding in, pressing from wall to wall, turning in the hole); energy errors are \
-    relative to its range. `bake` counts the processor seconds of fields and table on all threads, `query` is the \
-    median of the fastest of three. Some points of a frontier are luck: where faces happen to lie in cells.";
+const ABOUT: &str = "Those of all combinations that no other beats in time (t) or memory (m); \
+    `pareto-all.csv` has every one. `wrench` is the rms of four relative errors: force and torque \
+    (of their rms) at random poses and along paths in contact (sliding in, pressing from wall to \
+    wall, turning in the hole); energy errors are relative to its range. `bake` counts the \
+    processor seconds of fields and table on all threads, `query` is the median of the fastest of \
+    three. Some points of a frontier are luck: where faces happen to lie in cells.";
 
 /// `title` says of what; `reference` how sure the truth is.
 pub(crate) fn publish(
@@ -101,10 +102,10 @@ fn by_spacing(found: &[Measured], title: &str) -> Table {
         "table, cubic" => m.setting[2] == STEP && m.setting[3] == "float16",
         _ => false,
     };
-    let about = "Wrench error in per cent (defined with the next table) of direct evaluation with every cell a \
-        point, and of cubic float16 tables with rotations 4 degrees apart, by spacing and sampling. `averages \
-        undone`: cell averages with `deaverage = true`. The reference is not free of the lattice itself: see the \
-        table of its uncertainty.";
+    let about = "Wrench error in per cent (defined with the next table) of direct evaluation with \
+        every cell a point, and of cubic float16 tables with rotations 4 degrees apart, by \
+        spacing and sampling. `averages undone`: cell averages with `deaverage = true`. The \
+        reference is not free of the lattice itself: see the table of its uncertainty.";
     let columns = ["kind", "sampling", "h, mm", "wrench, %"];
     let mut table = Table::new(
         "spacing",

@@ -52,8 +52,8 @@ pub(crate) fn reference(parts: &Parts, sweep: &Sweep) -> Outcome<Truth> {
     })
 }
 
-/// Median and largest condition number of the score at some poses, and the share of the sum of absolute
-/// terms that single precision loses at most.
+/// Median and largest condition number of the score at some poses, and the share of the sum of
+/// absolute terms that single precision loses at most.
 fn rounding<'a>(
     pair: &Pair,
     source: &DirectEvaluator,
@@ -78,10 +78,10 @@ fn rounding<'a>(
 
 fn uncertainty(mm: f64, uncertain: &[Vec<f64>], [median, largest, lost]: [f64; 3]) -> Table {
     let about = format!(
-        "The truth here is the mean of point samples and cell averages every {mm} mm, each cell a point: how far \
-         each of the two is from it bounds what the other tables can tell. The condition number of the score is \
-         {} in the median and {} at most, and single precision loses at most {lost:.1e} of the sum of absolute \
-         terms: rounding plays no part.",
+        "The truth here is the mean of point samples and cell averages every {mm} mm, each cell a \
+         point: how far each of the two is from it bounds what the other tables can tell. The \
+         condition number of the score is {} in the median and {} at most, and single precision \
+         loses at most {lost:.1e} of the sum of absolute terms: rounding plays no part.",
         significant(median, 2),
         significant(largest, 2)
     );
@@ -101,7 +101,8 @@ fn middle(a: &Response, b: &Response) -> Response {
     mean
 }
 
-/// Sliding in along a wall, pressing from wall to wall, and turning in the hole, for parts turned by `turn`.
+/// Sliding in along a wall, pressing from wall to wall, and turning in the hole, for parts turned
+/// by `turn`.
 fn contact_paths(pair: &Pair, turn: DQuat, count: usize) -> Vec<Pose> {
     let reach = 0.9 * REACH;
     let at = |k: usize| k as f64 / (count - 1) as f64;

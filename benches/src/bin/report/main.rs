@@ -2,8 +2,9 @@
 //! `report [full] [fftw] [only=SECTION]... [parts=DIR] [page=FILE] [--out DIR]`.
 //!
 //! `full`: the sizes and repetitions that count; without it, minutes instead of hours. `fftw`: FFTW
-//! beside the correlator. `only`: sections by their key, the page then holds no others. `parts`: a
-//! folder with the IndustReal meshes, for the sections about real parts. The other programs must have
+//! beside the correlator. `only`: sections by their key; the page then holds no others and is
+//! `out/report.md` unless `page` says where. `parts`: a folder with the IndustReal meshes, for the
+//! sections about real parts. The other programs must have
 //! been built beside this one (`just report` does). What they write goes to DIR (`out/report`), a
 //! folder for each section.
 
@@ -28,6 +29,7 @@ struct Options {
     fftw: bool,
     only: Vec<String>,
     parts: Option<PathBuf>,
+    /// Where the page goes; charts go to the folder `figures` beside it.
     page: PathBuf,
     out: PathBuf,
 }
@@ -42,7 +44,7 @@ impl Options {
             fftw: false,
             only: Vec::new(),
             parts: None,
-            page: root.join("docs/report.md"),
+            page: PathBuf::new(),
             out: root.join("out/report"),
         };
         let mut words = words.iter();
@@ -56,6 +58,15 @@ impl Options {
                 (_, Some(("page", file))) => options.page = file.into(),
                 _ => return Err(format!("unknown word {word:?}; see the program's source").into()),
             }
+        }
+        if options.page.as_os_str().is_empty() {
+            // A page of few sections does not replace the one that other pages refer to.
+            let name = if options.only.is_empty() {
+                "docs/report.md"
+            } else {
+                "out/report.md"
+            };
+            options.page = root.join(name);
         }
         let keys = SECTIONS.map(|s| s.key);
         match options.only.iter().find(|k| !keys.contains(&k.as_str())) {
@@ -122,9 +133,10 @@ fn heading(options: &Options, seconds: f64) -> String {
         false => "a quick run: small sizes, few repetitions, to be read for orders of magnitude",
     };
     let about = format!(
-        "Times and errors, measured and written by `{}`: {kind}. No number on this page is typed by hand. Errors \
-         are defined in [conventions.md](conventions.md#errors); what they mean for a user stands in \
-         [accuracy.md](accuracy.md). Times are of the machine below with whatever else it was doing.",
+        "Times and errors, measured and written by `{}`: {kind}. No number on this page is typed \
+         by hand. Errors are defined in [conventions.md](conventions.md#errors); what they mean \
+         for a user stands in [accuracy.md](accuracy.md). Times are of the machine below with \
+         whatever else it was doing.",
         command.trim_end()
     );
     let mut page = format!(

@@ -20,8 +20,8 @@ pub(crate) const SECTIONS: [Section; 10] = [
     Section {
         key: "field",
         title: "Density fields",
-        about: "What a field costs and how far it is from the sum over all triangles; how it is computed \
-                stands in [fields.md](fields.md).",
+        about: "What a field costs and how far it is from the sum over all triangles; how it is \
+            computed stands in [fields.md](fields.md).",
         program: "field",
         quick: &[&["--quick", "only=10k"]],
         full: &[&[]],
@@ -51,8 +51,8 @@ pub(crate) const SECTIONS: [Section; 10] = [
     Section {
         key: "correlate",
         title: "Correlation",
-        about: "What the scores of one rotation at all displacements cost; the stages are explained in \
-                [correlation.md](correlation.md).",
+        about: "What the scores of one rotation at all displacements cost; the stages are \
+            explained in [correlation.md](correlation.md).",
         program: "correlate",
         quick: &[&["--quick"]],
         full: &[&[]],
@@ -62,7 +62,8 @@ pub(crate) const SECTIONS: [Section; 10] = [
     Section {
         key: "accuracy",
         title: "Stage by stage",
-        about: "Run time against error of one stage at a time: fields, scores, tables, direct evaluation.",
+        about: "Run time against error of one stage at a time: fields, scores, tables, direct \
+            evaluation.",
         program: "accuracy",
         quick: &[&["--quick"]],
         full: &[&[]],
@@ -72,8 +73,9 @@ pub(crate) const SECTIONS: [Section; 10] = [
     Section {
         key: "pareto",
         title: "The whole way to a wrench",
-        about: "Error of the wrench against what it costs, over lattice spacing, sampling, rotation step, \
-                numbers and interpolation of tables and number of points of direct evaluation.",
+        about: "Error of the wrench against what it costs, over lattice spacing, sampling, \
+            rotation step, numbers and interpolation of tables and number of points of direct \
+            evaluation.",
         program: "pareto",
         quick: &[&["--quick"]],
         full: &[
@@ -88,8 +90,8 @@ pub(crate) const SECTIONS: [Section; 10] = [
     Section {
         key: "docking",
         title: "Docking",
-        about: "Whether the true fit is found from any start, and how long it takes; the stages are \
-                explained in [docking.md](docking.md).",
+        about: "Whether the true fit is found from any start, and how long it takes; the stages \
+            are explained in [docking.md](docking.md).",
         program: "docking",
         quick: &[&["--quick"]],
         full: &[&[]],

@@ -62,7 +62,7 @@ batch:
 # Words: full, fftw, only=SECTION, parts=DIR (the IndustReal meshes).
 report *ARGS:
     cargo build --release -p pegfit-benches
-    target/release/report {{ARGS}}
+    cargo run --release -p pegfit-benches --bin report -- {{ARGS}}
 
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:

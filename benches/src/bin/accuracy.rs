@@ -199,65 +199,84 @@ fn scores_at_places(pair: &Pair, rotation: DQuat) -> Outcome<(Vec<f64>, f64)> {
     Ok((PLACES.iter().map(read).collect(), seconds))
 }
 
-/// The score against spacing, for both samplings and four rotations. The reference of each rotation
-/// is the mean of Richardson's extrapolations (first order) of both samplings from the two finest
-/// spacings; half their difference is printed as its uncertainty.
+/// Ways to sample densities.
+const SAMPLINGS: [(&str, Sampling); 2] = [
+    ("points", Sampling::Point),
+    ("cells", Sampling::CellAverage),
+];
+
+/// Rotations of [`correlation`].
+fn turns() -> [(&'static str, DQuat); 4] {
+    let oblique = DVec3::new(1.0, 2.0, 3.0).normalize();
+    [
+        ("identity", DQuat::IDENTITY),
+        ("3° about y", DQuat::from_rotation_y(3f64.to_radians())),
+        ("45° about z", DQuat::from_rotation_z(45f64.to_radians())),
+        ("63° about (1, 2, 3)", DQuat::from_axis_angle(oblique, 1.1)),
+    ]
+}
+
+/// Scores at [`PLACES`] and seconds, by sampling, spacing and rotation.
+type Scored = Vec<Vec<Vec<(Vec<f64>, f64)>>>;
+
+fn scored(millimetres: &[f64]) -> Outcome<Scored> {
+    let at = |sampling, h: f64| -> Outcome<Vec<_>> {
+        let pair = example(
+            PegInHole::Rectangular,
+            &ScoreModel::GUIDED,
+            h * 1e-3,
+            sampling,
+        )?;
+        turns()
+            .iter()
+            .map(|t| scores_at_places(&pair, t.1))
+            .collect()
+    };
+    let each = SAMPLINGS.iter().map(|(_, sampling)| {
+        let spacings = millimetres.iter().map(|h| at(*sampling, *h));
+        spacings.collect::<Outcome<Vec<_>>>()
+    });
+    each.collect()
+}
+
+/// The mean of Richardson's extrapolations (first order) of both samplings from the two finest
+/// spacings, for the `r`th rotation, and half their difference, rms; `ratio` is that of the
+/// spacings.
+fn limit(found: &Scored, r: usize, ratio: f64) -> (Vec<f64>, f64) {
+    let limits = [0, 1].map(|s: usize| -> Vec<f64> {
+        let last = found[s].len() - 1;
+        let (fine, coarse) = (&found[s][last][r], &found[s][last - 1][r]);
+        let limit = |(f, c): (&f64, &f64)| f + (f - c) / (ratio - 1.0);
+        fine.0.iter().zip(&coarse.0).map(limit).collect()
+    });
+    let both = || limits[0].iter().zip(&limits[1]);
+    let unsure = rms(both().map(|(a, b)| 0.5 * (a - b)));
+    (both().map(|(a, b)| 0.5 * (a + b)).collect(), unsure)
+}
+
+/// The score against spacing, for both samplings and four rotations.
 fn correlation(quick: bool) -> Outcome<Sweep> {
     let millimetres: &[f64] = if quick {
         &[3.0, 1.5, 1.0]
     } else {
         &[3.0, 1.5, 1.0, 0.75, 0.5]
     };
-    let turns = [
-        ("identity", DQuat::IDENTITY),
-        ("3° about y", DQuat::from_rotation_y(3f64.to_radians())),
-        ("45° about z", DQuat::from_rotation_z(45f64.to_radians())),
-        (
-            "63° about (1, 2, 3)",
-            DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.1),
-        ),
-    ];
-    let samplings = [
-        ("points", Sampling::Point),
-        ("cells", Sampling::CellAverage),
-    ];
-    // Scores per sampling, spacing and rotation.
-    let mut found = Vec::new();
-    for (_, sampling) in samplings {
-        let mut per_spacing = Vec::new();
-        for h in millimetres {
-            let model = ScoreModel::GUIDED;
-            let pair = example(PegInHole::Rectangular, &model, h * 1e-3, sampling)?;
-            let each = turns.iter().map(|t| scores_at_places(&pair, t.1));
-            per_spacing.push(each.collect::<Outcome<Vec<_>>>()?);
-        }
-        found.push(per_spacing);
-    }
+    let found = scored(millimetres)?;
     let last = millimetres.len() - 1;
     let ratio = millimetres[last - 1] / millimetres[last];
     let depth = found[1][last][0].0[0];
     let mut rows = Vec::new();
-    for (r, (turn, _)) in turns.iter().enumerate() {
-        let limits = [0, 1].map(|s: usize| -> Vec<f64> {
-            let pair = found[s][last].iter().zip(&found[s][last - 1]).nth(r);
-            let (fine, coarse) = pair.expect("every rotation was scored");
-            let limit = |(f, c): (&f64, &f64)| f + (f - c) / (ratio - 1.0);
-            fine.0.iter().zip(&coarse.0).map(limit).collect()
-        });
-        let both = || limits[0].iter().zip(&limits[1]);
-        let unsure = rms(both().map(|(a, b)| 0.5 * (a - b) / depth));
-        let truth: Vec<f64> = both().map(|(a, b)| 0.5 * (a + b)).collect();
-        for (s, (sampling, _)) in samplings.iter().enumerate() {
+    for (r, (turn, _)) in turns().iter().enumerate() {
+        let (truth, unsure) = limit(&found, r, ratio);
+        for (s, (sampling, _)) in SAMPLINGS.iter().enumerate() {
             for (k, h) in millimetres.iter().enumerate() {
                 let (scores, seconds) = &found[s][k][r];
+                let wrong = rms(scores.iter().zip(&truth).map(|(a, b)| a - b));
                 rows.push(Row {
                     series: format!("{sampling}, {turn}"),
                     setting: format!("h {h} mm"),
                     seconds: *seconds,
-                    errors: vec![
-                        rms(scores.iter().zip(&truth).map(|(a, b)| (a - b) / depth)),
-                        unsure,
-                    ],
+                    errors: vec![wrong / depth, (unsure / depth).abs()],
                 });
             }
         }

@@ -15,10 +15,7 @@ pub(crate) fn facts() -> [(&'static str, String); 7] {
             field("/proc/cpuinfo", "model name").unwrap_or_else(unknown),
         ),
         ("cores in use", cores),
-        (
-            "vector instructions",
-            format!("{:?}", fearless_simd::Level::new()),
-        ),
+        ("vector instructions", instructions()),
         (
             "memory",
             field("/proc/meminfo", "MemTotal").unwrap_or_else(unknown),
@@ -30,6 +27,12 @@ pub(crate) fn facts() -> [(&'static str, String); 7] {
         ),
         ("commit", commit().unwrap_or_else(unknown)),
     ]
+}
+
+/// The widest set that the kernels use here.
+fn instructions() -> String {
+    let level = format!("{:?}", fearless_simd::Level::new());
+    level.split('(').next().unwrap_or_default().to_owned()
 }
 
 /// The value of a `name: value` line.

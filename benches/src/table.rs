@@ -72,7 +72,7 @@ impl Table {
     pub fn to_markdown(&self, picture: Option<&str>) -> String {
         let mut page = format!("### {}\n\n{}\n\n", self.title, wrapped(&self.about));
         if let Some(file) = picture {
-            let _ = write!(page, "![{}]({file})\n\n", self.title);
+            let _ = write!(page, "![{}]({file})\n\n", self.name);
         }
         let line = |cells: &[String]| {
             let safe = cells.iter().map(|c| c.replace('|', "\\|"));
@@ -166,7 +166,7 @@ mod tests {
         let mut table = Table::new("t", "Title", "Words.", &["mesh", "error"]);
         table.push(["a|b".into(), "1.5".into()]);
         table.push(["c".into(), String::new()]);
-        let page = "### Title\n\nWords.\n\n![Title](t.png)\n\n\
+        let page = "### Title\n\nWords.\n\n![t](t.png)\n\n\
                     | mesh | error |\n|---|---:|\n| a\\|b | 1.5 |\n| c |  |\n\n";
         assert_eq!(table.to_markdown(Some("t.png")), page);
         assert_eq!(table.to_text(), "\nTitle\nmesh  error\na|b     1.5\nc\n");

@@ -98,7 +98,8 @@ fn main() -> Outcome<()> {
             Ok(part) => parts += &part,
             Err(error) => {
                 eprintln!("{}: {error}", section.key);
-                let _ = write!(parts, "## {}\n\nFailed: {error}\n\n", section.title);
+                let reason = wrapped(&format!("Failed: {error}"));
+                let _ = write!(parts, "## {}\n\n{reason}\n\n", section.title);
                 failed.push(section.key);
             }
         }
@@ -192,11 +193,8 @@ fn measured(section: &Section, options: &Options, figures: &Path) -> Outcome<Str
             &format!("report-{}-{step}", section.key),
             figures,
         )?;
-        let _ = write!(
-            page,
-            "By `{shown}`, in {:.0} s.\n\n",
-            began.elapsed().as_secs_f64()
-        );
+        let took = format!("By `{shown}`, in {:.0} s.", began.elapsed().as_secs_f64());
+        let _ = write!(page, "{}\n\n", wrapped(&took));
     }
     Ok(page)
 }

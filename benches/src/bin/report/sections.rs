@@ -129,3 +129,23 @@ pub(crate) const SECTIONS: [Section; 10] = [
         needs_parts: true,
     },
 ];
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn sections_have_keys_of_their_own_and_programs_that_exist() {
+        let keys: BTreeSet<_> = SECTIONS.iter().map(|s| s.key).collect();
+        assert_eq!(keys.len(), SECTIONS.len());
+        let bins = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/bin");
+        for section in &SECTIONS {
+            let file = bins.join(format!("{}.rs", section.program));
+            let folder = bins.join(section.program).join("main.rs");
+            assert!(file.exists() || folder.exists(), "{}", section.program);
+        }
+    }
+}

@@ -128,14 +128,18 @@ fn old_pictures(figures: &Path) -> Outcome<Vec<PathBuf>> {
 
 /// The page's head: what made it, and on what.
 fn heading(options: &Options, seconds: f64) -> String {
-    let command = format!("just report {}", options.words.join(" "));
+    let told = options.words.iter().map(|word| match word.split_once('=') {
+        Some(("parts", _)) => "parts=PARTS_DIR",
+        _ => word,
+    });
+    let command = format!("just report {}", told.collect::<Vec<_>>().join(" "));
     let kind = match options.full {
         true => "a full run",
-        false => "a quick run: small sizes, few repetitions, to be read for orders of magnitude",
+        false => "a quick run (small sizes, few repetitions: for orders of magnitude)",
     };
     let about = format!(
-        "Times and errors, measured and written by `{}`: {kind}. No number on this page is typed \
-         by hand. Errors are defined in [conventions.md](conventions.md#errors); what they mean \
+        "Times and errors, measured and written by `{}`, {kind}. No number on this page is \
+         typed by hand. Errors are defined in [conventions.md](conventions.md#errors); what they mean \
          for a user stands in [accuracy.md](accuracy.md). Times are of the machine below with \
          whatever else it was doing.",
         command.trim_end()

@@ -64,6 +64,12 @@ batch:
     tests/cluster/run.sh
     tests/interop/run.sh
 
+# docs/report.md: times, errors and charts of this machine, in minutes; `just report full` in hours.
+# Words: full, fftw, only=SECTION, parts=DIR (the IndustReal meshes).
+report *ARGS:
+    cargo build --release -p pegfit-benches
+    cargo run --release -p pegfit-benches --bin report -- {{ARGS}}
+
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}

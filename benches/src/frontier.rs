@@ -1,7 +1,5 @@
 //! Which of many measurements are worth their cost: no other is both cheaper and more accurate.
 
-use std::path::Path;
-
 use pegfit::picture::{self, LineChart, Series};
 
 use crate::Outcome;
@@ -73,21 +71,19 @@ impl ParetoPanel {
     }
 }
 
-/// Draws panels side by side into one PNG.
+/// Panels side by side, as PNG.
 ///
 /// # Errors
-/// If the picture cannot be drawn or written.
-pub fn draw(panels: &[ParetoPanel], file: &Path) -> Outcome<()> {
+/// If the picture cannot be drawn.
+pub fn draw(panels: &[ParetoPanel]) -> Outcome<Vec<u8>> {
     let size = (900 * panels.len() as u32, 640);
-    let png = picture::png("pareto", size, |sheet| {
+    Ok(picture::png("pareto", size, |sheet| {
         let areas = sheet.split_evenly((1, panels.len()));
         for (panel, area) in panels.iter().zip(&areas) {
             panel.chart().draw(area)?;
         }
         Ok(())
-    })?;
-    std::fs::write(file, png)?;
-    Ok(())
+    })?)
 }
 
 #[cfg(test)]

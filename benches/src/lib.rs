@@ -1,8 +1,9 @@
-//! What the measuring programs share: their arguments, timing, tables on the screen and in CSV
-//! files, charts.
+//! What the measuring programs share: their arguments, timing, tables and charts.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use fft_correlate::{EnergySource, Pair, PairBuilder, Pose, Response, ScoreModel};
@@ -17,6 +18,9 @@ pub mod frontier;
 pub mod meshes;
 pub mod midpoint;
 pub mod plain;
+pub mod table;
+
+use table::{Table, significant};
 
 /// Any failure, told to whoever ran the program.
 pub type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -26,8 +30,10 @@ pub type Outcome<T> = Result<T, Box<dyn Error>>;
 pub struct Arguments {
     /// Coarser and shorter, to see that it works.
     pub quick: bool,
-    /// Where CSV files and charts go.
+    /// Where CSV files, charts and the page's part (`PROGRAM.md`) go.
     pub out: PathBuf,
+    /// The program's name.
+    pub program: String,
     /// What is left.
     pub rest: Vec<String>,
 }
@@ -53,6 +59,7 @@ impl Arguments {
         let mut arguments = Self {
             quick: false,
             out: PathBuf::from("out"),
+            program: program_name(),
             rest: Vec::new(),
         };
         let mut words = std::env::args().skip(1);
@@ -64,8 +71,38 @@ impl Arguments {
             }
         }
         std::fs::create_dir_all(&arguments.out)?;
+        std::fs::write(arguments.page(), "")?;
         Ok(arguments)
     }
+
+    /// Prints a table, writes it as `NAME.csv`, and adds it to the program's part of the page, with
+    /// a picture (PNG, written as `NAME.png`) if there is one.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn publish(&self, table: &Table, picture: Option<&[u8]>) -> Outcome<()> {
+        print!("{}", table.to_text());
+        table.write_csv(&self.out.join(format!("{}.csv", table.name)))?;
+        let file = format!("{}.png", table.name);
+        if let Some(png) = picture {
+            std::fs::write(self.out.join(&file), png)?;
+        }
+        let part = table.to_markdown(picture.map(|_| file.as_str()));
+        let mut page = OpenOptions::new().append(true).open(self.page())?;
+        Ok(page.write_all(part.as_bytes())?)
+    }
+
+    /// The program's part of the page.
+    fn page(&self) -> PathBuf {
+        self.out.join(format!("{}.md", self.program))
+    }
+}
+
+/// The name of the running program, without folder and ending.
+fn program_name() -> String {
+    let path = std::env::args_os().next().map(PathBuf::from);
+    let stem = path.as_ref().and_then(|p| p.file_stem());
+    stem.map_or("measured".into(), |s| s.to_string_lossy().into_owned())
 }
 
 /// One measurement: what was asked for, what it cost, how wrong it was.
@@ -88,53 +125,58 @@ pub struct Sweep {
     pub name: &'static str,
     /// Above table and chart.
     pub title: &'static str,
-    /// What `seconds` is the time of.
+    /// What was measured against what, in words.
+    pub about: &'static str,
+    /// What `seconds` is the time of: "query".
     pub cost: &'static str,
-    /// What the errors are errors of.
+    /// What the errors are errors of: "error of energy".
     pub errors: Vec<&'static str>,
     /// The measurements.
     pub rows: Vec<Row>,
 }
 
 impl Sweep {
-    /// Prints a table and writes `NAME.csv` and `NAME.png` (run time against the first error, both
-    /// logarithmic).
+    /// Prints and writes a table with a chart of run time against the first error, both
+    /// logarithmic.
     ///
     /// # Errors
     /// If a file cannot be written or the chart not drawn.
-    pub fn publish(&self, out: &Path) -> Outcome<()> {
-        println!("\n{}", self.title);
-        let series = self.rows.iter().map(|row| row.series.chars().count());
-        let wide = series.max().unwrap_or(0).max(32) + 2;
-        print!("{:<wide$}{:<22}{:>14}", "", "", self.cost);
-        self.errors.iter().for_each(|e| print!("{e:>13}"));
-        println!();
-        let mut csv = csv::Writer::from_path(out.join(format!("{}.csv", self.name)))?;
-        let names = ["series", "setting", "seconds"];
-        csv.write_record(names.iter().chain(&self.errors))?;
-        for row in &self.rows {
-            print!(
-                "{:<wide$}{:<22}{:>14.3e}",
-                row.series, row.setting, row.seconds
-            );
-            row.errors.iter().for_each(|e| print!("{e:>13.2e}"));
-            println!();
-            let mut record = vec![
-                row.series.clone(),
-                row.setting.clone(),
-                row.seconds.to_string(),
-            ];
-            record.extend(row.errors.iter().map(f64::to_string));
-            csv.write_record(record)?;
-        }
-        csv.flush()?;
-        let chart = self.chart();
-        let png = picture::png(self.title, (1000, 620), |sheet| chart.draw(sheet))?;
-        std::fs::write(out.join(format!("{}.png", self.name)), png)?;
-        Ok(())
+    pub fn publish(&self, arguments: &Arguments) -> Outcome<()> {
+        arguments.publish(&self.table(), Some(&self.chart()?))
     }
 
-    fn chart(&self) -> LineChart {
+    fn table(&self) -> Table {
+        let cost = format!("ms per {}", self.cost);
+        let names = ["of", "setting", cost.as_str()].into_iter();
+        let columns: Vec<&str> = names.chain(self.errors.iter().copied()).collect();
+        let mut table = Table::new(self.name, self.title, self.about, &columns);
+        for row in &self.rows {
+            let cells = [
+                row.series.clone(),
+                row.setting.clone(),
+                significant(1e3 * row.seconds, 3),
+            ];
+            table.push(
+                cells
+                    .into_iter()
+                    .chain(row.errors.iter().map(|e| significant(*e, 2))),
+            );
+        }
+        table
+    }
+
+    /// Run time against the first error, as PNG.
+    ///
+    /// # Errors
+    /// If it cannot be drawn.
+    pub fn chart(&self) -> Outcome<Vec<u8>> {
+        let chart = self.lines();
+        Ok(picture::png(self.title, (1000, 620), |sheet| {
+            chart.draw(sheet)
+        })?)
+    }
+
+    fn lines(&self) -> LineChart {
         let mut series: Vec<Series> = Vec::new();
         for row in &self.rows {
             let point = (row.seconds.log10(), row.errors[0].abs().max(1e-9).log10());
@@ -149,8 +191,8 @@ impl Sweep {
         }
         LineChart {
             title: self.title.to_owned(),
-            horizontal: format!("log10 of {}", self.cost),
-            vertical: format!("log10 of the error of {}", self.errors[0]),
+            horizontal: format!("log10 of seconds per {}", self.cost),
+            vertical: format!("log10 of the {}", self.errors[0]),
             series,
             ..LineChart::default()
         }

@@ -1,5 +1,5 @@
-//! Meshes of a wanted number of triangles: finely cut flat faces, many true facets, curved; and those
-//! of a folder.
+//! Meshes of a wanted number of triangles: finely cut flat faces, many true facets, curved; and
+//! those of a folder.
 
 use std::collections::HashMap;
 

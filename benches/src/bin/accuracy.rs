@@ -1,8 +1,8 @@
 //! Run time against error:
 //! `accuracy [--quick] [--out DIR] [density|correlation|table|direct]... [parts=DIR]`.
 //!
-//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps. With `parts`, only
-//! the density fields of the meshes (OBJ or STL, metres) in that folder.
+//! Prints each sweep and writes it as CSV and as a chart. Without names, all sweeps. With `parts`,
+//! only the density fields of the meshes (OBJ or STL, metres) in that folder.
 
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies,
@@ -22,6 +22,12 @@ use sdf_grid::{
     TriangleMesh,
 };
 
+/// What the errors of fields are.
+const FIELD_ERRORS: &str = "Relative L2 error of the field against the sum over all triangles in \
+    double precision, at nodes spread over the lattice, for each tolerance asked for, and the \
+    largest error of the signed distance, in sizes of the part. A tolerance is kept where the \
+    error is below it.";
+
 /// Measures; true for a quick run.
 type Measure = fn(bool) -> Outcome<Sweep>;
 
@@ -35,7 +41,7 @@ fn main() -> Outcome<()> {
     ];
     let folder = arguments.rest.iter().find_map(|w| w.strip_prefix("parts="));
     if let Some(folder) = folder {
-        return parts(folder, arguments.quick)?.publish(&arguments.out);
+        return parts(folder, arguments.quick)?.publish(&arguments);
     }
     for name in &arguments.rest {
         if sweeps.iter().all(|s| s.0 != name) {
@@ -47,7 +53,7 @@ fn main() -> Outcome<()> {
     }
     for (name, sweep) in sweeps {
         if arguments.rest.is_empty() || arguments.rest.iter().any(|n| n == name) {
-            sweep(arguments.quick)?.publish(&arguments.out)?;
+            sweep(arguments.quick)?.publish(&arguments)?;
         }
     }
     Ok(())
@@ -72,9 +78,10 @@ fn density(quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "density",
-        title: "Density field of the combined hole against the f64 sum over all triangles",
-        cost: "seconds/field",
-        errors: vec!["relative L2", "distance"],
+        title: "Density field of the combined hole",
+        about: FIELD_ERRORS,
+        cost: "field",
+        errors: vec!["error", "error of distance"],
         rows,
     })
 }
@@ -104,9 +111,10 @@ fn parts(folder: &str, quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "parts",
-        title: "Density fields of parts against the f64 sum over all triangles",
-        cost: "seconds/field",
-        errors: vec!["relative L2", "distance"],
+        title: "Density fields of parts",
+        about: FIELD_ERRORS,
+        cost: "field",
+        errors: vec!["error", "error of distance"],
         rows,
     })
 }
@@ -191,64 +199,84 @@ fn scores_at_places(pair: &Pair, rotation: DQuat) -> Outcome<(Vec<f64>, f64)> {
     Ok((PLACES.iter().map(read).collect(), seconds))
 }
 
-/// The score against spacing, for both samplings and four rotations. The reference of each rotation
-/// is the mean of Richardson's extrapolations (first order) of both samplings from the two finest
-/// spacings; half their difference is printed as its uncertainty.
+/// Ways to sample densities.
+const SAMPLINGS: [(&str, Sampling); 2] = [
+    ("points", Sampling::Point),
+    ("cells", Sampling::CellAverage),
+];
+
+/// Rotations of [`correlation`].
+fn turns() -> [(&'static str, DQuat); 4] {
+    let oblique = DVec3::new(1.0, 2.0, 3.0).normalize();
+    [
+        ("identity", DQuat::IDENTITY),
+        ("3° about y", DQuat::from_rotation_y(3f64.to_radians())),
+        ("45° about z", DQuat::from_rotation_z(45f64.to_radians())),
+        ("63° about (1, 2, 3)", DQuat::from_axis_angle(oblique, 1.1)),
+    ]
+}
+
+/// Scores at [`PLACES`] and seconds, by sampling, spacing and rotation.
+type Scored = Vec<Vec<Vec<(Vec<f64>, f64)>>>;
+
+fn scored(millimetres: &[f64]) -> Outcome<Scored> {
+    let at = |sampling, h: f64| -> Outcome<Vec<_>> {
+        let pair = example(
+            PegInHole::Rectangular,
+            &ScoreModel::GUIDED,
+            h * 1e-3,
+            sampling,
+        )?;
+        turns()
+            .iter()
+            .map(|t| scores_at_places(&pair, t.1))
+            .collect()
+    };
+    let each = SAMPLINGS.iter().map(|(_, sampling)| {
+        let spacings = millimetres.iter().map(|h| at(*sampling, *h));
+        spacings.collect::<Outcome<Vec<_>>>()
+    });
+    each.collect()
+}
+
+/// The mean of Richardson's extrapolations (first order) of both samplings from the two finest
+/// spacings, for the `r`th rotation, and half their difference, rms; `ratio` is that of the
+/// spacings.
+fn limit(found: &Scored, r: usize, ratio: f64) -> (Vec<f64>, f64) {
+    let limits = [0, 1].map(|s: usize| -> Vec<f64> {
+        let last = found[s].len() - 1;
+        let (fine, coarse) = (&found[s][last][r], &found[s][last - 1][r]);
+        let limit = |(f, c): (&f64, &f64)| f + (f - c) / (ratio - 1.0);
+        fine.0.iter().zip(&coarse.0).map(limit).collect()
+    });
+    let both = || limits[0].iter().zip(&limits[1]);
+    let unsure = rms(both().map(|(a, b)| 0.5 * (a - b)));
+    (both().map(|(a, b)| 0.5 * (a + b)).collect(), unsure)
+}
+
+/// The score against spacing, for both samplings and four rotations.
 fn correlation(quick: bool) -> Outcome<Sweep> {
     let millimetres: &[f64] = if quick {
         &[3.0, 1.5, 1.0]
     } else {
         &[3.0, 1.5, 1.0, 0.75, 0.5]
     };
-    let turns = [
-        ("identity", DQuat::IDENTITY),
-        ("3° about y", DQuat::from_rotation_y(3f64.to_radians())),
-        ("45° about z", DQuat::from_rotation_z(45f64.to_radians())),
-        (
-            "63° about (1, 2, 3)",
-            DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.1),
-        ),
-    ];
-    let samplings = [
-        ("points", Sampling::Point),
-        ("cells", Sampling::CellAverage),
-    ];
-    // Scores per sampling, spacing and rotation.
-    let mut found = Vec::new();
-    for (_, sampling) in samplings {
-        let mut per_spacing = Vec::new();
-        for h in millimetres {
-            let model = ScoreModel::GUIDED;
-            let pair = example(PegInHole::Rectangular, &model, h * 1e-3, sampling)?;
-            let each = turns.iter().map(|t| scores_at_places(&pair, t.1));
-            per_spacing.push(each.collect::<Outcome<Vec<_>>>()?);
-        }
-        found.push(per_spacing);
-    }
+    let found = scored(millimetres)?;
     let last = millimetres.len() - 1;
     let ratio = millimetres[last - 1] / millimetres[last];
     let depth = found[1][last][0].0[0];
     let mut rows = Vec::new();
-    println!();
-    for (r, (turn, _)) in turns.iter().enumerate() {
-        let limits = [0, 1].map(|s: usize| -> Vec<f64> {
-            let pair = found[s][last].iter().zip(&found[s][last - 1]).nth(r);
-            let (fine, coarse) = pair.expect("every rotation was scored");
-            let limit = |(f, c): (&f64, &f64)| f + (f - c) / (ratio - 1.0);
-            fine.0.iter().zip(&coarse.0).map(limit).collect()
-        });
-        let both = || limits[0].iter().zip(&limits[1]);
-        let unsure = rms(both().map(|(a, b)| 0.5 * (a - b) / depth));
-        println!("reference for {turn}: uncertain by {unsure:.1e} of the depth");
-        let truth: Vec<f64> = both().map(|(a, b)| 0.5 * (a + b)).collect();
-        for (s, (sampling, _)) in samplings.iter().enumerate() {
+    for (r, (turn, _)) in turns().iter().enumerate() {
+        let (truth, unsure) = limit(&found, r, ratio);
+        for (s, (sampling, _)) in SAMPLINGS.iter().enumerate() {
             for (k, h) in millimetres.iter().enumerate() {
                 let (scores, seconds) = &found[s][k][r];
+                let wrong = rms(scores.iter().zip(&truth).map(|(a, b)| a - b));
                 rows.push(Row {
                     series: format!("{sampling}, {turn}"),
                     setting: format!("h {h} mm"),
                     seconds: *seconds,
-                    errors: vec![rms(scores.iter().zip(&truth).map(|(a, b)| (a - b) / depth))],
+                    errors: vec![wrong / depth, (unsure / depth).abs()],
                 });
             }
         }
@@ -256,8 +284,12 @@ fn correlation(quick: bool) -> Outcome<Sweep> {
     Ok(Sweep {
         name: "correlation",
         title: "Score of the rectangular pair by FFT against its limit at spacing zero",
-        cost: "s/rotation",
-        errors: vec!["of the depth"],
+        about: "Scores at five displacements from the fit, for two ways to sample densities and \
+            four rotations; rms error over the depth of the fit. The limit is extrapolated from \
+            the two finest spacings of both samplings: where their limits differ, it is uncertain \
+            by half the difference, which is the last column. Errors of that size say nothing.",
+        cost: "rotation",
+        errors: vec!["error of the score", "uncertainty"],
         rows,
     })
 }
@@ -325,9 +357,13 @@ fn table(quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "table",
-        title: "Table of the rectangular pair against the direct evaluator on held-out poses",
-        cost: "seconds/query",
-        errors: vec!["energy", "force", "torque"],
+        title: "Tables of the rectangular pair against the direct evaluator",
+        about: "What interpolation and storage cost: 300 random poses that are not nodes, \
+            answered by the table and by direct quadrature on the same densities. Errors are rms, \
+            of energy over its range, of force and torque over their rms. What the lattice itself \
+            costs is not in them.",
+        cost: "query",
+        errors: vec!["error of energy", "error of force", "error of torque"],
         rows,
     })
 }
@@ -355,9 +391,11 @@ fn direct(quick: bool) -> Outcome<Sweep> {
     }
     Ok(Sweep {
         name: "direct",
-        title: "Direct evaluator with merged points against every cell its own point",
-        cost: "seconds/pose",
-        errors: vec!["energy", "force", "torque"],
+        title: "Direct evaluator with merged points",
+        about: "What merging cells into fewer quadrature points costs, against every cell its own \
+            point, at 200 random poses. Errors as in the table before.",
+        cost: "pose",
+        errors: vec!["error of energy", "error of force", "error of torque"],
         rows,
     })
 }

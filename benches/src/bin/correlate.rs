@@ -2,11 +2,11 @@
 //! `correlate [--quick] [--out DIR] [fftw] [N...]`.
 //!
 //! For each N a made-up pair whose transforms have N points along each axis. `half`: a moving part
-//! and a window of N/2 along each axis, a fixed part without end. `full`: both parts N/2, all
-//! N - 1 displacements at which they meet. Rotations one by one, and, as in a search or a table of
-//! all rotations, four at once that differ by half turns: all times are of one. Beside it, in the
-//! same run, the same product of complex fields with plain rustfft, and with FFTW if `fftw` is given
-//! (a C program, compiled with `cc`; its library must be installed), neither pruned and neither with
+//! and a window of N/2 along each axis, a fixed part without end. `full`: both parts N/2, all N - 1
+//! displacements at which they meet. Rotations one by one, and, as in a search or a table of all
+//! rotations, four at once that differ by half turns: all times are of one. Beside it, in the same
+//! run, the same product of complex fields with plain rustfft, and with FFTW if `fftw` is given (a
+//! C program, compiled with `cc`; its library must be installed), neither pruned and neither with
 //! resampling.
 
 use std::path::Path;
@@ -21,6 +21,7 @@ use fft_correlate::{
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::{Complex, Complex32};
+use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, plain, rms};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -39,24 +40,11 @@ fn main() -> Outcome<()> {
         sizes = SIZES[..if arguments.quick { 3 } else { 6 }].to_vec();
     }
     let seconds = if arguments.quick { 0.3 } else { 1.0 };
-    let mut table = csv::Writer::from_path(arguments.out.join("correlate.csv"))?;
-    table.write_record(COLUMNS)?;
-    println!("milliseconds per rotation; 'x' is our time, resampling included, over theirs");
-    println!(
-        "{:>4} {:<5}{:>3}{:>5}{:>10}{:>9}{:>9}{:>9}{:>9}{:>8}{:>10}{:>10}{:>9}",
-        "N",
-        "case",
-        "thr",
-        "once",
-        "resample",
-        "forward",
-        "product",
-        "inverse",
-        "total",
-        "ns/pt",
-        "x rustfft",
-        "x FFTW",
-        "error"
+    let mut table = Table::new(
+        "correlate",
+        "One rotation's scores: time per stage",
+        ABOUT,
+        &COLUMNS,
     );
     for n in sizes {
         let fftw = if arguments.rest.iter().any(|w| w == "fftw") {
@@ -65,32 +53,41 @@ fn main() -> Outcome<()> {
             None
         };
         let rustfft = plain_seconds(n, seconds);
+        eprintln!("N = {n}");
         for case in ["half", "full"] {
             for row in measure(n, case, seconds, rustfft, fftw, arguments.quick)? {
-                println!("{row}");
-                table.write_record(row.record())?;
+                table.push(row.cells());
             }
         }
     }
-    table.flush()?;
-    Ok(())
+    arguments.publish(&table, None)
 }
 
+const ABOUT: &str = "Milliseconds per rotation: resampling the turned moving fields, transforms \
+    forward, products with the fixed spectra, transforms back; `total` is the mean over rotations \
+    and threads, the stages are those of the fastest round. Transforms have N points along each \
+    axis. `half`: moving part and window N/2. `full`: both parts N/2, all displacements at which \
+    they meet. `at once`: rotations scored one by one, or four that differ by half turns. \
+    `planned` is what the plan expected. `x rustfft`, `x FFTW`: our total, resampling included, \
+    over the time of the same product with unpruned transforms of complex fields, without \
+    resampling, on one thread (FFTW only where the page was made with `fftw`). `error`: relative \
+    L2 distance from double precision.";
+
 const COLUMNS: [&str; 14] = [
-    "n",
+    "N",
     "case",
     "threads",
-    "at_once",
-    "resample_ms",
-    "forward_ms",
-    "product_ms",
-    "inverse_ms",
-    "total_ms",
-    "ns_per_point",
-    "plan_ms",
-    "rustfft_ms",
-    "fftw_ms",
-    "relative_error",
+    "at once",
+    "resample",
+    "forward",
+    "product",
+    "inverse",
+    "total",
+    "planned",
+    "ns per point",
+    "x rustfft",
+    "x FFTW",
+    "error",
 ];
 
 /// One line of the table.
@@ -111,11 +108,11 @@ struct Row {
 }
 
 impl Row {
-    fn record(&self) -> Vec<String> {
+    fn cells(&self) -> [String; 14] {
         let s = self.stages;
-        let ms = |v: f64| format!("{:.4}", 1e3 * v);
-        let maybe = |v: Option<f64>, f: &dyn Fn(f64) -> String| v.map_or(String::new(), f);
-        vec![
+        let ms = |v: f64| significant(1e3 * v, 2);
+        let maybe = |v: Option<f64>| v.map_or(String::new(), |v| significant(v, 2));
+        [
             self.n.to_string(),
             self.case.to_owned(),
             self.threads.to_string(),
@@ -125,41 +122,12 @@ impl Row {
             ms(s.product),
             ms(s.inverse),
             ms(self.total),
-            format!("{:.4}", 1e9 * self.total / (self.n as f64).powi(3)),
             ms(self.planned),
-            ms(self.rustfft),
-            maybe(self.fftw, &ms),
-            maybe(self.error, &|e| format!("{e:.2e}")),
+            significant(1e9 * self.total / (self.n as f64).powi(3), 2),
+            significant(self.total / self.rustfft, 2),
+            maybe(self.fftw.map(|theirs| self.total / theirs)),
+            maybe(self.error),
         ]
-    }
-}
-
-impl std::fmt::Display for Row {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (s, ms) = (self.stages, 1e3);
-        write!(
-            f,
-            "{:>4} {:<5}{:>3}{:>5}{:>10.3}{:>9.3}{:>9.3}{:>9.3}{:>9.3}{:>8.3}{:>10.3}",
-            self.n,
-            self.case,
-            self.threads,
-            self.at_once,
-            ms * s.resample,
-            ms * s.forward,
-            ms * s.product,
-            ms * s.inverse,
-            ms * self.total,
-            1e9 * self.total / (self.n as f64).powi(3),
-            self.total / self.rustfft
-        )?;
-        match self.fftw {
-            Some(theirs) => write!(f, "{:>10.3}", self.total / theirs)?,
-            None => write!(f, "{:>10}", "-")?,
-        }
-        match self.error {
-            Some(error) => write!(f, "{error:>9.1e}"),
-            None => write!(f, "{:>9}", "-"),
-        }
     }
 }
 

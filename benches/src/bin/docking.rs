@@ -5,7 +5,8 @@
 //! anything is computed, so that its frame gives nothing away; then `search` looks everywhere. The
 //! paper's three pairs, and, if a folder is given, the IndustReal parts in it (`docs/docking.md`).
 //! Prints how often the best pose is the true fit (up to the part's symmetry and the play of the
-//! fit), by how much the best false pose is shallower, and the times; writes `docking.csv`.
+//! fit), by how much the best false pose is shallower, and the times; writes `docking.csv` (a line
+//! per pair) and `starts.csv` (a line per start).
 
 use std::path::Path;
 use std::time::Instant;
@@ -15,6 +16,7 @@ use fft_correlate::{
     SearchPairs, SearchReport, decide, search, search_rotations, symmetry_group, wants_sketch,
 };
 use glam::{DQuat, DVec3};
+use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
@@ -39,7 +41,8 @@ struct Task {
     name: String,
     fixed: TriangleMesh,
     moving: TriangleMesh,
-    /// Displacements from the identity, along z, between which the fit leaves the part free, metres.
+    /// Displacements from the identity, along z, between which the fit leaves the part free,
+    /// metres.
     slide: [f64; 2],
 }
 
@@ -58,14 +61,15 @@ fn main() -> Outcome<()> {
             ("--only", Some(name)) => only = Some(name),
             _ => {
                 return Err(
-                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] [--exhaustive] [PARTS_DIR]"
+                    "usage: docking [--quick] [--out DIR] [--starts N] [--only PAIR] \
+                     [--exhaustive] [PARTS_DIR]"
                         .into(),
                 );
             }
         }
     }
     let starts = starts.unwrap_or(if arguments.quick { 2 } else { 50 });
-    let mut csv = csv::Writer::from_path(arguments.out.join("docking.csv"))?;
+    let mut csv = csv::Writer::from_path(arguments.out.join("starts.csv"))?;
     csv.write_record([
         "pair",
         "start",
@@ -85,15 +89,68 @@ fn main() -> Outcome<()> {
         "false_distance_m",
         "false_angle_rad",
     ])?;
+    let mut table = Table::new("docking", "Docking from random starts", ABOUT, &COLUMNS);
     for task in tasks(arguments.rest.first().map(Path::new))? {
         if only
             .as_ref()
             .is_none_or(|name| task.name.contains(name.as_str()))
         {
-            run(&task, starts, exhaustive, &mut csv)?;
+            let found = run(&task, starts, exhaustive, &mut csv)?;
+            table.push(summary(&task.name, &found));
         }
     }
-    Ok(())
+    arguments.publish(&table, None)
+}
+
+const ABOUT: &str = "The moving part is turned by a random rotation of SO(3) and shifted before \
+    anything is computed, then docked. `true first`: the best pose is the true one up to the \
+    part's symmetry and the play of the fit, pivots within 1 mm and rotations within 4 degrees. \
+    Margin: by how much the best false pose is shallower, the smallest of the starts where the \
+    true one came first. Worst distance and angle of these from the modelled pose. Medians per \
+    start: rotations scored by the sketch or, without one, in full, milliseconds for each of \
+    them, seconds altogether and for fields (of the moving part alone after the first start).";
+
+const COLUMNS: [&str; 9] = [
+    "pair",
+    "true first",
+    "smallest margin",
+    "off, mm",
+    "off, degrees",
+    "rotations",
+    "ms per rotation",
+    "s per start",
+    "of which fields",
+];
+
+/// What one start came to.
+struct Start {
+    judged: Judged,
+    rotations: usize,
+    /// Seconds.
+    per_rotation: f64,
+    total: f64,
+    fields: f64,
+}
+
+fn summary(name: &str, starts: &[Start]) -> [String; 9] {
+    let good = || starts.iter().map(|s| &s.judged).filter(|j| j.first);
+    let worst = |of: fn(&Judged) -> f64| good().map(of).fold(0.0, f64::max);
+    let median = |of: fn(&Start) -> f64| {
+        let mut values: Vec<f64> = starts.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    [
+        name.to_owned(),
+        format!("{} of {}", good().count(), starts.len()),
+        significant(good().map(|j| j.margin).fold(f64::INFINITY, f64::min), 2),
+        significant(worst(|j| 1e3 * j.distance), 2),
+        significant(worst(|j| j.angle.to_degrees()), 2),
+        format!("{:.0}", median(|s| s.rotations as f64)),
+        significant(1e3 * median(|s| s.per_rotation), 2),
+        significant(median(|s| s.total), 2),
+        significant(median(|s| s.fields), 2),
+    ]
 }
 
 fn tasks(parts: Option<&Path>) -> Outcome<Vec<Task>> {
@@ -150,12 +207,11 @@ fn run(
     starts: u64,
     exhaustive: bool,
     csv: &mut csv::Writer<std::fs::File>,
-) -> Outcome<()> {
+) -> Outcome<Vec<Start>> {
     let axes = symmetry::detect(&task.moving, SYMMETRY_TOLERANCE);
     println!("\n== {}: symmetry {:?}", task.name, orders(&axes));
     let mut kept: Vec<DensityField> = Vec::new();
-    let (mut good, mut worst) = (0, f64::INFINITY);
-    let mut total = 0.0;
+    let mut done = Vec::new();
     for start in 0..starts {
         let mut rng = SmallRng::seed_from_u64(start);
         let off = Pose::new(
@@ -213,15 +269,10 @@ fn run(
             &report,
         );
         let seconds = fields + report.seconds();
-        total += seconds;
         let best = &report.poses[0];
-        if judged.first {
-            good += 1;
-            worst = worst.min(judged.margin);
-        }
         println!(
-            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; {} rotations x {:?}, \
-             {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
+            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; \
+             {} rotations x {:?}, {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
             if judged.first {
                 "true fit first,"
             } else {
@@ -287,13 +338,15 @@ fn run(
         row.extend([judged.next.0.to_string(), judged.next.1.to_string()]);
         csv.write_record(row)?;
         csv.flush()?;
+        done.push(Start {
+            judged,
+            rotations: report.scored,
+            per_rotation: report.seconds_per_rotation(),
+            total: seconds,
+            fields,
+        });
     }
-    println!(
-        "   {}: true fit first in {good} of {starts}, smallest margin {worst:.3}, {:.1} s per start",
-        task.name,
-        total / starts as f64
-    );
-    Ok(())
+    Ok(done)
 }
 
 fn orders(axes: &[SymmetryAxis]) -> Vec<SymmetryOrder> {

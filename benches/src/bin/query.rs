@@ -14,6 +14,7 @@ use fft_correlate::{
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
 use pegfit::poses::{PoseReader, ScoredPose, append_score};
+use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, example, random_poses};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
@@ -28,21 +29,51 @@ fn main() -> Outcome<()> {
         h,
         Sampling::CellAverage,
     )?;
-    println!("{:<46}{:>10}{:>10}{:>10} µs", "", "p50", "p99", "p99.9");
-    small_table(&pair, h, arguments.quick)?;
-    direct(&pair)?;
+    let mut latency = Table::new(
+        "latency",
+        "Time of one query",
+        "Microseconds for energy and wrench at one pose, one thread, after a pass to warm up: the \
+         median and the slowest of a hundred and of a thousand. Along a path from pose to pose, \
+         as a hand moves, or at random poses. The small table (of the square pair) fits in the \
+         processor's caches; random poses in the large one (of a closed form) read main memory.",
+        &["source", "poses", "p50, µs", "p99, µs", "p99.9, µs"],
+    );
+    let mut many = Table::new(
+        "throughput",
+        "Many queries",
+        "Random poses per second on all threads, in memory; and, on one thread, the microseconds \
+         that a query takes with its row of CSV, and that reading a pose from CSV takes, as in \
+         `pegfit score`.",
+        &[
+            "table",
+            "rotations",
+            "displacements",
+            "MB",
+            "poses per second",
+            "query and row, µs",
+            "read, µs",
+        ],
+    );
+    small_table(&pair, h, arguments.quick, &mut latency, &mut many)?;
+    direct(&pair, &mut latency)?;
     for numbers in [Numbers::Half, Numbers::Integer] {
-        large_table(&pair, numbers, arguments.quick)?;
+        large_table(&pair, numbers, arguments.quick, &mut latency, &mut many)?;
     }
-    Ok(())
+    arguments.publish(&latency, None)?;
+    arguments.publish(&many, None)
 }
 
-fn small_table(pair: &Pair, h: f64, quick: bool) -> Outcome<()> {
+fn small_table(
+    pair: &Pair,
+    h: f64,
+    quick: bool,
+    latency: &mut Table,
+    many: &mut Table,
+) -> Outcome<()> {
     let (angle, step) = if quick { (6.0, 3.0) } else { (20.0, 4.0) };
     let window = TranslationWindow::cube(0.010, h)?;
     let spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(angle, step));
     let table = EnergyTable::compute(spec, &PairEnergies::plan(pair, &window)?, 4 << 30, &Silent)?;
-    describe("square pair", &table);
     let mut rng = SmallRng::seed_from_u64(4);
     let random = random_poses(pair, &mut rng, f64::to_radians(0.9 * angle), 0.006, 20_000);
     let path = path_through(&random[..20], 1000);
@@ -51,14 +82,16 @@ fn small_table(pair: &Pair, h: f64, quick: bool) -> Outcome<()> {
         ("linear", Interpolation::Linear),
     ] {
         let table = table.clone().with_interpolation(how);
-        latencies(&format!("  {name}, along a path"), &table, &path);
-        latencies(&format!("  {name}, random poses"), &table, &random);
+        let name = format!("small table, {name}");
+        latency.push(latencies(&name, "along a path", &table, &path));
+        latency.push(latencies(&name, "random", &table, &random));
     }
-    throughput(&table, &random);
+    let rate = throughput(&table, &random);
+    many.push(described("small", &table, rate, None));
     Ok(())
 }
 
-fn direct(pair: &Pair) -> Outcome<()> {
+fn direct(pair: &Pair, latency: &mut Table) -> Outcome<()> {
     let mut rng = SmallRng::seed_from_u64(5);
     let poses = random_poses(pair, &mut rng, 0.3, 0.006, 2000);
     for points in [5_000, 20_000] {
@@ -68,7 +101,7 @@ fn direct(pair: &Pair) -> Outcome<()> {
         };
         let source = DirectEvaluator::new(pair, &options)?;
         let name = format!("direct, {} points", source.describe().points());
-        latencies(&name, &source, &poses);
+        latency.push(latencies(&name, "random", &source, &poses));
     }
     Ok(())
 }
@@ -99,7 +132,13 @@ impl NodeEnergies for Waves {
     }
 }
 
-fn large_table(pair: &Pair, numbers: Numbers, quick: bool) -> Outcome<()> {
+fn large_table(
+    pair: &Pair,
+    numbers: Numbers,
+    quick: bool,
+    latency: &mut Table,
+    many: &mut Table,
+) -> Outcome<()> {
     let (angle, step) = if quick { (20.0, 5.0) } else { (30.0, 4.0) };
     let window = TranslationWindow::cube(0.030, 1e-3)?;
     let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(angle, step));
@@ -109,46 +148,56 @@ fn large_table(pair: &Pair, numbers: Numbers, quick: bool) -> Outcome<()> {
     };
     let waves = Waves(spec.window);
     let table = EnergyTable::compute(spec, &waves, 8 << 30, &Silent)?;
-    describe(&format!("closed form, {numbers:?}"), &table);
     let mut rng = SmallRng::seed_from_u64(6);
     let count = if quick { 100_000 } else { 1_000_000 };
     let random = random_poses(pair, &mut rng, f64::to_radians(angle), 0.029, count);
-    latencies("  along a path", &table, &path_through(&random[..20], 1000));
-    latencies("  random poses", &table, &random[..20_000]);
-    throughput(&table, &random);
-    if numbers == Numbers::Half {
-        stream(&table, &random)?;
-    }
+    let name = match numbers {
+        Numbers::Half => "large, float16",
+        Numbers::Integer => "large, int16",
+    };
+    let path = path_through(&random[..20], 1000);
+    latency.push(latencies(name, "along a path", &table, &path));
+    latency.push(latencies(name, "random", &table, &random[..20_000]));
+    let rate = throughput(&table, &random);
+    let streamed = stream(&table, &random)?;
+    many.push(described(name, &table, rate, Some(streamed)));
     Ok(())
 }
 
-fn describe(name: &str, table: &EnergyTable) {
-    println!(
-        "table of the {name}: {} rotations x {:?} displacements, {:.1} MB",
-        table.grid().nodes().len(),
-        table.spec().window.shape(),
-        table.memory() as f64 / 1e6
-    );
+/// A row of the table of throughput; `streamed` are the times of [`stream`].
+fn described(
+    name: &str,
+    table: &EnergyTable,
+    rate: f64,
+    streamed: Option<[f64; 2]>,
+) -> [String; 7] {
+    let [x, y, z] = table.spec().window.shape();
+    let [writing, reading] = streamed.map_or([const { String::new() }; 2], |times| {
+        times.map(|t| significant(t, 2))
+    });
+    [
+        name.to_owned(),
+        table.grid().nodes().len().to_string(),
+        format!("{x} x {y} x {z}"),
+        significant(table.memory() as f64 / 1e6, 3),
+        significant(rate, 2),
+        writing,
+        reading,
+    ]
 }
 
 /// Poses per second on all threads, in memory.
-fn throughput(table: &EnergyTable, poses: &[Pose]) {
+fn throughput(table: &EnergyTable, poses: &[Pose]) -> f64 {
     let mut responses = vec![Response::default(); poses.len()];
-    table.respond_many(
-        &poses[..poses.len() / 10],
-        &mut responses[..poses.len() / 10],
-    );
+    let few = poses.len() / 10;
+    table.respond_many(&poses[..few], &mut responses[..few]);
     let began = Instant::now();
     table.respond_many(poses, &mut responses);
-    let rate = poses.len() as f64 / began.elapsed().as_secs_f64();
-    println!(
-        "  {} random poses, all threads: {rate:.3e} poses/s",
-        poses.len()
-    );
+    poses.len() as f64 / began.elapsed().as_secs_f64()
 }
 
-/// One thread's cost of reading a pose from CSV and of writing its row.
-fn stream(table: &EnergyTable, poses: &[Pose]) -> Outcome<()> {
+/// One thread's microseconds for a query with its CSV row, and for reading a pose from CSV.
+fn stream(table: &EnergyTable, poses: &[Pose]) -> Outcome<[f64; 2]> {
     let poses = &poses[..poses.len().min(100_000)];
     let mut text = String::new();
     let began = Instant::now();
@@ -167,10 +216,7 @@ fn stream(table: &EnergyTable, poses: &[Pose]) -> Outcome<()> {
     let began = Instant::now();
     let count = PoseReader::new("poses", text.as_bytes())?.count();
     let reading = 1e6 * began.elapsed().as_secs_f64() / count as f64;
-    println!(
-        "  CSV, one thread: {writing:.2} µs a query with its row, {reading:.2} µs to read a pose"
-    );
-    Ok(())
+    Ok([writing, reading])
 }
 
 /// A path from pose to pose, as a hand would move.
@@ -190,8 +236,8 @@ fn path_through(corners: &[Pose], steps: usize) -> Vec<Pose> {
         .collect()
 }
 
-/// Prints quantiles of the time of one evaluation, after one pass to warm up.
-fn latencies(name: &str, source: &dyn EnergySource, poses: &[Pose]) {
+/// A row with the quantiles of the time of one evaluation, after one pass to warm up.
+fn latencies(name: &str, kind: &str, source: &dyn EnergySource, poses: &[Pose]) -> [String; 5] {
     let mut scratch = source.scratch();
     let mut sum = 0.0;
     for pose in &poses[..poses.len().min(2000)] {
@@ -207,11 +253,12 @@ fn latencies(name: &str, source: &dyn EnergySource, poses: &[Pose]) {
         .collect();
     assert!(sum.is_finite(), "energies are finite");
     micros.sort_unstable_by(f64::total_cmp);
-    let at = |q: f64| micros[((micros.len() - 1) as f64 * q) as usize];
-    println!(
-        "{name:<46}{:>10.2}{:>10.2}{:>10.2}",
+    let at = |q: f64| significant(micros[((micros.len() - 1) as f64 * q) as usize], 3);
+    [
+        name.to_owned(),
+        kind.to_owned(),
         at(0.5),
         at(0.99),
-        at(0.999)
-    );
+        at(0.999),
+    ]
 }

@@ -1,7 +1,7 @@
 //! The whole chain on real parts: `real-parts [--quick] [--out DIR] PARTS_DIR`.
 //!
 //! `PARTS_DIR` holds the IndustReal assets of IsaacGymEnvs as OBJ files in metres (see
-//! `docs/accuracy.md`); the identity is the assembled pose. Prints, for each pair, where the energy
+//! `docs/docking.md`); the identity is the assembled pose. Prints, for each pair, where the energy
 //! along x, y and yaw is lowest, what docking finds in a domain of 10 mm and 30 degrees, and where
 //! the snap script ends.
 
@@ -19,6 +19,7 @@ use haptic::{
     Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
 };
 use pegfit::picture::{self, LineChart, Series};
+use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, ask};
 use sdf_grid::{Aabb, HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
 
@@ -36,7 +37,7 @@ const PAIRS: [(&str, &str, &str); 2] = [
 ];
 
 /// The tray's floor is thin for the length of the pegs: with lighter interiors they gain more along
-/// the walls behind it than it costs (`docs/accuracy.md`).
+/// the walls behind it than it costs (`docs/docking.md`).
 const MODEL: ScoreModel = ScoreModel {
     lambda_interior: 12.0,
     ..ScoreModel::GUIDED
@@ -50,20 +51,83 @@ fn main() -> Outcome<()> {
     let [folder] = arguments.rest.as_slice() else {
         return Err("usage: real-parts [--quick] [--out DIR] PARTS_DIR".into());
     };
+    let mut tables = Tables::new();
     for (name, fixed, moving) in PAIRS {
-        println!("\n== {name}: {moving} in {fixed}");
+        eprintln!("{name}: {moving} in {fixed}");
         let read = |file: &str| -> Outcome<TriangleMesh> {
             let path = Path::new(folder).join(file);
             let (mesh, report) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
             for warning in report.warnings() {
-                println!("   {warning}");
+                eprintln!("   {warning}");
             }
             Ok(mesh)
         };
         let (fixed, moving) = (read(fixed)?, read(moving)?);
-        measure(name, &fixed, &moving, &arguments)?;
+        measure(name, &fixed, &moving, &arguments, &mut tables)?;
+    }
+    let Tables {
+        curves,
+        docked,
+        snaps,
+    } = tables;
+    for table in [curves, docked, snaps] {
+        arguments.publish(&table, None)?;
     }
     Ok(())
+}
+
+struct Tables {
+    curves: Table,
+    docked: Table,
+    snaps: Table,
+}
+
+impl Tables {
+    fn new() -> Self {
+        Self {
+            curves: Table::new(
+                "curves",
+                "Real parts: energy from the assembled pose",
+                "IndustReal's round and rectangular 8 mm pegs in their trays, interiors 12 times \
+                 as heavy as exteriors. The part is moved straight along an axis or turned about \
+                 z: where the energy is lowest, in depths of the assembled pose. The real play is \
+                 about 0.5 mm; in the assembled pose the nodes of both lattices coincide, which \
+                 may hold the part there.",
+                &["pair", "along", "lowest at", "unit", "depth there"],
+            ),
+            docked: Table::new(
+                "docked",
+                "Real parts: docking near the assembled pose",
+                "The deepest poses within 10 mm and 30 degrees of the assembled one, which is the \
+                 origin.",
+                &[
+                    "pair",
+                    "x, mm",
+                    "y, mm",
+                    "z, mm",
+                    "tilt, degrees",
+                    "yaw, degrees",
+                    "energy, J",
+                ],
+            ),
+            snaps: Table::new(
+                "snaps",
+                "Real parts: the snap test",
+                "A simulated hand carries the peg away and lets go of it near the mouth: how far \
+                 it strayed, and where it ends.",
+                &[
+                    "pair",
+                    "hand",
+                    "strayed, mm",
+                    "x, mm",
+                    "y, mm",
+                    "z, mm",
+                    "tilt, degrees",
+                    "peak force, N",
+                ],
+            ),
+        }
+    }
 }
 
 fn measure(
@@ -71,6 +135,7 @@ fn measure(
     fixed: &TriangleMesh,
     moving: &TriangleMesh,
     arguments: &Arguments,
+    tables: &mut Tables,
 ) -> Outcome<()> {
     let began = Instant::now();
     let builder = PairBuilder {
@@ -79,7 +144,7 @@ fn measure(
     };
     let plan = builder.plan(fixed, moving, &MODEL)?;
     let pair = builder.build(fixed, moving, &MODEL, &Silent)?;
-    println!(
+    eprintln!(
         "   {} + {} triangles, spacing {:.2} mm, halo {:.1} mm, {:?} + {:?} nodes, {:.1} s",
         fixed.triangles().len(),
         moving.triangles().len(),
@@ -94,9 +159,9 @@ fn measure(
     let gamma = gamma_for_peak_force(&real_time, 1.0, &Pose::IDENTITY, window, PEAK_FORCE)?;
     let pair = pair.with_gamma(gamma)?;
     let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
-    curves(name, &pair, &source, arguments)?;
-    docking(&pair)?;
-    snap(&pair, moving)
+    curves(name, &pair, &source, arguments, &mut tables.curves)?;
+    docking(name, &pair, &source, &mut tables.docked)?;
+    snap(name, &pair, moving, &mut tables.snaps)
 }
 
 /// A motion from the assembled pose: its name, unit, reach, and the pose at a value in that unit.
@@ -122,9 +187,9 @@ fn curves(
     pair: &Pair,
     source: &dyn EnergySource,
     arguments: &Arguments,
+    table: &mut Table,
 ) -> Outcome<()> {
     let assembled = ask(source, &Pose::IDENTITY).energy;
-    println!("   energy assembled {assembled:.4e} J at a peak force of {PEAK_FORCE} N");
     let mut chart = LineChart {
         title: format!("{name} pair: energy from the assembled pose"),
         horizontal: "displacement (fraction of the reach)".into(),
@@ -141,17 +206,13 @@ fn curves(
             .iter()
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .expect("poses were asked");
-        println!(
-            "   along {axis:<4} lowest at {:+.3} {unit}: {:.4} of the assembled depth; \
-             spread of the curve {:.4}",
-            lowest.0,
-            lowest.1 / assembled,
-            energies
-                .iter()
-                .map(|e| e.1 / -assembled)
-                .fold(f64::NEG_INFINITY, f64::max)
-                + 1.0,
-        );
+        table.push([
+            name.to_owned(),
+            axis.to_owned(),
+            format!("{:+.2}", lowest.0),
+            unit.to_owned(),
+            format!("{:.3}", lowest.1 / assembled),
+        ]);
         chart.series.push(Series {
             label: format!("{axis}, ±{reach} {unit}"),
             points: energies
@@ -166,56 +227,38 @@ fn curves(
     Ok(())
 }
 
-fn docking(pair: &Pair) -> Outcome<()> {
-    let began = Instant::now();
+fn docking(name: &str, pair: &Pair, source: &dyn EnergySource, table: &mut Table) -> Outcome<()> {
     let grid = RotationGrid::new(&RotationDomain::ball(30.0, 10.0), None)?;
     // A table's grid has nodes around its domain; docking searches the domain.
     let inside = |q: &DQuat| q.angle_between(DQuat::IDENTITY) < 30.5f64.to_radians();
     let rotations: Vec<_> = grid.nodes().iter().copied().filter(inside).collect();
-    let domain = SearchDomain {
-        rotations,
-        step: grid.step(),
-        places: Aabb {
-            min: pair.pivot() - 0.010,
-            max: pair.pivot() + 0.010,
-        },
-        symmetries: Vec::new(),
-    };
-    let pairs = SearchPairs {
-        sketch: None,
-        coarse: pair,
-        fine: pair,
-    };
-    let options = SearchOptions {
-        top: 3,
-        ..SearchOptions::default()
-    };
-    let found = search(&pairs, &domain, &options, None, &Silent)?;
-    println!(
-        "   docked {} rotations x {:?} displacements in {:.1} s",
-        found.scored,
-        found.window,
-        began.elapsed().as_secs_f64()
-    );
+    let window = TranslationWindow::cube(0.010, pair.spacing())?;
+    let found = dock(
+        pair,
+        &rotations,
+        &window,
+        &DockOptions::new(pair, 3),
+        Some(source),
+        &Silent,
+    )?;
     for docked in &found.poses {
         let d = 1e3 * pair.displacement(&docked.pose);
         let tilt = (docked.pose.rotation * DVec3::Z).angle_between(DVec3::Z);
         let yaw = 2.0 * docked.pose.rotation.z.atan2(docked.pose.rotation.w);
-        println!(
-            "   pose at ({:+.3}, {:+.3}, {:+.3}) mm, tilt {:.2}, yaw {:+.2} degrees, \
-             energy {:.4e} J",
-            d.x,
-            d.y,
-            d.z,
-            tilt.to_degrees(),
-            yaw.to_degrees(),
-            docked.energy
-        );
+        table.push([
+            name.to_owned(),
+            format!("{:+.2}", d.x),
+            format!("{:+.2}", d.y),
+            format!("{:+.2}", d.z),
+            format!("{:.1}", tilt.to_degrees()),
+            format!("{:+.1}", yaw.to_degrees()),
+            significant(docked.energy, 4),
+        ]);
     }
     Ok(())
 }
 
-fn snap(pair: &Pair, moving: &TriangleMesh) -> Outcome<()> {
+fn snap(name: &str, pair: &Pair, moving: &TriangleMesh, table: &mut Table) -> Outcome<()> {
     let source = DirectEvaluator::new(pair, &DirectOptions::REAL_TIME)?;
     let size = moving.bounds().size();
     let geometry = Geometry {
@@ -250,16 +293,16 @@ fn snap(pair: &Pair, moving: &TriangleMesh) -> Outcome<()> {
         let end = outcome.last.object;
         let d = 1e3 * pair.displacement(&end);
         let tilt = (end.rotation * DVec3::Z).angle_between(DVec3::Z);
-        println!(
-            "   snap, hand {seed}: strayed {:.1} mm, ends at ({:+.3}, {:+.3}, {:+.3}) mm, tilt \
-             {:.2} degrees; peak force {:.2} N",
-            1e3 * strayed,
-            d.x,
-            d.y,
-            d.z,
-            tilt.to_degrees(),
-            outcome.report.peak_force
-        );
+        table.push([
+            name.to_owned(),
+            seed.to_string(),
+            format!("{:.0}", 1e3 * strayed),
+            format!("{:+.3}", d.x),
+            format!("{:+.3}", d.y),
+            format!("{:+.3}", d.z),
+            format!("{:.2}", tilt.to_degrees()),
+            format!("{:.2}", outcome.report.peak_force),
+        ]);
     }
     Ok(())
 }

@@ -1,11 +1,11 @@
 //! Error of energy, force and torque against a converged reference, and what it costs:
 //! `pareto [--quick] [--out DIR] [pair=NAME] [clearance=MM] [turned]`.
 //!
-//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation of
-//! tables, and spacing, sampling and number of points of the direct evaluator, on one of the example
-//! pairs: the square peg-in-hole at zero clearance unless another is named; `turned`: both parts turned
-//! together, so that no face lies along the lattice. Poses are held out: random ones, and paths in contact.
-//! Prints a table, writes `pareto.csv` and `pareto.png` with the efficient frontiers.
+//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation
+//! of tables, and spacing, sampling and number of points of the direct evaluator, on one of the
+//! example pairs: the square peg-in-hole at zero clearance unless another is named; `turned`: both
+//! parts turned together, so that no face lies along the lattice. Poses are held out: random ones,
+//! and paths in contact. Prints and writes tables, and a chart with the efficient frontiers.
 
 mod report;
 mod truth;
@@ -99,6 +99,7 @@ fn main() -> Outcome<()> {
     let mut found = Vec::new();
     for &mm in sweep.spacings_mm {
         for (scheme, sampling, deaverage) in SCHEMES {
+            eprintln!("{mm} mm, {scheme}");
             let (pair, fields) = charged(|| build(&parts, mm, sampling, deaverage));
             let base = [format!("{mm}"), scheme.to_owned()];
             let pair = pair?;
@@ -111,13 +112,15 @@ fn main() -> Outcome<()> {
             }
         }
     }
-    publish(&found, &arguments)
+    publish(&found, &parts.title, &truth.uncertainty, &arguments)
 }
 
 /// What is fitted.
 pub(crate) struct Parts {
     fixed: TriangleMesh,
     moving: TriangleMesh,
+    /// In words.
+    title: String,
     /// How both were turned together.
     pub(crate) turn: DQuat,
 }
@@ -144,15 +147,17 @@ impl Parts {
             }
         }
         let how = if turn == TURN { ", turned" } else { "" };
-        println!(
-            "{} pair, clearance {} mm{how}",
+        let title = format!(
+            "Pair {}, clearance {} mm{how}",
             pair.name(),
             1e3 * clearance
         );
+        eprintln!("{title}");
         let (fixed, moving) = pair.pair(clearance)?;
         Ok(Self {
             fixed: fixed.transformed(turn, DVec3::ZERO),
             moving: moving.transformed(turn, DVec3::ZERO),
+            title,
             turn,
         })
     }

@@ -2,6 +2,7 @@
 
 use fft_correlate::{Condition, DirectEvaluator, DirectOptions, Pair, Pose, Response};
 use glam::{DQuat, DVec3};
+use pegfit_benches::table::{Table, percent, significant};
 use pegfit_benches::{Outcome, ask, random_poses, response_errors, timed};
 use rand::{SeedableRng, rngs::SmallRng};
 use rayon::prelude::*;
@@ -15,11 +16,12 @@ pub(crate) struct Truth {
     pub(crate) random: Vec<Pose>,
     pub(crate) paths: Vec<Pose>,
     pub(crate) truth: [Vec<Response>; 2],
+    /// How sure it is.
+    pub(crate) uncertainty: Table,
 }
 
 /// The mean of point samples and cell averages on a fine lattice: at zero clearance both err to
-/// first order in the spacing, with opposite signs. Prints how far apart they are, which bounds
-/// what is left, and what single precision loses.
+/// first order in the spacing, with opposite signs.
 pub(crate) fn reference(parts: &Parts, sweep: &Sweep) -> Outcome<Truth> {
     let mm = sweep.reference_mm;
     let pairs = [Sampling::Point, Sampling::CellAverage].map(|s| build(parts, mm, s, false));
@@ -40,39 +42,55 @@ pub(crate) fn reference(parts: &Parts, sweep: &Sweep) -> Outcome<Truth> {
         uncertain.push(response_errors(&pair, poses, &mean, &b));
         mean
     });
-    println!("reference: mean of point samples and cell averages every {mm} mm");
-    for (poses, u) in ["random poses", "contact paths"].iter().zip(&uncertain) {
-        println!(
-            "  {poses}: each differs from it by {:.2} % in energy, {:.2} % in force, {:.2} % in torque",
-            100.0 * u[0],
-            100.0 * u[1],
-            100.0 * u[2]
-        );
-    }
-    let mut numbers: Vec<(f64, f64)> = random
-        .iter()
-        .chain(&paths)
-        .step_by(8)
-        .map(|pose| {
-            let exact = Condition::at(&pair, pose);
-            let rounding = (b.score(pose).re - exact.score).abs() / exact.magnitude;
-            (exact.number(), rounding)
-        })
-        .collect();
-    numbers.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let worst = numbers.iter().map(|n| n.1).fold(0.0, f64::max);
-    println!(
-        "  condition number of the score: median {:.2}, largest {:.1}; single precision loses at \
-         most {worst:.1e} of the sum of absolute terms",
-        numbers[numbers.len() / 2].0,
-        numbers[numbers.len() - 1].0
-    );
+    let rounding = rounding(&pair, &b, random.iter().chain(&paths));
     Ok(Truth {
         pair,
         random,
         paths,
         truth,
+        uncertainty: uncertainty(mm, &uncertain, rounding),
     })
+}
+
+/// Median and largest condition number of the score at some poses, and the share of the sum of
+/// absolute terms that single precision loses at most.
+fn rounding<'a>(
+    pair: &Pair,
+    source: &DirectEvaluator,
+    poses: impl Iterator<Item = &'a Pose>,
+) -> [f64; 3] {
+    let mut numbers: Vec<(f64, f64)> = poses
+        .step_by(8)
+        .map(|pose| {
+            let exact = Condition::at(pair, pose);
+            let rounding = (source.score(pose).re - exact.score).abs() / exact.magnitude;
+            (exact.number(), rounding)
+        })
+        .collect();
+    numbers.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let worst = numbers.iter().map(|n| n.1).fold(0.0, f64::max);
+    [
+        numbers[numbers.len() / 2].0,
+        numbers[numbers.len() - 1].0,
+        worst,
+    ]
+}
+
+fn uncertainty(mm: f64, uncertain: &[Vec<f64>], [median, largest, lost]: [f64; 3]) -> Table {
+    let about = format!(
+        "The truth here is the mean of point samples and cell averages every {mm} mm, each cell a \
+         point: how far each of the two is from it bounds what the other tables can tell. The \
+         condition number of the score is {} in the median and {} at most, and single precision \
+         loses at most {lost:.1e} of the sum of absolute terms: rounding plays no part.",
+        significant(median, 2),
+        significant(largest, 2)
+    );
+    let columns = ["poses", "energy, %", "force, %", "torque, %"];
+    let mut table = Table::new("reference", "How sure the reference is", &about, &columns);
+    for (poses, u) in ["random", "in contact"].iter().zip(uncertain) {
+        table.push(std::iter::once((*poses).to_owned()).chain(u.iter().map(|e| percent(*e))));
+    }
+    table
 }
 
 fn middle(a: &Response, b: &Response) -> Response {
@@ -83,7 +101,8 @@ fn middle(a: &Response, b: &Response) -> Response {
     mean
 }
 
-/// Sliding in along a wall, pressing from wall to wall, and turning in the hole, for parts turned by `turn`.
+/// Sliding in along a wall, pressing from wall to wall, and turning in the hole, for parts turned
+/// by `turn`.
 fn contact_paths(pair: &Pair, turn: DQuat, count: usize) -> Vec<Pose> {
     let reach = 0.9 * REACH;
     let at = |k: usize| k as f64 / (count - 1) as f64;

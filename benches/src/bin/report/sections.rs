@@ -1,0 +1,151 @@
+//! What the page consists of.
+
+/// A part of the page: one program, run once or several times.
+pub(crate) struct Section {
+    /// For `only=`, folders and picture names.
+    pub(crate) key: &'static str,
+    pub(crate) title: &'static str,
+    pub(crate) about: &'static str,
+    pub(crate) program: &'static str,
+    /// Arguments of each run.
+    pub(crate) quick: &'static [&'static [&'static str]],
+    pub(crate) full: &'static [&'static [&'static str]],
+    /// What stands before the folder of real parts, if the program takes it.
+    pub(crate) parts: Option<&'static str>,
+    /// Left out where there is no such folder.
+    pub(crate) needs_parts: bool,
+}
+
+pub(crate) const SECTIONS: [Section; 10] = [
+    Section {
+        key: "field",
+        title: "Density fields",
+        about: "What a field costs and how far it is from the sum over all triangles; how it is \
+            computed stands in [fields.md](fields.md).",
+        program: "field",
+        quick: &[&["--quick", "only=10k"]],
+        full: &[&[]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "solids",
+        title: "Density fields of random solids",
+        about: "Whether tolerances are kept on shapes that nobody chose.",
+        program: "field",
+        quick: &[&["--quick", "solids"]],
+        full: &[&["solids"]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "parts",
+        title: "Density fields of real parts",
+        about: "Whether tolerances are kept on the IndustReal meshes.",
+        program: "accuracy",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: Some("parts="),
+        needs_parts: true,
+    },
+    Section {
+        key: "correlate",
+        title: "Correlation",
+        about: "What the scores of one rotation at all displacements cost; the stages are \
+            explained in [correlation.md](correlation.md).",
+        program: "correlate",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "accuracy",
+        title: "Stage by stage",
+        about: "Run time against error of one stage at a time: fields, scores, tables, direct \
+            evaluation.",
+        program: "accuracy",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "pareto",
+        title: "The whole way to a wrench",
+        about: "Error of the wrench against what it costs, over lattice spacing, sampling, \
+            rotation step, numbers and interpolation of tables and number of points of direct \
+            evaluation.",
+        program: "pareto",
+        quick: &[&["--quick"]],
+        full: &[
+            &[],
+            &["turned"],
+            &["clearance=0.3"],
+            &["turned", "clearance=0.3"],
+        ],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "docking",
+        title: "Docking",
+        about: "Whether the true fit is found from any start, and how long it takes; the stages \
+            are explained in [docking.md](docking.md).",
+        program: "docking",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: Some(""),
+        needs_parts: false,
+    },
+    Section {
+        key: "query",
+        title: "Queries",
+        about: "Energy and wrench at a pose, from tables and by direct evaluation.",
+        program: "query",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "loop",
+        title: "The haptic loop",
+        about: "What a tick costs beside the field, explained in [haptics.md](haptics.md).",
+        program: "runtime",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
+        key: "chain",
+        title: "The whole chain on real parts",
+        about: "Energies, docking and the snap test on IndustReal pegs in their trays.",
+        program: "real-parts",
+        quick: &[&["--quick"]],
+        full: &[&[]],
+        parts: Some(""),
+        needs_parts: true,
+    },
+];
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn sections_have_keys_of_their_own_and_programs_that_exist() {
+        let keys: BTreeSet<_> = SECTIONS.iter().map(|s| s.key).collect();
+        assert_eq!(keys.len(), SECTIONS.len());
+        let bins = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/bin");
+        for section in &SECTIONS {
+            let file = bins.join(format!("{}.rs", section.program));
+            let folder = bins.join(section.program).join("main.rs");
+            assert!(file.exists() || folder.exists(), "{}", section.program);
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! The pages of the repository: lines that fit a screen, links that lead somewhere.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Longest line of a page, characters. Rows of tables are exempt: Markdown cannot break them.
+const WIDTH: usize = 100;
+
+/// Folders that hold no pages of ours.
+const SKIPPED: [&str; 5] = ["target", "out", "corpus", "node_modules", "pegfit-demo"];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Every Markdown file below a folder, hidden folders left out.
+fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        let name = name.to_string_lossy();
+        if name.starts_with('.') || SKIPPED.contains(&name.as_ref()) {
+            continue;
+        }
+        // Not `path.is_dir()`, which follows links out of the repository.
+        if entry.file_type().is_ok_and(|t| t.is_dir()) {
+            collect(&path, found);
+        } else if name.ends_with(".md") {
+            found.push(path);
+        }
+    }
+}
+
+fn pages() -> Vec<(PathBuf, String)> {
+    let mut paths = Vec::new();
+    collect(&root(), &mut paths);
+    let read = |path: PathBuf| {
+        let text = fs::read_to_string(&path).expect("a page");
+        (path, text)
+    };
+    paths.into_iter().map(read).collect()
+}
+
+/// Lines with their numbers that are not code, with spans of code blanked.
+fn prose(text: &str) -> Vec<(usize, String)> {
+    let (mut fenced, mut kept) = (false, Vec::new());
+    for (number, line) in text.lines().enumerate() {
+        if line.trim_start().starts_with("```") {
+            fenced = !fenced;
+        } else if !fenced && !line.starts_with("    ") {
+            let outside = line.split('`').step_by(2);
+            kept.push((number + 1, outside.collect::<Vec<_>>().join("``")));
+        }
+    }
+    kept
+}
+
+/// Targets of `[words](target)` with the number of the line where the target stands.
+fn links(text: &str) -> Vec<(usize, String)> {
+    let mut found = Vec::new();
+    for (number, line) in prose(text) {
+        for part in line.split("](").skip(1) {
+            if let Some((target, _)) = part.split_once(')') {
+                found.push((number, target.to_owned()));
+            }
+        }
+    }
+    found
+}
+
+/// The anchors that GitHub gives the headings of a page.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let mut fenced = false;
+    let mut headings = Vec::new();
+    for line in text.lines() {
+        fenced ^= line.starts_with("```");
+        if !fenced && line.starts_with('#') {
+            headings.push(line.trim_start_matches('#').trim());
+        }
+    }
+    let kept = |c: &char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_');
+    let slug = |heading: &&str| -> String {
+        let small = heading.to_lowercase();
+        small
+            .chars()
+            .filter(kept)
+            .collect::<String>()
+            .replace(' ', "-")
+    };
+    headings.iter().map(slug).collect()
+}
+
+/// What is wrong with one link from a page, if anything.
+fn broken(page: &Path, target: &str) -> Option<String> {
+    if ["http://", "https://", "mailto:"]
+        .iter()
+        .any(|s| target.starts_with(s))
+    {
+        return None;
+    }
+    let (file, anchor) = target.split_once('#').unwrap_or((target, ""));
+    let path = match file {
+        "" => page.to_owned(),
+        _ => page.parent().expect("a folder").join(file),
+    };
+    if !path.exists() {
+        return Some(format!("{target}: no such file"));
+    }
+    if anchor.is_empty() {
+        return None;
+    }
+    let text = fs::read_to_string(&path).unwrap_or_default();
+    let known = anchors(&text);
+    (!known.contains(anchor)).then(|| format!("{target}: no such heading; known: {known:?}"))
+}
+
+#[test]
+fn lines_of_pages_are_at_most_100_characters() {
+    let pages = pages();
+    assert!(pages.len() > 10, "pages were found");
+    let mut long = Vec::new();
+    for (path, text) in &pages {
+        for (number, line) in text.lines().enumerate() {
+            let length = line.chars().count();
+            if length > WIDTH && !line.starts_with('|') {
+                long.push(format!(
+                    "{}:{}: {length} characters",
+                    path.display(),
+                    number + 1
+                ));
+            }
+        }
+    }
+    assert!(long.is_empty(), "{}", long.join("\n"));
+}
+
+#[test]
+fn links_of_pages_lead_somewhere() {
+    let mut wrong = Vec::new();
+    let mut count = 0;
+    for (path, text) in pages() {
+        for (number, target) in links(&text) {
+            count += 1;
+            if let Some(what) = broken(&path, &target) {
+                wrong.push(format!("{}:{number}: {what}", path.display()));
+            }
+        }
+    }
+    assert!(count > 50, "links were found: {count}");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn pictures_beside_the_pages_are_shown_by_one() {
+    let mut shown = BTreeSet::new();
+    for (path, text) in pages() {
+        let folder = path.parent().expect("a folder").to_owned();
+        let there = |(_, target): (usize, String)| folder.join(target).canonicalize().ok();
+        shown.extend(links(&text).into_iter().filter_map(there));
+    }
+    for entry in fs::read_dir(root().join("docs/figures"))
+        .expect("a folder")
+        .flatten()
+    {
+        let path = entry.path().canonicalize().expect("a file");
+        assert!(shown.contains(&path), "no page shows {}", path.display());
+    }
+}
+
+#[test]
+fn the_checks_see_what_is_wrong() {
+    let text =
+        "# One `two` & three\n[a](b.md#c) `[no](link)`\n    [code](x)\n```\n# [no](y)\n```\n";
+    assert_eq!(links(text), [(2, "b.md#c".to_owned())]);
+    assert_eq!(anchors(text), BTreeSet::from(["one-two--three".to_owned()]));
+    let page = root().join("README.md");
+    assert!(broken(&page, "docs/no-such-page.md").is_some());
+    assert!(broken(&page, "docs/accuracy.md#no-such-heading").is_some());
+    assert!(broken(&page, "docs/accuracy.md#known-limits").is_none());
+    assert!(broken(&page, "https://example.org/anything").is_none());
+}

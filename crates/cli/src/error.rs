@@ -32,7 +32,7 @@ pub enum CommandError {
     #[error(
         "{what} needs about {} of memory but only {} can be used: coarsen the lattice, shrink the \
          window, or raise --memory",
-        crate::memory::display_bytes(*.needed), crate::memory::display_bytes(*.budget)
+        crate::report::bytes::display_bytes(*.needed), crate::report::bytes::display_bytes(*.budget)
     )]
     Memory {
         /// The computation.

@@ -79,6 +79,30 @@ pub mod taps;
 pub mod translation;
 pub mod well;
 
+#[path = "pair/budget.rs"]
+mod budget;
+#[path = "pair/cached.rs"]
+mod cached;
+#[path = "table/design.rs"]
+mod design;
+#[path = "dock/docking.rs"]
+pub mod docking;
+#[path = "pair/energy_scale.rs"]
+mod energy_scale;
+#[path = "pair/lattice_step.rs"]
+mod lattice_step;
+#[path = "pair/setup.rs"]
+mod setup;
+#[path = "rotations/symmetry.rs"]
+pub mod symmetry;
+#[path = "table/tolerance.rs"]
+pub mod tolerance;
+
+pub use design::{TableDesign, TableDesignError};
+pub use energy_scale::{EnergyScale, EnergyScaleError};
+pub use lattice_step::LatticeStep;
+pub use setup::{PairSetup, PairSetupError};
+
 pub use bake::{BakeError, BakeReport, PairEnergies, Share, bake, bake_files};
 pub use correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, ProductPlan};
 pub use correlate_fields::correlate_fields;

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use sdf_grid::LengthUnit;
 use sdf_grid::mesh_io::{ReadOptions, StepOptions};
 
-use crate::device_choice::DeviceChoice;
+use crate::args::device_choice::DeviceChoice;
 
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]

@@ -11,28 +11,14 @@ use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storag
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::table::print_error;
-use super::{Context, print_json, tolerance, verify};
+use super::{stored, tolerance};
+use crate::context::Context;
+use crate::report::output::{print_json, require_folder};
 use crate::args::{BakeArgs, NumbersChoice};
-use crate::assembly::Assembly;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::memory::display_bytes;
+use crate::report::bytes::display_bytes;
 use crate::scene::{EnergyScale, LatticeStep, Scene};
-
-/// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
-const SEED: u64 = 1;
-
-/// At how many of these poses the condition number of the score is found, cell by cell.
-pub(super) const CONDITION_POSES: usize = 32;
-
-/// How much of a table is there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub(super) struct Progress {
-    pub(super) rotations: usize,
-    pub(super) finished: usize,
-    pub(super) missing: usize,
-    pub(super) damaged: usize,
-}
 
 #[derive(Serialize)]
 struct Summary {
@@ -74,15 +60,15 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     };
     let energies = assembly.energies(context)?;
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
-        .map_err(|e| explain(&args.output, e))?;
+        .map_err(|e| stored::explain(&args.output, e))?;
     context.progress.finish();
     let seconds = began.elapsed().as_secs_f64();
-    let mut store = open(&args.output)?;
-    let progress = examine(&store)?;
+    let mut store = stored::open(&args.output)?;
+    let progress = stored::examine(&store)?;
     let mut summary = summary(args, &report, &store, seconds)?;
     // Of several processes, the one that finds the table whole measures its error.
     if progress.finished == progress.rotations {
-        let table = load(&store, context)?;
+        let table = stored::load(&store, context)?;
         summary.bytes = table.memory();
         let error = measure(&mut store, &table, &assembly, reference, args.poses)?;
         summary.error = Some(error);
@@ -113,10 +99,10 @@ fn prepare(
         };
         return Ok((choice.assembly, Some(reference)));
     }
-    let store = open(&args.output)?;
+    let store = stored::open(&args.output)?;
     let spec = store.spec();
     let spacing = 0.5 * spec.window.spacing();
-    let (truth, _) = verify::reference(&store, scene.clone(), spacing, context)?;
+    let (truth, _) = stored::reference(&store, scene.clone(), spacing, context)?;
     let mut scene = scene;
     scene.energy = EnergyScale::Gamma(spec.model.gamma);
     scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());
@@ -131,16 +117,16 @@ fn prepare(
 
 /// Checks that the folder of a table to be exists; object stores have no folders.
 fn require_place(output: &Path) -> Result<(), CommandError> {
-    let files = TableFiles::at(output).map_err(bad_table)?;
+    let files = TableFiles::at(output).map_err(stored::bad_table)?;
     if TableFiles::is_remote(output) {
         return Ok(());
     }
-    super::require_folder(files.place())
+    require_folder(files.place())
 }
 
 fn exists(output: &Path) -> Result<bool, CommandError> {
-    let files = TableFiles::at(output).map_err(bad_table)?;
-    files.exist().map_err(bad_table)
+    let files = TableFiles::at(output).map_err(stored::bad_table)?;
+    files.exist().map_err(stored::bad_table)
 }
 
 /// What a table's error is measured against.
@@ -201,7 +187,7 @@ fn share(args: &BakeArgs) -> Result<Share, CommandError> {
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
     Scene::read(&args.scene)?;
-    let progress = examine(&open(&args.output)?)?;
+    let progress = stored::examine(&stored::open(&args.output)?)?;
     if context.json {
         return print_json(&progress);
     }
@@ -214,22 +200,6 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
         progress.damaged
     );
     Ok(())
-}
-
-pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
-    let rotations = store.grid().nodes().len();
-    let states: Vec<ChunkState> = (0..rotations)
-        .into_par_iter()
-        .map(|row| store.state(row))
-        .collect::<Result<_, _>>()
-        .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
-    let count = |kind: fn(&ChunkState) -> bool| states.iter().filter(|s| kind(s)).count();
-    Ok(Progress {
-        rotations,
-        finished: count(|s| matches!(s, ChunkState::Finished)),
-        missing: count(|s| matches!(s, ChunkState::Missing)),
-        damaged: count(|s| matches!(s, ChunkState::Damaged(_))),
-    })
 }
 
 fn measure(
@@ -246,45 +216,15 @@ fn measure(
             spacing: assembly.pair.spacing(),
         },
     };
-    let mut report = measure_error(table, &reference.truth, poses, SEED);
+    let mut report = measure_error(table, &reference.truth, poses, stored::SEED);
     report.reference_spacing = reference.spacing;
-    let looks = poses.min(CONDITION_POSES);
-    let condition = typical_condition(&assembly.pair, table.spec(), looks, SEED);
+    let looks = poses.min(stored::CONDITION_POSES);
+    let condition = typical_condition(&assembly.pair, table.spec(), looks, stored::SEED);
     report.condition = Some(condition);
     store
         .write_error_report(&report)
         .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
     Ok(report)
-}
-
-/// Opens the table at `path`.
-pub(super) fn open(path: &Path) -> Result<TableStore, CommandError> {
-    TableStore::open(path).map_err(bad_table)
-}
-
-/// Reads all of a table into memory.
-pub(super) fn load(store: &TableStore, context: &Context) -> Result<EnergyTable, CommandError> {
-    store.load(context.memory).map_err(bad_table)
-}
-
-fn bad_table(error: StoreError) -> CommandError {
-    CommandError::bad_input("table", error)
-}
-
-/// What a failed bake is to be called.
-pub(super) fn explain(path: &Path, error: BakeError) -> CommandError {
-    match error {
-        BakeError::Cancelled => CommandError::Interrupted,
-        BakeError::Exists { .. } => CommandError::input(
-            path.display().to_string(),
-            "table",
-            "nothing, or --resume to go on with it",
-            "a table",
-        ),
-        // The disk is at fault, not the input.
-        BakeError::Store(e @ StoreError::Io { .. }) => CommandError::failure("baking", e),
-        other => CommandError::bad_input(path.display().to_string(), other),
-    }
 }
 
 fn summary(
@@ -314,7 +254,7 @@ fn summary(
     })
 }
 
-fn print(summary: &Summary, progress: &Progress) {
+fn print(summary: &Summary, progress: &stored::Progress) {
     crate::say!(
         "{}: {} of {} rotations, {} in memory, {} on disk",
         summary.table,
@@ -340,6 +280,6 @@ fn print(summary: &Summary, progress: &Progress) {
     );
     match &summary.error {
         None => crate::say!("not complete yet: its error is measured when it is"),
-        Some(error) => print_error(error),
+        Some(error) => stored::print_error(error),
     }
 }

@@ -8,7 +8,8 @@ use sdf_grid::{
 };
 use serde::Serialize;
 
-use super::{Context, print_json};
+use crate::context::Context;
+use crate::report::output::print_json;
 use crate::args::{CheckArgs, MeshChoice};
 use crate::error::CommandError;
 use crate::scene::Scene;

@@ -1,7 +1,5 @@
 //! `pegfit dock`: where does the moving part belong?
 
-mod builder;
-
 use std::path::Path;
 
 use fft_correlate::{
@@ -12,16 +10,17 @@ use rayon::prelude::*;
 use sdf_grid::Aabb;
 use serde::Serialize;
 
-use super::{Context, print_json, require_folder};
+use crate::context::Context;
+use crate::report::output::{print_json, require_folder};
 use crate::args::DockArgs;
-use crate::assembly::Assembly;
-use crate::atomic;
+use crate::scene::Assembly;
+use crate::report::atomic;
 use crate::error::CommandError;
 use crate::memory;
-use crate::poses::{POSE_COLUMNS, pose_fields};
-use crate::progress::interrupted;
+use crate::report::poses::{POSE_COLUMNS, pose_fields};
+use crate::terminal::progress::interrupted;
 use crate::scene::Scene;
-use builder::Builder;
+use super::dock_builder::{self as builder, Builder};
 
 /// More poses than anybody reads.
 const MOST: usize = 100_000;

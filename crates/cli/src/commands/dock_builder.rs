@@ -7,10 +7,10 @@ use fft_correlate::{
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, FieldCache, TriangleMesh, snug_rotation};
 
-use super::super::Context;
-use crate::assembly::Assembly;
+use crate::context::Context;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::progress::interrupted;
+use crate::terminal::progress::interrupted;
 use crate::scene::{LatticeStep, Scene};
 
 /// Angle between rotations of a scene that names none, degrees.

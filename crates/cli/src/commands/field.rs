@@ -9,11 +9,13 @@ use sdf_grid::{
 };
 use serde::Serialize;
 
-use super::{Context, print_json, require_folder};
+use crate::context::Context;
+use crate::report::output::{print_json, require_folder};
 use crate::args::FieldArgs;
 use crate::error::CommandError;
-use crate::slice::Slice;
-use crate::{atomic, figure, memory, picture, vti};
+use crate::report::slice::Slice;
+use crate::memory;
+use crate::report::{atomic, figure, picture, vti};
 
 /// Samples along the longer side of a slice's picture.
 const SAMPLES: usize = 480;

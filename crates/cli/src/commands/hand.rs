@@ -7,10 +7,10 @@ use haptic::{
     Clock, Device, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand, Workspace,
 };
 
-use crate::assembly::Assembly;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::parquet_log;
-use crate::progress::cancel_flag;
+use crate::report::parquet_log;
+use crate::terminal::progress::cancel_flag;
 
 /// [`run`] with the simulated hand, which follows `script`; every sample is in the outcome or, if
 /// `log` is given, in that file instead.

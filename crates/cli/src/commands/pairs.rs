@@ -10,10 +10,11 @@ use haptic::scene::{
 };
 use sdf_grid::{Aabb, TriangleMesh};
 
-use super::{Context, bake};
-use crate::assembly::{self, Assembly};
+use super::stored;
+use crate::context::Context;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::progress::Progress;
+use crate::terminal::progress::Progress;
 use crate::scene::{EnergyScale, Part, Scene};
 
 /// A scene whose near pairs are in memory.
@@ -190,7 +191,7 @@ impl PairFiles {
         context: &Context,
     ) -> Result<(Aabb, u64), CommandError> {
         if let Some(path) = &self.table {
-            let store = bake::open(path)?;
+            let store = stored::open(path)?;
             return Ok((self.table_reach(store.spec()), 0));
         }
         let fixed = assembly::read_part(&self.scene, &self.scene.fixed, context)?;
@@ -237,7 +238,7 @@ impl PairFiles {
                     .map(|mesh| assembly::hash_text(&mesh))
             }
         };
-        let store = bake::open(path)?;
+        let store = stored::open(path)?;
         store
             .expect_meshes(&hashes[0], &hashes[1])
             .map_err(|e| CommandError::bad_input("table", e))?;

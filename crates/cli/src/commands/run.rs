@@ -1,38 +1,11 @@
-//! The commands: from parsed arguments through validation to library calls and printed results.
-
-use std::path::Path;
+//! From parsed arguments to the command that was asked for.
 
 use crate::args::{Arguments, Command, Global};
+use super::{bake, check, demo, devices, dock, feel, field, plot, score, table, verify};
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::memory;
-use crate::progress::Progress;
-
-mod bake;
-mod check;
-mod demo;
-mod devices;
-mod dock;
-mod feel;
-mod feel_report;
-mod field;
-mod hand;
-mod pairs;
-mod plot;
-mod score;
-mod table;
-mod tolerance;
-mod verify;
-
-/// What every command gets besides its own arguments.
-#[derive(Debug)]
-pub struct Context {
-    /// Progress bars and the Ctrl-C flag.
-    pub progress: Progress,
-    /// Print machine-readable results.
-    pub json: bool,
-    /// Bytes that computations may plan to use.
-    pub memory: u64,
-}
+use crate::terminal::progress::Progress;
 
 /// Runs the command that was asked for.
 ///
@@ -85,27 +58,4 @@ fn start_threads(global: &Global) -> Result<(), CommandError> {
         .num_threads(threads)
         .build_global()
         .map_err(|e| CommandError::failure("starting worker threads", e))
-}
-
-/// Refuses an output whose folder does not exist before anything is computed.
-fn require_folder(output: &Path) -> Result<(), CommandError> {
-    match output.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-            Err(CommandError::input(
-                output.display().to_string(),
-                "folder",
-                "an existing folder",
-                folder.display(),
-            ))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Prints a result for programs.
-fn print_json(value: &impl serde::Serialize) -> Result<(), CommandError> {
-    let text = serde_json::to_string_pretty(value)
-        .map_err(|e| CommandError::failure("writing JSON", e))?;
-    crate::say!("{text}");
-    Ok(())
 }

@@ -8,13 +8,15 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use fft_correlate::{Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Pose, Response};
 use rayon::prelude::*;
 
-use super::{Context, bake, require_folder};
+use super::stored;
+use crate::context::Context;
+use crate::report::output::require_folder;
 use crate::args::ScoreArgs;
-use crate::assembly::Assembly;
-use crate::atomic;
+use crate::scene::Assembly;
+use crate::report::atomic;
 use crate::error::CommandError;
-use crate::poses::{PoseReader, ScoredPose, append_score, score_header};
-use crate::progress::check_interrupt;
+use crate::report::poses::{PoseReader, ScoredPose, append_score, score_header};
+use crate::terminal::progress::check_interrupt;
 use crate::scene::Scene;
 
 /// Rows read before any of them is evaluated.
@@ -128,7 +130,7 @@ impl Scorer {
                 })
             }
             (None, Some(table)) => {
-                let table = bake::load(&bake::open(table)?, context)?;
+                let table = stored::load(&stored::open(table)?, context)?;
                 Ok(Self {
                     source: Source::Table(Box::new(table)),
                     condition: None,

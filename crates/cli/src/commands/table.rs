@@ -4,10 +4,12 @@ use fft_correlate::store::TableStore;
 use fft_correlate::{ErrorReport, RotationDomain, TableSpec};
 use serde::Serialize;
 
-use super::{Context, bake, print_json};
+use super::stored;
+use crate::context::Context;
+use crate::report::output::print_json;
 use crate::args::TableArgs;
 use crate::error::CommandError;
-use crate::memory::display_bytes;
+use crate::report::bytes::display_bytes;
 
 #[derive(Serialize)]
 struct Description<'a> {
@@ -27,8 +29,8 @@ struct Description<'a> {
 }
 
 pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandError> {
-    let store = bake::open(&args.table)?;
-    let progress = bake::examine(&store)?;
+    let store = stored::open(&args.table)?;
+    let progress = stored::examine(&store)?;
     let description = Description {
         table: args.table.display().to_string(),
         program: store.program(),
@@ -116,35 +118,7 @@ fn print(d: &Description, store: &TableStore) {
         None => crate::say!(
             "  error          not measured (`pegfit bake` does so when a table is finished)"
         ),
-        Some(report) => print_error(report),
-    }
-}
-
-/// The errors that a table states, as shares of each quantity's rms.
-pub(super) fn print_error(report: &ErrorReport) {
-    let reference = match report.reference_spacing {
-        0.0 => "on the table's own lattice".to_owned(),
-        h => format!("on a lattice of {:.4} mm", 1e3 * h),
-    };
-    crate::say!(
-        "  error          against direct evaluation {reference} at {} held-out poses (seed {}), of \
-         each rms:",
-        report.poses,
-        report.seed
-    );
-    for (name, e) in report.quantities() {
-        let percent = |value: f64| 100.0 * value / e.scale;
-        let [x, y, z, qx, qy, qz, qw] = e.worst_pose;
-        crate::say!(
-            "    {name:<7} rms {:.3} %, p99 {:.3} %, worst {:.2} % at t = ({x:.6}, {y:.6}, {z:.6}) \
-             m, q = ({qx:.5}, {qy:.5}, {qz:.5}, {qw:.5})",
-            percent(e.rms),
-            percent(e.p99),
-            percent(e.worst)
-        );
-    }
-    if let Some(condition) = report.condition {
-        crate::say!("    the terms of a score are {condition:.3} times the score in all (median)");
+        Some(report) => stored::print_error(report),
     }
 }
 

@@ -11,10 +11,10 @@ use fft_correlate::{
 };
 use sdf_grid::Sampling;
 
-use super::Context;
-use crate::assembly::Assembly;
+use crate::context::Context;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::memory::display_bytes;
+use crate::report::bytes::display_bytes;
 use crate::scene::{EnergyScale, LatticeStep, Scene};
 
 /// Rotations that are probed.

@@ -6,9 +6,11 @@ use fft_correlate::{
 };
 use serde::Serialize;
 
-use super::{Context, bake, print_json};
+use super::stored;
+use crate::context::Context;
+use crate::report::output::print_json;
 use crate::args::VerifyArgs;
-use crate::assembly::Assembly;
+use crate::scene::Assembly;
 use crate::error::CommandError;
 use crate::scene::{EnergyScale, LatticeStep, Scene};
 
@@ -22,7 +24,7 @@ struct Verdict {
 }
 
 pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandError> {
-    let store = bake::open(&args.table)?;
+    let store = stored::open(&args.table)?;
     let name = args.table.display().to_string();
     let Some(stated) = store.error_report().cloned() else {
         return Err(CommandError::input(
@@ -32,8 +34,8 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
             "none: bake with --resume",
         ));
     };
-    let table = bake::load(&store, context)?;
-    let (truth, pair) = reference(
+    let table = stored::load(&store, context)?;
+    let (truth, pair) = stored::reference(
         &store,
         Scene::read(&args.scene)?.only(args.fixed.as_deref())?,
         stated.reference_spacing,
@@ -42,7 +44,7 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
     let mut found = measure_error(&table, &truth, args.poses, seed);
     found.reference_spacing = stated.reference_spacing;
-    let looks = args.poses.min(bake::CONDITION_POSES);
+    let looks = args.poses.min(stored::CONDITION_POSES);
     found.condition = Some(typical_condition(&pair, table.spec(), looks, seed));
     let beyond = stated.exceeded_by(&found, args.margin);
     let count = beyond.len();
@@ -61,52 +63,6 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
         0 => Ok(()),
         count => Err(CommandError::Claim { table: name, count }),
     }
-}
-
-/// The evaluator that a table's error is measured against, direct quadrature on densities of
-/// `spacing` (0: the table's own), with the table's sampling and energy scale; and the pair that it
-/// evaluates.
-pub(super) fn reference(
-    store: &TableStore,
-    mut scene: Scene,
-    spacing: f64,
-    context: &Context,
-) -> Result<(DirectEvaluator, Pair), CommandError> {
-    let spec = store.spec();
-    let model = &spec.model;
-    let numbers = |m: &fft_correlate::ScoreModel| {
-        [
-            m.sigma,
-            m.lambda_exterior,
-            m.lambda_interior,
-            m.separation_weight,
-        ]
-    };
-    if numbers(&scene.model) != numbers(model) {
-        return Err(CommandError::input(
-            scene.path.display().to_string(),
-            "model",
-            format!("that of the table, {:?}", numbers(model)),
-            format!("{:?}", numbers(&scene.model)),
-        ));
-    }
-    scene.energy = EnergyScale::Gamma(model.gamma);
-    let spacing = if spacing > 0.0 {
-        spacing
-    } else {
-        spec.window.spacing()
-    };
-    scene.lattice.step = LatticeStep::Spacing(spacing);
-    if let Some(fields) = spec.fields {
-        scene.lattice.sampling = fields.sampling;
-        scene.lattice.deaverage = fields.deaverage;
-    }
-    let assembly = Assembly::load(scene, context)?;
-    let [fixed, moving] = assembly.mesh_hashes();
-    store
-        .expect_meshes(&fixed, &moving)
-        .map_err(|e| CommandError::bad_input("table", e))?;
-    Ok((assembly.direct(&DirectOptions::FULL)?, assembly.pair))
 }
 
 fn print(verdict: &Verdict) {

@@ -6,9 +6,9 @@ use glam::DVec3;
 use ndarray::{Array2, Array3, Axis};
 use sdf_grid::{DensityField, DensityKernel, LengthUnit, TriangleMesh};
 
-use crate::picture::heat_map::distance_levels;
-use crate::picture::{Cloud, ColourScale, Contours, HeatMap};
-use crate::slice::{AXES, Slice};
+use crate::report::picture::heat_map::distance_levels;
+use crate::report::picture::{Cloud, ColourScale, Contours, HeatMap};
+use crate::report::slice::{AXES, Slice};
 
 /// The sheet of axis `slice.axis` nearest to the plane, as `[across, up]`.
 pub fn sheet<T: Clone>(values: &Array3<T>, field: &DensityField, slice: &Slice) -> Array2<T> {
@@ -28,7 +28,7 @@ pub fn distance_contours(
     let distance = sheet(&field.signed_distance, field, slice).mapv(|d| d / metre);
     let levels = distance_levels(&distance, 12);
     let step = levels.iter().map(|l| l.abs()).fold(f64::INFINITY, f64::min);
-    let step = crate::picture::canvas::number(step, 3);
+    let step = crate::report::picture::canvas::number(step, 3);
     let note =
         format!("lines: signed distance every {step} {unit}, negative inside; bold: the boundary");
     let contours = Contours {
@@ -97,7 +97,7 @@ pub fn skeleton(
             values.push(if inside > outside { inside } else { -outside });
         }
     }
-    let least = crate::picture::canvas::number(least, 2);
+    let least = crate::report::picture::canvas::number(least, 2);
     Cloud {
         title,
         note: format!(

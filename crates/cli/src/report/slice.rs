@@ -50,7 +50,7 @@ impl Slice {
 
     /// `y = 3 mm`.
     pub fn label(&self, unit: LengthUnit) -> String {
-        let at = crate::picture::canvas::number(self.at / unit.in_metres(), 4);
+        let at = crate::report::picture::canvas::number(self.at / unit.in_metres(), 4);
         format!("{} = {at} {unit}", AXES[self.axis])
     }
 

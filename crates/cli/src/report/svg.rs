@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use super::html::escaped;
+
 /// Width of a chart, in its own units.
 const WIDTH: f64 = 960.0;
 /// Left, right, top and bottom margins; the legend is in the top one.
@@ -109,15 +111,6 @@ pub(crate) fn histogram(horizontal: &str, bins: &[(f64, f64, u64)]) -> String {
         .collect();
     frame.labels(&mut svg, &below, power);
     svg + "</svg>\n"
-}
-
-/// Text that may stand in HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('\'', "&#39;")
-        .replace('"', "&quot;")
 }
 
 /// The drawing area and the ranges it shows.

@@ -9,7 +9,7 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataSet, Extent, ImageDataPiece, Piece, Version, Vtk,
 };
 
-use crate::atomic;
+use crate::report::atomic;
 use crate::error::CommandError;
 
 /// Writes `exterior` and `interior` (real, imaginary) and `signed_distance` (metres) as point data

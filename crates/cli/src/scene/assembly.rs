@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use sdf_grid::{Aabb, LengthUnit, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};
 
-use crate::command::Context;
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::memory;
 use crate::scene::{EnergyScale, Scene};

@@ -3,7 +3,7 @@
 use fft_correlate::{Pair, PairBuildError, PairBuilder, PairPlan};
 use sdf_grid::{DensityError, FieldCache, TriangleMesh};
 
-use crate::command::Context;
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::scene::{LatticeStep, Scene};
 

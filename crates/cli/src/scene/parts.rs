@@ -3,7 +3,7 @@
 use fft_correlate::Pose;
 use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh, mesh_io};
 
-use crate::command::Context;
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::scene::{Part, Scene};
 

@@ -1,26 +1,15 @@
-//! Scene files: the parts, how finely to compute, and how to feel them.
-//!
-//! A scene is TOML. Three lines suffice: the unit and the two meshes. Every key is described in
-//! `docs/scene.md`.
+//! A scene whose every value has been checked.
 
-mod check;
-mod raw;
-#[cfg(test)]
-mod tests;
-
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use fft_correlate::{Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
-use miette::{NamedSource, SourceSpan};
 use sdf_grid::{LengthUnit, Sampling};
 
 use crate::args::MeshChoice;
-use crate::error::{CommandError, SceneError};
-pub(crate) use check::quaternion;
+use crate::error::CommandError;
 
 /// A scene whose every value has been checked. Lengths are metres.
 #[derive(Debug, Clone)]
@@ -164,27 +153,6 @@ pub struct FitChoice {
 }
 
 impl Scene {
-    /// Reads and checks a scene file.
-    ///
-    /// # Errors
-    /// If the file cannot be read, is not TOML, has an unknown key, or a value is out of range;
-    /// the error carries the line.
-    pub fn read(path: &Path) -> Result<Self, CommandError> {
-        let text = std::fs::read_to_string(path).map_err(|e| CommandError::read(path, e))?;
-        Self::parse(path, &text)
-    }
-
-    /// Checks the text of a scene file; `path` is where meshes are relative to.
-    ///
-    /// # Errors
-    /// As [`Scene::read`], but for reading.
-    pub fn parse(path: &Path, text: &str) -> Result<Self, CommandError> {
-        let source = Source { path, text };
-        let raw: raw::RawScene = toml::from_str(text)
-            .map_err(|e| source.error(e.span().unwrap_or(0..text.len()), e.message()))?;
-        check::scene(raw, &source)
-    }
-
     /// All parts that stay.
     pub fn fixed_parts(&self) -> impl Iterator<Item = &Part> {
         std::iter::once(&self.fixed).chain(&self.others)
@@ -217,30 +185,5 @@ impl Scene {
         self.fixed = fixed;
         self.others.clear();
         Ok(self)
-    }
-}
-
-/// The text of a scene file, for errors that show the line.
-pub(crate) struct Source<'a> {
-    path: &'a Path,
-    text: &'a str,
-}
-
-impl Source<'_> {
-    /// An error at a byte range of the text.
-    pub(crate) fn error(&self, span: Range<usize>, message: impl Into<String>) -> CommandError {
-        let start = span.start.min(self.text.len());
-        let line = self.text.as_bytes()[..start]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count()
-            + 1;
-        CommandError::Scene(Box::new(SceneError {
-            file: self.path.display().to_string(),
-            line,
-            message: message.into(),
-            text: NamedSource::new(self.path.display().to_string(), self.text.to_owned()),
-            span: SourceSpan::from(start..span.end.min(self.text.len())),
-        }))
     }
 }

@@ -9,7 +9,7 @@ use sdf_grid::Monitor;
 
 use crate::error::CommandError;
 use crate::exit::Exit;
-use crate::hold;
+use crate::terminal::hold;
 
 /// Set by the first Ctrl-C; every long computation looks at it between units of work.
 static CANCELLED: AtomicBool = AtomicBool::new(false);

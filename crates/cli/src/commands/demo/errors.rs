@@ -5,7 +5,7 @@ use ndarray::Array3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
-use crate::assembly::Assembly;
+use crate::scene::Assembly;
 use crate::error::CommandError;
 
 /// Displacements compared.

@@ -12,15 +12,16 @@ use sdf_grid::shapes::PegInHole;
 use serde::Serialize;
 
 use super::errors;
-use crate::assembly::Assembly;
-use crate::command::plot::{
+use crate::scene::Assembly;
+use crate::commands::plot::{
     Motion, analyse, curve, densities, force_chart, overlap, score_surface,
 };
-use crate::command::{Context, bake as tables, dock, hand};
+use crate::commands::{dock, hand, stored};
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::scene::Scene;
-use crate::slice::Slice;
-use crate::{atomic, picture};
+use crate::report::slice::Slice;
+use crate::report::{atomic, picture};
 
 /// Seconds of the two tests in simulated time.
 const TEST_SECONDS: f64 = 6.0;
@@ -30,6 +31,13 @@ const LOOP_SECONDS: f64 = 10.0;
 
 /// Held-out poses on which the table is compared with direct sums.
 const POSES: usize = 1000;
+
+/// What the demo did, for `--json` and the closing table.
+#[derive(Serialize)]
+pub(super) struct Summary {
+    pub(super) examples: Vec<Example>,
+    pub(super) seconds: f64,
+}
 
 /// What one example gave.
 #[derive(Serialize)]
@@ -172,9 +180,9 @@ fn tabulate(
     let energies = assembly.energies(context)?;
     discard(path)?;
     bake(path, &spec, &energies, Share::ALL, &context.progress)
-        .map_err(|e| tables::explain(path, e))?;
+        .map_err(|e| stored::explain(path, e))?;
     context.progress.finish();
-    let table = tables::load(&tables::open(path)?, context)?;
+    let table = stored::load(&stored::open(path)?, context)?;
     let seconds = began.elapsed().as_secs_f64();
     let error = measure_error(&table, direct, POSES, 1);
     let share_of = |e: &Errors| e.rms / e.scale;

@@ -6,12 +6,9 @@ use std::path::{Path, PathBuf};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::Summary;
-use super::example::Example;
-use crate::atomic;
+use super::example::{Example, Summary};
+use crate::report::atomic;
 use crate::error::CommandError;
-
-const STYLE: &str = include_str!("page.css");
 
 const LEAD: &str = "\
 <p>Each of the three pegs below fills its hole exactly: there is no clearance at all. A simulator \

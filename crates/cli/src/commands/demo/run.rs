@@ -1,29 +1,19 @@
-//! `pegfit demo`: the paper's three examples from meshes to felt forces, and a page about them.
-
-mod errors;
-mod example;
-mod page;
+//! The examples one after the other, and what they gave.
 
 use std::path::Path;
 use std::time::Instant;
 
 use sdf_grid::shapes::PegInHole;
-use serde::Serialize;
 
-use super::{Context, print_json};
+use super::example::{self, Summary};
+use super::page;
+use crate::context::Context;
+use crate::report::output::print_json;
 use crate::args::DemoArgs;
 use crate::error::CommandError;
-use crate::progress::check_interrupt;
-use example::Example;
+use crate::terminal::progress::check_interrupt;
 
-/// What the demo did, for `--json` and the closing table.
-#[derive(Serialize)]
-struct Summary {
-    examples: Vec<Example>,
-    seconds: f64,
-}
-
-pub(super) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError> {
+pub(in crate::commands) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError> {
     let began = Instant::now();
     std::fs::create_dir_all(&args.out).map_err(|e| CommandError::write(&args.out, e))?;
     let mut examples = Vec::new();

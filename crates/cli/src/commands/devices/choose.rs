@@ -1,17 +1,14 @@
-//! `pegfit devices`: what is attached, what it can do, and which one `--device` means.
+//! Which attached device `--device` means.
 
 use haptic::hid::{self, Access, DeviceInfo, DeviceKind};
 use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
-use super::{Context, print_json};
-use crate::args::DevicesArgs;
-use crate::device_choice::{DeviceChoice, Which};
+use crate::context::Context;
+use crate::args::device_choice::{DeviceChoice, Which};
 use crate::error::CommandError;
 
-mod probe;
-
 /// What lets the user who sits at the machine open these devices.
-const UDEV_RULES: &str = include_str!("../../udev/70-pegfit.rules");
+const UDEV_RULES: &str = include_str!("../../../udev/70-pegfit.rules");
 
 /// Where the rules go.
 const UDEV_PATH: &str = "/etc/udev/rules.d/70-pegfit.rules";
@@ -29,27 +26,8 @@ enum Unusable {
     Failed(String),
 }
 
-pub(super) fn run(args: &DevicesArgs, context: &Context) -> Result<(), CommandError> {
-    let found = enumerate()?;
-    if args.probe {
-        let name = args.device.clone();
-        let which = name.map_or(Which::First, Which::Named);
-        let device = pick(&found, |d| which.means(d), &which_text(&which))?;
-        return probe::run(device, args.seconds, context);
-    }
-    match context.json {
-        true => print_json(&found)?,
-        false => found.iter().for_each(print),
-    }
-    if found.iter().any(|d| d.access == Access::Ready) {
-        explain(&found);
-        return Ok(());
-    }
-    Err(unusable(&found))
-}
-
 /// The device that `choice` means, opened with the settings of its kind; `None` for the simulated hand.
-pub(super) fn choose(
+pub(in crate::commands) fn choose(
     choice: &DeviceChoice,
     config: &HapticConfig,
     context: &Context,
@@ -88,17 +66,17 @@ pub(super) fn choose(
     }
 }
 
-fn enumerate() -> Result<Vec<DeviceInfo>, CommandError> {
+pub(super) fn enumerate() -> Result<Vec<DeviceInfo>, CommandError> {
     hid::enumerate().map_err(|e| CommandError::failure("listing devices", e))
 }
 
-fn open(device: &DeviceInfo, config: &HapticConfig) -> Result<Box<dyn Device>, CommandError> {
+pub(super) fn open(device: &DeviceInfo, config: &HapticConfig) -> Result<Box<dyn Device>, CommandError> {
     hid::open_with(device, config.spacemouse, config.pid)
         .map_err(|e: DeviceError| CommandError::failure(device.path.clone(), e))
 }
 
 /// The first device wanted that can be opened.
-fn pick<'a>(
+pub(super) fn pick<'a>(
     found: &'a [DeviceInfo],
     wanted: impl Fn(&DeviceInfo) -> bool,
     text: &str,
@@ -118,7 +96,7 @@ fn failure(why: Unusable) -> CommandError {
 }
 
 /// Why none of these can be used; prints what would help.
-fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) -> CommandError {
+pub(super) fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) -> CommandError {
     let devices: Vec<&DeviceInfo> = devices.into_iter().collect();
     explain(devices.iter().copied());
     let denied = devices.iter().filter(|d| d.access == Access::Denied);
@@ -135,7 +113,7 @@ fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) -> CommandErr
 }
 
 /// Prints the udev rules if they would help.
-fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
+pub(super) fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
     let denied = |d: &DeviceInfo| d.access == Access::Denied;
     if devices.into_iter().any(denied) {
         crate::remark!(
@@ -145,52 +123,16 @@ fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
     }
 }
 
-fn kind_name(kind: DeviceKind) -> &'static str {
+pub(super) fn kind_name(kind: DeviceKind) -> &'static str {
     match kind {
         DeviceKind::SpaceMouse => "3Dconnexion",
         DeviceKind::ForceFeedback => "USB HID PID",
     }
 }
 
-fn which_text(which: &Which) -> String {
+pub(super) fn which_text(which: &Which) -> String {
     match which {
         Which::First => String::new(),
         Which::Named(name) => format!("{name:?}"),
-    }
-}
-
-fn print(device: &DeviceInfo) {
-    let spec = &device.spec;
-    let serial = match device.serial.as_str() {
-        "" => String::new(),
-        serial => format!(", serial {serial}"),
-    };
-    crate::say!(
-        "{}  {} ({}, {}{serial})",
-        device.path,
-        device.name,
-        kind_name(device.kind),
-        device.ids()
-    );
-    let output = match (spec.rate_controlled, spec.max_force.is_finite()) {
-        (true, _) => "forces shown by the cursor giving way".to_owned(),
-        (false, true) => format!("{} axes out, up to {} N", spec.output_dof, spec.max_force),
-        (false, false) => format!("{} axes out", spec.output_dof),
-    };
-    let input = if spec.rate_controlled {
-        "rates"
-    } else {
-        "axes"
-    };
-    crate::say!(
-        "    {} {input} in, {output}, {} Hz, {:.0} mm wide",
-        spec.input_dof,
-        spec.nominal_rate,
-        1e3 * spec.workspace
-    );
-    match &device.access {
-        Access::Ready => {}
-        Access::Denied => crate::say!("    may not be opened by this user"),
-        Access::Failed(reason) => crate::say!("    cannot be opened: {reason}"),
     }
 }

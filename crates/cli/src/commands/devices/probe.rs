@@ -10,10 +10,11 @@ use haptic::hid::DeviceInfo;
 use haptic::{Device, DeviceError, DeviceSpec, DeviceState, HapticConfig};
 use serde::Serialize;
 
-use super::{Context, open};
+use super::choose::open;
+use crate::context::Context;
 use crate::error::CommandError;
-use crate::hold::Hold;
-use crate::progress::interrupted;
+use crate::terminal::hold::Hold;
+use crate::terminal::progress::interrupted;
 
 /// Time between two pictures.
 const FRAME: Duration = Duration::from_millis(50);

@@ -7,7 +7,7 @@ use glam::DVec3;
 use haptic::{Sample, flags};
 
 use super::{LISTED, Run, names, starts};
-use crate::svg::{self, Curve, Mark};
+use crate::report::svg::{self, Curve, Mark};
 
 /// Seconds over which the rate is a mean.
 const RATE_WINDOW: f64 = 0.1;

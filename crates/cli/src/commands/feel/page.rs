@@ -1,7 +1,5 @@
 //! The page of `pegfit feel --report`: one file that needs no other.
 
-mod charts;
-
 use std::fmt::Write;
 use std::path::Path;
 
@@ -9,31 +7,14 @@ use haptic::scene::{SceneChange, SceneEvent};
 use haptic::{DeviceSpec, HapticConfig, LoopReport, Outcome, Sample, flags};
 use hdrhistogram::Histogram;
 
-use crate::memory::display_bytes;
-use crate::svg;
-
-const STYLE: &str = include_str!("demo/page.css");
+use crate::report::bytes::display_bytes;
+use crate::report::svg;
 
 /// What the charts need beside the demo's style.
 const CHARTS: &str = "svg{width:100%;height:auto;font:12px system-ui,sans-serif}\
 .grid{stroke:#8884;stroke-width:.6}.mark{stroke:#c0392b88;stroke-width:1}.bar{fill:#1f5fa8}\
 text{fill:currentColor}.axis,.below{text-anchor:middle}.left{text-anchor:end}\
 table{margin-bottom:1.5rem}th,td{text-align:left}td.num,th.num{text-align:right}";
-
-/// Events listed; the rest is counted.
-const LISTED: usize = 200;
-
-/// What the page is about.
-pub(super) struct Run<'a> {
-    pub(super) title: String,
-    pub(super) scene: &'a Path,
-    pub(super) spec: &'a DeviceSpec,
-    pub(super) config: &'a HapticConfig,
-    pub(super) outcome: &'a Outcome,
-    pub(super) samples: &'a [Sample],
-    pub(super) events: &'a [SceneEvent],
-    pub(super) pairs: Vec<(String, String)>,
-}
 
 /// The page's text.
 pub(super) fn page(run: &Run<'_>) -> String {
@@ -115,22 +96,6 @@ fn bins(histogram: &Histogram<u64>) -> Vec<(f64, f64, u64)> {
         .collect()
 }
 
-/// Samples at which one of `bits` comes on.
-fn starts(samples: &[Sample], bits: u16) -> impl Iterator<Item = &Sample> {
-    let mut last = 0;
-    samples.iter().filter(move |s| {
-        let new = s.flags & bits & !last;
-        last = s.flags;
-        new != 0
-    })
-}
-
-fn names(set: u16) -> String {
-    let named = flags::NAMES.iter().enumerate();
-    let on = named.filter(|(bit, _)| set & (1 << bit) != 0);
-    on.map(|(_, name)| *name).collect::<Vec<_>>().join(", ")
-}
-
 fn events(run: &Run<'_>) -> String {
     let report = &run.outcome.report;
     let mut html =
@@ -174,38 +139,6 @@ fn events(run: &Run<'_>) -> String {
         let _ = writeln!(html, "<p>and {} more.</p>", list.len() - LISTED);
     }
     html
-}
-
-/// A scene event in words.
-pub(super) fn told(what: &SceneChange) -> String {
-    match what {
-        SceneChange::Loaded { seconds, bytes } => {
-            format!("loaded in {seconds:.2} s, {}", display_bytes(*bytes))
-        }
-        SceneChange::Reloaded { seconds, bytes } => {
-            format!(
-                "changed and loaded again in {seconds:.2} s, {}",
-                display_bytes(*bytes)
-            )
-        }
-        SceneChange::Opened { rotations, each } => format!(
-            "table opened, {rotations} rotations of {} each",
-            display_bytes(*each)
-        ),
-        SceneChange::Complete { bytes } => {
-            format!(
-                "all rotations of the table loaded, {}",
-                display_bytes(*bytes)
-            )
-        }
-        SceneChange::Unloaded => "unloaded to make room".to_owned(),
-        SceneChange::Failed(why) => format!("cannot be loaded: {why}"),
-        SceneChange::NoRoom { needed, free } => format!(
-            "needs {} but only {} of the scene's memory can be made free",
-            display_bytes(*needed),
-            display_bytes(*free)
-        ),
-    }
 }
 
 fn conditions(run: &Run<'_>) -> String {
@@ -261,15 +194,4 @@ fn conditions(run: &Run<'_>) -> String {
         );
     }
     html + "</table>\n"
-}
-
-/// What the operating system granted, in words.
-pub(super) fn privileges(report: &LoopReport) -> Vec<(&'static str, String)> {
-    let yes = |granted: bool| if granted { "granted" } else { "not granted" };
-    let mut rows = vec![
-        ("SCHED_FIFO", yes(report.granted.fifo).to_owned()),
-        ("locked memory", yes(report.granted.locked).to_owned()),
-    ];
-    rows.extend(report.granted.notes.iter().map(|n| ("note", n.clone())));
-    rows
 }

@@ -1,23 +1,27 @@
-//! `pegfit feel`: the haptic loop.
+//! From a scene and a device to a felt force, and what is told of it.
 
 use std::path::Path;
 
 use haptic::scene::PairState;
 use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
 
-use super::feel_report::{Run, page, privileges, told};
-use super::pairs::LivePairs;
-use super::plot::force_chart;
-use super::{Context, devices, hand, print_json, require_folder};
+use super::page::page;
+use super::subject::Run;
+use super::words::{privileges, told};
+use crate::commands::pairs::LivePairs;
+use crate::commands::plot::force_chart;
+use crate::commands::{devices, hand};
+use crate::context::Context;
+use crate::report::output::{print_json, require_folder};
 use crate::args::{FeelArgs, ScriptChoice};
 use crate::error::CommandError;
-use crate::hold::Hold;
-use crate::parquet_log;
-use crate::progress::interrupted;
+use crate::terminal::hold::Hold;
+use crate::report::parquet_log;
+use crate::terminal::progress::interrupted;
 use crate::scene::Scene;
-use crate::{atomic, picture};
+use crate::report::{atomic, picture};
 
-pub(super) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
+pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
     if !(args.seconds.is_finite() && args.seconds > 0.0) {
         return Err(CommandError::option(
             "--seconds",

@@ -4,17 +4,17 @@ use fft_correlate::{DirectOptions, EnergySource, Pose, Response};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::assembly::Assembly;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::picture::{self, LineChart, Series};
-use crate::slice::AXES;
+use crate::report::picture::{self, LineChart, Series};
+use crate::report::slice::AXES;
 
 /// Poses on a curve.
 const SAMPLES: usize = 241;
 
 /// One degree of freedom through the assembled pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::command) enum Motion {
+pub(in crate::commands) enum Motion {
     /// Along an axis.
     Translation(usize),
     /// About an axis through the pivot.
@@ -70,7 +70,7 @@ impl Motion {
 }
 
 /// Energy above, force or torque below.
-pub(in crate::command) fn curve(
+pub(in crate::commands) fn curve(
     assembly: &Assembly,
     motion: Motion,
 ) -> Result<Vec<u8>, CommandError> {

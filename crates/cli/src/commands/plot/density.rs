@@ -6,12 +6,12 @@ use sdf_grid::{
     Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Sampling, TriangleMesh,
 };
 
-use crate::assembly::Assembly;
-use crate::command::Context;
+use crate::scene::Assembly;
+use crate::context::Context;
 use crate::error::CommandError;
-use crate::figure::{density_map, sheet};
-use crate::picture;
-use crate::slice::Slice;
+use crate::report::figure::{density_map, sheet};
+use crate::report::picture;
+use crate::report::slice::Slice;
 
 /// Samples along the longer side of a picture.
 const SAMPLES: usize = 260;
@@ -40,7 +40,7 @@ fn on_plane(
 }
 
 /// Real and imaginary part of both parts' densities, each in its own frame.
-pub(in crate::command) fn densities(
+pub(in crate::commands) fn densities(
     assembly: &Assembly,
     slice: &Slice,
     context: &Context,
@@ -80,7 +80,7 @@ pub(in crate::command) fn densities(
 }
 
 /// The real part of the product of both densities at the assembled pose: what the score sums.
-pub(in crate::command) fn overlap(
+pub(in crate::commands) fn overlap(
     assembly: &Assembly,
     slice: &Slice,
     context: &Context,
@@ -100,7 +100,7 @@ pub(in crate::command) fn overlap(
         slice,
         unit,
     );
-    let other = crate::figure::distance_contours(&moving, slice, unit).0;
+    let other = crate::report::figure::distance_contours(&moving, slice, unit).0;
     map.contours.push(other);
     for lines in &mut map.contours {
         lines.levels.clear();

@@ -3,10 +3,11 @@
 use fft_correlate::DirectOptions;
 use haptic::{Clock, Sample, Script};
 
-use crate::assembly::Assembly;
-use crate::command::{Context, hand};
+use crate::scene::Assembly;
+use crate::commands::hand;
+use crate::context::Context;
 use crate::error::CommandError;
-use crate::picture::{self, LineChart, Series};
+use crate::report::picture::{self, LineChart, Series};
 
 /// Seconds of each test.
 const SECONDS: f64 = 8.0;
@@ -35,7 +36,7 @@ pub(super) fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u
 }
 
 /// The force on the hand, its size and components.
-pub(in crate::command) fn force_chart(title: String, samples: &[Sample]) -> LineChart {
+pub(in crate::commands) fn force_chart(title: String, samples: &[Sample]) -> LineChart {
     let series = |label: &str, value: &dyn Fn(&Sample) -> f64| Series {
         label: label.to_owned(),
         points: samples.iter().map(|s| (s.time, value(s))).collect(),

@@ -1,28 +1,22 @@
-//! `pegfit plot`: the paper's figures for any scene.
-
-mod curve;
-mod density;
-mod force;
-mod surface;
-mod well;
+//! Which figure, of what, to which file.
 
 use std::path::Path;
 
-use super::{Context, require_folder};
+use crate::context::Context;
+use crate::report::output::require_folder;
+use super::curve::{Motion, curve};
+use super::density::{densities, overlap};
+use super::surface::score_surface;
+use super::well::{analyse, print_well};
+use super::{force, surface};
 use crate::args::{PlotArgs, PlotKind};
-use crate::assembly::Assembly;
-use crate::atomic;
+use crate::scene::Assembly;
+use crate::report::atomic;
 use crate::error::CommandError;
 use crate::scene::Scene;
-use crate::slice::Slice;
+use crate::report::slice::Slice;
 
-pub(super) use curve::{Motion, curve};
-pub(super) use density::{densities, overlap};
-pub(super) use force::force_chart;
-pub(super) use surface::score_surface;
-pub(super) use well::{analyse, print_well};
-
-pub(super) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
+pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
     refuse_unused(args)?;
     let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
     let slice = match &args.slice {

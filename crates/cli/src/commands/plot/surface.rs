@@ -3,10 +3,10 @@
 use fft_correlate::{Correlator, TranslationWindow};
 use ndarray::{Array2, Array3, Axis};
 
-use crate::assembly::Assembly;
+use crate::scene::Assembly;
 use crate::error::CommandError;
-use crate::picture::{self, Surface};
-use crate::slice::AXES;
+use crate::report::picture::{self, Surface};
+use crate::report::slice::AXES;
 
 /// Two different axes from text such as `xz`; x and z if there is none.
 pub(super) fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError> {
@@ -26,7 +26,7 @@ pub(super) fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError
 
 /// The score with the assembled rotation over the scene's window along two axes, the third
 /// displacement being that of the fit.
-pub(in crate::command) fn score_surface(
+pub(in crate::commands) fn score_surface(
     assembly: &Assembly,
     plane: [usize; 2],
 ) -> Result<Vec<u8>, CommandError> {

@@ -3,12 +3,13 @@
 use fft_correlate::{DirectOptions, Well, WellOptions};
 use glam::DVec3;
 
-use crate::assembly::Assembly;
-use crate::command::{Context, print_json};
+use crate::scene::Assembly;
+use crate::context::Context;
+use crate::report::output::print_json;
 use crate::error::CommandError;
-use crate::slice::AXES;
+use crate::report::slice::AXES;
 
-pub(in crate::command) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {
+pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {
     let source = assembly.direct(&DirectOptions::REAL_TIME)?;
     let options = WellOptions {
         length: assembly.pair.spacing(),
@@ -21,7 +22,7 @@ pub(in crate::command) fn analyse(assembly: &Assembly) -> Result<Well, CommandEr
         .map_err(|e| CommandError::bad_input(assembly.context("well"), e))
 }
 
-pub(in crate::command) fn print_well(
+pub(in crate::commands) fn print_well(
     assembly: &Assembly,
     well: &Well,
     context: &Context,

@@ -20,11 +20,14 @@ pub mod device;
 pub mod gate;
 pub mod hid;
 pub mod hid_report;
+mod insertion;
 pub mod io_thread;
 mod keeper;
 pub mod limiter;
 pub mod live;
 mod pace;
+#[path = "scene/pair_loading.rs"]
+pub mod pair_loading;
 pub mod passivity;
 pub mod path;
 pub mod pid;

@@ -3,22 +3,20 @@
 use std::path::Path;
 use std::time::Instant;
 
-use fft_correlate::bake::{BakeError, BakeReport, Share, bake};
-use fft_correlate::launcher::Launcher;
-use fft_correlate::store::{ChunkState, StoreError, TableFiles, TableStore};
-use fft_correlate::table_error::{ErrorReport, measure_error, typical_condition};
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Numbers, Storage};
-use rayon::prelude::*;
+use fft_correlate::{
+    BakeReport, DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, ErrorReport, LatticeStep,
+    Launcher, Numbers, Share, Storage, TableDesign, TableFiles, TableSpec, TableStore, bake,
+    measure_error, typical_condition,
+};
 use serde::Serialize;
 
 use super::{stored, tolerance};
-use crate::context::Context;
-use crate::report::output::{print_json, require_folder};
 use crate::args::{BakeArgs, NumbersChoice};
-use crate::scene::Assembly;
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::bytes::display_bytes;
-use crate::scene::{EnergyScale, LatticeStep, Scene};
+use crate::report::output::{print_json, require_folder};
+use crate::scene::{Assembly, Scene, explain_design};
 
 #[derive(Serialize)]
 struct Summary {
@@ -48,17 +46,16 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     }
     let share = share(args)?;
     require_place(&args.output)?;
-    let (assembly, reference) = prepare(args, context)?;
+    let (design, reference) = prepare(args, context)?;
     let began = Instant::now();
-    let mut spec = assembly.table_spec()?;
-    spec.storage = Storage {
-        numbers: match args.numbers {
-            NumbersChoice::Float16 => Numbers::Half,
-            NumbersChoice::Int16 => Numbers::Integer,
-        },
-        leave_out: args.leave_out,
+    let spec = TableSpec {
+        storage: storage(args),
+        ..design.table.spec.clone()
     };
-    let energies = assembly.energies(context)?;
+    let energies = design
+        .table
+        .energies(context.memory)
+        .map_err(|e| explain_design(&design.scene, e))?;
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| stored::explain(&args.output, e))?;
     context.progress.finish();
@@ -70,7 +67,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     if progress.finished == progress.rotations {
         let table = stored::load(&store, context)?;
         summary.bytes = table.memory();
-        let error = measure(&mut store, &table, &assembly, reference, args.poses)?;
+        let error = measure(&mut store, &table, &design, reference, args.poses)?;
         summary.error = Some(error);
         summary.complete = true;
     }
@@ -81,29 +78,54 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     check_tolerance(args, summary.error.as_ref())
 }
 
-/// The scene as it is to be baked, and, where a tolerance was asked for, what its error is measured
+/// A scene and its table.
+struct Design {
+    scene: Scene,
+    table: TableDesign,
+}
+
+fn storage(args: &BakeArgs) -> Storage {
+    Storage {
+        numbers: match args.numbers {
+            NumbersChoice::Float16 => Numbers::Half,
+            NumbersChoice::Int16 => Numbers::Integer,
+        },
+        leave_out: args.leave_out,
+    }
+}
+
+/// The table as it is to be baked, and, where a tolerance was asked for, what its error is measured
 /// against. A table that is already there has chosen.
 fn prepare(
     args: &BakeArgs,
     context: &Context,
-) -> Result<(Assembly, Option<Reference>), CommandError> {
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let Some(tolerance) = args.tolerance else {
-        return Ok((Assembly::load(scene, context)?, None));
-    };
-    if !exists(&args.output)? {
-        let choice = tolerance::choose(scene, tolerance, context)?;
-        let reference = Reference {
-            truth: choice.truth,
-            spacing: choice.reference_spacing,
-        };
-        return Ok((choice.assembly, Some(reference)));
+) -> Result<(Design, Option<Reference>), CommandError> {
+    let mut scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let mut reference = None;
+    if let Some(tolerance) = args.tolerance {
+        if !exists(&args.output)? {
+            let found = tolerance::choose(&scene, tolerance, context)?;
+            let reference = Reference {
+                truth: found.truth,
+                spacing: found.reference_spacing,
+            };
+            let table = found.design;
+            return Ok((Design { scene, table }, Some(reference)));
+        }
+        let store = stored::open(&args.output)?;
+        let spacing = 0.5 * store.spec().window.spacing();
+        let (truth, _) = stored::reference(&store, scene.clone(), spacing, context)?;
+        reference = Some(Reference { truth, spacing });
+        scene = as_stored(scene, store.spec());
     }
-    let store = stored::open(&args.output)?;
-    let spec = store.spec();
-    let spacing = 0.5 * spec.window.spacing();
-    let (truth, _) = stored::reference(&store, scene.clone(), spacing, context)?;
-    let mut scene = scene;
+    let assembly = Assembly::load(scene, context)?;
+    let table = assembly.design()?;
+    let scene = assembly.scene;
+    Ok((Design { scene, table }, reference))
+}
+
+/// The scene with the lattice, rotations and energy scale of a table.
+fn as_stored(mut scene: Scene, spec: &TableSpec) -> Scene {
     scene.energy = EnergyScale::Gamma(spec.model.gamma);
     scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());
     scene.rotations = spec.rotations.clone();
@@ -111,8 +133,7 @@ fn prepare(
         scene.lattice.sampling = fields.sampling;
         scene.lattice.deaverage = fields.deaverage;
     }
-    let assembly = Assembly::load(scene, context)?;
-    Ok((assembly, Some(Reference { truth, spacing })))
+    scene
 }
 
 /// Checks that the folder of a table to be exists; object stores have no folders.
@@ -205,21 +226,23 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
 fn measure(
     store: &mut TableStore,
     table: &EnergyTable,
-    assembly: &Assembly,
+    design: &Design,
     reference: Option<Reference>,
     poses: usize,
 ) -> Result<ErrorReport, CommandError> {
+    let pair = &design.table.pair;
     let reference = match reference {
         Some(reference) => reference,
         None => Reference {
-            truth: assembly.direct(&DirectOptions::FULL)?,
-            spacing: assembly.pair.spacing(),
+            truth: DirectEvaluator::new(pair, &DirectOptions::FULL)
+                .map_err(|e| CommandError::bad_input(design.scene.path.display().to_string(), e))?,
+            spacing: pair.spacing(),
         },
     };
     let mut report = measure_error(table, &reference.truth, poses, stored::SEED);
     report.reference_spacing = reference.spacing;
     let looks = poses.min(stored::CONDITION_POSES);
-    let condition = typical_condition(&assembly.pair, table.spec(), looks, stored::SEED);
+    let condition = typical_condition(pair, table.spec(), looks, stored::SEED);
     report.condition = Some(condition);
     store
         .write_error_report(&report)

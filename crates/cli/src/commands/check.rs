@@ -8,10 +8,10 @@ use sdf_grid::{
 };
 use serde::Serialize;
 
-use crate::context::Context;
-use crate::report::output::print_json;
 use crate::args::{CheckArgs, MeshChoice};
+use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::output::print_json;
 use crate::scene::Scene;
 
 /// Components and solids listed one by one.

@@ -9,12 +9,12 @@ use sdf_grid::{
 };
 use serde::Serialize;
 
-use crate::context::Context;
-use crate::report::output::{print_json, require_folder};
 use crate::args::FieldArgs;
+use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::slice::Slice;
 use crate::memory;
+use crate::report::output::{print_json, require_folder};
+use crate::report::slice::Slice;
 use crate::report::{atomic, figure, picture, vti};
 
 /// Samples along the longer side of a slice's picture.

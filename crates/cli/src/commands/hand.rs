@@ -7,9 +7,9 @@ use haptic::{
     Clock, Device, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand, Workspace,
 };
 
-use crate::scene::Assembly;
 use crate::error::CommandError;
 use crate::report::parquet_log;
+use crate::scene::Assembly;
 use crate::terminal::progress::cancel_flag;
 
 /// [`run`] with the simulated hand, which follows `script`; every sample is in the outcome or, if

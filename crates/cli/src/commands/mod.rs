@@ -5,7 +5,6 @@ mod check;
 mod demo;
 mod devices;
 mod dock;
-mod dock_builder;
 mod feel;
 mod field;
 mod hand;

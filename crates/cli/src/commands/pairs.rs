@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fft_correlate::{DirectOptions, EnergySource, PartialTable, Pose};
+use fft_correlate::{EnergyScale, PairSetup, Pose};
 use glam::DVec3;
+use haptic::pair_loading::{beside_the_loop, direct_reach, table_reach};
 use haptic::scene::{
     Content, LiveScene, LoadFailure, Loaded, Loader, PairSpec, SceneError, SceneOptions,
 };
@@ -12,10 +13,9 @@ use sdf_grid::{Aabb, TriangleMesh};
 
 use super::stored;
 use crate::context::Context;
-use crate::scene::Assembly;
 use crate::error::CommandError;
+use crate::scene::{Assembly, Part, Scene, explain_build, read_part, setup, setup_of};
 use crate::terminal::progress::Progress;
-use crate::scene::{EnergyScale, Part, Scene};
 
 /// A scene whose near pairs are in memory.
 pub(super) struct LivePairs {
@@ -74,10 +74,10 @@ impl LivePairs {
                 0 => Some(pair.loaded(Some(&assembly), context)?),
                 _ => None,
             };
-            pairs.push(pair.spec(&assembly.moving, first, context)?);
+            pairs.push(pair.spec(&assembly.setup, first, context)?);
         }
         let loading = &scene.loading;
-        let longest = assembly.moving.bounds().size().max_element();
+        let longest = assembly.setup.moving.bounds().size().max_element();
         let options = SceneOptions {
             pivot,
             memory: loading.memory.unwrap_or(context.memory),
@@ -136,7 +136,7 @@ impl PairFiles {
     /// `first` is given on the first load.
     fn spec(
         self,
-        moving: &TriangleMesh,
+        setup: &PairSetup,
         first: Option<Loaded>,
         context: &Context,
     ) -> Result<PairSpec, CommandError> {
@@ -145,7 +145,7 @@ impl PairFiles {
                 Content::Whole { bytes, .. } => (loaded.reach, *bytes),
                 Content::Table(_) => (loaded.reach, 0),
             },
-            None => self.survey(moving, context)?,
+            None => self.survey(&setup.moving, context)?,
         };
         let mut files: Vec<PathBuf> = [&self.scene.fixed, &self.scene.moving]
             .into_iter()
@@ -171,15 +171,10 @@ impl PairFiles {
             memory: context.memory,
         };
         let load = move || -> Result<Loaded, LoadFailure> {
-            if let Some(loaded) = first.take() {
-                return Ok(loaded);
+            match first.take() {
+                Some(loaded) => Ok(loaded),
+                None => Ok(beside_the_loop(|| self.loaded(None, &quiet))??),
             }
-            // The loop's core is left alone.
-            let threads = rayon::current_num_threads().saturating_sub(1).max(1);
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()?;
-            Ok(pool.install(|| self.loaded(None, &quiet))?)
         };
         Box::new(load)
     }
@@ -187,16 +182,18 @@ impl PairFiles {
     /// The reach and an upper estimate of the memory, from meshes and metadata alone.
     fn survey(
         &self,
-        moving: &TriangleMesh,
+        moving: &Arc<TriangleMesh>,
         context: &Context,
     ) -> Result<(Aabb, u64), CommandError> {
         if let Some(path) = &self.table {
             let store = stored::open(path)?;
-            return Ok((self.table_reach(store.spec()), 0));
+            return Ok((table_reach(store.spec(), self.pivot), 0));
         }
-        let fixed = assembly::read_part(&self.scene, &self.scene.fixed, context)?;
-        let plan = assembly::plan(&self.scene, &fixed, moving, context)?;
-        let reach = self.direct_reach(&fixed, moving, plan.density.halo);
+        let fixed = read_part(&self.scene, &self.scene.fixed, context)?;
+        let setup = setup_of(&self.scene, fixed, moving.clone(), context)?;
+        let plan = setup.plan().map_err(|e| explain_build(&self.scene, e))?;
+        let (bounds, radius) = self.extent(&setup);
+        let reach = direct_reach(&setup.model, plan.density.halo, &bounds, radius);
         Ok((reach, plan.bytes))
     }
 
@@ -212,15 +209,15 @@ impl PairFiles {
                 &own
             }
         };
-        let source = assembly.direct(&DirectOptions::REAL_TIME)?;
-        let halo = assembly.pair.fixed().halo;
-        Ok(Loaded {
-            content: Content::Whole {
-                bytes: source.describe().bytes,
-                source: Arc::new(source) as Arc<dyn EnergySource>,
-            },
-            reach: self.direct_reach(&assembly.fixed, &assembly.moving, halo),
-        })
+        let (bounds, radius) = self.extent(&assembly.setup);
+        Loaded::direct(&assembly.pair, &bounds, radius)
+            .map_err(|e| CommandError::bad_input(self.scene.path.display().to_string(), e))
+    }
+
+    /// Bounds of the fixed part, and the moving part's radius about the point that reaches speak of.
+    fn extent(&self, setup: &PairSetup) -> (Aabb, f64) {
+        let radius = setup.moving.radius_about(self.pivot);
+        (setup.fixed.bounds(), radius)
     }
 
     /// The table, if it belongs to the parts as they are.
@@ -231,12 +228,8 @@ impl PairFiles {
         context: &Context,
     ) -> Result<Loaded, CommandError> {
         let hashes = match known {
-            Some(assembly) => assembly.mesh_hashes(),
-            None => {
-                let read = |part| assembly::read_part(&self.scene, part, context);
-                [read(&self.scene.fixed)?, read(&self.scene.moving)?]
-                    .map(|mesh| assembly::hash_text(&mesh))
-            }
+            Some(assembly) => assembly.setup.mesh_hashes(),
+            None => setup(&self.scene, context)?.mesh_hashes(),
         };
         let store = stored::open(path)?;
         store
@@ -250,38 +243,6 @@ impl PairFiles {
                 path.display()
             ));
         }
-        let reach = self.table_reach(store.spec());
-        let table = PartialTable::new(store).map_err(|e| CommandError::bad_input("table", e))?;
-        Ok(Loaded {
-            content: Content::Table(Box::new(table)),
-            reach,
-        })
-    }
-
-    /// Beyond the halo of one part and the bounds of the other there is no energy. With a
-    /// separation weight the halos of both meet.
-    fn direct_reach(&self, fixed: &TriangleMesh, moving: &TriangleMesh, halo: f64) -> Aabb {
-        let halos = match self.scene.model.separation_weight {
-            0.0 => halo,
-            _ => 2.0 * halo,
-        };
-        // A cell's worth: the densities end within one.
-        let slack = 0.05 * halo;
-        fixed
-            .bounds()
-            .grown(halos + slack + moving.radius_about(self.pivot))
-    }
-
-    /// Two nodes beyond the window the table has faded out.
-    fn table_reach(&self, spec: &fft_correlate::TableSpec) -> Aabb {
-        let window = &spec.window;
-        let own = DVec3::from_array(spec.pivot);
-        let last = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
-        let first = own + window.origin();
-        Aabb {
-            min: first,
-            max: first + last,
-        }
-        .grown(2.0 * window.spacing() + own.distance(self.pivot))
+        Loaded::table(store, self.pivot).map_err(|e| CommandError::bad_input("table", e))
     }
 }

@@ -1,7 +1,7 @@
 //! From parsed arguments to the command that was asked for.
 
-use crate::args::{Arguments, Command, Global};
 use super::{bake, check, demo, devices, dock, feel, field, plot, score, table, verify};
+use crate::args::{Arguments, Command, Global};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::memory;

@@ -9,15 +9,15 @@ use fft_correlate::{Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair
 use rayon::prelude::*;
 
 use super::stored;
-use crate::context::Context;
-use crate::report::output::require_folder;
 use crate::args::ScoreArgs;
-use crate::scene::Assembly;
-use crate::report::atomic;
+use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::atomic;
+use crate::report::output::require_folder;
 use crate::report::poses::{PoseReader, ScoredPose, append_score, score_header};
-use crate::terminal::progress::check_interrupt;
+use crate::scene::Assembly;
 use crate::scene::Scene;
+use crate::terminal::progress::check_interrupt;
 
 /// Rows read before any of them is evaluated.
 const CHUNK: usize = 16384;

@@ -4,13 +4,15 @@ use std::path::Path;
 
 use fft_correlate::bake::BakeError;
 use fft_correlate::store::{ChunkState, StoreError, TableStore};
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair};
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, ErrorReport, LatticeStep, Pair,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Assembly, EnergyScale, LatticeStep, Scene};
+use crate::scene::{Assembly, Scene};
 
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 pub(super) const SEED: u64 = 1;
@@ -112,7 +114,7 @@ pub(super) fn reference(
         scene.lattice.deaverage = fields.deaverage;
     }
     let assembly = Assembly::load(scene, context)?;
-    let [fixed, moving] = assembly.mesh_hashes();
+    let [fixed, moving] = assembly.setup.mesh_hashes();
     store
         .expect_meshes(&fixed, &moving)
         .map_err(|e| CommandError::bad_input("table", e))?;

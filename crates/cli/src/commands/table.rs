@@ -5,11 +5,11 @@ use fft_correlate::{ErrorReport, RotationDomain, TableSpec};
 use serde::Serialize;
 
 use super::stored;
-use crate::context::Context;
-use crate::report::output::print_json;
 use crate::args::TableArgs;
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::bytes::display_bytes;
+use crate::report::output::print_json;
 
 #[derive(Serialize)]
 struct Description<'a> {

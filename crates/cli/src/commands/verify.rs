@@ -1,18 +1,14 @@
 //! `pegfit verify`: is a table as right as it says?
 
-use fft_correlate::store::TableStore;
-use fft_correlate::{
-    DirectEvaluator, DirectOptions, ErrorReport, Excess, Pair, measure_error, typical_condition,
-};
+use fft_correlate::{ErrorReport, Excess, measure_error, typical_condition};
 use serde::Serialize;
 
 use super::stored;
-use crate::context::Context;
-use crate::report::output::print_json;
 use crate::args::VerifyArgs;
-use crate::scene::Assembly;
+use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{EnergyScale, LatticeStep, Scene};
+use crate::report::output::print_json;
+use crate::scene::Scene;
 
 #[derive(Serialize)]
 struct Verdict {

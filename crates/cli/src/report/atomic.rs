@@ -11,7 +11,7 @@ use crate::error::CommandError;
 ///
 /// # Errors
 /// If the file cannot be written, or with whatever `fill` returns; the old file is then untouched.
-pub fn write_with(
+pub(crate) fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> Result<(), CommandError>,
 ) -> Result<(), CommandError> {
@@ -34,7 +34,7 @@ pub fn write_with(
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
     write_with(path, |w| {
         w.write_all(bytes).map_err(|e| CommandError::write(path, e))
     })

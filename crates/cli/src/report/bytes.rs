@@ -1,7 +1,7 @@
 //! Byte counts for people.
 
 /// A byte count for people: `1.5 GiB`.
-pub fn display_bytes(bytes: u64) -> String {
+pub(crate) fn display_bytes(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut value = bytes as f64;
     let mut unit = 0;

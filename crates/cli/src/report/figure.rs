@@ -11,7 +11,11 @@ use crate::report::picture::{Cloud, ColourScale, Contours, HeatMap};
 use crate::report::slice::{AXES, Slice};
 
 /// The sheet of axis `slice.axis` nearest to the plane, as `[across, up]`.
-pub fn sheet<T: Clone>(values: &Array3<T>, field: &DensityField, slice: &Slice) -> Array2<T> {
+pub(crate) fn sheet<T: Clone>(
+    values: &Array3<T>,
+    field: &DensityField,
+    slice: &Slice,
+) -> Array2<T> {
     let place = field.lattice.fractional_index(glam::DVec3::splat(slice.at))[slice.axis];
     let last = values.len_of(Axis(slice.axis)) - 1;
     let index = (place.round().max(0.0) as usize).min(last);
@@ -19,7 +23,7 @@ pub fn sheet<T: Clone>(values: &Array3<T>, field: &DensityField, slice: &Slice) 
 }
 
 /// Contour lines of the signed distance on a plane, in `unit`, and what to say about them.
-pub fn distance_contours(
+pub(crate) fn distance_contours(
     field: &DensityField,
     slice: &Slice,
     unit: LengthUnit,
@@ -41,7 +45,7 @@ pub fn distance_contours(
 }
 
 /// A heat map of `values` (one per node of `field`'s sheet) with distance contours over it.
-pub fn density_map(
+pub(crate) fn density_map(
     title: String,
     legend: &str,
     values: Array2<f32>,
@@ -76,7 +80,7 @@ const SMOOTH: f64 = 0.9;
 
 /// The nodes where the density is well above that of a flat face: the skeleton of the part
 /// (positive values) and of the space around it (negative).
-pub fn skeleton(
+pub(crate) fn skeleton(
     title: String,
     mesh: &TriangleMesh,
     field: &DensityField,

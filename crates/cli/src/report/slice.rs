@@ -7,22 +7,22 @@ use crate::error::CommandError;
 
 /// A plane perpendicular to a coordinate axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slice {
+pub(crate) struct Slice {
     /// 0, 1, 2 for x, y, z.
-    pub axis: usize,
+    pub(crate) axis: usize,
     /// Where on that axis, metres.
-    pub at: f64,
+    pub(crate) at: f64,
 }
 
 /// Letters of the axes.
-pub const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Slice {
     /// Reads `y=0`; the number is in `unit`.
     ///
     /// # Errors
     /// If the text is anything else.
-    pub fn parse(text: &str, unit: LengthUnit) -> Result<Self, CommandError> {
+    pub(crate) fn parse(text: &str, unit: LengthUnit) -> Result<Self, CommandError> {
         let wrong = || CommandError::option("--slice", "x=, y= or z= and a number", text);
         let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
         let axis = AXES
@@ -40,7 +40,7 @@ impl Slice {
     }
 
     /// The two other axes: horizontal, vertical in a picture.
-    pub fn plane_axes(&self) -> [usize; 2] {
+    pub(crate) fn plane_axes(&self) -> [usize; 2] {
         match self.axis {
             0 => [1, 2],
             1 => [0, 2],
@@ -49,7 +49,7 @@ impl Slice {
     }
 
     /// `y = 3 mm`.
-    pub fn label(&self, unit: LengthUnit) -> String {
+    pub(crate) fn label(&self, unit: LengthUnit) -> String {
         let at = crate::report::picture::canvas::number(self.at / unit.in_metres(), 4);
         format!("{} = {at} {unit}", AXES[self.axis])
     }
@@ -58,7 +58,7 @@ impl Slice {
     ///
     /// # Errors
     /// If the bounds have no extent or are not finite.
-    pub fn lattice(&self, bounds: &Aabb, nodes: usize) -> Result<Lattice, CommandError> {
+    pub(crate) fn lattice(&self, bounds: &Aabb, nodes: usize) -> Result<Lattice, CommandError> {
         let [across, up] = self.plane_axes();
         let size = bounds.size();
         let spacing = size[across].max(size[up]) / nodes as f64;

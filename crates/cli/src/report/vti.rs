@@ -9,15 +9,15 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataSet, Extent, ImageDataPiece, Piece, Version, Vtk,
 };
 
-use crate::report::atomic;
 use crate::error::CommandError;
+use crate::report::atomic;
 
 /// Writes `exterior` and `interior` (real, imaginary) and `signed_distance` (metres) as point data
 /// of an image whose origin and spacing are metres.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write(path: &Path, field: &DensityField) -> Result<(), CommandError> {
+pub(crate) fn write(path: &Path, field: &DensityField) -> Result<(), CommandError> {
     let document = document(field);
     atomic::write_with(path, |out| {
         document

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use fft_correlate::{RotationDomain, ScoreModel};
+use fft_correlate::{EnergyScale, LatticeStep, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
 use sdf_grid::Sampling;
@@ -14,9 +14,7 @@ use super::raw::{
     Preset, RawEnergy, RawFit, RawLattice, RawLoading, RawModel, RawSampling, RawScene, RawWindow,
 };
 use super::source::Source;
-use super::types::{
-    EnergyScale, FitChoice, LatticeChoice, LatticeStep, Loading, Scene, WindowChoice,
-};
+use super::types::{FitChoice, LatticeChoice, Loading, Scene, WindowChoice};
 use super::values::{finite, natural, pose, positive};
 use crate::error::CommandError;
 

@@ -6,10 +6,10 @@
 mod assembly;
 mod check;
 mod check_parts;
-mod fields;
 mod parts;
 mod raw;
 mod read;
+mod setup;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -17,10 +17,8 @@ mod types;
 mod values;
 
 pub use assembly::Assembly;
-pub(crate) use fields::plan;
-pub(crate) use parts::{hash_text, read_part};
-pub use types::{
-    EnergyScale, FitChoice, LatticeChoice, LatticeStep, Loading, Part, PlacedMesh, Scene,
-    WindowChoice,
-};
+pub(crate) use assembly::explain_design;
+pub(crate) use parts::read_part;
+pub(crate) use setup::{display_unit, explain, explain_build, setup, setup_of};
+pub use types::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
 pub(crate) use values::quaternion;

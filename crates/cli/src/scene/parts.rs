@@ -3,19 +3,12 @@
 use fft_correlate::Pose;
 use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh, mesh_io};
 
+use super::types::{Part, Scene};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Part, Scene};
 
 /// Parts whose diagonals differ by more than this are probably in different units.
 const SUSPICIOUS_RATIO: f64 = 30.0;
-
-/// The hash of a mesh in hexadecimal.
-pub(crate) fn hash_text(mesh: &TriangleMesh) -> String {
-    mesh.hash()
-        .iter()
-        .fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
-}
 
 /// Reads, cleans and places the meshes of a part; several become one.
 pub(crate) fn read_part(

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use fft_correlate::{Pose, RotationDomain, ScoreModel};
+use fft_correlate::{EnergyScale, LatticeStep, Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
 use sdf_grid::{LengthUnit, Sampling};
@@ -96,15 +96,6 @@ pub struct Loading {
     pub watch: Duration,
 }
 
-/// What fixes the energy scale gamma.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum EnergyScale {
-    /// Joules per cubic metre.
-    Gamma(f64),
-    /// The largest force, newtons, met while the parts are pushed or pulled near the fit.
-    PeakForce(f64),
-}
-
 /// How finely the densities are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeChoice {
@@ -118,17 +109,6 @@ pub struct LatticeChoice {
     pub sampling: Sampling,
     /// Whether the loss of cell averages at coincident boundaries is undone.
     pub deaverage: bool,
-}
-
-/// The distance between lattice nodes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LatticeStep {
-    /// Metres.
-    Spacing(f64),
-    /// Nodes along the longest side of the larger part.
-    Points(u32),
-    /// Chosen from the parts.
-    Automatic,
 }
 
 /// A box of displacements of the moving part.
@@ -153,6 +133,11 @@ pub struct FitChoice {
 }
 
 impl Scene {
+    /// What errors say they are about: the file and a part of it.
+    pub(crate) fn context(&self, item: &str) -> String {
+        format!("{}: {item}", self.path.display())
+    }
+
     /// All parts that stay.
     pub fn fixed_parts(&self) -> impl Iterator<Item = &Part> {
         std::iter::once(&self.fixed).chain(&self.others)

@@ -10,7 +10,11 @@ use crate::error::CommandError;
 /// How far a quaternion may be from unit length and still be taken as a rotation.
 pub(crate) const QUATERNION_SLACK: f64 = 1e-3;
 
-pub(super) fn natural(value: &Spanned<f64>, name: &str, source: &Source<'_>) -> Result<f64, CommandError> {
+pub(super) fn natural(
+    value: &Spanned<f64>,
+    name: &str,
+    source: &Source<'_>,
+) -> Result<f64, CommandError> {
     match *value.get_ref() {
         0.0 => Ok(0.0),
         _ => positive(value, name, source),
@@ -35,7 +39,11 @@ pub(super) fn pose(
     Ok(Pose::new(rotation, translation))
 }
 
-pub(super) fn positive(value: &Spanned<f64>, name: &str, source: &Source<'_>) -> Result<f64, CommandError> {
+pub(super) fn positive(
+    value: &Spanned<f64>,
+    name: &str,
+    source: &Source<'_>,
+) -> Result<f64, CommandError> {
     let v = *value.get_ref();
     if v.is_finite() && v > 0.0 {
         Ok(v)

@@ -8,16 +8,16 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{Aabb, DensityError, LatticeError, Monitor, TriangleMesh, snug_rotation};
 
-use crate::dock::{DockError, SearchStage};
 use crate::budget::correlation_bytes;
+use crate::dock::{DockError, SearchStage};
 use crate::energy_scale::EnergyScaleError;
 use crate::setup::PairSetup;
 use crate::symmetry::symmetry_on_lattice;
 use crate::{
     Condition, DirectError, DirectEvaluator, DirectOptions, FoundPose, Pair, PairBuildError,
-    PairError, PairPlan, Pose, RotationDomain, RotationError, ScoreModel, SearchDomain, SearchError,
-    SearchLattices, SearchOptions, SearchPairs, SearchReport, TranslationWindow, decide,
-    domain_rotations, search, symmetry_group, wants_sketch,
+    PairError, PairPlan, Pose, RotationDomain, RotationError, ScoreModel, SearchDomain,
+    SearchError, SearchLattices, SearchOptions, SearchPairs, SearchReport, TranslationWindow,
+    decide, domain_rotations, search, symmetry_group, wants_sketch,
 };
 
 /// Angle between rotations where no domain is given, degrees.
@@ -201,8 +201,8 @@ impl<'a> Docking<'a> {
             Some(_) => DQuat::IDENTITY,
             None => snug_rotation(&setup.fixed),
         };
-        let turned = (rotation != DQuat::IDENTITY)
-            .then(|| setup.fixed.transformed(rotation, DVec3::ZERO));
+        let turned =
+            (rotation != DQuat::IDENTITY).then(|| setup.fixed.transformed(rotation, DVec3::ZERO));
         let mut lattices = SearchLattices::new(&setup.moving);
         if let Some(spacing) = setup.builder.spacing {
             lattices.fine = spacing;
@@ -426,7 +426,11 @@ impl<'a> Docking<'a> {
                 pose: back * p.pose,
                 ..*p
             },
-            depth: if deepest < 0.0 { p.energy / deepest } else { 0.0 },
+            depth: if deepest < 0.0 {
+                p.energy / deepest
+            } else {
+                0.0
+            },
             model_energy: source.evaluate_full(&p.pose).response.energy,
             condition: conditions.get(index).copied(),
         };

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use sdf_grid::{SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};
 
-use crate::{AxisSymmetry, Part, Pose, RotationDomain, symmetry_group};
+use crate::{AxisSymmetry, Part, Pose, RotationDomain};
 
 /// Deviation from symmetry that counts as none, in lattice spacings: what a lattice cannot tell
 /// apart is symmetric enough.
@@ -48,13 +48,13 @@ pub fn table_symmetry(
         .max_by_key(|s| if s.order == 0 { u32::MAX } else { s.order })
 }
 
-/// Distance of the pivot (metres) and angle (radians) between `pose` and `fit`, or that turn of the
-/// fit by the moving part's symmetry which is nearest in angle. A continuous axis is stood for by
-/// turns of 10 degrees.
-pub fn from_fit(pose: &Pose, fit: &Pose, pivot: DVec3, moving: &[SymmetryAxis]) -> (f64, f64) {
-    symmetry_group(moving)
-        .into_iter()
-        .map(|turn| *fit * turn)
+/// Distance of the pivot (metres) and angle (radians) between `pose` and `fit`, or that of the fits
+/// that differ by a motion of `group` which is nearest in angle; `group` maps the moving part onto
+/// itself ([`crate::symmetry_group`]).
+pub fn from_fit(pose: &Pose, fit: &Pose, pivot: DVec3, group: &[Pose]) -> (f64, f64) {
+    group
+        .iter()
+        .map(|turn| *fit * *turn)
         .map(|same| {
             let away = same.apply(pivot).distance(pose.apply(pivot));
             (away, same.angle_to(pose))
@@ -66,6 +66,8 @@ pub fn from_fit(pose: &Pose, fit: &Pose, pivot: DVec3, moving: &[SymmetryAxis]) 
 #[cfg(test)]
 mod tests {
     use glam::DQuat;
+
+    use crate::symmetry_group;
 
     use super::*;
 
@@ -109,7 +111,7 @@ mod tests {
         let turn = DQuat::from_rotation_x(std::f64::consts::PI)
             * DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
         let pose = fit * Pose::new(turn, DVec3::ZERO);
-        let (away, angle) = from_fit(&pose, &fit, DVec3::ZERO, &axes);
+        let (away, angle) = from_fit(&pose, &fit, DVec3::ZERO, &symmetry_group(&axes));
         assert!(away < 1e-12 && angle < 1e-6, "{away} {angle}");
     }
 }

@@ -5,8 +5,8 @@ use ndarray::Array3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
-use crate::scene::Assembly;
 use crate::error::CommandError;
+use crate::scene::Assembly;
 
 /// Displacements compared.
 const POSES: usize = 400;
@@ -17,7 +17,7 @@ pub(super) fn quadrature(
     assembly: &Assembly,
     direct: &DirectEvaluator,
 ) -> Result<f64, CommandError> {
-    let window = assembly.window()?;
+    let window = assembly.design()?.window;
     let correlator = Correlator::plan(&assembly.pair, &window)
         .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
     let rotation = assembly.assembled().rotation;

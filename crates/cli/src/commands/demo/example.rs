@@ -3,25 +3,27 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fft_correlate::bake::{Share, bake};
-use fft_correlate::table_error::{Errors, measure_error};
-use fft_correlate::{DirectEvaluator, DirectOptions, EnergyTable, Well};
+use fft_correlate::docking::DockingOptions;
+use fft_correlate::table_error::Errors;
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, PairSetup, Share, Well, bake,
+    measure_error,
+};
 use haptic::{Clock, LoopReport, Sample, Script};
 use sdf_grid::mesh_io;
 use sdf_grid::shapes::PegInHole;
 use serde::Serialize;
 
 use super::errors;
-use crate::scene::Assembly;
 use crate::commands::plot::{
     Motion, analyse, curve, densities, force_chart, overlap, score_surface,
 };
 use crate::commands::{dock, hand, stored};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::Scene;
 use crate::report::slice::Slice;
 use crate::report::{atomic, picture};
+use crate::scene::{Assembly, Scene, explain_design};
 
 /// Seconds of the two tests in simulated time.
 const TEST_SECONDS: f64 = 6.0;
@@ -126,7 +128,7 @@ pub(super) fn run(
     let pictures = draw(&assembly, out, [&collision.samples, &snap.samples], context)?;
     Ok(Example {
         name,
-        triangles: [&assembly.fixed, &assembly.moving].map(|m| m.triangles().len()),
+        triangles: [&assembly.setup.fixed, &assembly.setup.moving].map(|m| m.triangles().len()),
         spacing_m: assembly.pair.spacing(),
         field_nodes: assembly.pair.fixed().lattice.len() + assembly.pair.moving().lattice.len(),
         field_seconds: assembly.field_seconds,
@@ -176,10 +178,13 @@ fn tabulate(
     context: &Context,
 ) -> Result<(EnergyTable, Table), CommandError> {
     let began = Instant::now();
-    let spec = assembly.table_spec()?;
-    let energies = assembly.energies(context)?;
+    let design = assembly.design()?;
+    let spec = &design.spec;
+    let energies = design
+        .energies(context.memory)
+        .map_err(|e| explain_design(&assembly.scene, e))?;
     discard(path)?;
-    bake(path, &spec, &energies, Share::ALL, &context.progress)
+    bake(path, spec, &energies, Share::ALL, &context.progress)
         .map_err(|e| stored::explain(path, e))?;
     context.progress.finish();
     let table = stored::load(&stored::open(path)?, context)?;
@@ -209,7 +214,16 @@ fn discard(path: &Path) -> Result<(), CommandError> {
 
 fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> {
     let began = Instant::now();
-    let docking = dock::search(assembly, 5, context)?;
+    let setup = PairSetup {
+        // The scale of the whole example.
+        energy: EnergyScale::Gamma(assembly.pair.model().gamma),
+        ..assembly.setup.clone()
+    };
+    let options = DockingOptions {
+        top: 5,
+        ..dock::options(&assembly.scene)
+    };
+    let docking = dock::look(&assembly.scene, &setup, options, context)?;
     let seconds = began.elapsed().as_secs_f64();
     let Some(best) = docking.poses.first() else {
         return Err(CommandError::input(
@@ -219,11 +233,11 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
             "none",
         ));
     };
-    let (shift, turn) = assembly.from_fit(&best.pose);
+    let (shift, turn) = assembly.from_fit(&best.found.pose);
     Ok(Dock {
         rotations: docking.rotations,
         seconds,
-        best_energy: best.energy,
+        best_energy: best.found.energy,
         from_fit_m: shift,
         from_fit_degrees: turn.to_degrees(),
     })

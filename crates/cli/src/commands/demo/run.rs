@@ -7,10 +7,10 @@ use sdf_grid::shapes::PegInHole;
 
 use super::example::{self, Summary};
 use super::page;
-use crate::context::Context;
-use crate::report::output::print_json;
 use crate::args::DemoArgs;
+use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::output::print_json;
 use crate::terminal::progress::check_interrupt;
 
 pub(in crate::commands) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError> {

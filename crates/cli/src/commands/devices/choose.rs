@@ -3,8 +3,8 @@
 use haptic::hid::{self, Access, DeviceInfo, DeviceKind};
 use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
-use crate::context::Context;
 use crate::args::device_choice::{DeviceChoice, Which};
+use crate::context::Context;
 use crate::error::CommandError;
 
 /// What lets the user who sits at the machine open these devices.
@@ -70,7 +70,10 @@ pub(super) fn enumerate() -> Result<Vec<DeviceInfo>, CommandError> {
     hid::enumerate().map_err(|e| CommandError::failure("listing devices", e))
 }
 
-pub(super) fn open(device: &DeviceInfo, config: &HapticConfig) -> Result<Box<dyn Device>, CommandError> {
+pub(super) fn open(
+    device: &DeviceInfo,
+    config: &HapticConfig,
+) -> Result<Box<dyn Device>, CommandError> {
     hid::open_with(device, config.spacemouse, config.pid)
         .map_err(|e: DeviceError| CommandError::failure(device.path.clone(), e))
 }

@@ -6,7 +6,7 @@ use fft_correlate::Pose;
 use glam::DVec3;
 use haptic::{Sample, flags};
 
-use super::{LISTED, Run, names, starts};
+use super::subject::{LISTED, Run, names, starts};
 use crate::report::svg::{self, Curve, Mark};
 
 /// Seconds over which the rate is a mean.

@@ -1,13 +1,14 @@
 //! The page of `pegfit feel --report`: one file that needs no other.
 
 use std::fmt::Write;
-use std::path::Path;
 
-use haptic::scene::{SceneChange, SceneEvent};
-use haptic::{DeviceSpec, HapticConfig, LoopReport, Outcome, Sample, flags};
+use haptic::{Outcome, flags};
 use hdrhistogram::Histogram;
 
-use crate::report::bytes::display_bytes;
+use super::charts::charts;
+use super::subject::{LISTED, Run, names, starts};
+use super::words::{privileges, told};
+use crate::report::html::{STYLE, escaped};
 use crate::report::svg;
 
 /// What the charts need beside the demo's style.
@@ -25,14 +26,14 @@ pub(super) fn page(run: &Run<'_>) -> String {
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{0}</title>\n<style>\n{STYLE}\n{CHARTS}</style>\n<main>\n<h1>{0}</h1>\n",
-        svg::escaped(&run.title)
+        escaped(&run.title)
     );
     let report = &run.outcome.report;
     let _ = writeln!(
         html,
         "<p>Scene <code>{}</code>. {} ticks in {:.2} s, {:.1} per second; peak force {:.3} N, peak \
          torque {:.4} N·m.</p>",
-        svg::escaped(&run.scene.display().to_string()),
+        escaped(&run.scene.display().to_string()),
         report.ticks,
         report.seconds,
         report.rate_hz,
@@ -46,7 +47,7 @@ pub(super) fn page(run: &Run<'_>) -> String {
             report.dropped_samples
         );
     }
-    html += &charts::charts(run);
+    html += &charts(run);
     html += &timing(run.outcome);
     html += &events(run);
     html += &conditions(run);
@@ -128,11 +129,7 @@ fn events(run: &Run<'_>) -> String {
     list.sort_by(|a, b| a.0.total_cmp(&b.0));
     html += "<table><tr><th>time (s)</th><th>what began</th></tr>";
     for (at, what) in list.iter().take(LISTED) {
-        let _ = write!(
-            html,
-            "<tr><td>{at:.3}</td><td>{}</td></tr>",
-            svg::escaped(what)
-        );
+        let _ = write!(html, "<tr><td>{at:.3}</td><td>{}</td></tr>", escaped(what));
     }
     html += "</table>\n";
     if list.len() > LISTED {
@@ -189,8 +186,8 @@ fn conditions(run: &Run<'_>) -> String {
         let _ = write!(
             html,
             "<tr><td>{}</td><td>{}</td></tr>",
-            svg::escaped(&key),
-            svg::escaped(&value)
+            escaped(&key),
+            escaped(&value)
         );
     }
     html + "</table>\n"

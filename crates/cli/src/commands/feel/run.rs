@@ -8,18 +8,18 @@ use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
 use super::page::page;
 use super::subject::Run;
 use super::words::{privileges, told};
+use crate::args::{FeelArgs, ScriptChoice};
 use crate::commands::pairs::LivePairs;
 use crate::commands::plot::force_chart;
 use crate::commands::{devices, hand};
 use crate::context::Context;
-use crate::report::output::{print_json, require_folder};
-use crate::args::{FeelArgs, ScriptChoice};
 use crate::error::CommandError;
-use crate::terminal::hold::Hold;
+use crate::report::output::{print_json, require_folder};
 use crate::report::parquet_log;
-use crate::terminal::progress::interrupted;
-use crate::scene::Scene;
 use crate::report::{atomic, picture};
+use crate::scene::Scene;
+use crate::terminal::hold::Hold;
+use crate::terminal::progress::interrupted;
 
 pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
     if !(args.seconds.is_finite() && args.seconds > 0.0) {

@@ -4,10 +4,10 @@ use fft_correlate::{DirectOptions, EnergySource, Pose, Response};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::scene::Assembly;
 use crate::error::CommandError;
 use crate::report::picture::{self, LineChart, Series};
 use crate::report::slice::AXES;
+use crate::scene::Assembly;
 
 /// Poses on a curve.
 const SAMPLES: usize = 241;
@@ -76,7 +76,7 @@ pub(in crate::commands) fn curve(
 ) -> Result<Vec<u8>, CommandError> {
     let source = assembly.direct(&DirectOptions::FULL)?;
     let reach = match motion {
-        Motion::Translation(axis) => assembly.half_extent[axis],
+        Motion::Translation(axis) => assembly.setup.reach()[axis],
         Motion::Rotation(_) => std::f64::consts::PI,
     };
     let rows: Vec<(f64, Response, f64)> = picture::heat_map::samples([-reach, reach], SAMPLES)

@@ -6,12 +6,12 @@ use sdf_grid::{
     Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Sampling, TriangleMesh,
 };
 
-use crate::scene::Assembly;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::figure::{density_map, sheet};
 use crate::report::picture;
 use crate::report::slice::Slice;
+use crate::scene::Assembly;
 
 /// Samples along the longer side of a picture.
 const SAMPLES: usize = 260;
@@ -48,8 +48,8 @@ pub(in crate::commands) fn densities(
     let model = *assembly.pair.model();
     let unit = assembly.display_unit();
     let parts = [
-        (&assembly.scene.fixed.name, &assembly.fixed),
-        (&assembly.scene.moving.name, &assembly.moving),
+        (&assembly.scene.fixed.name, &assembly.setup.fixed),
+        (&assembly.scene.moving.name, &assembly.setup.moving),
     ];
     let bounds = assembly.bounds(0.1);
     let mut maps = Vec::new();
@@ -88,8 +88,11 @@ pub(in crate::commands) fn overlap(
     let unit = assembly.display_unit();
     let bounds = assembly.bounds(0.1);
     let pose = assembly.assembled();
-    let moved = assembly.moving.transformed(pose.rotation, pose.translation);
-    let fixed = on_plane(&assembly.fixed, assembly, &bounds, slice, context)?;
+    let moved = assembly
+        .setup
+        .moving
+        .transformed(pose.rotation, pose.translation);
+    let fixed = on_plane(&assembly.setup.fixed, assembly, &bounds, slice, context)?;
     let moving = on_plane(&moved, assembly, &bounds, slice, context)?;
     context.progress.finish();
     let mut map = density_map(

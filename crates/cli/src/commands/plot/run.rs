@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use crate::context::Context;
-use crate::report::output::require_folder;
 use super::curve::{Motion, curve};
 use super::density::{densities, overlap};
 use super::surface::score_surface;
 use super::well::{analyse, print_well};
 use super::{force, surface};
 use crate::args::{PlotArgs, PlotKind};
-use crate::scene::Assembly;
-use crate::report::atomic;
+use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::Scene;
+use crate::report::atomic;
+use crate::report::output::require_folder;
 use crate::report::slice::Slice;
+use crate::scene::Assembly;
+use crate::scene::Scene;
 
 pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
     refuse_unused(args)?;

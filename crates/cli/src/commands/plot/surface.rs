@@ -3,10 +3,10 @@
 use fft_correlate::{Correlator, TranslationWindow};
 use ndarray::{Array2, Array3, Axis};
 
-use crate::scene::Assembly;
 use crate::error::CommandError;
 use crate::report::picture::{self, Surface};
 use crate::report::slice::AXES;
+use crate::scene::Assembly;
 
 /// Two different axes from text such as `xz`; x and z if there is none.
 pub(super) fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError> {
@@ -34,7 +34,7 @@ pub(in crate::commands) fn score_surface(
     let pose = assembly.assembled();
     let middle = assembly.pair.displacement(&pose);
     let across = 3 - plane[0] - plane[1];
-    let mut reach = assembly.half_extent;
+    let mut reach = assembly.setup.reach();
     reach[across] = 0.0;
     let window = TranslationWindow::new(middle - reach, middle + reach, assembly.pair.spacing())
         .map_err(failed)?;

@@ -3,18 +3,18 @@
 use fft_correlate::{DirectOptions, Well, WellOptions};
 use glam::DVec3;
 
-use crate::scene::Assembly;
 use crate::context::Context;
-use crate::report::output::print_json;
 use crate::error::CommandError;
+use crate::report::output::print_json;
 use crate::report::slice::AXES;
+use crate::scene::Assembly;
 
 pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {
     let source = assembly.direct(&DirectOptions::REAL_TIME)?;
     let options = WellOptions {
         length: assembly.pair.spacing(),
         radius: assembly.radius(),
-        reach: assembly.half_extent.max_element(),
+        reach: assembly.setup.reach().max_element(),
         pivot: assembly.pair.pivot(),
         directions: DVec3::AXES.into_iter().flat_map(|a| [a, -a]).collect(),
     };

@@ -9,5 +9,4 @@ pub(crate) mod parquet_log;
 pub mod picture;
 pub mod poses;
 pub(crate) mod slice;
-pub(crate) mod svg;
 pub(crate) mod vti;

@@ -220,17 +220,6 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// The lattices it will work on.
-    pub fn lattices(&self) -> &SearchLattices {
-        &self.lattices
-    }
-
-    /// The same search on other lattices, for comparing one part in many frames.
-    pub fn with_lattices(mut self, lattices: SearchLattices) -> Self {
-        self.lattices = lattices;
-        self
-    }
-
     /// Computes the fields, searches, and looks closer at the poses found. With a state file, what a
     /// cancelled run has scored is not lost. When the monitor cancels after rotations have been
     /// scored, the best of these are returned unrefined.

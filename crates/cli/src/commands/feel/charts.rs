@@ -6,119 +6,166 @@ use fft_correlate::Pose;
 use glam::DVec3;
 use haptic::{Sample, flags};
 
-use super::subject::{LISTED, Run, names, starts};
-use crate::report::svg::{self, Curve, Mark};
+use super::subject::{LISTED, Run, starts};
+use crate::error::CommandError;
+use crate::report::picture::{self, LineChart, Mark, Series, reduced};
 
 /// Seconds over which the rate is a mean.
 const RATE_WINDOW: f64 = 0.1;
 
-pub(super) fn charts(run: &Run<'_>) -> String {
-    let events: Vec<(f64, String)> = starts(run.samples, flags::CHANGED | flags::OVERRUN)
-        .map(|s| (s.time, names(s.flags)))
-        .collect();
-    let marks: Vec<Mark<'_>> = events
-        .iter()
+/// Width and height of a chart.
+const SIZE: (u32, u32) = (960, 310);
+
+pub(super) fn charts(run: &Run<'_>) -> Result<String, CommandError> {
+    let marks: Vec<Mark> = starts(run.samples, flags::CHANGED | flags::OVERRUN)
         .take(LISTED)
-        .map(|(at, label)| Mark { at: *at, label })
+        .map(|s| Mark {
+            at: s.time,
+            label: String::new(),
+        })
         .collect();
     let mut html = String::new();
-    let mut chart = |heading: &str, words: &str, vertical: &str, curves: &[Curve<'_>]| {
-        let svg = svg::lines("time (s)", vertical, curves, &marks);
+    for figure in figures(run.samples) {
+        let chart = LineChart {
+            horizontal: "time (s)".to_owned(),
+            vertical: figure.vertical.to_owned(),
+            series: figure.curves,
+            marks: marks.clone(),
+            ..LineChart::default()
+        };
+        let svg = picture::svg(figure.heading, SIZE, |sheet| chart.draw(sheet))?;
+        let (heading, words) = (figure.heading, figure.words);
+        // Writing to a string cannot fail.
         let _ = writeln!(html, "<h2>{heading}</h2>\n<p>{words}</p>\n{svg}");
-    };
-    let s = run.samples;
-    chart(
-        "Force",
-        "On the hand. Red lines: a part was exchanged, or ticks were left out.",
-        "force (N)",
-        &with_size(s, |s| s.wrench.force),
-    );
-    chart(
-        "Torque",
-        "On the hand, about the grip.",
-        "torque (N·m)",
-        &with_size(s, |s| s.wrench.torque),
-    );
-    chart(
-        "Position of the moving part",
-        "In the scene's frame.",
-        "position (mm)",
-        &components(s, |s| 1e3 * s.object.translation),
-    );
-    chart(
-        "Rotation of the moving part",
-        "Rotation vector in the scene's frame.",
-        "rotation (degrees)",
-        &components(s, turned),
-    );
-    chart(
-        "Energy of the scene",
-        "Summed over the pairs in reach, at the virtual object.",
-        "energy (J)",
-        &[curve(s, "energy", |s| s.energy)],
-    );
-    chart(
-        "Energy bookkeeping",
-        "Work of the hand through force and torque, energy made by sampling and lag, taken back by \
-         the passivity controller, and brought by exchanged parts.",
-        "energy (J)",
-        &[
-            curve(s, "work, force", |s| s.account.work_force),
-            curve(s, "work, torque", |s| s.account.work_torque),
-            curve(s, "made", |s| s.account.made),
-            curve(s, "taken", |s| s.account.taken),
-            curve(s, "exchanged", |s| s.account.exchanged),
-        ],
-    );
-    chart(
-        "Passivity balance",
-        "Below zero the controller damps.",
-        "balance (mJ)",
-        &[curve(s, "balance", |s| 1e3 * s.account.balance)],
-    );
-    chart(
-        "Rate",
-        "Mean over a tenth of a second, on the loop's clock.",
-        "ticks per second",
-        &[Curve {
-            label: "rate",
-            points: rate(s),
-        }],
-    );
-    chart(
-        "Strength and coverage",
-        "The ramp's share of the force, and how far the energy is known: below one, a pair in reach \
-         is not loaded, or the edge of a table is near.",
-        "share",
-        &[
-            curve(s, "strength", |s| s.gain),
-            curve(s, "coverage", |s| s.coverage),
-        ],
-    );
-    chart(
-        "Evaluations",
-        "How often a tick asked for the energy.",
-        "per tick",
-        &[curve(s, "evaluations", |s| f64::from(s.evaluations))],
-    );
-    html
+    }
+    Ok(html)
 }
 
-fn curve<'a>(samples: &[Sample], label: &'a str, value: impl Fn(&Sample) -> f64) -> Curve<'a> {
-    Curve {
-        label,
-        points: samples.iter().map(|s| (s.time, value(s))).collect(),
+/// A chart of the page.
+struct Figure {
+    heading: &'static str,
+    words: &'static str,
+    vertical: &'static str,
+    curves: Vec<Series>,
+}
+
+fn figures(s: &[Sample]) -> Vec<Figure> {
+    let mut figures = motion(s);
+    figures.extend(energies(s));
+    figures.extend(loop_state(s));
+    figures
+}
+
+/// What the hand feels and where the part is.
+fn motion(s: &[Sample]) -> Vec<Figure> {
+    vec![
+        Figure {
+            heading: "Force",
+            words: "On the hand. Red lines: a part was exchanged, or ticks were left out.",
+            vertical: "force (N)",
+            curves: with_size(s, |s| s.wrench.force),
+        },
+        Figure {
+            heading: "Torque",
+            words: "On the hand, about the grip.",
+            vertical: "torque (N·m)",
+            curves: with_size(s, |s| s.wrench.torque),
+        },
+        Figure {
+            heading: "Position of the moving part",
+            words: "In the scene's frame.",
+            vertical: "position (mm)",
+            curves: components(s, |s| 1e3 * s.object.translation),
+        },
+        Figure {
+            heading: "Rotation of the moving part",
+            words: "Rotation vector in the scene's frame.",
+            vertical: "rotation (degrees)",
+            curves: components(s, turned),
+        },
+    ]
+}
+
+/// Energy and its bookkeeping.
+fn energies(s: &[Sample]) -> Vec<Figure> {
+    vec![
+        Figure {
+            heading: "Energy of the scene",
+            words: "Summed over the pairs in reach, at the virtual object.",
+            vertical: "energy (J)",
+            curves: vec![curve(s, "energy", |s| s.energy)],
+        },
+        Figure {
+            heading: "Energy bookkeeping",
+            words: "Work of the hand through force and torque, energy made by sampling and lag, taken back by \
+         the passivity controller, and brought by exchanged parts.",
+            vertical: "energy (J)",
+            curves: vec![
+                curve(s, "work, force", |s| s.account.work_force),
+                curve(s, "work, torque", |s| s.account.work_torque),
+                curve(s, "made", |s| s.account.made),
+                curve(s, "taken", |s| s.account.taken),
+                curve(s, "exchanged", |s| s.account.exchanged),
+            ],
+        },
+        Figure {
+            heading: "Passivity balance",
+            words: "Below zero the controller damps.",
+            vertical: "balance (mJ)",
+            curves: vec![curve(s, "balance", |s| 1e3 * s.account.balance)],
+        },
+    ]
+}
+
+/// How the loop fared.
+fn loop_state(s: &[Sample]) -> Vec<Figure> {
+    vec![
+        Figure {
+            heading: "Rate",
+            words: "Mean over a tenth of a second, on the loop's clock.",
+            vertical: "ticks per second",
+            curves: vec![series("rate", rate(s))],
+        },
+        Figure {
+            heading: "Strength and coverage",
+            words: "The ramp's share of the force, and how far the energy is known: below one, a pair in reach \
+         is not loaded, or the edge of a table is near.",
+            vertical: "share",
+            curves: vec![
+                curve(s, "strength", |s| s.gain),
+                curve(s, "coverage", |s| s.coverage),
+            ],
+        },
+        Figure {
+            heading: "Evaluations",
+            words: "How often a tick asked for the energy.",
+            vertical: "per tick",
+            curves: vec![curve(s, "evaluations", |s| f64::from(s.evaluations))],
+        },
+    ]
+}
+
+fn series(label: &str, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        label: label.to_owned(),
+        points: reduced(&points),
+        thin: true,
+        ..Series::default()
     }
 }
 
+fn curve(samples: &[Sample], label: &str, value: impl Fn(&Sample) -> f64) -> Series {
+    series(label, samples.iter().map(|s| (s.time, value(s))).collect())
+}
+
 /// One curve per component of a vector.
-fn components(samples: &[Sample], vector: impl Fn(&Sample) -> DVec3) -> Vec<Curve<'static>> {
+fn components(samples: &[Sample], vector: impl Fn(&Sample) -> DVec3) -> Vec<Series> {
     let one = |(axis, label)| curve(samples, label, |s| vector(s)[axis]);
     ["x", "y", "z"].into_iter().enumerate().map(one).collect()
 }
 
 /// Its length first.
-fn with_size(samples: &[Sample], vector: impl Fn(&Sample) -> DVec3) -> Vec<Curve<'static>> {
+fn with_size(samples: &[Sample], vector: impl Fn(&Sample) -> DVec3) -> Vec<Series> {
     let mut curves = vec![curve(samples, "size", |s| vector(s).length())];
     curves.extend(components(samples, vector));
     curves

@@ -8,17 +8,17 @@ use hdrhistogram::Histogram;
 use super::charts::charts;
 use super::subject::{LISTED, Run, names, starts};
 use super::words::{privileges, told};
+use crate::error::CommandError;
 use crate::report::html::{STYLE, escaped};
-use crate::report::svg;
+use crate::report::picture;
 
 /// What the charts need beside the demo's style.
-const CHARTS: &str = "svg{width:100%;height:auto;font:12px system-ui,sans-serif}\
-.grid{stroke:#8884;stroke-width:.6}.mark{stroke:#c0392b88;stroke-width:1}.bar{fill:#1f5fa8}\
-text{fill:currentColor}.axis,.below{text-anchor:middle}.left{text-anchor:end}\
+const CHARTS: &str = "svg{width:100%;height:auto}\
+svg text{fill:currentColor;font-family:system-ui,sans-serif}\
 table{margin-bottom:1.5rem}th,td{text-align:left}td.num,th.num{text-align:right}";
 
 /// The page's text.
-pub(super) fn page(run: &Run<'_>) -> String {
+pub(super) fn page(run: &Run<'_>) -> Result<String, CommandError> {
     let mut html = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -47,14 +47,14 @@ pub(super) fn page(run: &Run<'_>) -> String {
             report.dropped_samples
         );
     }
-    html += &charts(run);
-    html += &timing(run.outcome);
+    html += &charts(run)?;
+    html += &timing(run.outcome)?;
     html += &events(run);
     html += &conditions(run);
-    html + "</main>\n</html>\n"
+    Ok(html + "</main>\n</html>\n")
 }
 
-fn timing(outcome: &Outcome) -> String {
+fn timing(outcome: &Outcome) -> Result<String, CommandError> {
     let report = &outcome.report;
     let mut html = String::from("<h2>Time</h2>\n<table><tr><th></th>");
     for quantile in ["p50", "p99", "p99.9", "max"] {
@@ -76,9 +76,14 @@ fn timing(outcome: &Outcome) -> String {
         ("computing time of a tick (µs)", &outcome.latency),
         ("start after the deadline (µs)", &outcome.lateness),
     ] {
-        html += &svg::histogram(title, &bins(histogram));
+        let drawn = picture::Histogram {
+            horizontal: title.to_owned(),
+            vertical: "ticks".to_owned(),
+            bins: bins(histogram),
+        };
+        html += &picture::svg(title, (960, 220), |sheet| drawn.draw(sheet))?;
     }
-    html
+    Ok(html)
 }
 
 /// Ten bins per factor of ten, microseconds.

@@ -73,7 +73,7 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
     }
     if let Some(path) = &args.report {
         let title = title(script, &outcome.report.device);
-        let page = report(title, &spec, &pairs, &outcome, samples);
+        let page = report(title, &spec, &pairs, &outcome, samples)?;
         atomic::write(path, page.as_bytes())?;
     }
     if context.json {
@@ -114,7 +114,7 @@ fn report(
     pairs: &LivePairs,
     outcome: &Outcome,
     samples: &[Sample],
-) -> String {
+) -> Result<String, CommandError> {
     let states = pairs.live.states().into_iter().map(|state| match state {
         PairState::Waiting => "not loaded: far away".to_owned(),
         PairState::Loaded => "loaded".to_owned(),

@@ -1,24 +1,34 @@
-//! The sheet that pictures are drawn on, and how it becomes a PNG.
+//! The sheet that pictures are drawn on, and how it becomes a PNG or an SVG.
 
 use std::sync::Once;
 
 use plotters::coord::Shift;
-use plotters::prelude::{BitMapBackend, DrawingArea, FontStyle, IntoDrawingArea, RGBColor};
+use plotters::prelude::{
+    BitMapBackend, DrawingArea, DrawingBackend, FontStyle, IntoDrawingArea, RGBColor, SVGBackend,
+};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoFont, TextStyle, register_font};
 
 use crate::error::CommandError;
 
-/// A rectangle of a sheet.
-pub type Panel<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
+/// A rectangle of a sheet, of pixels or of lines.
+pub type Area<DB> = DrawingArea<DB, Shift>;
+
+/// A rectangle of a sheet of pixels.
+pub type Panel<'a> = Area<BitMapBackend<'a>>;
+
+/// Why a picture could not be drawn.
+pub type DrawingError = Box<dyn std::error::Error + Send + Sync>;
 
 /// What a drawing function returns; any drawing error is kept as text.
-pub type Drawing = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+pub type Drawing = Result<(), DrawingError>;
 
 /// Text and axes.
 pub const INK: RGBColor = RGBColor(38, 42, 51);
 /// Less important text and light axes.
 pub const FAINT: RGBColor = RGBColor(120, 126, 138);
+/// Lines that mark an event.
+pub const EVENT: RGBColor = RGBColor(219, 128, 118);
 /// Grid lines.
 pub const GRID: RGBColor = RGBColor(226, 229, 235);
 /// The sheet.
@@ -56,6 +66,31 @@ pub fn png(
     encode(&averaged(&pixels, width, height), width, height).map_err(|e| failed(e.to_string()))
 }
 
+/// Draws as [`png`] does and returns an SVG element, which a page may show at any width.
+///
+/// # Errors
+/// If drawing fails.
+pub fn svg(
+    what: &str,
+    (width, height): (u32, u32),
+    draw: impl FnOnce(&Area<SVGBackend<'_>>) -> Drawing,
+) -> Result<String, CommandError> {
+    load_face();
+    let mut text = String::new();
+    let drawn = {
+        let size = (OVERSAMPLE * width, OVERSAMPLE * height);
+        let sheet = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        draw(&sheet).and_then(|()| Ok(sheet.present()?))
+    };
+    match drawn {
+        Ok(()) => Ok(text),
+        Err(e) => Err(CommandError::Picture {
+            what: what.to_owned(),
+            reason: e.to_string(),
+        }),
+    }
+}
+
 /// Means over blocks of [`OVERSAMPLE`]² pixels.
 fn averaged(pixels: &[u8], width: u32, height: u32) -> Vec<u8> {
     let (w, h, n) = (width as usize, height as usize, OVERSAMPLE as usize);
@@ -75,7 +110,7 @@ fn averaged(pixels: &[u8], width: u32, height: u32) -> Vec<u8> {
 }
 
 /// Height of ordinary text in a panel, drawing pixels.
-pub fn text_size(panel: &Panel<'_>) -> u32 {
+pub fn text_size<DB: DrawingBackend>(panel: &Area<DB>) -> u32 {
     let (width, height) = panel.dim_in_pixel();
     (height.min(width) / 32).clamp(14 * OVERSAMPLE, 26 * OVERSAMPLE)
 }
@@ -85,14 +120,17 @@ pub const fn stroke(pixels: u32) -> u32 {
     pixels * OVERSAMPLE
 }
 
-/// Draws a centred title at the top of a panel and returns what is left below it.
+/// Draws a centred title, if there is one, at the top of a panel and returns what is left below it.
 ///
 /// # Errors
 /// If the drawing library refuses.
-pub fn titled<'a>(
-    panel: &Panel<'a>,
-    title: &str,
-) -> Result<Panel<'a>, Box<dyn std::error::Error + Send + Sync>> {
+pub fn titled<DB: DrawingBackend>(panel: &Area<DB>, title: &str) -> Result<Area<DB>, DrawingError>
+where
+    DB::ErrorType: 'static,
+{
+    if title.is_empty() {
+        return Ok(panel.clone());
+    }
     let size = text_size(panel);
     let (top, rest) = panel.split_vertically(2 * size + size / 2);
     let middle = (
@@ -220,5 +258,19 @@ mod tests {
         })
         .unwrap();
         assert_eq!(&bytes[1..4], b"PNG");
+    }
+
+    #[test]
+    fn a_sheet_becomes_an_svg() {
+        let text = svg("test", (40, 30), |sheet| {
+            sheet.draw_text("a < b", &text(12, INK), (5, 5))?;
+            Ok(())
+        })
+        .unwrap();
+        assert!(
+            text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
+            "{text}"
+        );
+        assert!(text.contains("a &lt; b"), "{text}");
     }
 }

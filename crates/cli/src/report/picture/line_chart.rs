@@ -1,8 +1,11 @@
 //! Curves over a common axis.
 
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use super::canvas::{Drawing, FAINT, INK, PAPER, Panel, stroke, text, text_size, tick, titled};
+use super::canvas::{
+    Area, Drawing, EVENT, FAINT, INK, PAPER, stroke, text, text_size, tick, titled,
+};
 use super::colour::SERIES;
 use super::heat_map::MESH;
 
@@ -17,7 +20,7 @@ pub struct LineChart {
     pub vertical: String,
     /// The curves.
     pub series: Vec<Series>,
-    /// Vertical lines with a word each.
+    /// Vertical lines, with a word each or, thin and red, without.
     pub marks: Vec<Mark>,
     /// Least height of the vertical axis, so that small ripples look small.
     pub least_span: f64,
@@ -34,6 +37,8 @@ pub struct Series {
     pub dashed: bool,
     /// Draw the points as dots, not joined.
     pub dots: bool,
+    /// Draw a fine line, for many points.
+    pub thin: bool,
 }
 
 /// A vertical line that says what happens there.
@@ -41,7 +46,7 @@ pub struct Series {
 pub struct Mark {
     /// Where.
     pub at: f64,
-    /// What.
+    /// What; no text if empty.
     pub label: String,
 }
 
@@ -50,7 +55,10 @@ impl LineChart {
     ///
     /// # Errors
     /// If the drawing library refuses.
-    pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
+    pub fn draw<DB: DrawingBackend>(&self, panel: &Area<DB>) -> Drawing
+    where
+        DB::ErrorType: 'static,
+    {
         let size = text_size(panel);
         let rest = titled(panel, &self.title)?;
         let ([x0, x1], [y0, y1]) = self.ranges();
@@ -62,7 +70,7 @@ impl LineChart {
             .build_cartesian_2d(x0..x1, y0..y1)?;
         chart
             .configure_mesh()
-            .light_line_style(PAPER)
+            .light_line_style(PAPER.mix(0.0))
             .bold_line_style(MESH)
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
@@ -75,43 +83,12 @@ impl LineChart {
             .axis_desc_style(text(size, INK))
             .draw()?;
         for mark in &self.marks {
-            let line = vec![(mark.at, y0), (mark.at, y1)];
-            chart.draw_series(DashedLineSeries::new(
-                line,
-                stroke(4),
-                stroke(5),
-                FAINT.stroke_width(stroke(1)),
-            ))?;
-            let label = text(size, FAINT);
-            let place = (mark.at + 0.005 * (x1 - x0), y1 - 0.01 * (y1 - y0));
-            chart.draw_series([Text::new(mark.label.clone(), place, label)])?;
+            mark.draw(&mut chart, size, [x0, x1], [y0, y1])?;
         }
-        let mut named = false;
         for (index, series) in self.series.iter().enumerate() {
-            let colour = SERIES[index % SERIES.len()];
-            let style = colour.stroke_width(stroke(2) + 1);
-            let points = series.points.iter().copied();
-            let drawn = if series.dots {
-                chart.draw_series(points.map(|p| Circle::new(p, stroke(2), colour.filled())))?
-            } else if series.dashed {
-                chart.draw_series(DashedLineSeries::new(points, stroke(9), stroke(6), style))?
-            } else {
-                // Piece by piece: the joins of one thick line go astray where a curve turns sharply.
-                chart.draw_series(
-                    series
-                        .points
-                        .windows(2)
-                        .map(|pair| PathElement::new(pair.to_vec(), style)),
-                )?
-            };
-            if !series.label.is_empty() {
-                named = true;
-                drawn.label(&series.label).legend(move |(x, y)| {
-                    PathElement::new(vec![(x, y), (x + stroke(22) as i32, y)], style)
-                });
-            }
+            series.draw(&mut chart, SERIES[index % SERIES.len()])?;
         }
-        if named {
+        if self.series.iter().any(|s| !s.label.is_empty()) {
             chart
                 .configure_series_labels()
                 .background_style(PAPER.mix(0.85))
@@ -134,6 +111,69 @@ impl LineChart {
         let [y0, y1] = spread(points().map(|p| p.1));
         let margin = (0.06 * (y1 - y0)).max(0.5 * (self.least_span - (y1 - y0)));
         (spread(points().map(|p| p.0)), [y0 - margin, y1 + margin])
+    }
+}
+
+/// A chart with both axes in numbers.
+type Chart<'a, DB> = ChartContext<'a, DB, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+impl Mark {
+    fn draw<DB: DrawingBackend>(
+        &self,
+        chart: &mut Chart<'_, DB>,
+        size: u32,
+        [x0, x1]: [f64; 2],
+        [y0, y1]: [f64; 2],
+    ) -> Drawing
+    where
+        DB::ErrorType: 'static,
+    {
+        let line = vec![(self.at, y0), (self.at, y1)];
+        if self.label.is_empty() {
+            let style = EVENT.stroke_width(stroke(1));
+            chart.draw_series([PathElement::new(line, style)])?;
+            return Ok(());
+        }
+        chart.draw_series(DashedLineSeries::new(
+            line,
+            stroke(4),
+            stroke(5),
+            FAINT.stroke_width(stroke(1)),
+        ))?;
+        let label = text(size, FAINT);
+        let place = (self.at + 0.005 * (x1 - x0), y1 - 0.01 * (y1 - y0));
+        chart.draw_series([Text::new(self.label.clone(), place, label)])?;
+        Ok(())
+    }
+}
+
+impl Series {
+    fn draw<DB: DrawingBackend>(&self, chart: &mut Chart<'_, DB>, colour: RGBColor) -> Drawing
+    where
+        DB::ErrorType: 'static,
+    {
+        let style = colour.stroke_width(stroke(2) + 1);
+        let points = self.points.iter().copied();
+        let drawn = if self.dots {
+            chart.draw_series(points.map(|p| Circle::new(p, stroke(2), colour.filled())))?
+        } else if self.dashed {
+            chart.draw_series(DashedLineSeries::new(points, stroke(9), stroke(6), style))?
+        } else if self.thin {
+            chart.draw_series(LineSeries::new(points, colour.stroke_width(stroke(1))))?
+        } else {
+            // Piece by piece: the joins of one thick line go astray where a curve turns sharply.
+            chart.draw_series(
+                self.points
+                    .windows(2)
+                    .map(|pair| PathElement::new(pair.to_vec(), style)),
+            )?
+        };
+        if !self.label.is_empty() {
+            drawn.label(&self.label).legend(move |(x, y)| {
+                PathElement::new(vec![(x, y), (x + stroke(22) as i32, y)], style)
+            });
+        }
+        Ok(())
     }
 }
 

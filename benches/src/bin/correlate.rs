@@ -23,7 +23,7 @@ use num_complex::{Complex, Complex32};
 use pegfit_benches::{Arguments, Outcome, plain, rms};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{DensityField, Lattice, Sampling};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
 const SIZES: [usize; 6] = [64, 96, 128, 160, 192, 256];
 
@@ -339,11 +339,15 @@ fn noise(radius: f64, ball: bool, rng: &mut SmallRng) -> Outcome<DensityField> {
         interior: Array3::zeros([nodes; 3]),
         signed_distance: Array3::zeros([nodes; 3]),
         exterior,
-        lattice,
-        sigma: ScoreModel::PAPER.sigma,
-        halo: 1.0,
-        sampling: Sampling::Point,
-        mesh_hash: [0; 32],
+        recipe: FieldRecipe {
+            version: FIELD_VERSION,
+            mesh: String::new(),
+            sigma: ScoreModel::PAPER.sigma,
+            halo: 1.0,
+            tolerance: 1e-3,
+            sampling: Sampling::Point,
+            lattice,
+        },
     })
 }
 

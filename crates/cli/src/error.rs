@@ -136,6 +136,12 @@ pub struct SceneError {
     pub span: SourceSpan,
 }
 
+impl From<sdf_grid::atomic::AtomicError> for CommandError {
+    fn from(error: sdf_grid::atomic::AtomicError) -> Self {
+        Self::write(&error.path, error.source)
+    }
+}
+
 impl From<sdf_grid::MeshError> for CommandError {
     fn from(error: sdf_grid::MeshError) -> Self {
         Self::Mesh(Box::new(error))

@@ -259,8 +259,8 @@ impl<T: Real> Correlator<T> {
             lo: first,
             hi: std::array::from_fn(|a| first[a] + shape[a] as i64),
         };
-        let origin = (pair.fixed().lattice.origin() - pair.pivot()) / h;
-        let moving_first = (pair.moving().lattice.origin() - pair.pivot()) / h;
+        let origin = (pair.fixed().lattice().origin() - pair.pivot()) / h;
+        let moving_first = (pair.moving().lattice().origin() - pair.pivot()) / h;
 
         let mut skipped = Vec::new();
         let mut kept = Vec::new();

@@ -4,7 +4,7 @@ use fearless_simd::Level;
 use num_complex::Complex64;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{Lattice, Sampling};
+use sdf_grid::{FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
 use super::*;
 use crate::ScoreModel;
@@ -32,11 +32,15 @@ fn part(balls: &[(DVec3, f64)], min: [i64; 3], shape: [usize; 3]) -> DensityFiel
             _ => Complex32::default(),
         }),
         signed_distance: Array3::from_shape_fn(shape, |(i, j, k)| at(i, j, k) as f32),
-        lattice,
-        sigma: 0.2,
-        halo: 0.3,
-        sampling: Sampling::Point,
-        mesh_hash: [0; 32],
+        recipe: FieldRecipe {
+            version: FIELD_VERSION,
+            mesh: String::new(),
+            sigma: 0.2,
+            halo: 0.3,
+            tolerance: 1e-3,
+            sampling: Sampling::Point,
+            lattice,
+        },
     }
 }
 
@@ -104,8 +108,8 @@ fn direct(pair: &Pair, rotation: DQuat, displacement: DVec3) -> f64 {
     for ((i, j, k), o1) in fixed.exterior.indexed_iter() {
         let wide = |v: &Complex32| Complex64::new(v.re as f64, v.im as f64);
         let (o1, i1) = (wide(o1), wide(&fixed.interior[[i, j, k]]));
-        let q = back.apply(fixed.lattice.position([i, j, k]));
-        let q = moving.lattice.fractional_index(q);
+        let q = back.apply(fixed.lattice().position([i, j, k]));
+        let q = moving.lattice().fractional_index(q);
         // Rounding must not push an exactly aligned node into the neighbouring cell.
         let q = (q * 1e9).round() / 1e9;
         let o2 = interpolate(&moving.exterior, q);
@@ -291,9 +295,9 @@ fn quarter_turns_are_exact() {
             by_hand.invert_axis(ndarray::Axis(0));
             *values = by_hand.as_standard_layout().into_owned();
         }
-        let (old, shape) = (moving.lattice.node_bounds(), moving.lattice.shape());
+        let (old, shape) = (moving.lattice().node_bounds(), moving.lattice().shape());
         let origin = DVec3::new(-old.max.y, old.min.x, old.min.z);
-        moving.lattice = Lattice::new(origin, H, [shape[1], shape[0], shape[2]]).unwrap();
+        moving.recipe.lattice = Lattice::new(origin, H, [shape[1], shape[0], shape[2]]).unwrap();
         let by_hand = Pair::new(
             Arc::new(fixed_part()),
             Arc::new(moving),
@@ -345,8 +349,8 @@ fn moving_both_parts_together_changes_nothing() {
     let rotation = DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.4));
     let pair = pair(0.3, pivot);
     let shifted = |mut field: DensityField| {
-        let lattice = field.lattice;
-        field.lattice = Lattice::new(lattice.origin() + shift, H, lattice.shape()).unwrap();
+        let lattice = *field.lattice();
+        field.recipe.lattice = Lattice::new(lattice.origin() + shift, H, lattice.shape()).unwrap();
         Arc::new(field)
     };
     let moved = Pair::new(

@@ -36,7 +36,7 @@
 
 use ndarray::{Array3, ArrayView3, Axis, Slice};
 use num_complex::Complex32;
-use sdf_grid::{DensityField, Lattice, LatticeError, Sampling};
+use sdf_grid::{DensityField, FieldRecipe, Lattice, LatticeError, Sampling};
 
 /// `(1 - cos k) / (2 + cos k)` as weights of the node itself and of its neighbours at distances 1
 /// to 3: `sqrt(3) (sqrt(3) - 2)^n`, less 1 at 0, cut where below 1 % and made to sum to zero.
@@ -52,7 +52,7 @@ const MAX_STRENGTH: f64 = 1.25;
 /// documentation). 0 where all faces across that axis fall between cells, 1 where they fall
 /// anywhere, 1.25 at most.
 pub fn averaging_strength(field: &DensityField) -> [f64; 3] {
-    let h = field.lattice.spacing();
+    let h = field.lattice().spacing();
     let distance = &field.signed_distance;
     let (mut losses, mut factors, mut weights) = ([0.0; 3], [0.0; 3], [0.0; 3]);
     for (index, d) in distance.indexed_iter() {
@@ -106,25 +106,24 @@ fn gradient(distance: &Array3<f32>, at: [usize; 3]) -> Option<[f64; 3]> {
 /// # Errors
 /// If the larger lattice would have too many nodes.
 pub fn deaveraged(field: &DensityField) -> Result<DensityField, LatticeError> {
-    let strength = match field.sampling {
+    let strength = match field.recipe.sampling {
         Sampling::Point => return Ok(field.clone()),
         Sampling::CellAverage => averaging_strength(field),
     };
-    let h = field.lattice.spacing();
+    let h = field.lattice().spacing();
     let lattice = Lattice::new(
-        field.lattice.origin() - h * REACH as f64,
+        field.lattice().origin() - h * REACH as f64,
         h,
-        field.lattice.shape().map(|s| s + 2 * REACH),
+        field.lattice().shape().map(|s| s + 2 * REACH),
     )?;
     Ok(DensityField {
-        lattice,
         exterior: filtered(field.exterior.view(), strength),
         interior: filtered(field.interior.view(), strength),
         signed_distance: widened_distance(field),
-        sigma: field.sigma,
-        halo: field.halo,
-        sampling: field.sampling,
-        mesh_hash: field.mesh_hash,
+        recipe: FieldRecipe {
+            lattice,
+            ..field.recipe.clone()
+        },
     })
 }
 
@@ -161,7 +160,7 @@ fn filtered(values: ArrayView3<Complex32>, strength: [f64; 3]) -> Array3<Complex
 fn widened_distance(field: &DensityField) -> Array3<f32> {
     let old = &field.signed_distance;
     let last = [old.dim().0, old.dim().1, old.dim().2].map(|n| n - 1 + REACH);
-    let h = field.lattice.spacing();
+    let h = field.lattice().spacing();
     Array3::from_shape_fn(last.map(|n| n + REACH + 1), |(i, j, k)| {
         let at = [i, j, k];
         let nearest: [usize; 3] = std::array::from_fn(|a| at[a].clamp(REACH, last[a]));
@@ -174,6 +173,7 @@ fn widened_distance(field: &DensityField) -> Array3<f32> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use sdf_grid::FIELD_VERSION;
 
     use super::*;
 
@@ -201,11 +201,15 @@ mod tests {
             signed_distance: Array3::from_shape_fn(shape, |(i, j, k)| {
                 (normal.dot(lattice.position([i, j, k])) - offset) as f32
             }),
-            lattice,
-            sigma: 0.2,
-            halo: 1.0,
-            sampling: Sampling::CellAverage,
-            mesh_hash: [0; 32],
+            recipe: FieldRecipe {
+                version: FIELD_VERSION,
+                mesh: String::new(),
+                sigma: 0.2,
+                halo: 1.0,
+                tolerance: 1e-3,
+                sampling: Sampling::CellAverage,
+                lattice,
+            },
         }
     }
 
@@ -276,13 +280,13 @@ mod tests {
         let after = deaveraged(&field).unwrap();
         let error = (after.interior.sum() - field.interior.sum()).norm();
         assert!(error < 1e-4 * field.interior.sum().norm());
-        assert_eq!(after.lattice.shape(), [9, 21, 10]);
+        assert_eq!(after.lattice().shape(), [9, 21, 10]);
         assert_eq!(after.interior.dim(), (9, 21, 10));
         assert_eq!(
             after.signed_distance[[4, 9, 5]],
             field.signed_distance[[1, 6, 2]]
         );
-        field.sampling = Sampling::Point;
+        field.recipe.sampling = Sampling::Point;
         assert_eq!(deaveraged(&field).unwrap(), field);
     }
 }

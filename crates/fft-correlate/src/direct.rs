@@ -346,7 +346,7 @@ fn check(side: Side, field: &DensityField) -> Result<(), DirectError> {
     if field.interior.iter().all(|v| v.norm_sqr() == 0.0) {
         return Err(DirectError::Empty {
             side,
-            spacing: field.lattice.spacing(),
+            spacing: field.lattice().spacing(),
         });
     }
     Ok(())

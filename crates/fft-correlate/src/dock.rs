@@ -78,7 +78,7 @@ impl DockOptions {
 /// lattice spacing.
 fn radius_about_pivot(field: &DensityField, pair: &Pair) -> f64 {
     let distance = |((i, j, k), d): ((usize, usize, usize), &f32)| {
-        (*d <= 0.0).then(|| (field.lattice.position([i, j, k]) - pair.pivot()).length())
+        (*d <= 0.0).then(|| (field.lattice().position([i, j, k]) - pair.pivot()).length())
     };
     field
         .signed_distance

@@ -73,15 +73,15 @@ impl Pair {
         };
         same(
             "lattice spacing",
-            fixed.lattice.spacing(),
-            moving.lattice.spacing(),
+            fixed.lattice().spacing(),
+            moving.lattice().spacing(),
         )?;
-        same("sigma", model.sigma, fixed.sigma)?;
-        same("sigma", model.sigma, moving.sigma)?;
+        same("sigma", model.sigma, fixed.recipe.sigma)?;
+        same("sigma", model.sigma, moving.recipe.sigma)?;
         same(
             "sampling",
-            fixed.sampling as u8 as f64,
-            moving.sampling as u8 as f64,
+            fixed.recipe.sampling as u8 as f64,
+            moving.recipe.sampling as u8 as f64,
         )?;
         if !pivot.is_finite() {
             return Err(PairError::Pivot { found: pivot });
@@ -140,7 +140,7 @@ impl Pair {
 
     /// The lattice spacing both fields share, metres.
     pub fn spacing(&self) -> f64 {
-        self.fixed.lattice.spacing()
+        self.fixed.lattice().spacing()
     }
 
     /// The pose with this rotation whose pivot is displaced by `displacement` metres (fixed frame)

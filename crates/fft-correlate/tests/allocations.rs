@@ -9,7 +9,7 @@ use fft_correlate::{Correlator, HalfTurn, Pair, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex32;
-use sdf_grid::{DensityField, Lattice, Sampling};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
 /// A block, solid inside and with a rim of exterior around.
 fn block(nodes: usize, model: &ScoreModel) -> Arc<DensityField> {
@@ -28,11 +28,15 @@ fn block(nodes: usize, model: &ScoreModel) -> Arc<DensityField> {
         exterior: values(false),
         interior: values(true),
         signed_distance: Array3::zeros([nodes; 3]),
-        lattice: lattice.expect("a small lattice"),
-        sigma: model.sigma,
-        halo: 3.0,
-        sampling: Sampling::Point,
-        mesh_hash: [0; 32],
+        recipe: FieldRecipe {
+            version: FIELD_VERSION,
+            mesh: String::new(),
+            sigma: model.sigma,
+            halo: 3.0,
+            tolerance: 1e-3,
+            sampling: Sampling::Point,
+            lattice: lattice.expect("a small lattice"),
+        },
     })
 }
 

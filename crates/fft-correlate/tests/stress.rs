@@ -12,7 +12,7 @@ use ndarray::{Array3, Axis, concatenate, s};
 use num_complex::Complex32;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{DensityField, Lattice};
+use sdf_grid::{DensityField, FieldRecipe, Lattice};
 
 const H: f64 = 0.001;
 
@@ -132,10 +132,10 @@ fn lattices_of_one_node_per_axis() {
 
 /// The middle layer of nodes along an axis.
 fn slab(field: &DensityField, axis: usize) -> DensityField {
-    let middle = field.lattice.shape()[axis] / 2;
+    let middle = field.lattice().shape()[axis] / 2;
     let mut first = [0; 3];
     first[axis] = middle;
-    let mut shape = field.lattice.shape();
+    let mut shape = field.lattice().shape();
     shape[axis] = 1;
     let cut = |a: &Array3<Complex32>| {
         let mut a = a.clone();
@@ -145,11 +145,13 @@ fn slab(field: &DensityField, axis: usize) -> DensityField {
     let mut distance = field.signed_distance.clone();
     distance.collapse_axis(Axis(axis), middle);
     DensityField {
-        lattice: Lattice::new(field.lattice.position(first), H, shape).expect("lattice"),
         exterior: cut(&field.exterior),
         interior: cut(&field.interior),
         signed_distance: distance.as_standard_layout().into_owned(),
-        ..field.clone()
+        recipe: FieldRecipe {
+            lattice: Lattice::new(field.lattice().position(first), H, shape).expect("lattice"),
+            ..field.recipe.clone()
+        },
     }
 }
 

@@ -1,24 +1,33 @@
 //! Density fields kept on disk, so that a part's field is computed once.
 //!
-//! One file per field, named by the BLAKE3 hash of everything the values depend on: mesh, kernel,
-//! lattice, options and format version. A file is `MAGIC`, the key, the hash of the values, then
-//! the values as the machine holds them: exterior, interior, signed distance. It is written under
-//! a temporary name, synced and renamed, so it is either whole or absent.
+//! One file per field, named by the hash of its [`FieldRecipe`]: everything the values depend on. A
+//! file is `MAGIC`, a number that tells the order of bytes, the hash of the values, length and text
+//! of the recipe (JSON), then the values as the machine holds them: exterior, interior, signed
+//! distance. A file is either whole or absent ([`crate::atomic`]).
 
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
+use crate::atomic;
+use crate::density::{DensityError, DensityField, DensityOptions, FieldRecipe};
+use crate::kernel::DensityKernel;
+use crate::lattice::Lattice;
+use crate::mesh::TriangleMesh;
+use crate::monitor::Monitor;
+use crate::recipe::{Difference, difference};
 
-use crate::{
-    DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Monitor, Sampling,
-    TriangleMesh,
-};
+/// First bytes of every file.
+const MAGIC: &[u8; 16] = b"pegfit field 16\n";
 
-/// First bytes of every file; the digit is the version of format and of the computed values:
-/// raised whenever the same inputs give other values.
-const MAGIC: &[u8; 16] = b"pegfit field 15\n";
+/// Reads otherwise on a machine that holds numbers the other way round.
+const ORDER: [u8; 4] = 1u32.to_ne_bytes();
+
+/// Bytes before the recipe.
+const HEADER: usize = MAGIC.len() + ORDER.len() + blake3::OUT_LEN + size_of::<u64>();
+
+/// No recipe has as many bytes.
+const LONGEST_RECIPE: u64 = 1 << 16;
 
 /// A directory of density fields.
 #[derive(Debug, Clone)]
@@ -45,6 +54,8 @@ enum EntryError {
     Length { expected: u64, found: u64 },
     #[error("not a field of this version")]
     Header,
+    #[error("not the field asked for: {0}")]
+    Recipe(#[from] Difference),
     #[error("values do not match their checksum")]
     Checksum,
     #[error(transparent)]
@@ -80,7 +91,7 @@ impl FieldCache {
         lattice: &Lattice,
         options: &DensityOptions,
     ) -> PathBuf {
-        self.entry(&key(mesh, kernel, lattice, options))
+        self.entry(&FieldRecipe::new(mesh, kernel, lattice, options))
     }
 
     /// The field of these inputs: read if it is in the cache and intact, else computed
@@ -98,10 +109,9 @@ impl FieldCache {
         monitor: &dyn Monitor,
     ) -> Result<DensityField, DensityError> {
         options.validate()?;
-        let key = key(mesh, kernel, lattice, options);
-        let path = self.entry(&key);
-        let blank = || DensityField::allocate(mesh, kernel, lattice, options);
-        match read(&path, &key, blank) {
+        let recipe = FieldRecipe::new(mesh, kernel, lattice, options);
+        let path = self.entry(&recipe);
+        match read(&path, &recipe) {
             Ok(Some(field)) => return Ok(field),
             Ok(None) => {}
             Err(EntryError::Density(error)) => return Err(error),
@@ -110,87 +120,60 @@ impl FieldCache {
                 tracing::warn!(%path, %error, "cached field is unusable and will be replaced");
             }
         }
-        let field = DensityField::compute(mesh, kernel, lattice, options, monitor)?;
-        if let Err(error) = self.write(&path, &key, &field) {
+        let field = DensityField::follow(recipe, mesh, kernel, monitor)?;
+        if let Err(error) = write(&path, &field) {
             let path = path.display();
             tracing::warn!(%path, %error, "field could not be cached");
         }
         Ok(field)
     }
 
-    fn entry(&self, key: &blake3::Hash) -> PathBuf {
-        self.directory.join(format!("{}.field", key.to_hex()))
-    }
-
-    fn write(&self, path: &Path, key: &blake3::Hash, field: &DensityField) -> io::Result<()> {
-        let mut file = NamedTempFile::new_in(&self.directory)?;
-        file.write_all(MAGIC)?;
-        file.write_all(key.as_bytes())?;
-        file.write_all(checksum(values(field)?).as_bytes())?;
-        for part in values(field)? {
-            file.write_all(part)?;
-        }
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
+    fn entry(&self, recipe: &FieldRecipe) -> PathBuf {
+        self.directory
+            .join(format!("{}.field", recipe.hash().to_hex()))
     }
 }
 
-/// The hash of everything a field depends on.
-fn key(
-    mesh: &TriangleMesh,
-    kernel: &DensityKernel,
-    lattice: &Lattice,
-    options: &DensityOptions,
-) -> blake3::Hash {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(MAGIC);
-    // Values are stored as the machine holds them.
-    hasher.update(&1u32.to_ne_bytes());
-    hasher.update(&mesh.hash());
-    let numbers = [
-        kernel.sigma(),
-        options.tolerance,
-        options.halo,
-        lattice.spacing(),
-    ];
-    for number in numbers.into_iter().chain(lattice.origin().to_array()) {
-        hasher.update(&number.to_le_bytes());
-    }
-    for nodes in lattice.shape() {
-        hasher.update(&(nodes as u64).to_le_bytes());
-    }
-    hasher.update(&[match options.sampling {
-        Sampling::Point => 0,
-        Sampling::CellAverage => 1,
-    }]);
-    hasher.finalize()
+/// Writes `field` to `path`.
+fn write(path: &Path, field: &DensityField) -> io::Result<()> {
+    let recipe = field.recipe.to_json();
+    atomic::write_with(path, |out| {
+        out.write_all(MAGIC)?;
+        out.write_all(&ORDER)?;
+        out.write_all(checksum(values(field)?).as_bytes())?;
+        out.write_all(&(recipe.len() as u64).to_ne_bytes())?;
+        out.write_all(recipe.as_bytes())?;
+        let mut parts = values(field)?.into_iter();
+        parts.try_for_each(|part| out.write_all(part))
+    })
 }
 
-/// The field in `path`, or none if there is no such file. `blank` makes a field of zeros to fill.
-fn read(
-    path: &Path,
-    key: &blake3::Hash,
-    blank: impl FnOnce() -> Result<DensityField, DensityError>,
-) -> Result<Option<DensityField>, EntryError> {
+/// The field in `path`, which must be that of `recipe`; none if there is no such file.
+fn read(path: &Path, recipe: &FieldRecipe) -> Result<Option<DensityField>, EntryError> {
     let mut file = match File::open(path) {
         Ok(file) => file,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(e.into()),
     };
-    let mut field = blank()?;
-    let mut header = [0; MAGIC.len() + 2 * blake3::OUT_LEN];
-    let expected = header.len() as u64 + DensityField::memory_bytes(&field.lattice);
+    let mut header = [0; HEADER];
+    file.read_exact(&mut header)?;
+    let (magic, rest) = header.split_at(MAGIC.len());
+    let (order, rest) = rest.split_at(ORDER.len());
+    let (stored_checksum, length) = rest.split_at(blake3::OUT_LEN);
+    if magic != MAGIC || order != ORDER {
+        return Err(EntryError::Header);
+    }
+    let text = read_recipe(&mut file, length)?;
+    let stored: FieldRecipe = serde_json::from_slice(&text).map_err(|_| EntryError::Header)?;
+    if let Some(difference) = difference(&stored, recipe) {
+        return Err(difference.into());
+    }
+    let expected = (HEADER + text.len()) as u64 + DensityField::memory_bytes(&recipe.lattice);
     let found = file.metadata()?.len();
     if found != expected {
         return Err(EntryError::Length { expected, found });
     }
-    file.read_exact(&mut header)?;
-    let (magic, rest) = header.split_at(MAGIC.len());
-    let (stored_key, stored_checksum) = rest.split_at(blake3::OUT_LEN);
-    if magic != MAGIC || stored_key != key.as_bytes() {
-        return Err(EntryError::Header);
-    }
+    let mut field = DensityField::allocate(stored)?;
     for part in values_mut(&mut field)? {
         file.read_exact(part)?;
     }
@@ -198,6 +181,16 @@ fn read(
         return Err(EntryError::Checksum);
     }
     Ok(Some(field))
+}
+
+/// The text of the recipe, whose length the header states.
+fn read_recipe(file: &mut File, length: &[u8]) -> Result<Vec<u8>, EntryError> {
+    let length = length.try_into().map(u64::from_ne_bytes);
+    let length = length.ok().filter(|n| *n <= LONGEST_RECIPE);
+    let mut text = Vec::new();
+    file.take(length.ok_or(EntryError::Header)?)
+        .read_to_end(&mut text)?;
+    Ok(text)
 }
 
 fn checksum(parts: [&[u8]; 3]) -> blake3::Hash {

@@ -5,6 +5,7 @@
 //!
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
+pub mod atomic;
 pub mod bvh;
 mod coplanar;
 pub mod density;
@@ -22,6 +23,7 @@ mod moments;
 pub mod monitor;
 mod polygon;
 mod quadrature;
+pub mod recipe;
 pub mod shapes;
 pub mod snug;
 pub mod symmetry;
@@ -29,8 +31,8 @@ mod winding;
 
 pub use bvh::{Bvh, Nearest};
 pub use density::{
-    DensityError, DensityField, DensityGradient, DensityOptions, ReferenceDensity, Sampling,
-    UnitDensity, UnitGradient, signed_distances,
+    DensityError, DensityField, DensityGradient, DensityOptions, FIELD_VERSION, FieldRecipe,
+    ReferenceDensity, Sampling, UnitDensity, UnitGradient, signed_distances,
 };
 pub use field_cache::{CacheError, FieldCache};
 pub use hygiene::{ComponentReport, HygieneOptions, HygieneReport};

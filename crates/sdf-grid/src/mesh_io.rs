@@ -15,13 +15,14 @@ mod threemf;
 mod unit;
 
 use std::fs::File;
-use std::io::{BufWriter, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use soup::Soup;
 pub use step::StepOptions;
 pub use unit::LengthUnit;
 
+use crate::atomic;
 use crate::hygiene::{HygieneOptions, HygieneReport};
 use crate::mesh::TriangleMesh;
 use crate::mesh_error::MeshError;
@@ -221,7 +222,7 @@ fn read_whole(path: &Path) -> Result<Vec<u8>, MeshError> {
 /// If the file cannot be written.
 pub fn write_obj(path: impl AsRef<Path>, mesh: &TriangleMesh) -> Result<(), MeshError> {
     let path = path.as_ref();
-    write_whole(path, |out| {
+    atomic::write_with(path, |out| -> io::Result<()> {
         writeln!(out, "# metres")?;
         for v in mesh.vertices() {
             writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
@@ -236,30 +237,4 @@ pub fn write_obj(path: impl AsRef<Path>, mesh: &TriangleMesh) -> Result<(), Mesh
         path: path.to_owned(),
         source,
     })
-}
-
-/// Writes through a temporary file in the same folder, synced before it takes its name.
-fn write_whole(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&File>) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let file = tempfile::NamedTempFile::new_in(folder)?;
-    // Temporary files are made for their owner only; a mesh is an ordinary file.
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let mode = std::fs::Permissions::from_mode(0o644);
-        file.as_file().set_permissions(mode)?;
-    }
-    let mut out = BufWriter::new(file.as_file());
-    write(&mut out)?;
-    out.flush()?;
-    drop(out);
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    Ok(())
 }

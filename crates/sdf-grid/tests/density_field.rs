@@ -33,7 +33,7 @@ fn double(z: Complex32) -> Complex64 {
 
 /// Relative L2 error of both parts of `f` at every `stride`-th node against the reference.
 fn errors(f: &DensityField, exact: &[(usize, UnitDensity)]) -> [f64; 2] {
-    let at = |i: usize| f.lattice.unravel(i);
+    let at = |i: usize| f.lattice().unravel(i);
     let exterior = exact
         .iter()
         .map(|(i, e)| (double(f.exterior[at(*i)]), e.exterior));

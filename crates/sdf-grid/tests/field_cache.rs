@@ -107,9 +107,14 @@ fn a_damaged_file_is_replaced() {
         Vec::new(),
         good[..good.len() - 1].to_vec(),
         [good.clone(), vec![0]].concat(),
+        // First bytes, byte order, hash, length from either end, recipe.
         flipped(0),
+        flipped(17),
         flipped(20),
+        flipped(52),
+        flipped(59),
         flipped(60),
+        flipped(90),
         flipped(good.len() / 2),
         flipped(good.len() - 1),
     ];
@@ -123,6 +128,37 @@ fn a_damaged_file_is_replaced() {
         );
         assert_eq!(fs::read(&path).unwrap(), good);
     }
+}
+
+/// A file's name alone does not make it the field asked for.
+#[test]
+fn a_field_of_another_recipe_is_replaced() {
+    let dir = tempfile::tempdir().unwrap();
+    let cache = FieldCache::new(dir.path()).unwrap();
+    let (inputs, mut other, begun) = (Inputs::new(), Inputs::new(), Begun::default());
+    let field = inputs.get(&cache, &begun);
+    assert_eq!(field.recipe.version, sdf_grid::FIELD_VERSION);
+    other.options.halo = 1.0;
+    let faded = other.get(&cache, &begun);
+    assert_eq!(faded.recipe.halo, 1.0);
+    assert_ne!(faded.exterior, field.exterior);
+    fs::copy(other.path(&cache), inputs.path(&cache)).unwrap();
+    assert_eq!(inputs.get(&cache, &begun), field);
+    assert_eq!(begun.0.load(Relaxed), 3);
+}
+
+/// Others on a shared file system may use what one has computed.
+#[cfg(unix)]
+#[test]
+fn cached_fields_have_an_ordinary_mode() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = tempfile::tempdir().unwrap();
+    let cache = FieldCache::new(dir.path()).unwrap();
+    let inputs = Inputs::new();
+    inputs.get(&cache, &Begun::default());
+    fs::write(dir.path().join("ordinary"), "").unwrap();
+    let mode = |path| fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(inputs.path(&cache)), mode(dir.path().join("ordinary")));
 }
 
 #[test]

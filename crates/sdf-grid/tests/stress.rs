@@ -375,7 +375,7 @@ fn missing_faces_cost_little() {
         agrees("missing", &mesh, 0.1);
         let found = field(&mesh, 0.1, &lattice);
         let sum = |f: &DensityField, i: usize| {
-            let at = f.lattice.unravel(i);
+            let at = f.lattice().unravel(i);
             let v = f.exterior[at] + f.interior[at];
             Complex64::new(v.re.into(), v.im.into())
         };

@@ -10,11 +10,11 @@ use serde::Serialize;
 use crate::args::DockArgs;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::atomic;
 use crate::report::output::{print_json, require_folder};
 use crate::report::poses::{POSE_COLUMNS, pose_fields};
 use crate::scene::{Scene, display_unit, explain_build, setup};
 use crate::terminal::progress::interrupted;
+use sdf_grid::atomic;
 
 /// More poses than anybody reads.
 const MOST: usize = 100_000;

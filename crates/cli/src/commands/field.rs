@@ -15,7 +15,8 @@ use crate::error::CommandError;
 use crate::memory;
 use crate::report::output::{print_json, require_folder};
 use crate::report::slice::Slice;
-use crate::report::{atomic, figure, picture, vti};
+use crate::report::{figure, picture, vti};
+use sdf_grid::atomic;
 
 /// Samples along the longer side of a slice's picture.
 const SAMPLES: usize = 480;

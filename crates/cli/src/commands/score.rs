@@ -12,12 +12,12 @@ use super::stored;
 use crate::args::ScoreArgs;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::atomic;
 use crate::report::output::require_folder;
 use crate::report::poses::{PoseReader, ScoredPose, append_score, score_header};
 use crate::scene::Assembly;
 use crate::scene::Scene;
 use crate::terminal::progress::check_interrupt;
+use sdf_grid::atomic;
 
 /// Rows read before any of them is evaluated.
 const CHUNK: usize = 16384;

@@ -16,7 +16,9 @@ pub(crate) fn sheet<T: Clone>(
     field: &DensityField,
     slice: &Slice,
 ) -> Array2<T> {
-    let place = field.lattice.fractional_index(glam::DVec3::splat(slice.at))[slice.axis];
+    let place = field
+        .lattice()
+        .fractional_index(glam::DVec3::splat(slice.at))[slice.axis];
     let last = values.len_of(Axis(slice.axis)) - 1;
     let index = (place.round().max(0.0) as usize).min(last);
     values.index_axis(Axis(slice.axis), index).to_owned()
@@ -54,7 +56,7 @@ pub(crate) fn density_map(
     unit: LengthUnit,
 ) -> HeatMap {
     let [across, up] = slice.plane_axes();
-    let bounds = field.lattice.node_bounds();
+    let bounds = field.lattice().node_bounds();
     let metre = unit.in_metres();
     let (contours, note) = distance_contours(field, slice, unit);
     HeatMap {
@@ -97,7 +99,7 @@ pub(crate) fn skeleton(
             f64::from(field.exterior[at].norm()),
         );
         if inside.max(outside) > least {
-            points.push(field.lattice.position(at) / metre);
+            points.push(field.lattice().position(at) / metre);
             values.push(if inside > outside { inside } else { -outside });
         }
     }
@@ -111,7 +113,7 @@ pub(crate) fn skeleton(
         scale: ColourScale::diverging(values.iter().copied(), 0.99),
         points,
         values,
-        width: field.lattice.spacing() / metre,
+        width: field.lattice().spacing() / metre,
         edges: sharp_edges(mesh).map(|e| e.map(|p| p / metre)).collect(),
         legend: "|density|\n+ inside\n- outside".to_owned(),
         unit: unit.to_string(),

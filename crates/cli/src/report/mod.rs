@@ -1,6 +1,5 @@
 //! What commands write: pictures, pages, tables of poses, fields and logs.
 
-pub(crate) mod atomic;
 pub(crate) mod bytes;
 pub(crate) mod figure;
 pub(crate) mod html;

@@ -45,7 +45,7 @@ pub(crate) use with_feature::create;
 
 #[cfg(feature = "parquet")]
 mod with_feature {
-    use std::io::{self, BufWriter};
+    use std::io;
     use std::path::{Path, PathBuf};
     use std::sync::Arc;
 
@@ -57,7 +57,7 @@ mod with_feature {
     use parquet::file::properties::WriterProperties;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::types::Type;
-    use tempfile::NamedTempFile;
+    use sdf_grid::atomic::AtomicFile;
 
     use crate::error::CommandError;
 
@@ -73,7 +73,7 @@ mod with_feature {
     /// A Parquet log under a temporary name beside its own.
     struct ParquetLog {
         path: PathBuf,
-        writer: SerializedFileWriter<BufWriter<NamedTempFile>>,
+        writer: SerializedFileWriter<AtomicFile>,
         columns: Vec<Vec<Option<f64>>>,
         faults: Vec<ByteArray>,
     }
@@ -108,28 +108,13 @@ mod with_feature {
             path: path.to_owned(),
             source: e,
         };
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
-        let file = NamedTempFile::new_in(folder).map_err(failed)?;
-        // Temporary files are made for their owner only; a log is an ordinary file.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            let mode = std::fs::Permissions::from_mode(0o644);
-            file.as_file().set_permissions(mode).map_err(failed)?;
-        }
+        let file = AtomicFile::create(path)?;
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .build();
         let writer = schema()
             .and_then(|schema| {
-                SerializedFileWriter::new(
-                    BufWriter::new(file),
-                    Arc::new(schema),
-                    Arc::new(properties),
-                )
+                SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))
             })
             .map_err(|e| failed(io::Error::other(e)))?;
         Ok(Box::new(ParquetLog {
@@ -199,18 +184,9 @@ mod with_feature {
                 self.flush().map_err(|e| self.failed(e))?;
             }
             let path = self.path.clone();
-            let failed = |source| RecordError::Io {
-                path: path.clone(),
-                source,
-            };
-            let buffer = self
-                .writer
-                .into_inner()
-                .map_err(|e| failed(io::Error::other(e)))?;
-            let file = buffer.into_inner().map_err(|e| failed(e.into_error()))?;
-            file.as_file().sync_all().map_err(failed)?;
-            file.persist(&path).map_err(|e| failed(e.error))?;
-            Ok(())
+            let failed = |source| RecordError::Io { path, source };
+            let complete = self.writer.into_inner().map_err(io::Error::other);
+            complete.and_then(|file| Ok(file.commit()?)).map_err(failed)
         }
 
         fn path(&self) -> PathBuf {

@@ -7,8 +7,8 @@ use ndarray::Array3;
 use num_complex::Complex32;
 use sdf_grid::DensityField;
 
-use super::atomic;
 use crate::error::CommandError;
+use sdf_grid::atomic;
 
 /// Writes `exterior` and `interior` (real, imaginary) and `signed_distance` (metres) as point data
 /// of an image whose origin and spacing are metres.
@@ -25,7 +25,7 @@ pub(crate) fn write(path: &Path, field: &DensityField) -> Result<(), CommandErro
 type Values<'a> = (&'static str, usize, Box<dyn Iterator<Item = f32> + 'a>);
 
 fn write_to(out: &mut dyn Write, field: &DensityField) -> std::io::Result<()> {
-    let lattice = &field.lattice;
+    let lattice = field.lattice();
     let points = lattice.len() as u64;
     let arrays: [Values<'_>; 3] = [
         ("exterior", 2, Box::new(components(&field.exterior))),
@@ -90,19 +90,23 @@ fn components(values: &Array3<Complex32>) -> impl Iterator<Item = f32> {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use sdf_grid::{Lattice, Sampling};
+    use sdf_grid::{FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
     fn field() -> DensityField {
         let place = |(i, j, k): (usize, usize, usize)| (100 * i + 10 * j + k) as f32;
         DensityField {
-            lattice: Lattice::new(DVec3::new(0.1, 0.2, 0.3), 0.5, [2, 3, 4]).unwrap(),
             exterior: Array3::from_shape_fn([2, 3, 4], |p| Complex32::new(place(p), 1.0)),
             interior: Array3::zeros([2, 3, 4]),
             signed_distance: Array3::from_shape_fn([2, 3, 4], place),
-            sigma: 0.1,
-            halo: 1.0,
-            sampling: Sampling::Point,
-            mesh_hash: [0; 32],
+            recipe: FieldRecipe {
+                version: FIELD_VERSION,
+                mesh: String::new(),
+                sigma: 0.1,
+                halo: 1.0,
+                tolerance: 1e-3,
+                sampling: Sampling::Point,
+                lattice: Lattice::new(DVec3::new(0.1, 0.2, 0.3), 0.5, [2, 3, 4]).unwrap(),
+            },
         }
     }
 

@@ -66,7 +66,7 @@ impl Condition {
             if here == [Complex64::ZERO; 2] {
                 continue;
             }
-            let place = motion.apply(points.lattice.position([i, j, k]));
+            let place = motion.apply(points.lattice().position([i, j, k]));
             let Some(there) = interpolated(looked_up, &term.lookup, place) else {
                 continue;
             };
@@ -75,7 +75,7 @@ impl Condition {
                 sums.magnitude += product.abs();
             }
         }
-        let volume = points.lattice.cell_volume();
+        let volume = points.lattice().cell_volume();
         Self {
             score: volume * sums.score,
             magnitude: volume * sums.magnitude,
@@ -95,8 +95,8 @@ fn weighted(blend: &Blend, exterior: Complex32, interior: Complex32) -> [Complex
 /// Both weighted densities at `place`, trilinear, with zeros around the lattice; `None` beyond
 /// those.
 fn interpolated(field: &DensityField, blend: &Blend, place: DVec3) -> Option<[Complex64; 2]> {
-    let at = field.lattice.fractional_index(place);
-    let shape = field.lattice.shape();
+    let at = field.lattice().fractional_index(place);
+    let shape = field.lattice().shape();
     let reached = |(u, n): (f64, usize)| u > -1.0 && u < n as f64;
     if !at.to_array().into_iter().zip(shape).all(reached) {
         return None;

@@ -88,11 +88,11 @@ impl LookupGrid {
         let Some(values) = Values::new(field, blend) else {
             return Ok(Vec::new());
         };
-        let cell = Self::new(&values, field.lattice.spacing())?;
+        let cell = Self::new(&values, field.lattice().spacing())?;
         let mut grids = vec![cell];
         for level in 1..levels {
             let smoothed = values.for_blocks(level);
-            grids.push(Self::new(&smoothed, field.lattice.spacing())?);
+            grids.push(Self::new(&smoothed, field.lattice().spacing())?);
         }
         Ok(grids)
     }
@@ -157,9 +157,9 @@ impl Values {
         Some(Self {
             values,
             shape,
-            origin: field.lattice.position(first),
+            origin: field.lattice().position(first),
             stride: 1,
-            cell: field.lattice.spacing(),
+            cell: field.lattice().spacing(),
         })
     }
 

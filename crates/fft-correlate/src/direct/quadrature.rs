@@ -81,7 +81,7 @@ impl<'a> Blocks<'a> {
             merges: Vec::new(),
         };
         let cells =
-            (0..field.lattice.len()).map(|f| blocks.cell_node(field.lattice.unravel(f)).square);
+            (0..field.lattice().len()).map(|f| blocks.cell_node(field.lattice().unravel(f)).square);
         blocks.rms = (cells.sum::<f64>() / blocks.cells.max(1) as f64).sqrt();
         for level in 1..=LEVELS {
             blocks.add_level(level);
@@ -104,8 +104,8 @@ impl<'a> Blocks<'a> {
         if self.blend.is_zero_at(self.field, index) {
             return Node::EMPTY;
         }
-        let weight = self.cell(index).weight / self.field.lattice.cell_volume();
-        let spacing = self.field.lattice.spacing() as f32;
+        let weight = self.cell(index).weight / self.field.lattice().cell_volume();
+        let spacing = self.field.lattice().spacing() as f32;
         Node {
             cost: 0.0,
             // Cells on the boundary all count as a quarter of a spacing away, so that the smallest
@@ -126,7 +126,7 @@ impl<'a> Blocks<'a> {
     /// Blocks of `2^level` cells per side.
     fn add_level(&mut self, level: usize) {
         let below = self.shape(level - 1);
-        let side = (1 << level) as f32 * self.field.lattice.spacing() as f32;
+        let side = (1 << level) as f32 * self.field.lattice().spacing() as f32;
         let cells = (1u64 << (3 * level)) as f64;
         let mut merges = Vec::new();
         let nodes = Array3::from_shape_fn(below.map(|n| n.div_ceil(2)), |(i, j, k)| {
@@ -188,7 +188,7 @@ impl<'a> Blocks<'a> {
 
     fn shape(&self, level: usize) -> [usize; 3] {
         match level {
-            0 => self.field.lattice.shape(),
+            0 => self.field.lattice().shape(),
             _ => self.levels[level - 1].dim().into(),
         }
     }
@@ -198,14 +198,14 @@ impl<'a> Blocks<'a> {
         let rho = self.blend.exterior * widen(self.field.exterior[index])
             + self.blend.interior * widen(self.field.interior[index]);
         Point {
-            position: self.field.lattice.position(index),
-            weight: rho * self.field.lattice.cell_volume(),
+            position: self.field.lattice().position(index),
+            weight: rho * self.field.lattice().cell_volume(),
         }
     }
 
     /// One point for all cells of a block: total weight at the centroid of the absolute weights.
     fn merged(&self, level: usize, index: [usize; 3]) -> Point {
-        let shape = self.field.lattice.shape();
+        let shape = self.field.lattice().shape();
         let range = |a: usize| index[a] << level..((index[a] + 1) << level).min(shape[a]);
         let (mut weight, mut mass, mut moment) = (Complex64::ZERO, 0.0, DVec3::ZERO);
         for i in range(0) {

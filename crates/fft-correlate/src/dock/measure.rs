@@ -43,8 +43,8 @@ pub(super) fn overlap(pair: &Pair, pose: &Pose) -> f64 {
             continue;
         }
         inside += 1;
-        let place = pose.apply(moving.lattice.position([i, j, k]));
-        let node = fixed.lattice.fractional_index(place).round();
+        let place = pose.apply(moving.lattice().position([i, j, k]));
+        let node = fixed.lattice().fractional_index(place).round();
         if node.min_element() < 0.0 {
             continue;
         }

@@ -401,8 +401,8 @@ impl Search<'_> {
             self.options.per_rotation as f64,
         ];
         for field in [pair.fixed(), pair.moving()] {
-            numbers.extend([field.halo, f64::from(field.sampling as u8)]);
-            numbers.extend(field.lattice.origin().to_array());
+            numbers.extend([field.recipe.halo, f64::from(field.recipe.sampling as u8)]);
+            numbers.extend(field.lattice().origin().to_array());
         }
         let window = self.window.lattice();
         for place in [pair.pivot(), window.origin()] {
@@ -416,8 +416,8 @@ impl Search<'_> {
         for number in numbers {
             hash.update(&number.to_le_bytes());
         }
-        hash.update(&pair.fixed().mesh_hash);
-        hash.update(&pair.moving().mesh_hash);
+        hash.update(pair.fixed().recipe.mesh.as_bytes());
+        hash.update(pair.moving().recipe.mesh.as_bytes());
         hash.finalize().to_hex().to_string()
     }
 

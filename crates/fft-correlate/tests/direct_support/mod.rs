@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::{DensityField, Lattice, Sampling};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
 /// `amplitude * exp(-|p - centre|^2 / (2 width^2))`, one term of a synthetic unit density.
 #[derive(Debug, Clone, Copy)]
@@ -56,16 +56,20 @@ impl Blobs {
             })
         };
         DensityField {
-            lattice,
             exterior: sample(&self.exterior),
             interior: sample(&self.interior),
             signed_distance: Array3::from_shape_fn(lattice.shape(), |(i, j, k)| {
                 lattice.position([i, j, k]).length() as f32
             }),
-            sigma: 0.1,
-            halo: f64::INFINITY,
-            sampling: Sampling::Point,
-            mesh_hash: [0; 32],
+            recipe: FieldRecipe {
+                version: FIELD_VERSION,
+                mesh: String::new(),
+                sigma: 0.1,
+                halo: f64::INFINITY,
+                tolerance: 1e-3,
+                sampling: Sampling::Point,
+                lattice,
+            },
         }
     }
 }
@@ -147,13 +151,13 @@ pub(crate) fn brute_force(pair: &Pair, pose: &Pose) -> Complex64 {
             };
             let (points, looked_up) = (field(term.points), field(term.points.other()));
             let mut sum = Complex64::ZERO;
-            for flat in 0..points.lattice.len() {
-                let index = points.lattice.unravel(flat);
+            for flat in 0..points.lattice().len() {
+                let index = points.lattice().unravel(flat);
                 let weight = blend(points, term.weights, index);
-                let position = motion.apply(points.lattice.position(index));
+                let position = motion.apply(points.lattice().position(index));
                 sum += weight * trilinear(looked_up, term.lookup, position);
             }
-            sum * points.lattice.cell_volume()
+            sum * points.lattice().cell_volume()
         })
         .sum()
 }
@@ -165,13 +169,13 @@ fn blend(field: &DensityField, blend: direct::Blend, index: [usize; 3]) -> Compl
 
 /// Trilinear interpolation with zeros beyond the lattice.
 fn trilinear(field: &DensityField, weights: direct::Blend, position: DVec3) -> Complex64 {
-    let u = field.lattice.fractional_index(position);
+    let u = field.lattice().fractional_index(position);
     let (base, f) = (u.floor(), (u - u.floor()).to_array());
     let mut value = Complex64::ZERO;
     for corner in 0..8 {
         let bit = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
         let node: [f64; 3] = std::array::from_fn(|a| base[a] + bit[a] as f64);
-        let inside = (0..3).all(|a| (0.0..field.lattice.shape()[a] as f64).contains(&node[a]));
+        let inside = (0..3).all(|a| (0.0..field.lattice().shape()[a] as f64).contains(&node[a]));
         if inside {
             let w: f64 = (0..3)
                 .map(|a| if bit[a] == 1 { f[a] } else { 1.0 - f[a] })

@@ -11,7 +11,8 @@ use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
-    DensityField, DensityKernel, DensityOptions, Lattice, Sampling, Silent, TriangleMesh,
+    DensityField, DensityKernel, DensityOptions, FIELD_VERSION, FieldRecipe, Lattice, Sampling,
+    Silent, TriangleMesh,
 };
 
 /// A fixture at zero clearance, on lattices that end four spacings outside each part, without
@@ -80,17 +81,21 @@ pub(crate) fn tongue_and_groove(thickness: f64, cells: usize, model: &ScoreModel
             })
         };
         Arc::new(DensityField {
-            lattice,
             exterior: part(false),
             interior: part(true),
             signed_distance: Array3::from_shape_fn(shape, |(_, _, k)| {
                 let outside = z(k).abs() - 0.5 * thickness;
                 (if solid_inside { outside } else { -outside }) as f32
             }),
-            sigma: model.sigma,
-            halo: f64::INFINITY,
-            sampling: Sampling::Point,
-            mesh_hash: [0; 32],
+            recipe: FieldRecipe {
+                version: FIELD_VERSION,
+                mesh: String::new(),
+                sigma: model.sigma,
+                halo: f64::INFINITY,
+                tolerance: 1e-3,
+                sampling: Sampling::Point,
+                lattice,
+            },
         })
     };
     Pair::new(

@@ -27,7 +27,7 @@ impl Loaded {
                 bytes: source.describe().bytes,
                 source: Arc::new(source) as Arc<dyn EnergySource>,
             },
-            reach: direct_reach(pair.model(), pair.fixed().halo, fixed, radius),
+            reach: direct_reach(pair.model(), pair.fixed().recipe.halo, fixed, radius),
         })
     }
 

@@ -10,6 +10,7 @@
 //! - `smooth`: blocks of a patch that are interpolated from some of their points;
 //! - `signs`: on which side of the boundary points lie;
 //! - `signed_distance`: distances alone;
+//! - `recipe`: everything that a field's values depend on;
 //! - `sampling`: from points to lattice values (blocks, halo, cell averages).
 
 mod boundary;
@@ -20,6 +21,7 @@ mod fast;
 mod gradient;
 mod patch;
 mod point;
+mod recipe;
 pub mod reference;
 mod sampling;
 mod signed_distance;
@@ -33,6 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DensityKernel, Lattice, Monitor, TriangleMesh, large};
 pub use gradient::{DensityGradient, UnitGradient};
+pub use recipe::{FIELD_VERSION, FieldRecipe};
 pub use reference::{ReferenceDensity, UnitDensity};
 pub use signed_distance::signed_distances;
 
@@ -95,22 +98,14 @@ impl DensityOptions {
 /// The density of one part on a lattice, as two unit parts: `rho = l1 * exterior + l2 * interior`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityField {
-    /// Where the values sit, in the part's own frame.
-    pub lattice: Lattice,
     /// Unit exterior density `O` (dimensionless), zero inside the part; includes the halo cut-off.
     pub exterior: Array3<Complex32>,
     /// Unit interior density `I` (dimensionless), zero outside the part.
     pub interior: Array3<Complex32>,
     /// Distance to the boundary at the node, metres, negative inside.
     pub signed_distance: Array3<f32>,
-    /// Kernel thickness the field was computed with.
-    pub sigma: f64,
-    /// Halo the field was computed with, metres.
-    pub halo: f64,
-    /// How values represent cells.
-    pub sampling: Sampling,
-    /// [`TriangleMesh::hash`] of the part.
-    pub mesh_hash: [u8; 32],
+    /// What the values depend on.
+    pub recipe: FieldRecipe,
 }
 
 /// Why a field cannot be computed.
@@ -158,9 +153,25 @@ impl DensityField {
         monitor: &dyn Monitor,
     ) -> Result<Self, DensityError> {
         options.validate()?;
-        let mut field = Self::allocate(mesh, kernel, lattice, options)?;
-        sampling::fill(&mut field, mesh, kernel, options.tolerance, monitor)?;
+        let recipe = FieldRecipe::new(mesh, kernel, lattice, options);
+        Self::follow(recipe, mesh, kernel, monitor)
+    }
+
+    /// Computes the field of a recipe, which must be that of `mesh` and `kernel`.
+    pub(crate) fn follow(
+        recipe: FieldRecipe,
+        mesh: &TriangleMesh,
+        kernel: &DensityKernel,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, DensityError> {
+        let mut field = Self::allocate(recipe)?;
+        sampling::fill(&mut field, mesh, kernel, monitor)?;
         Ok(field)
+    }
+
+    /// Where the values sit, in the part's own frame.
+    pub fn lattice(&self) -> &Lattice {
+        &self.recipe.lattice
     }
 
     /// Memory that [`DensityField::compute`] needs for the values on `lattice`, bytes.
@@ -177,22 +188,14 @@ impl DensityField {
     }
 
     /// A field of zeros.
-    pub(crate) fn allocate(
-        mesh: &TriangleMesh,
-        kernel: &DensityKernel,
-        lattice: &Lattice,
-        options: &DensityOptions,
-    ) -> Result<Self, DensityError> {
+    pub(crate) fn allocate(recipe: FieldRecipe) -> Result<Self, DensityError> {
+        let lattice = &recipe.lattice;
         let bytes = Self::memory_bytes(lattice);
         Ok(Self {
-            lattice: *lattice,
             exterior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
             interior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
             signed_distance: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
-            sigma: kernel.sigma(),
-            halo: options.halo,
-            sampling: options.sampling,
-            mesh_hash: mesh.hash(),
+            recipe,
         })
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::fast::PacketDensity;
 use super::patch::{Anchor, Patch, PatchDensity, PatchValues};
 use super::point::PointDensity;
+use super::recipe::FieldRecipe;
 use super::{DensityError, DensityField, Sampling, boundary};
 use crate::bvh::{Bvh, Leaves};
 use crate::kernel::CumulativeKernel;
@@ -37,9 +38,15 @@ pub(crate) fn fill(
     field: &mut DensityField,
     mesh: &TriangleMesh,
     kernel: &DensityKernel,
-    tolerance: f64,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
+    let FieldRecipe {
+        halo,
+        tolerance,
+        sampling,
+        lattice,
+        ..
+    } = field.recipe;
     let table = || CumulativeKernel::new(*kernel);
     let leaves = if tolerance < COARSE {
         Leaves::Small
@@ -56,14 +63,14 @@ pub(crate) fn fill(
             &bvh,
             PacketDensity::new(&bvh, &table, tolerance),
             PointDensity::new(&bvh, &table),
-            field.halo * bvh.scale(),
-            boundary::STEP * field.lattice.spacing() * bvh.scale(),
+            halo * bvh.scale(),
+            boundary::STEP * lattice.spacing() * bvh.scale(),
             [tolerance, kernel.sigma()],
         ),
         bvh: &bvh,
-        lattice: field.lattice,
-        halo: field.halo,
-        sampling: field.sampling,
+        lattice,
+        halo,
+        sampling,
     };
     let mut blocks = blocks(field);
     monitor.begin("density", blocks.len() as u64);

@@ -21,9 +21,10 @@ use crate::commands::plot::{
 use crate::commands::{dock, hand, stored};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::picture;
 use crate::report::slice::Slice;
-use crate::report::{atomic, picture};
 use crate::scene::{Assembly, Scene, explain_design};
+use sdf_grid::atomic;
 
 /// Seconds of the two tests in simulated time.
 const TEST_SECONDS: f64 = 6.0;
@@ -130,7 +131,7 @@ pub(super) fn run(
         name,
         triangles: [&assembly.setup.fixed, &assembly.setup.moving].map(|m| m.triangles().len()),
         spacing_m: assembly.pair.spacing(),
-        field_nodes: assembly.pair.fixed().lattice.len() + assembly.pair.moving().lattice.len(),
+        field_nodes: assembly.pair.fixed().lattice().len() + assembly.pair.moving().lattice().len(),
         field_seconds: assembly.field_seconds,
         quadrature_error: errors::quadrature(&assembly, &direct)?,
         table,

@@ -8,8 +8,8 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::example::{Example, Summary};
 use crate::error::CommandError;
-use crate::report::atomic;
 use crate::report::html::STYLE;
+use sdf_grid::atomic;
 
 const LEAD: &str = "\
 <p>Each of the three pegs below fills its hole exactly: there is no clearance at all. A simulator \

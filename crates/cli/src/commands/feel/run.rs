@@ -16,10 +16,11 @@ use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
 use crate::report::parquet_log;
-use crate::report::{atomic, picture};
+use crate::report::picture;
 use crate::scene::Scene;
 use crate::terminal::hold::Hold;
 use crate::terminal::progress::interrupted;
+use sdf_grid::atomic;
 
 pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
     if !(args.seconds.is_finite() && args.seconds > 0.0) {
@@ -105,7 +106,7 @@ fn title(script: Script, device: &str) -> String {
 fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandError> {
     let chart = force_chart(title, samples);
     let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
-    atomic::write(png, &bytes)
+    Ok(atomic::write(png, &bytes)?)
 }
 
 fn report(

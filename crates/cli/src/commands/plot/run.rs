@@ -10,11 +10,11 @@ use super::{force, surface};
 use crate::args::{PlotArgs, PlotKind};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::atomic;
 use crate::report::output::require_folder;
 use crate::report::slice::Slice;
 use crate::scene::Assembly;
 use crate::scene::Scene;
+use sdf_grid::atomic;
 
 pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
     refuse_unused(args)?;

@@ -1,0 +1,249 @@
+//! Files and folders that appear whole or not at all.
+//!
+//! Content is written under a temporary name on the same file system, synced, and renamed: a reader
+//! sees the old content or the new, never a part, and a kill leaves at most a hidden temporary file
+//! `.NAME.XXXXXX.tmp`. What is written has the mode of an ordinary new file or folder (what the
+//! process's umask leaves of it), and is on the disk when the call returns.
+//!
+//! [`write`] and [`write_with`] replace a file at once; [`AtomicFile`] is for a file that grows for a
+//! while; [`AtomicFolder`] for a folder of several files.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::{Builder, NamedTempFile, TempDir};
+
+/// A file or folder that could not be put in its place.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}", path.display())]
+pub struct AtomicError {
+    /// Where it was to be.
+    pub path: PathBuf,
+    /// The system's reason.
+    pub source: io::Error,
+}
+
+impl From<AtomicError> for io::Error {
+    /// The system's reason alone, for callers that name the path themselves.
+    fn from(error: AtomicError) -> Self {
+        error.source
+    }
+}
+
+/// Writes `bytes` to `path`, replacing what is there.
+///
+/// # Errors
+/// If the file cannot be written; what was there before stays.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), AtomicError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes).map_err(|e| failed(path, e))?;
+    file.commit()
+}
+
+/// Lets `fill` write the content of `path`, replacing what is there. Writes are buffered.
+///
+/// # Errors
+/// If the file cannot be written, or with whatever `fill` returns; what was there before stays.
+pub fn write_with<E: From<AtomicError>>(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut file = AtomicFile::create(path)?;
+    fill(&mut file)?;
+    Ok(file.commit()?)
+}
+
+/// A file in the making. Dropped before [`AtomicFile::commit`], it leaves nothing behind.
+#[derive(Debug)]
+pub struct AtomicFile {
+    path: PathBuf,
+    writer: BufWriter<NamedTempFile>,
+}
+
+impl AtomicFile {
+    /// Begins the file `path` under a temporary name in the same folder.
+    ///
+    /// # Errors
+    /// If the folder does not exist or takes no new file.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
+        let path = path.into();
+        let folder = folder_of(&path).to_owned();
+        Self::create_in(&folder, path)
+    }
+
+    /// Begins the file `path` under a temporary name in `folder`, which must lie on the same file
+    /// system.
+    ///
+    /// # Errors
+    /// If the folder does not exist or takes no new file.
+    pub fn create_in(folder: &Path, path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
+        let path = path.into();
+        let mut builder = Builder::new();
+        let prefix = prefix(&path);
+        builder.prefix(&prefix).suffix(".tmp");
+        // Temporary files are otherwise made for their owner only. The system takes the umask off.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(folder).map_err(|e| failed(&path, e))?;
+        let writer = BufWriter::with_capacity(1 << 16, file);
+        Ok(Self { path, writer })
+    }
+
+    /// Where the file will be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Puts the file in its place, replacing what is there.
+    ///
+    /// # Errors
+    /// If the file cannot be completed; what was there before stays.
+    pub fn commit(self) -> Result<(), AtomicError> {
+        let (path, file) = self.complete()?;
+        file.persist(&path).map_err(|e| failed(&path, e.error))?;
+        sync_folder(&path)
+    }
+
+    /// Puts the file in its place unless something is there already: false if so, and that stays.
+    ///
+    /// # Errors
+    /// If the file cannot be completed.
+    pub fn commit_new(self) -> Result<bool, AtomicError> {
+        let (path, file) = self.complete()?;
+        match file.persist_noclobber(&path) {
+            Ok(_) => sync_folder(&path).map(|()| true),
+            Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => Ok(false),
+            Err(e) => Err(failed(&path, e.error)),
+        }
+    }
+
+    fn complete(self) -> Result<(PathBuf, NamedTempFile), AtomicError> {
+        let Self { path, writer } = self;
+        let file = writer
+            .into_inner()
+            .map_err(|e| failed(&path, e.into_error()))?;
+        let synced = file.as_file().sync_all();
+        synced.map_err(|e| failed(&path, e))?;
+        Ok((path, file))
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.writer.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+/// A folder in the making. Dropped before [`AtomicFolder::commit_new`], it leaves nothing behind.
+#[derive(Debug)]
+pub struct AtomicFolder {
+    path: PathBuf,
+    folder: TempDir,
+}
+
+impl AtomicFolder {
+    /// Begins the folder `path` under a temporary name beside it.
+    ///
+    /// # Errors
+    /// If the folder that it will lie in does not exist or takes no new one.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
+        let path = path.into();
+        let prefix = prefix(&path);
+        let folder = Builder::new()
+            .prefix(&prefix)
+            .suffix(".tmp")
+            .tempdir_in(folder_of(&path))
+            .map_err(|e| failed(&path, e))?;
+        Ok(Self { path, folder })
+    }
+
+    /// Where its files are to be written.
+    pub fn temporary(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Puts the folder in its place unless a folder with content is there already: false if so, and
+    /// that stays.
+    ///
+    /// # Errors
+    /// If the folder cannot be completed.
+    pub fn commit_new(self) -> Result<bool, AtomicError> {
+        let Self { path, folder } = self;
+        sync_tree(folder.path()).map_err(|e| failed(&path, e))?;
+        match fs::rename(folder.path(), &path) {
+            Ok(()) => {
+                let _ = folder.keep();
+                sync_folder(&path).map(|()| true)
+            }
+            Err(e) if is_taken(&e) => Ok(false),
+            Err(e) => Err(failed(&path, e)),
+        }
+    }
+}
+
+/// Systems name a folder with content, as the target of a rename, in either way.
+fn is_taken(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists
+    )
+}
+
+fn failed(path: &Path, source: io::Error) -> AtomicError {
+    AtomicError {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+/// The folder that `path` lies in.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// What a temporary name for `path` begins with.
+fn prefix(path: &Path) -> OsString {
+    let mut prefix = OsString::from(".");
+    prefix.push(path.file_name().unwrap_or_default());
+    prefix.push(".");
+    prefix
+}
+
+/// Syncs the files and folders in `folder`, and itself.
+fn sync_tree(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            sync_tree(&entry.path())?;
+        } else {
+            File::open(entry.path())?.sync_all()?;
+        }
+    }
+    sync_names(folder)
+}
+
+/// Syncs the folder that `path` lies in: a renamed file is there to stay only after that.
+fn sync_folder(path: &Path) -> Result<(), AtomicError> {
+    sync_names(folder_of(path)).map_err(|e| failed(path, e))
+}
+
+fn sync_names(folder: &Path) -> io::Result<()> {
+    // Elsewhere folders cannot be opened.
+    if cfg!(unix) {
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "atomic_tests.rs"]
+mod tests;

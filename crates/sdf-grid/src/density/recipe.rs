@@ -1,0 +1,123 @@
+//! Everything that a density field's values depend on.
+
+use serde::{Deserialize, Serialize};
+
+use super::{DensityOptions, Sampling};
+use crate::kernel::DensityKernel;
+use crate::lattice::Lattice;
+use crate::mesh::TriangleMesh;
+
+/// Version of the computed values: raised whenever the same inputs give other values.
+pub const FIELD_VERSION: u32 = 15;
+
+/// Everything that a field's values depend on: two fields of one recipe are the same to the bit.
+///
+/// It is kept with the field and with everything made from it (caches, tables, docking's state);
+/// [`crate::recipe::difference`] says in what two recipes differ.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldRecipe {
+    /// [`FIELD_VERSION`] of the program that computed the values.
+    pub version: u32,
+    /// [`TriangleMesh::hash`] of the part, 64 hexadecimal digits.
+    pub mesh: String,
+    /// Kernel thickness, dimensionless.
+    pub sigma: f64,
+    /// Distance outside the part, metres, at which the exterior has faded to zero; infinite for
+    /// none, which JSON holds as null.
+    #[serde(with = "unlimited")]
+    pub halo: f64,
+    /// Relative L2 error that the values meet.
+    pub tolerance: f64,
+    /// How values represent cells.
+    pub sampling: Sampling,
+    /// Where the values sit, in the part's own frame.
+    pub lattice: Lattice,
+}
+
+impl FieldRecipe {
+    /// The recipe of the field that this version computes from these inputs.
+    pub fn new(
+        mesh: &TriangleMesh,
+        kernel: &DensityKernel,
+        lattice: &Lattice,
+        options: &DensityOptions,
+    ) -> Self {
+        let mesh = blake3::Hash::from_bytes(mesh.hash());
+        Self {
+            version: FIELD_VERSION,
+            mesh: mesh.to_hex().to_string(),
+            sigma: kernel.sigma(),
+            halo: options.halo,
+            tolerance: options.tolerance,
+            sampling: options.sampling,
+            lattice: *lattice,
+        }
+    }
+
+    /// BLAKE3 hash of the whole recipe: the key of caches.
+    pub fn hash(&self) -> blake3::Hash {
+        blake3::hash(self.to_json().as_bytes())
+    }
+
+    /// The recipe as one line of JSON, the same for equal recipes.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("numbers, text and lists all have a form in JSON")
+    }
+}
+
+/// Lengths that may be infinite, for formats that know no infinity.
+mod unlimited {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(length: &f64, to: S) -> Result<S::Ok, S::Error> {
+        length.is_finite().then_some(length).serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn recipe(halo: f64) -> FieldRecipe {
+        FieldRecipe {
+            version: FIELD_VERSION,
+            mesh: "00".repeat(32),
+            sigma: 0.1,
+            halo,
+            tolerance: 1e-3,
+            sampling: Sampling::CellAverage,
+            lattice: Lattice::new(DVec3::splat(-0.1), 1.0 / 3.0, [3, 4, 5]).unwrap(),
+        }
+    }
+
+    #[test]
+    fn recipes_survive_json_to_the_bit() {
+        for halo in [f64::INFINITY, 0.1 + 0.2, f64::MIN_POSITIVE] {
+            let recipe = recipe(halo);
+            let read: FieldRecipe = serde_json::from_str(&recipe.to_json()).unwrap();
+            assert_eq!(read, recipe);
+            assert_eq!(read.hash(), recipe.hash());
+        }
+        assert_ne!(recipe(1.0).hash(), recipe(2.0).hash());
+    }
+
+    #[test]
+    fn other_keys_and_missing_ones_are_refused() {
+        let text = recipe(1.0).to_json();
+        for (from, to) in [("\"sigma\"", "\"sigmas\""), ("\"halo\":1.0,", "")] {
+            let changed = text.replace(from, to);
+            assert_ne!(changed, text);
+            assert!(
+                serde_json::from_str::<FieldRecipe>(&changed).is_err(),
+                "{to}"
+            );
+        }
+    }
+}

@@ -12,6 +12,6 @@ mod report;
 pub mod scene;
 pub mod terminal;
 
-pub use error::CommandError;
+pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
 pub use report::{picture, poses};

@@ -74,43 +74,7 @@ fn part(
     metres: f64,
     source: &Source<'_>,
 ) -> Result<Part, CommandError> {
-    let meshes = match (&raw.mesh, &raw.meshes) {
-        (None, Some(meshes)) if raw.solid.is_some() || raw.segments_per_turn.is_some() => {
-            return Err(source.error(
-                meshes.span(),
-                format!("{role}: expected `solid` and `segments_per_turn` in each of the meshes"),
-            ));
-        }
-        (Some(_), Some(meshes)) => {
-            return Err(source.error(
-                meshes.span(),
-                format!("{role}: expected mesh or meshes, found both"),
-            ));
-        }
-        (None, None) => {
-            return Err(source.error(span, format!("{role}: missing field `mesh`")));
-        }
-        (Some(mesh), None) => vec![PlacedMesh {
-            path: path(mesh, &span, role, folder, source)?,
-            solid: raw.solid.as_ref().map(RawSolid::to_text),
-            segments_per_turn: segments(&raw.segments_per_turn, source)?,
-            pose: Pose::IDENTITY,
-        }],
-        (None, Some(list)) => {
-            let place = |m: &RawMesh| {
-                Ok(PlacedMesh {
-                    path: path(&m.mesh, &list.span(), role, folder, source)?,
-                    solid: m.solid.as_ref().map(RawSolid::to_text),
-                    segments_per_turn: segments(&m.segments_per_turn, source)?,
-                    pose: pose(&m.position, &m.rotation, metres, source)?,
-                })
-            };
-            list.get_ref()
-                .iter()
-                .map(place)
-                .collect::<Result<_, CommandError>>()?
-        }
-    };
+    let meshes = meshes(raw, &span, role, folder, metres, source)?;
     let Some(first) = meshes.first() else {
         return Err(source.error(
             span,
@@ -132,6 +96,47 @@ fn part(
         table: raw.table.as_ref().map(|t| folder.join(t.get_ref())),
         meshes,
     })
+}
+
+/// The mesh files of a part.
+fn meshes(
+    raw: &RawPart,
+    span: &std::ops::Range<usize>,
+    role: &str,
+    folder: &Path,
+    metres: f64,
+    source: &Source<'_>,
+) -> Result<Vec<PlacedMesh>, CommandError> {
+    match (&raw.mesh, &raw.meshes) {
+        (None, Some(meshes)) if raw.solid.is_some() || raw.segments_per_turn.is_some() => {
+            Err(source.error(
+                meshes.span(),
+                format!("{role}: expected `solid` and `segments_per_turn` in each of the meshes"),
+            ))
+        }
+        (Some(_), Some(meshes)) => Err(source.error(
+            meshes.span(),
+            format!("{role}: expected mesh or meshes, found both"),
+        )),
+        (None, None) => Err(source.error(span.clone(), format!("{role}: missing field `mesh`"))),
+        (Some(mesh), None) => Ok(vec![PlacedMesh {
+            path: path(mesh, span, role, folder, source)?,
+            solid: raw.solid.as_ref().map(RawSolid::to_text),
+            segments_per_turn: segments(&raw.segments_per_turn, source)?,
+            pose: Pose::IDENTITY,
+        }]),
+        (None, Some(list)) => {
+            let place = |m: &RawMesh| {
+                Ok(PlacedMesh {
+                    path: path(&m.mesh, &list.span(), role, folder, source)?,
+                    solid: m.solid.as_ref().map(RawSolid::to_text),
+                    segments_per_turn: segments(&m.segments_per_turn, source)?,
+                    pose: pose(&m.position, &m.rotation, metres, source)?,
+                })
+            };
+            list.get_ref().iter().map(place).collect()
+        }
+    }
 }
 
 /// Edges around a full turn that a converter of STEP files makes.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use miette::{NamedSource, SourceSpan};
 
-use crate::error::{CommandError, SceneError};
+use crate::error::{CommandError, SceneFileError};
 
 /// The text of a scene file, for errors that show the line.
 pub(crate) struct Source<'a> {
@@ -22,7 +22,7 @@ impl Source<'_> {
             .filter(|&&b| b == b'\n')
             .count()
             + 1;
-        CommandError::Scene(Box::new(SceneError {
+        CommandError::Scene(Box::new(SceneFileError {
             file: self.path.display().to_string(),
             line,
             message: message.into(),

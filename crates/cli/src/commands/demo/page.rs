@@ -134,12 +134,8 @@ fn numbers(summary: &Summary) -> String {
         let _ = write!(html, "<th><a href=\"#{0}\">{0}</a></th>", e.name);
     }
     html += "</tr>\n";
-    let mut row = |name: &str, value: &dyn Fn(&Example) -> String| {
-        let _ = write!(html, "<tr><th>{name}</th>");
-        for e in &summary.examples {
-            let _ = write!(html, "<td>{}</td>", value(e));
-        }
-        html += "</tr>\n";
+    let mut row = |name, value: &dyn Fn(&Example) -> String| {
+        html += &row(name, &summary.examples, value);
     };
     row("triangles, hole and peg", &|e| {
         format!("{} and {}", e.triangles[0], e.triangles[1])
@@ -168,6 +164,27 @@ fn numbers(summary: &Summary) -> String {
     row("transforms against direct sums: score", &|e| {
         format!("{:.0e} %", 100.0 * e.quadrature_error)
     });
+    html += &findings(&summary.examples);
+    html += "</table>\n";
+    let _ = writeln!(html, "<p>{:.0} seconds in all.</p>", summary.seconds);
+    html
+}
+
+/// A row of the table: a name and a value for each example.
+fn row(name: &str, examples: &[Example], value: &dyn Fn(&Example) -> String) -> String {
+    let cells: String = examples
+        .iter()
+        .map(|e| format!("<td>{}</td>", value(e)))
+        .collect();
+    format!("<tr><th>{name}</th>{cells}</tr>\n")
+}
+
+/// What docking and the tests found.
+fn findings(examples: &[Example]) -> String {
+    let mut html = String::new();
+    let mut row = |name, value: &dyn Fn(&Example) -> String| {
+        html += &row(name, examples, value);
+    };
     row("docking", &|e| {
         format!("{} rotations in {:.1} s", e.dock.rotations, e.dock.seconds)
     });
@@ -190,8 +207,6 @@ fn numbers(summary: &Summary) -> String {
     row("the snap test ends, from the fit", &|e| {
         format!("{:.2} mm", 1e3 * e.snap_ends_m)
     });
-    html += "</table>\n";
-    let _ = writeln!(html, "<p>{:.0} seconds in all.</p>", summary.seconds);
     html
 }
 

@@ -23,6 +23,35 @@ use crate::terminal::progress::interrupted;
 use sdf_grid::atomic;
 
 pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
+    check(args)?;
+    let script = match args.script {
+        ScriptChoice::Collision => Script::Collision,
+        ScriptChoice::Snap => Script::Snap,
+        ScriptChoice::Free => Script::Free,
+    };
+    let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
+    let (spec, outcome) = feel(args, script, &pairs, context)?;
+    let title = title(script, &outcome.report.device);
+    if let Some(path) = &args.png {
+        draw(path, &outcome.samples, title.clone())?;
+    }
+    if let Some(path) = &args.report {
+        let page = report(title, &spec, &pairs, &outcome)?;
+        atomic::write(path, page.as_bytes())?;
+    }
+    match context.json {
+        true => print_json(&outcome.report)?,
+        false => print(&outcome.report, &pairs),
+    }
+    // The log and the picture of an interrupted run are whole: it only ended early.
+    match interrupted() {
+        true => Err(CommandError::Interrupted),
+        false => Ok(()),
+    }
+}
+
+/// Refuses what could not be done or written, before anything is loaded.
+fn check(args: &FeelArgs) -> Result<(), CommandError> {
     if !(args.seconds.is_finite() && args.seconds > 0.0) {
         return Err(CommandError::option(
             "--seconds",
@@ -33,17 +62,18 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
     for output in [&args.log, &args.png, &args.report].into_iter().flatten() {
         require_folder(output)?;
     }
-    if let Some(log) = &args.log {
-        parquet_log::require(log)?;
-    }
-    let script = match args.script {
-        ScriptChoice::Collision => Script::Collision,
-        ScriptChoice::Snap => Script::Snap,
-        ScriptChoice::Free => Script::Free,
-    };
-    let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
+    args.log.as_deref().map_or(Ok(()), parquet_log::require)
+}
+
+/// Runs the loop with the device that was asked for; what the device is, and what came of it.
+fn feel(
+    args: &FeelArgs,
+    script: Script,
+    pairs: &LivePairs,
+    context: &Context,
+) -> Result<(DeviceSpec, Outcome), CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
-    let held = Hold::begin();
+    let _held = Hold::begin();
     let mut device = match devices::choose(&args.device, &assembly.scene.device, context)? {
         Some(device) => device,
         None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
@@ -54,48 +84,19 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         assembly.scene.moving.name,
         args.seconds
     ));
+    let keep = hand::Keep {
+        log: args.log.as_deref(),
+        samples: args.png.is_some() || args.report.is_some(),
+    };
     let outcome = hand::run(
         assembly,
         source,
         device.as_mut(),
         args.seconds,
         Clock::Real,
-        hand::Keep {
-            log: args.log.as_deref(),
-            samples: args.png.is_some() || args.report.is_some(),
-        },
+        keep,
     )?;
-    let spec = device.spec().clone();
-    drop(device);
-    drop(held);
-    let samples = &outcome.samples;
-    if let Some(path) = &args.png {
-        draw(path, samples, title(script, &outcome.report.device))?;
-    }
-    if let Some(path) = &args.report {
-        let title = title(script, &outcome.report.device);
-        let page = report(title, &spec, &pairs, &outcome, samples)?;
-        atomic::write(path, page.as_bytes())?;
-    }
-    if context.json {
-        print_json(&outcome.report)?;
-    } else {
-        print(&outcome.report);
-        if outcome.report.not_loaded > 0 {
-            crate::say!(
-                "scene       {} ticks in which something in reach was not loaded",
-                outcome.report.not_loaded
-            );
-        }
-        for event in pairs.live.events() {
-            crate::say!("scene       {}: {}", event.pair, told(&event.what));
-        }
-    }
-    // The log and the picture of an interrupted run are whole: it only ended early.
-    match interrupted() {
-        true => Err(CommandError::Interrupted),
-        false => Ok(()),
-    }
+    Ok((device.spec().clone(), outcome))
 }
 
 /// What a run is called.
@@ -114,7 +115,6 @@ fn report(
     spec: &DeviceSpec,
     pairs: &LivePairs,
     outcome: &Outcome,
-    samples: &[Sample],
 ) -> Result<String, CommandError> {
     let states = pairs.live.states().into_iter().map(|state| match state {
         PairState::Waiting => "not loaded: far away".to_owned(),
@@ -132,13 +132,13 @@ fn report(
         spec,
         config: &scene.device,
         outcome,
-        samples,
+        samples: &outcome.samples,
         events: &pairs.live.events(),
         pairs: pairs.names.iter().cloned().zip(states).collect(),
     })
 }
 
-fn print(report: &LoopReport) {
+fn print(report: &LoopReport, pairs: &LivePairs) {
     crate::say!("device      {}", report.device);
     crate::say!(
         "rate        {:.1} Hz over {:.2} s, {} ticks",
@@ -177,5 +177,14 @@ fn print(report: &LoopReport) {
     }
     for (what, said) in privileges(report) {
         crate::say!("{what:<11} {said}");
+    }
+    if report.not_loaded > 0 {
+        crate::say!(
+            "scene       {} ticks in which something in reach was not loaded",
+            report.not_loaded
+        );
+    }
+    for event in pairs.live.events() {
+        crate::say!("scene       {}: {}", event.pair, told(&event.what));
     }
 }

@@ -2,31 +2,27 @@
 //! `docking [--quick] [--out DIR] [--starts N] [--only PAIR] [--exhaustive] [PARTS_DIR]`.
 //!
 //! The moving part of every pair is turned by a random rotation of SO(3) and shifted before
-//! anything is computed, so that its frame gives nothing away; then `search` looks everywhere. The
+//! anything is computed, so that its frame gives nothing away; then docking looks everywhere, as
+//! `pegfit dock` does for parts that it has never seen. The
 //! paper's three pairs, and, if a folder is given, the IndustReal parts in it (`docs/docking.md`).
 //! Prints how often the best pose is the true fit (up to the part's symmetry and the play of the
 //! fit), by how much the best false pose is shallower, and the times; writes `docking.csv` (a line
 //! per pair) and `starts.csv` (a line per start).
 
 use std::path::Path;
-use std::time::Instant;
+use std::sync::Arc;
 
-use fft_correlate::{
-    Pair, PairBuilder, PairPlan, Pose, ScoreModel, SearchDomain, SearchLattices, SearchOptions,
-    SearchPairs, SearchReport, decide, search, search_rotations, symmetry_group, wants_sketch,
-};
+use fft_correlate::{Docking, DockingOptions, DockingReport};
+use fft_correlate::{PairSetup, Pose};
 use glam::{DQuat, DVec3};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
-    DensityField, HygieneOptions, LengthUnit, Silent, SymmetryAxis, SymmetryOrder, TriangleMesh,
-    mesh_io, symmetry,
+    HygieneOptions, LengthUnit, Silent, SymmetryAxis, SymmetryOrder, TriangleMesh, mesh_io,
+    symmetry,
 };
-
-/// Angle between rotations scored, degrees.
-const STEP_DEG: f64 = 15.0;
 
 /// Deviation from symmetry that counts as none, metres.
 const SYMMETRY_TOLERANCE: f64 = 2e-5;
@@ -39,7 +35,7 @@ const SAME_PLACE: f64 = 1e-3;
 
 struct Task {
     name: String,
-    fixed: TriangleMesh,
+    fixed: Arc<TriangleMesh>,
     moving: TriangleMesh,
     /// Displacements from the identity, along z, between which the fit leaves the part free,
     /// metres.
@@ -159,7 +155,7 @@ fn tasks(parts: Option<&Path>) -> Outcome<Vec<Task>> {
         let (fixed, moving) = which.pair(0.0)?;
         tasks.push(Task {
             name: which.name().into(),
-            fixed,
+            fixed: Arc::new(fixed),
             moving,
             slide: [0.0; 2],
         });
@@ -193,7 +189,7 @@ fn tasks(parts: Option<&Path>) -> Outcome<Vec<Task>> {
         };
         tasks.push(Task {
             name: name.into(),
-            fixed: read(fixed)?,
+            fixed: Arc::new(read(fixed)?),
             moving: read(moving)?,
             slide,
         });
@@ -210,143 +206,121 @@ fn run(
 ) -> Outcome<Vec<Start>> {
     let axes = symmetry::detect(&task.moving, SYMMETRY_TOLERANCE);
     println!("\n== {}: symmetry {:?}", task.name, orders(&axes));
-    let mut kept: Vec<DensityField> = Vec::new();
     let mut done = Vec::new();
     for start in 0..starts {
-        let mut rng = SmallRng::seed_from_u64(start);
-        let off = Pose::new(
-            random_rotation(&mut rng),
-            0.05 * DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))),
-        );
+        let off = random_start(start);
         let moving = task.moving.transformed(off.rotation, off.translation);
-        let began = Instant::now();
+        let setup = PairSetup::new(task.fixed.clone(), Arc::new(moving));
+        let options = DockingOptions {
+            exhaustive,
+            ..DockingOptions::default()
+        };
+        let report = Docking::new(&setup, options).run(&Silent)?;
         let moved = |a: &SymmetryAxis| a.moved(off.rotation, off.translation);
         let axes: Vec<_> = axes.iter().map(moved).collect();
-        // Rounding of the turned vertices must not change the fixed part's lattices.
-        let lattices = SearchLattices {
-            pivot: moving.centroid(),
-            ..SearchLattices::new(&task.moving)
-        };
-        let (fixed, builder) = (&task.fixed, PairBuilder::default());
-        let plans = lattices.plans(fixed, &moving, &ScoreModel::GUIDED, &builder)?;
-        let rotations = search_rotations(STEP_DEG.to_radians(), &axes);
-        let sketched = !exhaustive && wants_sketch(rotations.len());
-        let mut pair = |plan| build(plan, fixed, &moving, &mut kept);
-        let sketch = if sketched {
-            Some(pair(&plans[0])?)
-        } else {
-            None
-        };
-        let (coarse, fine) = (pair(&plans[1])?, pair(&plans[2])?);
-        let mut fields = began.elapsed().as_secs_f64();
-        let domain = SearchDomain {
-            rotations,
-            step: STEP_DEG.to_radians(),
-            places: lattices.places(&task.fixed.bounds()),
-            symmetries: symmetry_group(&axes),
-        };
-        let options = SearchOptions::default();
-        let pairs = SearchPairs {
-            sketch: sketch.as_ref(),
-            coarse: &coarse,
-            fine: &fine,
-        };
-        let mut report = search(&pairs, &domain, &options, None, &Silent)?;
-        let close = report.close();
-        if close > 1 {
-            let began = Instant::now();
-            let plan = lattices.deciding_plan(fixed, &moving, &ScoreModel::GUIDED, &builder)?;
-            let finer = build(&plan, fixed, &moving, &mut kept)?;
-            fields += began.elapsed().as_secs_f64();
-            decide(&mut report, &finer, &domain, &options, &Silent)?;
-        }
-        let judged = judge(
-            task,
-            &off,
-            &axes,
-            &domain.symmetries,
-            lattices.pivot,
-            &report,
-        );
-        let seconds = fields + report.seconds();
-        let best = &report.poses[0];
-        println!(
-            "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; \
-             {} rotations x {:?}, {:?} points, {:.2} ms each; {:.1} + {} = {seconds:.1} s",
-            if judged.first {
-                "true fit first,"
-            } else {
-                "FALSE POSE FIRST,"
-            },
-            judged.margin,
-            1e3 * judged.distance,
-            judged.angle.to_degrees(),
-            best.overlap,
-            close,
-            report.scored,
-            report.window,
-            report.transform_size,
-            1e3 * report.seconds_per_rotation(),
-            fields,
-            report
-                .stages
-                .iter()
-                .map(|s| format!("{:.1}", s.seconds))
-                .collect::<Vec<_>>()
-                .join(" + "),
-        );
-        println!(
-            "      best false pose: {:.2} mm {:.2}° from a true one",
-            1e3 * judged.next.0,
-            judged.next.1.to_degrees()
-        );
-        if !judged.first {
-            for p in report.poses.iter().take(4) {
-                let seen = p.pose * off;
-                println!(
-                    "      {:.4e} J overlap {:.3} at {:?} turn {:?}",
-                    p.energy,
-                    p.overlap,
-                    seen.translation * 1e3,
-                    seen.rotation
-                );
-            }
-        }
-        let mut row = vec![
-            task.name.clone(),
-            start.to_string(),
-            judged.first.to_string(),
-            judged.margin.to_string(),
-            judged.distance.to_string(),
-            judged.angle.to_string(),
-            best.overlap.to_string(),
-            report.scored.to_string(),
-            report.seconds_per_rotation().to_string(),
-            fields.to_string(),
-        ];
-        let names = [
-            "sketch",
-            "scoring",
-            "coarse descent",
-            "fine descent",
-            "decision",
-        ];
-        row.extend(names.map(|name| {
-            let stage = report.stages.iter().find(|s| s.name == name);
-            stage.map_or(0.0, |s| s.seconds).to_string()
-        }));
-        row.extend([judged.next.0.to_string(), judged.next.1.to_string()]);
-        csv.write_record(row)?;
-        csv.flush()?;
+        let judged = judge(task, &off, &axes, &report);
+        print(start, &off, &report, &judged);
+        write(csv, &task.name, start, &report, &judged)?;
         done.push(Start {
-            judged,
             rotations: report.scored,
-            per_rotation: report.seconds_per_rotation(),
-            total: seconds,
-            fields,
+            per_rotation: report.seconds_per_rotation,
+            total: report.field_seconds + report.seconds(),
+            fields: report.field_seconds,
+            judged,
         });
     }
     Ok(done)
+}
+
+/// Where the moving part is before anything is computed.
+fn random_start(seed: u64) -> Pose {
+    let mut rng = SmallRng::seed_from_u64(seed);
+    Pose::new(
+        random_rotation(&mut rng),
+        0.05 * DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))),
+    )
+}
+
+fn print(start: u64, off: &Pose, report: &DockingReport, judged: &Judged) {
+    let seconds: Vec<String> = report
+        .stages
+        .iter()
+        .map(|s| format!("{:.1}", s.seconds))
+        .collect();
+    println!(
+        "   start {start}: {} margin {:.3}, off by {:.2} mm {:.2}°, overlap {:.3}, {} close; {} rotations x {:?}, \
+         {:?} points, {:.2} ms each; {:.1} + {} = {:.1} s",
+        if judged.first {
+            "true fit first,"
+        } else {
+            "FALSE POSE FIRST,"
+        },
+        judged.margin,
+        1e3 * judged.distance,
+        judged.angle.to_degrees(),
+        report.poses[0].found.overlap,
+        report.close,
+        report.scored,
+        report.window,
+        report.transform_size,
+        1e3 * report.seconds_per_rotation,
+        report.field_seconds,
+        seconds.join(" + "),
+        report.field_seconds + report.seconds(),
+    );
+    println!(
+        "      best false pose: {:.2} mm {:.2}° from a true one",
+        1e3 * judged.next.0,
+        judged.next.1.to_degrees()
+    );
+    if judged.first {
+        return;
+    }
+    for p in report.poses.iter().take(4).map(|p| &p.found) {
+        let seen = p.pose * *off;
+        println!(
+            "      {:.4e} J overlap {:.3} at {:?} turn {:?}",
+            p.energy,
+            p.overlap,
+            seen.translation * 1e3,
+            seen.rotation
+        );
+    }
+}
+
+fn write(
+    csv: &mut csv::Writer<std::fs::File>,
+    name: &str,
+    start: u64,
+    report: &DockingReport,
+    judged: &Judged,
+) -> Outcome<()> {
+    let mut row = vec![
+        name.to_owned(),
+        start.to_string(),
+        judged.first.to_string(),
+        judged.margin.to_string(),
+        judged.distance.to_string(),
+        judged.angle.to_string(),
+        report.poses[0].found.overlap.to_string(),
+        report.scored.to_string(),
+        report.seconds_per_rotation.to_string(),
+        report.field_seconds.to_string(),
+    ];
+    let names = [
+        "sketch",
+        "scoring",
+        "coarse descent",
+        "fine descent",
+        "decision",
+    ];
+    row.extend(names.map(|name| {
+        let stage = report.stages.iter().find(|s| s.name == name);
+        stage.map_or(0.0, |s| s.seconds).to_string()
+    }));
+    row.extend([judged.next.0.to_string(), judged.next.1.to_string()]);
+    csv.write_record(row)?;
+    Ok(csv.flush()?)
 }
 
 fn orders(axes: &[SymmetryAxis]) -> Vec<SymmetryOrder> {
@@ -363,34 +337,6 @@ fn random_rotation(rng: &mut SmallRng) -> DQuat {
     }
 }
 
-/// The pair of a plan; the fixed part's fields are computed once.
-fn build(
-    plan: &PairPlan,
-    fixed: &TriangleMesh,
-    moving: &TriangleMesh,
-    kept: &mut Vec<DensityField>,
-) -> Outcome<Pair> {
-    let hash = fixed.hash();
-    Ok(
-        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-            let is_fixed = mesh.hash() == hash;
-            let known = |f: &&DensityField| {
-                is_fixed
-                    && f.lattice().shape() == lattice.shape()
-                    && (f.lattice().spacing() / lattice.spacing() - 1.0).abs() < 1e-9
-            };
-            if let Some(field) = kept.iter().find(known) {
-                return Ok(field.clone());
-            }
-            let field = DensityField::compute(mesh, kernel, lattice, options, &Silent)?;
-            if is_fixed {
-                kept.push(field.clone());
-            }
-            Ok(field)
-        })?,
-    )
-}
-
 struct Judged {
     first: bool,
     /// How much shallower the best false pose is, of the best true one's depth; negative if deeper.
@@ -402,14 +348,9 @@ struct Judged {
     next: (f64, f64),
 }
 
-fn judge(
-    task: &Task,
-    off: &Pose,
-    axes: &[SymmetryAxis],
-    group: &[Pose],
-    pivot: DVec3,
-    report: &SearchReport,
-) -> Judged {
+fn judge(task: &Task, off: &Pose, axes: &[SymmetryAxis], report: &DockingReport) -> Judged {
+    let (group, pivot) = (&report.symmetries, report.lattices.pivot);
+    let poses = || report.poses.iter().map(|p| &p.found);
     let truth = off.inverse();
     let round = axes.iter().find(|a| a.order == SymmetryOrder::Continuous);
     let miss = |pose: &Pose| {
@@ -434,15 +375,15 @@ fn judge(
         distance < SAME_PLACE && angle < SAME_ANGLE
     };
     let lowest = |wanted: bool| {
-        let energies = report.poses.iter().filter(|p| is_true(&p.pose) == wanted);
+        let energies = poses().filter(|p| is_true(&p.pose) == wanted);
         energies.map(|p| p.energy).fold(0.0, f64::min)
     };
-    let (distance, angle) = miss(&report.poses[0].pose);
-    let next = report.poses.iter().filter(|p| !is_true(&p.pose));
+    let (distance, angle) = miss(&report.poses[0].found.pose);
+    let next = poses().filter(|p| !is_true(&p.pose));
     let next = next.min_by(|a, b| a.energy.total_cmp(&b.energy));
     Judged {
         next: next.map_or((f64::NAN, f64::NAN), |p| miss(&p.pose)),
-        first: is_true(&report.poses[0].pose),
+        first: is_true(&report.poses[0].found.pose),
         margin: 1.0 - lowest(false) / lowest(true),
         distance,
         angle,

@@ -6,13 +6,14 @@
 //! the snap script ends.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use fft_correlate::well::gamma_for_peak_force;
+use fft_correlate::{Docking, DockingOptions};
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, Pair, PairBuilder, Pose, RotationDomain,
-    RotationGrid, ScoreModel, SearchDomain, SearchOptions, SearchPairs, search,
+    DirectEvaluator, DirectOptions, EnergyScale, EnergySource, Pair, PairSetup, Pose,
+    RotationDomain, ScoreModel,
 };
 use glam::{DQuat, DVec3};
 use haptic::{
@@ -138,12 +139,14 @@ fn measure(
     tables: &mut Tables,
 ) -> Outcome<()> {
     let began = Instant::now();
-    let builder = PairBuilder {
-        spacing: arguments.quick.then_some(1e-3),
-        ..PairBuilder::default()
+    let mut setup = PairSetup {
+        model: MODEL,
+        energy: EnergyScale::PeakForce(PEAK_FORCE),
+        ..PairSetup::new(Arc::new(fixed.clone()), Arc::new(moving.clone()))
     };
-    let plan = builder.plan(fixed, moving, &MODEL)?;
-    let pair = builder.build(fixed, moving, &MODEL, &Silent)?;
+    setup.builder.spacing = arguments.quick.then_some(1e-3);
+    let plan = setup.plan()?;
+    let pair = setup.load(&Silent)?;
     eprintln!(
         "   {} + {} triangles, spacing {:.2} mm, halo {:.1} mm, {:?} + {:?} nodes, {:.1} s",
         fixed.triangles().len(),
@@ -154,13 +157,9 @@ fn measure(
         plan.moving_lattice.shape(),
         began.elapsed().as_secs_f64()
     );
-    let real_time = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME)?;
-    let window = DVec3::splat(0.5 * moving.bounds().size().max_element());
-    let gamma = gamma_for_peak_force(&real_time, 1.0, &Pose::IDENTITY, window, PEAK_FORCE)?;
-    let pair = pair.with_gamma(gamma)?;
     let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
     curves(name, &pair, &source, arguments, &mut tables.curves)?;
-    docking(name, &pair, &source, &mut tables.docked)?;
+    docking(name, fixed, moving, pair.model().gamma, &mut tables.docked)?;
     snap(name, &pair, moving, &mut tables.snaps)
 }
 
@@ -227,24 +226,31 @@ fn curves(
     Ok(())
 }
 
-fn docking(name: &str, pair: &Pair, source: &dyn EnergySource, table: &mut Table) -> Outcome<()> {
-    let grid = RotationGrid::new(&RotationDomain::ball(30.0, 10.0), None)?;
-    // A table's grid has nodes around its domain; docking searches the domain.
-    let inside = |q: &DQuat| q.angle_between(DQuat::IDENTITY) < 30.5f64.to_radians();
-    let rotations: Vec<_> = grid.nodes().iter().copied().filter(inside).collect();
-    let window = TranslationWindow::cube(0.010, pair.spacing())?;
-    let found = dock(
-        pair,
-        &rotations,
-        &window,
-        &DockOptions::new(pair, 3),
-        Some(source),
-        &Silent,
-    )?;
-    for docked in &found.poses {
-        let d = 1e3 * pair.displacement(&docked.pose);
-        let tilt = (docked.pose.rotation * DVec3::Z).angle_between(DVec3::Z);
-        let yaw = 2.0 * docked.pose.rotation.z.atan2(docked.pose.rotation.w);
+fn docking(
+    name: &str,
+    fixed: &TriangleMesh,
+    moving: &TriangleMesh,
+    gamma: f64,
+    table: &mut Table,
+) -> Outcome<()> {
+    let setup = PairSetup {
+        model: MODEL,
+        energy: EnergyScale::Gamma(gamma),
+        half_extent: Some(DVec3::splat(0.010)),
+        ..PairSetup::new(Arc::new(fixed.clone()), Arc::new(moving.clone()))
+    };
+    let options = DockingOptions {
+        top: 3,
+        rotations: Some(RotationDomain::ball(30.0, 10.0)),
+        ..DockingOptions::default()
+    };
+    let report = Docking::new(&setup, options).run(&Silent)?;
+    let pivot = report.lattices.pivot;
+    for docked in &report.poses {
+        let pose = &docked.found.pose;
+        let d = 1e3 * (pose.apply(pivot) - pivot);
+        let tilt = (pose.rotation * DVec3::Z).angle_between(DVec3::Z);
+        let yaw = 2.0 * pose.rotation.z.atan2(pose.rotation.w);
         table.push([
             name.to_owned(),
             format!("{:+.2}", d.x),
@@ -252,7 +258,7 @@ fn docking(name: &str, pair: &Pair, source: &dyn EnergySource, table: &mut Table
             format!("{:+.2}", d.z),
             format!("{:.1}", tilt.to_degrees()),
             format!("{:+.1}", yaw.to_degrees()),
-            significant(docked.energy, 4),
+            significant(docked.model_energy, 4),
         ]);
     }
     Ok(())

@@ -24,7 +24,7 @@ pub enum CommandError {
     /// The scene file cannot be used.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Scene(Box<SceneError>),
+    Scene(Box<SceneFileError>),
     /// A mesh file cannot be used.
     #[error(transparent)]
     Mesh(Box<sdf_grid::MeshError>),
@@ -32,7 +32,7 @@ pub enum CommandError {
     #[error(
         "{what} needs about {} of memory but only {} can be used: coarsen the lattice, shrink the \
          window, or raise --memory",
-        crate::memory::display_bytes(*.needed), crate::memory::display_bytes(*.budget)
+        crate::report::bytes::display_bytes(*.needed), crate::report::bytes::display_bytes(*.budget)
     )]
     Memory {
         /// The computation.
@@ -121,7 +121,7 @@ pub enum CommandError {
 /// What is wrong with a scene file, and where; carries the text so that the line can be shown.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("{file}, line {line}: {message}")]
-pub struct SceneError {
+pub struct SceneFileError {
     /// The scene file.
     pub file: String,
     /// Line of the trouble, counted from 1.

@@ -3,24 +3,15 @@
 //! The binary only parses arguments and turns a [`CommandError`] into text and an exit code.
 
 pub mod args;
-pub mod assembly;
-pub mod command;
-pub mod device_choice;
-pub mod error;
-pub mod exit;
-pub mod figure;
-pub mod hold;
-pub mod memory;
-mod parquet_log;
-pub mod picture;
-pub mod poses;
-pub mod progress;
-mod say;
+pub mod commands;
+mod context;
+mod error;
+mod exit;
+mod memory;
+mod report;
 pub mod scene;
-pub mod slice;
-mod svg;
-pub mod vti;
+pub mod terminal;
 
-pub use error::CommandError;
+pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
-pub use scene::Scene;
+pub use report::{picture, poses};

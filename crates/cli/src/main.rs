@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use pegfit::args::Arguments;
-use pegfit::progress::watch_for_interrupts;
-use pegfit::{Exit, command};
+use pegfit::terminal::progress::watch_for_interrupts;
+use pegfit::{Exit, commands};
 use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
@@ -15,7 +15,7 @@ fn main() -> ExitCode {
     print_logs();
     shape_errors();
     watch_for_interrupts();
-    match command::run(&arguments) {
+    match commands::run(&arguments) {
         Ok(()) => Exit::Success.into(),
         Err(error) => {
             let exit = error.exit();

@@ -8,7 +8,7 @@ const USABLE: f64 = 0.9;
 
 /// What a command may plan to use, bytes: `limit` if the user set one, else a share of what is
 /// [`available`].
-pub fn budget(limit: Option<u64>) -> u64 {
+pub(crate) fn budget(limit: Option<u64>) -> u64 {
     limit.unwrap_or_else(|| (USABLE * available() as f64) as u64)
 }
 
@@ -16,7 +16,7 @@ pub fn budget(limit: Option<u64>) -> u64 {
 ///
 /// # Errors
 /// Names the computation, its need and the budget.
-pub fn require(what: &str, needed: u64, budget: u64) -> Result<(), CommandError> {
+pub(crate) fn require(what: &str, needed: u64, budget: u64) -> Result<(), CommandError> {
     if needed > budget {
         return Err(CommandError::Memory {
             what: what.to_owned(),
@@ -29,7 +29,7 @@ pub fn require(what: &str, needed: u64, budget: u64) -> Result<(), CommandError>
 
 /// Memory that can be had without swapping, bytes: what the system has free or the limit of this
 /// process' control group, whichever is less.
-pub fn available() -> u64 {
+pub(crate) fn available() -> u64 {
     // A system that does not tell is trusted to have enough.
     let Ok(mut system) = sysinfo::System::new() else {
         return u64::MAX;
@@ -42,31 +42,9 @@ pub fn available() -> u64 {
     }
 }
 
-/// A byte count for people: `1.5 GiB`.
-pub fn display_bytes(bytes: u64) -> String {
-    const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
-    let mut value = bytes as f64;
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < UNITS.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    match unit {
-        0 => format!("{bytes} B"),
-        _ => format!("{value:.1} {}", UNITS[unit]),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bytes_are_readable() {
-        assert_eq!(display_bytes(12), "12 B");
-        assert_eq!(display_bytes(1536), "1.5 KiB");
-        assert_eq!(display_bytes(3 << 30), "3.0 GiB");
-    }
 
     #[test]
     fn a_need_beyond_the_budget_is_refused_with_both_numbers() {

@@ -2,7 +2,7 @@
 
 use std::any::Any;
 
-use crate::se3::{Pose, Wrench};
+use crate::geometry::se3::{Pose, Wrench};
 
 /// Energy, its negative gradient, and how far the pose is covered by the source.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

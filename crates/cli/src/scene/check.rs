@@ -1,23 +1,21 @@
 //! From the scene as written to the scene as used: ranges, defaults, metres and radians.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
-use fft_correlate::{Pose, RotationDomain, ScoreModel};
-use glam::{DQuat, DVec3};
+use fft_correlate::{EnergyScale, LatticeStep, RotationDomain, ScoreModel};
+use glam::DVec3;
 use haptic::HapticConfig;
 use sdf_grid::Sampling;
-use sdf_grid::mesh_io::StepOptions;
 use toml::Spanned;
 
+use super::check_parts::{fixed, moving};
 use super::raw::{
-    Preset, RawEnergy, RawFit, RawFixed, RawLattice, RawLoading, RawMesh, RawModel, RawPart,
-    RawSampling, RawScene, RawSolid, RawWindow,
+    Preset, RawEnergy, RawFit, RawLattice, RawLoading, RawModel, RawSampling, RawScene, RawWindow,
 };
-use super::{
-    EnergyScale, FitChoice, LatticeChoice, LatticeStep, Loading, Part, PlacedMesh, Scene, Source,
-    WindowChoice,
-};
+use super::source::Source;
+use super::types::{FitChoice, LatticeChoice, Loading, Scene, WindowChoice};
+use super::values::{finite, natural, pose, positive};
 use crate::error::CommandError;
 
 /// Force that a scene without an energy scale peaks at, newtons: what a desktop device renders.
@@ -40,9 +38,6 @@ const DEFAULT_ROTATIONS: RotationDomain = RotationDomain::Ball {
     step_deg: 5.0,
 };
 
-/// How far a quaternion may be from unit length and still be taken as a rotation.
-pub(crate) const QUATERNION_SLACK: f64 = 1e-3;
-
 pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, CommandError> {
     let folder = source.path.parent().unwrap_or(Path::new("")).to_owned();
     let metres = raw.unit.in_metres();
@@ -64,157 +59,6 @@ pub(super) fn scene(raw: RawScene, source: &Source<'_>) -> Result<Scene, Command
         loading: loading(&raw.loading, metres, source)?,
         cache: folder.join(raw.cache.as_deref().unwrap_or(".pegfit-cache")),
     })
-}
-
-/// The first fixed part and the others.
-fn fixed(
-    raw: &Spanned<RawFixed>,
-    folder: &Path,
-    metres: f64,
-    source: &Source<'_>,
-) -> Result<(Part, Vec<Part>), CommandError> {
-    let list = &raw.get_ref().0;
-    let mut parts = Vec::new();
-    for (index, item) in list.iter().enumerate() {
-        // A part that is not in a list has the key's own place.
-        let span = match item.span() {
-            empty if empty.is_empty() => raw.span(),
-            place => place,
-        };
-        let role = match list.len() {
-            1 => "fixed".to_owned(),
-            _ => format!("fixed part {}", index + 1),
-        };
-        let part = part(item.get_ref(), span.clone(), &role, folder, metres, source)?;
-        if parts.iter().any(|p: &Part| p.name == part.name) {
-            return Err(source.error(
-                span,
-                format!(
-                    "{role}: expected a name of its own, found `{}` again",
-                    part.name
-                ),
-            ));
-        }
-        parts.push(part);
-    }
-    let mut parts = parts.into_iter();
-    match parts.next() {
-        Some(first) => Ok((first, parts.collect())),
-        None => Err(source.error(raw.span(), "fixed: expected at least one part, found none")),
-    }
-}
-
-fn moving(
-    raw: &Spanned<RawPart>,
-    folder: &Path,
-    metres: f64,
-    source: &Source<'_>,
-) -> Result<Part, CommandError> {
-    let moving = part(raw.get_ref(), raw.span(), "moving", folder, metres, source)?;
-    match &raw.get_ref().table {
-        Some(table) => Err(source.error(
-            table.span(),
-            "moving: expected `table` with a fixed part, found it here",
-        )),
-        None => Ok(moving),
-    }
-}
-
-fn part(
-    raw: &RawPart,
-    span: std::ops::Range<usize>,
-    role: &str,
-    folder: &Path,
-    metres: f64,
-    source: &Source<'_>,
-) -> Result<Part, CommandError> {
-    let meshes = match (&raw.mesh, &raw.meshes) {
-        (None, Some(meshes)) if raw.solid.is_some() || raw.segments_per_turn.is_some() => {
-            return Err(source.error(
-                meshes.span(),
-                format!("{role}: expected `solid` and `segments_per_turn` in each of the meshes"),
-            ));
-        }
-        (Some(_), Some(meshes)) => {
-            return Err(source.error(
-                meshes.span(),
-                format!("{role}: expected mesh or meshes, found both"),
-            ));
-        }
-        (None, None) => {
-            return Err(source.error(span, format!("{role}: missing field `mesh`")));
-        }
-        (Some(mesh), None) => vec![PlacedMesh {
-            path: path(mesh, &span, role, folder, source)?,
-            solid: raw.solid.as_ref().map(RawSolid::to_text),
-            segments_per_turn: segments(&raw.segments_per_turn, source)?,
-            pose: Pose::IDENTITY,
-        }],
-        (None, Some(list)) => {
-            let place = |m: &RawMesh| {
-                Ok(PlacedMesh {
-                    path: path(&m.mesh, &list.span(), role, folder, source)?,
-                    solid: m.solid.as_ref().map(RawSolid::to_text),
-                    segments_per_turn: segments(&m.segments_per_turn, source)?,
-                    pose: pose(&m.position, &m.rotation, metres, source)?,
-                })
-            };
-            list.get_ref()
-                .iter()
-                .map(place)
-                .collect::<Result<_, CommandError>>()?
-        }
-    };
-    let Some(first) = meshes.first() else {
-        return Err(source.error(
-            span,
-            format!("{role}: expected at least one mesh, found none"),
-        ));
-    };
-    let stem = first
-        .path
-        .file_stem()
-        .map(|s| s.to_string_lossy().into_owned());
-    Ok(Part {
-        name: raw
-            .name
-            .clone()
-            .or(first.solid.clone())
-            .or(stem)
-            .unwrap_or(role.to_owned()),
-        pose: pose(&raw.position, &raw.rotation, metres, source)?,
-        table: raw.table.as_ref().map(|t| folder.join(t.get_ref())),
-        meshes,
-    })
-}
-
-/// Edges around a full turn that a converter of STEP files makes.
-fn segments(raw: &Option<Spanned<u32>>, source: &Source<'_>) -> Result<u32, CommandError> {
-    let Some(value) = raw else {
-        return Ok(StepOptions::default().segments_per_turn);
-    };
-    let count = *value.get_ref();
-    if (6..=1000).contains(&count) {
-        return Ok(count);
-    }
-    let message = format!("segments_per_turn: expected 6 to 1000, found {count}");
-    Err(source.error(value.span(), message))
-}
-
-fn path(
-    file: &str,
-    span: &std::ops::Range<usize>,
-    role: &str,
-    folder: &Path,
-    source: &Source<'_>,
-) -> Result<PathBuf, CommandError> {
-    match file.is_empty() {
-        false => Ok(folder.join(file)),
-        true => Err(source.error(
-            span.clone(),
-            format!("{role}: expected a mesh path, found an empty string"),
-        )),
-    }
 }
 
 fn loading(raw: &RawLoading, metres: f64, source: &Source<'_>) -> Result<Loading, CommandError> {
@@ -243,31 +87,6 @@ fn loading(raw: &RawLoading, metres: f64, source: &Source<'_>) -> Result<Loading
         turn_ahead,
         watch: Duration::from_secs_f64(watch),
     })
-}
-
-fn natural(value: &Spanned<f64>, name: &str, source: &Source<'_>) -> Result<f64, CommandError> {
-    match *value.get_ref() {
-        0.0 => Ok(0.0),
-        _ => positive(value, name, source),
-    }
-}
-
-fn pose(
-    position: &Option<Spanned<[f64; 3]>>,
-    rotation: &Option<Spanned<[f64; 4]>>,
-    metres: f64,
-    source: &Source<'_>,
-) -> Result<Pose, CommandError> {
-    let translation = match position {
-        Some(p) => finite(p, "position", source)? * metres,
-        None => DVec3::ZERO,
-    };
-    let rotation = match rotation {
-        Some(q) => quaternion(*q.get_ref())
-            .map_err(|found| source.error(q.span(), not_a_rotation("rotation", &found)))?,
-        None => DQuat::IDENTITY,
-    };
-    Ok(Pose::new(rotation, translation))
 }
 
 fn fit(raw: &RawFit, metres: f64, source: &Source<'_>) -> Result<FitChoice, CommandError> {
@@ -431,52 +250,4 @@ fn window(raw: &RawWindow, metres: f64, source: &Source<'_>) -> Result<WindowCho
         center,
         half_extent,
     })
-}
-
-fn positive(value: &Spanned<f64>, name: &str, source: &Source<'_>) -> Result<f64, CommandError> {
-    let v = *value.get_ref();
-    if v.is_finite() && v > 0.0 {
-        Ok(v)
-    } else {
-        Err(source.error(
-            value.span(),
-            format!("{name}: expected a positive number, found {v}"),
-        ))
-    }
-}
-
-fn finite(
-    value: &Spanned<[f64; 3]>,
-    name: &str,
-    source: &Source<'_>,
-) -> Result<DVec3, CommandError> {
-    let v = DVec3::from_array(*value.get_ref());
-    if v.is_finite() {
-        Ok(v)
-    } else {
-        Err(source.error(
-            value.span(),
-            format!("{name}: expected finite numbers, found {v}"),
-        ))
-    }
-}
-
-/// A rotation from `x, y, z, w`, normalized if nearly of unit length.
-///
-/// # Errors
-/// The length found, as text, if it is further than [`QUATERNION_SLACK`] from 1.
-pub(crate) fn quaternion(xyzw: [f64; 4]) -> Result<DQuat, String> {
-    let q = DQuat::from_array(xyzw);
-    let length = q.length();
-    if length.is_finite() && (length - 1.0).abs() <= QUATERNION_SLACK {
-        Ok(q.normalize())
-    } else {
-        Err(format!("length {length}"))
-    }
-}
-
-fn not_a_rotation(name: &str, found: &str) -> String {
-    format!(
-        "{name}: expected a unit quaternion x, y, z, w (within {QUATERNION_SLACK}), found {found}"
-    )
 }

@@ -1,8 +1,11 @@
 use std::path::Path;
 
+use fft_correlate::{EnergyScale, LatticeStep, ScoreModel};
 use glam::DVec3;
+use sdf_grid::Sampling;
 
-use super::*;
+use super::types::*;
+use crate::error::CommandError;
 
 const SHORT: &str = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\n";
 

@@ -14,9 +14,9 @@ use super::real::Real;
 use super::resample::{MovingField, Turned};
 use super::support::PairSupport;
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
+use crate::geometry::translation::TranslationWindow;
 use crate::level;
 use crate::pair::fields::Pair;
-use crate::geometry::translation::TranslationWindow;
 
 /// Scores one pair over one window; shared by all threads. In `f32`, or in `f64` for verification
 /// ([`Correlator::build_double`]).

@@ -7,9 +7,9 @@ use ndarray::Array3;
 use num_complex::Complex32;
 use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
-use crate::pair::model::ScoreModel;
-use crate::pair::fields::Pair;
 use crate::geometry::translation::TranslationWindow;
+use crate::pair::fields::Pair;
+use crate::pair::model::ScoreModel;
 
 pub(super) const H: f64 = 0.1;
 

@@ -14,8 +14,8 @@ use super::real::Real;
 use super::resample::MovingField;
 use super::support::{PairSupport, ProductSupport};
 use crate::geometry::half_turn::HalfTurnGroup;
-use crate::level;
 use crate::geometry::translation::TranslationWindow;
+use crate::level;
 
 /// What a correlator does for each rotation and what it needs: data to print, compare and test.
 /// Planning reads no density and allocates a few hundred bytes, whatever the window.

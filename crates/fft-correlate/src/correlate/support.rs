@@ -47,14 +47,14 @@ impl PairSupport {
             check_finite(part, field)?;
         }
         let h = pair.spacing();
-        let first = |field: &DensityField| (field.lattice.origin() - pair.pivot()) / h;
+        let first = |field: &DensityField| (field.lattice().origin() - pair.pivot()) / h;
         let moving_first = first(pair.moving());
         let of_product = |product: Product| {
             let fixed = |at| product.fixed.value(pair.fixed(), at);
             let moving = |at| product.moving.value(pair.moving(), at);
             ProductSupport {
-                fixed: support(pair.fixed().lattice.shape(), fixed),
-                moving: MovingSupport::of(pair.moving().lattice.shape(), moving, moving_first),
+                fixed: support(pair.fixed().lattice().shape(), fixed),
+                moving: MovingSupport::of(pair.moving().lattice().shape(), moving, moving_first),
                 product,
             }
         };

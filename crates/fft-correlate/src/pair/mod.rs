@@ -1,8 +1,11 @@
 //! Two parts and the model between them: from meshes to what every scorer works on.
 
+pub(crate) mod budget;
 pub(crate) mod builder;
+mod cached;
 pub(crate) mod deaverage;
 pub(crate) mod fields;
+pub(crate) mod lattice_step;
 pub(crate) mod model;
 pub(crate) mod recipe;
 

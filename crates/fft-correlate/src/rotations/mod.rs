@@ -7,3 +7,4 @@ pub(crate) mod domain;
 mod fold;
 pub(crate) mod grid;
 mod near;
+pub(crate) mod symmetry;

@@ -230,6 +230,7 @@ impl EnergyTable {
         self.rows.all() || !pose.is_valid() || self.grid().all_around(pose, self.interpolation, has)
     }
 
+    #[cfg(test)]
     pub(crate) fn plan(&self) -> &Arc<Plan> {
         &self.plan
     }
@@ -258,9 +259,5 @@ impl EnergySource for EnergyTable {
 
     fn is_loaded(&self, pose: &Pose, _scratch: &Scratch) -> bool {
         self.has_around(pose)
-    }
-
-    fn field(&self) -> usize {
-        Arc::as_ptr(self.plan()) as usize
     }
 }

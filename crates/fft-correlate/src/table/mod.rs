@@ -2,6 +2,7 @@
 
 pub(crate) mod accuracy;
 pub(crate) mod bake;
+pub(crate) mod design;
 mod encode;
 pub(crate) mod energy_table;
 pub(crate) mod error;
@@ -17,8 +18,10 @@ pub(crate) mod spec;
 mod stencil;
 pub(crate) mod storage;
 pub(crate) mod store;
+pub(crate) mod tolerance;
 
 pub use accuracy::Errors;
 pub use launcher::LauncherError;
 pub use store::chunks::ChunkState;
 pub use store::format::FORMAT_VERSION;
+pub use tolerance::{FieldSampling, LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial};

@@ -5,6 +5,7 @@
 
 pub mod conformance;
 pub(crate) mod contract;
+mod insertion;
 pub mod hid;
 pub(crate) mod script;
 pub(crate) mod simulated;

@@ -9,6 +9,7 @@ pub(crate) mod live_scene;
 pub(crate) mod live_source;
 pub(crate) mod options;
 pub(crate) mod pair;
+pub(crate) mod pair_loading;
 mod rotations;
 pub(crate) mod shared;
 mod slot;
@@ -18,4 +19,5 @@ mod tables;
 
 pub use error::LiveSceneError;
 pub use event::{PairState, SceneChange, SceneEvent};
+pub use pair_loading::{beside_the_loop, direct_reach, table_reach};
 pub use pair::{Content, LoadFailure, Loaded, Loader};

@@ -1,0 +1,394 @@
+//! The command line as typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use sdf_grid::LengthUnit;
+use sdf_grid::mesh_io::{ReadOptions, StepOptions};
+
+use crate::args::device_choice::DeviceChoice;
+
+/// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// What every command understands.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 success, 1 failure, 2 unusable arguments or input, 3 unusable mesh (check), \
+4 damaged table (table), 130 interrupted.
+PEGFIT_LOG=debug (or info, trace) prints what the libraries are doing.";
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+pub struct Global {
+    /// Worker threads [default: one per core]
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Most memory to use, GiB [default: nine tenths of what is available]
+    #[arg(long, global = true, value_name = "GIB")]
+    pub memory: Option<f64>,
+    /// No progress bars and no remarks
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Print the result as JSON on standard output
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// See it all: three pegs find their holes, with pictures and a page that explains them
+    Demo(DemoArgs),
+    /// Say whether meshes, or those of a scene, can be used, and what had to be repaired
+    Check(CheckArgs),
+    /// Compute the density field of one mesh and write it for ParaView
+    Field(FieldArgs),
+    /// Tabulate a scene's energy over its whole domain
+    Bake(BakeArgs),
+    /// Say what a table holds, how large it is and how wrong it says it is
+    Table(TableArgs),
+    /// Measure a table's error again at fresh poses and compare it with what the table says
+    Verify(VerifyArgs),
+    /// Score, energy, force and torque at listed poses
+    Score(ScoreArgs),
+    /// Search a scene's whole domain for the best poses
+    Dock(DockArgs),
+    /// Run the 1 kHz haptic loop
+    Feel(FeelArgs),
+    /// List the haptic devices attached and what each can do
+    Devices(DevicesArgs),
+    /// Draw one of the paper's figures for a scene
+    Plot(PlotArgs),
+}
+
+/// Arguments of `pegfit demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Folder to write to; made if absent
+    #[arg(long, default_value = "pegfit-demo")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `pegfit check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP; or scene files, whose meshes are looked at as the
+    /// scene reads them
+    #[arg(required = true)]
+    pub meshes: Vec<PathBuf>,
+    /// Length unit of files that state none: m, cm, mm, um, inch or foot; a scene states its own
+    #[arg(long, default_value = "mm")]
+    pub unit: LengthUnit,
+    /// What is read of the files.
+    #[command(flatten)]
+    pub choice: MeshChoice,
+}
+
+/// What is read of a mesh file.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct MeshChoice {
+    /// Use only this solid of the file, by its name or its number as `pegfit check` lists them
+    #[arg(long, value_name = "NAME")]
+    pub solid: Option<String>,
+    /// STEP: edges around a full turn of a curved face, 6 to 1000
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    pub segments_per_turn: u32,
+}
+
+impl MeshChoice {
+    /// The same for the reading library, with the unit of files that state none.
+    pub fn options(&self, unit: LengthUnit) -> ReadOptions {
+        ReadOptions {
+            unit,
+            solid: self.solid.clone(),
+            step: StepOptions {
+                segments_per_turn: self.segments_per_turn,
+                ..StepOptions::default()
+            },
+            ..ReadOptions::default()
+        }
+    }
+}
+
+/// Arguments of `pegfit field`.
+#[derive(Debug, Args)]
+pub struct FieldArgs {
+    /// Mesh file: OBJ, STL, PLY, glTF, 3MF or STEP
+    pub mesh: PathBuf,
+    /// Length unit of the lengths below, and of the file unless it states its own: m, cm, mm, um,
+    /// inch or foot
+    #[arg(long, default_value = "mm")]
+    pub unit: LengthUnit,
+    /// What is read of the file.
+    #[command(flatten)]
+    pub choice: MeshChoice,
+    /// Distance between lattice nodes [default: the longest side / 48]
+    #[arg(long)]
+    pub spacing: Option<f64>,
+    /// Lattice margin around the mesh [default: a quarter of the longest side]
+    #[arg(long)]
+    pub margin: Option<f64>,
+    /// Kernel thickness, 0.03 to 0.5
+    #[arg(long, default_value_t = 0.1)]
+    pub sigma: f64,
+    /// Relative L2 error allowed, 1e-5 to 1e-2
+    #[arg(long, default_value_t = 1e-3)]
+    pub tolerance: f64,
+    /// VTK image file to write
+    #[arg(short, long, value_name = "FIELD.vti")]
+    pub output: Option<PathBuf>,
+    /// Plane of the picture, such as y=0, in the length unit
+    #[arg(long, value_name = "AXIS=VALUE")]
+    pub slice: Option<String>,
+    /// Picture of the slice to write
+    #[arg(long, value_name = "P.png")]
+    pub png: Option<PathBuf>,
+    /// Picture of the skeleton in space to write: nodes where the density is high
+    #[arg(long, value_name = "P.png")]
+    pub skeleton: Option<PathBuf>,
+}
+
+/// Arguments of `pegfit bake`.
+#[derive(Debug, Args)]
+pub struct BakeArgs {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
+    /// Table to write, a Zarr folder; or its URL (file://, and with the cargo feature `cloud` s3://,
+    /// gs://, http://, https://)
+    #[arg(short, long, value_name = "TABLE.zarr")]
+    pub output: PathBuf,
+    /// Go on with a table that was interrupted
+    #[arg(long)]
+    pub resume: bool,
+    /// Which of --size workers this is, from 0 [default: from the launcher's environment]
+    #[arg(long, value_name = "R")]
+    pub rank: Option<usize>,
+    /// How many workers share the table
+    #[arg(long, value_name = "N")]
+    pub size: Option<usize>,
+    /// Only say how much of the table is there
+    #[arg(long)]
+    pub status: bool,
+    /// Choose lattice, sampling and rotation step so that the rms error of the force is at most this
+    /// share of the rms force, such as 5% or 0.05
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub tolerance: Option<f64>,
+    /// How energies are stored
+    #[arg(long, value_enum, default_value_t = NumbersChoice::Float16)]
+    pub numbers: NumbersChoice,
+    /// Leave out bricks of 8 x 8 x 8 displacements in which no energy differs from the far one by
+    /// more than this share of the largest; 0 keeps all
+    #[arg(long, value_name = "SHARE", default_value = "0.0005", value_parser = share)]
+    pub leave_out: f64,
+    /// Held-out poses at which the error of the finished table is measured
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub poses: usize,
+}
+
+/// Kinds of stored numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NumbersChoice {
+    /// Half precision
+    Float16,
+    /// Whole numbers, with one scale for each rotation
+    Int16,
+}
+
+/// A share written as `0.05` or `5%`.
+fn share(text: &str) -> Result<f64, String> {
+    let number = |t: &str| t.trim().parse::<f64>().map_err(|e| e.to_string());
+    let found = match text.strip_suffix('%') {
+        Some(percent) => number(percent)? / 100.0,
+        None => number(text)?,
+    };
+    match (0.0..=1.0).contains(&found) {
+        true => Ok(found),
+        false => Err("expected 0 to 1, or 0% to 100%".into()),
+    }
+}
+
+/// Arguments of `pegfit table`.
+#[derive(Debug, Args)]
+pub struct TableArgs {
+    /// Table, a Zarr folder
+    #[arg(value_name = "TABLE.zarr")]
+    pub table: PathBuf,
+}
+
+/// Arguments of `pegfit verify`.
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// Table, a Zarr folder
+    #[arg(value_name = "TABLE.zarr")]
+    pub table: PathBuf,
+    /// The scene it was baked from
+    #[arg(long, value_name = "SCENE.toml")]
+    pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
+    /// Seed of the poses [default: one more than that of the table's own measurement]
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// How many poses
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub poses: usize,
+    /// How much more than stated is still accepted, as a share of it: 0.5 allows half as much again
+    #[arg(long, default_value = "0.5", value_parser = share)]
+    pub margin: f64,
+}
+
+/// Arguments of `pegfit score`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("source").required(true).args(["scene", "table"]))]
+pub struct ScoreArgs {
+    /// Evaluate directly, from this scene's meshes
+    #[arg(long, value_name = "SCENE.toml")]
+    pub scene: Option<PathBuf>,
+    /// Interpolate this table
+    #[arg(long, value_name = "TABLE.zarr")]
+    pub table: Option<PathBuf>,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME", requires = "scene")]
+    pub fixed: Option<String>,
+    /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
+    #[arg(long, value_name = "IN.csv")]
+    pub poses: PathBuf,
+    /// Add a column with the score's condition number, the sum of its absolute terms over itself;
+    /// some hundred times slower
+    #[arg(long, requires = "scene")]
+    pub condition: bool,
+    /// Scores; - is standard output
+    #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
+    pub output: PathBuf,
+}
+
+/// Arguments of `pegfit dock`.
+#[derive(Debug, Args)]
+pub struct DockArgs {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
+    /// How many poses to keep
+    #[arg(long, default_value_t = 10, value_name = "K")]
+    pub top: usize,
+    /// Poses found, best first; - is standard output
+    #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
+    pub output: PathBuf,
+    /// Report to write: poses, model, rotations, times
+    #[arg(long, value_name = "REPORT.json")]
+    pub report: Option<PathBuf>,
+    /// Keep what has been scored in this file, and go on with it if it is there
+    #[arg(long, value_name = "STATE.json")]
+    pub state: Option<PathBuf>,
+    /// Score every rotation, not only those that a sketch on twice the spacing chooses
+    #[arg(long)]
+    pub exhaustive: bool,
+}
+
+/// Arguments of `pegfit feel`.
+#[derive(Debug, Args)]
+pub struct FeelArgs {
+    /// Scene file
+    pub scene: PathBuf,
+    /// Interpolate this table instead of evaluating directly
+    #[arg(long, value_name = "TABLE.zarr")]
+    pub table: Option<PathBuf>,
+    /// What holds the moving part: simulated, auto, replay:LOG.csv, spacemouse or pid (the last two
+    /// with :PATH, :SERIAL or :VENDOR:PRODUCT to choose among several; see `pegfit devices`)
+    #[arg(long, value_name = "DEVICE", default_value = "simulated")]
+    pub device: DeviceChoice,
+    /// What the simulated hand does
+    #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
+    pub script: ScriptChoice,
+    /// How long, seconds
+    #[arg(long, default_value_t = 5.0)]
+    pub seconds: f64,
+    /// Write every tick; .csv or .parquet
+    #[arg(long, value_name = "LOG.csv")]
+    pub log: Option<PathBuf>,
+    /// Draw force against time
+    #[arg(long, value_name = "P.png")]
+    pub png: Option<PathBuf>,
+    /// Write a page with force, energy bookkeeping, rate, histograms and events
+    #[arg(long, value_name = "R.html")]
+    pub report: Option<PathBuf>,
+}
+
+/// Arguments of `pegfit devices`.
+#[derive(Debug, Args)]
+pub struct DevicesArgs {
+    /// Show a device's axes and buttons as they move, until Ctrl-C
+    #[arg(long)]
+    pub probe: bool,
+    /// Which one to probe: a path, serial number or VENDOR:PRODUCT [default: the first]
+    #[arg(value_name = "DEVICE", requires = "probe")]
+    pub device: Option<String>,
+    /// Stop probing after so many seconds
+    #[arg(long, requires = "probe")]
+    pub seconds: Option<f64>,
+}
+
+/// Scripts of the simulated hand, after the paper's two tests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ScriptChoice {
+    /// Push the part into the rim beside the fit.
+    Collision,
+    /// Bring the part near the fit and let go.
+    Snap,
+    /// Hold the part and let the forces move it.
+    Free,
+}
+
+/// Arguments of `pegfit plot`.
+#[derive(Debug, Args)]
+pub struct PlotArgs {
+    /// Which figure
+    #[arg(value_enum)]
+    pub kind: PlotKind,
+    /// Scene file
+    pub scene: PathBuf,
+    /// Which fixed part of a scene with several, by its name
+    #[arg(long, value_name = "NAME")]
+    pub fixed: Option<String>,
+    /// Picture to write (not for `well`, which prints numbers)
+    #[arg(short, long, value_name = "P.png")]
+    pub output: Option<PathBuf>,
+    /// Plane of a slice, such as y=0, in the scene's unit [default: y through the fit]
+    #[arg(long, value_name = "AXIS=VALUE")]
+    pub slice: Option<String>,
+    /// The two translations of a score surface, such as xz, or the motion of a curve: x, y, z for
+    /// translations, rx, ry, rz for rotations
+    #[arg(long)]
+    pub along: Option<String>,
+}
+
+/// The paper's figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PlotKind {
+    /// Both parts' densities on a plane (figures 4b, 4c)
+    Density,
+    /// The product of the densities at the assembled pose (figure 4d)
+    Overlap,
+    /// The score over two translations (figure 5)
+    Score,
+    /// The energy along one translation or rotation (figure 6)
+    Energy,
+    /// Force against time in the collision and snap tests (figure 7)
+    Force,
+    /// Depth, stiffness, diameter and barriers of the well, in numbers
+    Well,
+}

@@ -1,0 +1,6 @@
+//! The command line: what may be typed, and what it means.
+
+mod command_line;
+pub mod device_choice;
+
+pub use command_line::*;

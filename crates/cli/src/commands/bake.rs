@@ -1,0 +1,297 @@
+//! `pegfit bake`: the SE(3) table of a scene.
+
+use std::path::Path;
+use std::time::Instant;
+
+use fft_correlate::{
+    BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share,
+    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error, typical_condition,
+};
+use serde::Serialize;
+
+use super::{stored, tolerance};
+use crate::args::{BakeArgs, NumbersChoice};
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::bytes::display_bytes;
+use crate::report::output::{print_json, require_folder};
+use crate::scene::{Assembly, Scene, explain_design};
+
+#[derive(Serialize)]
+struct Summary {
+    table: String,
+    rotations: usize,
+    computed: usize,
+    repaired: usize,
+    kept: usize,
+    /// Of the rotations computed now.
+    bricks: usize,
+    bricks_left_out: usize,
+    seconds: f64,
+    /// In memory, if nothing were left out.
+    bytes_dense: u64,
+    /// In memory.
+    bytes: u64,
+    bytes_on_disk: u64,
+    /// Metres.
+    spacing: f64,
+    complete: bool,
+    error: Option<ErrorReport>,
+}
+
+pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
+    if args.status {
+        return status(args, context);
+    }
+    let share = share(args)?;
+    require_place(&args.output)?;
+    let (design, reference) = prepare(args, context)?;
+    let began = Instant::now();
+    let spec = TableSpec {
+        storage: storage(args),
+        ..design.table.spec.clone()
+    };
+    let energies = design
+        .table
+        .energies(context.memory)
+        .map_err(|e| explain_design(&design.scene, e))?;
+    let report = bake(&args.output, &spec, &energies, share, &context.progress)
+        .map_err(|e| stored::explain(&args.output, e))?;
+    context.progress.finish();
+    let seconds = began.elapsed().as_secs_f64();
+    let mut store = stored::open(&args.output)?;
+    let progress = stored::examine(&store)?;
+    let mut summary = summary(args, &report, &store, seconds)?;
+    // Of several processes, the one that finds the table whole measures its error.
+    if progress.finished == progress.rotations {
+        let table = stored::load(&store, context)?;
+        summary.bytes = table.memory();
+        let error = measure(&mut store, &table, &design, reference, args.poses)?;
+        summary.error = Some(error);
+        summary.complete = true;
+    }
+    match context.json {
+        true => print_json(&summary)?,
+        false => print(&summary, &progress),
+    }
+    check_tolerance(args, summary.error.as_ref())
+}
+
+/// A scene and its table.
+struct Design {
+    scene: Scene,
+    table: TableDesign,
+}
+
+fn storage(args: &BakeArgs) -> Storage {
+    Storage {
+        numbers: match args.numbers {
+            NumbersChoice::Float16 => Numbers::Half,
+            NumbersChoice::Int16 => Numbers::Integer,
+        },
+        leave_out: args.leave_out,
+    }
+}
+
+/// The table as it is to be baked, and, where a tolerance was asked for, what its error is measured
+/// against. A table that is already there has chosen.
+fn prepare(
+    args: &BakeArgs,
+    context: &Context,
+) -> Result<(Design, Option<Reference>), CommandError> {
+    let mut scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let mut reference = None;
+    if let Some(tolerance) = args.tolerance {
+        if !exists(&args.output)? {
+            let found = tolerance::choose(&scene, tolerance, context)?;
+            let reference = Reference {
+                truth: found.truth,
+                spacing: found.reference_spacing,
+            };
+            let table = found.design;
+            return Ok((Design { scene, table }, Some(reference)));
+        }
+        let store = stored::open(&args.output)?;
+        stored::expect_scene(&store, &scene, context)?;
+        let spacing = 0.5 * store.spec().window.spacing();
+        let (truth, _) = stored::reference(&store, scene.clone(), spacing, context)?;
+        reference = Some(Reference { truth, spacing });
+        scene = stored::as_baked(scene, store.spec());
+        scene.rotations = store.spec().rotations.clone();
+    }
+    let assembly = Assembly::load(scene, context)?;
+    let table = assembly.design()?;
+    let scene = assembly.scene;
+    Ok((Design { scene, table }, reference))
+}
+
+/// Checks that the folder of a table to be exists; object stores have no folders.
+fn require_place(output: &Path) -> Result<(), CommandError> {
+    let files = TableFiles::at(output).map_err(stored::bad_table)?;
+    if TableFiles::is_remote(output) {
+        return Ok(());
+    }
+    require_folder(files.place())
+}
+
+fn exists(output: &Path) -> Result<bool, CommandError> {
+    let files = TableFiles::at(output).map_err(stored::bad_table)?;
+    files.exist().map_err(stored::bad_table)
+}
+
+/// What a table's error is measured against.
+struct Reference {
+    truth: DirectEvaluator,
+    spacing: f64,
+}
+
+/// The probes may have promised too much.
+fn check_tolerance(args: &BakeArgs, error: Option<&ErrorReport>) -> Result<(), CommandError> {
+    match (args.tolerance, error) {
+        (Some(asked), Some(error)) if error.force.relative() > asked => {
+            Err(CommandError::Tolerance {
+                part: "the whole table",
+                asked,
+                reached: error.force.relative(),
+                reason: "though its probes did; it is kept. Ask for a little less, or more poses"
+                    .into(),
+            })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The options, else the launcher's environment, else all of it.
+fn share(args: &BakeArgs) -> Result<Share, CommandError> {
+    let (rank, size) = match (args.rank, args.size) {
+        (Some(rank), Some(size)) => (rank, size),
+        (Some(_), None) => {
+            return Err(CommandError::option("--size", "given with --rank", "none"));
+        }
+        (None, size) => {
+            let found = Launcher::from_env(size)
+                .map_err(|e| CommandError::bad_input("launcher's environment", e))?;
+            match (found, size) {
+                (Some(launcher), _) => (launcher.rank, launcher.size),
+                (None, Some(size)) if size != 1 => {
+                    return Err(CommandError::option("--rank", "given with --size", "none"));
+                }
+                (None, _) => (0, 1),
+            }
+        }
+    };
+    if rank >= size {
+        return Err(CommandError::option(
+            "--rank",
+            format!("below --size {size}"),
+            rank,
+        ));
+    }
+    Ok(Share {
+        rank,
+        size,
+        resume: args.resume,
+    })
+}
+
+fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
+    // The scene is read so that a mistake in it is found before the bake, not after.
+    Scene::read(&args.scene)?;
+    let progress = stored::examine(&stored::open(&args.output)?)?;
+    if context.json {
+        return print_json(&progress);
+    }
+    crate::say!(
+        "{}: {} of {} rotations finished, {} missing, {} damaged",
+        args.output.display(),
+        progress.finished,
+        progress.rotations,
+        progress.missing,
+        progress.damaged
+    );
+    Ok(())
+}
+
+fn measure(
+    store: &mut TableStore,
+    table: &EnergyTable,
+    design: &Design,
+    reference: Option<Reference>,
+    poses: usize,
+) -> Result<ErrorReport, CommandError> {
+    let pair = &design.table.pair;
+    let reference = match reference {
+        Some(reference) => reference,
+        None => Reference {
+            truth: DirectEvaluator::new(pair, &DirectOptions::FULL)
+                .map_err(|e| CommandError::bad_input(design.scene.path.display().to_string(), e))?,
+            spacing: pair.spacing(),
+        },
+    };
+    let mut report = measure_error(table, &reference.truth, poses, stored::SEED);
+    report.reference_spacing = reference.spacing;
+    let looks = poses.min(stored::CONDITION_POSES);
+    let condition = typical_condition(pair, table.spec(), looks, stored::SEED);
+    report.condition = Some(condition);
+    store
+        .write_error_report(&report)
+        .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;
+    Ok(report)
+}
+
+fn summary(
+    args: &BakeArgs,
+    report: &BakeReport,
+    store: &TableStore,
+    seconds: f64,
+) -> Result<Summary, CommandError> {
+    let bytes_dense = u64::try_from(store.spec().bytes(report.rotations)).unwrap_or(u64::MAX);
+    Ok(Summary {
+        table: args.output.display().to_string(),
+        rotations: report.rotations,
+        computed: report.computed,
+        repaired: report.repaired,
+        kept: report.kept,
+        bricks: report.bricks,
+        bricks_left_out: report.bricks_left_out,
+        seconds,
+        bytes_dense,
+        bytes: bytes_dense,
+        bytes_on_disk: store
+            .bytes_on_disk()
+            .map_err(|e| CommandError::failure("table", e))?,
+        spacing: store.spec().window.spacing(),
+        complete: false,
+        error: None,
+    })
+}
+
+fn print(summary: &Summary, progress: &stored::Progress) {
+    crate::say!(
+        "{}: {} of {} rotations, {} in memory, {} on disk",
+        summary.table,
+        progress.finished,
+        summary.rotations,
+        display_bytes(summary.bytes),
+        display_bytes(summary.bytes_on_disk)
+    );
+    crate::say!(
+        "computed {} rotations in {:.2} s ({:.1} ms each), {} were there, {} of them damaged",
+        summary.computed,
+        summary.seconds,
+        1e3 * summary.seconds / summary.computed.max(1) as f64,
+        summary.kept + summary.repaired,
+        summary.repaired
+    );
+    crate::say!(
+        "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers, {} less in memory",
+        summary.bricks_left_out,
+        summary.bricks,
+        display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
+        display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
+    );
+    match &summary.error {
+        None => crate::say!("not complete yet: its error is measured when it is"),
+        Some(error) => stored::print_error(error),
+    }
+}

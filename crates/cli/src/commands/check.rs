@@ -1,0 +1,270 @@
+//! `pegfit check`: can these meshes, or those of a scene, be used, and what had to be repaired?
+
+use std::path::{Path, PathBuf};
+
+use sdf_grid::mesh_io::{MeshFile, ReadOptions, Solid};
+use sdf_grid::{
+    HygieneReport, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry,
+};
+use serde::Serialize;
+
+use crate::args::{CheckArgs, MeshChoice};
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::print_json;
+use crate::scene::Scene;
+
+/// Components and solids listed one by one.
+const MOST_LISTED: usize = 12;
+
+/// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
+/// a fine tessellation, below what matters for a fit.
+const SYMMETRY_TOLERANCE: f64 = 5e-4;
+
+/// What is said about one file.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Verdict {
+    Usable {
+        #[serde(flatten)]
+        report: Box<HygieneReport>,
+        solids: Vec<String>,
+        stated_unit: Option<LengthUnit>,
+        symmetry: Vec<SymmetryAxis>,
+        warnings: Vec<String>,
+        usable: bool,
+    },
+    Unusable {
+        name: String,
+        error: String,
+        usable: bool,
+    },
+}
+
+/// A mesh to look at, and how to read it.
+#[derive(Debug, Clone, PartialEq)]
+struct Subject {
+    path: PathBuf,
+    choice: MeshChoice,
+    unit: LengthUnit,
+}
+
+pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
+    let mut subjects = Vec::new();
+    for path in &args.meshes {
+        match path.extension().is_some_and(|e| e == "toml") {
+            true => subjects.extend(meshes_of(&Scene::read(path)?)),
+            false => subjects.push(Subject {
+                path: path.clone(),
+                choice: args.choice.clone(),
+                unit: args.unit,
+            }),
+        }
+    }
+    let look = |s: &Subject| examine(&s.path, &s.choice.options(s.unit));
+    let verdicts: Vec<Verdict> = subjects.iter().map(look).collect();
+    if context.json {
+        print_json(&verdicts)?;
+    } else {
+        for (verdict, subject) in verdicts.iter().zip(&subjects) {
+            print(verdict, subject.unit);
+        }
+    }
+    let unusable = verdicts
+        .iter()
+        .filter(|v| matches!(v, Verdict::Unusable { .. }))
+        .count();
+    match unusable {
+        0 => Ok(()),
+        count => Err(CommandError::UnusableMeshes {
+            count,
+            total: verdicts.len(),
+        }),
+    }
+}
+
+/// Every mesh of a scene once, however often it stands there.
+fn meshes_of(scene: &Scene) -> Vec<Subject> {
+    let mut subjects = Vec::new();
+    for part in scene.fixed_parts().chain([&scene.moving]) {
+        for mesh in &part.meshes {
+            let subject = Subject {
+                path: mesh.path.clone(),
+                choice: mesh.choice(),
+                unit: scene.unit,
+            };
+            if !subjects.contains(&subject) {
+                subjects.push(subject);
+            }
+        }
+    }
+    subjects
+}
+
+fn examine(path: &Path, options: &ReadOptions) -> Verdict {
+    match read(path, options) {
+        Ok((mesh, report, solids, stated_unit)) => Verdict::Usable {
+            symmetry: symmetry::detect(&mesh, SYMMETRY_TOLERANCE * mesh.bounds().diagonal()),
+            warnings: report.warnings(),
+            report: Box::new(report),
+            solids: listed(&solids),
+            stated_unit,
+            usable: true,
+        },
+        Err(error) => Verdict::Unusable {
+            name: path.display().to_string(),
+            error: error.to_string(),
+            usable: false,
+        },
+    }
+}
+
+type Reading = (TriangleMesh, HygieneReport, Vec<Solid>, Option<LengthUnit>);
+
+fn read(path: &Path, options: &ReadOptions) -> Result<Reading, MeshError> {
+    let file = MeshFile::open(path, &options.step)?;
+    let (solids, unit) = (file.solids(), file.stated_unit());
+    let (mesh, report) = file.clean(options)?;
+    Ok((mesh, report, solids, unit))
+}
+
+/// Number, name and size of each solid.
+fn listed(solids: &[Solid]) -> Vec<String> {
+    solids
+        .iter()
+        .enumerate()
+        .map(|(i, s)| match s.name.as_str() {
+            "" => format!("{}, no name, {} triangles", i + 1, s.triangles),
+            name => format!("{}, {name:?}, {} triangles", i + 1, s.triangles),
+        })
+        .collect()
+}
+
+fn print(verdict: &Verdict, unit: LengthUnit) {
+    match verdict {
+        Verdict::Unusable { name, error, .. } => {
+            crate::say!("{name}: cannot be used");
+            crate::say!("  {error}");
+        }
+        Verdict::Usable {
+            report,
+            solids,
+            stated_unit,
+            symmetry,
+            warnings,
+            ..
+        } => {
+            crate::say!("{}: usable", report.name);
+            if let Some(stated) = stated_unit {
+                crate::say!("  unit         {stated}, as the file says");
+            }
+            if solids.len() > 1 {
+                print_list("solid", solids);
+            }
+            print_changes(report, unit);
+            print_surface(report, unit);
+            print_size(report, unit);
+            for axis in symmetry {
+                let [x, y, z] = axis.direction.to_array();
+                let order = match axis.order {
+                    SymmetryOrder::Continuous => "any turn".to_owned(),
+                    SymmetryOrder::Finite(n) => format!("{n}-fold"),
+                };
+                crate::say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
+            }
+            for warning in warnings {
+                crate::say!("  note         {warning}");
+            }
+        }
+    }
+}
+
+fn print_list(title: &str, lines: &[String]) {
+    for line in lines.iter().take(MOST_LISTED) {
+        crate::say!("  {title:<12} {line}");
+    }
+    if let Some(more) = lines.len().checked_sub(MOST_LISTED + 1) {
+        crate::say!("  {title:<12} and {} more", more + 1);
+    }
+}
+
+/// What hygiene did to the triangles.
+fn print_changes(report: &HygieneReport, unit: LengthUnit) {
+    let metre = unit.in_metres();
+    crate::say!(
+        "  triangles    {} of {} kept: {} without area, {} duplicate, {} edges cut at T-junctions",
+        report.triangles,
+        report.input_triangles,
+        report.zero_area_faces,
+        report.duplicate_faces,
+        report.stitched_edges
+    );
+    crate::say!(
+        "  vertices     {} of {} kept: {} welded within {:.3e} {unit}, {} unused",
+        report.vertices,
+        report.input_vertices,
+        report.welded_vertices,
+        report.weld_distance / metre,
+        report.unused_vertices
+    );
+}
+
+/// How the surface hangs together.
+fn print_surface(report: &HygieneReport, unit: LengthUnit) {
+    let metre = unit.in_metres();
+    crate::say!("  components   {}", report.components);
+    if report.components > 1 {
+        let lines: Vec<String> = report
+            .per_component
+            .iter()
+            .map(|c| {
+                let mut text = format!(
+                    "{} triangles, {} reversed, volume {:.6} {unit}³",
+                    c.triangles,
+                    c.flipped_faces,
+                    c.volume / metre.powi(3)
+                );
+                if c.cavity {
+                    text += ", a cavity";
+                }
+                if c.overlaps {
+                    text += ", overlaps another";
+                }
+                text
+            })
+            .collect();
+        print_list("component", &lines);
+    }
+    match (report.watertight, report.open_edges) {
+        (true, _) => crate::say!("  watertight   yes"),
+        (false, 0) => crate::say!("  watertight   no"),
+        (false, n) => crate::say!(
+            "  watertight   no, {n} open edges, {:.3} % of the area missing",
+            100.0 * report.open_area_fraction
+        ),
+    }
+    match report.flipped_faces {
+        0 => crate::say!("  orientation  outwards"),
+        n => crate::say!("  orientation  outwards, after {n} faces were reversed"),
+    }
+}
+
+fn print_size(report: &HygieneReport, unit: LengthUnit) {
+    let metre = unit.in_metres();
+    let size = report.bounds.size() / metre;
+    let low = report.bounds.min / metre;
+    crate::say!(
+        "  volume       {:.6} {unit}³",
+        report.volume / metre.powi(3)
+    );
+    crate::say!("  area         {:.6} {unit}²", report.area / metre.powi(2));
+    crate::say!(
+        "  bounds       {:.6} x {:.6} x {:.6} {unit}, from ({:.6}, {:.6}, {:.6})",
+        size.x,
+        size.y,
+        size.z,
+        low.x,
+        low.y,
+        low.z
+    );
+}

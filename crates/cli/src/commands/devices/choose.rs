@@ -1,0 +1,141 @@
+//! Which attached device `--device` means.
+
+use haptic::device::hid::{self, Access, DeviceInfo, DeviceKind};
+use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
+
+use crate::args::device_choice::{DeviceChoice, Which};
+use crate::context::Context;
+use crate::error::CommandError;
+
+/// What lets the user who sits at the machine open these devices.
+const UDEV_RULES: &str = include_str!("../../../udev/70-pegfit.rules");
+
+/// Where the rules go.
+const UDEV_PATH: &str = "/etc/udev/rules.d/70-pegfit.rules";
+
+/// Why no device can be used.
+#[derive(Debug, thiserror::Error)]
+enum Unusable {
+    #[error("no haptic device is attached (3Dconnexion or USB HID PID)")]
+    None,
+    #[error("no attached device is {0}; `pegfit devices` lists what there is")]
+    NoSuch(String),
+    #[error("{} may not be opened by this user", .0.join(", "))]
+    Denied(Vec<String>),
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// The device that `choice` means, opened with the settings of its kind; `None` for the simulated hand.
+pub(in crate::commands) fn choose(
+    choice: &DeviceChoice,
+    config: &HapticConfig,
+    context: &Context,
+) -> Result<Option<Box<dyn Device>>, CommandError> {
+    match choice {
+        DeviceChoice::Simulated => Ok(None),
+        DeviceChoice::Replay(path) => {
+            let samples = read_log(path).map_err(|e| CommandError::bad_input("--device", e))?;
+            let spec = DeviceSpec {
+                name: format!("replay of {}", path.display()),
+                ..HandConfig::default().spec()
+            };
+            Ok(Some(Box::new(Replay::new(spec, samples))))
+        }
+        DeviceChoice::Attached(kind, which) => {
+            let found = enumerate()?;
+            let wanted = |d: &DeviceInfo| d.kind == *kind && which.means(d);
+            let text = format!("{} {}", kind_name(*kind), which_text(which));
+            open(pick(&found, wanted, text.trim())?, config).map(Some)
+        }
+        DeviceChoice::Auto => {
+            let found = enumerate()?;
+            let ready = |kind| move |d: &&DeviceInfo| d.kind == kind && d.access == Access::Ready;
+            let push = found.iter().find(ready(DeviceKind::ForceFeedback));
+            match push.or_else(|| found.iter().find(ready(DeviceKind::SpaceMouse))) {
+                Some(device) => open(device, config).map(Some),
+                None => {
+                    context
+                        .progress
+                        .note("note: no device can be opened; simulated hand");
+                    explain(&found);
+                    Ok(None)
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn enumerate() -> Result<Vec<DeviceInfo>, CommandError> {
+    hid::enumerate().map_err(|e| CommandError::failure("listing devices", e))
+}
+
+pub(super) fn open(
+    device: &DeviceInfo,
+    config: &HapticConfig,
+) -> Result<Box<dyn Device>, CommandError> {
+    hid::open_with(device, config.spacemouse, config.pid)
+        .map_err(|e: DeviceError| CommandError::failure(device.path.clone(), e))
+}
+
+/// The first device wanted that can be opened.
+pub(super) fn pick<'a>(
+    found: &'a [DeviceInfo],
+    wanted: impl Fn(&DeviceInfo) -> bool,
+    text: &str,
+) -> Result<&'a DeviceInfo, CommandError> {
+    let candidates: Vec<&DeviceInfo> = found.iter().filter(|d| wanted(d)).collect();
+    if let Some(device) = candidates.iter().find(|d| d.access == Access::Ready) {
+        return Ok(device);
+    }
+    if candidates.is_empty() && !found.is_empty() {
+        return Err(failure(Unusable::NoSuch(text.to_owned())));
+    }
+    Err(unusable(candidates))
+}
+
+fn failure(why: Unusable) -> CommandError {
+    CommandError::failure("devices", why)
+}
+
+/// Why none of these can be used; prints what would help.
+pub(super) fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) -> CommandError {
+    let devices: Vec<&DeviceInfo> = devices.into_iter().collect();
+    explain(devices.iter().copied());
+    let denied = devices.iter().filter(|d| d.access == Access::Denied);
+    let denied: Vec<String> = denied.map(|d| d.path.clone()).collect();
+    let failed = devices.iter().find_map(|d| match &d.access {
+        Access::Failed(reason) => Some(format!("{}: {reason}", d.path)),
+        _ => None,
+    });
+    failure(match failed {
+        _ if !denied.is_empty() => Unusable::Denied(denied),
+        Some(reason) => Unusable::Failed(reason),
+        None => Unusable::None,
+    })
+}
+
+/// Prints the udev rules if they would help.
+pub(super) fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
+    let denied = |d: &DeviceInfo| d.access == Access::Denied;
+    if devices.into_iter().any(denied) {
+        crate::remark!(
+            "To let whoever sits at this machine open them, write the following to {UDEV_PATH},\n\
+             then `udevadm control --reload` and plug the device in again:\n\n{UDEV_RULES}"
+        );
+    }
+}
+
+pub(super) fn kind_name(kind: DeviceKind) -> &'static str {
+    match kind {
+        DeviceKind::SpaceMouse => "3Dconnexion",
+        DeviceKind::ForceFeedback => "USB HID PID",
+    }
+}
+
+pub(super) fn which_text(which: &Which) -> String {
+    match which {
+        Which::First => String::new(),
+        Which::Named(name) => format!("{name:?}"),
+    }
+}

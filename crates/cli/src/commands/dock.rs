@@ -1,0 +1,253 @@
+//! `pegfit dock`: where does the moving part belong?
+
+use std::path::Path;
+
+use fft_correlate::{
+    Docking, DockingError, DockingOptions, DockingPose, DockingReport, from_fit,
+};
+
+use fft_correlate::{PairSetup, ScoreModel};
+use serde::Serialize;
+
+use crate::args::DockArgs;
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::{print_json, require_folder};
+use crate::report::poses::{POSE_COLUMNS, pose_fields};
+use crate::scene::{Scene, display_unit, explain_build, setup};
+use crate::terminal::progress::interrupted;
+use sdf_grid::atomic;
+
+/// More poses than anybody reads.
+const MOST: usize = 100_000;
+
+#[derive(Serialize)]
+struct Summary {
+    rotations: usize,
+    /// By the sketch; all without one.
+    rotations_chosen: usize,
+    rotations_scored: usize,
+    rotations_resumed: usize,
+    displacements: usize,
+    transform_size: [usize; 3],
+    spacings: [f64; 2],
+    docking_model: ScoreModel,
+    stages: Vec<fft_correlate::dock::SearchStage>,
+    seconds: f64,
+    milliseconds_per_rotation: f64,
+    poses: Vec<Found>,
+}
+
+#[derive(Clone, Serialize)]
+struct Found {
+    position: [f64; 3],
+    rotation: [f64; 4],
+    /// Under the docking weights, joules: the order of the list.
+    energy: f64,
+    /// Of the best pose's depth.
+    depth: f64,
+    /// Under the scene's model, joules.
+    model_energy: f64,
+    half_width: Option<f64>,
+    overlap: f64,
+    refined: bool,
+    /// The sum of the absolute terms of the score under the docking weights over the score: how far
+    /// they cancel. Of the best poses only.
+    condition: Option<f64>,
+}
+
+pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError> {
+    if args.top == 0 || args.top > MOST {
+        let expected = format!("1 to {MOST}");
+        return Err(CommandError::option("--top", expected, args.top));
+    }
+    let to_stdout = args.output == Path::new("-");
+    for file in [
+        (!to_stdout).then_some(&args.output),
+        args.report.as_ref(),
+        args.state.as_ref(),
+    ] {
+        file.map_or(Ok(()), |f| require_folder(f))?;
+    }
+    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let setup = setup(&scene, context)?;
+    let options = DockingOptions {
+        top: args.top,
+        exhaustive: args.exhaustive,
+        state: args.state.clone(),
+        ..options(&scene)
+    };
+    let found = look(&scene, &setup, options, context)?;
+    if !to_stdout {
+        atomic::write_with(&args.output, |out| {
+            write(&found, out)
+                .map_err(|e| CommandError::failure(args.output.display().to_string(), e))
+        })?;
+    }
+    let summary = summary(&found);
+    if let Some(path) = &args.report {
+        let text = serde_json::to_vec_pretty(&summary)
+            .map_err(|e| CommandError::failure(path.display().to_string(), e))?;
+        atomic::write(path, &text)?;
+    }
+    if context.json {
+        print_json(&summary)?;
+    } else if to_stdout {
+        write(&found, std::io::stdout().lock())
+            .map_err(|e| CommandError::failure("writing standard output", e))?;
+    } else {
+        say(&scene, &setup, &found);
+    }
+    // What was scored before Ctrl-C has been written; the exit code says that it is not all.
+    match interrupted() {
+        true => Err(CommandError::Interrupted),
+        false => Ok(()),
+    }
+}
+
+/// What a scene asks of docking: its rotations, if it names any.
+pub(super) fn options(scene: &Scene) -> DockingOptions {
+    DockingOptions {
+        rotations: scene.rotations_given.then(|| scene.rotations.clone()),
+        ..DockingOptions::default()
+    }
+}
+
+/// Docks the parts of a scene.
+pub(super) fn look(
+    scene: &Scene,
+    setup: &PairSetup,
+    options: DockingOptions,
+    context: &Context,
+) -> Result<DockingReport, CommandError> {
+    let found = Docking::new(setup, options).run(&context.progress);
+    context.progress.finish();
+    let report = found.map_err(|e| explain_docking(scene, e))?;
+    if let Some(reason) = &report.undecided {
+        crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
+    }
+    Ok(report)
+}
+
+fn explain_docking(scene: &Scene, error: DockingError) -> CommandError {
+    match error {
+        DockingError::Cancelled => CommandError::Interrupted,
+        DockingError::Build(e) => explain_build(scene, e),
+        DockingError::Energy(e) => CommandError::bad_input(scene.context("energy"), e),
+        DockingError::Rotations(e) => CommandError::bad_input(scene.context("rotations"), e),
+        DockingError::Window(e) => CommandError::bad_input(scene.context("window"), e),
+        DockingError::Memory { needed, limit } => CommandError::Memory {
+            what: scene.context("the correlation"),
+            needed,
+            budget: limit,
+        },
+        other => CommandError::bad_input(scene.context("docking"), other),
+    }
+}
+
+fn summary(report: &DockingReport) -> Summary {
+    Summary {
+        rotations: report.rotations,
+        rotations_chosen: report.chosen,
+        rotations_scored: report.scored,
+        rotations_resumed: report.resumed,
+        displacements: report.window.iter().product(),
+        transform_size: report.transform_size,
+        spacings: [report.lattices.coarse, report.lattices.fine],
+        docking_model: report.model,
+        stages: report.stages.clone(),
+        seconds: report.seconds(),
+        milliseconds_per_rotation: 1e3 * report.seconds_per_rotation,
+        poses: report.poses.iter().map(Found::new).collect(),
+    }
+}
+
+impl Found {
+    fn new(pose: &DockingPose) -> Self {
+        let found = &pose.found;
+        Self {
+            position: found.pose.translation.to_array(),
+            rotation: found.pose.rotation.to_array(),
+            energy: found.energy,
+            depth: pose.depth,
+            model_energy: pose.model_energy,
+            half_width: found.half_width,
+            overlap: found.overlap,
+            refined: found.refined,
+            condition: pose.condition,
+        }
+    }
+}
+
+fn write(report: &DockingReport, out: impl std::io::Write) -> csv::Result<()> {
+    let mut rows = csv::Writer::from_writer(out);
+    let more = [
+        "energy",
+        "depth",
+        "model_energy",
+        "half_width",
+        "overlap",
+        "refined",
+        "condition",
+    ];
+    rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
+    for pose in &report.poses {
+        let found = &pose.found;
+        for value in pose_fields(&found.pose) {
+            rows.write_field(value.to_string())?;
+        }
+        let width = found.half_width.unwrap_or(f64::INFINITY);
+        for value in [
+            found.energy,
+            pose.depth,
+            pose.model_energy,
+            width,
+            found.overlap,
+        ] {
+            rows.write_field(value.to_string())?;
+        }
+        rows.write_field(found.refined.to_string())?;
+        rows.write_field(pose.condition.map_or(String::new(), |c| c.to_string()))?;
+        rows.write_record(None::<&[u8]>)?;
+    }
+    Ok(rows.flush()?)
+}
+
+fn say(scene: &Scene, setup: &PairSetup, report: &DockingReport) {
+    let sketch = report.stages.iter().find(|s| s.name == "sketch");
+    if let Some(stage) = sketch {
+        crate::say!(
+            "sketched {} rotations, {:.2} ms each: {} chosen",
+            stage.items,
+            1e3 * stage.seconds / stage.items as f64,
+            report.chosen
+        );
+    }
+    crate::say!(
+        "scored {} of {} rotations x {} displacements, {:.2} ms each; {:.2} s in all",
+        report.scored,
+        report.chosen,
+        report.window.iter().product::<usize>(),
+        1e3 * report.seconds_per_rotation,
+        report.seconds()
+    );
+    let unit = display_unit(scene, setup);
+    let metre = unit.in_metres();
+    crate::say!(
+        "  depth   energy (mJ), docking and scene's   overlap   condition   from the fit ({unit}, degrees)"
+    );
+    for pose in report.poses.iter().take(10) {
+        let (fit, pivot) = (&setup.assembled, report.lattices.pivot);
+        let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
+        crate::say!(
+            "  {:>5.3}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9}   {:>9.4}  {:>8.3}",
+            pose.depth,
+            1e3 * pose.found.energy,
+            1e3 * pose.model_energy,
+            100.0 * pose.found.overlap,
+            pose.condition.map_or("-".to_owned(), |c| format!("{c:.2}")),
+            shift / metre,
+            turn.to_degrees()
+        );
+    }
+}

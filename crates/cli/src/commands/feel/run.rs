@@ -1,0 +1,190 @@
+//! From a scene and a device to a felt force, and what is told of it.
+
+use std::path::Path;
+
+use haptic::scene::PairState;
+use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
+
+use super::page::page;
+use super::subject::Run;
+use super::words::{privileges, told};
+use crate::args::{FeelArgs, ScriptChoice};
+use crate::commands::pairs::LivePairs;
+use crate::commands::plot::force_chart;
+use crate::commands::{devices, hand};
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::{print_json, require_folder};
+use crate::report::parquet_log;
+use crate::report::picture;
+use crate::scene::Scene;
+use crate::terminal::hold::Hold;
+use crate::terminal::progress::interrupted;
+use sdf_grid::atomic;
+
+pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
+    check(args)?;
+    let script = match args.script {
+        ScriptChoice::Collision => Script::Collision,
+        ScriptChoice::Snap => Script::Snap,
+        ScriptChoice::Free => Script::Free,
+    };
+    let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
+    let (spec, outcome) = feel(args, script, &pairs, context)?;
+    let title = title(script, &outcome.report.device);
+    if let Some(path) = &args.png {
+        draw(path, &outcome.samples, title.clone())?;
+    }
+    if let Some(path) = &args.report {
+        let page = report(title, &spec, &pairs, &outcome)?;
+        atomic::write(path, page.as_bytes())?;
+    }
+    match context.json {
+        true => print_json(&outcome.report)?,
+        false => print(&outcome.report, &pairs),
+    }
+    // The log and the picture of an interrupted run are whole: it only ended early.
+    match interrupted() {
+        true => Err(CommandError::Interrupted),
+        false => Ok(()),
+    }
+}
+
+/// Refuses what could not be done or written, before anything is loaded.
+fn check(args: &FeelArgs) -> Result<(), CommandError> {
+    if !(args.seconds.is_finite() && args.seconds > 0.0) {
+        return Err(CommandError::option(
+            "--seconds",
+            "a positive number",
+            args.seconds,
+        ));
+    }
+    for output in [&args.log, &args.png, &args.report].into_iter().flatten() {
+        require_folder(output)?;
+    }
+    args.log.as_deref().map_or(Ok(()), parquet_log::require)
+}
+
+/// Runs the loop with the device that was asked for; what the device is, and what came of it.
+fn feel(
+    args: &FeelArgs,
+    script: Script,
+    pairs: &LivePairs,
+    context: &Context,
+) -> Result<(DeviceSpec, Outcome), CommandError> {
+    let (assembly, source) = (&pairs.assembly, pairs.live.source());
+    let _held = Hold::begin();
+    let mut device = match devices::choose(&args.device, &assembly.scene.device, context)? {
+        Some(device) => device,
+        None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
+    };
+    context.progress.note(&format!(
+        "the {} holds {} for {} s",
+        device.spec().name,
+        assembly.scene.moving.name,
+        args.seconds
+    ));
+    let keep = hand::Keep {
+        log: args.log.as_deref(),
+        samples: args.png.is_some() || args.report.is_some(),
+    };
+    let outcome = hand::run(
+        assembly,
+        source,
+        device.as_mut(),
+        args.seconds,
+        Clock::Real,
+        keep,
+    )?;
+    Ok((device.spec().clone(), outcome))
+}
+
+/// What a run is called.
+fn title(script: Script, device: &str) -> String {
+    format!("{script:?} test, {device}")
+}
+
+fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandError> {
+    let chart = force_chart(title, samples);
+    let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
+    Ok(atomic::write(png, &bytes)?)
+}
+
+fn report(
+    title: String,
+    spec: &DeviceSpec,
+    pairs: &LivePairs,
+    outcome: &Outcome,
+) -> Result<String, CommandError> {
+    let states = pairs.live.states().into_iter().map(|state| match state {
+        PairState::Waiting => "not loaded: far away".to_owned(),
+        PairState::Loaded => "loaded".to_owned(),
+        PairState::Partly { rotations, of } => {
+            format!("{rotations} of its table's {of} rotations loaded")
+        }
+        PairState::Failed => "could not be loaded".to_owned(),
+        PairState::NoRoom => "not loaded: no room in the scene's memory".to_owned(),
+    });
+    let scene = &pairs.assembly.scene;
+    page(&Run {
+        title,
+        scene: &scene.path,
+        spec,
+        config: &scene.device,
+        outcome,
+        samples: &outcome.samples,
+        events: &pairs.live.events(),
+        pairs: pairs.names.iter().cloned().zip(states).collect(),
+    })
+}
+
+fn print(report: &LoopReport, pairs: &LivePairs) {
+    crate::say!("device      {}", report.device);
+    crate::say!(
+        "rate        {:.1} Hz over {:.2} s, {} ticks",
+        report.rate_hz,
+        report.seconds,
+        report.ticks
+    );
+    crate::say!("                      p50       p99     p99.9       max");
+    for (name, q) in [
+        ("latency", report.latency_us),
+        ("lateness", report.lateness_us),
+    ] {
+        crate::say!(
+            "{name:<11} {:>10.1}{:>10.1}{:>10.1}{:>10.1} µs",
+            q.p50,
+            q.p99,
+            q.p999,
+            q.max
+        );
+    }
+    crate::say!(
+        "overruns    {} ({} ticks left out)",
+        report.overruns,
+        report.missed
+    );
+    crate::say!(
+        "peak force  {:.3} N, peak torque {:.4} N·m",
+        report.peak_force,
+        report.peak_torque
+    );
+    if report.dropped_samples > 0 {
+        crate::say!(
+            "log         {} ticks are missing: the disk was too slow",
+            report.dropped_samples
+        );
+    }
+    for (what, said) in privileges(report) {
+        crate::say!("{what:<11} {said}");
+    }
+    if report.not_loaded > 0 {
+        crate::say!(
+            "scene       {} ticks in which something in reach was not loaded",
+            report.not_loaded
+        );
+    }
+    for event in pairs.live.events() {
+        crate::say!("scene       {}: {}", event.pair, told(&event.what));
+    }
+}

@@ -1,0 +1,20 @@
+//! The commands: from parsed arguments through validation to library calls and printed results.
+
+mod bake;
+mod check;
+mod demo;
+mod devices;
+mod dock;
+mod feel;
+mod field;
+mod hand;
+mod pairs;
+mod plot;
+mod run;
+mod score;
+mod stored;
+mod table;
+mod tolerance;
+mod verify;
+
+pub use run::run;

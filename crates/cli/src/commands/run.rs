@@ -1,0 +1,61 @@
+//! From parsed arguments to the command that was asked for.
+
+use super::{bake, check, demo, devices, dock, feel, field, plot, score, table, verify};
+use crate::args::{Arguments, Command, Global};
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::memory;
+use crate::terminal::progress::Progress;
+
+/// Runs the command that was asked for.
+///
+/// # Errors
+/// Whatever stopped it; [`CommandError::exit`] has the exit code.
+pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    start_threads(&arguments.global)?;
+    let context = Context {
+        progress: Progress::new(arguments.global.quiet),
+        json: arguments.global.json,
+        memory: memory_budget(&arguments.global)?,
+    };
+    match &arguments.command {
+        Command::Check(args) => check::run(args, &context),
+        Command::Field(args) => field::run(args, &context),
+        Command::Score(args) => score::run(args, &context),
+        Command::Demo(args) => demo::run(args, &context),
+        Command::Bake(args) => bake::run(args, &context),
+        Command::Table(args) => table::run(args, &context),
+        Command::Verify(args) => verify::run(args, &context),
+        Command::Dock(args) => dock::run(args, &context),
+        Command::Feel(args) => feel::run(args, &context),
+        Command::Devices(args) => devices::run(args, &context),
+        Command::Plot(args) => plot::run(args, &context),
+    }
+}
+
+fn memory_budget(global: &Global) -> Result<u64, CommandError> {
+    match global.memory {
+        Some(gib) if gib.is_finite() && gib > 0.0 => {
+            Ok(memory::budget(Some((gib * f64::from(1 << 30)) as u64)))
+        }
+        Some(gib) => Err(CommandError::option(
+            "--memory",
+            "a positive number of GiB",
+            gib,
+        )),
+        None => Ok(memory::budget(None)),
+    }
+}
+
+fn start_threads(global: &Global) -> Result<(), CommandError> {
+    let Some(threads) = global.threads else {
+        return Ok(());
+    };
+    if threads == 0 || threads > 4096 {
+        return Err(CommandError::option("--threads", "1 to 4096", threads));
+    }
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|e| CommandError::failure("starting worker threads", e))
+}

@@ -1,0 +1,189 @@
+//! `pegfit score`: score, energy, force and torque at listed poses.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+use std::sync::mpsc::{Receiver, sync_channel};
+
+use fft_correlate::{Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Pose, Response};
+use rayon::prelude::*;
+
+use super::stored;
+use crate::args::ScoreArgs;
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::require_folder;
+use crate::report::poses::{PoseReader, ScoredPose, append_score, score_header};
+use crate::scene::Assembly;
+use crate::scene::Scene;
+use crate::terminal::progress::check_interrupt;
+use sdf_grid::atomic;
+
+/// Rows read before any of them is evaluated.
+const CHUNK: usize = 16384;
+
+/// Chunks of poses, read ahead by a thread of their own.
+type Chunks = Receiver<Result<Vec<Pose>, CommandError>>;
+
+pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandError> {
+    let to_stdout = args.output == Path::new("-");
+    if !to_stdout {
+        require_folder(&args.output)?;
+    }
+    let poses = open(&args.poses)?;
+    let scorer = Scorer::new(args, context)?;
+    let poses = read_ahead(poses);
+    if to_stdout {
+        return stream(
+            &poses,
+            &scorer,
+            &mut std::io::stdout().lock(),
+            "standard output",
+        );
+    }
+    let name = args.output.display().to_string();
+    atomic::write_with(&args.output, |out| stream(&poses, &scorer, out, &name))
+}
+
+type AnyReader = PoseReader<Box<dyn Read + Send>>;
+
+fn open(path: &Path) -> Result<AnyReader, CommandError> {
+    if path == Path::new("-") {
+        return PoseReader::new("standard input", Box::new(std::io::stdin()));
+    }
+    let file = File::open(path).map_err(|e| CommandError::read(path, e))?;
+    PoseReader::new(&path.display().to_string(), Box::new(file))
+}
+
+/// Reads in a thread of its own, which ends with the input or when nobody takes its chunks.
+fn read_ahead(mut poses: AnyReader) -> Chunks {
+    let (sender, chunks) = sync_channel(2);
+    std::thread::spawn(move || {
+        loop {
+            let chunk: Result<Vec<Pose>, _> = poses.by_ref().take(CHUNK).collect();
+            let last = chunk.as_ref().map_or(true, Vec::is_empty);
+            if sender.send(chunk).is_err() || last {
+                return;
+            }
+        }
+    });
+    chunks
+}
+
+/// Evaluates and writes chunk by chunk, in order.
+fn stream(
+    poses: &Chunks,
+    scorer: &Scorer,
+    out: &mut dyn Write,
+    name: &str,
+) -> Result<(), CommandError> {
+    let mut write = |text: &str| match out.write_all(text.as_bytes()) {
+        Ok(()) => Ok(true),
+        // The other end of a pipe was closed, as by `head`: no reason to complain.
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
+        Err(e) => Err(CommandError::failure(format!("writing {name}"), e)),
+    };
+    if !write(&score_header(scorer.condition.is_some()))? {
+        return Ok(());
+    }
+    for chunk in poses {
+        check_interrupt()?;
+        let pieces: Vec<String> = chunk?
+            .par_chunks(scorer.piece())
+            .map(|piece| scorer.rows(piece))
+            .collect();
+        for text in pieces {
+            if !write(&text)? {
+                return Ok(());
+            }
+        }
+    }
+    match out.flush() {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(CommandError::failure(format!("writing {name}"), e))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Where scores come from, and what their condition is found from if it is asked for.
+struct Scorer {
+    source: Source,
+    condition: Option<Pair>,
+}
+
+enum Source {
+    Direct(Box<DirectEvaluator>),
+    Table(Box<EnergyTable>),
+}
+
+impl Scorer {
+    fn new(args: &ScoreArgs, context: &Context) -> Result<Self, CommandError> {
+        match (&args.scene, &args.table) {
+            (Some(scene), _) => {
+                let scene = Scene::read(scene)?.only(args.fixed.as_deref())?;
+                let assembly = Assembly::load(scene, context)?;
+                let evaluator = assembly.direct(&DirectOptions::FULL)?;
+                Ok(Self {
+                    source: Source::Direct(Box::new(evaluator)),
+                    condition: args.condition.then_some(assembly.pair),
+                })
+            }
+            (None, Some(table)) => {
+                let table = stored::load(&stored::open(table)?, context)?;
+                Ok(Self {
+                    source: Source::Table(Box::new(table)),
+                    condition: None,
+                })
+            }
+            (None, None) => Err(CommandError::option(
+                "--scene, --table",
+                "one of them",
+                "none",
+            )),
+        }
+    }
+
+    /// Rows that one thread evaluates at a time.
+    fn piece(&self) -> usize {
+        match self.source {
+            Source::Direct(_) => 4,
+            Source::Table(_) => 512,
+        }
+    }
+
+    /// Poses and their scores as rows of text.
+    fn rows(&self, poses: &[Pose]) -> String {
+        let mut text = String::with_capacity(300 * poses.len());
+        let mut append = |pose: &Pose, score_re: f64, score_im, response: Response| {
+            let scored = ScoredPose {
+                pose: *pose,
+                score_re,
+                score_im,
+                response,
+                condition: self
+                    .condition
+                    .as_ref()
+                    .map(|pair| Condition::at(pair, pose).number()),
+            };
+            append_score(&mut text, &scored);
+        };
+        match &self.source {
+            Source::Direct(evaluator) => {
+                for pose in poses {
+                    let full = evaluator.evaluate_full(pose);
+                    append(pose, full.score.re, Some(full.score.im), full.response);
+                }
+            }
+            Source::Table(table) => {
+                let gamma = table.spec().model().gamma;
+                let mut responses = vec![Response::default(); poses.len()];
+                table.respond_each(poses, &mut responses);
+                for (pose, response) in poses.iter().zip(responses) {
+                    append(pose, -response.energy / gamma, None, response);
+                }
+            }
+        }
+        text
+    }
+}

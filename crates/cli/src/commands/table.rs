@@ -1,0 +1,157 @@
+//! `pegfit table`: what a table holds.
+
+use fft_correlate::{ErrorReport, RotationDomain, TableSpec, TableStore};
+use serde::Serialize;
+
+use super::stored;
+use crate::args::TableArgs;
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::bytes::display_bytes;
+use crate::report::output::print_json;
+
+#[derive(Serialize)]
+struct Description<'a> {
+    table: String,
+    program: &'a str,
+    rotations: usize,
+    finished: usize,
+    missing: usize,
+    damaged: usize,
+    displacements: [usize; 3],
+    bytes_dense: u64,
+    bytes_on_disk: u64,
+    energy_unit: f64,
+    negligible: f64,
+    spec: &'a TableSpec,
+    error: Option<&'a ErrorReport>,
+}
+
+pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandError> {
+    let store = stored::open(&args.table)?;
+    let progress = stored::examine(&store)?;
+    let description = Description {
+        table: args.table.display().to_string(),
+        program: store.program(),
+        rotations: progress.rotations,
+        finished: progress.finished,
+        missing: progress.missing,
+        damaged: progress.damaged,
+        displacements: store.spec().window.shape(),
+        bytes_dense: u64::try_from(store.spec().bytes(progress.rotations)).unwrap_or(u64::MAX),
+        bytes_on_disk: store
+            .bytes_on_disk()
+            .map_err(|e| CommandError::failure("table", e))?,
+        energy_unit: store.unit(),
+        negligible: store.negligible(),
+        spec: store.spec(),
+        error: store.error_report(),
+    };
+    match context.json {
+        true => print_json(&description)?,
+        false => print(&description, &store),
+    }
+    match progress.damaged {
+        0 => Ok(()),
+        count => Err(CommandError::DamagedTable {
+            table: description.table,
+            count,
+            total: progress.rotations,
+        }),
+    }
+}
+
+fn print(d: &Description, store: &TableStore) {
+    let spec = d.spec;
+    crate::say!("{}, by {}", d.table, d.program);
+    crate::say!(
+        "  rotations      {} nodes, {}{}",
+        d.rotations,
+        domain(&spec.rotations),
+        match &spec.symmetry {
+            Some(s) if s.order == 0 => format!(", the {:?} part turns freely", s.part),
+            Some(s) => format!(", the {:?} part has {} equal turns", s.part, s.order),
+            None => String::new(),
+        }
+    );
+    let bounds = spec.window.node_bounds();
+    crate::say!(
+        "  displacements  {} x {} x {}, every {:.4} mm, from {:.3} to {:.3} mm",
+        d.displacements[0],
+        d.displacements[1],
+        d.displacements[2],
+        1e3 * spec.window.spacing(),
+        1e3 * bounds.min,
+        1e3 * bounds.max
+    );
+    let m = spec.model();
+    crate::say!(
+        "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
+        m.sigma,
+        m.lambda_exterior,
+        m.lambda_interior,
+        m.separation_weight,
+        m.gamma
+    );
+    for (name, field) in [
+        ("fixed", &spec.recipe.fixed),
+        ("moving", &spec.recipe.moving),
+    ] {
+        if let Some(field) = field {
+            crate::say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
+        }
+    }
+    if let Some(field) = &spec.recipe.fixed {
+        crate::say!(
+            "  fields         {:?}{}, halo {:.4} mm, tolerance {}, version {}",
+            field.sampling,
+            if spec.recipe.deaverage {
+                ", deaveraged"
+            } else {
+                ""
+            },
+            1e3 * field.halo,
+            field.tolerance,
+            field.version
+        );
+    }
+    crate::say!(
+        "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
+        spec.storage.numbers,
+        d.energy_unit,
+        d.negligible
+    );
+    crate::say!(
+        "  size           {} on disk, at most {} in memory",
+        display_bytes(d.bytes_on_disk),
+        display_bytes(d.bytes_dense)
+    );
+    crate::say!(
+        "  finished       {} of {} rotations, {} missing, {} damaged",
+        d.finished,
+        d.rotations,
+        d.missing,
+        d.damaged
+    );
+    match store.error_report() {
+        None => crate::say!(
+            "  error          not measured (`pegfit bake` does so when a table is finished)"
+        ),
+        Some(report) => stored::print_error(report),
+    }
+}
+
+fn domain(domain: &RotationDomain) -> String {
+    match domain {
+        RotationDomain::List { rotations, .. } => format!("a list of {}", rotations.len()),
+        RotationDomain::Spin { axis, step_deg, .. } => {
+            format!("a spin about {axis:?} every {step_deg:.4} degrees")
+        }
+        RotationDomain::Ball {
+            angle_deg,
+            step_deg,
+            ..
+        } => format!("a ball of {angle_deg} degrees every {step_deg:.4}"),
+        RotationDomain::Full { step_deg, .. } => format!("all, every {step_deg:.4} degrees"),
+    }
+}

@@ -1,0 +1,123 @@
+//! A table for a tolerance that was asked for, and what is told of the choice.
+
+use fft_correlate::TableDesign;
+use fft_correlate::table::{
+    LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial,
+};
+
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::bytes::display_bytes;
+use crate::scene::{Scene, explain, explain_design, setup};
+
+/// Designs the table of a scene for `tolerance`, the rms error of the force as a share of the rms
+/// force.
+pub(super) fn choose(
+    scene: &Scene,
+    tolerance: f64,
+    context: &Context,
+) -> Result<TolerantDesign, CommandError> {
+    let setup = setup(scene, context)?;
+    let progress = &context.progress;
+    let found = TableDesign::for_tolerance(
+        &setup,
+        &scene.rotations,
+        tolerance,
+        context.memory,
+        progress,
+        &mut |trial| progress.note(&told(&trial)),
+    );
+    progress.finish();
+    found.map_err(|e| match e {
+        ToleranceError::Cancelled => CommandError::Interrupted,
+        ToleranceError::Missed {
+            asked,
+            reached,
+            limit,
+        } => missed(scene, asked, reached, &limit),
+        ToleranceError::Pair(e) => explain(scene, e),
+        ToleranceError::Design(e) => explain_design(scene, e),
+        ToleranceError::Table(e) => CommandError::bad_input(scene.context("probing"), e),
+        ToleranceError::Direct(e) => CommandError::bad_input(scene.path.display().to_string(), e),
+    })
+}
+
+/// A trial in words.
+fn told(trial: &Trial) -> String {
+    match trial {
+        Trial::Lattice {
+            spacing,
+            fields,
+            error,
+        } => format!(
+            "spacing {:.4} mm, {:?}{}: force error {:.3} %",
+            1e3 * spacing,
+            fields.sampling,
+            if fields.deaverage {
+                ", de-averaged"
+            } else {
+                ""
+            },
+            100.0 * error
+        ),
+        Trial::Step { step_deg, error } => format!(
+            "rotation step {step_deg:.3} degrees: force error {:.3} %",
+            100.0 * error
+        ),
+    }
+}
+
+fn missed(scene: &Scene, asked: f64, reached: f64, limit: &Limit) -> CommandError {
+    let lattice = "the lattice";
+    let step = "the rotation step";
+    let (part, reason) = match *limit {
+        Limit::Spacings { best } => (
+            lattice,
+            format!("at a spacing of {:.4} mm, of {TRIALS} tried", 1e3 * best),
+        ),
+        Limit::LatticeMemory {
+            best,
+            next,
+            what,
+            needed,
+            limit,
+        } => (
+            lattice,
+            format!(
+                "of which the lattice may use {:.0} %, at a spacing of {:.4} mm; half of {:.4} mm, \
+                 to compare with, would need {} for {}, and {} can be used",
+                100.0 * LATTICE_SHARE,
+                1e3 * best,
+                1e3 * next,
+                display_bytes(needed),
+                scene.context(what),
+                display_bytes(limit)
+            ),
+        ),
+        Limit::Steps { best } => (step, format!("at {best:.3} degrees, of {TRIALS} tried")),
+        Limit::TableMemory {
+            best,
+            next,
+            needed,
+            limit,
+        } => {
+            let needed = match needed {
+                Some(bytes) => display_bytes(u64::try_from(bytes).unwrap_or(u64::MAX)),
+                None => "more nodes than any table may have".to_owned(),
+            };
+            let limit = display_bytes(limit);
+            (
+                step,
+                format!(
+                    "at {best:.3} degrees; {next:.3} would need {needed}, and {limit} can be used"
+                ),
+            )
+        }
+    };
+    CommandError::Tolerance {
+        part,
+        asked,
+        reached,
+        reason,
+    }
+}

@@ -1,0 +1,141 @@
+//! The pictures that commands draw: what of the data goes where, and under which words.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use ndarray::{Array2, Array3, Axis};
+use sdf_grid::{DensityField, DensityKernel, LengthUnit, TriangleMesh};
+
+use crate::report::picture::heat_map::distance_levels;
+use crate::report::picture::{Cloud, ColourScale, Contours, HeatMap};
+use crate::report::slice::{AXES, Slice};
+
+/// The sheet of axis `slice.axis` nearest to the plane, as `[across, up]`.
+pub(crate) fn sheet<T: Clone>(
+    values: &Array3<T>,
+    field: &DensityField,
+    slice: &Slice,
+) -> Array2<T> {
+    let place = field
+        .lattice()
+        .fractional_index(glam::DVec3::splat(slice.at))[slice.axis];
+    let last = values.len_of(Axis(slice.axis)) - 1;
+    let index = (place.round().max(0.0) as usize).min(last);
+    values.index_axis(Axis(slice.axis), index).to_owned()
+}
+
+/// Contour lines of the signed distance on a plane, in `unit`, and what to say about them.
+pub(crate) fn distance_contours(
+    field: &DensityField,
+    slice: &Slice,
+    unit: LengthUnit,
+) -> (Contours, String) {
+    let metre = unit.in_metres() as f32;
+    let distance = sheet(&field.signed_distance, field, slice).mapv(|d| d / metre);
+    let levels = distance_levels(&distance, 12);
+    let step = levels.iter().map(|l| l.abs()).fold(f64::INFINITY, f64::min);
+    let step = crate::report::picture::canvas::number(step, 3);
+    let note =
+        format!("lines: signed distance every {step} {unit}, negative inside; bold: the boundary");
+    let contours = Contours {
+        values: distance,
+        levels,
+        bold: vec![0.0],
+        labelled: true,
+    };
+    (contours, note)
+}
+
+/// A heat map of `values` (one per node of `field`'s sheet) with distance contours over it.
+pub(crate) fn density_map(
+    title: String,
+    legend: &str,
+    values: Array2<f32>,
+    field: &DensityField,
+    slice: &Slice,
+    unit: LengthUnit,
+) -> HeatMap {
+    let [across, up] = slice.plane_axes();
+    let bounds = field.lattice().node_bounds();
+    let metre = unit.in_metres();
+    let (contours, note) = distance_contours(field, slice, unit);
+    HeatMap {
+        title,
+        horizontal: format!("{} ({unit})", AXES[across]),
+        vertical: format!("{} ({unit})", AXES[up]),
+        scale: ColourScale::diverging(values.iter().map(|v| f64::from(*v)), 0.995),
+        values,
+        across: [bounds.min[across] / metre, bounds.max[across] / metre],
+        up: [bounds.min[up] / metre, bounds.max[up] / metre],
+        legend: legend.to_owned(),
+        contours: vec![contours],
+        note,
+        equal_axes: true,
+    }
+}
+
+/// Points of the skeleton have a density this many times that beside a large flat face.
+const SKELETON: f64 = 1.3;
+
+/// Faces that meet at less than this angle (its cosine) are drawn as one.
+const SMOOTH: f64 = 0.9;
+
+/// The nodes where the density is well above that of a flat face: the skeleton of the part
+/// (positive values) and of the space around it (negative).
+pub(crate) fn skeleton(
+    title: String,
+    mesh: &TriangleMesh,
+    field: &DensityField,
+    kernel: &DensityKernel,
+    unit: LengthUnit,
+) -> Cloud {
+    let metre = unit.in_metres();
+    let least = SKELETON * kernel.kappa();
+    let (mut points, mut values) = (Vec::new(), Vec::new());
+    for (index, interior) in field.interior.indexed_iter() {
+        let at = [index.0, index.1, index.2];
+        let (inside, outside) = (
+            f64::from(interior.norm()),
+            f64::from(field.exterior[at].norm()),
+        );
+        if inside.max(outside) > least {
+            points.push(field.lattice().position(at) / metre);
+            values.push(if inside > outside { inside } else { -outside });
+        }
+    }
+    let least = crate::report::picture::canvas::number(least, 2);
+    Cloud {
+        title,
+        note: format!(
+            "nodes with |density| above {least}, {SKELETON} times that of a flat face: {}",
+            points.len()
+        ),
+        scale: ColourScale::diverging(values.iter().copied(), 0.99),
+        points,
+        values,
+        width: field.lattice().spacing() / metre,
+        edges: sharp_edges(mesh).map(|e| e.map(|p| p / metre)).collect(),
+        legend: "|density|\n+ inside\n- outside".to_owned(),
+        unit: unit.to_string(),
+    }
+}
+
+/// Edges where faces meet at an angle, or with one face only.
+fn sharp_edges(mesh: &TriangleMesh) -> impl Iterator<Item = [DVec3; 2]> {
+    let mut edges: HashMap<[u32; 2], Vec<DVec3>> = HashMap::new();
+    for (t, [a, b, c]) in mesh.triangles().iter().zip(mesh.faces()) {
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        for k in 0..3 {
+            let (v, w) = (t[k], t[(k + 1) % 3]);
+            edges.entry([v.min(w), v.max(w)]).or_default().push(normal);
+        }
+    }
+    let sharp = |normals: &[DVec3]| match normals {
+        [a, b] => a.dot(*b) < SMOOTH,
+        _ => true,
+    };
+    edges
+        .into_iter()
+        .filter(move |(_, normals)| sharp(normals))
+        .map(|(ends, _)| ends.map(|v| mesh.vertices()[v as usize]))
+}

@@ -1,0 +1,28 @@
+//! Where results go.
+
+use std::path::Path;
+
+use crate::error::CommandError;
+
+/// Refuses an output whose folder does not exist before anything is computed.
+pub(crate) fn require_folder(output: &Path) -> Result<(), CommandError> {
+    match output.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            Err(CommandError::input(
+                output.display().to_string(),
+                "folder",
+                "an existing folder",
+                folder.display(),
+            ))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a result for programs.
+pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CommandError> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|e| CommandError::failure("writing JSON", e))?;
+    crate::say!("{text}");
+    Ok(())
+}

@@ -1,0 +1,276 @@
+//! The sheet that pictures are drawn on, and how it becomes a PNG or an SVG.
+
+use std::sync::Once;
+
+use plotters::coord::Shift;
+use plotters::prelude::{
+    BitMapBackend, DrawingArea, DrawingBackend, FontStyle, IntoDrawingArea, RGBColor, SVGBackend,
+};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, IntoFont, TextStyle, register_font};
+
+use crate::error::CommandError;
+
+/// A rectangle of a sheet, of pixels or of lines.
+pub type Area<DB> = DrawingArea<DB, Shift>;
+
+/// A rectangle of a sheet of pixels.
+pub type Panel<'a> = Area<BitMapBackend<'a>>;
+
+/// Why a picture could not be drawn.
+pub type DrawingError = Box<dyn std::error::Error + Send + Sync>;
+
+/// What a drawing function returns; any drawing error is kept as text.
+pub type Drawing = Result<(), DrawingError>;
+
+/// Text and axes.
+pub const INK: RGBColor = RGBColor(38, 42, 51);
+/// Less important text and light axes.
+pub const FAINT: RGBColor = RGBColor(120, 126, 138);
+/// Lines that mark an event.
+pub const EVENT: RGBColor = RGBColor(219, 128, 118);
+/// Grid lines.
+pub const GRID: RGBColor = RGBColor(226, 229, 235);
+/// The sheet.
+pub const PAPER: RGBColor = RGBColor(255, 255, 255);
+
+/// The name under which the built-in face is registered.
+pub const FACE: &str = "pegfit-sans";
+
+/// Pictures are drawn this many times larger and averaged down, for smooth slanted lines.
+const OVERSAMPLE: u32 = 2;
+
+/// Draws on a white sheet of `width` by `height` pixels and returns it as a PNG file's bytes;
+/// `what` names the picture in errors.
+///
+/// # Errors
+/// If drawing or encoding fails.
+pub fn png(
+    what: &str,
+    (width, height): (u32, u32),
+    draw: impl FnOnce(&Panel<'_>) -> Drawing,
+) -> Result<Vec<u8>, CommandError> {
+    let failed = |reason: String| CommandError::Picture {
+        what: what.to_owned(),
+        reason,
+    };
+    load_face();
+    let large = (OVERSAMPLE * width, OVERSAMPLE * height);
+    let mut pixels = vec![255; 3 * large.0 as usize * large.1 as usize];
+    {
+        let sheet = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
+        sheet.fill(&PAPER).map_err(|e| failed(e.to_string()))?;
+        draw(&sheet).map_err(|e| failed(e.to_string()))?;
+        sheet.present().map_err(|e| failed(e.to_string()))?;
+    }
+    encode(&averaged(&pixels, width, height), width, height).map_err(|e| failed(e.to_string()))
+}
+
+/// Draws as [`png`] does and returns an SVG element, which a page may show at any width.
+///
+/// # Errors
+/// If drawing fails.
+pub fn svg(
+    what: &str,
+    (width, height): (u32, u32),
+    draw: impl FnOnce(&Area<SVGBackend<'_>>) -> Drawing,
+) -> Result<String, CommandError> {
+    load_face();
+    let mut text = String::new();
+    let drawn = {
+        let size = (OVERSAMPLE * width, OVERSAMPLE * height);
+        let sheet = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        draw(&sheet).and_then(|()| Ok(sheet.present()?))
+    };
+    match drawn {
+        Ok(()) => Ok(text),
+        Err(e) => Err(CommandError::Picture {
+            what: what.to_owned(),
+            reason: e.to_string(),
+        }),
+    }
+}
+
+/// Means over blocks of [`OVERSAMPLE`]² pixels.
+fn averaged(pixels: &[u8], width: u32, height: u32) -> Vec<u8> {
+    let (w, h, n) = (width as usize, height as usize, OVERSAMPLE as usize);
+    let mut out = Vec::with_capacity(3 * w * h);
+    for y in 0..h {
+        for x in 0..w {
+            for c in 0..3 {
+                let block = (0..n * n).map(|k| {
+                    let (px, py) = (n * x + k % n, n * y + k / n);
+                    u32::from(pixels[3 * (py * n * w + px) + c])
+                });
+                out.push((block.sum::<u32>() / (n * n) as u32) as u8);
+            }
+        }
+    }
+    out
+}
+
+/// Height of ordinary text in a panel, drawing pixels.
+pub fn text_size<DB: DrawingBackend>(panel: &Area<DB>) -> u32 {
+    let (width, height) = panel.dim_in_pixel();
+    (height.min(width) / 32).clamp(14 * OVERSAMPLE, 26 * OVERSAMPLE)
+}
+
+/// A line width in picture pixels, as drawing pixels.
+pub const fn stroke(pixels: u32) -> u32 {
+    pixels * OVERSAMPLE
+}
+
+/// Draws a centred title, if there is one, at the top of a panel and returns what is left below it.
+///
+/// # Errors
+/// If the drawing library refuses.
+pub fn titled<DB: DrawingBackend>(panel: &Area<DB>, title: &str) -> Result<Area<DB>, DrawingError>
+where
+    DB::ErrorType: 'static,
+{
+    if title.is_empty() {
+        return Ok(panel.clone());
+    }
+    let size = text_size(panel);
+    let (top, rest) = panel.split_vertically(2 * size + size / 2);
+    let middle = (
+        panel.dim_in_pixel().0 as i32 / 2,
+        size as i32 + size as i32 / 3,
+    );
+    top.draw_text(title, &centred(size + size / 4, INK), middle)?;
+    Ok(rest)
+}
+
+fn encode(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Best);
+    encoder.set_adaptive_filter(png::AdaptiveFilterType::Adaptive);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+fn load_face() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let face = epaint_default_fonts::UBUNTU_LIGHT;
+        if register_font(FACE, FontStyle::Normal, face).is_err() {
+            tracing::error!("the built-in font cannot be read: pictures cannot be drawn");
+        }
+    });
+}
+
+/// Text of `size` pixels in the built-in face.
+pub fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
+    let mut style = TextStyle::from((FACE, size).into_font());
+    style.color = colour.to_backend_color();
+    style
+}
+
+/// The same, anchored by its middle.
+pub fn centred(size: u32, colour: RGBColor) -> TextStyle<'static> {
+    text(size, colour).pos(Pos::new(HPos::Center, VPos::Center))
+}
+
+/// A number for an axis or legend: at most `digits` significant digits, no trailing zeros.
+pub fn number(value: f64, digits: usize) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value:.0}");
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if !(-3..5).contains(&exponent) {
+        let text = format!("{value:.*e}", digits.saturating_sub(1));
+        return match text.split_once('e') {
+            Some((mantissa, power)) => format!("{}e{power}", trim_zeros(mantissa)),
+            None => text,
+        };
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    trim_zeros(&format!("{value:.decimals$}")).to_owned()
+}
+
+/// A tick label on an axis from `low` to `high`: rounding around zero is zero.
+pub fn tick(value: f64, [low, high]: [f64; 2]) -> String {
+    match value.abs() < 1e-9 * (high - low) {
+        true => number(0.0, 4),
+        false => number(value, 4),
+    }
+}
+
+fn trim_zeros(text: &str) -> &str {
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => text,
+    }
+}
+
+/// Evenly placed round numbers that cover a range: 1, 2 or 5 times a power of ten apart.
+pub fn round_ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
+    let raw = (high - low) / about.max(1) as f64;
+    if !(raw.is_finite() && raw > 0.0) {
+        return vec![low];
+    }
+    let power = 10f64.powf(raw.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|m| m * power)
+        .find(|s| *s >= raw)
+        .unwrap_or(10.0 * power);
+    let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
+    (first as i64..=last as i64)
+        .map(|i| i as f64 * step)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(number(0.0, 3), "0");
+        assert_eq!(number(1.5, 3), "1.5");
+        assert_eq!(number(-1234.0, 3), "-1234");
+        assert_eq!(number(0.0012345, 3), "0.00123");
+        assert_eq!(number(1.0e-7, 3), "1e-7");
+        assert_eq!(number(2.5e9, 3), "2.5e9");
+        assert_eq!(tick(3e-18, [-1.0, 1.0]), "0");
+        assert_eq!(tick(0.25, [-1.0, 1.0]), "0.25");
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        assert_eq!(round_ticks(-1.0, 1.0, 4), vec![-1.0, -0.5, 0.0, 0.5, 1.0]);
+        assert_eq!(round_ticks(0.0, 0.0, 4), vec![0.0]);
+        let ticks = round_ticks(0.13, 9.7, 5);
+        assert!(ticks.len() >= 4 && ticks.iter().all(|t| (0.13..=9.7).contains(t)));
+    }
+
+    #[test]
+    fn a_sheet_becomes_a_png() {
+        let bytes = png("test", (40, 30), |sheet| {
+            sheet.draw_text("x", &text(12, INK), (5, 5))?;
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(&bytes[1..4], b"PNG");
+    }
+
+    #[test]
+    fn a_sheet_becomes_an_svg() {
+        let text = svg("test", (40, 30), |sheet| {
+            sheet.draw_text("a < b", &text(12, INK), (5, 5))?;
+            Ok(())
+        })
+        .unwrap();
+        assert!(
+            text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
+            "{text}"
+        );
+        assert!(text.contains("a &lt; b"), "{text}");
+    }
+}

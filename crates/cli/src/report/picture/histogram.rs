@@ -1,0 +1,89 @@
+//! Counts over a logarithmic axis.
+
+use plotters::prelude::*;
+
+use super::canvas::{Area, Drawing, FAINT, INK, PAPER, number, text, text_size};
+use super::colour::SERIES;
+use super::heat_map::MESH;
+
+/// Counts in bins; both axes are logarithmic.
+#[derive(Debug, Clone, Default)]
+pub struct Histogram {
+    /// Under the horizontal axis, with its unit.
+    pub horizontal: String,
+    /// Beside the vertical axis.
+    pub vertical: String,
+    /// From, to (both above zero), count; in order.
+    pub bins: Vec<(f64, f64, u64)>,
+}
+
+/// Where bars begin: a count of one is a bar, too.
+const FLOOR: f64 = 0.5;
+
+impl Histogram {
+    /// Draws the histogram into a panel.
+    ///
+    /// # Errors
+    /// If the drawing library refuses.
+    pub fn draw<DB: DrawingBackend>(&self, panel: &Area<DB>) -> Drawing
+    where
+        DB::ErrorType: 'static,
+    {
+        let size = text_size(panel);
+        let (low, high) = match (self.bins.first(), self.bins.last()) {
+            (Some(first), Some(last)) => (first.0, last.1),
+            _ => (1.0, 10.0),
+        };
+        let most = self.bins.iter().map(|b| b.2).max().unwrap_or(1).max(1);
+        let mut chart = ChartBuilder::on(panel)
+            .margin(size)
+            .margin_top(size / 2)
+            .x_label_area_size(3 * size)
+            .y_label_area_size(4 * size + size / 2)
+            .build_cartesian_2d(
+                (low..high).log_scale(),
+                (FLOOR..1.3 * most as f64).log_scale(),
+            )?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .light_line_style(PAPER.mix(0.0))
+            .bold_line_style(MESH)
+            .axis_style(FAINT)
+            .x_desc(&self.horizontal)
+            .y_desc(&self.vertical)
+            .x_labels(12)
+            .y_labels(6)
+            .x_label_formatter(&|v| number(*v, 3))
+            .y_label_formatter(&|v| number(*v, 3))
+            .label_style(text(size, INK))
+            .axis_desc_style(text(size, INK))
+            .draw()?;
+        let filled = self.bins.iter().filter(|b| b.2 > 0);
+        chart.draw_series(filled.map(|&(from, to, count)| {
+            Rectangle::new([(from, FLOOR), (to, count as f64)], SERIES[0].filled())
+        }))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::canvas::svg;
+    use super::*;
+
+    #[test]
+    fn every_bin_that_holds_something_is_a_bar() {
+        let bars = |bins: &[(f64, f64, u64)]| {
+            let histogram = Histogram {
+                bins: bins.to_vec(),
+                ..Histogram::default()
+            };
+            let text = svg("test", (400, 200), |sheet| histogram.draw(sheet)).unwrap();
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+            text.matches("<rect").count()
+        };
+        assert_eq!(bars(&[]), 0);
+        assert_eq!(bars(&[(1.0, 2.0, 5), (2.0, 4.0, 0), (4.0, 8.0, 1)]), 2);
+    }
+}

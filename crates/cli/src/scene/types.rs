@@ -1,0 +1,174 @@
+//! A scene whose every value has been checked.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use fft_correlate::{EnergyScale, LatticeStep, Pose, RotationDomain, ScoreModel};
+use glam::DVec3;
+use haptic::HapticConfig;
+use sdf_grid::{LengthUnit, Sampling};
+
+use crate::args::MeshChoice;
+use crate::error::CommandError;
+
+/// A scene whose every value has been checked. Lengths are metres.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The file it was read from.
+    pub path: PathBuf,
+    /// Unit of the meshes and of the lengths in the file.
+    pub unit: LengthUnit,
+    /// The part that stays: the first of them, into which the moving part fits.
+    pub fixed: Part,
+    /// Further parts that stay.
+    pub others: Vec<Part>,
+    /// The part that moves.
+    pub moving: Part,
+    /// Weights and kernel thickness; gamma is 1 unless the scene gives one.
+    pub model: ScoreModel,
+    /// What fixes the energy scale.
+    pub energy: EnergyScale,
+    /// How finely the densities are computed.
+    pub lattice: LatticeChoice,
+    /// Which translations are searched and tabulated.
+    pub window: WindowChoice,
+    /// Which rotations are searched and tabulated.
+    pub rotations: RotationDomain,
+    /// True if the scene itself names them; `dock` searches everywhere otherwise.
+    pub rotations_given: bool,
+    /// Where the parts fit.
+    pub fit: FitChoice,
+    /// Settings of the haptic loop.
+    pub device: HapticConfig,
+    /// What is kept in memory while the loop runs.
+    pub loading: Loading,
+    /// Folder where fields are kept between runs.
+    pub cache: PathBuf,
+}
+
+/// One part of a scene: a mesh, or several that move or stay together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// What to call it in reports.
+    pub name: String,
+    /// Its mesh files and where each lies in the part.
+    pub meshes: Vec<PlacedMesh>,
+    /// Where the part is placed in the scene before anything is computed (metres).
+    pub pose: Pose,
+    /// A table of the pair with the moving part, to be interpolated by the haptic loop.
+    pub table: Option<PathBuf>,
+}
+
+/// A mesh file of a part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedMesh {
+    /// The file.
+    pub path: PathBuf,
+    /// The solid of the file to use, by name or number; all of them if `None`.
+    pub solid: Option<String>,
+    /// Edges around a full turn of a curved face of a STEP file.
+    pub segments_per_turn: u32,
+    /// Where it lies in the part (metres).
+    pub pose: Pose,
+}
+
+impl PlacedMesh {
+    /// What of the file it is.
+    pub fn choice(&self) -> MeshChoice {
+        MeshChoice {
+            solid: self.solid.clone(),
+            segments_per_turn: self.segments_per_turn,
+        }
+    }
+}
+
+/// What is kept in memory while the loop runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Loading {
+    /// Bytes that loaded pairs may take together; what the command may use if absent.
+    pub memory: Option<u64>,
+    /// How far ahead of the moving part pairs are loaded, metres; its longest side if absent.
+    pub ahead: Option<f64>,
+    /// How far, radians, the part may turn to rotations of a table that are loaded before the loop
+    /// starts.
+    pub turn_ahead: f64,
+    /// Time between two looks at the files.
+    pub watch: Duration,
+}
+
+/// How finely the densities are computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LatticeChoice {
+    /// The lattice step.
+    pub step: LatticeStep,
+    /// Distance outside the parts at which densities end, metres; chosen from the parts if absent.
+    pub halo: Option<f64>,
+    /// Relative L2 error allowed in a field.
+    pub field_tolerance: f64,
+    /// How a lattice value stands for its cell.
+    pub sampling: Sampling,
+    /// Whether the loss of cell averages at coincident boundaries is undone.
+    pub deaverage: bool,
+}
+
+/// A box of displacements of the moving part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindowChoice {
+    /// Middle of the box, metres.
+    pub center: DVec3,
+    /// Half its sides, metres; chosen from the parts if absent.
+    pub half_extent: Option<DVec3>,
+}
+
+/// Where the parts fit, and the way in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitChoice {
+    /// Pose of the moving part when assembled.
+    pub assembled: Pose,
+    /// Unit direction, fixed frame, in which the moving part travels to seat; found by probing if
+    /// absent.
+    pub axis: Option<DVec3>,
+    /// Travel from the entrance to the seat, metres; the moving part's extent if absent.
+    pub depth: Option<f64>,
+}
+
+impl Scene {
+    /// What errors say they are about: the file and a part of it.
+    pub(crate) fn context(&self, item: &str) -> String {
+        format!("{}: {item}", self.path.display())
+    }
+
+    /// All parts that stay.
+    pub fn fixed_parts(&self) -> impl Iterator<Item = &Part> {
+        std::iter::once(&self.fixed).chain(&self.others)
+    }
+
+    /// The scene with only one of its fixed parts: the one called `name`, or the only one.
+    ///
+    /// # Errors
+    /// If there is no such part, or several and no name.
+    pub fn only(mut self, name: Option<&str>) -> Result<Self, CommandError> {
+        let names: Vec<&str> = self.fixed_parts().map(|p| p.name.as_str()).collect();
+        let refuse = |expected: &str, found: String| {
+            CommandError::input(self.path.display().to_string(), "fixed", expected, found)
+        };
+        let fixed = match name {
+            None if self.others.is_empty() => return Ok(self),
+            None => {
+                return Err(refuse(
+                    "one part, or --fixed NAME to choose",
+                    names.join(", "),
+                ));
+            }
+            Some(name) => match self.fixed_parts().find(|p| p.name == name) {
+                Some(part) => part.clone(),
+                None => {
+                    return Err(refuse(&format!("a part called `{name}`"), names.join(", ")));
+                }
+            },
+        };
+        self.fixed = fixed;
+        self.others.clear();
+        Ok(self)
+    }
+}

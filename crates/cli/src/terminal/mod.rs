@@ -1,0 +1,5 @@
+//! Between the command and whoever typed it: progress, interrupts, lines of text.
+
+pub mod hold;
+pub mod progress;
+mod say;

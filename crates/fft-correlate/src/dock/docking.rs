@@ -1,0 +1,439 @@
+//! Docking from two parts to ranked poses: frame, lattices, fields, search, and what is told of the
+//! poses found.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use sdf_grid::{Aabb, DensityError, LatticeError, Monitor, TriangleMesh, snug_rotation};
+
+use crate::direct::condition::Condition;
+use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
+use crate::dock::decide::decide;
+use crate::dock::domain::{SearchDomain, SearchPairs};
+use crate::dock::error::SearchError;
+use crate::dock::lattices::{SearchLattices, domain_rotations};
+use crate::dock::options::SearchOptions;
+use crate::dock::report::SearchStage;
+use crate::dock::report::{FoundPose, SearchReport};
+use crate::dock::rotations::symmetry_group;
+use crate::dock::search::search;
+use crate::dock::sketch::wants_sketch;
+use crate::geometry::se3::Pose;
+use crate::geometry::translation::TranslationWindow;
+use crate::pair::budget::correlation_bytes;
+use crate::pair::builder::{PairBuildError, PairPlan};
+use crate::pair::fields::{Pair, PairError};
+use crate::pair::model::ScoreModel;
+use crate::rotations::domain::{RotationDomain, RotationError};
+use crate::rotations::symmetry::symmetry_on_lattice;
+use crate::setup::energy_scale::EnergyScaleError;
+use crate::setup::pair_setup::PairSetup;
+
+/// Angle between rotations where no domain is given, degrees.
+const STEP_DEG: f64 = 15.0;
+
+/// How many of the best poses have the condition number of their score found, cell by cell.
+const CONDITION_POSES: usize = 16;
+
+/// What is asked of docking.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DockingOptions {
+    /// Distinct poses to return, at most.
+    pub top: usize,
+    /// Score every rotation on the coarse lattice, without a sketch to choose among them.
+    pub exhaustive: bool,
+    /// Rotations of the moving part, fixed part's frame; all of them, 15 degrees apart, if absent.
+    pub rotations: Option<RotationDomain>,
+    /// File in which scored rotations are kept, and found again by a later run.
+    pub state: Option<PathBuf>,
+}
+
+impl Default for DockingOptions {
+    /// Ten poses, everywhere, without a state file.
+    fn default() -> Self {
+        Self {
+            top: 10,
+            exhaustive: false,
+            rotations: None,
+            state: None,
+        }
+    }
+}
+
+/// One pose found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DockingPose {
+    /// Pose in the fixed part's own frame, energy under the docking weights, width and overlap.
+    pub found: FoundPose,
+    /// Energy as a share of the deepest pose's; 0 if none is below zero.
+    pub depth: f64,
+    /// Energy under the setup's own model, joules.
+    pub model_energy: f64,
+    /// The sum of the absolute terms of the score under the docking weights over the score: how far
+    /// they cancel. Of the best poses only.
+    pub condition: Option<f64>,
+}
+
+/// What docking found and what it cost.
+#[derive(Debug)]
+pub struct DockingReport {
+    /// Distinct poses, lowest energy first; those that could not be refined last.
+    pub poses: Vec<DockingPose>,
+    /// The lattices it worked on.
+    pub lattices: SearchLattices,
+    /// Motions that map the moving part onto itself: poses that differ by one count as the same.
+    pub symmetries: Vec<Pose>,
+    /// Rotations looked at.
+    pub rotations: usize,
+    /// Of these, rotations that the sketch chose; all without one.
+    pub chosen: usize,
+    /// Of the chosen, rotations scored; fewer if the monitor cancelled.
+    pub scored: usize,
+    /// Of the scored, those that the state file already held.
+    pub resumed: usize,
+    /// Translations scored per rotation, along x, y, z.
+    pub window: [usize; 3],
+    /// Points of the transforms.
+    pub transform_size: [usize; 3],
+    /// The model that ranked the poses.
+    pub model: ScoreModel,
+    /// Poses that the fine lattice could not tell from the deepest, that one included.
+    pub close: usize,
+    /// Why these were not decided on a finer lattice, if they should have been.
+    pub undecided: Option<PairBuildError>,
+    /// Wall time of the density fields, seconds.
+    pub field_seconds: f64,
+    /// The other stages, in order.
+    pub stages: Vec<SearchStage>,
+    /// Wall time per rotation scored, seconds, without the sketch.
+    pub seconds_per_rotation: f64,
+}
+
+/// Why docking cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum DockingError {
+    /// A pair cannot be had.
+    #[error(transparent)]
+    Build(PairBuildError),
+    /// The energy scale cannot be had.
+    #[error(transparent)]
+    Energy(#[from] EnergyScaleError),
+    /// The rotations to look at are out of range.
+    #[error("rotations: {0}")]
+    Rotations(#[from] RotationError),
+    /// The translations to look at do not make a window.
+    #[error("window: {0}")]
+    Window(#[from] LatticeError),
+    /// The correlation does not fit in memory.
+    #[error("the correlation needs about {needed} bytes, expected at most {limit}")]
+    Memory {
+        /// Bytes needed, about.
+        needed: u64,
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// The search.
+    #[error(transparent)]
+    Search(SearchError),
+    /// The model is out of range for the pair.
+    #[error(transparent)]
+    Pair(#[from] PairError),
+    /// A part has no interior on its lattice.
+    #[error(transparent)]
+    Direct(#[from] DirectError),
+    /// The monitor asked to stop before anything was found.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<PairBuildError> for DockingError {
+    fn from(error: PairBuildError) -> Self {
+        match error {
+            PairBuildError::Density {
+                source: DensityError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            other => Self::Build(other),
+        }
+    }
+}
+
+impl From<SearchError> for DockingError {
+    fn from(error: SearchError) -> Self {
+        match error {
+            SearchError::Cancelled => Self::Cancelled,
+            other => Self::Search(other),
+        }
+    }
+}
+
+impl DockingReport {
+    /// Wall time of all stages but the fields, seconds.
+    pub fn seconds(&self) -> f64 {
+        self.stages.iter().map(|s| s.seconds).sum()
+    }
+}
+
+/// Where does the moving part belong? Two parts, turned into a frame that suits the search.
+///
+/// The fixed part is turned so that it fills its box along the axes: lattices and transforms become
+/// smaller. A setup that gives a box of displacements is looked at in its own frame. The moving part
+/// stays as it is: with lattices that lie parallel, errors at touching faces add up
+/// (`docs/docking.md`).
+#[derive(Debug, Clone)]
+pub struct Docking<'a> {
+    setup: &'a PairSetup,
+    options: DockingOptions,
+    /// From the fixed part's own frame to that of the search.
+    frame: Pose,
+    /// The fixed part in the latter; none if it stays.
+    turned: Option<TriangleMesh>,
+    lattices: SearchLattices,
+}
+
+/// The pairs of a search, at the scale of the setup.
+struct Fields {
+    sketch: Option<Pair>,
+    coarse: Pair,
+    fine: Pair,
+    gamma: f64,
+    /// Wall time they took.
+    seconds: f64,
+}
+
+impl<'a> Docking<'a> {
+    /// A search for poses of a setup's moving part: in its box of displacements if it gives one, else
+    /// wherever the parts can touch. A spacing or halo that the setup gives is kept for the fine
+    /// lattice.
+    pub fn new(setup: &'a PairSetup, options: DockingOptions) -> Self {
+        let rotation = match setup.half_extent {
+            Some(_) => DQuat::IDENTITY,
+            None => snug_rotation(&setup.fixed),
+        };
+        let turned =
+            (rotation != DQuat::IDENTITY).then(|| setup.fixed.transformed(rotation, DVec3::ZERO));
+        let mut lattices = SearchLattices::new(&setup.moving);
+        if let Some(spacing) = setup.builder.spacing {
+            lattices.fine = spacing;
+            lattices.coarse = lattices.coarse.max(spacing);
+        }
+        if let Some(halo) = setup.builder.halo {
+            lattices.halo = halo;
+        }
+        Self {
+            setup,
+            options,
+            frame: Pose::new(rotation, DVec3::ZERO),
+            turned,
+            lattices,
+        }
+    }
+
+    /// Computes the fields, searches, and looks closer at the poses found. With a state file, what a
+    /// cancelled run has scored is not lost. When the monitor cancels after rotations have been
+    /// scored, the best of these are returned unrefined.
+    ///
+    /// # Errors
+    /// If the domain, the model or the memory limit does not allow the search, a part has no interior
+    /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
+    /// any rotation is scored.
+    pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingReport, DockingError> {
+        let plans = self.plans()?;
+        let domain = self.domain()?;
+        self.require_memory(&domain.places)?;
+        let Fields {
+            sketch,
+            coarse,
+            fine: mut finest,
+            gamma,
+            seconds: mut field_seconds,
+        } = self.fields(&plans, domain.rotations.len(), monitor)?;
+        let options = self.search_options();
+        let pairs = SearchPairs {
+            sketch: sketch.as_ref(),
+            coarse: &coarse,
+            fine: &finest,
+        };
+        let state = self.options.state.as_deref();
+        let mut found = search(&pairs, &domain, &options, state, monitor)?;
+        let close = found.close();
+        let mut undecided = None;
+        if close > 1 && !monitor.cancelled() {
+            let began = Instant::now();
+            match self.deciding() {
+                Ok(plan) => {
+                    finest = self.build(&plan, monitor)?.with_gamma(gamma)?;
+                    field_seconds += began.elapsed().as_secs_f64();
+                    decide(&mut found, &finest, &domain, &options, monitor)?;
+                }
+                Err(reason) => undecided = Some(reason),
+            }
+        }
+        let poses = self.poses(&found, &finest)?;
+        Ok(DockingReport {
+            poses,
+            lattices: self.lattices,
+            symmetries: domain.symmetries,
+            rotations: found.rotations,
+            chosen: found.chosen,
+            scored: found.scored,
+            resumed: found.resumed,
+            window: found.window,
+            transform_size: found.transform_size,
+            model: found.model,
+            close,
+            undecided,
+            field_seconds,
+            seconds_per_rotation: found.seconds_per_rotation(),
+            stages: found.stages,
+        })
+    }
+
+    /// Of the sketch, the coarse and the fine pair.
+    fn plans(&self) -> Result<[PairPlan; 3], PairBuildError> {
+        let setup = self.setup;
+        self.lattices
+            .plans(self.fixed(), &setup.moving, &setup.model, &setup.builder)
+    }
+
+    /// The pairs of the plans, the sketch's if `rotations` are worth one.
+    fn fields(
+        &self,
+        [sketch, coarse, fine]: &[PairPlan; 3],
+        rotations: usize,
+        monitor: &dyn Monitor,
+    ) -> Result<Fields, DockingError> {
+        let began = Instant::now();
+        let fine = self.build(fine, monitor)?;
+        let gamma = self.gamma(&fine)?;
+        let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
+        let sketch = match !self.options.exhaustive && wants_sketch(rotations) {
+            true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
+            false => None,
+        };
+        Ok(Fields {
+            sketch,
+            coarse,
+            fine: fine.with_gamma(gamma)?,
+            gamma,
+            seconds: began.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// The fixed part in the frame of the search.
+    fn fixed(&self) -> &TriangleMesh {
+        self.turned.as_ref().unwrap_or(&self.setup.fixed)
+    }
+
+    fn build(&self, plan: &PairPlan, monitor: &dyn Monitor) -> Result<Pair, PairBuildError> {
+        let cache = self.setup.cache.as_ref();
+        plan.build(self.fixed(), &self.setup.moving, cache, monitor)
+    }
+
+    /// The pair on half the fine spacing.
+    fn deciding(&self) -> Result<PairPlan, PairBuildError> {
+        let setup = self.setup;
+        self.lattices
+            .deciding_plan(self.fixed(), &setup.moving, &setup.model, &setup.builder)
+    }
+
+    /// The scale of the energies, from the pair on which poses are ranked.
+    fn gamma(&self, fine: &Pair) -> Result<f64, EnergyScaleError> {
+        let setup = self.setup;
+        setup
+            .energy
+            .gamma(fine, &self.frame, &setup.assembled, setup.reach())
+    }
+
+    fn search_options(&self) -> SearchOptions {
+        let top = self.options.top;
+        SearchOptions {
+            top,
+            coarse_poses: (10 * top).max(100),
+            fine_poses: (3 * top / 2).max(16),
+            ..SearchOptions::default()
+        }
+    }
+
+    /// Where to look, in the frame of the search.
+    fn domain(&self) -> Result<SearchDomain, RotationError> {
+        let axes = symmetry_on_lattice(&self.setup.moving, self.lattices.fine);
+        let everywhere = RotationDomain::full(STEP_DEG);
+        let domain = self.options.rotations.as_ref().unwrap_or(&everywhere);
+        let (mut rotations, step) = domain_rotations(domain, &axes)?;
+        // All of them lie evenly in this frame already, where most work is shared.
+        if !matches!(domain, RotationDomain::Full { .. }) {
+            for rotation in &mut rotations {
+                *rotation = self.frame.rotation * *rotation;
+            }
+        }
+        Ok(SearchDomain {
+            rotations,
+            step,
+            places: self.places(),
+            symmetries: symmetry_group(&axes),
+        })
+    }
+
+    /// Where the pivot may be, in the frame of the search.
+    fn places(&self) -> Aabb {
+        let setup = self.setup;
+        match setup.half_extent {
+            Some(half) => {
+                let middle = setup.center + setup.assembled.apply(self.lattices.pivot);
+                Aabb {
+                    min: middle - half,
+                    max: middle + half,
+                }
+            }
+            None => self.lattices.places(&self.fixed().bounds()),
+        }
+    }
+
+    /// Refuses a window whose correlation would not fit in memory.
+    fn require_memory(&self, places: &Aabb) -> Result<(), DockingError> {
+        let lattices = &self.lattices;
+        let [min, max] = [places.min, places.max].map(|p| p - lattices.pivot);
+        let window = TranslationWindow::new(min, max, lattices.coarse)?;
+        let radius = lattices.radius + lattices.halo;
+        let needed = correlation_bytes(window.shape(), radius, lattices.coarse);
+        match self.setup.builder.memory_limit {
+            Some(limit) if needed > limit => Err(DockingError::Memory { needed, limit }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The poses of a search in the fixed part's own frame, with what only the finest pair can tell.
+    fn poses(
+        &self,
+        report: &SearchReport,
+        finest: &Pair,
+    ) -> Result<Vec<DockingPose>, DockingError> {
+        let ranking = finest.with_model(report.model)?;
+        let conditions: Vec<f64> = report
+            .poses
+            .par_iter()
+            .take(CONDITION_POSES)
+            .map(|p| Condition::at(&ranking, &p.pose).number())
+            .collect();
+        let source = DirectEvaluator::new(finest, &DirectOptions::FULL)?;
+        let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
+        let back = self.frame.inverse();
+        let told = |(index, p): (usize, &FoundPose)| DockingPose {
+            found: FoundPose {
+                pose: back * p.pose,
+                ..*p
+            },
+            depth: if deepest < 0.0 {
+                p.energy / deepest
+            } else {
+                0.0
+            },
+            model_energy: source.evaluate_full(&p.pose).response.energy,
+            condition: conditions.get(index).copied(),
+        };
+        Ok(report.poses.iter().enumerate().map(told).collect())
+    }
+}

@@ -49,8 +49,8 @@ mod with_feature {
     use std::path::{Path, PathBuf};
     use std::sync::Arc;
 
-    use haptic::{RecordError, Sample};
     use haptic::log::{COLUMNS, SampleWriter, faults, numbers};
+    use haptic::{RecordError, Sample};
     use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
     use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
     use parquet::errors::ParquetError;

@@ -98,7 +98,7 @@ pub struct LoopReport {
 pub struct Outcome {
     /// Counts and quantiles.
     pub report: LoopReport,
-    /// Every sample, if [`Session::keep_samples`] was asked for.
+    /// Every sample, if [`crate::Session::keep_samples`] was asked for.
     pub samples: Vec<Sample>,
     /// The last sample.
     pub last: Sample,

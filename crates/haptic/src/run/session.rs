@@ -73,7 +73,7 @@ impl Session {
         }
     }
 
-    /// Writes every tick to a CSV file ([`record::COLUMNS`]), which appears whole at the end.
+    /// Writes every tick to a CSV file ([`crate::log::COLUMNS`]), which appears whole at the end.
     #[must_use]
     pub fn record_to(mut self, path: impl Into<PathBuf>) -> Self {
         self.log = Some(Log::Csv(path.into()));

@@ -10,7 +10,7 @@ use sdf_grid::{Aabb, DensityError, LatticeError, Monitor, TriangleMesh, snug_rot
 
 use crate::budget::correlation_bytes;
 use crate::dock::{DockError, SearchStage};
-use crate::energy_scale::EnergyScaleError;
+use crate::energy_scale::{EnergyScale, EnergyScaleError};
 use crate::setup::PairSetup;
 use crate::symmetry::symmetry_on_lattice;
 use crate::{
@@ -296,7 +296,7 @@ impl<'a> Docking<'a> {
     ) -> Result<Fields, DockingError> {
         let began = Instant::now();
         let fine = self.build(fine, monitor)?;
-        let gamma = self.gamma(&fine)?;
+        let gamma = self.gamma(&fine, monitor)?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
         let sketch = match !self.options.exhaustive && wants_sketch(rotations) {
             true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
@@ -328,12 +328,22 @@ impl<'a> Docking<'a> {
             .deciding_plan(self.fixed(), &setup.moving, &setup.model, &setup.builder)
     }
 
-    /// The scale of the energies, from the pair on which poses are ranked.
-    fn gamma(&self, fine: &Pair) -> Result<f64, EnergyScaleError> {
+    /// The scale of the energies: that of the setup's own pair, which is the fine one of the search
+    /// unless the setup gives a spacing but leaves the halo, longer than a search needs, to itself.
+    fn gamma(&self, fine: &Pair, monitor: &dyn Monitor) -> Result<f64, DockingError> {
         let setup = self.setup;
-        setup
-            .energy
-            .gamma(fine, &self.frame, &setup.assembled, setup.reach())
+        let own = match (setup.energy, setup.builder.spacing, setup.builder.halo) {
+            (EnergyScale::PeakForce(_), Some(_), None) => {
+                let plan = setup
+                    .builder
+                    .plan(self.fixed(), &setup.moving, &setup.model)?;
+                Some(self.build(&plan, monitor)?)
+            }
+            _ => None,
+        };
+        let (pair, reach) = (own.as_ref().unwrap_or(fine), setup.reach());
+        let scale = &setup.energy;
+        Ok(scale.gamma(pair, &self.frame, &setup.assembled, reach)?)
     }
 
     fn search_options(&self) -> SearchOptions {

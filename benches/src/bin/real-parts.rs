@@ -22,7 +22,7 @@ use haptic::{
 use pegfit::picture::{self, LineChart, Series};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, ask};
-use sdf_grid::{Aabb, HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
+use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
 
 const PAIRS: [(&str, &str, &str); 2] = [
     (

@@ -28,7 +28,7 @@ use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::symmetry_on_lattice;
-use crate::setup::energy_scale::EnergyScaleError;
+use crate::setup::energy_scale::{EnergyScale, EnergyScaleError};
 use crate::setup::pair_setup::PairSetup;
 
 /// Angle between rotations where no domain is given, degrees.
@@ -307,7 +307,7 @@ impl<'a> Docking<'a> {
     ) -> Result<Fields, DockingError> {
         let began = Instant::now();
         let fine = self.build(fine, monitor)?;
-        let gamma = self.gamma(&fine)?;
+        let gamma = self.gamma(&fine, monitor)?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
         let sketch = match !self.options.exhaustive && wants_sketch(rotations) {
             true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
@@ -339,12 +339,22 @@ impl<'a> Docking<'a> {
             .deciding_plan(self.fixed(), &setup.moving, &setup.model, &setup.builder)
     }
 
-    /// The scale of the energies, from the pair on which poses are ranked.
-    fn gamma(&self, fine: &Pair) -> Result<f64, EnergyScaleError> {
+    /// The scale of the energies: that of the setup's own pair, which is the fine one of the search
+    /// unless the setup gives a spacing but leaves the halo, longer than a search needs, to itself.
+    fn gamma(&self, fine: &Pair, monitor: &dyn Monitor) -> Result<f64, DockingError> {
         let setup = self.setup;
-        setup
-            .energy
-            .gamma(fine, &self.frame, &setup.assembled, setup.reach())
+        let own = match (setup.energy, setup.builder.spacing, setup.builder.halo) {
+            (EnergyScale::PeakForce(_), Some(_), None) => {
+                let plan = setup
+                    .builder
+                    .plan(self.fixed(), &setup.moving, &setup.model)?;
+                Some(self.build(&plan, monitor)?)
+            }
+            _ => None,
+        };
+        let (pair, reach) = (own.as_ref().unwrap_or(fine), setup.reach());
+        let scale = &setup.energy;
+        Ok(scale.gamma(pair, &self.frame, &setup.assembled, reach)?)
     }
 
     fn search_options(&self) -> SearchOptions {

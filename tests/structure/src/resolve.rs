@@ -1,0 +1,102 @@
+//! From a path as it is written to the file that defines what it names.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::graph::Graph;
+use crate::source::Module;
+
+/// Longer chains of re-exports than anybody writes.
+const DEPTH: usize = 16;
+
+/// Every file of the modules, with the files whose items it names.
+pub fn arrows(modules: &[Module]) -> Graph {
+    let index: BTreeMap<&[String], &Module> =
+        modules.iter().map(|m| (m.path.as_slice(), m)).collect();
+    let names = Resolver { index };
+    let mut graph = Graph::new();
+    for module in modules {
+        let from = module.file.clone();
+        graph.entry(from.clone()).or_default();
+        for path in &module.uses {
+            let Some(to) = names.file(module, path, DEPTH) else {
+                continue;
+            };
+            if to != from {
+                let tied = graph.entry(from.clone()).or_default();
+                let what = path.last().cloned().unwrap_or_default();
+                tied.entry(to.to_owned()).or_default().insert(what);
+            }
+        }
+    }
+    graph
+}
+
+struct Resolver<'a> {
+    index: BTreeMap<&'a [String], &'a Module>,
+}
+
+impl<'a> Resolver<'a> {
+    /// The file that defines what `path` means in `module`; none for names of other crates.
+    fn file(&self, module: &Module, path: &[String], depth: usize) -> Option<&'a Path> {
+        let depth = depth.checked_sub(1)?;
+        let here = *self.index.get(module.path.as_slice())?;
+        let (first, rest) = path.split_first()?;
+        match first.as_str() {
+            "crate" => self.descend(self.index.get(&[][..])?, rest, depth),
+            "self" if !rest.is_empty() => self.descend(here, rest, depth),
+            "super" => {
+                let (_, parent) = here.path.split_last()?;
+                let parent = self.index.get(parent)?;
+                match rest.first().map(String::as_str) {
+                    Some("super") => self.file(parent, rest, depth),
+                    _ => self.descend(parent, rest, depth),
+                }
+            }
+            name if here.children.contains(name) && !rest.is_empty() => {
+                self.descend(here, path, depth)
+            }
+            name => match here.aliases.get(name) {
+                // A name brought in by `use` counts where the `use` stands.
+                Some(_) if rest.is_empty() => None,
+                Some(target) if target.first() != Some(first) => {
+                    let whole: Vec<String> = target.iter().chain(rest).cloned().collect();
+                    self.file(here, &whole, depth)
+                }
+                _ => None,
+            },
+        }
+    }
+
+    /// `path` looked up from inside `module`.
+    fn descend(&self, module: &'a Module, path: &[String], depth: usize) -> Option<&'a Path> {
+        let depth = depth.checked_sub(1)?;
+        let Some((first, rest)) = path.split_first() else {
+            return Some(&module.file);
+        };
+        if module.items.contains(first) {
+            return Some(&module.file);
+        }
+        if module.children.contains(first) {
+            let mut child = module.path.clone();
+            child.push(first.clone());
+            let child = self.index.get(child.as_slice())?;
+            return self.descend(child, rest, depth);
+        }
+        if let Some(target) = module.aliases.get(first) {
+            // Of a name that another crate defines no file is known.
+            return self.file(module, target, depth).or_else(|| {
+                let children = target.first().map(|t| module.children.contains(t));
+                (children == Some(true)).then_some(module.file.as_path())
+            });
+        }
+        module
+            .globs
+            .iter()
+            .find_map(|glob| {
+                let whole: Vec<String> = glob.iter().chain(path).cloned().collect();
+                self.file(module, &whole, depth)
+            })
+            .or(Some(&module.file))
+    }
+}

@@ -43,6 +43,8 @@ impl<'a> Resolver<'a> {
         let here = *self.index.get(module.path.as_slice())?;
         let (first, rest) = path.split_first()?;
         match first.as_str() {
+            // The visibility `pub(super)`, not a path.
+            "crate" | "super" if rest.is_empty() => None,
             "crate" => self.descend(self.index.get(&[][..])?, rest, depth),
             "self" if !rest.is_empty() => self.descend(here, rest, depth),
             "super" => {

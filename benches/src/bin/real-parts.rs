@@ -10,11 +10,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use fft_correlate::{Docking, DockingOptions};
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyScale, EnergySource, Pair, PairSetup, Pose,
     RotationDomain, ScoreModel,
 };
+use fft_correlate::{Docking, DockingOptions};
 use glam::{DQuat, DVec3};
 use haptic::{
     Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,

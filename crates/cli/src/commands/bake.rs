@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use fft_correlate::{
     BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share,
-    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error, typical_condition,
+    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error,
+    typical_condition,
 };
 use serde::Serialize;
 

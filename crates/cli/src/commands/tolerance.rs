@@ -1,9 +1,7 @@
 //! A table for a tolerance that was asked for, and what is told of the choice.
 
 use fft_correlate::TableDesign;
-use fft_correlate::table::{
-    LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial,
-};
+use fft_correlate::table::{LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial};
 
 use crate::context::Context;
 use crate::error::CommandError;

@@ -7,7 +7,7 @@ use crate::pair::fields::Pair;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::{symmetry_on_lattice, table_symmetry};
 use crate::setup::pair_setup::PairSetup;
-use crate::table::pair_energies::PairEnergies;
+use crate::sweep::pair_energies::PairEnergies;
 use crate::table::spec::TableSpec;
 
 /// A pair and the table that is to be computed of it.

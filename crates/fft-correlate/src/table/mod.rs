@@ -8,10 +8,8 @@ pub(crate) mod energy_table;
 pub(crate) mod error;
 pub(crate) mod launcher;
 mod layout;
-pub(crate) mod pair_energies;
 pub(crate) mod parts;
 mod plan;
-pub(crate) mod producer;
 mod query;
 mod rows;
 pub(crate) mod spec;
@@ -24,4 +22,6 @@ pub use accuracy::Errors;
 pub use launcher::LauncherError;
 pub use store::chunks::ChunkState;
 pub use store::format::FORMAT_VERSION;
-pub use tolerance::{FieldSampling, LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial};
+pub use tolerance::{
+    FieldSampling, LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial,
+};

@@ -62,7 +62,7 @@ pub fn search(
     let rotations: Vec<DQuat> = chosen.iter().map(|i| domain.rotations[*i]).collect();
     let coarse = with_docking_weights(pairs.coarse, options.ratio)?;
     let fine = with_docking_weights(pairs.fine, options.ratio)?;
-    let window = domain.window(&coarse)?;
+    let window = domain.window(coarse.pivot(), coarse.spacing())?;
     let groups = half_turn_groups(&rotations);
     let scores = PairEnergies::plan_for_groups(&coarse, &window, &groups)?;
     let scan = Scan {

@@ -31,7 +31,7 @@ pub(super) fn sketch(
     monitor: &dyn Monitor,
 ) -> Result<Vec<usize>, SearchError> {
     let pair = with_weights(pair, RATIO)?;
-    let window = domain.window(&pair)?;
+    let window = domain.window(pair.pivot(), pair.spacing())?;
     let groups = half_turn_groups(&domain.rotations);
     let scores = PairEnergies::plan_for_groups(&pair, &window, &groups)?;
     let scan = Scan {

@@ -3,7 +3,7 @@
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
 
-use crate::correlate::{CorrelateError, Correlator, CorrelatorScratch};
+use crate::correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch};
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
@@ -47,6 +47,17 @@ impl PairEnergies {
     ) -> Result<Self, CorrelateError> {
         Ok(Self {
             correlator: Correlator::for_groups(pair, window, groups)?,
+            gamma: pair.model().gamma,
+        })
+    }
+
+    /// The same as planned.
+    ///
+    /// # Errors
+    /// As [`Correlator::build`].
+    pub fn build(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
+        Ok(Self {
+            correlator: Correlator::build(plan, pair)?,
             gamma: pair.model().gamma,
         })
     }

@@ -5,9 +5,13 @@
 //! circle. Unit tests are left out.
 
 mod graph;
+mod lengths;
 mod resolve;
 mod source;
+mod surface;
 
 pub use graph::{Graph, circles};
+pub use lengths::{file_length, function_lengths};
 pub use resolve::arrows;
 pub use source::{Module, SourceError, read_crate};
+pub use surface::{Item, public_paths};

@@ -11,9 +11,7 @@ const DEPTH: usize = 16;
 
 /// Every file of the modules, with the files whose items it names.
 pub fn arrows(modules: &[Module]) -> Graph {
-    let index: BTreeMap<&[String], &Module> =
-        modules.iter().map(|m| (m.path.as_slice(), m)).collect();
-    let names = Resolver { index };
+    let names = Resolver::new(modules);
     let mut graph = Graph::new();
     for module in modules {
         let from = module.file.clone();
@@ -32,13 +30,40 @@ pub fn arrows(modules: &[Module]) -> Graph {
     graph
 }
 
-struct Resolver<'a> {
+/// Where a name is defined.
+pub(crate) struct Found<'a> {
+    pub(crate) module: &'a Module,
+    /// None for the module itself, and where the item cannot be told.
+    pub(crate) item: Option<String>,
+}
+
+pub(crate) struct Resolver<'a> {
     index: BTreeMap<&'a [String], &'a Module>,
 }
 
 impl<'a> Resolver<'a> {
+    pub(crate) fn new(modules: &'a [Module]) -> Self {
+        let index = modules.iter().map(|m| (m.path.as_slice(), m)).collect();
+        Self { index }
+    }
+
+    pub(crate) fn module(&self, path: &[String]) -> Option<&'a Module> {
+        self.index.get(path).copied()
+    }
+
+    /// Where what a name that stands in `module` is defined.
+    pub(crate) fn name(&self, module: &'a Module, name: &str) -> Option<Found<'a>> {
+        self.descend(module, &[name.to_owned()], DEPTH)
+    }
+
     /// The file that defines what `path` means in `module`; none for names of other crates.
     fn file(&self, module: &Module, path: &[String], depth: usize) -> Option<&'a Path> {
+        let found = self.definition(module, path, depth)?;
+        Some(&found.module.file)
+    }
+
+    /// Where what `path` means in `module` is defined; none for names of other crates.
+    fn definition(&self, module: &Module, path: &[String], depth: usize) -> Option<Found<'a>> {
         let depth = depth.checked_sub(1)?;
         let here = *self.index.get(module.path.as_slice())?;
         let (first, rest) = path.split_first()?;
@@ -51,7 +76,7 @@ impl<'a> Resolver<'a> {
                 let (_, parent) = here.path.split_last()?;
                 let parent = self.index.get(parent)?;
                 match rest.first().map(String::as_str) {
-                    Some("super") => self.file(parent, rest, depth),
+                    Some("super") => self.definition(parent, rest, depth),
                     _ => self.descend(parent, rest, depth),
                 }
             }
@@ -63,7 +88,7 @@ impl<'a> Resolver<'a> {
                 Some(_) if rest.is_empty() => None,
                 Some(target) if target.first() != Some(first) => {
                     let whole: Vec<String> = target.iter().chain(rest).cloned().collect();
-                    self.file(here, &whole, depth)
+                    self.definition(here, &whole, depth)
                 }
                 _ => None,
             },
@@ -71,13 +96,14 @@ impl<'a> Resolver<'a> {
     }
 
     /// `path` looked up from inside `module`.
-    fn descend(&self, module: &'a Module, path: &[String], depth: usize) -> Option<&'a Path> {
+    fn descend(&self, module: &'a Module, path: &[String], depth: usize) -> Option<Found<'a>> {
         let depth = depth.checked_sub(1)?;
         let Some((first, rest)) = path.split_first() else {
-            return Some(&module.file);
+            return Some(Found { module, item: None });
         };
         if module.items.contains(first) {
-            return Some(&module.file);
+            let item = Some(first.clone());
+            return Some(Found { module, item });
         }
         if module.children.contains(first) {
             let mut child = module.path.clone();
@@ -87,9 +113,9 @@ impl<'a> Resolver<'a> {
         }
         if let Some(target) = module.aliases.get(first) {
             // Of a name that another crate defines no file is known.
-            return self.file(module, target, depth).or_else(|| {
+            return self.definition(module, target, depth).or_else(|| {
                 let children = target.first().map(|t| module.children.contains(t));
-                (children == Some(true)).then_some(module.file.as_path())
+                (children == Some(true)).then_some(Found { module, item: None })
             });
         }
         module
@@ -97,8 +123,8 @@ impl<'a> Resolver<'a> {
             .iter()
             .find_map(|glob| {
                 let whole: Vec<String> = glob.iter().chain(path).cloned().collect();
-                self.file(module, &whole, depth)
+                self.definition(module, &whole, depth)
             })
-            .or(Some(&module.file))
+            .or(Some(Found { module, item: None }))
     }
 }

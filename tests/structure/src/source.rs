@@ -21,6 +21,10 @@ pub struct Module {
     pub(crate) items: BTreeSet<String>,
     /// Names that `use` brings in, and what they stand for.
     pub(crate) aliases: BTreeMap<String, Names>,
+    /// Of the items those that are types or traits.
+    pub(crate) types: BTreeSet<String>,
+    /// Children, items and re-exports that are `pub` without restriction.
+    pub(crate) public: BTreeSet<String>,
     /// Modules of which `use` brings in everything.
     pub(crate) globs: Vec<Names>,
     /// Paths named in code and in imports that are not re-exports.
@@ -144,6 +148,8 @@ const DEFINING: [&str; 8] = [
     "struct", "enum", "union", "trait", "fn", "type", "const", "static",
 ];
 
+const TYPES: [&str; 5] = ["struct", "enum", "union", "trait", "type"];
+
 struct Reader {
     tokens: Vec<TokenTree>,
     at: usize,
@@ -175,7 +181,7 @@ impl Reader {
 
     /// All items of a module.
     fn items(&mut self) {
-        let mut public = false;
+        let (mut public, mut open) = (false, false);
         while self.at < self.tokens.len() {
             if self.is_test() {
                 self.skip_item();
@@ -183,18 +189,25 @@ impl Reader {
             }
             match self.word(0).as_deref() {
                 Some("pub") => {
-                    public = true;
+                    (public, open) = (true, true);
                     self.at += 1;
                     if let Some((Delimiter::Parenthesis, _)) = self.group(0) {
                         self.at += 1;
+                        open = false;
                     }
                     continue;
                 }
                 Some("use") => {
                     self.at += 1;
+                    let before: BTreeSet<_> = self.module.aliases.keys().cloned().collect();
                     self.import(public);
+                    let new = self.module.aliases.keys().filter(|a| !before.contains(*a));
+                    self.module.public.extend(new.filter(|_| open).cloned());
                 }
-                Some("mod") => self.child(),
+                Some("mod") => {
+                    self.module.public.extend(self.word(1).filter(|_| open));
+                    self.child();
+                }
                 Some("macro_rules") => {
                     if let Some(name) = self.word(2) {
                         self.module.items.insert(name);
@@ -205,13 +218,26 @@ impl Reader {
                     // `const fn` and `unsafe fn` are defined by their last word.
                     let name = self.word(1).unwrap_or_default();
                     if name != "fn" {
+                        self.module.public.extend(open.then(|| name.clone()));
+                        if TYPES.contains(&word) {
+                            self.module.types.insert(name.clone());
+                        }
                         self.module.items.insert(name);
                     }
                     self.at += 1;
+                    // `pub const fn f`: the visibility is that of its last word.
+                    if self.word(0).as_deref() == Some("fn") {
+                        continue;
+                    }
+                }
+                // What may stand between a visibility and `fn`.
+                Some("unsafe" | "async" | "extern" | "auto") => {
+                    self.at += 1;
+                    continue;
                 }
                 _ => self.code(),
             }
-            public = false;
+            (public, open) = (false, false);
         }
     }
 

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use pegfit_structure::{Graph, arrows, circles, read_crate};
+use pegfit_structure::{
+    Graph, arrows, circles, file_length, function_lengths, public_paths, read_crate,
+};
 
 const CRATES: [&str; 5] = ["sdf-grid", "fft-correlate", "haptic", "cli", "pegfit-c"];
 
@@ -100,10 +102,135 @@ fn crates_depend_one_way() {
     }
 }
 
+/// Crates that others name things of.
+const LIBRARIES: [&str; 3] = ["sdf-grid", "fft-correlate", "haptic"];
+
+#[test]
+fn one_public_path_per_name() {
+    let mut found = String::new();
+    for name in LIBRARIES {
+        let root = repository().join("crates").join(name).join("src/lib.rs");
+        let items = public_paths(&read_crate(&root).unwrap());
+        assert!(items.len() > 20, "{name}: {} public items", items.len());
+        let mut types: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for (item, paths) in &items {
+            let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+            if paths.len() > 1 {
+                writeln!(found, "{name}: one item, {}", paths.join(" and ")).unwrap();
+            }
+            if item.is_type {
+                types.entry(&item.name).or_default().push(paths[0]);
+            }
+        }
+        for paths in types.values().filter(|paths| paths.len() > 1) {
+            writeln!(found, "{name}: one name, {}", paths.join(" and ")).unwrap();
+        }
+    }
+    assert!(found.is_empty(), "\n{found}");
+}
+
+/// What two names and two types of one name look like.
+#[test]
+fn a_second_path_is_found() {
+    let folder = made_up("paths");
+    let files = [
+        (
+            "lib.rs",
+            "pub mod a; mod b; pub use a::One; pub use b::{Two, one}; pub(crate) use a::f;",
+        ),
+        (
+            "a.rs",
+            "pub struct One; pub const fn f() {} struct Hidden; pub use crate::b::Three as Two;",
+        ),
+        (
+            "b.rs",
+            "pub struct Two; pub struct Three; pub unsafe fn one() {}",
+        ),
+    ];
+    for (name, text) in files {
+        std::fs::write(folder.join(name), text).unwrap();
+    }
+    let items = public_paths(&read_crate(&folder.join("lib.rs")).unwrap());
+    std::fs::remove_dir_all(&folder).unwrap();
+    let paths = |name: &str| {
+        let (item, paths) = items.iter().find(|(item, _)| item.name == name).unwrap();
+        (
+            item.is_type,
+            paths.iter().map(String::as_str).collect::<Vec<_>>(),
+        )
+    };
+    assert_eq!(items.len(), 5, "{items:?}");
+    assert_eq!(paths("One"), (true, vec!["One", "a::One"]));
+    assert_eq!(paths("f"), (false, vec!["a::f"]));
+    assert_eq!(paths("one"), (false, vec!["one"]));
+    assert_eq!(paths("Two"), (true, vec!["Two"]));
+    assert_eq!(paths("Three"), (true, vec!["a::Two"]));
+}
+
+/// Most lines of a function, and of a file.
+const LONGEST: [usize; 2] = [60, 500];
+
+#[test]
+fn functions_and_files_are_short() {
+    let mut found = String::new();
+    let mut functions = 0;
+    for file in sources(&repository().join("crates")) {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let name = file.display();
+        let whole = file_length(&text);
+        if whole > LONGEST[1] {
+            writeln!(found, "{name}: {whole} lines").unwrap();
+        }
+        for (function, length) in function_lengths(&text) {
+            functions += 1;
+            if length > LONGEST[0] {
+                writeln!(found, "{name}: fn {function}, {length} lines").unwrap();
+            }
+        }
+    }
+    assert!(functions > 1000, "{functions} functions");
+    assert!(found.is_empty(), "\n{found}");
+}
+
+/// The source files of all crates but those of unit tests.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let test = name == "tests" || name == "tests.rs" || name.ends_with("_tests.rs");
+        if path.is_dir() && !test {
+            found.extend(sources(&path));
+        } else if name.ends_with(".rs") && !test {
+            found.push(path);
+        }
+    }
+    found
+}
+
+#[test]
+fn lengths_are_counted_from_name_to_brace() {
+    let text = "trait T {\n    fn a(\n        x: [u8; 3],\n    );\n}\npub const fn b() {}\n\
+                impl T {\n    pub(crate) unsafe fn c() {\n        if true {\n        }\n    }\n}\n\
+                // fn no\nlet f: fn () = b;\n#[cfg(test)]\nmod tests {\n    fn d() {\n    }\n}\n";
+    let found = function_lengths(text);
+    let expected = [("a", 3), ("b", 1), ("c", 4)].map(|(name, n)| (name.to_owned(), n));
+    assert_eq!(found, expected);
+    assert_eq!(file_length(text), 14);
+}
+
+/// A new folder for made-up source.
+fn made_up(name: &str) -> PathBuf {
+    let name = format!("pegfit-structure-{name}-{}", std::process::id());
+    let folder = std::env::temp_dir().join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
 /// A circle that is there is found, through a re-export and a bare child path; a facade is none.
 #[test]
 fn a_circle_is_found() {
-    let folder = std::env::temp_dir().join(format!("pegfit-structure-{}", std::process::id()));
+    let folder = made_up("circles");
     std::fs::create_dir_all(folder.join("a")).unwrap();
     let files = [
         (

@@ -7,10 +7,10 @@ use sdf_grid::{Aabb, Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
 use crate::dock::decide::decide;
+use crate::dock::error::StateError;
 use crate::dock::lattices::SearchLattices;
 use crate::dock::rotations::{search_rotations, symmetry_group};
 use crate::dock::score::BATCH;
-use crate::dock::error::StateError;
 use crate::dock::weights::DOCKING_RATIO;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuilder, PairPlan};

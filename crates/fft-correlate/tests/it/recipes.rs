@@ -78,7 +78,7 @@ fn spec(pair: &Pair, window: &TranslationWindow) -> TableSpec {
 
 fn baked(path: &Path, made: &Made, monitor: &dyn sdf_grid::Monitor) -> Result<(), BakeError> {
     let pair = made.pair();
-    let window = TranslationWindow::cube(2e-3, 1e-3).unwrap();
+    let window = TranslationWindow::cube(2e-3, pair.spacing()).unwrap();
     let energies = PairEnergies::plan(&pair, &window).unwrap();
     let share = Share {
         resume: true,

@@ -5,11 +5,12 @@
 //!
 //! # Energy, force and torque at any pose
 //!
-//! | what | whose full wrench | cost |
-//! |---|---|---|
-//! | [`DirectEvaluator`] | any rotation and translation, exact gradient of its quadrature | 0.1 - 10 ms |
-//! | [`EnergyTable`] ([`EnergyTable::respond`], [`EnergyTable::respond_many`]) | within the table's rotations and window, exact gradient of its interpolant | microseconds |
-//! | [`Correlator::gradient`] | one rotation, all displacements of a window at once: the exact gradient of [`Correlator::score`] | six correlations |
+//! - [`DirectEvaluator`]: any rotation and translation, the exact gradient of its quadrature; 0.1 to
+//!   10 ms.
+//! - [`EnergyTable::respond`], [`EnergyTable::respond_many`]: within the table's rotations and
+//!   window, the exact gradient of its interpolant; microseconds.
+//! - [`Correlator::gradient`]: one rotation, all displacements of a window at once, the exact
+//!   gradient of [`Correlator::score`]; six correlations.
 //!
 //! The first two answer through one trait, [`EnergySource::evaluate`], with energy, wrench (torque
 //! first, about the moving part's origin, fixed frame) and coverage:

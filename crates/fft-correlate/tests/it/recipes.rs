@@ -53,6 +53,8 @@ impl Made {
 
 type Change = (&'static str, fn(&mut Made));
 
+type OfSearch = (&'static str, fn(&mut SearchDomain, &mut SearchOptions));
+
 /// Changes of a scene and the first key of the recipe in which they show.
 const CHANGES: [Change; 12] = [
     ("fixed.halo", |m| m.builder.halo = Some(2.1e-3)),
@@ -78,7 +80,7 @@ fn spec(pair: &Pair, window: &TranslationWindow) -> TableSpec {
 
 fn baked(path: &Path, made: &Made, monitor: &dyn sdf_grid::Monitor) -> Result<(), BakeError> {
     let pair = made.pair();
-    let window = TranslationWindow::cube(2e-3, 1e-3).unwrap();
+    let window = TranslationWindow::cube(2e-3, pair.spacing()).unwrap();
     let energies = PairEnergies::plan(&pair, &window).unwrap();
     let share = Share {
         resume: true,
@@ -199,7 +201,7 @@ fn a_search_goes_on_with_its_own_recipe_only() {
         let same = found == format!("coarse.{expected}");
         assert!(same || expected == "model.sigma", "{expected}: {found}");
     }
-    let changes: [(&str, fn(&mut SearchDomain, &mut SearchOptions)); 8] = [
+    let changes: [OfSearch; 8] = [
         ("options.top", |_, o| o.top = 2),
         ("options.per_rotation", |_, o| o.per_rotation = 3),
         ("options.coarse_poses", |_, o| o.coarse_poses = 2),

@@ -2,8 +2,8 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use fft_correlate::{
-    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec,
-    TableStore, bake_files,
+    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, Storage, TableFiles,
+    TableSpec, TableStore, bake_files,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;

@@ -4,7 +4,9 @@ use std::ffi::CString;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use fft_correlate::{NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, TableSpec, bake};
+use fft_correlate::{
+    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, TableSpec, bake,
+};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use pegfit_c::{PegfitPose, PegfitStatus, PegfitTable, pegfit_table_load};

@@ -112,7 +112,8 @@ typedef struct {
    */
   double energy;
   /*
-   Torque on the moving part about where the pose takes the scene's origin: x, y, z in newton metres.
+   Torque on the moving part about where the pose takes the scene's origin: x, y, z in newton
+   metres.
    */
   double torque[3];
   /*

@@ -23,7 +23,8 @@ pub struct PegfitPose {
 pub struct PegfitResponse {
     /// Joules.
     pub energy: f64,
-    /// Torque on the moving part about where the pose takes the scene's origin: x, y, z in newton metres.
+    /// Torque on the moving part about where the pose takes the scene's origin: x, y, z in newton
+    /// metres.
     pub torque: [f64; 3],
     /// Force on the moving part: x, y, z in newtons.
     pub force: [f64; 3],

@@ -97,8 +97,8 @@ impl Assembly {
         TableDesign::new(&self.setup, pair, rotations).map_err(|e| explain_design(&self.scene, e))
     }
 
-    /// Distance of the pivot (metres) and angle (radians) between a pose in the scene and the fit, or that turn
-    /// of it under the moving part's symmetry which is nearest in angle.
+    /// Distance of the pivot (metres) and angle (radians) between a pose in the scene and the fit,
+    /// or that turn of it under the moving part's symmetry which is nearest in angle.
     pub fn from_fit(&self, pose: &Pose) -> (f64, f64) {
         let axes = symmetry_on_lattice(&self.setup.moving, self.pair.spacing());
         let (fit, pivot) = (self.setup.assembled, self.pair.pivot());
@@ -113,7 +113,7 @@ impl Assembly {
         Geometry::of_fit(source, &moving, fit.assembled, fit.axis, fit.depth)
     }
 
-    /// The box in the scene around both parts when assembled, grown by `margin` of its longest side.
+    /// The box in the scene around both assembled parts, grown by `margin` of its longest side.
     pub fn bounds(&self, margin: f64) -> Aabb {
         bounds(&self.setup, margin)
     }

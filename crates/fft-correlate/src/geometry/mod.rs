@@ -1,4 +1,5 @@
-//! Rigid motions, placements, windows of displacements, half turns, and interpolation along lattice axes.
+//! Rigid motions, placements, windows of displacements, half turns, and interpolation along
+//! lattice axes.
 
 pub(crate) mod half_turn;
 pub(crate) mod placement;

@@ -12,8 +12,8 @@ use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
 use crate::setup::energy_scale::{EnergyScale, EnergyScaleError};
 
-/// Two parts, each in its own frame, and what is asked of their pair: all but the placement speaks of
-/// the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
+/// Two parts, each in its own frame, and what is asked of their pair: all but the placement speaks
+/// of the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
 #[derive(Debug, Clone)]
 pub struct PairSetup {
     /// The part that stays.
@@ -31,7 +31,7 @@ pub struct PairSetup {
     /// Middle of the displacements of interest from the assembled pose, metres, along the fixed
     /// part's own axes.
     pub center: DVec3,
-    /// Half the sides of their box along the same axes, metres; chosen from the moving part if absent
+    /// Half the sides of their box along these axes, metres; chosen from the moving part if absent
     /// ([`PairSetup::reach`]).
     pub half_extent: Option<DVec3>,
     /// Where a scene puts the parts; decides nothing about the pair.

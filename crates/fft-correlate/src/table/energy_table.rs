@@ -23,8 +23,8 @@ use crate::table::spec::TableSpec;
 use crate::table::stencil::value_of;
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
-/// the interpolated energy, so its field is conservative. Poses are those of the shapes, each in its
-/// own frame; [`EnergyTable::in_scene`] answers for a scene.
+/// the interpolated energy, so its field is conservative. Poses are those of the shapes, each in
+/// its own frame; [`EnergyTable::in_scene`] answers for a scene.
 #[derive(Debug, Clone)]
 pub struct EnergyTable {
     plan: Arc<Plan>,

@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, Placement, Pose, Response, ScoreModel, Scratch, Wrench,
+    DirectEvaluator, DirectOptions, EnergySource, Placement, Pose, Response, ScoreModel, Scratch,
+    Wrench,
 };
 use glam::DVec3;
 use haptic::{

@@ -73,7 +73,8 @@ impl Placement {
     /// The wrench in the scene, about the origin of what `pose` (in the scene) moves, for one along
     /// the fixed shape's axes about the moving shape's origin.
     pub fn wrench_to_scene(&self, pose: &Pose, wrench: &Wrench) -> Wrench {
-        if *self == Self::IDENTITY {
+        // No force stays none, however far away.
+        if *self == Self::IDENTITY || *wrench == Wrench::ZERO {
             return *wrench;
         }
         let turn = self.fixed.rotation;

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use fft_correlate::{
     BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share,
-    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error, typical_condition,
+    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error,
+    typical_condition,
 };
 use serde::Serialize;
 
@@ -100,7 +101,7 @@ fn prepare(
     context: &Context,
 ) -> Result<(Design, Option<Reference>), CommandError> {
     let mut scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let mut reference = None;
+    let (mut reference, mut baked) = (None, None);
     if let Some(tolerance) = args.tolerance {
         if !exists(&args.output)? {
             let found = tolerance::choose(&scene, tolerance, context)?;
@@ -117,9 +118,12 @@ fn prepare(
         let (truth, _) = stored::reference(&store, scene.clone(), spacing, context)?;
         reference = Some(Reference { truth, spacing });
         scene = stored::as_baked(scene, store.spec());
-        scene.rotations = store.spec().rotations.clone();
+        baked = Some(store.spec().rotations.clone());
     }
-    let assembly = Assembly::load(scene, context)?;
+    let mut assembly = Assembly::load(scene, context)?;
+    if let Some(rotations) = baked {
+        assembly.rotations = rotations;
+    }
     let table = assembly.design()?;
     let scene = assembly.scene;
     Ok((Design { scene, table }, reference))

@@ -1,6 +1,6 @@
 //! `pegfit table`: what a table holds.
 
-use fft_correlate::{ErrorReport, RotationDomain, TableSpec, TableStore};
+use fft_correlate::{ErrorReport, Placement, Pose, RotationDomain, TableSpec, TableStore};
 use serde::Serialize;
 
 use super::stored;
@@ -84,6 +84,10 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
+    if spec.placement != Placement::IDENTITY {
+        place("fixed", &spec.placement.fixed);
+        place("moving", &spec.placement.moving);
+    }
     let m = spec.model();
     crate::say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
@@ -139,6 +143,16 @@ fn print(d: &Description, store: &TableStore) {
         ),
         Some(report) => stored::print_error(report),
     }
+}
+
+/// Where the scene that it was baked for puts a part.
+fn place(part: &str, pose: &Pose) {
+    crate::say!(
+        "  {:<15}{:.3} mm, turned by {:.5}",
+        format!("{part} part at"),
+        1e3 * pose.translation,
+        pose.rotation
+    );
 }
 
 fn domain(domain: &RotationDomain) -> String {

@@ -103,7 +103,7 @@ pub(super) fn run(
     context.progress.note(&format!("{name} peg and hole"));
     let assembly = Assembly::load(write_scene(shape, out)?, context)?;
     let direct = assembly.direct(&DirectOptions::FULL)?;
-    let fast = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let fast = assembly.source(&DirectOptions::REAL_TIME)?;
     let (energies, table) = tabulate(
         &assembly,
         &direct,
@@ -121,7 +121,8 @@ pub(super) fn run(
     let real_time = match shape {
         PegInHole::Rectangular => {
             let (snap, clock) = (Script::Snap, Clock::Real);
-            let felt = hand::run_simulated(&assembly, &energies, snap, LOOP_SECONDS, clock, None)?;
+            let source = energies.in_scene();
+            let felt = hand::run_simulated(&assembly, &source, snap, LOOP_SECONDS, clock, None)?;
             Some(felt.report)
         }
         _ => None,
@@ -222,7 +223,7 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
     };
     let options = DockingOptions {
         top: 5,
-        ..dock::options(&assembly.scene)
+        ..dock::options(&assembly.scene)?
     };
     let docking = dock::look(&assembly.scene, &setup, options, context)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -234,7 +235,8 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
             "none",
         ));
     };
-    let (shift, turn) = assembly.from_fit(&best.found.pose);
+    let found = assembly.placement().to_scene(&best.found.pose);
+    let (shift, turn) = assembly.from_fit(&found);
     Ok(Dock {
         rotations: docking.rotations,
         seconds,

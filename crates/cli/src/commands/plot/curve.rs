@@ -15,9 +15,9 @@ const SAMPLES: usize = 241;
 /// One degree of freedom through the assembled pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::commands) enum Motion {
-    /// Along an axis.
+    /// Along an axis of the fixed part, as the window lies.
     Translation(usize),
-    /// About an axis through the pivot.
+    /// About such an axis through the pivot.
     Rotation(usize),
 }
 
@@ -41,7 +41,7 @@ impl Motion {
 
     /// The assembled pose moved by `amount` metres or radians.
     fn apply(self, assembly: &Assembly, amount: f64) -> Pose {
-        let assembled = assembly.assembled();
+        let assembled = assembly.setup.assembled;
         let middle = assembly.pair.displacement(&assembled);
         match self {
             Self::Translation(axis) => Pose {

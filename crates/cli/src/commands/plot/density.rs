@@ -11,7 +11,7 @@ use crate::error::CommandError;
 use crate::report::figure::{density_map, sheet};
 use crate::report::picture;
 use crate::report::slice::Slice;
-use crate::scene::Assembly;
+use crate::scene::{Assembly, put};
 
 /// Samples along the longer side of a picture.
 const SAMPLES: usize = 260;
@@ -39,7 +39,7 @@ fn on_plane(
     })
 }
 
-/// Real and imaginary part of both parts' densities, each in its own frame.
+/// Real and imaginary part of both parts' densities, each where the scene puts it.
 pub(in crate::commands) fn densities(
     assembly: &Assembly,
     slice: &Slice,
@@ -47,14 +47,15 @@ pub(in crate::commands) fn densities(
 ) -> Result<Vec<u8>, CommandError> {
     let model = *assembly.pair.model();
     let unit = assembly.display_unit();
+    let (scene, setup, placement) = (&assembly.scene, &assembly.setup, assembly.placement());
     let parts = [
-        (&assembly.scene.fixed.name, &assembly.setup.fixed),
-        (&assembly.scene.moving.name, &assembly.setup.moving),
+        (&scene.fixed.name, put(&setup.fixed, &placement.fixed)),
+        (&scene.moving.name, put(&setup.moving, &placement.moving)),
     ];
     let bounds = assembly.bounds(0.1);
     let mut maps = Vec::new();
     for (name, mesh) in parts {
-        let field = on_plane(mesh, assembly, &bounds, slice, context)?;
+        let field = on_plane(&mesh, assembly, &bounds, slice, context)?;
         let density = field.combined(model.lambda_exterior as f32, model.lambda_interior as f32);
         for (part, values) in [
             ("Re", density.mapv(|v| v.re)),
@@ -87,12 +88,10 @@ pub(in crate::commands) fn overlap(
 ) -> Result<Vec<u8>, CommandError> {
     let unit = assembly.display_unit();
     let bounds = assembly.bounds(0.1);
-    let pose = assembly.assembled();
-    let moved = assembly
-        .setup
-        .moving
-        .transformed(pose.rotation, pose.translation);
-    let fixed = on_plane(&assembly.setup.fixed, assembly, &bounds, slice, context)?;
+    let (setup, placement) = (&assembly.setup, assembly.placement());
+    let moved = put(&setup.moving, &(assembly.assembled() * placement.moving));
+    let lies = put(&setup.fixed, &placement.fixed);
+    let fixed = on_plane(&lies, assembly, &bounds, slice, context)?;
     let moving = on_plane(&moved, assembly, &bounds, slice, context)?;
     context.progress.finish();
     let mut map = density_map(

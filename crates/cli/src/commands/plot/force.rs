@@ -14,7 +14,7 @@ const SECONDS: f64 = 8.0;
 
 /// Runs the collision and the snap test in simulated time and draws both.
 pub(super) fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u8>, CommandError> {
-    let source = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let source = assembly.source(&DirectOptions::REAL_TIME)?;
     let mut charts = Vec::new();
     for (script, title) in [
         (

@@ -74,6 +74,6 @@ fn refuse_unused(args: &PlotArgs) -> Result<(), CommandError> {
 fn middle(assembly: &Assembly) -> Slice {
     Slice {
         axis: 1,
-        at: assembly.assembled().apply(assembly.pair.pivot()).y,
+        at: assembly.assembled().apply(assembly.pivot()).y,
     }
 }

@@ -24,14 +24,14 @@ pub(super) fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError
     }
 }
 
-/// The score with the assembled rotation over the scene's window along two axes, the third
+/// The score with the assembled rotation over the scene's window along two of its axes, the third
 /// displacement being that of the fit.
 pub(in crate::commands) fn score_surface(
     assembly: &Assembly,
     plane: [usize; 2],
 ) -> Result<Vec<u8>, CommandError> {
     let failed = |e| CommandError::bad_input(assembly.context("window"), e);
-    let pose = assembly.assembled();
+    let pose = assembly.setup.assembled;
     let middle = assembly.pair.displacement(&pose);
     let across = 3 - plane[0] - plane[1];
     let mut reach = assembly.setup.reach();

@@ -18,7 +18,7 @@ pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandE
         pivot: assembly.pair.pivot(),
         directions: DVec3::AXES.into_iter().flat_map(|a| [a, -a]).collect(),
     };
-    Well::analyse(&source, &assembly.assembled(), &options)
+    Well::analyse(&source, &assembly.setup.assembled, &options)
         .map_err(|e| CommandError::bad_input(assembly.context("well"), e))
 }
 

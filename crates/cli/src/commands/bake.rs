@@ -5,15 +5,16 @@ use std::time::Instant;
 
 use fft_correlate::{
     BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share,
-    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error, typical_condition,
+    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error,
+    typical_condition,
 };
 use serde::Serialize;
 
 use super::{stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::bytes::display_bytes;
 use crate::report::output::{print_json, require_folder};
 use crate::scene::{Assembly, Scene, explain_design};
 

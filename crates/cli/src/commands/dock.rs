@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use fft_correlate::{
-    Docking, DockingError, DockingOptions, DockingPose, DockingReport, from_fit,
-};
+use fft_correlate::{Docking, DockingError, DockingOptions, DockingPose, DockingReport, from_fit};
 
 use fft_correlate::{PairSetup, ScoreModel};
 use serde::Serialize;

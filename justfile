@@ -26,7 +26,8 @@ fuzz seconds="600":
 
 # Signed distance beside Open3D, libigl and parry3d (needs benches/peers/requirements.txt).
 peers:
-    cargo build --release -p pegfit-benches --bin peers
+    cargo clippy -p pegfit-benches --features peers --bin peers -- -D warnings
+    cargo build --release -p pegfit-benches --features peers --bin peers
     python3 benches/peers/peers.py
 
 # The ten million queries that the tests leave out.

@@ -84,6 +84,18 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
+    print_recipe(spec);
+    print_contents(d);
+    match store.error_report() {
+        None => crate::say!(
+            "  error          not measured (`pegfit bake` does so when a table is finished)"
+        ),
+        Some(report) => stored::print_error(report),
+    }
+}
+
+/// What its numbers depend on.
+fn print_recipe(spec: &TableSpec) {
     let m = spec.model();
     crate::say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
@@ -115,9 +127,13 @@ fn print(d: &Description, store: &TableStore) {
             field.version
         );
     }
+}
+
+/// What is there.
+fn print_contents(d: &Description) {
     crate::say!(
         "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
-        spec.storage.numbers,
+        d.spec.storage.numbers,
         d.energy_unit,
         d.negligible
     );
@@ -133,12 +149,6 @@ fn print(d: &Description, store: &TableStore) {
         d.missing,
         d.damaged
     );
-    match store.error_report() {
-        None => crate::say!(
-            "  error          not measured (`pegfit bake` does so when a table is finished)"
-        ),
-        Some(report) => stored::print_error(report),
-    }
 }
 
 fn domain(domain: &RotationDomain) -> String {

@@ -78,7 +78,8 @@ bench-field *ARGS:
 # Logs as Parquet against logs as CSV: a build with the feature takes a minute more.
 parquet:
     cargo clippy -p pegfit --features parquet --all-targets -- -D warnings
-    cargo test -p pegfit --features parquet --lib -- parquet
+    cargo clippy -p haptic --features parquet --all-targets -- -D warnings
+    cargo test -p haptic --features parquet --lib -- parquet
 
 # Error against time and memory of tables and of the direct evaluator, frontiers marked, in ./out.
 pareto *ARGS:

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use fft_correlate::{EnergyScale, PairSetup, Pose};
 use glam::DVec3;
-use haptic::scene::{Content, LiveSceneError, LoadFailure, Loaded, Loader};
 use haptic::scene::{beside_the_loop, direct_reach, table_reach};
+use haptic::scene::{Content, LiveSceneError, LoadFailure, Loaded, Loader};
 use haptic::{LiveScene, PairSpec, SceneOptions};
 use sdf_grid::{Aabb, TriangleMesh};
 

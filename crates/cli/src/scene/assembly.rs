@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergySource, Pair, PairSetup, Pose, TableDesign,
     TableDesignError, from_fit, symmetry_group, symmetry_on_lattice,

@@ -12,9 +12,9 @@ use serde::Serialize;
 
 use super::{stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::bytes::display_bytes;
 use crate::report::output::{print_json, require_folder};
 use crate::scene::{Assembly, Scene, explain_design};
 

@@ -5,9 +5,9 @@ use serde::Serialize;
 
 use super::stored;
 use crate::args::TableArgs;
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::bytes::display_bytes;
 use crate::report::output::print_json;
 
 #[derive(Serialize)]
@@ -88,6 +88,18 @@ fn print(d: &Description, store: &TableStore) {
         place("fixed", &spec.placement.fixed);
         place("moving", &spec.placement.moving);
     }
+    print_recipe(spec);
+    print_contents(d);
+    match store.error_report() {
+        None => crate::say!(
+            "  error          not measured (`pegfit bake` does so when a table is finished)"
+        ),
+        Some(report) => stored::print_error(report),
+    }
+}
+
+/// What its numbers depend on.
+fn print_recipe(spec: &TableSpec) {
     let m = spec.model();
     crate::say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
@@ -119,9 +131,13 @@ fn print(d: &Description, store: &TableStore) {
             field.version
         );
     }
+}
+
+/// What is there.
+fn print_contents(d: &Description) {
     crate::say!(
         "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
-        spec.storage.numbers,
+        d.spec.storage.numbers,
         d.energy_unit,
         d.negligible
     );
@@ -137,12 +153,6 @@ fn print(d: &Description, store: &TableStore) {
         d.missing,
         d.damaged
     );
-    match store.error_report() {
-        None => crate::say!(
-            "  error          not measured (`pegfit bake` does so when a table is finished)"
-        ),
-        Some(report) => stored::print_error(report),
-    }
 }
 
 /// Where the scene that it was baked for puts a part.

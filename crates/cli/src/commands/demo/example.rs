@@ -10,6 +10,7 @@ use fft_correlate::{
     measure_error,
 };
 use haptic::{Clock, LoopReport, Sample, Script};
+use pegfit_pictures::Slice;
 use sdf_grid::mesh_io;
 use sdf_grid::shapes::PegInHole;
 use serde::Serialize;
@@ -21,8 +22,6 @@ use crate::commands::plot::{
 use crate::commands::{dock, hand, stored};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::picture;
-use crate::report::slice::Slice;
 use crate::scene::{Assembly, Scene, explain_design};
 use sdf_grid::atomic;
 
@@ -256,7 +255,7 @@ fn draw(
     let across = Slice { axis: 2, at: 0.0 };
     let force = |title: &str, samples| {
         let chart = force_chart(title.to_owned(), samples);
-        picture::png("force against time", (1300, 560), |sheet| chart.draw(sheet))
+        pegfit_pictures::png("force against time", (1300, 560), |sheet| chart.draw(sheet))
     };
     let drawn = [
         ("density", densities(assembly, &slice, context)?),

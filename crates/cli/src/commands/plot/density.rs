@@ -2,15 +2,13 @@
 
 use ndarray::Array2;
 use num_complex::Complex32;
+use pegfit_pictures::{AXES, Slice, density_map, distance_contours, sheet};
 use sdf_grid::{
     Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Sampling, TriangleMesh,
 };
 
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::figure::{density_map, sheet};
-use crate::report::picture;
-use crate::report::slice::Slice;
 use crate::scene::{Assembly, put};
 
 /// Samples along the longer side of a picture.
@@ -31,7 +29,9 @@ fn on_plane(
         sampling: Sampling::Point,
         ..DensityOptions::default()
     };
-    let lattice = slice.lattice(bounds, SAMPLES)?;
+    let lattice = slice
+        .lattice(bounds, SAMPLES)
+        .map_err(|e| CommandError::bad_input(format!("slice {}", AXES[slice.axis]), e))?;
     DensityField::compute(mesh, &kernel, &lattice, &options, &context.progress).map_err(|e| match e
     {
         DensityError::Cancelled => CommandError::Interrupted,
@@ -72,12 +72,13 @@ pub(in crate::commands) fn densities(
         }
     }
     context.progress.finish();
-    picture::png("densities", (1500, 1240), |whole| {
+    let picture = pegfit_pictures::png("densities", (1500, 1240), |whole| {
         for (panel, map) in whole.split_evenly((2, 2)).iter().zip(&maps) {
             map.draw(panel)?;
         }
         Ok(())
-    })
+    })?;
+    Ok(picture)
 }
 
 /// The real part of the product of both densities at the assembled pose: what the score sums.
@@ -102,13 +103,14 @@ pub(in crate::commands) fn overlap(
         slice,
         unit,
     );
-    let other = crate::report::figure::distance_contours(&moving, slice, unit).0;
+    let other = distance_contours(&moving, slice, unit).0;
     map.contours.push(other);
     for lines in &mut map.contours {
         lines.levels.clear();
     }
     map.note = "lines: the boundaries; red: reward, blue: penalty and separation".to_owned();
-    picture::png("overlap", (1100, 940), |sheet| map.draw(sheet))
+    let picture = pegfit_pictures::png("overlap", (1100, 940), |sheet| map.draw(sheet))?;
+    Ok(picture)
 }
 
 /// `Re [l1 l2 (O1 I2 + I1 O2) + l2² I1 I2 + w l1² O1 O2]` on the plane.

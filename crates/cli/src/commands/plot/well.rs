@@ -2,11 +2,11 @@
 
 use fft_correlate::{DirectOptions, Well, WellOptions};
 use glam::DVec3;
+use pegfit_pictures::AXES;
 
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::report::slice::AXES;
 use crate::scene::Assembly;
 
 pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {

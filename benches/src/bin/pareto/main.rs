@@ -324,7 +324,8 @@ impl NodeEnergies for Lost<'_> {
         let row = self.rows[&bits(rotation)];
         for ((i, j, k), energy) in out.indexed_iter_mut() {
             let kept = self.table.node_energy(row, [i, j, k]);
-            *energy = (f64::from(*energy) - kept.expect("the same window")) as f32;
+            let whole = self.energies.unit() * *energy;
+            *energy = (f64::from(whole) - kept.expect("the same window")) as f32;
         }
     }
 }

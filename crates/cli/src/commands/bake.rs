@@ -16,7 +16,7 @@ use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
-use crate::scene::{Assembly, Scene, explain_design};
+use crate::scene::{Scene, explain_design, rotations as rotations_of, setup};
 
 #[derive(Serialize)]
 struct Summary {
@@ -100,32 +100,31 @@ fn prepare(
     args: &BakeArgs,
     context: &Context,
 ) -> Result<(Design, Option<Reference>), CommandError> {
-    let mut scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let (mut reference, mut baked) = (None, None);
-    if let Some(tolerance) = args.tolerance {
-        if !exists(&args.output)? {
-            let found = tolerance::choose(&scene, tolerance, context)?;
-            let reference = Reference {
-                truth: found.truth,
-                spacing: found.reference_spacing,
-            };
-            let table = found.design;
-            return Ok((Design { scene, table }, Some(reference)));
-        }
+    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let mut rotations = rotations_of(&scene)?;
+    let mut reference = None;
+    let chosen = args.tolerance.is_some() && exists(&args.output)?;
+    if let (Some(tolerance), false) = (args.tolerance, chosen) {
+        let found = tolerance::choose(&scene, tolerance, context)?;
+        let reference = Reference {
+            truth: found.truth,
+            spacing: found.reference_spacing,
+        };
+        let table = found.design;
+        return Ok((Design { scene, table }, Some(reference)));
+    }
+    let mut asked = setup(&scene, context)?;
+    if chosen {
         let store = stored::open(&args.output)?;
-        stored::expect_scene(&store, &scene, context)?;
+        stored::expect_setup(&store, &scene, &asked)?;
         let spacing = 0.5 * store.spec().window.spacing();
-        let (truth, _) = stored::reference(&store, scene.clone(), spacing, context)?;
+        let (truth, _) = stored::reference(&store, &scene, &asked, spacing, context)?;
         reference = Some(Reference { truth, spacing });
-        scene = stored::as_baked(scene, store.spec());
-        baked = Some(store.spec().rotations.clone());
+        asked = asked.as_baked(store.spec());
+        rotations = store.spec().rotations.clone();
     }
-    let mut assembly = Assembly::load(scene, context)?;
-    if let Some(rotations) = baked {
-        assembly.rotations = rotations;
-    }
-    let table = assembly.design()?;
-    let scene = assembly.scene;
+    let pair = stored::load_pair(&scene, &asked, context)?;
+    let table = TableDesign::new(&asked, pair, rotations).map_err(|e| explain_design(&scene, e))?;
     Ok((Design { scene, table }, reference))
 }
 

@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use fft_correlate::table::ChunkState;
+use fft_correlate::table::{ChunkState, TableSetupError};
 use fft_correlate::{
-    BakeError, DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, ErrorReport, LatticeStep,
-    Pair, PairSetup, StoreError, TableSpec, TableStore,
+    BakeError, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairSetup,
+    StoreError, TableStore,
 };
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Assembly, Scene, explain_build, setup};
+use crate::scene::{Scene, explain_build, setup};
 
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 pub(super) const SEED: u64 = 1;
@@ -75,20 +75,6 @@ pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
     })
 }
 
-/// The scene on the lattice that a table was baked on, which its tolerance may have chosen, and with
-/// the table's energy scale unless the scene states one.
-pub(super) fn as_baked(mut scene: Scene, spec: &TableSpec) -> Scene {
-    scene.lattice.step = LatticeStep::Spacing(spec.window.spacing());
-    if let Some(field) = &spec.recipe.fixed {
-        scene.lattice.sampling = field.sampling;
-        scene.lattice.deaverage = spec.recipe.deaverage;
-    }
-    if let EnergyScale::PeakForce(_) = scene.energy {
-        scene.energy = EnergyScale::Gamma(spec.model().gamma);
-    }
-    scene
-}
-
 /// Refuses a table that was not baked from the scene's parts, model and fields; nothing is computed.
 pub(super) fn expect_scene(
     store: &TableStore,
@@ -104,20 +90,9 @@ pub(super) fn expect_setup(
     scene: &Scene,
     read: &PairSetup,
 ) -> Result<(), CommandError> {
-    let baked = as_baked(scene.clone(), store.spec());
-    let mut setup = read.clone();
-    setup.builder.spacing = baked.lattice.step.spacing(&read.fixed, &read.moving);
-    setup.builder.sampling = baked.lattice.sampling;
-    setup.builder.deaverage = baked.lattice.deaverage;
-    if let EnergyScale::Gamma(gamma) = baked.energy {
-        setup.model.gamma = gamma;
-    }
-    let given = setup
-        .plan()
-        .and_then(|plan| plan.recipe(&setup.fixed, &setup.moving))
-        .map_err(|error| explain_build(scene, error))?;
-    store.expect_recipe(&given).map_err(|error| match error {
-        StoreError::Different { path, difference } => CommandError::input(
+    store.expect_setup(read).map_err(|error| match error {
+        TableSetupError::Build(e) => explain_build(scene, e),
+        TableSetupError::Store(StoreError::Different { path, difference }) => CommandError::input(
             scene.path.display().to_string(),
             difference.key,
             format!(
@@ -127,7 +102,7 @@ pub(super) fn expect_setup(
             ),
             difference.given,
         ),
-        other => bad_table(other),
+        TableSetupError::Store(other) => bad_table(other),
     })
 }
 
@@ -136,16 +111,32 @@ pub(super) fn expect_setup(
 /// evaluates.
 pub(super) fn reference(
     store: &TableStore,
-    scene: Scene,
+    scene: &Scene,
+    read: &PairSetup,
     spacing: f64,
     context: &Context,
 ) -> Result<(DirectEvaluator, Pair), CommandError> {
-    let mut scene = as_baked(scene, store.spec());
+    let mut setup = read.as_baked(store.spec());
     if spacing > 0.0 {
-        scene.lattice.step = LatticeStep::Spacing(spacing);
+        setup.builder.spacing = Some(spacing);
     }
-    let assembly = Assembly::load(scene, context)?;
-    Ok((assembly.direct(&DirectOptions::FULL)?, assembly.pair))
+    let pair = load_pair(scene, &setup, context)?;
+    let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)
+        .map_err(|e| CommandError::bad_input(scene.path.display().to_string(), e))?;
+    Ok((source, pair))
+}
+
+/// A setup's pair, with its energy scale.
+pub(super) fn load_pair(
+    scene: &Scene,
+    setup: &PairSetup,
+    context: &Context,
+) -> Result<Pair, CommandError> {
+    let pair = setup
+        .load(&context.progress)
+        .map_err(|e| crate::scene::explain(scene, e))?;
+    context.progress.finish();
+    Ok(pair)
 }
 
 /// The errors that a table states, as shares of each quantity's rms.

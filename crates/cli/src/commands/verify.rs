@@ -8,7 +8,7 @@ use crate::args::VerifyArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::scene::Scene;
+use crate::scene::{Scene, setup};
 
 #[derive(Serialize)]
 struct Verdict {
@@ -23,7 +23,8 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     let store = stored::open(&args.table)?;
     let name = args.table.display().to_string();
     let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    stored::expect_scene(&store, &scene, context)?;
+    let setup = setup(&scene, context)?;
+    stored::expect_setup(&store, &scene, &setup)?;
     let Some(stated) = store.error_report().cloned() else {
         return Err(CommandError::input(
             &name,
@@ -33,7 +34,8 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
         ));
     };
     let table = stored::load(&store, context)?;
-    let (truth, pair) = stored::reference(&store, scene, stated.reference_spacing, context)?;
+    let (truth, pair) =
+        stored::reference(&store, &scene, &setup, stated.reference_spacing, context)?;
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
     let mut found = measure_error(&table, &truth, args.poses, seed);
     found.reference_spacing = stated.reference_spacing;

@@ -34,6 +34,11 @@ impl Factor {
         }
     }
 
+    /// Zero wherever the part is not solid.
+    pub(super) fn is_interior(&self) -> bool {
+        self.0[0] == 0.0
+    }
+
     /// The nodes inside of `kept` in the periodic box, so that window index 0 comes out at index 0;
     /// `moving_first` is the first index of the moving box.
     pub(super) fn periodic<T: Real>(

@@ -19,6 +19,7 @@
 //!
 //! From what is planned to what runs: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`].
 
+mod bound;
 mod contract;
 mod correlator;
 mod cost;

@@ -133,6 +133,26 @@ impl CorrelatorPlan {
         Self::of(support, window, shared)
     }
 
+    /// Of [`CorrelatorPlan::new`] and [`CorrelatorPlan::for_half_turns`] the one that takes more
+    /// memory with this many threads: for rotations that are not known yet.
+    ///
+    /// # Errors
+    /// As [`CorrelatorPlan::new`].
+    pub fn largest(
+        support: &PairSupport,
+        window: &TranslationWindow,
+        threads: usize,
+    ) -> Result<Self, CorrelateError> {
+        let (alone, shared) = (
+            Self::new(support, window)?,
+            Self::for_half_turns(support, window)?,
+        );
+        Ok(match shared.bytes(threads) > alone.bytes(threads) {
+            true => shared,
+            false => alone,
+        })
+    }
+
     /// Bytes that building the correlator and correlating with this many threads takes, each with
     /// scratch and results of its own.
     pub fn bytes(&self, threads: usize) -> u64 {

@@ -1,11 +1,14 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use sdf_grid::Silent;
 
 use super::*;
 use crate::correlate::correlator::Correlator;
 use crate::correlate::fixtures::{H, fixed_part, moving_part, pair, window};
+use crate::pair::builder::PairBuilder;
 use crate::pair::fields::Pair;
+use crate::pair::model::ScoreModel;
 
 #[test]
 fn plans_say_what_is_transformed_and_what_is_skipped() {
@@ -81,5 +84,49 @@ fn another_pair_is_refused() {
     for other in [pair(0.3, DVec3::ZERO), pair(0.0, DVec3::X), more] {
         let refused = Correlator::build(&plan, &other).err();
         assert_eq!(refused, Some(CorrelateError::OtherPair));
+    }
+}
+
+/// What is planned before the densities are known is enough for what they turn out to need, and at
+/// most twice that.
+#[test]
+fn plans_from_the_parts_bound_those_of_their_densities() {
+    let box_of = |size: [f64; 3]| sdf_grid::shapes::cuboid(DVec3::from_array(size)).unwrap();
+    let mut parts = sdf_grid::shapes::PegInHole::ALL
+        .map(|shape| shape.pair(0.0).unwrap())
+        .to_vec();
+    parts.push((box_of([0.2, 0.15, 0.1]), box_of([0.02, 0.03, 0.15])));
+    for (fixed, moving) in parts {
+        for (separation_weight, deaverage) in [(0.0, false), (0.0, true), (0.5, false), (1.0, true)]
+        {
+            let model = ScoreModel {
+                separation_weight,
+                ..ScoreModel::GUIDED
+            };
+            let longest = moving.bounds().size().max_element();
+            let builder = PairBuilder {
+                spacing: Some(longest / 30.0),
+                halo: Some(longest / 4.0),
+                deaverage,
+                ..PairBuilder::default()
+            };
+            let planned = builder.plan(&fixed, &moving, &model).unwrap();
+            let pair = planned.build(&fixed, &moving, None, &Silent).unwrap();
+            let bound = PairSupport::planned(&planned, &fixed, &moving).unwrap();
+            let found = PairSupport::of(&pair).unwrap();
+            let reach = DVec3::splat(0.5 * longest);
+            let window = TranslationWindow::new(-reach, reach, pair.spacing()).unwrap();
+            for make in [CorrelatorPlan::new, CorrelatorPlan::for_half_turns] {
+                for threads in [1, 8] {
+                    let [needed, planned] =
+                        [&found, &bound].map(|s| make(s, &window).unwrap().bytes(threads));
+                    let most = CorrelatorPlan::largest(&bound, &window, threads).unwrap();
+                    assert!(
+                        needed <= most.bytes(threads) && planned <= 2 * needed,
+                        "{separation_weight} {deaverage}: {needed}, planned {planned}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -29,6 +29,9 @@ pub(super) struct ProductSupport {
     pub(super) moving: Option<MovingSupport>,
 }
 
+/// Diagonal of a cell, cells: trilinear weights reach to its far corner.
+const CELL: f64 = 1.732_050_807_568_877_2;
+
 /// Where a moving field is nonzero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MovingSupport {
@@ -82,9 +85,21 @@ impl MovingSupport {
                 radius = radius.max(p.length());
             }
         }
-        // Trilinear weights reach to the far corner of a cell.
-        let radius = radius + 3f64.sqrt();
-        Some(Self { nodes, radius })
+        Some(Self {
+            nodes,
+            radius: radius + CELL,
+        })
+    }
+
+    /// Of nodes in a box of which [0, 0, 0] lies `first` cells from the pivot, and none that is not
+    /// zero farther than `reach` cells from it.
+    pub(super) fn within(nodes: IndexBox, first: DVec3, reach: f64) -> Self {
+        let corner = |v: [i64; 3]| (first + DVec3::from_array(v.map(|v| v as f64))).abs();
+        let farthest = corner(nodes.lo).max(corner(nodes.hi.map(|v| v - 1)));
+        Self {
+            nodes,
+            radius: reach.min(farthest.length()) + CELL,
+        }
     }
 
     /// The box of fixed-lattice indices that can be nonzero under any rotation, when index 0 lies

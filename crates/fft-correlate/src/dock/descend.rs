@@ -66,7 +66,7 @@ impl<'a> Refinement<'a> {
         Ok(Self {
             domain,
             options,
-            window: domain.window(pair)?,
+            window: domain.window(pair.pivot(), pair.spacing())?,
             pivot: pair.pivot(),
             radius: radius_about_pivot(pair),
             monitor,

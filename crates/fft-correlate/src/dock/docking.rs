@@ -8,6 +8,7 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{Aabb, DensityError, LatticeError, Monitor, TriangleMesh, snug_rotation};
 
+use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
 use crate::direct::condition::Condition;
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 use crate::dock::decide::decide;
@@ -15,14 +16,14 @@ use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::lattices::{SearchLattices, domain_rotations};
 use crate::dock::options::SearchOptions;
+use crate::dock::plan::DockingPlan;
 use crate::dock::report::SearchStage;
 use crate::dock::report::{FoundPose, SearchReport};
 use crate::dock::rotations::symmetry_group;
 use crate::dock::search::search;
 use crate::dock::sketch::wants_sketch;
+use crate::dock::weights::docking_weights;
 use crate::geometry::se3::Pose;
-use crate::geometry::translation::TranslationWindow;
-use crate::pair::budget::correlation_bytes;
 use crate::pair::builder::{PairBuildError, PairPlan};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
@@ -126,10 +127,13 @@ pub enum DockingError {
     /// The translations to look at do not make a window.
     #[error("window: {0}")]
     Window(#[from] LatticeError),
-    /// The correlation does not fit in memory.
-    #[error("the correlation needs about {needed} bytes, expected at most {limit}")]
+    /// The correlation cannot be planned.
+    #[error(transparent)]
+    Correlate(#[from] CorrelateError),
+    /// The correlation may not fit in memory.
+    #[error("the correlation may need {needed} bytes, expected at most {limit}")]
     Memory {
-        /// Bytes needed, about.
+        /// Bytes needed, at most.
         needed: u64,
         /// Bytes allowed.
         limit: u64,
@@ -240,16 +244,17 @@ impl<'a> Docking<'a> {
     /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
     /// any rotation is scored.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingReport, DockingError> {
-        let plans = self.plans()?;
         let domain = self.domain()?;
-        self.require_memory(&domain.places)?;
+        let plan = self.planned(&domain)?;
+        self.require_memory(&plan)?;
+        tracing::debug!(%plan, "docking");
         let Fields {
             sketch,
             coarse,
             fine: mut finest,
             gamma,
             seconds: mut field_seconds,
-        } = self.fields(&plans, domain.rotations.len(), monitor)?;
+        } = self.fields(&plan, monitor)?;
         let options = self.search_options();
         let pairs = SearchPairs {
             sketch: sketch.as_ref(),
@@ -291,25 +296,45 @@ impl<'a> Docking<'a> {
         })
     }
 
-    /// Of the sketch, the coarse and the fine pair.
-    fn plans(&self) -> Result<[PairPlan; 3], PairBuildError> {
-        let setup = self.setup;
-        self.lattices
-            .plans(self.fixed(), &setup.moving, &setup.model, &setup.builder)
+    /// What [`Docking::run`] will do and need, with the threads of the current rayon pool; nothing of
+    /// its size is allocated.
+    ///
+    /// # Errors
+    /// If the domain or the model does not allow the search, or the fields would exceed the setup's
+    /// memory limit.
+    pub fn plan(&self) -> Result<DockingPlan, DockingError> {
+        self.planned(&self.domain()?)
     }
 
-    /// The pairs of the plans, the sketch's if `rotations` are worth one.
-    fn fields(
-        &self,
-        [sketch, coarse, fine]: &[PairPlan; 3],
-        rotations: usize,
-        monitor: &dyn Monitor,
-    ) -> Result<Fields, DockingError> {
+    fn planned(&self, domain: &SearchDomain) -> Result<DockingPlan, DockingError> {
+        let (setup, fixed) = (self.setup, self.fixed());
+        let pairs = self
+            .lattices
+            .plans(fixed, &setup.moving, &setup.model, &setup.builder)?;
+        let [_, coarse, _] = &pairs;
+        let weighed = PairPlan {
+            model: docking_weights(&coarse.model, self.search_options().ratio),
+            ..coarse.clone()
+        };
+        let support = PairSupport::planned(&weighed, fixed, &setup.moving)?;
+        let window = domain.window(coarse.pivot, coarse.spacing())?;
+        // Whether half turns will share their work depends on the rotations that a sketch chooses.
+        let scores = CorrelatorPlan::largest(&support, &window, rayon::current_num_threads())?;
+        Ok(DockingPlan {
+            rotations: domain.rotations.len(),
+            scores,
+            pairs,
+        })
+    }
+
+    /// The pairs of the plan, the sketch's if there are enough rotations for one.
+    fn fields(&self, plan: &DockingPlan, monitor: &dyn Monitor) -> Result<Fields, DockingError> {
+        let [sketch, coarse, fine] = &plan.pairs;
         let began = Instant::now();
         let fine = self.build(fine, monitor)?;
         let gamma = self.gamma(&fine, monitor)?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
-        let sketch = match !self.options.exhaustive && wants_sketch(rotations) {
+        let sketch = match !self.options.exhaustive && wants_sketch(plan.rotations) {
             true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
             false => None,
         };
@@ -402,13 +427,9 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// Refuses a window whose correlation would not fit in memory.
-    fn require_memory(&self, places: &Aabb) -> Result<(), DockingError> {
-        let lattices = &self.lattices;
-        let [min, max] = [places.min, places.max].map(|p| p - lattices.pivot);
-        let window = TranslationWindow::new(min, max, lattices.coarse)?;
-        let radius = lattices.radius + lattices.halo;
-        let needed = correlation_bytes(window.shape(), radius, lattices.coarse);
+    /// Refuses a window whose correlation might not fit in memory.
+    fn require_memory(&self, plan: &DockingPlan) -> Result<(), DockingError> {
+        let needed = plan.scoring_bytes(rayon::current_num_threads());
         match self.setup.builder.memory_limit {
             Some(limit) if needed > limit => Err(DockingError::Memory { needed, limit }),
             _ => Ok(()),
@@ -447,3 +468,7 @@ impl<'a> Docking<'a> {
         Ok(report.poses.iter().enumerate().map(told).collect())
     }
 }
+
+#[cfg(test)]
+#[path = "docking_tests.rs"]
+mod tests;

@@ -1,6 +1,6 @@
 //! Where a search looks, and on which lattices.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, LatticeError};
 
 use crate::dock::error::SearchError;
@@ -34,11 +34,14 @@ pub struct SearchPairs<'a> {
 }
 
 impl SearchDomain {
-    /// The displacements to score for a pair.
-    pub(super) fn window(&self, pair: &Pair) -> Result<TranslationWindow, LatticeError> {
-        let pivot = pair.pivot();
+    /// The displacements to score for a pair with this pivot and spacing.
+    pub(super) fn window(
+        &self,
+        pivot: DVec3,
+        spacing: f64,
+    ) -> Result<TranslationWindow, LatticeError> {
         let (min, max) = (self.places.min - pivot, self.places.max - pivot);
-        TranslationWindow::new(min, max, pair.spacing())
+        TranslationWindow::new(min, max, spacing)
     }
 
     /// Refuses an empty list of rotations and those that are none.

@@ -10,6 +10,7 @@ pub(crate) mod lattices;
 mod measure;
 pub(crate) mod options;
 pub(crate) mod peaks;
+pub(crate) mod plan;
 mod recipe;
 pub(crate) mod refine;
 pub(crate) mod report;

@@ -1,21 +1,20 @@
 //! Scoring many rotations over a window and keeping the best local maxima of each.
 
+use std::convert::Infallible;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::DQuat;
-use ndarray::Array3;
-use rayon::prelude::*;
+use ndarray::ArrayView3;
 use sdf_grid::Monitor;
 use serde::{Deserialize, Serialize};
 
-use crate::correlate::Correlator;
 use crate::dock::peaks::{half_width, top_peaks};
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
+use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
+use crate::sweep::pair_energies::PairEnergies;
+use crate::sweep::run::{Consumer, Group, Member, sweep};
 
 /// A pose on the lattice, before refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -41,7 +40,8 @@ pub(super) fn sort(candidates: &mut [Candidate]) {
 /// What every rotation is scored with.
 pub(super) struct Scan<'a> {
     pub(super) pair: &'a Pair,
-    pub(super) correlator: &'a Correlator,
+    /// The pair's, of which only the maxima become energies.
+    pub(super) scores: &'a PairEnergies,
     pub(super) window: &'a TranslationWindow,
     /// Local maxima kept of each rotation.
     pub(super) per_rotation: usize,
@@ -59,56 +59,33 @@ impl Scan<'_> {
         range: &Range<usize>,
         monitor: &dyn Monitor,
     ) -> (Vec<Candidate>, usize) {
-        let here = |g: &HalfTurnGroup| -> Vec<(HalfTurn, usize)> {
-            let members = g.members.iter().copied();
-            members.filter(|m| range.contains(&m.1)).collect()
+        let here = |row| range.contains(&row).then_some(());
+        let groups = groups.iter().filter_map(|g| Group::of(g, here));
+        let best = || Best {
+            scan: self,
+            found: Vec::new(),
+            scored: 0,
         };
-        let work: Vec<_> = groups
-            .iter()
-            .map(|g| (g.rotation, here(g)))
-            .filter(|(_, members)| !members.is_empty())
-            .collect();
-        let next = AtomicUsize::new(0);
-        let scored = AtomicUsize::new(0);
-        let found = Mutex::new(Vec::new());
-        let threads = rayon::current_num_threads().min(work.len());
-        let most = work.iter().map(|w| w.1.len()).max().unwrap_or(0);
-        // One scratch per thread, and groups handed out one by one.
-        (0..threads).into_par_iter().for_each(|_| {
-            let mut scratch = self.correlator.scratch();
-            let mut scores = vec![Array3::zeros(self.window.shape()); most];
-            let mut own = Vec::new();
-            while !monitor.cancelled() {
-                let Some((rotation, members)) = work.get(next.fetch_add(1, Ordering::Relaxed))
-                else {
-                    break;
-                };
-                let turns: Vec<_> = members.iter().map(|m| m.0).collect();
-                let scores = &mut scores[..turns.len()];
-                let mut outs: Vec<_> = scores.iter_mut().map(|s| s.view_mut()).collect();
-                self.correlator
-                    .score_half_turns(*rotation, &turns, &mut scratch, &mut outs);
-                for (score, (_, place)) in scores.iter().zip(members) {
-                    own.extend(self.candidates(*place, score));
-                }
-                scored.fetch_add(members.len(), Ordering::Relaxed);
-                monitor.advance(members.len() as u64);
-            }
-            lock(&found).append(&mut own);
-        });
-        let candidates = std::mem::take(&mut *lock(&found));
-        (candidates, scored.into_inner())
+        let shape = self.window.shape();
+        let Ok(swept) = sweep(self.scores, shape, groups.collect(), best, monitor);
+        let scored = swept.consumers.iter().map(|c| c.scored).sum();
+        let found = swept.consumers.into_iter().flat_map(|c| c.found);
+        (found.collect(), scored)
     }
 
     /// The best local maxima of one rotation.
-    fn candidates(&self, rotation: usize, score: &Array3<f32>) -> impl Iterator<Item = Candidate> {
+    fn candidates(
+        &self,
+        rotation: usize,
+        score: ArrayView3<'_, f32>,
+    ) -> impl Iterator<Item = Candidate> {
         let h = self.pair.spacing();
-        let peaks = top_peaks(score.view(), self.per_rotation, self.distance / h);
+        let peaks = top_peaks(score, self.per_rotation, self.distance / h);
         peaks.into_iter().map(move |peak| Candidate {
             rotation,
             index: peak.index,
             energy: -self.pair.model().gamma * f64::from(peak.score),
-            half_width: half_width(score.view(), &peak).map(|w| w * h),
+            half_width: half_width(score, &peak).map(|w| w * h),
         })
     }
 
@@ -118,7 +95,21 @@ impl Scan<'_> {
     }
 }
 
-/// The list behind the lock; a panic elsewhere leaves it whole, because it is only appended to.
-fn lock<T>(list: &Mutex<T>) -> MutexGuard<'_, T> {
-    list.lock().unwrap_or_else(PoisonError::into_inner)
+/// What one thread has found.
+struct Best<'a> {
+    scan: &'a Scan<'a>,
+    found: Vec<Candidate>,
+    scored: usize,
+}
+
+impl Consumer<()> for Best<'_> {
+    type Error = Infallible;
+
+    fn take(&mut self, node: Member, scores: &mut [f32]) -> Result<(), Infallible> {
+        let scores = ArrayView3::from_shape(self.scan.window.shape(), scores);
+        let scores = scores.expect("a score of each displacement");
+        self.found.extend(self.scan.candidates(node.row, scores));
+        self.scored += 1;
+        Ok(())
+    }
 }

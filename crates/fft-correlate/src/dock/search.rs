@@ -23,7 +23,6 @@ use std::time::Instant;
 use glam::DQuat;
 use sdf_grid::Monitor;
 
-use crate::correlate::Correlator;
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::dock::descend::{Refinement, fine_sources};
 use crate::dock::domain::{SearchDomain, SearchPairs};
@@ -37,6 +36,7 @@ use crate::dock::sketch::{sketch, wants_sketch};
 use crate::dock::weights::with_docking_weights;
 use crate::geometry::half_turn::half_turn_groups;
 use crate::pair::fields::Pair;
+use crate::sweep::pair_energies::PairEnergies;
 
 /// Searches `domain`; only gamma is taken from the pairs' models. With `state`, what was scored is
 /// kept in that file after every batch of rotations, and a file that is already there is gone on
@@ -62,12 +62,12 @@ pub fn search(
     let rotations: Vec<DQuat> = chosen.iter().map(|i| domain.rotations[*i]).collect();
     let coarse = with_docking_weights(pairs.coarse, options.ratio)?;
     let fine = with_docking_weights(pairs.fine, options.ratio)?;
-    let window = domain.window(&coarse)?;
+    let window = domain.window(coarse.pivot(), coarse.spacing())?;
     let groups = half_turn_groups(&rotations);
-    let correlator = Correlator::for_groups(&coarse, &window, &groups)?;
+    let scores = PairEnergies::plan_for_groups(&coarse, &window, &groups)?;
     let scan = Scan {
         pair: &coarse,
-        correlator: &correlator,
+        scores: &scores,
         window: &window,
         per_rotation: options.per_rotation,
         distance: 2.0 * coarse.spacing(),
@@ -101,7 +101,7 @@ pub fn search(
         rotations: domain.rotations.len(),
         resumed,
         window: window.shape(),
-        transform_size: correlator.plan().transform_size,
+        transform_size: scores.correlator().plan().transform_size,
         model: *coarse.model(),
         stages: stages.0,
     })

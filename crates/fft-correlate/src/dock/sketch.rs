@@ -2,13 +2,13 @@
 
 use sdf_grid::Monitor;
 
-use crate::correlate::Correlator;
 use crate::dock::domain::SearchDomain;
 use crate::dock::error::SearchError;
 use crate::dock::scan::{self, Scan};
 use crate::dock::weights::with_weights;
 use crate::geometry::half_turn::half_turn_groups;
 use crate::pair::fields::Pair;
+use crate::sweep::pair_energies::PairEnergies;
 
 /// Interior weight over exterior weight of a sketch: on cells half as wide as the part, heavy
 /// interiors punish the fit for the cells that its faces cut. Measured in `docs/docking.md`.
@@ -31,12 +31,12 @@ pub(super) fn sketch(
     monitor: &dyn Monitor,
 ) -> Result<Vec<usize>, SearchError> {
     let pair = with_weights(pair, RATIO)?;
-    let window = domain.window(&pair)?;
+    let window = domain.window(pair.pivot(), pair.spacing())?;
     let groups = half_turn_groups(&domain.rotations);
-    let correlator = Correlator::for_groups(&pair, &window, &groups)?;
+    let scores = PairEnergies::plan_for_groups(&pair, &window, &groups)?;
     let scan = Scan {
         pair: &pair,
-        correlator: &correlator,
+        scores: &scores,
         window: &window,
         per_rotation: 1,
         distance: pair.spacing(),

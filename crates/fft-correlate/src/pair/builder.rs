@@ -1,6 +1,7 @@
 //! From two meshes to a pair: lattices, halo, pivot and what they cost, decided before anything
 //! is allocated.
 
+use std::fmt;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -9,7 +10,7 @@ use sdf_grid::{
     Lattice, LatticeError, Monitor, Sampling, TriangleMesh,
 };
 
-use crate::pair::deaverage::deaveraged_recipe;
+use crate::pair::deaverage::deaveraged_lattice;
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
 use crate::pair::recipe::PairRecipe;
@@ -253,10 +254,40 @@ fn lattice_of_fixed(source: LatticeError) -> PairBuildError {
     }
 }
 
+impl fmt::Display for PairPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let by = |lattice: &Lattice| {
+            let [x, y, z] = lattice.shape();
+            format!("{x} x {y} x {z}")
+        };
+        write!(
+            f,
+            "{} fixed, {} moving nodes of {:.4} mm, {:.1} MiB of densities",
+            by(&self.fixed_lattice),
+            by(&self.moving_lattice),
+            1e3 * self.spacing(),
+            self.bytes as f64 / f64::from(1 << 20)
+        )
+    }
+}
+
 impl PairPlan {
     /// The lattice spacing of both parts, metres.
     pub fn spacing(&self) -> f64 {
         self.fixed_lattice.spacing()
+    }
+
+    /// The lattice of the fixed density as it is multiplied: wider than the computed one if cell
+    /// averages are undone.
+    ///
+    /// # Errors
+    /// If it would have too many nodes.
+    pub(crate) fn fixed_density_lattice(&self) -> Result<Lattice, PairBuildError> {
+        match self.deaverage {
+            true => deaveraged_lattice(&self.fixed_lattice, self.density.sampling)
+                .map_err(lattice_of_fixed),
+            false => Ok(self.fixed_lattice),
+        }
     }
 
     /// The recipe of the pair that these meshes would make; nothing is computed.
@@ -269,13 +300,12 @@ impl PairPlan {
         moving: &TriangleMesh,
     ) -> Result<PairRecipe, PairBuildError> {
         let field = |mesh, lattice| FieldRecipe::new(mesh, &self.kernel, lattice, &self.density);
-        let mut fixed = field(fixed, &self.fixed_lattice);
-        if self.deaverage {
-            fixed = deaveraged_recipe(&fixed).map_err(lattice_of_fixed)?;
-        }
         Ok(PairRecipe {
             model: self.model,
-            fixed: Some(fixed),
+            fixed: Some(FieldRecipe {
+                lattice: self.fixed_density_lattice()?,
+                ..field(fixed, &self.fixed_lattice)
+            }),
             moving: Some(field(moving, &self.moving_lattice)),
             deaverage: self.deaverage,
             pivot: self.pivot.to_array(),

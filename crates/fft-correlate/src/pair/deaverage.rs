@@ -111,30 +111,30 @@ pub fn deaveraged(field: &DensityField) -> Result<DensityField, LatticeError> {
         Sampling::CellAverage => averaging_strength(field),
     };
     Ok(DensityField {
-        recipe: deaveraged_recipe(&field.recipe)?,
+        recipe: FieldRecipe {
+            lattice: deaveraged_lattice(field.lattice(), field.recipe.sampling)?,
+            ..field.recipe.clone()
+        },
         exterior: filtered(field.exterior.view(), strength),
         interior: filtered(field.interior.view(), strength),
         signed_distance: widened_distance(field),
     })
 }
 
-/// The recipe of a field that [`deaveraged`] makes of one with this recipe.
-pub(crate) fn deaveraged_recipe(recipe: &FieldRecipe) -> Result<FieldRecipe, LatticeError> {
-    let lattice = match recipe.sampling {
-        Sampling::Point => recipe.lattice,
-        Sampling::CellAverage => {
-            let h = recipe.lattice.spacing();
-            Lattice::new(
-                recipe.lattice.origin() - h * REACH as f64,
-                h,
-                recipe.lattice.shape().map(|s| s + 2 * REACH),
-            )?
-        }
-    };
-    Ok(FieldRecipe {
-        lattice,
-        ..recipe.clone()
-    })
+/// The lattice of a field that [`deaveraged`] makes of one on this lattice.
+pub(crate) fn deaveraged_lattice(
+    lattice: &Lattice,
+    sampling: Sampling,
+) -> Result<Lattice, LatticeError> {
+    let h = lattice.spacing();
+    match sampling {
+        Sampling::Point => Ok(*lattice),
+        Sampling::CellAverage => Lattice::new(
+            lattice.origin() - h * REACH as f64,
+            h,
+            lattice.shape().map(|s| s + 2 * REACH),
+        ),
+    }
 }
 
 fn filtered(values: ArrayView3<Complex32>, strength: [f64; 3]) -> Array3<Complex32> {

@@ -1,6 +1,5 @@
 //! Two parts and the model between them: from meshes to what every scorer works on.
 
-pub(crate) mod budget;
 pub(crate) mod builder;
 mod cached;
 pub(crate) mod deaverage;

@@ -8,15 +8,14 @@
 //! stored before the first chunk.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use rayon::prelude::*;
 use sdf_grid::Monitor;
 
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
+use crate::geometry::half_turn::half_turn_groups;
+use crate::sweep::producer::NodeEnergies;
+use crate::sweep::run::{Consumer, Group, Member, sweep};
 use crate::table::encode::{Encoded, Probe, encode, probe};
 use crate::table::error::TableError;
-use crate::table::producer::{NodeEnergies, nodes};
 use crate::table::spec::TableSpec;
 use crate::table::store::chunks::ChunkState;
 use crate::table::store::error::StoreError;
@@ -44,7 +43,7 @@ impl Share {
 }
 
 /// What a bake did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BakeReport {
     /// Rotation nodes of the whole table.
     pub rotations: usize,
@@ -127,34 +126,29 @@ pub fn bake_files<P: NodeEnergies>(
         return Err(BakeError::Share { rank, size });
     }
     let store = begun(files, spec, producer, share)?;
-    let all = store.grid().nodes();
-    let groups = half_turn_groups(all);
-    let groups: Vec<&HalfTurnGroup> = groups.iter().skip(rank).step_by(size).collect();
-    let rows: usize = groups.iter().map(|g| g.members.len()).sum();
-    let counts = Counts::default();
+    let rotations = store.grid().nodes();
+    let groups = half_turn_groups(rotations);
+    let groups = groups.iter().skip(rank).step_by(size);
+    let groups: Vec<_> = groups.filter_map(|g| Group::of(g, |_| Some(()))).collect();
+    let rows: usize = groups.iter().map(Group::len).sum();
     monitor.begin("table", rows as u64);
-    groups.par_iter().with_max_len(1).try_for_each_init(
-        || (producer.scratch(), Vec::new(), Encoded::default()),
-        |(scratch, joules, encoded), group| {
-            if monitor.cancelled() {
-                return Err(BakeError::Cancelled);
-            }
-            let missing = counts.missing(&store, group, monitor)?;
-            if missing.is_empty() {
-                return Ok(());
-            }
-            nodes(spec, producer, group.rotation, &missing, scratch, joules);
-            for (joules, (_, row)) in joules.chunks_exact_mut(spec.window.len()).zip(missing) {
-                encode(spec, &store.probe(), row, joules, encoded)?;
-                store.chunks().write(row, encoded)?;
-                tracing::debug!(row, "rotation finished");
-                counts.add(encoded);
-                monitor.advance(1);
-            }
-            Ok(())
-        },
-    )?;
-    Ok(counts.report(all.len(), rows))
+    let writer = || Writer {
+        store: &store,
+        unit: producer.unit(),
+        encoded: Encoded::default(),
+        done: BakeReport::default(),
+    };
+    let swept = sweep(producer, spec.window.shape(), groups, writer, monitor)?;
+    if !swept.complete {
+        return Err(BakeError::Cancelled);
+    }
+    let done = swept.consumers.into_iter().map(|w| w.done);
+    let done = done.fold(BakeReport::default(), BakeReport::plus);
+    Ok(BakeReport {
+        rotations: rotations.len(),
+        kept: rows - done.computed,
+        ..done
+    })
 }
 
 /// The table that is there, or a new one.
@@ -183,54 +177,49 @@ fn begun<P: NodeEnergies>(
     Ok(TableStore::create(files, spec, probe)?)
 }
 
-/// What the threads of a bake have done.
-#[derive(Default)]
-struct Counts {
-    computed: AtomicUsize,
-    repaired: AtomicUsize,
-    bricks: AtomicUsize,
-    left_out: AtomicUsize,
+/// Writes the nodes that are not finished.
+struct Writer<'a> {
+    store: &'a TableStore,
+    /// The producer's, joules.
+    unit: f32,
+    encoded: Encoded,
+    /// What this thread has done.
+    done: BakeReport,
 }
 
-impl Counts {
-    /// The members of a group that are not finished.
-    fn missing(
-        &self,
-        store: &TableStore,
-        group: &HalfTurnGroup,
-        monitor: &dyn Monitor,
-    ) -> Result<Vec<(HalfTurn, usize)>, StoreError> {
-        let mut missing = Vec::new();
-        for &(turn, row) in &group.members {
-            store.chunks().clean(row)?;
-            match store.state(row)? {
-                ChunkState::Finished => monitor.advance(1),
-                state => {
-                    missing.push((turn, row));
-                    let damaged = state != ChunkState::Missing;
-                    self.repaired.fetch_add(usize::from(damaged), Relaxed);
-                }
-            }
-        }
-        Ok(missing)
+impl Consumer<()> for Writer<'_> {
+    type Error = BakeError;
+
+    fn wants(&mut self, node: &Member) -> Result<bool, BakeError> {
+        self.store.chunks().clean(node.row)?;
+        let state = self.store.state(node.row)?;
+        let damaged = !matches!(state, ChunkState::Finished | ChunkState::Missing);
+        self.done.repaired += usize::from(damaged);
+        Ok(state != ChunkState::Finished)
     }
 
-    fn add(&self, written: &Encoded) {
-        self.computed.fetch_add(1, Relaxed);
-        self.left_out.fetch_add(written.bricks[0], Relaxed);
-        self.bricks.fetch_add(written.bricks[1], Relaxed);
+    fn take(&mut self, node: Member, energies: &mut [f32]) -> Result<(), BakeError> {
+        let (row, store, encoded) = (node.row, self.store, &mut self.encoded);
+        let spec = store.spec();
+        encode(spec, &store.probe(), row, self.unit, energies, encoded)?;
+        store.chunks().write(row, encoded)?;
+        tracing::debug!(row, "rotation finished");
+        self.done.computed += 1;
+        self.done.bricks_left_out += encoded.bricks[0];
+        self.done.bricks += encoded.bricks[1];
+        Ok(())
     }
+}
 
-    /// `rows` of `rotations` were this process's.
-    fn report(self, rotations: usize, rows: usize) -> BakeReport {
-        let computed = self.computed.into_inner();
-        BakeReport {
-            rotations,
-            computed,
-            repaired: self.repaired.into_inner(),
-            kept: rows - computed,
-            bricks: self.bricks.into_inner(),
-            bricks_left_out: self.left_out.into_inner(),
+impl BakeReport {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            rotations: self.rotations + other.rotations,
+            computed: self.computed + other.computed,
+            repaired: self.repaired + other.repaired,
+            kept: self.kept + other.kept,
+            bricks: self.bricks + other.bricks,
+            bricks_left_out: self.bricks_left_out + other.bricks_left_out,
         }
     }
 }

@@ -1,13 +1,15 @@
 //! Which table a pair is given: its nodes, its symmetry, what it records.
 
-use crate::correlate::CorrelateError;
+use std::fmt;
+
+use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
+use crate::geometry::half_turn::half_turn_groups;
 use crate::geometry::translation::TranslationWindow;
-use crate::pair::budget::correlation_bytes;
 use crate::pair::fields::Pair;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::{symmetry_on_lattice, table_symmetry};
 use crate::setup::pair_setup::PairSetup;
-use crate::table::pair_energies::PairEnergies;
+use crate::sweep::pair_energies::PairEnergies;
 use crate::table::spec::TableSpec;
 
 /// A pair and the table that is to be computed of it.
@@ -19,8 +21,6 @@ pub struct TableDesign {
     pub window: TranslationWindow,
     /// What the table holds; how it is stored may be changed.
     pub spec: TableSpec,
-    /// Bounding radius of the moving part about the pivot, metres.
-    radius: f64,
 }
 
 /// Why there is no such table.
@@ -36,9 +36,9 @@ pub enum TableDesignError {
     #[error(transparent)]
     Correlate(#[from] CorrelateError),
     /// The correlation that would fill it does not fit in memory.
-    #[error("the correlation needs about {needed} bytes, expected at most {limit}")]
+    #[error("the correlation needs {needed} bytes, expected at most {limit}")]
     Memory {
-        /// Bytes needed, about.
+        /// Bytes needed.
         needed: u64,
         /// Bytes allowed.
         limit: u64,
@@ -67,28 +67,63 @@ impl TableDesign {
             placement: setup.placement,
             ..TableSpec::for_pair(&pair, &window, rotations)
         };
-        Ok(Self {
-            radius: setup.moving.radius_about(pair.pivot()),
-            pair,
-            window,
-            spec,
+        Ok(Self { pair, window, spec })
+    }
+
+    /// What filling the table will do and need.
+    ///
+    /// # Errors
+    /// If the rotations are out of range or too many, the window is too large for a transform, or a
+    /// density is not finite.
+    pub fn plan(&self) -> Result<TablePlan, TableDesignError> {
+        let grid = self.spec.grid()?;
+        let support = PairSupport::of(&self.pair)?;
+        let groups = half_turn_groups(grid.nodes());
+        let rotations = grid.nodes().len();
+        Ok(TablePlan {
+            rotations,
+            bytes: self.spec.bytes(rotations),
+            scores: CorrelatorPlan::for_groups(&support, &self.window, &groups)?,
         })
     }
 
-    /// The correlation that fills the table, if it needs no more than `limit` bytes.
+    /// The correlation that fills the table, if it needs no more than `limit` bytes with the threads
+    /// of the current rayon pool; nothing of its size is allocated before that is known.
     ///
     /// # Errors
-    /// If it would need more, or the rotations are out of range or too many.
+    /// If it would need more, or as [`TableDesign::plan`].
     pub fn energies(&self, limit: u64) -> Result<PairEnergies, TableDesignError> {
-        let needed = correlation_bytes(self.window.shape(), self.radius, self.pair.spacing());
+        let TablePlan { scores, .. } = self.plan()?;
+        let needed = scores.bytes(rayon::current_num_threads());
         if needed > limit {
             return Err(TableDesignError::Memory { needed, limit });
         }
-        let grid = self.spec.grid()?;
-        Ok(PairEnergies::plan_for(
-            &self.pair,
-            &self.window,
-            grid.nodes(),
-        )?)
+        Ok(PairEnergies::build(&scores, &self.pair)?)
     }
 }
+
+/// What filling a table will do and need: data to print and compare.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TablePlan {
+    /// Rotation nodes.
+    pub rotations: usize,
+    /// Bytes of the energies, if nothing of note is left out.
+    pub bytes: u128,
+    /// The scores of each.
+    pub scores: CorrelatorPlan,
+}
+
+impl fmt::Display for TablePlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mib = self.bytes as f64 / f64::from(1 << 20);
+        write!(
+            f,
+            "{} rotations x {}; {mib:.1} MiB of energies",
+            self.rotations, self.scores
+        )
+    }
+}
+
+#[cfg(test)]
+#[path = "design_tests.rs"]
+mod tests;

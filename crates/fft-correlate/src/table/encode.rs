@@ -1,11 +1,12 @@
 //! From energies in joules to the numbers a table stores, and back.
 
 use half::f16;
+use ndarray::ArrayViewMut3;
 use sdf_grid::Lattice;
 
 use crate::rotations::grid::RotationGrid;
+use crate::sweep::producer::NodeEnergies;
 use crate::table::error::TableError;
-use crate::table::producer::{NodeEnergies, node};
 use crate::table::spec::TableSpec;
 use crate::table::stencil::{Code, value_of};
 use crate::table::storage::{Numbers, Storage};
@@ -37,11 +38,11 @@ pub(crate) fn probe<P: NodeEnergies>(
     let (mut scratch, mut joules) = (producer.scratch(), vec![0f32; spec.window.len()]);
     let mut largest = 0f32;
     for row in rows {
-        node(spec, grid, producer, row, &mut scratch, &mut joules);
-        for (flat, &e) in joules.iter().enumerate() {
-            check_finite(&spec.window, row, flat, e)?;
-            largest = largest.max(e.abs());
-        }
+        let out = ArrayViewMut3::from_shape(spec.window.shape(), &mut joules[..]);
+        let out = out.expect("the buffer has the window's length");
+        producer.energies(grid.nodes()[row], &mut scratch, out);
+        to_joules(&spec.window, producer.unit(), row, &mut joules)?;
+        largest = joules.iter().fold(largest, |m, e| m.max(e.abs()));
     }
     let exponent = f64::from(largest).log2().ceil() as i32;
     Ok(Probe {
@@ -53,16 +54,24 @@ pub(crate) fn probe<P: NodeEnergies>(
     })
 }
 
-fn check_finite(window: &Lattice, row: usize, flat: usize, found: f32) -> Result<(), TableError> {
-    if found.is_finite() {
-        Ok(())
-    } else {
-        Err(TableError::NotFinite {
-            row,
-            index: window.unravel(flat),
-            found,
-        })
+/// Turns the energies of a rotation node, which must be finite, from a producer's unit to joules.
+fn to_joules(
+    window: &Lattice,
+    unit: f32,
+    row: usize,
+    energies: &mut [f32],
+) -> Result<(), TableError> {
+    for (flat, e) in energies.iter_mut().enumerate() {
+        *e *= unit;
+        if !e.is_finite() {
+            return Err(TableError::NotFinite {
+                row,
+                index: window.unravel(flat),
+                found: *e,
+            });
+        }
     }
+    Ok(())
 }
 
 /// Stored numbers of one rotation node, C order.
@@ -75,17 +84,17 @@ pub(crate) struct Encoded {
     pub(crate) bricks: [usize; 2],
 }
 
-/// Encodes energies in joules; those of bricks that are left out become the far energy.
+/// Encodes energies in a producer's unit; those of bricks that are left out become the far energy.
 pub(crate) fn encode(
     spec: &TableSpec,
     probe: &Probe,
     row: usize,
-    joules: &mut [f32],
+    unit: f32,
+    energies: &mut [f32],
     out: &mut Encoded,
 ) -> Result<(), TableError> {
-    for (flat, &e) in joules.iter().enumerate() {
-        check_finite(&spec.window, row, flat, e)?;
-    }
+    to_joules(&spec.window, unit, row, energies)?;
+    let joules = energies;
     out.bricks = leave_out(spec, probe, joules);
     out.codes.resize(joules.len(), 0);
     out.scale = match spec.storage.numbers {

@@ -6,17 +6,18 @@ use rayon::prelude::*;
 use sdf_grid::Monitor;
 
 use crate::energy::{EnergySource, Response, Scratch};
-use crate::geometry::half_turn::{HalfTurnGroup, half_turn_groups};
+use crate::geometry::half_turn::half_turn_groups;
 use crate::geometry::se3::Pose;
 use crate::geometry::taps::Interpolation;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
 use crate::setup::in_scene::InScene;
+use crate::sweep::producer::NodeEnergies;
+use crate::sweep::run::{Consumer, Group, Member, sweep};
 use crate::table::encode::{Encoded, encode, far_code, probe};
 use crate::table::error::TableError;
 use crate::table::layout::Layout;
 use crate::table::plan::Plan;
-use crate::table::producer::{NodeEnergies, nodes};
 use crate::table::query::Reader;
 use crate::table::rows::{Row, Rows, zeroed_pages};
 use crate::table::spec::TableSpec;
@@ -48,61 +49,42 @@ impl EnergyTable {
         let grid = spec.grid()?;
         spec.check_memory(grid.nodes().len(), memory_limit)?;
         let probe = probe(&spec, &grid, producer)?;
-        monitor.begin("table", grid.nodes().len() as u64);
         let groups = half_turn_groups(grid.nodes());
         let layout = Layout::dense(spec.window.shape());
-        let slots = (0..grid.nodes().len() as u32).collect();
+        let slots: Vec<u32> = (0..grid.nodes().len() as u32).collect();
+        monitor.begin("table", slots.len() as u64);
         let plan = Plan::new(spec, grid, probe, layout, slots);
-        let slots = groups.iter().map(|g| g.members.iter().map(|m| m.1));
-        Self::filled(
-            plan,
-            slots.map(Iterator::collect).collect(),
-            || (producer.scratch(), Vec::new(), Encoded::default()),
-            |plan, group, slots, (scratch, joules, encoded)| {
-                if monitor.cancelled() {
-                    return Err(TableError::Cancelled);
-                }
-                let Plan { spec, layout, .. } = plan;
-                let HalfTurnGroup { rotation, members } = &groups[group];
-                nodes(spec, producer, *rotation, members, scratch, joules);
-                let energies = joules.chunks_exact_mut(spec.window.len());
-                for ((joules, (_, row)), slot) in energies.zip(members).zip(slots) {
-                    encode(spec, &probe, *row, joules, encoded)?;
-                    let far = far_code(spec, probe.unit, encoded.scale);
-                    layout.pack(&encoded.codes, far, slot.codes);
-                    *slot.scale = encoded.scale;
-                    monitor.advance(1);
-                }
-                Ok(())
-            },
-        )
+        Self::filled(plan, |plan, slots| {
+            let mut slots: Vec<_> = slots.into_iter().map(Some).collect();
+            let mut slot_of = |row: usize| slots[row].take();
+            let groups = groups.iter().filter_map(|g| Group::of(g, &mut slot_of));
+            let unit = producer.unit();
+            let filler = || Filler {
+                plan,
+                unit,
+                encoded: Encoded::default(),
+            };
+            let shape = plan.spec.window.shape();
+            match sweep(producer, shape, groups.collect(), filler, monitor)?.complete {
+                true => Ok(()),
+                false => Err(TableError::Cancelled),
+            }
+        })
     }
 
-    /// A table of a size already found acceptable, in whose every group of slots `fill` fills all,
-    /// in parallel. Each slot is in one group.
-    pub(crate) fn filled<S, E: Send>(
+    /// A table of a size already found acceptable, all of whose slots `fill` fills, in parallel.
+    pub(crate) fn filled<E>(
         plan: Plan,
-        groups: Vec<Vec<usize>>,
-        scratch: impl Fn() -> S + Sync + Send,
-        fill: impl Fn(&Plan, usize, &mut [Slot<'_>], &mut S) -> Result<(), E> + Sync + Send,
+        fill: impl FnOnce(&Plan, Vec<Slot<'_>>) -> Result<(), E>,
     ) -> Result<Self, E> {
         let (kept, length) = (plan.kept(), plan.layout.length());
         let mut codes = zeroed_pages(kept * length);
         let mut scales = vec![1.0; kept];
         let slots = codes.chunks_exact_mut(length).zip(&mut scales);
-        let mut slots: Vec<_> = slots
-            .map(|(codes, scale)| Some(Slot { codes, scale }))
-            .collect();
-        let groups: Vec<Vec<Slot>> = groups
-            .into_iter()
-            .map(|group| group.into_iter().filter_map(|s| slots[s].take()).collect())
-            .collect();
-        groups
-            .into_par_iter()
-            .enumerate()
-            .try_for_each_init(scratch, |scratch, (group, mut slots)| {
-                fill(&plan, group, &mut slots, scratch)
-            })?;
+        fill(
+            &plan,
+            slots.map(|(codes, scale)| Slot { codes, scale }).collect(),
+        )?;
         Ok(Self {
             plan: Arc::new(plan),
             rows: Rows::Whole { codes, scales },
@@ -255,6 +237,33 @@ impl EnergyTable {
 pub(crate) struct Slot<'a> {
     pub(crate) codes: &'a mut [u16],
     pub(crate) scale: &'a mut f32,
+}
+
+/// Fills the slots of a table.
+struct Filler<'a> {
+    plan: &'a Plan,
+    /// The producer's, joules.
+    unit: f32,
+    encoded: Encoded,
+}
+
+impl<'a> Consumer<Slot<'a>> for Filler<'_> {
+    type Error = TableError;
+
+    fn take(&mut self, node: Member<Slot<'a>>, energies: &mut [f32]) -> Result<(), TableError> {
+        let Plan {
+            spec,
+            probe,
+            layout,
+            ..
+        } = self.plan;
+        let encoded = &mut self.encoded;
+        encode(spec, probe, node.row, self.unit, energies, encoded)?;
+        let far = far_code(spec, probe.unit, encoded.scale);
+        layout.pack(&encoded.codes, far, node.target.codes);
+        *node.target.scale = encoded.scale;
+        Ok(())
+    }
 }
 
 impl EnergySource for EnergyTable {

@@ -1,6 +1,7 @@
 //! Energies over a grid of rotations and a lattice of translations: made, stored, and interpolated.
 
 pub(crate) mod accuracy;
+mod as_baked;
 pub(crate) mod bake;
 pub(crate) mod design;
 mod encode;
@@ -8,10 +9,8 @@ pub(crate) mod energy_table;
 pub(crate) mod error;
 pub(crate) mod launcher;
 mod layout;
-pub(crate) mod pair_energies;
 pub(crate) mod parts;
 mod plan;
-pub(crate) mod producer;
 mod query;
 mod rows;
 pub(crate) mod spec;
@@ -21,6 +20,7 @@ pub(crate) mod store;
 pub(crate) mod tolerance;
 
 pub use accuracy::Errors;
+pub use as_baked::TableSetupError;
 pub use launcher::LauncherError;
 pub use store::chunks::ChunkState;
 pub use store::format::FORMAT_VERSION;

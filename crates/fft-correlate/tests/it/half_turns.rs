@@ -58,6 +58,7 @@ fn every_node_has_the_energy_of_its_rotation() {
     let (mut scratch, mut exact) = (single.scratch(), Array3::zeros(window.shape()));
     for (row, rotation) in table.grid().nodes().iter().enumerate() {
         single.energies(*rotation, &mut scratch, exact.view_mut());
+        exact.mapv_inplace(|score| single.unit() * score);
         let largest = exact.iter().fold(0f32, |a, e| a.max(e.abs()));
         for (index, exact) in exact.indexed_iter() {
             let found = table.node_energy(row, index.into()).unwrap();

@@ -2,12 +2,14 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use fft_correlate::dock::StateError;
+use fft_correlate::table::TableSetupError;
 use fft_correlate::{
-    BakeError, Pair, PairBuildError, PairBuilder, PairEnergies, PairRecipe, RotationDomain,
-    ScoreModel, SearchDomain, SearchError, SearchOptions, SearchPairs, Share, StoreError,
-    TableSpec, TableStore, TranslationWindow, bake, search,
+    BakeError, EnergyScale, Pair, PairBuildError, PairBuilder, PairEnergies, PairRecipe, PairSetup,
+    RotationDomain, ScoreModel, SearchDomain, SearchError, SearchOptions, SearchPairs, Share,
+    StoreError, TableSpec, TableStore, TranslationWindow, bake, search,
 };
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, Sampling, Silent, TriangleMesh, shapes};
@@ -97,6 +99,38 @@ fn refused(result: Result<(), BakeError>) -> [String; 3] {
         }
         other => panic!("{other:?}"),
     }
+}
+
+/// A table knows its parts, whatever lattice, sampling and scale it has chosen itself.
+#[test]
+fn a_table_of_other_parts_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.zarr");
+    baked(&path, &Made::FIRST, &Silent).unwrap();
+    let store = TableStore::open(&path).unwrap();
+    let expect = |change: fn(&mut Made), energy: EnergyScale| {
+        let mut made = Made::FIRST;
+        change(&mut made);
+        let [fixed, moving] = made.meshes().map(Arc::new);
+        let setup = PairSetup {
+            builder: made.builder,
+            model: made.model,
+            energy,
+            ..PairSetup::new(fixed, moving)
+        };
+        match store.expect_setup(&setup) {
+            Ok(()) => "same".to_owned(),
+            Err(TableSetupError::Store(StoreError::Different { difference, .. })) => difference.key,
+            Err(other) => panic!("{other}"),
+        }
+    };
+    let (own, force) = (EnergyScale::Gamma(1.0), EnergyScale::PeakForce(3.0));
+    assert_eq!(expect(|_| {}, own), "same");
+    assert_eq!(expect(|m| m.builder.spacing = Some(5e-4), force), "same");
+    assert_eq!(expect(|m| m.builder.deaverage = true, own), "same");
+    assert_eq!(expect(|_| {}, EnergyScale::Gamma(2.0)), "model.gamma");
+    assert_eq!(expect(|m| m.sides[1] = 4.1e-3, force), "moving.mesh");
+    assert_eq!(expect(|m| m.builder.halo = Some(3e-3), own), "fixed.halo");
 }
 
 #[test]

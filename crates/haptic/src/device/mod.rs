@@ -5,8 +5,8 @@
 
 pub mod conformance;
 pub(crate) mod contract;
-mod insertion;
 pub mod hid;
+mod insertion;
 pub(crate) mod script;
 pub(crate) mod simulated;
 pub mod threaded;

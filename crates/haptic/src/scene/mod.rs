@@ -19,5 +19,5 @@ mod tables;
 
 pub use error::LiveSceneError;
 pub use event::{PairState, SceneChange, SceneEvent};
-pub use pair_loading::{beside_the_loop, direct_reach, table_reach};
 pub use pair::{Content, LoadFailure, Loaded, Loader};
+pub use pair_loading::{beside_the_loop, direct_reach, table_reach};

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::rotations::chart::Chart;
 use crate::table::encode::far_code;
-use crate::table::energy_table::{EnergyTable, Slot};
+use crate::table::energy_table::EnergyTable;
 use crate::table::layout::Layout;
 use crate::table::plan::Plan;
 use crate::table::store::chunks::Chunks;
@@ -114,11 +114,11 @@ fn fill(chunks: &Chunks, layout: Layout, kept: &[usize]) -> Result<EnergyTable, 
     }
     let (spec, grid) = (chunks.header.table.clone(), chunks.grid.clone());
     let plan = Plan::new(spec, grid, chunks.header.probe(), layout, slots);
-    let fill = |plan: &Plan, at: usize, slots: &mut [Slot<'_>], (): &mut ()| {
-        let Slot { codes, scale } = &mut slots[0];
-        **scale = chunks.read_row(kept[at], &plan.layout, codes)?;
-        Ok(())
-    };
-    let alone = (0..kept.len()).map(|slot| vec![slot]);
-    EnergyTable::filled(plan, alone.collect(), || (), fill)
+    EnergyTable::filled(plan, |plan, slots| {
+        let rows = slots.into_par_iter().zip(kept);
+        rows.try_for_each(|(slot, &row)| {
+            *slot.scale = chunks.read_row(row, &plan.layout, slot.codes)?;
+            Ok(())
+        })
+    })
 }

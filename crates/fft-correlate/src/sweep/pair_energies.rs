@@ -1,15 +1,15 @@
-//! The energies of a pair at the nodes of a table, by FFT correlation.
+//! The energies of a pair, by FFT correlation.
 
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
 
-use crate::correlate::{CorrelateError, Correlator, CorrelatorScratch};
-use crate::geometry::half_turn::{HalfTurn, half_turn_groups};
+use crate::correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch};
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
-use crate::table::producer::NodeEnergies;
+use crate::sweep::producer::NodeEnergies;
 
-/// A pair's energies by FFT correlation.
+/// A pair's energies by FFT correlation: its scores, in the unit `-gamma` (eq_6).
 pub struct PairEnergies {
     correlator: Correlator,
     gamma: f64,
@@ -36,8 +36,28 @@ impl PairEnergies {
         window: &TranslationWindow,
         rotations: &[DQuat],
     ) -> Result<Self, CorrelateError> {
+        Self::plan_for_groups(pair, window, &half_turn_groups(rotations))
+    }
+
+    /// The same for rotations that have been grouped.
+    pub(crate) fn plan_for_groups(
+        pair: &Pair,
+        window: &TranslationWindow,
+        groups: &[HalfTurnGroup],
+    ) -> Result<Self, CorrelateError> {
         Ok(Self {
-            correlator: Correlator::for_groups(pair, window, &half_turn_groups(rotations))?,
+            correlator: Correlator::for_groups(pair, window, groups)?,
+            gamma: pair.model().gamma,
+        })
+    }
+
+    /// The same as planned.
+    ///
+    /// # Errors
+    /// As [`Correlator::build`].
+    pub fn build(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
+        Ok(Self {
+            correlator: Correlator::build(plan, pair)?,
             gamma: pair.model().gamma,
         })
     }
@@ -55,14 +75,17 @@ impl NodeEnergies for PairEnergies {
         self.correlator.scratch()
     }
 
+    fn unit(&self) -> f32 {
+        -(self.gamma as f32)
+    }
+
     fn energies(
         &self,
         rotation: DQuat,
         scratch: &mut CorrelatorScratch,
-        mut out: ArrayViewMut3<'_, f32>,
+        out: ArrayViewMut3<'_, f32>,
     ) {
-        self.correlator.score(rotation, scratch, out.view_mut());
-        self.weigh(out);
+        self.correlator.score(rotation, scratch, out);
     }
 
     fn energies_of_half_turns(
@@ -74,14 +97,5 @@ impl NodeEnergies for PairEnergies {
     ) {
         self.correlator
             .score_half_turns(rotation, turns, scratch, outs);
-        outs.iter_mut().for_each(|out| self.weigh(out.view_mut()));
-    }
-}
-
-impl PairEnergies {
-    /// Scores to energies.
-    fn weigh(&self, mut scores: ArrayViewMut3<'_, f32>) {
-        let gamma = self.gamma as f32;
-        scores.mapv_inplace(|score| -gamma * score);
     }
 }

@@ -66,7 +66,11 @@ pub fn png(
     encode(&averaged(&pixels, width, height), width, height).map_err(|e| failed(e.to_string()))
 }
 
-/// Draws as [`png`] does and returns an SVG element, which a page may show at any width.
+/// What the drawing library writes for files that stand alone.
+const NAME_SPACE: &str = r#" xmlns="http://www.w3.org/2000/svg""#;
+
+/// Draws as [`png`] does and returns an SVG element, which a page may show at any width. Within a
+/// page it needs no name space, and a page without addresses is seen to fetch nothing.
 ///
 /// # Errors
 /// If drawing fails.
@@ -83,7 +87,7 @@ pub fn svg(
         draw(&sheet).and_then(|()| Ok(sheet.present()?))
     };
     match drawn {
-        Ok(()) => Ok(text),
+        Ok(()) => Ok(text.replacen(NAME_SPACE, "", 1)),
         Err(e) => Err(PictureError {
             what: what.to_owned(),
             reason: e.to_string(),
@@ -278,7 +282,9 @@ mod tests {
         })
         .unwrap();
         assert!(
-            text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
+            !text.contains("http")
+                && text.starts_with("<svg")
+                && text.trim_end().ends_with("</svg>"),
             "{text}"
         );
         assert!(text.contains("a &lt; b"), "{text}");

@@ -67,7 +67,7 @@ const CHANGES: [Change; 12] = [
     ("fixed.lattice.origin", |m| m.builder.spacing = Some(0.9e-3)),
     ("fixed.mesh", |m| m.sides[0] = 6.1e-3),
     ("moving.mesh", |m| m.sides[1] = 4.1e-3),
-    ("model.sigma", |m| m.model.sigma = 0.3),
+    ("fixed.sigma", |m| m.model.sigma = 0.3),
     ("model.lambda_exterior", |m| m.model.lambda_exterior = 1.5),
     ("model.lambda_interior", |m| m.model.lambda_interior = 99.0),
     ("model.separation_weight", |m| {
@@ -233,7 +233,7 @@ fn a_search_goes_on_with_its_own_recipe_only() {
         let found = key(seek(&made, &domain, &options, &state));
         // The exterior's weight is what the interior's is a multiple of.
         let same = found == format!("coarse.{expected}");
-        assert!(same || expected == "model.sigma", "{expected}: {found}");
+        assert!(same || expected == "fixed.sigma", "{expected}: {found}");
     }
     let changes: [OfSearch; 8] = [
         ("options.top", |_, o| o.top = 2),

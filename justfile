@@ -26,7 +26,8 @@ fuzz seconds="600":
 
 # Signed distance beside Open3D, libigl and parry3d (needs benches/peers/requirements.txt).
 peers:
-    cargo build --release -p pegfit-benches --bin peers
+    cargo clippy -p pegfit-benches --features peers --bin peers -- -D warnings
+    cargo build --release -p pegfit-benches --features peers --bin peers
     python3 benches/peers/peers.py
 
 # The ten million queries that the tests leave out.
@@ -77,7 +78,8 @@ bench-field *ARGS:
 # Logs as Parquet against logs as CSV: a build with the feature takes a minute more.
 parquet:
     cargo clippy -p pegfit --features parquet --all-targets -- -D warnings
-    cargo test -p pegfit --features parquet --lib -- parquet
+    cargo clippy -p haptic --features parquet --all-targets -- -D warnings
+    cargo test -p haptic --features parquet --lib -- parquet
 
 # Error against time and memory of tables and of the direct evaluator, frontiers marked, in ./out.
 pareto *ARGS:

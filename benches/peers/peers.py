@@ -2,7 +2,7 @@
 """Signed distance on a lattice: pegfit beside Open3D, libigl and parry3d, in one run.
 
     pip install -r benches/peers/requirements.txt
-    cargo build --release -p pegfit-benches --bin peers
+    cargo build --release -p pegfit-benches --features peers --bin peers
     python benches/peers/peers.py [--fixtures fixtures] [--points 64] [--triangles 10000 100000]
 
 Every mesh is refined by halving edges until it has about as many triangles as asked for; every

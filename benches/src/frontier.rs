@@ -1,6 +1,6 @@
 //! Which of many measurements are worth their cost: no other is both cheaper and more accurate.
 
-use pegfit::picture::{self, LineChart, Series};
+use pegfit_pictures::{LineChart, Series};
 
 use crate::Outcome;
 
@@ -77,7 +77,7 @@ impl ParetoPanel {
 /// If the picture cannot be drawn.
 pub fn draw(panels: &[ParetoPanel]) -> Outcome<Vec<u8>> {
     let size = (900 * panels.len() as u32, 640);
-    Ok(picture::png("pareto", size, |sheet| {
+    Ok(pegfit_pictures::png("pareto", size, |sheet| {
         let areas = sheet.split_evenly((1, panels.len()));
         for (panel, area) in panels.iter().zip(&areas) {
             panel.chart().draw(area)?;

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use fft_correlate::{EnergySource, Pair, PairBuilder, Pose, Response, ScoreModel};
 use glam::{DQuat, DVec3};
-use pegfit::picture::{self, LineChart, Series};
+use pegfit_pictures::{LineChart, Series};
 use rand::Rng;
 use rand::rngs::SmallRng;
 use sdf_grid::shapes::PegInHole;
@@ -171,7 +171,7 @@ impl Sweep {
     /// If it cannot be drawn.
     pub fn chart(&self) -> Outcome<Vec<u8>> {
         let chart = self.lines();
-        Ok(picture::png(self.title, (1000, 620), |sheet| {
+        Ok(pegfit_pictures::png(self.title, (1000, 620), |sheet| {
             chart.draw(sheet)
         })?)
     }

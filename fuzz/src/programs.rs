@@ -34,6 +34,7 @@ static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
         symmetry: None,
         far_energy: 0.0,
         storage: Default::default(),
+        placement: Default::default(),
     };
     let root = folder.path().join("table");
     bake(&root, &spec, &Constant, Share::ALL, &Silent).expect("a table");

@@ -21,13 +21,32 @@ def rotate(q, v):
     return v + 2 * np.cross(u, np.cross(u, v) + w * v)
 
 
+def times(p, q):
+    """The quaternion that turns by q, then by p."""
+    v = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.append(v, p[3] * q[3] - p[:3] @ q[:3])
+
+
+def to_scene(placement, position, rotation):
+    """The pose in the scene for a pose of the shapes: position, rotation."""
+    fixed, moving = (
+        [np.array(placement[part][key]) for key in ["position", "rotation"]]
+        for part in ["fixed", "moving"]
+    )
+    back = moving[1] * [-1, -1, -1, 1]
+    turn = times(times(fixed[1], rotation), back)
+    at = rotate(fixed[1], position) + fixed[0] - rotate(turn, moving[0])
+    return np.concatenate([at, turn])
+
+
 def poses(table, pegfit, nodes):
     """Poses of (rotation, x, y, z) nodes as the rows that `pegfit score` reads."""
+    placement = pegfit["table"]["placement"]
     pivot = np.array(pegfit["table"]["recipe"]["pivot"])
     for r, i, j, k in nodes:
         q = table.quaternion.values[r]
         d = np.array([table.x.values[i], table.y.values[j], table.z.values[k]])
-        yield np.concatenate([pivot + d - rotate(q, pivot), q])
+        yield to_scene(placement, pivot + d - rotate(q, pivot), q)
 
 
 def scores(program, path, rows):

@@ -19,9 +19,9 @@ use glam::{DQuat, DVec3};
 use haptic::{
     Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
 };
-use pegfit::picture::{self, LineChart, Series};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, ask};
+use pegfit_pictures::{LineChart, Series};
 use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
 
 const PAIRS: [(&str, &str, &str); 2] = [
@@ -221,7 +221,7 @@ fn curves(
             ..Series::default()
         });
     }
-    let png = picture::png("energy curves", (1000, 620), |sheet| chart.draw(sheet))?;
+    let png = pegfit_pictures::png("energy curves", (1000, 620), |sheet| chart.draw(sheet))?;
     std::fs::write(arguments.out.join(format!("real-{name}.png")), png)?;
     Ok(())
 }

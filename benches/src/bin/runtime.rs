@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, Pose, Response, ScoreModel, Scratch, Wrench,
+    DirectEvaluator, DirectOptions, EnergySource, Placement, Pose, Response, ScoreModel, Scratch,
+    Wrench,
 };
 use glam::DVec3;
 use haptic::{
@@ -91,7 +92,7 @@ fn scene(source: &SharedSource, parts: usize, in_range: usize) -> SumSource {
         let away = k.saturating_sub(in_range - 1) as f64 * APART;
         Placed {
             source: Some(source.clone()),
-            placement: Pose::from_translation(DVec3::new(away, 0.0, 0.0)),
+            placement: Placement::of_fixed(Pose::from_translation(DVec3::new(away, 0.0, 0.0))),
             reach: Some(Aabb {
                 min: DVec3::splat(-0.05),
                 max: DVec3::splat(0.05),
@@ -152,7 +153,7 @@ fn overhead(ticks: usize) -> Outcome<Table> {
     add("force path", tick_times(&Bowl, ticks)?);
     let placed = Placed {
         source: Some(SharedSource::new(Arc::new(Bowl))),
-        placement: Pose::IDENTITY,
+        placement: Placement::IDENTITY,
         reach: None,
     };
     let sum = SumSource::new(DVec3::ZERO, vec![placed]);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
+use crate::bytes::display_bytes;
 use crate::exit::Exit;
 
 /// Every failure of a command.
@@ -32,7 +33,7 @@ pub enum CommandError {
     #[error(
         "{what} needs about {} of memory but only {} can be used: coarsen the lattice, shrink the \
          window, or raise --memory",
-        crate::report::bytes::display_bytes(*.needed), crate::report::bytes::display_bytes(*.budget)
+        display_bytes(*.needed), display_bytes(*.budget)
     )]
     Memory {
         /// The computation.
@@ -81,13 +82,8 @@ pub enum CommandError {
         input: bool,
     },
     /// A picture could not be drawn.
-    #[error("cannot draw {what}: {reason}")]
-    Picture {
-        /// Which picture.
-        what: String,
-        /// The drawing library's reason.
-        reason: String,
-    },
+    #[error(transparent)]
+    Picture(#[from] pegfit_pictures::PictureError),
     /// No table of the scene meets the tolerance that was asked for.
     #[error(
         "force error of {:.3} % asked for, {:.3} % reached: {part} is what cannot be met, {reason}",
@@ -173,6 +169,15 @@ impl CommandError {
         Self::input("command line", item, expected, found)
     }
 
+    /// A plane of a slice that cannot be used.
+    pub fn slice(error: pegfit_pictures::SliceTextError) -> Self {
+        Self::option(
+            "--slice",
+            pegfit_pictures::SliceTextError::EXPECTED,
+            error.found,
+        )
+    }
+
     /// A file that cannot be read.
     pub fn read(path: &Path, source: std::io::Error) -> Self {
         Self::Io {
@@ -225,7 +230,7 @@ impl CommandError {
             Self::Library { input: true, .. } => Exit::BadInput,
             // A file that is missing is a wrong argument; one that cannot be written is not.
             Self::Io { action: "read", .. } => Exit::BadInput,
-            Self::Io { .. } | Self::Library { .. } | Self::Picture { .. } => Exit::Failure,
+            Self::Io { .. } | Self::Library { .. } | Self::Picture(_) => Exit::Failure,
             Self::UnusableMeshes { .. } => Exit::UnusableMesh,
             Self::DamagedTable { .. } => Exit::DamagedTable,
             Self::Interrupted => Exit::Interrupted,

@@ -1,8 +1,9 @@
-//! The pegfit command line as a library: scene files, the commands, and the pictures they draw.
+//! The pegfit command line as a library: scene files and the commands.
 //!
 //! The binary only parses arguments and turns a [`CommandError`] into text and an exit code.
 
 pub mod args;
+mod bytes;
 pub mod commands;
 mod context;
 mod error;
@@ -14,4 +15,4 @@ pub mod terminal;
 
 pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
-pub use report::{picture, poses};
+pub use report::poses;

@@ -7,7 +7,10 @@ use clap::Parser;
 use pegfit::args::Arguments;
 use pegfit::terminal::progress::watch_for_interrupts;
 use pegfit::{Exit, commands};
-use tracing_subscriber::EnvFilter;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::fmt;
+use tracing_subscriber::prelude::*;
 
 fn main() -> ExitCode {
     // Clap ends the process itself: with 2 for wrong usage, 0 for help and version.
@@ -25,13 +28,16 @@ fn main() -> ExitCode {
     }
 }
 
-/// Library messages go to standard error; `PEGFIT_LOG` chooses which.
+/// Library messages go to standard error; `PEGFIT_LOG` chooses which: a level, or a crate and its
+/// level, as in `fft_correlate=debug`; several between commas.
 fn print_logs() {
-    let filter = EnvFilter::try_from_env("PEGFIT_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_target(false)
+    let filter: Targets = std::env::var("PEGFIT_LOG")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
+    let lines = fmt::layer().with_writer(std::io::stderr).with_target(false);
+    tracing_subscriber::registry()
+        .with(lines.with_filter(filter))
         .init();
 }
 

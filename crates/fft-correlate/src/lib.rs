@@ -5,11 +5,12 @@
 //!
 //! # Energy, force and torque at any pose
 //!
-//! | what | whose full wrench | cost |
-//! |---|---|---|
-//! | [`DirectEvaluator`] | any rotation and translation, exact gradient of its quadrature | 0.1 - 10 ms |
-//! | [`EnergyTable`] ([`EnergyTable::respond`], [`EnergyTable::respond_many`]) | within the table's rotations and window, exact gradient of its interpolant | microseconds |
-//! | [`Correlator::gradient`] | one rotation, all displacements of a window at once: the exact gradient of [`Correlator::score`] | six correlations |
+//! - [`DirectEvaluator`]: any rotation and translation, the exact gradient of its quadrature; 0.1 to
+//!   10 ms.
+//! - [`EnergyTable::respond`], [`EnergyTable::respond_many`]: within the table's rotations and
+//!   window, the exact gradient of its interpolant; microseconds.
+//! - [`Correlator::gradient`]: one rotation, all displacements of a window at once, the exact
+//!   gradient of [`Correlator::score`]; six correlations.
 //!
 //! The first two answer through one trait, [`EnergySource::evaluate`], with energy, wrench (torque
 //! first, about the moving part's origin, fixed frame) and coverage:
@@ -67,6 +68,7 @@ pub use dock::search::search;
 pub use dock::sketch::wants_sketch;
 pub use energy::{EnergySource, Response, Scratch};
 pub use geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
+pub use geometry::placement::Placement;
 pub use geometry::se3::{Pose, Twist, Wrench};
 pub use geometry::taps::Interpolation;
 pub use geometry::translation::TranslationWindow;
@@ -80,6 +82,7 @@ pub use rotations::domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotations::grid::RotationGrid;
 pub use rotations::symmetry::{from_fit, symmetry_on_lattice, table_symmetry};
 pub use setup::energy_scale::{EnergyScale, EnergyScaleError};
+pub use setup::in_scene::InScene;
 pub use setup::pair_setup::{PairSetup, PairSetupError};
 pub use sweep::pair_energies::PairEnergies;
 pub use sweep::producer::NodeEnergies;

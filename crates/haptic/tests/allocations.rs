@@ -11,7 +11,7 @@ use std::time::Duration;
 use common::valleys::{REACH, Valleys, open};
 use common::{Well, hand, workspace};
 use counting::calls;
-use fft_correlate::{EnergySource, PartialTable, Pose, Wrench};
+use fft_correlate::{EnergySource, PartialTable, Placement, Pose, Wrench};
 use glam::{DQuat, DVec3};
 use haptic::scene::{Content, Loaded, PairState};
 use haptic::{
@@ -103,7 +103,7 @@ fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
     let sum = || {
         let placed = Placed {
             source: Some(SharedSource::new(Arc::new(Well::default()))),
-            placement: Pose::IDENTITY,
+            placement: Placement::IDENTITY,
             reach: None,
         };
         SumSource::new(DVec3::ZERO, vec![placed; 8])
@@ -166,7 +166,7 @@ fn quarter_of_a_table() -> LiveScene {
     let mut table = Some(Box::new(table));
     let pair = PairSpec {
         name: "valleys".into(),
-        placement: Pose::IDENTITY,
+        placement: Placement::IDENTITY,
         reach: REACH,
         bytes: 0,
         files: Vec::new(),

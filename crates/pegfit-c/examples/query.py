@@ -20,7 +20,7 @@ class Pose(Structure):
 
 
 class Response(Structure):
-    """Joules, newton metres about the moving part's origin, newtons; fixed frame."""
+    """Joules, newton metres about the moved origin, newtons; the scene's axes."""
 
     _fields_ = [
         ("energy", c_double),
@@ -37,6 +37,8 @@ class Info(Structure):
         ("window_max", c_double * 3),
         ("rotations", c_uint64),
         ("bytes", c_uint64),
+        ("fixed", Pose),
+        ("moving", Pose),
     ]
 
 

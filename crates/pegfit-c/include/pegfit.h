@@ -54,15 +54,31 @@ typedef enum {
 typedef uint64_t PegfitTable;
 
 /*
+ Pose of the moving part in the scene that a table was baked for: what the scene puts at `q` is
+ at `R q + t`. Without a placement these are the frames of both parts.
+ */
+typedef struct {
+  /*
+   t: x, y, z in metres.
+   */
+  double translation[3];
+  /*
+   R as a unit quaternion: x, y, z, w.
+   */
+  double rotation[4];
+} PegfitPose;
+
+/*
  What a table covers.
  */
 typedef struct {
   /*
-   Point of the moving part (its frame, metres) whose displacement the window counts.
+   Point of the moving part (its own frame, metres) whose displacement the window counts.
    */
   double pivot[3];
   /*
-   Least displacement of the pivot from its place at the identity, metres.
+   Least displacement of the pivot, metres, along the axes of the fixed part's own frame, from
+   where it is when both frames coincide.
    */
   double window_min[3];
   /*
@@ -77,25 +93,18 @@ typedef struct {
    Bytes of energies in memory.
    */
   uint64_t bytes;
+  /*
+   Where the fixed part's own frame is in the scene that the table was baked for.
+   */
+  PegfitPose fixed;
+  /*
+   Where the moving part's own frame is there at the pose that is the identity.
+   */
+  PegfitPose moving;
 } PegfitTableInfo;
 
 /*
- Pose of the moving part in the fixed part's frame: a point `q` of the moving part is at
- `R q + t`.
- */
-typedef struct {
-  /*
-   t: x, y, z in metres.
-   */
-  double translation[3];
-  /*
-   R as a unit quaternion: x, y, z, w.
-   */
-  double rotation[4];
-} PegfitPose;
-
-/*
- Energy and wrench at a pose, in the fixed part's frame.
+ Energy and wrench at a pose, along the scene's axes.
  */
 typedef struct {
   /*
@@ -103,7 +112,8 @@ typedef struct {
    */
   double energy;
   /*
-   Torque on the moving part about the origin of its own frame: x, y, z in newton metres.
+   Torque on the moving part about where the pose takes the scene's origin: x, y, z in newton
+   metres.
    */
   double torque[3];
   /*

@@ -6,8 +6,8 @@ use glam::{DQuat, DVec3};
 use crate::failure::Failure;
 use crate::status::PegfitStatus;
 
-/// Pose of the moving part in the fixed part's frame: a point `q` of the moving part is at
-/// `R q + t`.
+/// Pose of the moving part in the scene that a table was baked for: what the scene puts at `q` is
+/// at `R q + t`. Without a placement these are the frames of both parts.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PegfitPose {
@@ -17,13 +17,14 @@ pub struct PegfitPose {
     pub rotation: [f64; 4],
 }
 
-/// Energy and wrench at a pose, in the fixed part's frame.
+/// Energy and wrench at a pose, along the scene's axes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PegfitResponse {
     /// Joules.
     pub energy: f64,
-    /// Torque on the moving part about the origin of its own frame: x, y, z in newton metres.
+    /// Torque on the moving part about where the pose takes the scene's origin: x, y, z in newton
+    /// metres.
     pub torque: [f64; 3],
     /// Force on the moving part: x, y, z in newtons.
     pub force: [f64; 3],
@@ -56,6 +57,15 @@ impl PegfitPose {
             rotation: rotation / length,
             translation,
         })
+    }
+}
+
+impl From<Pose> for PegfitPose {
+    fn from(pose: Pose) -> Self {
+        Self {
+            translation: pose.translation.to_array(),
+            rotation: pose.rotation.to_array(),
+        }
     }
 }
 

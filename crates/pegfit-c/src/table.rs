@@ -4,7 +4,7 @@ use std::ffi::{CStr, c_char};
 use std::path::Path;
 use std::sync::Arc;
 
-use fft_correlate::{EnergyTable, TableStore};
+use fft_correlate::{EnergySource, EnergyTable, InScene, Scratch, TableStore};
 
 use crate::failure::{Failure, guarded};
 use crate::handles::Handles;
@@ -18,9 +18,10 @@ pub type PegfitTable = u64;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PegfitTableInfo {
-    /// Point of the moving part (its frame, metres) whose displacement the window counts.
+    /// Point of the moving part (its own frame, metres) whose displacement the window counts.
     pub pivot: [f64; 3],
-    /// Least displacement of the pivot from its place at the identity, metres.
+    /// Least displacement of the pivot, metres, along the axes of the fixed part's own frame, from
+    /// where it is when both frames coincide.
     pub window_min: [f64; 3],
     /// Greatest displacement.
     pub window_max: [f64; 3],
@@ -28,11 +29,15 @@ pub struct PegfitTableInfo {
     pub rotations: u64,
     /// Bytes of energies in memory.
     pub bytes: u64,
+    /// Where the fixed part's own frame is in the scene that the table was baked for.
+    pub fixed: PegfitPose,
+    /// Where the moving part's own frame is there at the pose that is the identity.
+    pub moving: PegfitPose,
 }
 
-static TABLES: Handles<EnergyTable> = Handles::new();
+static TABLES: Handles<InScene<EnergyTable>> = Handles::new();
 
-fn table(handle: PegfitTable) -> Result<Arc<EnergyTable>, Failure> {
+fn table(handle: PegfitTable) -> Result<Arc<InScene<EnergyTable>>, Failure> {
     TABLES.get(handle).ok_or_else(|| no_such(handle))
 }
 
@@ -89,7 +94,7 @@ pub unsafe extern "C" fn pegfit_table_load(
             .and_then(|store| store.load(limit))
             .map_err(|e| Failure::new(PegfitStatus::CannotLoad, e.to_string()))?;
         let handle = TABLES
-            .insert(loaded)
+            .insert(loaded.in_scene())
             .ok_or_else(|| Failure::new(PegfitStatus::Internal, "no handle is left"))?;
         // SAFETY: as above.
         unsafe { table.write(handle) };
@@ -108,7 +113,8 @@ pub unsafe extern "C" fn pegfit_table_info(
 ) -> PegfitStatus {
     guarded(|| {
         check("info", info)?;
-        let table = table(handle)?;
+        let found = table(handle)?;
+        let (table, placement) = (found.source(), found.placement());
         let spec = table.spec();
         let rotations = table.grid().nodes().len();
         let window = spec.window.node_bounds();
@@ -118,6 +124,8 @@ pub unsafe extern "C" fn pegfit_table_info(
             window_max: window.max.to_array(),
             rotations: rotations as u64,
             bytes: u64::try_from(spec.bytes(rotations)).unwrap_or(u64::MAX),
+            fixed: placement.fixed.into(),
+            moving: placement.moving.into(),
         };
         // SAFETY: not null and aligned; the caller says that it may be written.
         unsafe { info.write(found) };
@@ -141,7 +149,7 @@ pub unsafe extern "C" fn pegfit_table_query(
         check("response", response)?;
         // SAFETY: not null and aligned; the caller says that it may be read.
         let pose = unsafe { pose.read() }.checked(0)?;
-        let found = table(handle)?.respond(&pose);
+        let found = table(handle)?.evaluate(&pose, &mut Scratch::default());
         // SAFETY: not null and aligned; the caller says that it may be written.
         unsafe { response.write(found.into()) };
         Ok(())
@@ -172,7 +180,7 @@ pub unsafe extern "C" fn pegfit_table_query_many(
         for place in 0..count {
             // SAFETY: within the `count` poses that the caller says may be read.
             let pose = unsafe { poses.add(place).read() }.checked(place)?;
-            let found = table.respond(&pose);
+            let found = table.evaluate(&pose, &mut Scratch::default());
             // SAFETY: within the `count` responses that the caller says may be written.
             unsafe { responses.add(place).write(found.into()) };
         }

@@ -12,11 +12,11 @@ use serde::Serialize;
 
 use super::{stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::bytes::display_bytes;
 use crate::report::output::{print_json, require_folder};
-use crate::scene::{Scene, explain_design, setup};
+use crate::scene::{Scene, explain_design, rotations as rotations_of, setup};
 
 #[derive(Serialize)]
 struct Summary {
@@ -101,7 +101,7 @@ fn prepare(
     context: &Context,
 ) -> Result<(Design, Option<Reference>), CommandError> {
     let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let mut rotations = scene.rotations.clone();
+    let mut rotations = rotations_of(&scene)?;
     let mut reference = None;
     let chosen = args.tolerance.is_some() && exists(&args.output)?;
     if let (Some(tolerance), false) = (args.tolerance, chosen) {

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use fft_correlate::{Docking, DockingError, DockingOptions, DockingPose, DockingReport, from_fit};
+use fft_correlate::{
+    Docking, DockingError, DockingOptions, DockingPose, DockingReport, Placement, from_fit,
+};
 
 use fft_correlate::{PairSetup, ScoreModel};
 use serde::Serialize;
@@ -12,7 +14,7 @@ use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
 use crate::report::poses::{POSE_COLUMNS, pose_fields};
-use crate::scene::{Scene, display_unit, explain_build, setup};
+use crate::scene::{Scene, display_unit, explain_build, rotations, setup};
 use crate::terminal::progress::interrupted;
 use sdf_grid::atomic;
 
@@ -73,16 +75,16 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         top: args.top,
         exhaustive: args.exhaustive,
         state: args.state.clone(),
-        ..options(&scene)
+        ..options(&scene)?
     };
     let found = look(&scene, &setup, options, context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
-            write(&found, out)
+            write(&found, &setup.placement, out)
                 .map_err(|e| CommandError::failure(args.output.display().to_string(), e))
         })?;
     }
-    let summary = summary(&found);
+    let summary = summary(&found, &setup.placement);
     if let Some(path) = &args.report {
         let text = serde_json::to_vec_pretty(&summary)
             .map_err(|e| CommandError::failure(path.display().to_string(), e))?;
@@ -91,7 +93,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     if context.json {
         print_json(&summary)?;
     } else if to_stdout {
-        write(&found, std::io::stdout().lock())
+        write(&found, &setup.placement, std::io::stdout().lock())
             .map_err(|e| CommandError::failure("writing standard output", e))?;
     } else {
         say(&scene, &setup, &found);
@@ -104,14 +106,18 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
 }
 
 /// What a scene asks of docking: its rotations, if it names any.
-pub(super) fn options(scene: &Scene) -> DockingOptions {
-    DockingOptions {
-        rotations: scene.rotations_given.then(|| scene.rotations.clone()),
+///
+/// # Errors
+/// If one of them is none.
+pub(super) fn options(scene: &Scene) -> Result<DockingOptions, CommandError> {
+    let given = scene.rotations_given.then(|| rotations(scene));
+    Ok(DockingOptions {
+        rotations: given.transpose()?,
         ..DockingOptions::default()
-    }
+    })
 }
 
-/// Docks the parts of a scene.
+/// Docks the parts of a scene; the poses found are those of the shapes.
 pub(super) fn look(
     scene: &Scene,
     setup: &PairSetup,
@@ -143,7 +149,7 @@ fn explain_docking(scene: &Scene, error: DockingError) -> CommandError {
     }
 }
 
-fn summary(report: &DockingReport) -> Summary {
+fn summary(report: &DockingReport, placement: &Placement) -> Summary {
     Summary {
         rotations: report.rotations,
         rotations_chosen: report.chosen,
@@ -156,16 +162,21 @@ fn summary(report: &DockingReport) -> Summary {
         stages: report.stages.clone(),
         seconds: report.seconds(),
         milliseconds_per_rotation: 1e3 * report.seconds_per_rotation,
-        poses: report.poses.iter().map(Found::new).collect(),
+        poses: report
+            .poses
+            .iter()
+            .map(|pose| Found::new(pose, placement))
+            .collect(),
     }
 }
 
 impl Found {
-    fn new(pose: &DockingPose) -> Self {
+    fn new(pose: &DockingPose, placement: &Placement) -> Self {
         let found = &pose.found;
+        let at = placement.to_scene(&found.pose);
         Self {
-            position: found.pose.translation.to_array(),
-            rotation: found.pose.rotation.to_array(),
+            position: at.translation.to_array(),
+            rotation: at.rotation.to_array(),
             energy: found.energy,
             depth: pose.depth,
             model_energy: pose.model_energy,
@@ -177,7 +188,12 @@ impl Found {
     }
 }
 
-fn write(report: &DockingReport, out: impl std::io::Write) -> csv::Result<()> {
+/// The poses in the scene that places the shapes so.
+fn write(
+    report: &DockingReport,
+    placement: &Placement,
+    out: impl std::io::Write,
+) -> csv::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
     let more = [
         "energy",
@@ -191,7 +207,7 @@ fn write(report: &DockingReport, out: impl std::io::Write) -> csv::Result<()> {
     rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
     for pose in &report.poses {
         let found = &pose.found;
-        for value in pose_fields(&found.pose) {
+        for value in pose_fields(&placement.to_scene(&found.pose)) {
             rows.write_field(value.to_string())?;
         }
         let width = found.half_width.unwrap_or(f64::INFINITY);

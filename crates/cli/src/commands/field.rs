@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use pegfit_pictures::{AXES, PictureError, Slice, density_map, sheet, skeleton, write_vti};
 use sdf_grid::{
     DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Sampling, TriangleMesh,
     mesh_io,
@@ -14,8 +15,6 @@ use crate::context::Context;
 use crate::error::CommandError;
 use crate::memory;
 use crate::report::output::{print_json, require_folder};
-use crate::report::slice::Slice;
-use crate::report::{figure, picture, vti};
 use sdf_grid::atomic;
 
 /// Samples along the longer side of a slice's picture.
@@ -67,7 +66,7 @@ pub(super) fn run(args: &FieldArgs, context: &Context) -> Result<(), CommandErro
         let (field, said) = task.compute(&lattice)?;
         summary = Some(said);
         if let Some(path) = &args.output {
-            vti::write(path, &field)?;
+            write_vti(path, &field)?;
         }
         if let Some(path) = &args.skeleton {
             atomic::write(path, &task.draw_skeleton(&field)?)?;
@@ -76,7 +75,10 @@ pub(super) fn run(args: &FieldArgs, context: &Context) -> Result<(), CommandErro
     if let (Some(slice), Some(path)) = (slice, &args.png) {
         // Finer than the lattice, but over the same box.
         let bounds = lattice.node_bounds().grown(0.5 * lattice.spacing());
-        let (field, said) = task.compute(&slice.lattice(&bounds, SAMPLES)?)?;
+        let plane = slice
+            .lattice(&bounds, SAMPLES)
+            .map_err(|e| CommandError::bad_input(format!("slice {}", AXES[slice.axis]), e))?;
+        let (field, said) = task.compute(&plane)?;
         atomic::write(path, &task.draw_slice(&field, &slice)?)?;
         summary.get_or_insert(said);
     }
@@ -135,25 +137,25 @@ impl Task<'_> {
         }
     }
 
-    fn draw_slice(&self, field: &DensityField, slice: &Slice) -> Result<Vec<u8>, CommandError> {
+    fn draw_slice(&self, field: &DensityField, slice: &Slice) -> Result<Vec<u8>, PictureError> {
         let density = field.combined(1.0, 1.0).mapv(|v| v.im);
         let unit = self.args.unit;
-        let map = figure::density_map(
+        let map = density_map(
             format!("Density of {}, {}", self.part(), slice.label(unit)),
             "Im density\n(weights 1)",
-            figure::sheet(&density, field, slice),
+            sheet(&density, field, slice),
             field,
             slice,
             unit,
         );
-        picture::png("density slice", (1100, 900), |sheet| map.draw(sheet))
+        pegfit_pictures::png("density slice", (1100, 900), |sheet| map.draw(sheet))
     }
 
-    fn draw_skeleton(&self, field: &DensityField) -> Result<Vec<u8>, CommandError> {
+    fn draw_skeleton(&self, field: &DensityField) -> Result<Vec<u8>, PictureError> {
         let title = format!("Skeleton of {}", self.part());
         let unit = self.args.unit;
-        let cloud = figure::skeleton(title, self.mesh, field, &self.kernel, unit);
-        picture::png("skeleton", (1100, 900), |sheet| cloud.draw(sheet))
+        let cloud = skeleton(title, self.mesh, field, &self.kernel, unit);
+        pegfit_pictures::png("skeleton", (1100, 900), |sheet| cloud.draw(sheet))
     }
 }
 
@@ -167,7 +169,9 @@ fn wanted_slice(args: &FieldArgs) -> Result<Option<Slice>, CommandError> {
         ));
     }
     match (&args.slice, &args.png) {
-        (Some(text), Some(_)) => Slice::parse(text, args.unit).map(Some),
+        (Some(text), Some(_)) => Slice::parse(text, args.unit)
+            .map(Some)
+            .map_err(CommandError::slice),
         (Some(_), None) => Err(CommandError::option(
             "--png",
             "a picture file for --slice",

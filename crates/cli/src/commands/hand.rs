@@ -85,5 +85,5 @@ pub(super) fn run(
 
 fn workspace(assembly: &Assembly) -> Workspace {
     let config = &assembly.scene.device;
-    config.workspace(assembly.assembled(), assembly.pair.pivot())
+    config.workspace(assembly.assembled(), assembly.pivot())
 }

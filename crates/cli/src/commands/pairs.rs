@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fft_correlate::{EnergyScale, PairSetup, Pose};
+use fft_correlate::{EnergyScale, PairSetup};
 use glam::DVec3;
 use haptic::scene::{Content, LiveSceneError, LoadFailure, Loaded, Loader};
 use haptic::scene::{beside_the_loop, direct_reach, table_reach};
@@ -56,13 +56,12 @@ impl LivePairs {
                 pivot,
             };
             if let Some(same) = kinds.iter().position(|other| other.same_part(&pair)) {
-                let away = part.pose * parts[same].pose.inverse();
                 let files = kinds[same].clone();
                 let load = files.loader(None, context);
                 let first = &pairs[same];
                 pairs.push(PairSpec {
                     name: part.name.clone(),
-                    placement: away,
+                    placement: pair.scene.placement(),
                     reach: first.reach,
                     bytes: first.bytes,
                     files: first.files.clone(),
@@ -82,7 +81,7 @@ impl LivePairs {
         let loading = &scene.loading;
         let longest = assembly.setup.moving.bounds().size().max_element();
         let options = SceneOptions {
-            pivot,
+            pivot: assembly.pivot(),
             memory: loading.memory.unwrap_or(context.memory),
             ahead: loading.ahead.unwrap_or(longest),
             turn_ahead: loading.turn_ahead,
@@ -125,7 +124,7 @@ struct PairFiles {
     /// With this fixed part only, and the energy scale of the whole scene.
     scene: Scene,
     table: Option<PathBuf>,
-    /// What reaches speak of, moving part's frame.
+    /// What reaches speak of, moving part's own frame.
     pivot: DVec3,
 }
 
@@ -157,8 +156,7 @@ impl PairFiles {
         files.extend(self.table.iter().map(|t| t.join("zarr.json")));
         Ok(PairSpec {
             name: self.scene.fixed.name.clone(),
-            // Parts are placed when their meshes are read.
-            placement: Pose::IDENTITY,
+            placement: self.scene.placement(),
             reach,
             bytes,
             files,

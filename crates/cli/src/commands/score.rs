@@ -5,7 +5,9 @@ use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, sync_channel};
 
-use fft_correlate::{Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Pose, Response};
+use fft_correlate::{
+    Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Placement, Pose, Response,
+};
 use rayon::prelude::*;
 
 use super::stored;
@@ -108,7 +110,10 @@ fn stream(
 
 /// Where scores come from, and what their condition is found from if it is asked for.
 struct Scorer {
+    /// Of the shapes.
     source: Source,
+    /// Poses are those of the scene that puts the shapes there.
+    placement: Placement,
     condition: Option<Pair>,
 }
 
@@ -126,12 +131,14 @@ impl Scorer {
                 let evaluator = assembly.direct(&DirectOptions::FULL)?;
                 Ok(Self {
                     source: Source::Direct(Box::new(evaluator)),
+                    placement: assembly.setup.placement,
                     condition: args.condition.then_some(assembly.pair),
                 })
             }
             (None, Some(table)) => {
                 let table = stored::load(&stored::open(table)?, context)?;
                 Ok(Self {
+                    placement: table.spec().placement,
                     source: Source::Table(Box::new(table)),
                     condition: None,
                 })
@@ -155,32 +162,32 @@ impl Scorer {
     /// Poses and their scores as rows of text.
     fn rows(&self, poses: &[Pose]) -> String {
         let mut text = String::with_capacity(300 * poses.len());
-        let mut append = |pose: &Pose, score_re: f64, score_im, response: Response| {
+        let shapes: Vec<Pose> = poses.iter().map(|p| self.placement.to_shapes(p)).collect();
+        let mut append = |at: usize, score_re: f64, score_im, response: Response| {
+            let (pose, pair) = (poses[at], self.condition.as_ref());
+            let wrench = self.placement.wrench_to_scene(&pose, &response.wrench);
             let scored = ScoredPose {
-                pose: *pose,
+                pose,
                 score_re,
                 score_im,
-                response,
-                condition: self
-                    .condition
-                    .as_ref()
-                    .map(|pair| Condition::at(pair, pose).number()),
+                response: Response { wrench, ..response },
+                condition: pair.map(|pair| Condition::at(pair, &shapes[at]).number()),
             };
             append_score(&mut text, &scored);
         };
         match &self.source {
             Source::Direct(evaluator) => {
-                for pose in poses {
+                for (at, pose) in shapes.iter().enumerate() {
                     let full = evaluator.evaluate_full(pose);
-                    append(pose, full.score.re, Some(full.score.im), full.response);
+                    append(at, full.score.re, Some(full.score.im), full.response);
                 }
             }
             Source::Table(table) => {
                 let gamma = table.spec().model().gamma;
                 let mut responses = vec![Response::default(); poses.len()];
-                table.respond_each(poses, &mut responses);
-                for (pose, response) in poses.iter().zip(responses) {
-                    append(pose, -response.energy / gamma, None, response);
+                table.respond_each(&shapes, &mut responses);
+                for (at, response) in responses.into_iter().enumerate() {
+                    append(at, -response.energy / gamma, None, response);
                 }
             }
         }

@@ -1,13 +1,13 @@
 //! `pegfit table`: what a table holds.
 
-use fft_correlate::{ErrorReport, RotationDomain, TableSpec, TableStore};
+use fft_correlate::{ErrorReport, Placement, Pose, RotationDomain, TableSpec, TableStore};
 use serde::Serialize;
 
 use super::stored;
 use crate::args::TableArgs;
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::bytes::display_bytes;
 use crate::report::output::print_json;
 
 #[derive(Serialize)]
@@ -84,6 +84,22 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
+    if spec.placement != Placement::IDENTITY {
+        place("fixed", &spec.placement.fixed);
+        place("moving", &spec.placement.moving);
+    }
+    print_recipe(spec);
+    print_contents(d);
+    match store.error_report() {
+        None => crate::say!(
+            "  error          not measured (`pegfit bake` does so when a table is finished)"
+        ),
+        Some(report) => stored::print_error(report),
+    }
+}
+
+/// What its numbers depend on.
+fn print_recipe(spec: &TableSpec) {
     let m = spec.model();
     crate::say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
@@ -115,9 +131,13 @@ fn print(d: &Description, store: &TableStore) {
             field.version
         );
     }
+}
+
+/// What is there.
+fn print_contents(d: &Description) {
     crate::say!(
         "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
-        spec.storage.numbers,
+        d.spec.storage.numbers,
         d.energy_unit,
         d.negligible
     );
@@ -133,12 +153,16 @@ fn print(d: &Description, store: &TableStore) {
         d.missing,
         d.damaged
     );
-    match store.error_report() {
-        None => crate::say!(
-            "  error          not measured (`pegfit bake` does so when a table is finished)"
-        ),
-        Some(report) => stored::print_error(report),
-    }
+}
+
+/// Where the scene that it was baked for puts a part.
+fn place(part: &str, pose: &Pose) {
+    crate::say!(
+        "  {:<15}{:.3} mm, turned by {:.5}",
+        format!("{part} part at"),
+        1e3 * pose.translation,
+        pose.rotation
+    );
 }
 
 fn domain(domain: &RotationDomain) -> String {

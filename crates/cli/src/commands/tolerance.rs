@@ -3,10 +3,10 @@
 use fft_correlate::TableDesign;
 use fft_correlate::table::{LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial};
 
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::bytes::display_bytes;
-use crate::scene::{Scene, explain, explain_design, setup};
+use crate::scene::{Scene, explain, explain_design, rotations, setup};
 
 /// Designs the table of a scene for `tolerance`, the rms error of the force as a share of the rms
 /// force.
@@ -19,7 +19,7 @@ pub(super) fn choose(
     let progress = &context.progress;
     let found = TableDesign::for_tolerance(
         &setup,
-        &scene.rotations,
+        &rotations(scene)?,
         tolerance,
         context.memory,
         progress,

@@ -3,13 +3,14 @@
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, Pair, PairSetup, Pose, TableDesign,
-    TableDesignError, from_fit, symmetry_group, symmetry_on_lattice,
+    DirectEvaluator, DirectOptions, EnergySource, InScene, Pair, PairSetup, Placement, Pose,
+    RotationDomain, TableDesign, TableDesignError, from_fit, symmetry_group, symmetry_on_lattice,
 };
+use glam::DVec3;
 use haptic::Geometry;
 use sdf_grid::{Aabb, LengthUnit};
 
-use super::setup::{bounds, display_unit, explain, setup};
+use super::setup::{bounds, display_unit, explain, put, rotations, setup};
 use super::types::Scene;
 use crate::context::Context;
 use crate::error::CommandError;
@@ -19,8 +20,10 @@ use crate::error::CommandError;
 pub struct Assembly {
     /// The scene.
     pub scene: Scene,
-    /// Its parts, placed, and what is asked of them.
+    /// Its parts, each in its own frame, and what is asked of them there.
     pub setup: PairSetup,
+    /// The rotations that it names, of the shapes.
+    pub rotations: RotationDomain,
     /// Densities, model and pivot; its gamma is the scene's.
     pub pair: Pair,
     /// Seconds spent on the density fields.
@@ -34,6 +37,7 @@ impl Assembly {
     /// If the scene has several fixed parts, a mesh cannot be used, the fields would not fit in
     /// memory, or the user interrupts.
     pub fn load(scene: Scene, context: &Context) -> Result<Self, CommandError> {
+        let rotations = rotations(&scene)?;
         let setup = setup(&scene, context)?;
         let began = Instant::now();
         let pair = setup
@@ -43,17 +47,39 @@ impl Assembly {
         Ok(Self {
             scene,
             setup,
+            rotations,
             pair,
             field_seconds: began.elapsed().as_secs_f64(),
         })
     }
 
-    /// The pose in which the scene's parts fit.
+    /// The pose in the scene in which its parts fit; that of the shapes is the setup's.
     pub fn assembled(&self) -> Pose {
-        self.setup.assembled
+        self.scene.fit.assembled
     }
 
-    /// A direct evaluator of the pair.
+    /// Where the scene puts the shapes.
+    pub fn placement(&self) -> &Placement {
+        &self.setup.placement
+    }
+
+    /// The pair's pivot where the scene puts it: the point that poses in the scene turn least.
+    pub fn pivot(&self) -> DVec3 {
+        self.placement().moving.apply(self.pair.pivot())
+    }
+
+    /// A direct evaluator of the pair, asked in the scene.
+    ///
+    /// # Errors
+    /// As [`Assembly::direct`].
+    pub fn source(
+        &self,
+        options: &DirectOptions,
+    ) -> Result<InScene<DirectEvaluator>, CommandError> {
+        Ok(InScene::new(self.direct(options)?, *self.placement()))
+    }
+
+    /// A direct evaluator of the pair, asked at poses of the shapes.
     ///
     /// # Errors
     /// If a part has no interior on its lattice.
@@ -67,31 +93,27 @@ impl Assembly {
     /// # Errors
     /// If its window has too many nodes.
     pub fn design(&self) -> Result<TableDesign, CommandError> {
-        let (pair, rotations) = (self.pair.clone(), self.scene.rotations.clone());
+        let (pair, rotations) = (self.pair.clone(), self.rotations.clone());
         TableDesign::new(&self.setup, pair, rotations).map_err(|e| explain_design(&self.scene, e))
     }
 
-    /// Distance of the pivot (metres) and angle (radians) between a pose and the fit, or that turn
-    /// of it under the moving part's symmetry which is nearest in angle.
+    /// Distance of the pivot (metres) and angle (radians) between a pose in the scene and the fit,
+    /// or that turn of it under the moving part's symmetry which is nearest in angle.
     pub fn from_fit(&self, pose: &Pose) -> (f64, f64) {
         let axes = symmetry_on_lattice(&self.setup.moving, self.pair.spacing());
-        let (fit, pivot) = (self.assembled(), self.pair.pivot());
-        from_fit(pose, &fit, pivot, &symmetry_group(&axes))
+        let (fit, pivot) = (self.setup.assembled, self.pair.pivot());
+        let pose = self.placement().to_shapes(pose);
+        from_fit(&pose, &fit, pivot, &symmetry_group(&axes))
     }
 
-    /// Where the fit is and how one gets there.
+    /// Where the fit is and how one gets there, in the scene; so is `source`.
     pub fn geometry(&self, source: &dyn EnergySource) -> Geometry {
         let fit = &self.scene.fit;
-        Geometry::of_fit(
-            source,
-            &self.setup.moving,
-            fit.assembled,
-            fit.axis,
-            fit.depth,
-        )
+        let moving = put(&self.setup.moving, &self.placement().moving);
+        Geometry::of_fit(source, &moving, fit.assembled, fit.axis, fit.depth)
     }
 
-    /// The box around both parts when assembled, grown by `margin` of its longest side.
+    /// The box in the scene around both assembled parts, grown by `margin` of its longest side.
     pub fn bounds(&self, margin: f64) -> Aabb {
         bounds(&self.setup, margin)
     }

@@ -74,7 +74,7 @@ fn part(
     metres: f64,
     source: &Source<'_>,
 ) -> Result<Part, CommandError> {
-    let meshes = meshes(raw, &span, role, folder, metres, source)?;
+    let mut meshes = meshes(raw, &span, role, folder, metres, source)?;
     let Some(first) = meshes.first() else {
         return Err(source.error(
             span,
@@ -85,14 +85,22 @@ fn part(
         .path
         .file_stem()
         .map(|s| s.to_string_lossy().into_owned());
+    let name = raw
+        .name
+        .clone()
+        .or(first.solid.clone())
+        .or(stem)
+        .unwrap_or(role.to_owned());
+    let mut placed = pose(&raw.position, &raw.rotation, metres, source)?;
+    // A shape is what is read: where its only mesh lies is where the shape is put.
+    if let [only] = &mut meshes[..]
+        && only.pose != Pose::IDENTITY
+    {
+        placed = placed * std::mem::take(&mut only.pose);
+    }
     Ok(Part {
-        name: raw
-            .name
-            .clone()
-            .or(first.solid.clone())
-            .or(stem)
-            .unwrap_or(role.to_owned()),
-        pose: pose(&raw.position, &raw.rotation, metres, source)?,
+        name,
+        pose: placed,
         table: raw.table.as_ref().map(|t| folder.join(t.get_ref())),
         meshes,
     })

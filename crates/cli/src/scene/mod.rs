@@ -19,6 +19,6 @@ mod values;
 pub use assembly::Assembly;
 pub(crate) use assembly::explain_design;
 pub(crate) use parts::read_part;
-pub(crate) use setup::{display_unit, explain, explain_build, setup, setup_of};
+pub(crate) use setup::{display_unit, explain, explain_build, put, rotations, setup, setup_of};
 pub use types::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
 pub(crate) use values::quaternion;

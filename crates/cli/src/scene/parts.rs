@@ -1,4 +1,4 @@
-//! The solids of a scene: read, cleaned, placed, joined.
+//! The solids of a scene: read, cleaned, joined, each part in its own frame.
 
 use fft_correlate::Pose;
 use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh, mesh_io};
@@ -10,7 +10,7 @@ use crate::error::CommandError;
 /// Parts whose diagonals differ by more than this are probably in different units.
 const SUSPICIOUS_RATIO: f64 = 30.0;
 
-/// Reads, cleans and places the meshes of a part; several become one.
+/// Reads and cleans the meshes of a part, in its own frame; several become one.
 pub(crate) fn read_part(
     scene: &Scene,
     part: &Part,
@@ -26,17 +26,14 @@ pub(crate) fn read_part(
         }
         meshes.push(moved(mesh, &placed.pose));
     }
-    let mesh = match meshes.len() {
-        1 => meshes.remove(0),
-        _ => {
-            let (mesh, report) = joined(&part.name, &meshes, &options)?;
-            for warning in report.warnings() {
-                context.progress.note(&format!("note: {warning}"));
-            }
-            mesh
-        }
-    };
-    Ok(moved(mesh, &part.pose))
+    if meshes.len() == 1 {
+        return Ok(meshes.remove(0));
+    }
+    let (mesh, report) = joined(&part.name, &meshes, &options)?;
+    for warning in report.warnings() {
+        context.progress.note(&format!("note: {warning}"));
+    }
+    Ok(mesh)
 }
 
 fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fft_correlate::{PairBuildError, PairBuilder, PairSetup, PairSetupError};
+use fft_correlate::{PairBuildError, PairBuilder, PairSetup, PairSetupError, Pose, RotationDomain};
 use sdf_grid::{Aabb, FieldCache, LengthUnit, TriangleMesh};
 
 use super::parts::{read_part, warn_of_scale};
@@ -10,7 +10,8 @@ use super::types::Scene;
 use crate::context::Context;
 use crate::error::CommandError;
 
-/// Reads the meshes of a scene with one fixed part and says what is asked of their pair.
+/// Reads the meshes of a scene with one fixed part and says what is asked of their pair, in the
+/// frames of the shapes.
 ///
 /// # Errors
 /// If the scene has several fixed parts, a mesh cannot be used, or the cache's folder cannot be made.
@@ -35,6 +36,7 @@ pub(crate) fn setup_of(
     let lattice = &scene.lattice;
     let cache = FieldCache::new(&scene.cache)
         .map_err(|e| CommandError::failure(scene.context("cache"), e))?;
+    let placement = scene.placement();
     Ok(PairSetup {
         builder: PairBuilder {
             spacing: lattice.step.spacing(&fixed, &moving),
@@ -48,11 +50,21 @@ pub(crate) fn setup_of(
         moving,
         model: scene.model,
         energy: scene.energy,
-        assembled: scene.fit.assembled,
-        center: scene.window.center,
+        assembled: placement.to_shapes(&scene.fit.assembled),
+        center: placement.direction_to_shapes(scene.window.center),
         half_extent: scene.window.half_extent,
+        placement,
         cache: Some(cache),
     })
+}
+
+/// The rotations that a scene names, as those of the shapes.
+///
+/// # Errors
+/// If one is none.
+pub(crate) fn rotations(scene: &Scene) -> Result<RotationDomain, CommandError> {
+    let found = scene.rotations.in_shapes(&scene.placement());
+    found.map_err(|e| CommandError::bad_input(scene.context("rotations"), e))
 }
 
 /// What a setup without a pair is to be called.
@@ -96,11 +108,16 @@ pub(crate) fn explain_build(scene: &Scene, error: PairBuildError) -> CommandErro
     }
 }
 
-/// The box around both parts when assembled, grown by `margin` of its longest side.
+/// A shape put somewhere.
+pub(crate) fn put(mesh: &TriangleMesh, pose: &Pose) -> TriangleMesh {
+    mesh.transformed(pose.rotation, pose.translation)
+}
+
+/// The box in the scene around both parts when assembled, grown by `margin` of its longest side.
 pub(crate) fn bounds(setup: &PairSetup, margin: f64) -> Aabb {
-    let pose = &setup.assembled;
-    let moving = setup.moving.transformed(pose.rotation, pose.translation);
-    let both = setup.fixed.bounds().union(&moving.bounds());
+    let fixed = &setup.placement.fixed;
+    let moving = put(&setup.moving, &(*fixed * setup.assembled));
+    let both = put(&setup.fixed, fixed).bounds().union(&moving.bounds());
     both.grown(margin * both.size().max_element())
 }
 

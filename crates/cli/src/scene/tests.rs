@@ -198,11 +198,29 @@ fn several_fixed_parts_and_subassemblies_are_read_and_chosen_by_name() {
     assert_eq!(scene.loading.memory, Some(64 << 20));
     assert_eq!(scene.loading.ahead, Some(5e-3));
     assert!((scene.loading.turn_ahead - std::f64::consts::PI / 10.0).abs() < 1e-12);
+    assert_eq!(bearing.meshes[1].pose.translation.x, 0.0);
     let one = scene.clone().only(Some("bearing")).unwrap();
     assert_eq!((one.fixed.name.as_str(), one.others.len()), ("bearing", 0));
     let refused = |name| scene.clone().only(name).unwrap_err().to_string();
     assert!(refused(None).contains("--fixed NAME") && refused(None).contains("plate, bearing"));
     assert!(refused(Some("plato")).contains("`plato`"));
+}
+
+/// So the shape is that of the file, wherever it is put and however that is written.
+#[test]
+fn where_the_only_mesh_of_a_part_lies_is_where_the_part_is() {
+    let part = |text: &str| {
+        let scene = parse(&format!("unit = \"mm\"\nmoving = \"peg.obj\"\n{text}"));
+        scene.unwrap().fixed
+    };
+    let place = "position = [1, 2, 3]\nrotation = [0, 0, 1, 0]";
+    let outside = part(&format!("[fixed]\nmesh = \"a.obj\"\n{place}\n"));
+    let inside = "meshes = [{ mesh = \"a.obj\", position = [1, 0, 0] }]";
+    let inside = part(&format!("[fixed]\n{inside}\n{place}\n"));
+    assert_eq!(inside.meshes, outside.meshes);
+    assert_eq!(inside.pose.rotation, outside.pose.rotation);
+    let further = inside.pose.translation - outside.pose.translation;
+    assert!((further - DVec3::new(-1e-3, 0.0, 0.0)).length() < 1e-15);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use fft_correlate::{EnergyScale, LatticeStep, Pose, RotationDomain, ScoreModel};
+use fft_correlate::{EnergyScale, LatticeStep, Placement, Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
 use sdf_grid::{LengthUnit, Sampling};
@@ -53,7 +53,7 @@ pub struct Part {
     pub name: String,
     /// Its mesh files and where each lies in the part.
     pub meshes: Vec<PlacedMesh>,
-    /// Where the part is placed in the scene before anything is computed (metres).
+    /// Where the scene puts it (metres).
     pub pose: Pose,
     /// A table of the pair with the moving part, to be interpolated by the haptic loop.
     pub table: Option<PathBuf>,
@@ -68,7 +68,7 @@ pub struct PlacedMesh {
     pub solid: Option<String>,
     /// Edges around a full turn of a curved face of a STEP file.
     pub segments_per_turn: u32,
-    /// Where it lies in the part (metres).
+    /// Where it lies in the part (metres); the identity if it is the only one.
     pub pose: Pose,
 }
 
@@ -136,6 +136,14 @@ impl Scene {
     /// What errors say they are about: the file and a part of it.
     pub(crate) fn context(&self, item: &str) -> String {
         format!("{}: {item}", self.path.display())
+    }
+
+    /// Where the first fixed part and the moving one are put.
+    pub fn placement(&self) -> Placement {
+        Placement {
+            fixed: self.fixed.pose,
+            moving: self.moving.pose,
+        }
     }
 
     /// All parts that stay.

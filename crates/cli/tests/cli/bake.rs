@@ -1,6 +1,6 @@
 //! `pegfit bake`, and the commands that read its tables.
 
-use crate::common::{columns, pegfit, refuse, scene_folder, stderr, stdout, succeed};
+use crate::common::{columns, cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout, succeed};
 
 pub(crate) const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
 
@@ -297,13 +297,12 @@ fn bad_tables_are_refused() {
     succeed(folder.path(), &["bake", "scene.toml", "-o", "t.zarr", "-q"]);
     let score = ["score", "--table", "t.zarr", "--poses", "in.csv"];
 
-    // For other meshes: the scene now has a peg that is turned.
+    // For other meshes: the scene now has another peg.
     let scene = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
-    let turned = scene.replace(
-        "moving = \"peg.obj\"",
-        "moving = { mesh = \"peg.obj\", position = [0, 0, 0.001] }",
-    );
-    std::fs::write(folder.path().join("other.toml"), turned).unwrap();
+    let brick = cuboid_obj([0.012, 0.012, 0.03]);
+    std::fs::write(folder.path().join("brick.obj"), brick).unwrap();
+    let other = scene.replace("moving = \"peg.obj\"", "moving = \"brick.obj\"");
+    std::fs::write(folder.path().join("other.toml"), other).unwrap();
     let said = refuse(
         folder.path(),
         &["feel", "other.toml", "--table", "t.zarr", "-q"],

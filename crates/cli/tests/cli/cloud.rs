@@ -115,8 +115,7 @@ fn list(bucket: &str, query: &str, objects: &BTreeMap<String, Vec<u8>>) -> Vec<u
 }
 
 fn pegfit(folder: &Path, endpoint: &str, args: &[&str]) -> Output {
-    assert_cmd::Command::cargo_bin("pegfit")
-        .unwrap()
+    std::process::Command::new(env!("CARGO_BIN_EXE_pegfit"))
         .current_dir(folder)
         .envs([
             ("AWS_ENDPOINT", endpoint),

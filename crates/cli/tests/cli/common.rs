@@ -1,8 +1,7 @@
 //! What the command-line tests share.
+use std::io::Write;
 use std::path::Path;
-use std::process::Output;
-
-use assert_cmd::Command;
+use std::process::{Command, Output, Stdio};
 
 /// Runs the command in `folder`.
 pub(crate) fn pegfit(folder: &Path, args: &[&str]) -> Output {
@@ -11,13 +10,22 @@ pub(crate) fn pegfit(folder: &Path, args: &[&str]) -> Output {
 
 /// Runs the command in `folder` with `input` on standard input.
 pub(crate) fn pegfit_with_input(folder: &Path, args: &[&str], input: &str) -> Output {
-    Command::cargo_bin("pegfit")
-        .unwrap()
+    let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
         .current_dir(folder)
         .args(args)
-        .write_stdin(input.to_owned())
-        .output()
-        .unwrap()
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let input = input.to_owned();
+    // Beside the reading of its output, so that neither waits for the other; a command that reads
+    // no input closes the pipe.
+    let writing = std::thread::spawn(move || stdin.write_all(input.as_bytes()));
+    let output = child.wait_with_output().unwrap();
+    drop(writing.join().unwrap());
+    output
 }
 
 /// Standard output as text.

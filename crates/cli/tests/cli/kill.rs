@@ -23,7 +23,7 @@ fn kill_and_resume(extra: &str, kills: usize, longest: Duration) {
     let mut finished: HashMap<String, usize> = HashMap::new();
     let mut before = 0;
     for kill in 0..=kills {
-        let mut bake = Command::new(assert_cmd::cargo::cargo_bin("pegfit"))
+        let mut bake = Command::new(env!("CARGO_BIN_EXE_pegfit"))
             .current_dir(root)
             .args([
                 "bake",

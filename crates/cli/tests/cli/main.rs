@@ -11,6 +11,7 @@ mod dock_and_feel;
 mod field;
 mod interrupt;
 mod kill;
+mod placed;
 mod plot;
 mod scenes;
 mod score;

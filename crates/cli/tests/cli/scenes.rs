@@ -79,9 +79,13 @@ fn a_memory_budget_that_is_too_small_is_refused_with_both_numbers() {
     );
 }
 
-/// The page of a run with three holes in three places, one of them turned, and memory for one.
-fn three_holes(meshes: [&str; 3]) -> String {
+/// The page of a run with three holes in three places, one of them turned, and memory for one; and
+/// how many fields it took.
+fn three_holes(meshes: [&str; 3]) -> (String, usize) {
     let folder = scene_folder("");
+    for copy in ["second.obj", "third.obj"] {
+        std::fs::copy(folder.path().join("hole.obj"), folder.path().join(copy)).unwrap();
+    }
     let path = folder.path().join("scene.toml");
     let old = std::fs::read_to_string(&path).unwrap();
     let mut scene = old.replace("fixed = \"hole.obj\"\n", "");
@@ -97,19 +101,23 @@ fn three_holes(meshes: [&str; 3]) -> String {
     std::fs::write(&path, scene).unwrap();
     let args = ["feel", "scene.toml", "--seconds", "1", "--report", "r.html"];
     println!("{}", succeed(folder.path(), &args));
-    std::fs::read_to_string(folder.path().join("r.html")).unwrap()
+    let page = std::fs::read_to_string(folder.path().join("r.html")).unwrap();
+    let cache = std::fs::read_dir(folder.path().join(".pegfit-cache")).unwrap();
+    (page, cache.count())
 }
 
 #[test]
 fn the_same_part_in_several_places_shares_its_memory() {
-    let page = three_holes(["\"hole.obj\""; 3]);
-    assert_eq!(page.matches("<td>loaded</td>").count(), 3);
-    // Each turned a little within its part: nothing to share, and no room.
-    let page = three_holes([
+    // Where the only mesh of a part lies is where the part stands.
+    let (page, fields) = three_holes([
         "\"hole.obj\"",
-        "{ mesh = \"hole.obj\", rotation = [0.0005, 0, 0, 1] }",
-        "{ mesh = \"hole.obj\", rotation = [-0.0005, 0, 0, 1] }",
+        "\"hole.obj\"",
+        "{ mesh = \"hole.obj\", rotation = [0, 0.6, 0, 0.8] }",
     ]);
+    assert_eq!(page.matches("<td>loaded</td>").count(), 3);
+    assert_eq!(fields, 2, "the hole and the peg");
+    // From files of their own: nothing to share, and no room.
+    let (page, _) = three_holes(["\"hole.obj\"", "\"second.obj\"", "\"third.obj\""]);
     assert!(page.contains("not loaded: no room"));
 }
 

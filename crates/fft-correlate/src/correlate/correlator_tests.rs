@@ -393,3 +393,14 @@ fn parts_that_never_meet_score_zero() {
     let zero = score(&pair(0.0, DVec3::ZERO), DQuat::IDENTITY, &far);
     assert!(zero.iter().all(|v| *v == 0.0));
 }
+
+#[test]
+#[should_panic(expected = "scratch of another correlator")]
+fn scratch_of_another_correlator_is_refused() {
+    let (near, pair) = (window(), pair(0.0, DVec3::ZERO));
+    let wide = TranslationWindow::cube(0.9, H).unwrap();
+    let mut scratch = Correlator::new(&pair, &wide).unwrap().scratch();
+    let mut out = Array3::zeros(near.shape());
+    let correlator = Correlator::new(&pair, &near).unwrap();
+    correlator.score(DQuat::IDENTITY, &mut scratch, out.view_mut());
+}

@@ -12,8 +12,6 @@ use crate::pair::model::ScoreModel;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairRecipe {
-    /// Weights of the score and the scale of the energy.
-    pub model: ScoreModel,
     /// The fixed part's density as it is multiplied; none for energies that come from no density.
     pub fixed: Option<FieldRecipe>,
     /// The moving part's density.
@@ -23,6 +21,9 @@ pub struct PairRecipe {
     pub deaverage: bool,
     /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
     pub pivot: [f64; 3],
+    /// Weights of the score and the scale of the energy; last, since a scale that follows from a
+    /// force changes with all of the above.
+    pub model: ScoreModel,
 }
 
 impl PairRecipe {

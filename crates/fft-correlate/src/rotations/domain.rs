@@ -4,6 +4,8 @@
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::placement::Placement;
+
 /// A set of rotations, as written in a scene file. Angles are degrees, quaternions `x, y, z, w`;
 /// all rotations map the moving part's axes to the fixed part's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -190,6 +192,37 @@ impl RotationDomain {
         }
     }
 
+    /// The same set as rotations of the shapes, if it is given for a scene that places them so.
+    ///
+    /// # Errors
+    /// Names the first quaternion or axis that is none.
+    pub fn in_shapes(&self, placement: &Placement) -> Result<Self, RotationError> {
+        if *placement == Placement::IDENTITY {
+            return Ok(self.clone());
+        }
+        let turned = |name, found| {
+            let rotation = placement.rotation_to_shapes(quaternion(name, found)?);
+            Ok(rotation.normalize().to_array())
+        };
+        let mut own = self.clone();
+        match &mut own {
+            Self::List { rotations, .. } => {
+                for rotation in rotations {
+                    *rotation = turned("rotations", *rotation)?;
+                }
+            }
+            Self::Spin { center, axis, .. } => {
+                *center = turned("center", *center)?;
+                let along = direction("axis", *axis)?;
+                *axis = placement.direction_to_shapes(along).to_array();
+            }
+            Self::Ball { center, .. } | Self::Full { center, .. } => {
+                *center = turned("center", *center)?;
+            }
+        }
+        Ok(own)
+    }
+
     /// One rotation: translations only.
     pub fn single(rotation: DQuat) -> Self {
         Self::List {
@@ -219,5 +252,52 @@ impl AxisSymmetry {
             self.order <= 64,
         )?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::se3::Pose;
+    use crate::rotations::grid::RotationGrid;
+
+    #[test]
+    fn a_domain_of_the_shapes_has_the_scene_s_rotations() {
+        let turn = |x, y, z| DQuat::from_scaled_axis(DVec3::new(x, y, z));
+        let placement = Placement {
+            fixed: Pose::new(turn(0.4, -1.1, 0.7), DVec3::X),
+            moving: Pose::new(turn(-0.8, 0.2, 2.1), DVec3::Y),
+        };
+        let center = turn(0.3, 0.3, 0.1).to_array();
+        let axis = [1.0, 2.0, -2.0];
+        let spin = RotationDomain::Spin {
+            center,
+            axis,
+            range_deg: Some([-30.0, 50.0]),
+            step_deg: 10.0,
+        };
+        let list = RotationDomain::List {
+            rotations: vec![center, turn(1.0, 0.0, 0.0).to_array()],
+            margin_deg: 5.0,
+        };
+        for domain in [spin, list] {
+            let nodes = |d: &RotationDomain| RotationGrid::new(d, None).unwrap().nodes().to_vec();
+            let own = nodes(&domain.in_shapes(&placement).unwrap());
+            let scene = nodes(&domain);
+            assert_eq!(own.len(), scene.len());
+            for (own, scene) in own.iter().zip(&scene) {
+                let expected = placement
+                    .to_shapes(&Pose::new(*scene, DVec3::ZERO))
+                    .rotation;
+                assert!(own.dot(expected).abs() > 1.0 - 1e-14, "{domain:?}");
+            }
+        }
+        let ball = RotationDomain::Ball {
+            center: [0.0, 0.0, 0.0, 2.0],
+            angle_deg: 5.0,
+            step_deg: 5.0,
+        };
+        assert!(ball.in_shapes(&placement).is_err());
+        assert_eq!(ball.in_shapes(&Placement::IDENTITY), Ok(ball));
     }
 }

@@ -3,9 +3,10 @@
 use glam::DVec3;
 
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
-use crate::energy::{EnergySource, Response, Scratch};
-use crate::geometry::se3::{Pose, Wrench};
+use crate::geometry::placement::Placement;
+use crate::geometry::se3::Pose;
 use crate::pair::fields::{Pair, PairError};
+use crate::setup::in_scene::InScene;
 use crate::well::error::WellError;
 use crate::well::gamma_for_peak_force;
 
@@ -65,38 +66,11 @@ impl EnergyScale {
             Self::PeakForce(newtons) => {
                 let source = DirectEvaluator::new(pair, &DirectOptions::REAL_TIME)?;
                 let gamma = pair.model().gamma;
-                let own = Turned {
-                    source,
-                    frame: *frame,
-                };
+                let own = InScene::new(source, Placement::of_fixed(frame.inverse()));
                 Ok(gamma_for_peak_force(
                     &own, gamma, assembled, reach, newtons,
                 )?)
             }
-        }
-    }
-}
-
-/// A pair as seen from the frame that its fixed part had before it was turned about the origin.
-struct Turned {
-    source: DirectEvaluator,
-    frame: Pose,
-}
-
-impl EnergySource for Turned {
-    fn scratch(&self) -> Scratch {
-        self.source.scratch()
-    }
-
-    fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
-        let response = self.source.evaluate(&(self.frame * *pose), scratch);
-        let back = self.frame.rotation.conjugate();
-        Response {
-            wrench: Wrench {
-                torque: back * response.wrench.torque,
-                force: back * response.wrench.force,
-            },
-            ..response
         }
     }
 }

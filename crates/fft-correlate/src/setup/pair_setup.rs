@@ -5,13 +5,15 @@ use std::sync::Arc;
 use glam::DVec3;
 use sdf_grid::{DensityError, FieldCache, Monitor, TriangleMesh};
 
+use crate::geometry::placement::Placement;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
 use crate::setup::energy_scale::{EnergyScale, EnergyScaleError};
 
-/// Two parts, each in its own frame, and what is asked of their pair.
+/// Two parts, each in its own frame, and what is asked of their pair: all but the placement speaks
+/// of the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
 #[derive(Debug, Clone)]
 pub struct PairSetup {
     /// The part that stays.
@@ -26,11 +28,14 @@ pub struct PairSetup {
     pub energy: EnergyScale,
     /// Pose of the moving part in which the parts fit.
     pub assembled: Pose,
-    /// Middle of the displacements of interest from the assembled pose, metres, fixed frame.
+    /// Middle of the displacements of interest from the assembled pose, metres, along the fixed
+    /// part's own axes.
     pub center: DVec3,
-    /// Half the sides of their box, metres; chosen from the moving part if absent
+    /// Half the sides of their box along these axes, metres; chosen from the moving part if absent
     /// ([`PairSetup::reach`]).
     pub half_extent: Option<DVec3>,
+    /// Where a scene puts the parts; decides nothing about the pair.
+    pub placement: Placement,
     /// Where fields are kept between runs.
     pub cache: Option<FieldCache>,
 }
@@ -74,6 +79,7 @@ impl PairSetup {
             assembled: Pose::IDENTITY,
             center: DVec3::ZERO,
             half_extent: None,
+            placement: Placement::IDENTITY,
             cache: None,
         }
     }

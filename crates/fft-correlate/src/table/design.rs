@@ -46,7 +46,8 @@ pub enum TableDesignError {
 }
 
 impl TableDesign {
-    /// The table of a setup's pair over its box of displacements and `rotations`, shortened by the
+    /// The table of a setup's pair over its box of displacements and `rotations` (of
+    /// the shapes), shortened by the
     /// symmetry of either part. `pair` is [`PairSetup::load`]'s.
     ///
     /// # Errors
@@ -63,6 +64,7 @@ impl TableDesign {
         let symmetry = table_symmetry(&rotations, &axes[0], &axes[1]);
         let spec = TableSpec {
             symmetry,
+            placement: setup.placement,
             ..TableSpec::for_pair(&pair, &window, rotations)
         };
         Ok(Self { pair, window, spec })

@@ -11,6 +11,7 @@ use crate::geometry::se3::Pose;
 use crate::geometry::taps::Interpolation;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
+use crate::setup::in_scene::InScene;
 use crate::sweep::producer::NodeEnergies;
 use crate::sweep::run::{Consumer, Group, Member, sweep};
 use crate::table::encode::{Encoded, encode, far_code, probe};
@@ -23,7 +24,8 @@ use crate::table::spec::TableSpec;
 use crate::table::stencil::value_of;
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
-/// the interpolated energy, so its field is conservative.
+/// the interpolated energy, so its field is conservative. Poses are those of the shapes, each in
+/// its own frame; [`EnergyTable::in_scene`] answers for a scene.
 #[derive(Debug, Clone)]
 pub struct EnergyTable {
     plan: Arc<Plan>,
@@ -107,6 +109,13 @@ impl EnergyTable {
     pub fn with_interpolation(mut self, interpolation: Interpolation) -> Self {
         self.interpolation = interpolation;
         self
+    }
+
+    /// The table as asked by the scene that it was baked for.
+    #[must_use]
+    pub fn in_scene(self) -> InScene<Self> {
+        let placement = self.spec().placement;
+        InScene::new(self, placement)
     }
 
     /// What the table holds.

@@ -3,6 +3,7 @@ use ndarray::ArrayViewMut3;
 use sdf_grid::{Lattice, Silent};
 
 use super::*;
+use crate::geometry::placement::Placement;
 use crate::pair::model::ScoreModel;
 use crate::pair::recipe::PairRecipe;
 use crate::rotations::domain::RotationDomain;
@@ -88,6 +89,7 @@ fn readings_are_those_of_the_definition() {
                     numbers,
                     ..Storage::default()
                 },
+                placement: Placement::IDENTITY,
             };
             let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent)
                 .unwrap()

@@ -4,6 +4,7 @@ use glam::DVec3;
 use sdf_grid::Lattice;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::placement::Placement;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
@@ -14,13 +15,15 @@ use crate::table::error::TableError;
 use crate::table::layout::Layout;
 use crate::table::storage::Storage;
 
-/// What a table holds and for which pair: everything that decides its values.
+/// What a table holds and for which pair: everything that decides its values. Window and rotations
+/// are those of the shapes, each in its own frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSpec {
     /// What the energies are made from; its lattices have the window's spacing.
     pub recipe: PairRecipe,
-    /// Pivot displacements of the translation nodes, metres in the fixed frame.
+    /// Pivot displacements of the translation nodes, metres along the fixed part's own
+    /// axes.
     pub window: Lattice,
     /// Rotations of the moving part.
     pub rotations: RotationDomain,
@@ -33,6 +36,9 @@ pub struct TableSpec {
     /// How energies are stored.
     #[serde(default)]
     pub storage: Storage,
+    /// Where the scene that the table was baked for puts the shapes. It decides no value: tables of
+    /// one pair agree whatever it is.
+    pub placement: Placement,
 }
 
 impl TableSpec {
@@ -45,6 +51,7 @@ impl TableSpec {
             symmetry: None,
             far_energy: 0.0,
             storage: Storage::default(),
+            placement: Placement::IDENTITY,
         }
     }
 

@@ -251,6 +251,26 @@ mod tests {
         }
     }
 
+    /// The definition, in double precision.
+    fn plain_sums(stencil: &Stencil, code: Code, taps: &[RotationTap<'_>]) -> [[[f64; RUN]; 5]; 2] {
+        let mut sums = [[[0f64; RUN]; 5]; 2];
+        for tap in taps {
+            for (g, sums) in sums.iter_mut().enumerate().take(stencil.groups) {
+                for (s, l) in (0..4).flat_map(|s| (0..RUN).map(move |l| (s, l))) {
+                    let e = value_of(tap.codes[stencil.runs[g][s] + l], code);
+                    let [w, a, b, c] = tap.weights.map(f64::from);
+                    let (x, dx) = (stencil.weights[s], stencil.slopes[s]);
+                    let (x, dx) = (f64::from(x), f64::from(dx));
+                    let factors = [w * x, w * dx, a * x, b * x, c * x];
+                    for (sum, f) in sums.iter_mut().zip(factors) {
+                        sum[l] += f * e;
+                    }
+                }
+            }
+        }
+        sums
+    }
+
     /// Every way of summing against plain sums in double precision: single precision errs by
     /// 6e-8 of the sum of magnitudes per addition, of which there are a few hundred.
     #[test]
@@ -286,25 +306,7 @@ mod tests {
                 weights,
                 slopes,
             };
-            let mut expected = [[[0f64; RUN]; 5]; 2];
-            for tap in &taps {
-                for (g, expected) in expected.iter_mut().enumerate().take(groups) {
-                    for s in 0..4 {
-                        for l in 0..RUN {
-                            let e = value_of(tap.codes[stencil.runs[g][s] + l], code);
-                            let [w, a, b, c] = tap.weights.map(f64::from);
-                            let (x, dx) = (f64::from(weights[s]), f64::from(slopes[s]));
-                            for (sum, f) in
-                                expected
-                                    .iter_mut()
-                                    .zip([w * x, w * dx, a * x, b * x, c * x])
-                            {
-                                sum[l] += f * e;
-                            }
-                        }
-                    }
-                }
-            }
+            let expected = plain_sums(&stencil, code, &taps);
             let mut found = vec![stencil.sum(code, &taps), stencil.sum_portable(code, &taps)];
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("f16c") {

@@ -55,6 +55,8 @@ impl Made {
 
 type Change = (&'static str, fn(&mut Made));
 
+type OfSearch = (&'static str, fn(&mut SearchDomain, &mut SearchOptions));
+
 /// Changes of a scene and the first key of the recipe in which they show.
 const CHANGES: [Change; 12] = [
     ("fixed.halo", |m| m.builder.halo = Some(2.1e-3)),
@@ -65,7 +67,7 @@ const CHANGES: [Change; 12] = [
     ("fixed.lattice.origin", |m| m.builder.spacing = Some(0.9e-3)),
     ("fixed.mesh", |m| m.sides[0] = 6.1e-3),
     ("moving.mesh", |m| m.sides[1] = 4.1e-3),
-    ("model.sigma", |m| m.model.sigma = 0.3),
+    ("fixed.sigma", |m| m.model.sigma = 0.3),
     ("model.lambda_exterior", |m| m.model.lambda_exterior = 1.5),
     ("model.lambda_interior", |m| m.model.lambda_interior = 99.0),
     ("model.separation_weight", |m| {
@@ -231,9 +233,9 @@ fn a_search_goes_on_with_its_own_recipe_only() {
         let found = key(seek(&made, &domain, &options, &state));
         // The exterior's weight is what the interior's is a multiple of.
         let same = found == format!("coarse.{expected}");
-        assert!(same || expected == "model.sigma", "{expected}: {found}");
+        assert!(same || expected == "fixed.sigma", "{expected}: {found}");
     }
-    let changes: [(&str, fn(&mut SearchDomain, &mut SearchOptions)); 8] = [
+    let changes: [OfSearch; 8] = [
         ("options.top", |_, o| o.top = 2),
         ("options.per_rotation", |_, o| o.per_rotation = 3),
         ("options.coarse_poses", |_, o| o.coarse_poses = 2),

@@ -1,13 +1,14 @@
 //! Tables on disk: exact round trips, bakes split and interrupted in every way, what is left out.
 
 use std::fs;
+use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
 use crate::common::*;
 use crate::store_support::*;
 use fft_correlate::{
-    BakeError, EnergyTable, NodeEnergies, Numbers, RotationDomain, Share, Storage, StoreError,
-    TableError, TableSpec, TableStore, bake, measure_error,
+    BakeError, EnergySource, EnergyTable, NodeEnergies, Numbers, Placement, Pose, RotationDomain,
+    Share, Storage, StoreError, TableError, TableSpec, TableStore, bake, measure_error,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -47,6 +48,45 @@ fn what_is_loaded_is_what_was_computed() {
         store.load(limit - 1),
         Err(StoreError::Table(TableError::Memory { .. }))
     ));
+}
+
+/// It is written beside the energies, decides none of them, and is what a scene is answered with.
+#[test]
+fn a_placement_is_kept_and_changes_no_energy() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = folder.path().join("plain.zarr");
+    baked(&plain, Share::ALL).unwrap();
+    let (energy, spec) = small();
+    let placement = Placement {
+        fixed: Pose::new(DQuat::from_rotation_x(0.7), DVec3::new(0.3, -2.0, 0.1)),
+        moving: Pose::new(DQuat::from_rotation_z(-1.2), DVec3::new(5.0, 0.4, 0.2)),
+    };
+    let placed = TableSpec { placement, ..spec };
+    let path = folder.path().join("placed.zarr");
+    let energies = OnWindow(&energy, placed.window);
+    bake(&path, &placed, &energies, Share::ALL, &Silent).unwrap();
+    let numbers = |root: &Path| {
+        let mut found = files(root);
+        found.remove(Path::new("zarr.json"));
+        found
+    };
+    assert_eq!(numbers(&path), numbers(&plain));
+    // The shapes are the same: baking on for another scene is no mistake.
+    assert_eq!(baked(&path, SHARED).unwrap().computed, 0);
+    let store = TableStore::open(&path).unwrap();
+    let kept = store.spec().placement;
+    assert!(kept.fixed.angle_to(&placement.fixed) < 1e-7);
+    let table = store.load(1 << 30).unwrap();
+    let shapes = pose(DQuat::from_rotation_y(0.1), DVec3::new(0.1, 0.05, 0.0));
+    let there = kept.to_scene(&shapes);
+    let own = table.respond(&shapes);
+    let source = table.in_scene();
+    let seen = source.evaluate(&there, &mut source.scratch());
+    // Roundings of a pose of order five, times slopes of order one.
+    assert!((seen.energy - own.energy).abs() < 1e-13 * (1.0 + own.energy.abs()));
+    let force = kept.fixed.rotation * own.wrench.force;
+    assert!(own.coverage == 1.0 && force.length() > 0.0);
+    assert!((seen.wrench.force - force).length() < 1e-6 * force.length());
 }
 
 #[test]

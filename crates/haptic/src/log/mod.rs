@@ -3,10 +3,14 @@
 pub(crate) mod columns;
 pub(crate) mod csv;
 pub(crate) mod error;
+#[cfg(feature = "parquet")]
+mod parquet_log;
 pub(crate) mod read;
 pub(crate) mod record;
 pub(crate) mod replay;
 pub(crate) mod writer;
 
 pub use columns::{COLUMNS, faults, numbers};
+#[cfg(feature = "parquet")]
+pub use parquet_log::create_parquet;
 pub use writer::SampleWriter;

@@ -1,7 +1,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
+use fft_correlate::{EnergySource, Placement, Pose, Response, Scratch, Wrench};
 
 use sdf_grid::Aabb;
 
@@ -40,7 +40,7 @@ fn pair(k: u32, loads: &Arc<AtomicU32>) -> PairSpec {
     let loads = Arc::clone(loads);
     PairSpec {
         name: format!("part {k}"),
-        placement: Pose::from_translation(DVec3::new(f64::from(k), 0.0, 0.0)),
+        placement: Placement::of_fixed(Pose::from_translation(DVec3::new(f64::from(k), 0.0, 0.0))),
         reach: REACH,
         bytes: 100,
         files: Vec::new(),
@@ -114,7 +114,7 @@ fn only_near_pairs_are_loaded_and_far_ones_make_room() {
 fn pairs_in_reach_are_not_unloaded_for_others() {
     let loads = Arc::default();
     let mut pairs: Vec<_> = (0..2).map(|k| pair(k, &loads)).collect();
-    pairs[1].placement = at(0.25);
+    pairs[1].placement = Placement::of_fixed(at(0.25));
     let (mut keeper, _source) = Keeper::new(pairs, options(100), &at(0.0));
     keeper.load_in_reach(&at(0.0)).unwrap();
     settle(&mut keeper, 0.09);
@@ -136,7 +136,7 @@ fn pairs_in_reach_are_not_unloaded_for_others() {
 fn a_start_beyond_the_budget_is_refused_by_name() {
     let loads = Arc::default();
     let mut pairs: Vec<_> = (0..2).map(|k| pair(k, &loads)).collect();
-    pairs[1].placement = Pose::IDENTITY;
+    pairs[1].placement = Placement::IDENTITY;
     let Err(error) = LiveScene::start(pairs, options(150), &Pose::IDENTITY) else {
         panic!("200 bytes in 150");
     };
@@ -182,7 +182,7 @@ fn the_same_part_in_several_places_is_loaded_and_counted_once() {
     let loads = Arc::new(AtomicU32::new(0));
     let mut pairs: Vec<_> = (0..3).map(|k| pair(k, &loads)).collect();
     for (k, pair) in pairs.iter_mut().enumerate() {
-        pair.placement = at(0.05 * k as f64);
+        pair.placement = Placement::of_fixed(at(0.05 * k as f64));
         pair.files = vec![file.clone()];
         // By way of another one too.
         pair.same_as = k.checked_sub(1);

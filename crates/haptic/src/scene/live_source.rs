@@ -194,6 +194,7 @@ mod tests {
     use super::*;
     use crate::scene::shared::SharedSource;
     use crate::scene::sum::Placed;
+    use fft_correlate::Placement;
     use std::sync::Arc;
 
     /// A constant energy that tells when it is dropped.
@@ -223,7 +224,7 @@ mod tests {
         let source: Arc<dyn EnergySource> = Arc::new(Level(energy, Arc::clone(drops)));
         let placed = Placed {
             source: Some(SharedSource::new(source)),
-            placement: Pose::IDENTITY,
+            placement: Placement::IDENTITY,
             reach: None,
         };
         SumSource::new(DVec3::ZERO, vec![placed])

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// How a scene is kept in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SceneOptions {
-    /// Point of the moving part (metres, its frame) that reaches speak of.
+    /// Point of the moving part as placed (metres, what poses move) that reaches speak of.
     pub pivot: DVec3,
     /// Most bytes that loaded pairs may take together.
     pub memory: u64,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fft_correlate::{EnergySource, PartialTable, Pose};
+use fft_correlate::{EnergySource, PartialTable, Placement};
 use sdf_grid::Aabb;
 
 /// What a loader may fail with.
@@ -16,7 +16,7 @@ pub type Loader = Box<dyn FnMut() -> Result<Loaded, LoadFailure> + Send>;
 pub enum Content {
     /// All in memory.
     Whole {
-        /// Energy of the moving part in the fixed part's frame.
+        /// Energy at poses of the shapes.
         source: Arc<dyn EnergySource>,
         /// Memory it takes, bytes.
         bytes: u64,
@@ -29,7 +29,7 @@ pub enum Content {
 pub struct Loaded {
     /// Its energy.
     pub content: Content,
-    /// Where the moving part's pivot must be, in the fixed part's frame, for the energy to differ
+    /// Where the moving part's pivot must be, in the fixed shape's frame, for the energy to differ
     /// from zero, metres.
     pub reach: Aabb,
 }
@@ -38,8 +38,8 @@ pub struct Loaded {
 pub struct PairSpec {
     /// For reports.
     pub name: String,
-    /// Pose of the fixed part in the scene.
-    pub placement: Pose,
+    /// Where both shapes are in the scene.
+    pub placement: Placement,
     /// What [`Loaded::reach`] will be; known before anything is loaded.
     pub reach: Aabb,
     /// Memory that it will take if it is whole, as far as it is known; 0 for a table that is kept

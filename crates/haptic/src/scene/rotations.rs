@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use fft_correlate::{PartialTable, Pose, StoreError};
+use fft_correlate::{PartialTable, Placement, Pose, StoreError};
 
 use crate::scene::shared::SharedSource;
 
@@ -32,7 +32,7 @@ pub(crate) struct Rotations {
 /// A place from which a table is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Viewpoint {
-    /// The moving part's rotation as seen from the fixed part.
+    /// The rotation of the shapes there.
     pub(crate) rotation: glam::DQuat,
     /// Metres out of reach.
     pub(crate) away: f64,
@@ -47,9 +47,9 @@ pub(crate) struct RotationNode {
 }
 
 impl Viewpoint {
-    pub(crate) fn new(placement: &Pose, pose: &Pose, away: f64) -> Self {
+    pub(crate) fn new(placement: &Placement, pose: &Pose, away: f64) -> Self {
         Self {
-            rotation: placement.rotation.conjugate() * pose.rotation,
+            rotation: placement.to_shapes(pose).rotation,
             away,
         }
     }

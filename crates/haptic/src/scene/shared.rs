@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use fft_correlate::EnergySource;
+use fft_correlate::{EnergySource, Pose, Response, Scratch};
 
 /// The number of a source, given once while the program runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -50,7 +50,27 @@ impl SharedSource {
         self.id
     }
 
-    pub(crate) fn energy(&self) -> &dyn EnergySource {
-        self.source.as_ref()
+    /// Its address.
+    #[cfg(test)]
+    pub(crate) fn place(&self) -> usize {
+        Arc::as_ptr(&self.source).addr()
+    }
+}
+
+impl EnergySource for SharedSource {
+    fn scratch(&self) -> Scratch {
+        self.source.scratch()
+    }
+
+    fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+        self.source.evaluate(pose, scratch)
+    }
+
+    fn refresh(&self, pose: &Pose, scratch: &mut Scratch) -> Option<Response> {
+        self.source.refresh(pose, scratch)
+    }
+
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        self.source.is_loaded(pose, scratch)
     }
 }

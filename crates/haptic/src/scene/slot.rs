@@ -61,7 +61,7 @@ impl Slot {
 
     /// Metres from the reach to a point of the scene; 0 inside.
     pub(super) fn distance(&self, point: DVec3) -> f64 {
-        let at = self.spec.placement.inverse().apply(point);
+        let at = self.spec.placement.fixed.inverse().apply(point);
         let Aabb { min, max } = self.spec.reach;
         (min - at).max(at - max).max(DVec3::ZERO).length()
     }

@@ -1,20 +1,20 @@
 //! Several fixed parts and one moving part: energies and wrenches added up.
 
-use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
+use fft_correlate::{EnergySource, InScene, Placement, Pose, Response, Scratch};
 use glam::DVec3;
 use sdf_grid::Aabb;
 
 use crate::scene::box_tree::BoxTree;
 use crate::scene::shared::SharedSource;
 
-/// One pair of a scene: a fixed part's source and where the fixed part stands.
+/// One pair of a scene: its source and where the scene puts its shapes.
 #[derive(Clone)]
 pub struct Placed {
-    /// Energy of the moving part in the fixed part's frame; `None` while it is not loaded.
+    /// Energy at poses of the shapes; `None` while it is not loaded.
     pub source: Option<SharedSource>,
-    /// Pose of the fixed part in the scene.
-    pub placement: Pose,
-    /// Where the moving part's pivot must be, in the fixed part's frame, for the pair to matter,
+    /// Where both shapes are in the scene.
+    pub placement: Placement,
+    /// Where the moving part's pivot must be, in the fixed shape's frame, for the pair to matter,
     /// metres. Outside, the source is not asked and counts as zero. `None`: everywhere.
     pub reach: Option<Aabb>,
 }
@@ -38,8 +38,10 @@ pub struct SumSource {
 /// A pair as it is asked.
 #[derive(Clone)]
 pub(super) struct PlacedPair {
-    placed: Placed,
-    /// Scene to fixed part.
+    source: Option<InScene<SharedSource>>,
+    placement: Placement,
+    reach: Option<Aabb>,
+    /// Scene to fixed shape.
     inverse: Pose,
 }
 
@@ -47,19 +49,20 @@ pub(super) struct PlacedPair {
 pub(super) struct SumScratch(pub(super) Vec<Scratch>);
 
 impl SumSource {
-    /// The sum of `pairs`; none give zero everywhere. `pivot` is the point of the moving part
-    /// (metres, its frame) that reaches speak of.
+    /// The sum of `pairs`; none give zero everywhere. `pivot` is the point of the moving part, as
+    /// placed (metres, what poses move), that reaches speak of.
     pub fn new(pivot: DVec3, pairs: Vec<Placed>) -> Self {
         let all = 0..pairs.len();
         let (bounded, unbounded): (Vec<_>, Vec<_>) = all.partition(|&i| pairs[i].reach.is_some());
         let boxes: Vec<Aabb> = bounded
             .iter()
-            .filter_map(|&i| pairs[i].reach.map(|r| placed_box(&r, &pairs[i].placement)))
+            .filter_map(|&i| {
+                pairs[i]
+                    .reach
+                    .map(|r| placed_box(&r, &pairs[i].placement.fixed))
+            })
             .collect();
-        let pairs = pairs.into_iter().map(|placed| PlacedPair {
-            inverse: placed.placement.inverse(),
-            placed,
-        });
+        let pairs = pairs.into_iter().map(PlacedPair::new);
         Self {
             pivot,
             pairs: pairs.collect(),
@@ -134,7 +137,7 @@ impl SumSource {
     }
 }
 
-/// The box in the scene around a box of a placed part.
+/// The box in the scene around a box of a part that `placement` puts there.
 pub(crate) fn placed_box(reach: &Aabb, placement: &Pose) -> Aabb {
     let corner = |i: usize| {
         let pick = |axis: usize| {
@@ -158,34 +161,48 @@ pub(super) fn add(sum: &mut Response, part: &Response) {
 }
 
 impl PlacedPair {
+    fn new(placed: Placed) -> Self {
+        let Placed {
+            source,
+            placement,
+            reach,
+        } = placed;
+        Self {
+            source: source.map(|source| InScene::new(source, placement)),
+            placement,
+            reach,
+            inverse: placement.fixed.inverse(),
+        }
+    }
+
     fn reaches(&self, pivot: DVec3) -> bool {
-        let reach = self.placed.reach;
+        let reach = self.reach;
         reach.is_none_or(|r| r.contains(self.inverse.apply(pivot)))
     }
 
     pub(super) fn scratch(&self) -> Scratch {
-        let source = self.placed.source.as_ref();
-        source.map(|s| s.energy().scratch()).unwrap_or_default()
+        let source = self.source.as_ref();
+        source.map(EnergySource::scratch).unwrap_or_default()
     }
 
     /// Whether there is a source.
     pub(super) fn is_there(&self) -> bool {
-        self.placed.source.is_some()
+        self.source.is_some()
     }
 
     /// Whether there is a source, and all of it that matters at `pose` is in memory.
     pub(super) fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
-        let source = self.placed.source.as_ref();
-        source.is_some_and(|s| s.energy().is_loaded(&(self.inverse * *pose), scratch))
+        let source = self.source.as_ref();
+        source.is_some_and(|s| s.is_loaded(pose, scratch))
     }
 
     /// Whether both are the same source at the same place, whatever of it is in memory.
     pub(super) fn is_same(&self, other: &Self) -> bool {
-        match (&self.placed.source, &other.placed.source) {
+        match (&self.source, &other.source) {
             (Some(a), Some(b)) => {
-                a.id() == b.id()
-                    && self.placed.placement == other.placed.placement
-                    && self.placed.reach == other.placed.reach
+                a.source().id() == b.source().id()
+                    && self.placement == other.placement
+                    && self.reach == other.reach
             }
             (None, None) => true,
             _ => false,
@@ -194,18 +211,9 @@ impl PlacedPair {
 
     /// In the scene's frame; nothing while it is not loaded.
     pub(super) fn answer(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
-        let Some(source) = &self.placed.source else {
-            return Response::default();
-        };
-        let part = source.energy().evaluate(&(self.inverse * *pose), scratch);
-        // Both torques are about the moving part's origin: only the axes turn.
-        let turn = self.placed.placement.rotation;
-        Response {
-            wrench: Wrench {
-                torque: turn * part.wrench.torque,
-                force: turn * part.wrench.force,
-            },
-            ..part
+        match &self.source {
+            Some(source) => source.evaluate(pose, scratch),
+            None => Response::default(),
         }
     }
 }
@@ -230,7 +238,7 @@ impl EnergySource for SumSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fft_correlate::Twist;
+    use fft_correlate::{Twist, Wrench};
     use glam::DQuat;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
@@ -258,13 +266,21 @@ mod tests {
         }
     }
 
+    const MOVING: Pose = Pose {
+        rotation: DQuat::from_xyzw(0.0, 0.6, 0.0, 0.8),
+        translation: DVec3::new(0.01, 0.02, -0.03),
+    };
+
     const PIVOT: DVec3 = DVec3::new(0.01, -0.02, 0.03);
 
     fn pairs(spring: &Arc<Spring>) -> Vec<Placed> {
         let shared = SharedSource::new(Arc::clone(spring) as Arc<dyn EnergySource>);
         let at = |x: f64, reach| Placed {
             source: Some(shared.clone()),
-            placement: Pose::new(DQuat::from_rotation_z(x), DVec3::new(x, 0.2, 0.0)),
+            placement: Placement {
+                fixed: Pose::new(DQuat::from_rotation_z(x), DVec3::new(x, 0.2, 0.0)),
+                moving: MOVING,
+            },
             reach,
         };
         let near = Some(Aabb {

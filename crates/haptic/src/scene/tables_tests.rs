@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use fft_correlate::{EnergySource, EnergyTable, PartialTable, Pose, Scratch, TableFiles};
+use fft_correlate::{
+    EnergySource, EnergyTable, PartialTable, Placement, Pose, Scratch, TableFiles,
+};
 use glam::{DQuat, DVec3};
 
 use crate::scene::error::LiveSceneError;
@@ -27,7 +29,7 @@ fn pair(files: &TableFiles, x: f64) -> PairSpec {
     let files = files.clone();
     PairSpec {
         name: format!("part at {x}"),
-        placement: Pose::from_translation(DVec3::new(x, 0.0, 0.0)),
+        placement: Placement::of_fixed(Pose::from_translation(DVec3::new(x, 0.0, 0.0))),
         reach: REACH,
         bytes: 0,
         files: Vec::new(),
@@ -210,7 +212,7 @@ fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
 fn places_that_share_a_table_share_its_rotations() {
     let files = VALLEYS.bake();
     let mut pairs = vec![pair(&files, 0.0), pair(&files, 0.02)];
-    pairs[1].placement.rotation = DQuat::from_rotation_z(0.7);
+    pairs[1].placement.fixed.rotation = DQuat::from_rotation_z(0.7);
     pairs[1].same_as = Some(0);
     let (mut keeper, source) = Keeper::new(pairs, options(u64::MAX), &Pose::IDENTITY);
     keeper.load_in_reach(&Pose::IDENTITY).unwrap();

@@ -2,8 +2,8 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use fft_correlate::{
-    NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, Storage, TableFiles, TableSpec,
-    TableStore, bake_files,
+    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, Storage, TableFiles,
+    TableSpec, TableStore, bake_files,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -50,6 +50,7 @@ impl Valleys {
             symmetry: None,
             far_energy: 0.0,
             storage: Storage::default(),
+            placement: Placement::IDENTITY,
         };
         let files = TableFiles::in_memory("valleys");
         bake_files(&files, &spec, &self, Share::ALL, &Silent).unwrap();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::common::{Well, workspace};
-use fft_correlate::{EnergySource, Pose, Wrench};
+use fft_correlate::{EnergySource, Placement, Pose, Wrench};
 use glam::DVec3;
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveSource,
@@ -49,7 +49,7 @@ impl Device for Holder {
 fn sum(wells: &[(Well, DVec3)]) -> SumSource {
     let placed = wells.iter().map(|(well, at)| Placed {
         source: Some(SharedSource::new(Arc::new(*well))),
-        placement: Pose::from_translation(*at),
+        placement: Placement::of_fixed(Pose::from_translation(*at)),
         reach: None,
     });
     SumSource::new(DVec3::ZERO, placed.collect())

@@ -3,5 +3,6 @@
 mod example;
 mod header;
 mod misuse;
+mod placed;
 mod table;
 mod threads;

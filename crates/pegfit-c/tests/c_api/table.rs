@@ -4,7 +4,9 @@ use std::ffi::CString;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, bake};
+use fft_correlate::{
+    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, TableSpec, bake,
+};
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use pegfit_c::{PegfitPose, PegfitStatus, PegfitTable, pegfit_table_load};
@@ -30,6 +32,11 @@ impl NodeEnergies for Spring {
 
 /// Bakes it below `folder` and returns its path for C.
 pub(crate) fn bake_spring(folder: &Path) -> CString {
+    bake_placed_spring(folder, Placement::IDENTITY)
+}
+
+/// The same for a scene that places the shapes.
+pub(crate) fn bake_placed_spring(folder: &Path, placement: Placement) -> CString {
     let window = Lattice::new(DVec3::splat(-0.008), 0.002, [9; 3]).unwrap();
     let spec = TableSpec {
         recipe: PairRecipe::without_fields(ScoreModel::default(), DVec3::ZERO),
@@ -41,6 +48,7 @@ pub(crate) fn bake_spring(folder: &Path) -> CString {
         symmetry: None,
         far_energy: 0.0,
         storage: Default::default(),
+        placement,
     };
     let path = folder.join("spring.zarr");
     bake(&path, &spec, &Spring(window), Share::ALL, &Silent).unwrap();

@@ -20,7 +20,7 @@ pub(super) fn quadrature(
     let window = assembly.design()?.window;
     let correlator = Correlator::new(&assembly.pair, &window)
         .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
-    let rotation = assembly.assembled().rotation;
+    let rotation = assembly.setup.assembled.rotation;
     let mut score = Array3::zeros(window.shape());
     correlator.score(rotation, &mut correlator.scratch(), score.view_mut());
     let mut rng = SmallRng::seed_from_u64(11);

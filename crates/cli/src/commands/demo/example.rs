@@ -10,6 +10,7 @@ use fft_correlate::{
     measure_error,
 };
 use haptic::{Clock, LoopReport, Sample, Script};
+use pegfit_pictures::Slice;
 use sdf_grid::mesh_io;
 use sdf_grid::shapes::PegInHole;
 use serde::Serialize;
@@ -21,8 +22,6 @@ use crate::commands::plot::{
 use crate::commands::{dock, hand, stored};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::picture;
-use crate::report::slice::Slice;
 use crate::scene::{Assembly, Scene, explain_design};
 use sdf_grid::atomic;
 
@@ -103,7 +102,7 @@ pub(super) fn run(
     context.progress.note(&format!("{name} peg and hole"));
     let assembly = Assembly::load(write_scene(shape, out)?, context)?;
     let direct = assembly.direct(&DirectOptions::FULL)?;
-    let fast = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let fast = assembly.source(&DirectOptions::REAL_TIME)?;
     let (energies, table) = tabulate(
         &assembly,
         &direct,
@@ -121,7 +120,8 @@ pub(super) fn run(
     let real_time = match shape {
         PegInHole::Rectangular => {
             let (snap, clock) = (Script::Snap, Clock::Real);
-            let felt = hand::run_simulated(&assembly, &energies, snap, LOOP_SECONDS, clock, None)?;
+            let source = energies.in_scene();
+            let felt = hand::run_simulated(&assembly, &source, snap, LOOP_SECONDS, clock, None)?;
             Some(felt.report)
         }
         _ => None,
@@ -222,7 +222,7 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
     };
     let options = DockingOptions {
         top: 5,
-        ..dock::options(&assembly.scene)
+        ..dock::options(&assembly.scene)?
     };
     let docking = dock::look(&assembly.scene, &setup, options, context)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -234,7 +234,8 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
             "none",
         ));
     };
-    let (shift, turn) = assembly.from_fit(&best.found.pose);
+    let found = assembly.placement().to_scene(&best.found.pose);
+    let (shift, turn) = assembly.from_fit(&found);
     Ok(Dock {
         rotations: docking.rotations,
         seconds,
@@ -254,7 +255,7 @@ fn draw(
     let across = Slice { axis: 2, at: 0.0 };
     let force = |title: &str, samples| {
         let chart = force_chart(title.to_owned(), samples);
-        picture::png("force against time", (1300, 560), |sheet| chart.draw(sheet))
+        pegfit_pictures::png("force against time", (1300, 560), |sheet| chart.draw(sheet))
     };
     let drawn = [
         ("density", densities(assembly, &slice, context)?),

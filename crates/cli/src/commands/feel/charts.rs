@@ -5,10 +5,10 @@ use std::fmt::Write;
 use fft_correlate::Pose;
 use glam::DVec3;
 use haptic::{Sample, flags};
+use pegfit_pictures::{LineChart, Mark, Series, reduced};
 
 use super::subject::{LISTED, Run, starts};
 use crate::error::CommandError;
-use crate::report::picture::{self, LineChart, Mark, Series, reduced};
 
 /// Seconds over which the rate is a mean.
 const RATE_WINDOW: f64 = 0.1;
@@ -33,7 +33,7 @@ pub(super) fn charts(run: &Run<'_>) -> Result<String, CommandError> {
             marks: marks.clone(),
             ..LineChart::default()
         };
-        let svg = picture::svg(figure.heading, SIZE, |sheet| chart.draw(sheet))?;
+        let svg = pegfit_pictures::svg(figure.heading, SIZE, |sheet| chart.draw(sheet))?;
         let (heading, words) = (figure.heading, figure.words);
         // Writing to a string cannot fail.
         let _ = writeln!(html, "<h2>{heading}</h2>\n<p>{words}</p>\n{svg}");

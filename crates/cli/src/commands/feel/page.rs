@@ -10,7 +10,6 @@ use super::subject::{LISTED, Run, names, starts};
 use super::words::{privileges, told};
 use crate::error::CommandError;
 use crate::report::html::{STYLE, escaped};
-use crate::report::picture;
 
 /// What the charts need beside the demo's style.
 const CHARTS: &str = "svg{width:100%;height:auto}\
@@ -76,12 +75,12 @@ fn timing(outcome: &Outcome) -> Result<String, CommandError> {
         ("computing time of a tick (µs)", &outcome.latency),
         ("start after the deadline (µs)", &outcome.lateness),
     ] {
-        let drawn = picture::Histogram {
+        let drawn = pegfit_pictures::Histogram {
             horizontal: title.to_owned(),
             vertical: "ticks".to_owned(),
             bins: bins(histogram),
         };
-        html += &picture::svg(title, (960, 220), |sheet| drawn.draw(sheet))?;
+        html += &pegfit_pictures::svg(title, (960, 220), |sheet| drawn.draw(sheet))?;
     }
     Ok(html)
 }

@@ -16,7 +16,6 @@ use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
 use crate::report::parquet_log;
-use crate::report::picture;
 use crate::scene::Scene;
 use crate::terminal::hold::Hold;
 use crate::terminal::progress::interrupted;
@@ -106,7 +105,7 @@ fn title(script: Script, device: &str) -> String {
 
 fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandError> {
     let chart = force_chart(title, samples);
-    let bytes = picture::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
+    let bytes = pegfit_pictures::png("force against time", (1300, 700), |sheet| chart.draw(sheet))?;
     Ok(atomic::write(png, &bytes)?)
 }
 

@@ -3,7 +3,7 @@
 use haptic::LoopReport;
 use haptic::scene::SceneChange;
 
-use crate::report::bytes::display_bytes;
+use crate::bytes::display_bytes;
 
 /// A scene event in words.
 pub(super) fn told(what: &SceneChange) -> String {

@@ -2,11 +2,10 @@
 
 use fft_correlate::{DirectOptions, EnergySource, Pose, Response};
 use glam::{DQuat, DVec3};
+use pegfit_pictures::{AXES, LineChart, PictureError, Series};
 use rayon::prelude::*;
 
 use crate::error::CommandError;
-use crate::report::picture::{self, LineChart, Series};
-use crate::report::slice::AXES;
 use crate::scene::Assembly;
 
 /// Poses on a curve.
@@ -15,9 +14,9 @@ const SAMPLES: usize = 241;
 /// One degree of freedom through the assembled pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::commands) enum Motion {
-    /// Along an axis.
+    /// Along an axis of the fixed part, as the window lies.
     Translation(usize),
-    /// About an axis through the pivot.
+    /// About such an axis through the pivot.
     Rotation(usize),
 }
 
@@ -41,7 +40,7 @@ impl Motion {
 
     /// The assembled pose moved by `amount` metres or radians.
     fn apply(self, assembly: &Assembly, amount: f64) -> Pose {
-        let assembled = assembly.assembled();
+        let assembled = assembly.setup.assembled;
         let middle = assembly.pair.displacement(&assembled);
         match self {
             Self::Translation(axis) => Pose {
@@ -79,7 +78,7 @@ pub(in crate::commands) fn curve(
         Motion::Translation(axis) => assembly.setup.reach()[axis],
         Motion::Rotation(_) => std::f64::consts::PI,
     };
-    let rows: Vec<(f64, Response, f64)> = picture::heat_map::samples([-reach, reach], SAMPLES)
+    let rows: Vec<(f64, Response, f64)> = pegfit_pictures::samples([-reach, reach], SAMPLES)
         .into_par_iter()
         .map_init(
             || source.scratch(),
@@ -90,14 +89,14 @@ pub(in crate::commands) fn curve(
             },
         )
         .collect();
-    draw(assembly, motion, &rows)
+    Ok(draw(assembly, motion, &rows)?)
 }
 
 fn draw(
     assembly: &Assembly,
     motion: Motion,
     rows: &[(f64, Response, f64)],
-) -> Result<Vec<u8>, CommandError> {
+) -> Result<Vec<u8>, PictureError> {
     let unit = assembly.display_unit();
     let (name, scale, horizontal, load) = match motion {
         Motion::Translation(a) => (
@@ -138,7 +137,7 @@ fn draw(
         &|r| 1e3 * r.1.energy,
     );
     let slope = chart(String::new(), &load, 2.0 * size / reach, &|r| r.2);
-    picture::png("energy curve", (1200, 1100), |sheet| {
+    pegfit_pictures::png("energy curve", (1200, 1100), |sheet| {
         let (top, bottom) = sheet.split_vertically(sheet.dim_in_pixel().1 / 2);
         energy.draw(&top)?;
         slope.draw(&bottom)

@@ -2,16 +2,14 @@
 
 use ndarray::Array2;
 use num_complex::Complex32;
+use pegfit_pictures::{AXES, Slice, density_map, distance_contours, sheet};
 use sdf_grid::{
     Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Sampling, TriangleMesh,
 };
 
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::figure::{density_map, sheet};
-use crate::report::picture;
-use crate::report::slice::Slice;
-use crate::scene::Assembly;
+use crate::scene::{Assembly, put};
 
 /// Samples along the longer side of a picture.
 const SAMPLES: usize = 260;
@@ -31,7 +29,9 @@ fn on_plane(
         sampling: Sampling::Point,
         ..DensityOptions::default()
     };
-    let lattice = slice.lattice(bounds, SAMPLES)?;
+    let lattice = slice
+        .lattice(bounds, SAMPLES)
+        .map_err(|e| CommandError::bad_input(format!("slice {}", AXES[slice.axis]), e))?;
     DensityField::compute(mesh, &kernel, &lattice, &options, &context.progress).map_err(|e| match e
     {
         DensityError::Cancelled => CommandError::Interrupted,
@@ -39,7 +39,7 @@ fn on_plane(
     })
 }
 
-/// Real and imaginary part of both parts' densities, each in its own frame.
+/// Real and imaginary part of both parts' densities, each where the scene puts it.
 pub(in crate::commands) fn densities(
     assembly: &Assembly,
     slice: &Slice,
@@ -47,14 +47,15 @@ pub(in crate::commands) fn densities(
 ) -> Result<Vec<u8>, CommandError> {
     let model = *assembly.pair.model();
     let unit = assembly.display_unit();
+    let (scene, setup, placement) = (&assembly.scene, &assembly.setup, assembly.placement());
     let parts = [
-        (&assembly.scene.fixed.name, &assembly.setup.fixed),
-        (&assembly.scene.moving.name, &assembly.setup.moving),
+        (&scene.fixed.name, put(&setup.fixed, &placement.fixed)),
+        (&scene.moving.name, put(&setup.moving, &placement.moving)),
     ];
     let bounds = assembly.bounds(0.1);
     let mut maps = Vec::new();
     for (name, mesh) in parts {
-        let field = on_plane(mesh, assembly, &bounds, slice, context)?;
+        let field = on_plane(&mesh, assembly, &bounds, slice, context)?;
         let density = field.combined(model.lambda_exterior as f32, model.lambda_interior as f32);
         for (part, values) in [
             ("Re", density.mapv(|v| v.re)),
@@ -71,12 +72,13 @@ pub(in crate::commands) fn densities(
         }
     }
     context.progress.finish();
-    picture::png("densities", (1500, 1240), |whole| {
+    let picture = pegfit_pictures::png("densities", (1500, 1240), |whole| {
         for (panel, map) in whole.split_evenly((2, 2)).iter().zip(&maps) {
             map.draw(panel)?;
         }
         Ok(())
-    })
+    })?;
+    Ok(picture)
 }
 
 /// The real part of the product of both densities at the assembled pose: what the score sums.
@@ -87,12 +89,10 @@ pub(in crate::commands) fn overlap(
 ) -> Result<Vec<u8>, CommandError> {
     let unit = assembly.display_unit();
     let bounds = assembly.bounds(0.1);
-    let pose = assembly.assembled();
-    let moved = assembly
-        .setup
-        .moving
-        .transformed(pose.rotation, pose.translation);
-    let fixed = on_plane(&assembly.setup.fixed, assembly, &bounds, slice, context)?;
+    let (setup, placement) = (&assembly.setup, assembly.placement());
+    let moved = put(&setup.moving, &(assembly.assembled() * placement.moving));
+    let lies = put(&setup.fixed, &placement.fixed);
+    let fixed = on_plane(&lies, assembly, &bounds, slice, context)?;
     let moving = on_plane(&moved, assembly, &bounds, slice, context)?;
     context.progress.finish();
     let mut map = density_map(
@@ -103,13 +103,14 @@ pub(in crate::commands) fn overlap(
         slice,
         unit,
     );
-    let other = crate::report::figure::distance_contours(&moving, slice, unit).0;
+    let other = distance_contours(&moving, slice, unit).0;
     map.contours.push(other);
     for lines in &mut map.contours {
         lines.levels.clear();
     }
     map.note = "lines: the boundaries; red: reward, blue: penalty and separation".to_owned();
-    picture::png("overlap", (1100, 940), |sheet| map.draw(sheet))
+    let picture = pegfit_pictures::png("overlap", (1100, 940), |sheet| map.draw(sheet))?;
+    Ok(picture)
 }
 
 /// `Re [l1 l2 (O1 I2 + I1 O2) + l2² I1 I2 + w l1² O1 O2]` on the plane.

@@ -2,11 +2,11 @@
 
 use fft_correlate::DirectOptions;
 use haptic::{Clock, Sample, Script};
+use pegfit_pictures::{LineChart, Series};
 
 use crate::commands::hand;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::picture::{self, LineChart, Series};
 use crate::scene::Assembly;
 
 /// Seconds of each test.
@@ -14,7 +14,7 @@ const SECONDS: f64 = 8.0;
 
 /// Runs the collision and the snap test in simulated time and draws both.
 pub(super) fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u8>, CommandError> {
-    let source = assembly.direct(&DirectOptions::REAL_TIME)?;
+    let source = assembly.source(&DirectOptions::REAL_TIME)?;
     let mut charts = Vec::new();
     for (script, title) in [
         (
@@ -27,12 +27,13 @@ pub(super) fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u
         let run = hand::run_simulated(assembly, &source, script, SECONDS, Clock::Simulated, None)?;
         charts.push(force_chart(title.to_owned(), &run.samples));
     }
-    picture::png("force against time", (1300, 1100), |sheet| {
+    let picture = pegfit_pictures::png("force against time", (1300, 1100), |sheet| {
         for (panel, chart) in sheet.split_evenly((2, 1)).iter().zip(&charts) {
             chart.draw(panel)?;
         }
         Ok(())
-    })
+    })?;
+    Ok(picture)
 }
 
 /// The force on the hand, its size and components.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use pegfit_pictures::Slice;
+
 use super::curve::{Motion, curve};
 use super::density::{densities, overlap};
 use super::surface::score_surface;
@@ -11,7 +13,6 @@ use crate::args::{PlotArgs, PlotKind};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::require_folder;
-use crate::report::slice::Slice;
 use crate::scene::Assembly;
 use crate::scene::Scene;
 use sdf_grid::atomic;
@@ -20,7 +21,7 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
     refuse_unused(args)?;
     let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
     let slice = match &args.slice {
-        Some(text) => Some(Slice::parse(text, scene.unit)?),
+        Some(text) => Some(Slice::parse(text, scene.unit).map_err(CommandError::slice)?),
         None => None,
     };
     let along = args.along.as_deref();
@@ -74,6 +75,6 @@ fn refuse_unused(args: &PlotArgs) -> Result<(), CommandError> {
 fn middle(assembly: &Assembly) -> Slice {
     Slice {
         axis: 1,
-        at: assembly.assembled().apply(assembly.pair.pivot()).y,
+        at: assembly.assembled().apply(assembly.pivot()).y,
     }
 }

@@ -2,10 +2,9 @@
 
 use fft_correlate::{Correlator, TranslationWindow};
 use ndarray::{Array2, Array3, Axis};
+use pegfit_pictures::{AXES, PictureError, Surface};
 
 use crate::error::CommandError;
-use crate::report::picture::{self, Surface};
-use crate::report::slice::AXES;
 use crate::scene::Assembly;
 
 /// Two different axes from text such as `xz`; x and z if there is none.
@@ -24,14 +23,14 @@ pub(super) fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError
     }
 }
 
-/// The score with the assembled rotation over the scene's window along two axes, the third
+/// The score with the assembled rotation over the scene's window along two of its axes, the third
 /// displacement being that of the fit.
 pub(in crate::commands) fn score_surface(
     assembly: &Assembly,
     plane: [usize; 2],
 ) -> Result<Vec<u8>, CommandError> {
     let failed = |e| CommandError::bad_input(assembly.context("window"), e);
-    let pose = assembly.assembled();
+    let pose = assembly.setup.assembled;
     let middle = assembly.pair.displacement(&pose);
     let across = 3 - plane[0] - plane[1];
     let mut reach = assembly.setup.reach();
@@ -42,7 +41,7 @@ pub(in crate::commands) fn score_surface(
         .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
     let mut score = Array3::zeros(window.shape());
     correlator.score(pose.rotation, &mut correlator.scratch(), score.view_mut());
-    draw(assembly, plane, &window, middle, &score)
+    Ok(draw(assembly, plane, &window, middle, &score)?)
 }
 
 fn draw(
@@ -51,7 +50,7 @@ fn draw(
     window: &TranslationWindow,
     middle: glam::DVec3,
     score: &Array3<f32>,
-) -> Result<Vec<u8>, CommandError> {
+) -> Result<Vec<u8>, PictureError> {
     let unit = assembly.display_unit();
     let metre = unit.in_metres();
     let across = 3 - plane[0] - plane[1];
@@ -83,7 +82,7 @@ fn draw(
         first_range: range(plane[0]),
         second_range: range(plane[1]),
     };
-    picture::png("score surface", (1200, 950), |sheet| surface.draw(sheet))
+    pegfit_pictures::png("score surface", (1200, 950), |sheet| surface.draw(sheet))
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use fft_correlate::{DirectOptions, Well, WellOptions};
 use glam::DVec3;
+use pegfit_pictures::AXES;
 
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::report::slice::AXES;
 use crate::scene::Assembly;
 
 pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {
@@ -18,7 +18,7 @@ pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandE
         pivot: assembly.pair.pivot(),
         directions: DVec3::AXES.into_iter().flat_map(|a| [a, -a]).collect(),
     };
-    Well::analyse(&source, &assembly.assembled(), &options)
+    Well::analyse(&source, &assembly.setup.assembled, &options)
         .map_err(|e| CommandError::bad_input(assembly.context("well"), e))
 }
 

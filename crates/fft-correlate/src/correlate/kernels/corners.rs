@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use ndarray::Array3;
 use num_complex::Complex;
 
-use super::buffer::fetch;
+use super::prefetch::fetch;
 use crate::correlate::real::Real;
 
 /// A field's numbers, read at the corners of cells.

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 
-use super::buffer::ask_for;
+use super::prefetch::ask_for;
 use super::radix::{inlined, pass, pass_from_half, pass_to_half, turning_pass};
 use super::steps::{Ends, Step, steps, turning_steps};
 use super::tile::{Complex, Line, Tile};

@@ -30,6 +30,7 @@ mod fused;
 mod image;
 mod lane_fft;
 mod layout;
+mod prefetch;
 mod products;
 pub(crate) mod radix;
 mod run;

@@ -4,11 +4,12 @@
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 
-use super::buffer::{Buffer, ask_for};
+use super::buffer::Buffer;
 use super::fused::Fused;
 use super::image::Image;
 use super::lane_fft::{first_passes, transform};
 use super::layout::MAX_TERMS;
+use super::prefetch::ask_for;
 use super::radix::{add_mul, mul};
 use super::scratch::{PlaneScratch, Spectra, Sum};
 use super::tile::{Line, Tile, element};

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::buffer::fetch;
+use super::prefetch::fetch;
 use super::tile::{Complex, Tile, element};
 use crate::correlate::real::Real;
 

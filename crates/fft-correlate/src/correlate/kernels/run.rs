@@ -29,6 +29,7 @@ pub(crate) fn correlate<T: Real, M: MovingRows<T>>(
     scratch: &mut FusedScratch<T>,
     outs: &mut [ArrayViewMut3<T>],
 ) -> StageTimes {
+    assert_eq!(scratch.sizes, f.sizes, "scratch of another correlator");
     assert_eq!(moving.len(), f.terms.len());
     assert_eq!(outs.len(), turns.len().max(1));
     assert!(outs.iter().all(|out| out.shape() == f.sizes.window));

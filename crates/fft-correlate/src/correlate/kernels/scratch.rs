@@ -7,11 +7,13 @@ use super::fused::Fused;
 use super::image::Image;
 use super::layout::{Layout, MAX_TERMS, planes};
 use super::tile::Tile;
-use crate::correlate::contract::MovingRows;
+use crate::correlate::contract::{MovingRows, Sizes};
 use crate::correlate::real::Real;
 
 /// Working memory of one thread.
 pub(crate) struct FusedScratch<T> {
+    /// What it was made for.
+    pub(super) sizes: Sizes,
     pub(super) plane: PlaneScratch<T>,
     /// One for each term. The first sum replaces what is left of the first one.
     pub(super) terms: Vec<TermScratch<T>>,
@@ -79,6 +81,13 @@ impl<T: Real> SpectraScratch<T> {
     }
 }
 
+/// The spectra of each term, the memory for more sums if there is any, and that of one plane.
+pub(super) type Views<'a, T> = (
+    [Spectra<'a, T>; MAX_TERMS],
+    Option<[Tile<'a, T>; 2]>,
+    &'a mut PlaneScratch<T>,
+);
+
 impl<T: Real> FusedScratch<T> {
     pub(crate) fn new(f: &Fused<T>) -> Self {
         let plane = f.layout.plane(&f.sizes);
@@ -88,6 +97,7 @@ impl<T: Real> FusedScratch<T> {
             x_from: vec![0; f.sizes.transform[0]],
         });
         Self {
+            sizes: f.sizes.clone(),
             plane: PlaneScratch {
                 bundles: Buffer::zeroed(plane.bundles * plane.bundle),
                 filled: vec![0..0; plane.bundles],
@@ -105,11 +115,7 @@ impl<T: Real> FusedScratch<T> {
         &'a mut self,
         f: &Fused<T>,
         moving: &[M],
-    ) -> (
-        [Spectra<'a, T>; MAX_TERMS],
-        Option<[Tile<'a, T>; 2]>,
-        &'a mut PlaneScratch<T>,
-    ) {
+    ) -> Views<'a, T> {
         let terms = self.terms.iter_mut().zip(moving).enumerate();
         let mut terms = terms.map(|(term, (scratch, rows))| {
             let [filled, ..] = rows.bounds();

@@ -6,7 +6,7 @@ use std::cell::Cell;
 
 use fearless_simd::prelude::*;
 
-use super::buffer::fetch;
+use super::prefetch::fetch;
 use crate::correlate::real::Real;
 
 /// Numbers of the widest vector that any level has: 16 of f32 with AVX-512.

@@ -37,7 +37,7 @@ impl std::fmt::Debug for TableStore {
 
 impl TableStore {
     /// Makes an empty table, or opens the one that is there if it has the same
-    /// specification. `probe` is for a new table.
+    /// specification, the placement apart. `probe` is for a new table.
     ///
     /// # Errors
     /// If the specification is out of range, the path cannot be written, or there is something else
@@ -131,7 +131,11 @@ impl TableStore {
     }
 
     fn expect_spec(&self, given: &TableSpec) -> Result<(), StoreError> {
-        self.expect(difference(self.spec(), given))
+        let given = TableSpec {
+            placement: self.spec().placement,
+            ..given.clone()
+        };
+        self.expect(difference(self.spec(), &given))
     }
 
     fn expect(&self, found: Option<Difference>) -> Result<(), StoreError> {

@@ -2,8 +2,8 @@
 #![allow(missing_docs, unreachable_pub)]
 
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairRecipe, Part, Pose, Response,
-    RotationDomain, ScoreModel, Scratch, Storage, TableSpec, Wrench,
+    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairRecipe, Part, Placement, Pose,
+    Response, RotationDomain, ScoreModel, Scratch, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -135,6 +135,7 @@ pub fn spec(window: Lattice, rotations: RotationDomain) -> TableSpec {
         symmetry: None,
         far_energy: 0.0,
         storage: Storage::default(),
+        placement: Placement::IDENTITY,
     }
 }
 

@@ -3,20 +3,20 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::canvas::{
+use crate::canvas::{
     Drawing, FAINT, INK, Panel, centred, number, round_ticks, stroke, text, text_size, titled,
 };
-use super::colour::ColourScale;
+use crate::colour::ColourScale;
 
 /// Room that the bar and its numbers take, drawing pixels.
-pub(super) const WIDTH: u32 = stroke(150);
+pub(crate) const WIDTH: u32 = stroke(150);
 
 /// Draws `title` at the top of a panel and `note` at its foot; gives what is between, without and with
 /// the room for the bar.
 ///
 /// # Errors
 /// If the drawing library refuses.
-pub(super) fn framed<'a>(
+pub(crate) fn framed<'a>(
     panel: &Panel<'a>,
     title: &str,
     note: &str,
@@ -31,7 +31,7 @@ pub(super) fn framed<'a>(
 }
 
 /// Draws the bar with `caption` (the quantity and its unit, a line or several) above it.
-pub(super) fn draw(panel: &Panel<'_>, scale: &ColourScale, caption: &str, size: u32) -> Drawing {
+pub(crate) fn draw(panel: &Panel<'_>, scale: &ColourScale, caption: &str, size: u32) -> Drawing {
     let (_, height) = panel.dim_in_pixel();
     let line = size as i32 + 4;
     let (left, right) = (size as i32 / 2, size as i32 / 2 + size as i32);

@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec2, DVec3};
 use plotters::prelude::*;
 
-use super::canvas::{Drawing, GRID, INK, Panel, centred, stroke, text_size};
-use super::colour::ColourScale;
-use super::legend;
+use crate::canvas::{Drawing, GRID, INK, Panel, centred, stroke, text_size};
+use crate::colour::ColourScale;
+use crate::legend;
 
 /// Points with values, and lines for orientation. Positions are in the unit of the picture.
 #[derive(Debug, Clone)]
@@ -156,7 +156,7 @@ impl View {
             let line = vec![self.pixel(from), self.pixel(to)];
             scene.draw(&PathElement::new(line, GRID.stroke_width(stroke(2))))?;
             let (x, y) = self.pixel(0.5 * (from + to));
-            let length = super::canvas::number(side[axis], 3);
+            let length = crate::canvas::number(side[axis], 3);
             let label = format!("{name}: {length} {unit}");
             scene.draw_text(&label, &centred(size as u32, INK), (x + away.0, y + away.1))?;
         }

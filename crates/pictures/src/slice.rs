@@ -1,29 +1,42 @@
-//! Planes through a scene: `y=0` on the command line, a lattice one node thick for the libraries.
+//! Planes through a part: `y=0` as text, a lattice one node thick for a field.
 
 use glam::DVec3;
-use sdf_grid::{Aabb, Lattice, LengthUnit};
-
-use crate::error::CommandError;
+use sdf_grid::{Aabb, Lattice, LatticeError, LengthUnit};
 
 /// A plane perpendicular to a coordinate axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Slice {
+pub struct Slice {
     /// 0, 1, 2 for x, y, z.
-    pub(crate) axis: usize,
+    pub axis: usize,
     /// Where on that axis, metres.
-    pub(crate) at: f64,
+    pub at: f64,
+}
+
+/// Text that is no plane.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("expected {}, found {found}", SliceTextError::EXPECTED)]
+pub struct SliceTextError {
+    /// What was there.
+    pub found: String,
+}
+
+impl SliceTextError {
+    /// What is a plane.
+    pub const EXPECTED: &str = "x=, y= or z= and a number";
 }
 
 /// Letters of the axes.
-pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+pub const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Slice {
     /// Reads `y=0`; the number is in `unit`.
     ///
     /// # Errors
     /// If the text is anything else.
-    pub(crate) fn parse(text: &str, unit: LengthUnit) -> Result<Self, CommandError> {
-        let wrong = || CommandError::option("--slice", "x=, y= or z= and a number", text);
+    pub fn parse(text: &str, unit: LengthUnit) -> Result<Self, SliceTextError> {
+        let wrong = || SliceTextError {
+            found: text.to_owned(),
+        };
         let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
         let axis = AXES
             .iter()
@@ -40,7 +53,7 @@ impl Slice {
     }
 
     /// The two other axes: horizontal, vertical in a picture.
-    pub(crate) fn plane_axes(&self) -> [usize; 2] {
+    pub fn plane_axes(&self) -> [usize; 2] {
         match self.axis {
             0 => [1, 2],
             1 => [0, 2],
@@ -49,8 +62,8 @@ impl Slice {
     }
 
     /// `y = 3 mm`.
-    pub(crate) fn label(&self, unit: LengthUnit) -> String {
-        let at = crate::report::picture::canvas::number(self.at / unit.in_metres(), 4);
+    pub fn label(&self, unit: LengthUnit) -> String {
+        let at = crate::canvas::number(self.at / unit.in_metres(), 4);
         format!("{} = {at} {unit}", AXES[self.axis])
     }
 
@@ -58,7 +71,7 @@ impl Slice {
     ///
     /// # Errors
     /// If the bounds have no extent or are not finite.
-    pub(crate) fn lattice(&self, bounds: &Aabb, nodes: usize) -> Result<Lattice, CommandError> {
+    pub fn lattice(&self, bounds: &Aabb, nodes: usize) -> Result<Lattice, LatticeError> {
         let [across, up] = self.plane_axes();
         let size = bounds.size();
         let spacing = size[across].max(size[up]) / nodes as f64;
@@ -69,7 +82,6 @@ impl Slice {
             shape[axis] = (size[axis] / spacing).round().max(1.0) as usize;
         }
         Lattice::new(origin, spacing, shape)
-            .map_err(|e| CommandError::bad_input(format!("slice {}", AXES[self.axis]), e))
     }
 }
 

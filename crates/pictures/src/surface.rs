@@ -3,9 +3,11 @@
 use ndarray::Array2;
 use plotters::prelude::*;
 
-use super::canvas::{Drawing, FAINT, INK, Panel, centred, number, text, text_size, titled};
-use super::colour::ColourScale;
-use super::heat_map::{MESH, samples};
+use crate::canvas::{
+    Drawing, FAINT, INK, Panel, centred, number, samples, text, text_size, titled,
+};
+use crate::colour::ColourScale;
+use crate::heat_map::MESH;
 
 /// A function of two variables.
 #[derive(Debug, Clone)]

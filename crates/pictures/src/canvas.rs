@@ -9,7 +9,7 @@ use plotters::prelude::{
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoFont, TextStyle, register_font};
 
-use crate::error::CommandError;
+use crate::error::PictureError;
 
 /// A rectangle of a sheet, of pixels or of lines.
 pub type Area<DB> = DrawingArea<DB, Shift>;
@@ -24,18 +24,18 @@ pub type DrawingError = Box<dyn std::error::Error + Send + Sync>;
 pub type Drawing = Result<(), DrawingError>;
 
 /// Text and axes.
-pub const INK: RGBColor = RGBColor(38, 42, 51);
+pub(crate) const INK: RGBColor = RGBColor(38, 42, 51);
 /// Less important text and light axes.
-pub const FAINT: RGBColor = RGBColor(120, 126, 138);
+pub(crate) const FAINT: RGBColor = RGBColor(120, 126, 138);
 /// Lines that mark an event.
-pub const EVENT: RGBColor = RGBColor(219, 128, 118);
+pub(crate) const EVENT: RGBColor = RGBColor(219, 128, 118);
 /// Grid lines.
-pub const GRID: RGBColor = RGBColor(226, 229, 235);
+pub(crate) const GRID: RGBColor = RGBColor(226, 229, 235);
 /// The sheet.
-pub const PAPER: RGBColor = RGBColor(255, 255, 255);
+pub(crate) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// The name under which the built-in face is registered.
-pub const FACE: &str = "pegfit-sans";
+pub(crate) const FACE: &str = "pegfit-sans";
 
 /// Pictures are drawn this many times larger and averaged down, for smooth slanted lines.
 const OVERSAMPLE: u32 = 2;
@@ -49,8 +49,8 @@ pub fn png(
     what: &str,
     (width, height): (u32, u32),
     draw: impl FnOnce(&Panel<'_>) -> Drawing,
-) -> Result<Vec<u8>, CommandError> {
-    let failed = |reason: String| CommandError::Picture {
+) -> Result<Vec<u8>, PictureError> {
+    let failed = |reason: String| PictureError {
         what: what.to_owned(),
         reason,
     };
@@ -66,7 +66,11 @@ pub fn png(
     encode(&averaged(&pixels, width, height), width, height).map_err(|e| failed(e.to_string()))
 }
 
-/// Draws as [`png`] does and returns an SVG element, which a page may show at any width.
+/// What the drawing library writes for files that stand alone.
+const NAME_SPACE: &str = r#" xmlns="http://www.w3.org/2000/svg""#;
+
+/// Draws as [`png`] does and returns an SVG element, which a page may show at any width. Within a
+/// page it needs no name space, and a page without addresses is seen to fetch nothing.
 ///
 /// # Errors
 /// If drawing fails.
@@ -74,7 +78,7 @@ pub fn svg(
     what: &str,
     (width, height): (u32, u32),
     draw: impl FnOnce(&Area<SVGBackend<'_>>) -> Drawing,
-) -> Result<String, CommandError> {
+) -> Result<String, PictureError> {
     load_face();
     let mut text = String::new();
     let drawn = {
@@ -83,8 +87,8 @@ pub fn svg(
         draw(&sheet).and_then(|()| Ok(sheet.present()?))
     };
     match drawn {
-        Ok(()) => Ok(text),
-        Err(e) => Err(CommandError::Picture {
+        Ok(()) => Ok(text.replacen(NAME_SPACE, "", 1)),
+        Err(e) => Err(PictureError {
             what: what.to_owned(),
             reason: e.to_string(),
         }),
@@ -110,13 +114,13 @@ fn averaged(pixels: &[u8], width: u32, height: u32) -> Vec<u8> {
 }
 
 /// Height of ordinary text in a panel, drawing pixels.
-pub fn text_size<DB: DrawingBackend>(panel: &Area<DB>) -> u32 {
+pub(crate) fn text_size<DB: DrawingBackend>(panel: &Area<DB>) -> u32 {
     let (width, height) = panel.dim_in_pixel();
     (height.min(width) / 32).clamp(14 * OVERSAMPLE, 26 * OVERSAMPLE)
 }
 
 /// A line width in picture pixels, as drawing pixels.
-pub const fn stroke(pixels: u32) -> u32 {
+pub(crate) const fn stroke(pixels: u32) -> u32 {
     pixels * OVERSAMPLE
 }
 
@@ -124,7 +128,10 @@ pub const fn stroke(pixels: u32) -> u32 {
 ///
 /// # Errors
 /// If the drawing library refuses.
-pub fn titled<DB: DrawingBackend>(panel: &Area<DB>, title: &str) -> Result<Area<DB>, DrawingError>
+pub(crate) fn titled<DB: DrawingBackend>(
+    panel: &Area<DB>,
+    title: &str,
+) -> Result<Area<DB>, DrawingError>
 where
     DB::ErrorType: 'static,
 {
@@ -165,14 +172,14 @@ fn load_face() {
 }
 
 /// Text of `size` pixels in the built-in face.
-pub fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
+pub(crate) fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
     let mut style = TextStyle::from((FACE, size).into_font());
     style.color = colour.to_backend_color();
     style
 }
 
 /// The same, anchored by its middle.
-pub fn centred(size: u32, colour: RGBColor) -> TextStyle<'static> {
+pub(crate) fn centred(size: u32, colour: RGBColor) -> TextStyle<'static> {
     text(size, colour).pos(Pos::new(HPos::Center, VPos::Center))
 }
 
@@ -194,7 +201,7 @@ pub fn number(value: f64, digits: usize) -> String {
 }
 
 /// A tick label on an axis from `low` to `high`: rounding around zero is zero.
-pub fn tick(value: f64, [low, high]: [f64; 2]) -> String {
+pub(crate) fn tick(value: f64, [low, high]: [f64; 2]) -> String {
     match value.abs() < 1e-9 * (high - low) {
         true => number(0.0, 4),
         false => number(value, 4),
@@ -208,8 +215,15 @@ fn trim_zeros(text: &str) -> &str {
     }
 }
 
+/// Samples of a picture that is `n` across: `low` and `high` with `n - 1` equal steps.
+pub fn samples([low, high]: [f64; 2], n: usize) -> Vec<f64> {
+    (0..n)
+        .map(|i| low + (high - low) * i as f64 / (n - 1).max(1) as f64)
+        .collect()
+}
+
 /// Evenly placed round numbers that cover a range: 1, 2 or 5 times a power of ten apart.
-pub fn round_ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
+pub(crate) fn round_ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
     let raw = (high - low) / about.max(1) as f64;
     if !(raw.is_finite() && raw > 0.0) {
         return vec![low];
@@ -268,7 +282,9 @@ mod tests {
         })
         .unwrap();
         assert!(
-            text.starts_with("<svg") && text.trim_end().ends_with("</svg>"),
+            !text.contains("http")
+                && text.starts_with("<svg")
+                && text.trim_end().ends_with("</svg>"),
             "{text}"
         );
         assert!(text.contains("a &lt; b"), "{text}");

@@ -6,11 +6,11 @@ use ndarray::Array2;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use super::canvas::{
+use crate::canvas::{
     self, Drawing, FAINT, GRID, INK, Panel, centred, number, stroke, text, text_size, tick,
 };
-use super::colour::ColourScale;
-use super::{contour, legend};
+use crate::colour::ColourScale;
+use crate::{contour, legend};
 
 /// Values over a rectangle, drawn as colours.
 #[derive(Debug, Clone)]
@@ -237,17 +237,10 @@ fn shrink_to_aspect<'a>(
 }
 
 /// Grid colour is shared with charts so that panels side by side look alike.
-pub(super) const MESH: RGBColor = GRID;
-
-/// Samples of a picture that is `n` across: `low` and `high` with `n - 1` equal steps.
-pub fn samples([low, high]: [f64; 2], n: usize) -> Vec<f64> {
-    (0..n)
-        .map(|i| low + (high - low) * i as f64 / (n - 1).max(1) as f64)
-        .collect()
-}
+pub(crate) const MESH: RGBColor = GRID;
 
 /// Levels for contour lines of a distance: round numbers on both sides of zero.
-pub fn distance_levels(values: &Array2<f32>, about: usize) -> Vec<f64> {
+pub(crate) fn distance_levels(values: &Array2<f32>, about: usize) -> Vec<f64> {
     let (low, high) = values
         .iter()
         .filter(|v| v.is_finite())

@@ -2,9 +2,9 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{Area, Drawing, FAINT, INK, PAPER, number, text, text_size};
-use super::colour::SERIES;
-use super::heat_map::MESH;
+use crate::canvas::{Area, Drawing, FAINT, INK, PAPER, number, text, text_size};
+use crate::colour::SERIES;
+use crate::heat_map::MESH;
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]
@@ -69,8 +69,8 @@ impl Histogram {
 
 #[cfg(test)]
 mod tests {
-    use super::super::canvas::svg;
     use super::*;
+    use crate::canvas::svg;
 
     #[test]
     fn every_bin_that_holds_something_is_a_bar() {

@@ -3,11 +3,11 @@
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use super::canvas::{
+use crate::canvas::{
     Area, Drawing, EVENT, FAINT, INK, PAPER, stroke, text, text_size, tick, titled,
 };
-use super::colour::SERIES;
-use super::heat_map::MESH;
+use crate::colour::SERIES;
+use crate::heat_map::MESH;
 
 /// Curves over a common axis.
 #[derive(Debug, Clone, Default)]

@@ -3,11 +3,11 @@
 use ndarray::ArrayView2;
 
 /// A straight piece of a contour between two points, in fractional indices `[row, column]`.
-pub(super) type Segment = [[f64; 2]; 2];
+pub(crate) type Segment = [[f64; 2]; 2];
 
 /// The pieces of the line where `values` crosses `level`. Squares with a non-finite corner are
 /// left out; of the two ways through a saddle, the one that joins the corners above is taken.
-pub(super) fn segments(values: ArrayView2<'_, f32>, level: f64) -> Vec<Segment> {
+pub(crate) fn segments(values: ArrayView2<'_, f32>, level: f64) -> Vec<Segment> {
     let (rows, columns) = values.dim();
     let mut out = Vec::new();
     for i in 0..rows.saturating_sub(1) {

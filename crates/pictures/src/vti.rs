@@ -6,18 +6,19 @@ use std::path::Path;
 use ndarray::Array3;
 use num_complex::Complex32;
 use sdf_grid::DensityField;
-
-use crate::error::CommandError;
-use sdf_grid::atomic;
+use sdf_grid::atomic::{self, AtomicError};
 
 /// Writes `exterior` and `interior` (real, imaginary) and `signed_distance` (metres) as point data
 /// of an image whose origin and spacing are metres.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub(crate) fn write(path: &Path, field: &DensityField) -> Result<(), CommandError> {
+pub fn write_vti(path: &Path, field: &DensityField) -> Result<(), AtomicError> {
     atomic::write_with(path, |out| {
-        write_to(out, field).map_err(|e| CommandError::write(path, e))
+        write_to(out, field).map_err(|source| AtomicError {
+            path: path.to_owned(),
+            source,
+        })
     })
 }
 

@@ -40,7 +40,7 @@ const SEQUENTIAL: [[u8; 3]; 9] = [
 ];
 
 /// Colours of series in a chart, distinct also to the colour-blind (Okabe and Ito).
-pub const SERIES: [RGBColor; 6] = [
+pub(crate) const SERIES: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),

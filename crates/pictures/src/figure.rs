@@ -1,4 +1,4 @@
-//! The pictures that commands draw: what of the data goes where, and under which words.
+//! Pictures of density fields: what of the data goes where, and under which words.
 
 use std::collections::HashMap;
 
@@ -6,16 +6,14 @@ use glam::DVec3;
 use ndarray::{Array2, Array3, Axis};
 use sdf_grid::{DensityField, DensityKernel, LengthUnit, TriangleMesh};
 
-use crate::report::picture::heat_map::distance_levels;
-use crate::report::picture::{Cloud, ColourScale, Contours, HeatMap};
-use crate::report::slice::{AXES, Slice};
+use crate::cloud::Cloud;
+use crate::colour::ColourScale;
+use crate::heat_map::distance_levels;
+use crate::heat_map::{Contours, HeatMap};
+use crate::slice::{AXES, Slice};
 
 /// The sheet of axis `slice.axis` nearest to the plane, as `[across, up]`.
-pub(crate) fn sheet<T: Clone>(
-    values: &Array3<T>,
-    field: &DensityField,
-    slice: &Slice,
-) -> Array2<T> {
+pub fn sheet<T: Clone>(values: &Array3<T>, field: &DensityField, slice: &Slice) -> Array2<T> {
     let place = field
         .lattice()
         .fractional_index(glam::DVec3::splat(slice.at))[slice.axis];
@@ -25,7 +23,7 @@ pub(crate) fn sheet<T: Clone>(
 }
 
 /// Contour lines of the signed distance on a plane, in `unit`, and what to say about them.
-pub(crate) fn distance_contours(
+pub fn distance_contours(
     field: &DensityField,
     slice: &Slice,
     unit: LengthUnit,
@@ -34,7 +32,7 @@ pub(crate) fn distance_contours(
     let distance = sheet(&field.signed_distance, field, slice).mapv(|d| d / metre);
     let levels = distance_levels(&distance, 12);
     let step = levels.iter().map(|l| l.abs()).fold(f64::INFINITY, f64::min);
-    let step = crate::report::picture::canvas::number(step, 3);
+    let step = crate::canvas::number(step, 3);
     let note =
         format!("lines: signed distance every {step} {unit}, negative inside; bold: the boundary");
     let contours = Contours {
@@ -47,7 +45,7 @@ pub(crate) fn distance_contours(
 }
 
 /// A heat map of `values` (one per node of `field`'s sheet) with distance contours over it.
-pub(crate) fn density_map(
+pub fn density_map(
     title: String,
     legend: &str,
     values: Array2<f32>,
@@ -82,7 +80,7 @@ const SMOOTH: f64 = 0.9;
 
 /// The nodes where the density is well above that of a flat face: the skeleton of the part
 /// (positive values) and of the space around it (negative).
-pub(crate) fn skeleton(
+pub fn skeleton(
     title: String,
     mesh: &TriangleMesh,
     field: &DensityField,
@@ -103,7 +101,7 @@ pub(crate) fn skeleton(
             values.push(if inside > outside { inside } else { -outside });
         }
     }
-    let least = crate::report::picture::canvas::number(least, 2);
+    let least = crate::canvas::number(least, 2);
     Cloud {
         title,
         note: format!(

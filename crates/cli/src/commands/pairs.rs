@@ -78,15 +78,7 @@ impl LivePairs {
             };
             pairs.push(pair.spec(&assembly.setup, first, context)?);
         }
-        let loading = &scene.loading;
-        let longest = assembly.setup.moving.bounds().size().max_element();
-        let options = SceneOptions {
-            pivot: assembly.pivot(),
-            memory: loading.memory.unwrap_or(context.memory),
-            ahead: loading.ahead.unwrap_or(longest),
-            turn_ahead: loading.turn_ahead,
-            watch: loading.watch,
-        };
+        let options = options(&scene, &assembly, context);
         let start = assembly.assembled();
         let live = LiveScene::start(pairs, options, &start).map_err(|e| explain(&scene, e))?;
         Ok(Self {
@@ -94,6 +86,19 @@ impl LivePairs {
             live,
             names: parts.into_iter().map(|p| p.name).collect(),
         })
+    }
+}
+
+/// What a scene asks of loading; a part is looked for as far ahead as the moving part is long.
+fn options(scene: &Scene, assembly: &Assembly, context: &Context) -> SceneOptions {
+    let loading = &scene.loading;
+    let longest = assembly.setup.moving.bounds().size().max_element();
+    SceneOptions {
+        pivot: assembly.pivot(),
+        memory: loading.memory.unwrap_or(context.memory),
+        ahead: loading.ahead.unwrap_or(longest),
+        turn_ahead: loading.turn_ahead,
+        watch: loading.watch,
     }
 }
 

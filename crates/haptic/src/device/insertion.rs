@@ -37,11 +37,16 @@ impl Geometry {
     }
 }
 
+/// Climbs that differ by less than this share of the depth of the fit are alike: a part symmetric
+/// front to back differs by rounding only.
+const ALIKE: f64 = 1e-3;
+
 /// Of the six coordinate directions, the one whose highest energy on the way out is lowest; the
 /// first such one of +z, -z, +y, -y, +x, -x.
 fn easiest_way_out(source: &dyn EnergySource, seated: &Pose, size: DVec3) -> DVec3 {
     const STEPS: u32 = 60;
     let mut scratch = source.scratch();
+    let depth = source.evaluate(seated, &mut scratch).energy.abs();
     let mut climb = |direction: DVec3| {
         let reach = direction.abs().dot(size);
         (1..=STEPS)
@@ -55,14 +60,11 @@ fn easiest_way_out(source: &dyn EnergySource, seated: &Pose, size: DVec3) -> DVe
             })
             .fold(f64::NEG_INFINITY, f64::max)
     };
-    let mut best = (f64::INFINITY, DVec3::Z);
-    for axis in [DVec3::Z, DVec3::Y, DVec3::X] {
-        for direction in [axis, -axis] {
-            let energy = climb(direction);
-            // A part symmetric front to back differs by rounding only: keep the first.
-            if energy < best.0 - 1e-3 * best.0.abs() {
-                best = (energy, direction);
-            }
+    let mut best = (climb(DVec3::Z), DVec3::Z);
+    for direction in [DVec3::NEG_Z, DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::NEG_X] {
+        let energy = climb(direction);
+        if energy < best.0 - ALIKE * depth {
+            best = (energy, direction);
         }
     }
     best.1
@@ -70,8 +72,11 @@ fn easiest_way_out(source: &dyn EnergySource, seated: &Pose, size: DVec3) -> DVe
 
 #[cfg(test)]
 mod tests {
-    use fft_correlate::{Response, Scratch};
-    use sdf_grid::shapes;
+    use fft_correlate::{
+        DirectEvaluator, DirectOptions, PairBuilder, Response, ScoreModel, Scratch,
+    };
+    use glam::DQuat;
+    use sdf_grid::{Silent, shapes};
 
     use super::*;
 
@@ -100,5 +105,29 @@ mod tests {
         assert!((found.depth - 0.03).abs() < 1e-12, "{}", found.depth);
         let given = Geometry::of_fit(&Gutter, &part, Pose::IDENTITY, Some(DVec3::Z), Some(0.5));
         assert_eq!((given.axis, given.depth), (DVec3::Z, 0.5));
+    }
+
+    /// A hole open at both ends that lies along an axis: of two ways out that are alike, the first.
+    #[test]
+    fn a_part_goes_into_its_hole_along_the_hole() {
+        let (hole, peg) = shapes::PegInHole::Rectangular.pair(0.0).unwrap();
+        let builder = PairBuilder {
+            spacing: Some(0.004),
+            ..PairBuilder::default()
+        };
+        for (turn, axis) in [
+            (DQuat::IDENTITY, DVec3::NEG_Z),
+            (DQuat::from_rotation_arc(DVec3::Z, DVec3::X), DVec3::NEG_X),
+            (DQuat::from_rotation_arc(DVec3::Z, DVec3::Y), DVec3::NEG_Y),
+        ] {
+            let [hole, peg] = [&hole, &peg].map(|mesh| mesh.transformed(turn, DVec3::ZERO));
+            let pair = builder
+                .build(&hole, &peg, &ScoreModel::GUIDED, &Silent)
+                .unwrap();
+            let source = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME).unwrap();
+            let found = Geometry::of_fit(&source, &peg, Pose::IDENTITY, None, None);
+            assert_eq!(found.axis, axis);
+            assert!((found.depth - 0.03).abs() < 1e-9, "{}", found.depth);
+        }
     }
 }

@@ -124,7 +124,8 @@ fn a_plan_says_what_its_correlator_takes() {
             let (double, shared, _) = held(|| Correlator::build_double(&plan, &pair).unwrap());
             let planned = double.plan().shared_bytes;
             assert!(near(shared, planned), "{shared}, {planned}");
-            assert!(planned > 19 * plan.shared_bytes / 10);
+            // Twice as wide, less what single precision pads its longer vectors with.
+            assert!(planned > 3 * plan.shared_bytes / 2);
         }
     }
 }

@@ -142,7 +142,7 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
     let scene = std::fs::read_to_string(root.join("scene.toml")).unwrap();
     std::fs::write(root.join("other.toml"), scene + "[model]\nsigma = 0.15\n").unwrap();
     let said = refuse(root, &["verify", "float16", "--scene", "other.toml", "-q"]);
-    assert!(said.contains("other.toml: model"), "{said}");
+    assert!(said.contains("other.toml: fixed.sigma"), "{said}");
 }
 
 /// What a table was baked from is compared as a whole, by every command that joins it to a scene.

@@ -5,6 +5,7 @@
 //!
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
+mod contact;
 mod field;
 mod frame;
 mod mesh;
@@ -12,6 +13,9 @@ pub mod mesh_io;
 mod support;
 mod surface;
 
+pub use contact::error::ContactError;
+pub use contact::samples::{SurfaceSample, surface_samples};
+pub use contact::surface::{ContactSurface, Flux};
 pub use field::cache::{CacheError, FieldCache};
 pub use field::density_field::DensityField;
 pub use field::error::DensityError;

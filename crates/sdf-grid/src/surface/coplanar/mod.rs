@@ -11,5 +11,6 @@
 
 mod cut;
 mod outline;
+pub(crate) mod outlines;
 pub(crate) mod pieces;
 mod regions;

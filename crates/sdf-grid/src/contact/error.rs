@@ -1,0 +1,29 @@
+//! Why a surface cannot be summed over.
+
+/// Why a surface cannot be summed over.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ContactError {
+    /// The smoothing has no width.
+    #[error("width of the smoothing: expected more than 0 m, found {found}")]
+    Width {
+        /// What was given, metres.
+        found: f64,
+    },
+    /// The samples are to be no distance apart.
+    #[error("distance of surface samples: expected more than 0 m, found {found}")]
+    Distance {
+        /// What was given, metres.
+        found: f64,
+    },
+    /// There would be too many samples.
+    #[error("surface samples: expected at most {most}, found about {found:.0}")]
+    TooMany {
+        /// The most.
+        most: usize,
+        /// How many there would be.
+        found: f64,
+    },
+    /// No triangle has an area.
+    #[error("mesh: expected a triangle with an area, found none")]
+    EmptyMesh,
+}

@@ -1,0 +1,101 @@
+//! A part's surface as points, for sums over it.
+
+use glam::DVec3;
+
+use super::error::ContactError;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::coplanar::pieces::merged;
+use crate::surface::face::Piece;
+
+/// What is flat, in units of the part's largest extent.
+const FLAT: f64 = 1e-7;
+
+/// Most samples of one surface.
+const MOST: usize = 1 << 24;
+
+/// A piece of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceSample {
+    /// Its centroid, metres, in the part's frame.
+    pub position: DVec3,
+    /// Its normal, outwards, times its area; square metres.
+    pub area: DVec3,
+}
+
+/// The surface of `mesh` in pieces whose sides are at most `distance` long (metres), those of
+/// coplanar triangles together.
+///
+/// # Errors
+/// If the distance is not positive and finite, there would be too many pieces, or no triangle has
+/// an area.
+pub fn surface_samples(
+    mesh: &TriangleMesh,
+    distance: f64,
+) -> Result<Vec<SurfaceSample>, ContactError> {
+    if !(distance.is_finite() && distance > 0.0) {
+        return Err(ContactError::Distance { found: distance });
+    }
+    let flat = FLAT * mesh.bounds().size().max_element();
+    let faces = merged(mesh.triangles(), mesh.vertices(), flat);
+    let found: f64 = (0..faces.len())
+        .filter_map(|i| faces.get(i))
+        .map(|f| f64::from(f.parts(distance).into_iter().product::<f64>() as f32))
+        .sum();
+    if found > MOST as f64 {
+        return Err(ContactError::TooMany { most: MOST, found });
+    }
+    let mut samples = Vec::with_capacity(found as usize);
+    for i in 0..faces.len() {
+        if let Some(face) = faces.get(i) {
+            face.sample(distance, &mut samples);
+        }
+    }
+    match samples.is_empty() {
+        true => Err(ContactError::EmptyMesh),
+        false => Ok(samples),
+    }
+}
+
+impl Piece {
+    /// Into how many parts it is divided along its first two sides.
+    fn parts(&self, distance: f64) -> [f64; 2] {
+        let [a, b, c, d] = self.corners;
+        let along = a.distance(b).max(c.distance(d));
+        let up = match self.count() {
+            3 => b.distance(c).max(a.distance(c)),
+            _ => b.distance(c).max(d.distance(a)),
+        };
+        [along, up].map(|l| (l / distance).ceil().max(1.0))
+    }
+
+    /// Adds its parts: those between evenly spaced lines across it.
+    fn sample(&self, distance: f64, samples: &mut Vec<SurfaceSample>) {
+        let [a, b, c, d] = self.corners;
+        // A triangle is a quadrangle whose last two corners are one.
+        let (c, d) = if self.count() == 3 { (c, c) } else { (c, d) };
+        let at = |u: f64, v: f64| a.lerp(b, u).lerp(d.lerp(c, u), v);
+        let [across, up] = self.parts(distance);
+        for j in 0..up as usize {
+            for i in 0..across as usize {
+                let [u, v] = [i as f64 / across, j as f64 / up];
+                let [u1, v1] = [(i + 1) as f64 / across, (j + 1) as f64 / up];
+                let corners = [at(u, v), at(u1, v), at(u1, v1), at(u, v1)];
+                samples.extend(SurfaceSample::of(corners));
+            }
+        }
+    }
+}
+
+impl SurfaceSample {
+    /// A flat quadrangle; none if it has no area.
+    fn of([a, b, c, d]: [DVec3; 4]) -> Option<Self> {
+        let halves = [(b - a).cross(c - a), (c - a).cross(d - a)];
+        let areas = halves.map(DVec3::length);
+        let all = areas[0] + areas[1];
+        let middles = [(a + b + c) / 3.0, (a + c + d) / 3.0];
+        (all > 0.0).then(|| Self {
+            position: (middles[0] * areas[0] + middles[1] * areas[1]) / all,
+            area: 0.5 * (halves[0] + halves[1]),
+        })
+    }
+}

@@ -154,7 +154,11 @@ impl Seen {
         let angle = (across * (b - a)).atan2(across * across + a * b);
         let lifted = |l: f64, r: f64| (h * l).atan2(across.abs() * r);
         let lifted = (lifted(b, rb) - lifted(a, ra)).copysign(across) * unit(b - a);
-        let sign = if self.height == 0.0 { 0.0 } else { self.height.signum() };
+        let sign = if self.height == 0.0 {
+            0.0
+        } else {
+            self.height.signum()
+        };
         let (plane, slope) = kernel.plane(self.height);
         Slopes {
             value: 0.5 * (across * logarithm + h * lifted - h * angle) - plane * angle,
@@ -202,10 +206,7 @@ fn quotients(
 ) -> (f64, f64) {
     const SMALL: f64 = 1e-4;
     if d > SMALL {
-        return (
-            (values[1] - values[0]) / d,
-            (slopes[1] - slopes[0]) / d,
-        );
+        return ((values[1] - values[0]) / d, (slopes[1] - slopes[0]) / d);
     }
     let later = kernel.entire(w + 1e-3).1;
     (kernel.entire(w + 0.5 * d).1, (later - slopes[0]) / 1e-3)

@@ -12,7 +12,9 @@ fn normal(x: f64) -> [f64; 2] {
     let density = |t: f64| (-0.5 * t * t).exp() / (2.0 * std::f64::consts::PI).sqrt();
     let steps = 2000;
     let step = x / f64::from(steps);
-    let sum: f64 = (0..steps).map(|i| density((f64::from(i) + 0.5) * step)).sum();
+    let sum: f64 = (0..steps)
+        .map(|i| density((f64::from(i) + 0.5) * step))
+        .sum();
     [density(x), 0.5 + sum * step]
 }
 
@@ -34,7 +36,11 @@ fn lost(a: DVec3, b: DVec3, at: DVec3, width: f64) -> f64 {
         .map(|k| (a[k].min(at[k] + b[k]) - (-a[k]).max(at[k] - b[k])).max(0.0))
         .product();
     let v = width * width;
-    let smoothed = |v: f64| (0..3).map(|k| overlap(at[k], a[k], b[k], v)).product::<f64>();
+    let smoothed = |v: f64| {
+        (0..3)
+            .map(|k| overlap(at[k], a[k], b[k], v))
+            .product::<f64>()
+    };
     let slope = (smoothed(1.001 * v) - smoothed(0.999 * v)) / (2e-3 * v);
     exact - (smoothed(v) - v * slope)
 }
@@ -101,10 +107,18 @@ fn slopes_are_those_of_differences_in_every_frame() {
     let moved = ContactSurface::new(&hole.transformed(turn, shift), width).unwrap();
     let mut seen = 0;
     for i in 0..2000 {
-        let place = DVec3::new(f64::from(i % 13), f64::from(i / 13 % 13), f64::from(i / 169));
+        let place = DVec3::new(
+            f64::from(i % 13),
+            f64::from(i / 13 % 13),
+            f64::from(i / 169),
+        );
         let p = DVec3::new(0.042, 0.0417, 0.033) * (place / 12.0 - 0.5) + 1.7e-5;
         let Some(Flux { value, slope }) = surface.flux(p) else {
-            assert!(moved.flux(turn * p + shift).is_none_or(|f| f.value.length() < 1e-9));
+            assert!(
+                moved
+                    .flux(turn * p + shift)
+                    .is_none_or(|f| f.value.length() < 1e-9)
+            );
             continue;
         };
         seen += 1;

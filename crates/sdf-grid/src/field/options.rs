@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::DensityError;
 
 /// How a lattice value represents the density around its node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
     /// The value at the node.
@@ -14,6 +14,14 @@ pub enum Sampling {
     /// may cut; the value at the node elsewhere. Exterior and interior are averaged separately, so
     /// in a cut cell both are non-zero.
     CellAverage,
+    /// The convolution, jumps included, with a Gaussian.
+    Smoothed {
+        /// Its standard deviation per axis, metres.
+        deviation: f64,
+        /// Whether `1 - deviation² Δ` is applied on top of it: what is multiplied by a field that
+        /// is smoothed only then keeps the product's blur to fourth order.
+        sharpened: bool,
+    },
 }
 
 /// How accurate a field must be and how it is sampled.

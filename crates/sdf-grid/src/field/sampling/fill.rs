@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::blocks::{Arrays, Block, blocks};
 use super::patch::{Anchor, Patch};
 use super::patch_density::{PatchDensity, PatchValues};
+use super::smoothed;
 use crate::field::error::DensityError;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::lattice::Lattice;
@@ -58,7 +59,36 @@ pub(crate) fn fill(
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }
-    let sampler = Sampler::new(recipe, &bvh, &table);
+    let tree = (&bvh, &table);
+    let Sampling::Smoothed {
+        deviation,
+        sharpened,
+    } = recipe.sampling
+    else {
+        let sampler = Sampler::new(recipe, recipe.lattice, recipe.sampling, tree);
+        return sample(&sampler, arrays, monitor);
+    };
+    smoothed::fill(
+        &recipe.lattice,
+        deviation,
+        sharpened,
+        arrays,
+        |slab, arrays| {
+            sample(
+                &Sampler::new(recipe, *slab, recipe.sampling, tree),
+                arrays,
+                monitor,
+            )
+        },
+    )
+}
+
+/// Computes the values of a lattice.
+fn sample(
+    sampler: &Sampler<'_>,
+    arrays: Arrays<'_>,
+    monitor: &dyn Monitor,
+) -> Result<(), DensityError> {
     let mut blocks = blocks(arrays);
     monitor.begin("density", blocks.len() as u64);
     // Few enough reports for the monitor, whatever the lattice.
@@ -86,6 +116,19 @@ fn taper(xi: f64, halo: f64) -> f64 {
     1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
+/// A cell cut by the boundary in two parts, as if this lay parallel to its sides: at `place` half
+/// cells from the middle, outwards. Next to a face the interior density is the exterior one's
+/// conjugate, whatever the model's thickness.
+fn share([exterior, interior]: [Complex32; 2], place: f32) -> [Complex32; 2] {
+    let outside = 0.5 + 0.5 * place;
+    let exterior = if place > 0.0 {
+        exterior
+    } else {
+        interior.conj()
+    };
+    [exterior * outside, exterior.conj() * (1.0 - outside)]
+}
+
 struct Sampler<'a> {
     patches: PatchDensity<'a>,
     bvh: &'a Bvh,
@@ -102,8 +145,13 @@ struct Scratch {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(recipe: &FieldRecipe, bvh: &'a Bvh, table: &'a CumulativeKernel) -> Self {
-        let (scale, lattice) = (bvh.scale(), recipe.lattice);
+    fn new(
+        recipe: &FieldRecipe,
+        lattice: Lattice,
+        sampling: Sampling,
+        (bvh, table): (&'a Bvh, &'a CumulativeKernel),
+    ) -> Self {
+        let scale = bvh.scale();
         let patches = PatchDensity::new(
             bvh,
             PacketDensity::new(bvh, table, recipe.tolerance),
@@ -117,7 +165,7 @@ impl<'a> Sampler<'a> {
             bvh,
             lattice,
             halo: recipe.halo,
-            sampling: recipe.sampling,
+            sampling,
         }
     }
 
@@ -134,7 +182,11 @@ impl<'a> Sampler<'a> {
             .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
         let averaged = match self.sampling {
             Sampling::CellAverage => (CUT * patch.spacing) as f32,
-            Sampling::Point => 0.0,
+            Sampling::Point | Sampling::Smoothed { .. } => 0.0,
+        };
+        let shared = match self.sampling {
+            Sampling::Smoothed { .. } => (0.5 * patch.spacing) as f32,
+            Sampling::Point | Sampling::CellAverage => 0.0,
         };
         let faded = (UNFADED * self.halo * self.bvh.scale()) as f32;
         // A power of two: exact.
@@ -153,6 +205,8 @@ impl<'a> Sampler<'a> {
                     let node = Anchor { position, distance };
                     let values = &mut scratch.sub_points;
                     parts = self.cell_average(node, patch.spacing, &mut hint, values);
+                } else if distance.abs() < shared && distance != 0.0 {
+                    parts = share(parts, distance / shared);
                 } else if distance > faded {
                     parts[0] *= self.fading(distance);
                 }

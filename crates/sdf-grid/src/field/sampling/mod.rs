@@ -15,3 +15,4 @@ mod patch_density;
 pub(crate) mod signed_distance;
 mod signs;
 mod smooth;
+mod smoothed;

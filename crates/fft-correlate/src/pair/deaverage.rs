@@ -100,14 +100,14 @@ fn gradient(distance: &Array3<f32>, at: [usize; 3]) -> Option<[f64; 3]> {
 }
 
 /// The field with the loss from cell averages undone as far as it can be, on a lattice three nodes
-/// larger on every side; as it is for [`Sampling::Point`]. To be used for one part of a pair, the
+/// larger on every side; as it is if it holds none. To be used for one part of a pair, the
 /// fixed one; the densities then no longer vanish exactly on their other side of the boundary.
 ///
 /// # Errors
 /// If the larger lattice would have too many nodes.
 pub fn deaveraged(field: &DensityField) -> Result<DensityField, LatticeError> {
     let strength = match field.recipe.sampling {
-        Sampling::Point => return Ok(field.clone()),
+        Sampling::Point | Sampling::Smoothed { .. } => return Ok(field.clone()),
         Sampling::CellAverage => averaging_strength(field),
     };
     Ok(DensityField {
@@ -128,7 +128,7 @@ pub(crate) fn deaveraged_lattice(
 ) -> Result<Lattice, LatticeError> {
     let h = lattice.spacing();
     match sampling {
-        Sampling::Point => Ok(*lattice),
+        Sampling::Point | Sampling::Smoothed { .. } => Ok(*lattice),
         Sampling::CellAverage => Lattice::new(
             lattice.origin() - h * REACH as f64,
             h,

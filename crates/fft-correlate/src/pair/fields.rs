@@ -41,6 +41,13 @@ pub enum PairError {
         /// Its value for the moving part.
         found: f64,
     },
+    /// The fields are not sampled alike, or smoothed: what smoothing takes from the products of
+    /// densities, a pair does not know.
+    #[error("both densities must be points or both cell averages, found {found:?}")]
+    Sampling {
+        /// How the fixed and the moving part's are sampled.
+        found: [Sampling; 2],
+    },
     /// The pivot is not finite.
     #[error("pivot must be finite, found {found}")]
     Pivot {
@@ -82,11 +89,10 @@ impl Pair {
         )?;
         same("sigma", model.sigma, fixed.recipe.sigma)?;
         same("sigma", model.sigma, moving.recipe.sigma)?;
-        same(
-            "sampling",
-            fixed.recipe.sampling as u8 as f64,
-            moving.recipe.sampling as u8 as f64,
-        )?;
+        let samplings = [fixed.recipe.sampling, moving.recipe.sampling];
+        if samplings[0] != samplings[1] || matches!(samplings[0], Sampling::Smoothed { .. }) {
+            return Err(PairError::Sampling { found: samplings });
+        }
         if !pivot.is_finite() {
             return Err(PairError::Pivot { found: pivot });
         }

@@ -61,6 +61,11 @@ impl DensityOptions {
         if !(1e-5..=1e-2).contains(&self.tolerance) {
             return Err(refuse("tolerance", "in 1e-5..=1e-2", self.tolerance));
         }
+        if let Sampling::Smoothed { deviation, .. } = self.sampling
+            && !(deviation.is_finite() && deviation > 0.0)
+        {
+            return Err(refuse("deviation", "finite and > 0 metres", deviation));
+        }
         if self.halo.is_nan() || self.halo <= 0.0 {
             return Err(refuse("halo", "> 0 metres", self.halo));
         }

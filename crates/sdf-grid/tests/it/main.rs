@@ -6,6 +6,7 @@ mod common;
 mod density_field;
 mod density_gradient;
 mod density_reference;
+mod density_smoothed;
 mod density_solids;
 mod field_cache;
 mod fixtures;

@@ -24,8 +24,15 @@ use crate::surface::bvh::tree::Bvh;
 /// diagonal is 0.866).
 const CUT: f64 = 0.87;
 
+/// In cells of the fine lattice nearer to the boundary than this many spacings the density may vary
+/// as much within the cell as from cell to cell, next to edges.
+const UNEVEN: f64 = 2.0;
+
 /// Sub-points per axis of a cut cell.
 const SUB: usize = 4;
+
+/// The same of the fine lattice that is smoothed, whose sub-points are cut in two themselves.
+const FINE_SUB: usize = 2;
 
 /// What is flat for a tolerance, in units of the normalized part, whose longest side is 1 to 2. A
 /// part of 50 mm in a file of metres with eight decimals is rounded by up to 2.3e-7. Signed
@@ -182,11 +189,8 @@ impl<'a> Sampler<'a> {
             .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
         let averaged = match self.sampling {
             Sampling::CellAverage => (CUT * patch.spacing) as f32,
-            Sampling::Point | Sampling::Smoothed { .. } => 0.0,
-        };
-        let shared = match self.sampling {
-            Sampling::Smoothed { .. } => (0.5 * patch.spacing) as f32,
-            Sampling::Point | Sampling::CellAverage => 0.0,
+            Sampling::Smoothed { .. } => (UNEVEN * patch.spacing) as f32,
+            Sampling::Point => 0.0,
         };
         let faded = (UNFADED * self.halo * self.bvh.scale()) as f32;
         // A power of two: exact.
@@ -205,8 +209,6 @@ impl<'a> Sampler<'a> {
                     let node = Anchor { position, distance };
                     let values = &mut scratch.sub_points;
                     parts = self.cell_average(node, patch.spacing, &mut hint, values);
-                } else if distance.abs() < shared && distance != 0.0 {
-                    parts = share(parts, distance / shared);
                 } else if distance > faded {
                     parts[0] *= self.fading(distance);
                 }
@@ -224,18 +226,26 @@ impl<'a> Sampler<'a> {
         hint: &mut usize,
         values: &mut PatchValues,
     ) -> [Complex32; 2] {
+        let (sub, shares) = match self.sampling {
+            Sampling::Smoothed { .. } => (FINE_SUB, true),
+            _ => (SUB, false),
+        };
         // Evenly spaced, so that no sub-point lies on a node plane or a cell face.
         let patch = Patch {
-            origin: node.position - spacing * (0.5 - 0.5 / SUB as f64),
-            spacing: spacing / SUB as f64,
-            shape: [SUB; 3],
+            origin: node.position - spacing * (0.5 - 0.5 / sub as f64),
+            spacing: spacing / sub as f64,
+            shape: [sub; 3],
         };
         self.patches.evaluate(&patch, Some(node), hint, values);
+        let half = 0.5 * patch.spacing as f32;
         let mut sums = [Complex32::ZERO; 2];
         for (flat, distance) in values.distance.iter().enumerate() {
-            let [exterior, interior] = values.parts(flat);
-            sums[0] += exterior * self.fading(*distance);
-            sums[1] += interior;
+            let mut parts = values.parts(flat);
+            if shares && distance.abs() < half && *distance != 0.0 {
+                parts = share(parts, distance / half);
+            }
+            sums[0] += parts[0] * self.fading(*distance);
+            sums[1] += parts[1];
         }
         let weight = 1.0 / values.distance.len() as f32;
         sums.map(|sum| sum * weight)

@@ -1,0 +1,217 @@
+//! Fields smoothed by a Gaussian before they are sampled: what a lattice can hold of densities that
+//! jump.
+//!
+//! The density is averaged over the cells of a lattice three times as fine, then filtered along z,
+//! y and x to every third node. The fine lattice exists only a few planes at a time.
+
+use std::ops::RangeInclusive;
+
+use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use num_complex::Complex32;
+use rayon::prelude::*;
+
+use super::blocks::Arrays;
+use crate::field::error::DensityError;
+use crate::field::lattice::Lattice;
+use crate::field::zeros::zeros;
+
+/// Fine nodes per node and axis.
+const FINE: usize = 3;
+
+/// Nodes along x that are worked on together.
+const SLAB: usize = 8;
+
+/// The Gaussian is cut off beyond this many standard deviations.
+const CUT_OFF: f64 = 4.5;
+
+/// Weights of a filter along one axis.
+#[derive(Debug, Clone)]
+struct Filter {
+    /// The Gaussian, from the leftmost fine node to the rightmost.
+    value: Vec<f32>,
+    /// What sharpening adds: minus its second derivative times its variance.
+    bend: Option<Vec<f32>>,
+}
+
+impl Filter {
+    fn new(deviation: f64, sharpened: bool, spacing: f64) -> Self {
+        // Cells have averaged already.
+        let variance = deviation * deviation - spacing * spacing / 12.0;
+        let reach = (CUT_OFF * deviation / spacing).ceil() as i32;
+        let places = (-reach..=reach).map(|i| f64::from(i) * spacing);
+        let value: Vec<f64> = places
+            .clone()
+            .map(|x| (-0.5 * x * x / variance).exp())
+            .collect();
+        let sum: f64 = value.iter().sum();
+        let curved = |(x, v): (f64, &f64)| (1.0 - x * x / variance) * v / variance / sum;
+        let mut bend: Vec<f64> = places.clone().zip(&value).map(curved).collect();
+        // A constant has no curvature, a parabola its own, whatever was cut off.
+        let rest: f64 = bend.iter().sum();
+        bend.iter_mut()
+            .zip(&value)
+            .for_each(|(b, v)| *b -= rest * v / sum);
+        let square: f64 = places.zip(&bend).map(|(x, b)| x * x * b).sum();
+        let scale = -2.0 * deviation * deviation / square;
+        Self {
+            value: value.iter().map(|v| (v / sum) as f32).collect(),
+            bend: sharpened.then(|| bend.iter().map(|b| (b * scale) as f32).collect()),
+        }
+    }
+
+    /// How many fine nodes it reaches to either side.
+    fn reach(&self) -> usize {
+        self.value.len() / 2
+    }
+}
+
+/// A fine plane filtered along y and z: smoothed, and what sharpening along y and z adds.
+struct Plane {
+    value: Array2<Complex32>,
+    bend: Array2<Complex32>,
+}
+
+/// Standard deviations that a lattice can be smoothed by, in spacings: below, it is as coarse as
+/// without; above, the filter takes longer than the densities.
+const DEVIATIONS: RangeInclusive<f64> = 0.3..=4.0;
+
+/// Fills arrays of zeros on `lattice`; `sample` fills the values of the slab of a fine lattice.
+pub(super) fn fill(
+    lattice: &Lattice,
+    deviation: f64,
+    sharpened: bool,
+    mut arrays: Arrays<'_>,
+    mut sample: impl FnMut(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
+) -> Result<(), DensityError> {
+    if !DEVIATIONS.contains(&(deviation / lattice.spacing())) {
+        return Err(DensityError::Option {
+            name: "deviation",
+            expected: "0.3 to 4 lattice spacings",
+            found: deviation,
+        });
+    }
+    let spacing = lattice.spacing() / FINE as f64;
+    let filter = Filter::new(deviation, sharpened, spacing);
+    let reach = filter.reach();
+    // The first node is the middle one of its three, `reach` from the edge.
+    let lead = reach as f64 * spacing;
+    let fine = lattice.shape().map(|n| FINE * (n - 1) + 1 + 2 * reach);
+    let depth = FINE * SLAB;
+    for first in (0..fine[0]).step_by(depth) {
+        let planes = depth.min(fine[0] - first);
+        let mut origin = lattice.origin() - lead;
+        origin.x += first as f64 * spacing;
+        let slab = Lattice::new(origin, spacing, [planes, fine[1], fine[2]])
+            .map_err(|_| DensityError::Memory { bytes: u64::MAX })?;
+        let bytes = slab.len() as u64 * 20;
+        let memory = DensityError::Memory { bytes };
+        let (Some(mut exterior), Some(mut interior), Some(mut distance)) =
+            (zeros(&slab), zeros(&slab), zeros(&slab))
+        else {
+            return Err(memory);
+        };
+        sample(
+            &slab,
+            Arrays {
+                exterior: exterior.view_mut(),
+                interior: interior.view_mut(),
+                signed_distance: distance.view_mut(),
+            },
+        )?;
+        add(&filter, first, &exterior, &mut arrays.exterior);
+        add(&filter, first, &interior, &mut arrays.interior);
+        keep(reach, first, &distance, &mut arrays.signed_distance);
+    }
+    Ok(())
+}
+
+/// Distances at the nodes that lie in a slab.
+fn keep(reach: usize, first: usize, slab: &Array3<f32>, to: &mut ArrayViewMut3<'_, f32>) {
+    let step = FINE as isize;
+    for (i, mut plane) in to.outer_iter_mut().enumerate() {
+        let place = reach + FINE * i;
+        if let Some(own) = place.checked_sub(first).filter(|p| *p < slab.dim().0) {
+            let (begin, end) = (reach as isize, -(reach as isize));
+            plane.assign(&slab.slice(s![own, begin..end;step, begin..end;step]));
+        }
+    }
+}
+
+/// Adds what the planes of a slab give to the nodes within the filter's reach.
+fn add(
+    filter: &Filter,
+    first: usize,
+    slab: &Array3<Complex32>,
+    to: &mut ArrayViewMut3<'_, Complex32>,
+) {
+    let (nodes, ny, nz) = to.dim();
+    for (i, fine) in slab.outer_iter().enumerate() {
+        if fine.iter().all(|v| *v == Complex32::ZERO) {
+            continue;
+        }
+        let plane = across(filter, &fine, [ny, nz]);
+        // Node n is the sum over fine planes from FINE n on.
+        let place = first + i;
+        let last = (place / FINE).min(nodes - 1);
+        let taps = filter.value.len();
+        let begin = (place + 1).saturating_sub(taps).div_ceil(FINE);
+        for n in begin..=last {
+            let tap = place - FINE * n;
+            let (v, b) = (filter.value[tap], filter.bend.as_ref().map(|b| b[tap]));
+            add_plane(&mut to.index_axis_mut(Axis(0), n), &plane, v, b);
+        }
+    }
+}
+
+/// Adds a filtered plane to a plane of nodes.
+fn add_plane(to: &mut ArrayViewMut2<'_, Complex32>, plane: &Plane, value: f32, bend: Option<f32>) {
+    to.scaled_add((value + bend.unwrap_or(0.0)).into(), &plane.value);
+    if bend.is_some() {
+        to.scaled_add(value.into(), &plane.bend);
+    }
+}
+
+/// A fine plane filtered along z and y to `ny` by `nz` nodes.
+fn across(filter: &Filter, fine: &ArrayView2<'_, Complex32>, [ny, nz]: [usize; 2]) -> Plane {
+    let rows: Vec<[Vec<Complex32>; 2]> = (0..fine.nrows())
+        .into_par_iter()
+        .map(|y| along(filter, fine.row(y).to_slice().unwrap_or_default(), nz))
+        .collect();
+    let (mut value, mut bend) = (Array2::zeros([ny, nz]), Array2::zeros([ny, nz]));
+    let lines = value
+        .outer_iter_mut()
+        .into_par_iter()
+        .zip(bend.outer_iter_mut());
+    lines.enumerate().for_each(|(y, (mut value, mut bend))| {
+        let near = &rows[FINE * y..FINE * y + filter.value.len()];
+        for (k, [v, b]) in near.iter().enumerate() {
+            axpy(filter.value[k], v, value.as_slice_mut().unwrap_or_default());
+            if let Some(weights) = &filter.bend {
+                axpy(weights[k], v, bend.as_slice_mut().unwrap_or_default());
+                axpy(filter.value[k], b, bend.as_slice_mut().unwrap_or_default());
+            }
+        }
+    });
+    Plane { value, bend }
+}
+
+fn axpy(weight: f32, from: &[Complex32], to: &mut [Complex32]) {
+    for (t, f) in to.iter_mut().zip(from) {
+        *t += f * weight;
+    }
+}
+
+/// A fine row filtered to `nz` nodes: smoothed, and what sharpening adds.
+fn along(filter: &Filter, fine: &[Complex32], nz: usize) -> [Vec<Complex32>; 2] {
+    let sum = |weights: &[f32], k: usize| {
+        let near = &fine[FINE * k..FINE * k + weights.len()];
+        let terms = near.iter().zip(weights).map(|(v, w)| v * w);
+        terms.fold(Complex32::ZERO, |a, b| a + b)
+    };
+    let value = (0..nz).map(|k| sum(&filter.value, k)).collect();
+    let bend = match &filter.bend {
+        Some(weights) => (0..nz).map(|k| sum(weights, k)).collect(),
+        None => Vec::new(),
+    };
+    [value, bend]
+}

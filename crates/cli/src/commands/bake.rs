@@ -8,15 +8,15 @@ use fft_correlate::{
     Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error,
     typical_condition,
 };
+use pegfit_scene::{Scene, SceneSetup};
 use serde::Serialize;
 
-use super::{stored, tolerance};
+use super::{scenes, stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
 use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
-use crate::scene::{Scene, explain_design, rotations as rotations_of, setup};
 
 #[derive(Serialize)]
 struct Summary {
@@ -52,10 +52,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         storage: storage(args),
         ..design.table.spec.clone()
     };
-    let energies = design
-        .table
-        .energies(context.memory)
-        .map_err(|e| explain_design(&design.scene, e))?;
+    let energies = design.setup.energies(&design.table)?;
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| stored::explain(&args.output, e))?;
     context.progress.finish();
@@ -80,7 +77,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
 
 /// A scene and its table.
 struct Design {
-    scene: Scene,
+    setup: SceneSetup,
     table: TableDesign,
 }
 
@@ -100,32 +97,31 @@ fn prepare(
     args: &BakeArgs,
     context: &Context,
 ) -> Result<(Design, Option<Reference>), CommandError> {
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let mut rotations = rotations_of(&scene)?;
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let mut setup = scenes::setup(scene, context)?;
     let mut reference = None;
     let chosen = args.tolerance.is_some() && exists(&args.output)?;
     if let (Some(tolerance), false) = (args.tolerance, chosen) {
-        let found = tolerance::choose(&scene, tolerance, context)?;
+        let found = tolerance::choose(&setup, tolerance, context)?;
         let reference = Reference {
             truth: found.truth,
             spacing: found.reference_spacing,
         };
         let table = found.design;
-        return Ok((Design { scene, table }, Some(reference)));
+        return Ok((Design { setup, table }, Some(reference)));
     }
-    let mut asked = setup(&scene, context)?;
     if chosen {
         let store = stored::open(&args.output)?;
-        stored::expect_setup(&store, &scene, &asked)?;
+        setup.expect_table(&store)?;
         let spacing = 0.5 * store.spec().window.spacing();
-        let (truth, _) = stored::reference(&store, &scene, &asked, spacing, context)?;
+        let (truth, _) = setup.reference(store.spec(), Some(spacing), &context.progress)?;
         reference = Some(Reference { truth, spacing });
-        asked = asked.as_baked(store.spec());
-        rotations = store.spec().rotations.clone();
+        setup = setup.as_baked(store.spec());
     }
-    let pair = stored::load_pair(&scene, &asked, context)?;
-    let table = TableDesign::new(&asked, pair, rotations).map_err(|e| explain_design(&scene, e))?;
-    Ok((Design { scene, table }, reference))
+    let pair = setup.pair(&context.progress)?;
+    context.progress.finish();
+    let table = setup.design(pair)?;
+    Ok((Design { setup, table }, reference))
 }
 
 /// Checks that the folder of a table to be exists; object stores have no folders.
@@ -226,8 +222,7 @@ fn measure(
     let reference = match reference {
         Some(reference) => reference,
         None => Reference {
-            truth: DirectEvaluator::new(pair, &DirectOptions::FULL)
-                .map_err(|e| CommandError::bad_input(design.scene.path.display().to_string(), e))?,
+            truth: design.setup.direct(pair, &DirectOptions::FULL)?,
             spacing: pair.spacing(),
         },
     };

@@ -3,12 +3,11 @@
 use fft_correlate::{ErrorReport, Excess, measure_error, typical_condition};
 use serde::Serialize;
 
-use super::stored;
+use super::{scenes, stored};
 use crate::args::VerifyArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::scene::{Scene, setup};
 
 #[derive(Serialize)]
 struct Verdict {
@@ -22,9 +21,9 @@ struct Verdict {
 pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandError> {
     let store = stored::open(&args.table)?;
     let name = args.table.display().to_string();
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let setup = setup(&scene, context)?;
-    stored::expect_setup(&store, &scene, &setup)?;
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let setup = scenes::setup(scene, context)?;
+    setup.expect_table(&store)?;
     let Some(stated) = store.error_report().cloned() else {
         return Err(CommandError::input(
             &name,
@@ -34,8 +33,9 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
         ));
     };
     let table = stored::load(&store, context)?;
-    let (truth, pair) =
-        stored::reference(&store, &scene, &setup, stated.reference_spacing, context)?;
+    let spacing = (stated.reference_spacing > 0.0).then_some(stated.reference_spacing);
+    let (truth, pair) = setup.reference(store.spec(), spacing, &context.progress)?;
+    context.progress.finish();
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
     let mut found = measure_error(&table, &truth, args.poses, seed);
     found.reference_spacing = stated.reference_spacing;

@@ -7,7 +7,6 @@ use pegfit_pictures::{LineChart, Series};
 use crate::commands::hand;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::Assembly;
 
 /// Seconds of each test.
 const SECONDS: f64 = 8.0;

@@ -103,7 +103,7 @@ fn loads_of_oblique_motions_are_slopes_of_the_energy() {
     }
 }
 
-/// Both sum the same products at displacements of the lattice.
+/// The same sums over the nodes of one lattice or the other.
 #[test]
 fn scores_over_a_window_are_those_of_direct_quadrature() {
     let (folder, text) = parts();
@@ -119,9 +119,10 @@ fn scores_over_a_window_are_those_of_direct_quadrature() {
         difference += (f64::from(*score) - expected).powi(2);
         size += expected * expected;
     }
-    // Transforms in single precision.
+    // The part is turned: either side interpolates the other part's density, 2.5 mm apart here
+    // where the halo ends at 6.
     let error = (difference / size).sqrt();
-    assert!(error < 1e-5, "{error}");
+    assert!(error < 1e-2, "{error}");
 }
 
 #[test]

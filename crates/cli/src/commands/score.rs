@@ -48,15 +48,14 @@ pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandErro
 type AnyReader = PoseReader<Box<dyn Read + Send>>;
 
 fn open(path: &Path) -> Result<AnyReader, CommandError> {
-    if path == Path::new("-") {
-        return Ok(PoseReader::new(
-            "standard input",
-            Box::new(std::io::stdin()),
-        )?);
-    }
-    let file = File::open(path).map_err(|e| CommandError::read(path, e))?;
-    let name = path.display().to_string();
-    Ok(PoseReader::new(&name, Box::new(file))?)
+    let (name, input): (String, Box<dyn Read + Send>) = match path == Path::new("-") {
+        true => ("standard input".to_owned(), Box::new(std::io::stdin())),
+        false => {
+            let file = File::open(path).map_err(|e| CommandError::read(path, e))?;
+            (path.display().to_string(), Box::new(file))
+        }
+    };
+    Ok(PoseReader::new(&name, input)?)
 }
 
 /// Reads in a thread of its own, which ends with the input or when nobody takes its chunks.

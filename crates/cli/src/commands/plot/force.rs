@@ -3,6 +3,7 @@
 use fft_correlate::DirectOptions;
 use haptic::{Clock, Sample, Script};
 use pegfit_pictures::{LineChart, Series};
+use pegfit_scene::Assembly;
 
 use crate::commands::hand;
 use crate::context::Context;

@@ -116,12 +116,15 @@ fn device(
     Ok(table.into_inner())
 }
 
+/// One of a model's values.
+type Value = fn(&mut ScoreModel) -> &mut f64;
+
 fn model(raw: &RawModel, values: &Values<'_>) -> Result<ScoreModel, SceneError> {
     let mut model = match raw.preset {
         Preset::Paper => ScoreModel::PAPER,
         Preset::Guided => ScoreModel::GUIDED,
     };
-    let given: [(_, fn(&mut ScoreModel) -> &mut f64); 4] = [
+    let given: [(_, Value); 4] = [
         (&raw.sigma, |m| &mut m.sigma),
         (&raw.lambda_exterior, |m| &mut m.lambda_exterior),
         (&raw.lambda_interior, |m| &mut m.lambda_interior),

@@ -13,9 +13,9 @@ use fft_correlate::{
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
-use pegfit_scene::poses::{PoseReader, ScoredPose, append_score};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, example, random_poses};
+use pegfit_scene::poses::{PoseReader, ScoredPose, append_score};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Lattice, Sampling, Silent};

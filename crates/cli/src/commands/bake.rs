@@ -4,11 +4,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share,
-    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error,
-    typical_condition,
+    BakeReport, EnergyTable, ErrorReport, Launcher, Numbers, Share, Storage, TableDesign,
+    TableFiles, TableSpec, TableStore, bake,
 };
-use pegfit_scene::{Scene, SceneSetup};
+use pegfit_scene::{Scene, SceneSetup, TableReference};
 use serde::Serialize;
 
 use super::{scenes, stored, tolerance};
@@ -96,14 +95,14 @@ fn storage(args: &BakeArgs) -> Storage {
 fn prepare(
     args: &BakeArgs,
     context: &Context,
-) -> Result<(Design, Option<Reference>), CommandError> {
+) -> Result<(Design, Option<TableReference>), CommandError> {
     let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
     let mut setup = scenes::setup(scene, context)?;
     let mut reference = None;
     let chosen = args.tolerance.is_some() && exists(&args.output)?;
     if let (Some(tolerance), false) = (args.tolerance, chosen) {
         let found = tolerance::choose(&setup, tolerance, context)?;
-        let reference = Reference {
+        let reference = TableReference {
             truth: found.truth,
             spacing: found.reference_spacing,
         };
@@ -114,8 +113,8 @@ fn prepare(
         let store = stored::open(&args.output)?;
         setup.expect_table(&store)?;
         let spacing = 0.5 * store.spec().window.spacing();
-        let (truth, _) = setup.reference(store.spec(), Some(spacing), &context.progress)?;
-        reference = Some(Reference { truth, spacing });
+        let (found, _) = setup.reference(store.spec(), Some(spacing), &context.progress)?;
+        reference = Some(found);
         setup = setup.as_baked(store.spec());
     }
     let pair = setup.pair(&context.progress)?;
@@ -136,12 +135,6 @@ fn require_place(output: &Path) -> Result<(), CommandError> {
 fn exists(output: &Path) -> Result<bool, CommandError> {
     let files = TableFiles::at(output).map_err(stored::bad_table)?;
     files.exist().map_err(stored::bad_table)
-}
-
-/// What a table's error is measured against.
-struct Reference {
-    truth: DirectEvaluator,
-    spacing: f64,
 }
 
 /// The probes may have promised too much.
@@ -215,22 +208,15 @@ fn measure(
     store: &mut TableStore,
     table: &EnergyTable,
     design: &Design,
-    reference: Option<Reference>,
+    reference: Option<TableReference>,
     poses: usize,
 ) -> Result<ErrorReport, CommandError> {
     let pair = &design.table.pair;
     let reference = match reference {
         Some(reference) => reference,
-        None => Reference {
-            truth: design.setup.direct(pair, &DirectOptions::FULL)?,
-            spacing: pair.spacing(),
-        },
+        None => design.setup.reference_on(pair)?,
     };
-    let mut report = measure_error(table, &reference.truth, poses, stored::SEED);
-    report.reference_spacing = reference.spacing;
-    let looks = poses.min(stored::CONDITION_POSES);
-    let condition = typical_condition(pair, table.spec(), looks, stored::SEED);
-    report.condition = Some(condition);
+    let report = reference.measure(table, pair, poses, stored::SEED);
     store
         .write_error_report(&report)
         .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;

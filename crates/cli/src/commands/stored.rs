@@ -13,9 +13,6 @@ use crate::error::CommandError;
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 pub(super) const SEED: u64 = 1;
 
-/// At how many of these poses the condition number of the score is found, cell by cell.
-pub(super) const CONDITION_POSES: usize = 32;
-
 /// How much of a table is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(super) struct Progress {

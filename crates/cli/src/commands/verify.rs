@@ -1,6 +1,6 @@
 //! `pegfit verify`: is a table as right as it says?
 
-use fft_correlate::{ErrorReport, Excess, measure_error, typical_condition};
+use fft_correlate::{ErrorReport, Excess};
 use serde::Serialize;
 
 use super::{scenes, stored};
@@ -34,13 +34,13 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
     };
     let table = stored::load(&store, context)?;
     let spacing = (stated.reference_spacing > 0.0).then_some(stated.reference_spacing);
-    let (truth, pair) = setup.reference(store.spec(), spacing, &context.progress)?;
+    let (reference, pair) = setup.reference(store.spec(), spacing, &context.progress)?;
     context.progress.finish();
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
-    let mut found = measure_error(&table, &truth, args.poses, seed);
-    found.reference_spacing = stated.reference_spacing;
-    let looks = args.poses.min(stored::CONDITION_POSES);
-    found.condition = Some(typical_condition(&pair, table.spec(), looks, seed));
+    let found = ErrorReport {
+        reference_spacing: stated.reference_spacing,
+        ..reference.measure(&table, &pair, args.poses, seed)
+    };
     let beyond = stated.exceeded_by(&found, args.margin);
     let count = beyond.len();
     let verdict = Verdict {

@@ -3,5 +3,5 @@
 mod explain;
 pub(crate) mod meshes;
 pub(crate) mod scene_setup;
-mod tables;
+pub(crate) mod tables;
 pub(crate) mod warning;

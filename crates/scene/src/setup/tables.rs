@@ -1,14 +1,43 @@
-//! The table of a scene: designed, filled, and compared with the scene.
+//! The table of a scene: designed, filled, and compared with the scene and with the truth.
 
 use fft_correlate::table::{TableSetupError, TolerantDesign, Trial};
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, Pair, PairEnergies, StoreError, TableDesign, TableSpec,
-    TableStore,
+    DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairEnergies, StoreError,
+    TableDesign, TableSpec, TableStore, measure_error, typical_condition,
 };
 use sdf_grid::Monitor;
 
 use crate::error::SceneError;
 use crate::setup::scene_setup::SceneSetup;
+
+/// At how many poses at most the condition number of the score is found, cell by cell.
+const CONDITION_POSES: usize = 32;
+
+/// What the error of a table is measured against.
+pub struct TableReference {
+    /// Direct quadrature, with the table's energy scale.
+    pub truth: DirectEvaluator,
+    /// Spacing of the lattices that it sums over, metres.
+    pub spacing: f64,
+}
+
+impl TableReference {
+    /// The error of a table at `poses` random poses, and the median condition number of the score of
+    /// `pair` at the first 32 of them.
+    pub fn measure(
+        &self,
+        table: &EnergyTable,
+        pair: &Pair,
+        poses: usize,
+        seed: u64,
+    ) -> ErrorReport {
+        let looks = poses.min(CONDITION_POSES);
+        let mut report = measure_error(table, &self.truth, poses, seed);
+        report.reference_spacing = self.spacing;
+        report.condition = Some(typical_condition(pair, table.spec(), looks, seed));
+        report
+    }
+}
 
 impl SceneSetup {
     /// The table of the scene; `pair` is [`SceneSetup::pair`]'s.
@@ -85,11 +114,23 @@ impl SceneSetup {
         spec: &TableSpec,
         spacing: Option<f64>,
         monitor: &dyn Monitor,
-    ) -> Result<(DirectEvaluator, Pair), SceneError> {
+    ) -> Result<(TableReference, Pair), SceneError> {
         let mut parts = self.parts.as_baked(spec);
         parts.builder.spacing = spacing.or(parts.builder.spacing);
         let pair = parts.load(monitor).map_err(|e| self.scene.pair_error(e))?;
-        Ok((self.direct(&pair, &DirectOptions::FULL)?, pair))
+        Ok((self.reference_on(&pair)?, pair))
+    }
+
+    /// What the error of a table is measured against if that is the pair it was baked from, or the same
+    /// on another lattice.
+    ///
+    /// # Errors
+    /// If a part has no interior on its lattice.
+    pub fn reference_on(&self, pair: &Pair) -> Result<TableReference, SceneError> {
+        Ok(TableReference {
+            truth: self.direct(pair, &DirectOptions::FULL)?,
+            spacing: pair.spacing(),
+        })
     }
 
     /// A direct evaluator of one of the scene's pairs, asked at poses of the shapes.

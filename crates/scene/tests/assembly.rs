@@ -96,8 +96,8 @@ fn loads_of_oblique_motions_are_slopes_of_the_energy() {
             difference += (point.load + slope).powi(2);
             size += slope * slope;
         }
-        // The wrench is the exact gradient of an interpolant with kinks at cell faces, of which a
-        // step crosses few; single-precision densities round the difference.
+        // The wrench is the exact gradient, the difference is not: a shorter step loses digits to
+        // single-precision sums, a longer one crosses more kinks of the interpolant.
         let error = (difference / size).sqrt();
         assert!(error < 1e-2, "{motion:?}: {error}");
     }

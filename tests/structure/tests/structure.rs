@@ -8,10 +8,11 @@ use pegfit_structure::{
     Graph, arrows, circles, file_length, function_lengths, public_paths, read_crate,
 };
 
-const CRATES: [&str; 6] = [
+const CRATES: [&str; 7] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
+    "scene",
     "pictures",
     "cli",
     "pegfit-c",
@@ -86,19 +87,30 @@ fn no_folders_import_each_other_in_a_circle() {
 }
 
 /// Of each crate's folder, the package that it is and those of this workspace that it may use.
-const DEPENDENCIES: [(&str, &str, &[&str]); 5] = [
+const DEPENDENCIES: [(&str, &str, &[&str]); 6] = [
     ("sdf-grid", "sdf-grid", &[]),
     ("fft-correlate", "fft-correlate", &["sdf-grid"]),
     ("haptic", "haptic", &["sdf-grid", "fft-correlate"]),
+    (
+        "scene",
+        "pegfit-scene",
+        &["sdf-grid", "fft-correlate", "haptic"],
+    ),
     ("pictures", "pegfit-pictures", &["sdf-grid"]),
     (
         "cli",
         "pegfit",
-        &["sdf-grid", "fft-correlate", "haptic", "pegfit-pictures"],
+        &[
+            "sdf-grid",
+            "fft-correlate",
+            "haptic",
+            "pegfit-scene",
+            "pegfit-pictures",
+        ],
     ),
 ];
 
-/// `sdf-grid <- fft-correlate <- haptic <- cli`, and `sdf-grid <- pictures <- cli`.
+/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, and `sdf-grid <- pictures <- cli`.
 #[test]
 fn crates_depend_one_way() {
     let packages: BTreeSet<&str> = DEPENDENCIES.iter().map(|d| d.1).collect();
@@ -118,7 +130,7 @@ fn crates_depend_one_way() {
 }
 
 /// Crates that others name things of.
-const LIBRARIES: [&str; 4] = ["sdf-grid", "fft-correlate", "haptic", "pictures"];
+const LIBRARIES: [&str; 5] = ["sdf-grid", "fft-correlate", "haptic", "scene", "pictures"];
 
 #[test]
 fn one_public_path_per_name() {

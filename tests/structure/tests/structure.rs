@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use pegfit_structure::{
-    Graph, arrows, circles, file_length, function_lengths, public_paths, read_crate,
+    Graph, arrows, circles, file_length, flow_chart, function_lengths, public_paths, read_crate,
 };
 
 const CRATES: [&str; 7] = [
@@ -287,4 +287,35 @@ fn a_circle_is_found() {
     assert_eq!(circles(&graph), expected, "{graph:?}");
     assert!(graph[Path::new("a/other.rs")].contains_key(Path::new("a/one.rs")));
     assert!(graph[Path::new("a/mod.rs")].is_empty());
+}
+
+/// `just modules` draws it again.
+#[test]
+fn the_picture_of_the_modules_is_that_of_the_source() {
+    const BEGIN: &str = "<!-- drawn by `just modules` -->\n";
+    const END: &str = "<!-- end of the drawing -->\n";
+    let crates: Vec<_> = DEPENDENCIES
+        .iter()
+        .map(|&(folder, _, uses)| {
+            let uses: Vec<&str> = uses
+                .iter()
+                .map(|u| DEPENDENCIES.iter().find(|d| d.1 == *u).unwrap().0)
+                .collect();
+            (folder, uses, rooms(&graph(folder)))
+        })
+        .collect();
+    let crates: Vec<_> = crates
+        .iter()
+        .map(|(folder, uses, rooms)| (*folder, &uses[..], rooms.clone()))
+        .collect();
+    let drawn = flow_chart(&crates);
+    let page = repository().join("docs/architecture.md");
+    let text = std::fs::read_to_string(&page).unwrap();
+    let (before, rest) = text.split_once(BEGIN).unwrap();
+    let (found, after) = rest.split_once(END).unwrap();
+    if std::env::var_os("PEGFIT_DRAW").is_some() {
+        std::fs::write(&page, format!("{before}{BEGIN}{drawn}{END}{after}")).unwrap();
+    } else {
+        assert_eq!(found, drawn, "run `just modules`");
+    }
 }

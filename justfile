@@ -9,6 +9,10 @@ check:
 demo:
     cargo run --release -- demo --out out
 
+# Draws the modules and their arrows in docs/architecture.md afresh.
+modules:
+    PEGFIT_DRAW=1 cargo test -q -p pegfit-structure the_picture
+
 # The public documentation, warnings denied.
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps

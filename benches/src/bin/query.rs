@@ -13,9 +13,9 @@ use fft_correlate::{
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
-use pegfit::poses::{PoseReader, ScoredPose, append_score};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, example, random_poses};
+use pegfit_scene::poses::{PoseReader, ScoredPose, append_score};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Lattice, Sampling, Silent};
@@ -212,7 +212,7 @@ fn stream(table: &EnergyTable, poses: &[Pose]) -> Outcome<[f64; 2]> {
         append_score(&mut text, &scored);
     }
     let writing = 1e6 * began.elapsed().as_secs_f64() / poses.len() as f64;
-    let text = pegfit::poses::score_header(false) + &text;
+    let text = pegfit_scene::poses::score_header(false) + &text;
     let began = Instant::now();
     let count = PoseReader::new("poses", text.as_bytes())?.count();
     let reading = 1e6 * began.elapsed().as_secs_f64() / count as f64;

@@ -4,11 +4,11 @@ use crate::terminal::progress::Progress;
 
 /// What every command gets besides its own arguments.
 #[derive(Debug)]
-pub struct Context {
+pub(crate) struct Context {
     /// Progress bars and the Ctrl-C flag.
-    pub progress: Progress,
+    pub(crate) progress: Progress,
     /// Print machine-readable results.
-    pub json: bool,
+    pub(crate) json: bool,
     /// Bytes that computations may plan to use.
-    pub memory: u64,
+    pub(crate) memory: u64,
 }

@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
+use pegfit_scene::poses::PoseError;
+use pegfit_scene::{LineError, Refusal, SceneError};
+
 use crate::bytes::display_bytes;
 use crate::exit::Exit;
 
@@ -22,10 +25,16 @@ pub enum CommandError {
         /// What was there.
         found: String,
     },
-    /// The scene file cannot be used.
+    /// A line of the scene file is not acceptable.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Scene(Box<SceneFileError>),
+    Line(Box<SceneFileError>),
+    /// The scene cannot be used for another reason.
+    #[error(transparent)]
+    Scene(Box<SceneError>),
+    /// Rows of poses cannot be read.
+    #[error(transparent)]
+    Poses(#[from] PoseError),
     /// A mesh file cannot be used.
     #[error(transparent)]
     Mesh(Box<sdf_grid::MeshError>),
@@ -114,22 +123,60 @@ pub enum CommandError {
     Interrupted,
 }
 
-/// What is wrong with a scene file, and where; carries the text so that the line can be shown.
+/// What is wrong with a line of a scene file, with the text so that the line can be shown.
 #[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("{file}, line {line}: {message}")]
+#[error("{said}")]
 pub struct SceneFileError {
-    /// The scene file.
-    pub file: String,
-    /// Line of the trouble, counted from 1.
-    pub line: usize,
-    /// What is wrong, with expected and found.
-    pub message: String,
+    /// File, line, expected and found.
+    said: String,
     /// The whole scene file.
     #[source_code]
-    pub text: NamedSource<String>,
+    text: NamedSource<String>,
     /// The offending bytes.
     #[label("here")]
-    pub span: SourceSpan,
+    span: SourceSpan,
+}
+
+impl From<LineError> for SceneFileError {
+    fn from(error: LineError) -> Self {
+        Self {
+            said: error.to_string(),
+            text: NamedSource::new(error.path.display().to_string(), error.text),
+            span: SourceSpan::from(error.span),
+        }
+    }
+}
+
+impl From<SceneError> for CommandError {
+    fn from(error: SceneError) -> Self {
+        match error {
+            SceneError::Read { path, source } => Self::read(&path, source),
+            SceneError::Line(e) => Self::Line(Box::new(SceneFileError::from(*e))),
+            SceneError::FixedPart {
+                path,
+                wanted: None,
+                found,
+            } => Self::input(
+                path.display().to_string(),
+                "fixed",
+                "one part, or --fixed NAME to choose",
+                found,
+            ),
+            SceneError::Mesh(e) => Self::Mesh(e),
+            SceneError::Memory {
+                path,
+                what,
+                needed,
+                limit,
+            } => Self::Memory {
+                what: format!("{}: {what}", path.display()),
+                needed,
+                budget: limit,
+            },
+            SceneError::Cancelled => Self::Interrupted,
+            other => Self::Scene(Box::new(other)),
+        }
+    }
 }
 
 impl From<sdf_grid::atomic::AtomicError> for CommandError {
@@ -223,9 +270,14 @@ impl CommandError {
     /// The exit code of a run that ended with this error.
     pub fn exit(&self) -> Exit {
         match self {
-            Self::Input { .. } | Self::Scene(_) | Self::Mesh(_) | Self::Memory { .. } => {
-                Exit::BadInput
-            }
+            // Nothing is wrong with the scene if the folder of its fields cannot be made.
+            Self::Scene(e) if is_cache(e) => Exit::Failure,
+            Self::Input { .. }
+            | Self::Line(_)
+            | Self::Scene(_)
+            | Self::Poses(_)
+            | Self::Mesh(_)
+            | Self::Memory { .. } => Exit::BadInput,
             Self::Tolerance { .. } | Self::Claim { .. } => Exit::Failure,
             Self::Library { input: true, .. } => Exit::BadInput,
             // A file that is missing is a wrong argument; one that cannot be written is not.
@@ -236,4 +288,8 @@ impl CommandError {
             Self::Interrupted => Exit::Interrupted,
         }
     }
+}
+
+fn is_cache(error: &SceneError) -> bool {
+    matches!(error, SceneError::Refused { source, .. } if matches!(**source, Refusal::Cache(_)))
 }

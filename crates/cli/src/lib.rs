@@ -1,4 +1,4 @@
-//! The pegfit command line as a library: scene files and the commands.
+//! The pegfit command line as a library: arguments and the commands.
 //!
 //! The binary only parses arguments and turns a [`CommandError`] into text and an exit code.
 
@@ -10,9 +10,7 @@ mod error;
 mod exit;
 mod memory;
 mod report;
-pub mod scene;
 pub mod terminal;
 
 pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
-pub use report::poses;

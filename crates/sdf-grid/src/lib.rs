@@ -36,8 +36,8 @@ pub use mesh::hygiene::report::{ComponentReport, HygieneOptions, HygieneReport};
 pub use mesh::shapes;
 pub use mesh::triangle_mesh::TriangleMesh;
 pub use mesh_io::unit::LengthUnit;
-#[doc(hidden)]
-pub use support::large;
 pub use support::monitor::{Monitor, Silent};
 pub use support::{atomic, recipe};
+#[doc(hidden)]
+pub use support::{large, level};
 pub use surface::bvh::tree::{Bvh, Nearest};

@@ -6,12 +6,14 @@
 
 mod graph;
 mod lengths;
+mod picture;
 mod resolve;
 mod source;
 mod surface;
 
 pub use graph::{Graph, circles};
 pub use lengths::{file_length, function_lengths};
+pub use picture::flow_chart;
 pub use resolve::arrows;
 pub use source::{Module, SourceError, read_crate};
 pub use surface::{Item, public_paths};

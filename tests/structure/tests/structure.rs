@@ -5,13 +5,14 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use pegfit_structure::{
-    Graph, arrows, circles, file_length, function_lengths, public_paths, read_crate,
+    Graph, arrows, circles, file_length, flow_chart, function_lengths, public_paths, read_crate,
 };
 
-const CRATES: [&str; 6] = [
+const CRATES: [&str; 7] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
+    "scene",
     "pictures",
     "cli",
     "pegfit-c",
@@ -86,19 +87,30 @@ fn no_folders_import_each_other_in_a_circle() {
 }
 
 /// Of each crate's folder, the package that it is and those of this workspace that it may use.
-const DEPENDENCIES: [(&str, &str, &[&str]); 5] = [
+const DEPENDENCIES: [(&str, &str, &[&str]); 6] = [
     ("sdf-grid", "sdf-grid", &[]),
     ("fft-correlate", "fft-correlate", &["sdf-grid"]),
     ("haptic", "haptic", &["sdf-grid", "fft-correlate"]),
+    (
+        "scene",
+        "pegfit-scene",
+        &["sdf-grid", "fft-correlate", "haptic"],
+    ),
     ("pictures", "pegfit-pictures", &["sdf-grid"]),
     (
         "cli",
         "pegfit",
-        &["sdf-grid", "fft-correlate", "haptic", "pegfit-pictures"],
+        &[
+            "sdf-grid",
+            "fft-correlate",
+            "haptic",
+            "pegfit-scene",
+            "pegfit-pictures",
+        ],
     ),
 ];
 
-/// `sdf-grid <- fft-correlate <- haptic <- cli`, and `sdf-grid <- pictures <- cli`.
+/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, and `sdf-grid <- pictures <- cli`.
 #[test]
 fn crates_depend_one_way() {
     let packages: BTreeSet<&str> = DEPENDENCIES.iter().map(|d| d.1).collect();
@@ -118,7 +130,7 @@ fn crates_depend_one_way() {
 }
 
 /// Crates that others name things of.
-const LIBRARIES: [&str; 4] = ["sdf-grid", "fft-correlate", "haptic", "pictures"];
+const LIBRARIES: [&str; 5] = ["sdf-grid", "fft-correlate", "haptic", "scene", "pictures"];
 
 #[test]
 fn one_public_path_per_name() {
@@ -275,4 +287,35 @@ fn a_circle_is_found() {
     assert_eq!(circles(&graph), expected, "{graph:?}");
     assert!(graph[Path::new("a/other.rs")].contains_key(Path::new("a/one.rs")));
     assert!(graph[Path::new("a/mod.rs")].is_empty());
+}
+
+/// `just modules` draws it again.
+#[test]
+fn the_picture_of_the_modules_is_that_of_the_source() {
+    const BEGIN: &str = "<!-- drawn by `just modules` -->\n";
+    const END: &str = "<!-- end of the drawing -->\n";
+    let crates: Vec<_> = DEPENDENCIES
+        .iter()
+        .map(|&(folder, _, uses)| {
+            let uses: Vec<&str> = uses
+                .iter()
+                .map(|u| DEPENDENCIES.iter().find(|d| d.1 == *u).unwrap().0)
+                .collect();
+            (folder, uses, rooms(&graph(folder)))
+        })
+        .collect();
+    let crates: Vec<_> = crates
+        .iter()
+        .map(|(folder, uses, rooms)| (*folder, &uses[..], rooms.clone()))
+        .collect();
+    let drawn = flow_chart(&crates);
+    let page = repository().join("docs/architecture.md");
+    let text = std::fs::read_to_string(&page).unwrap();
+    let (before, rest) = text.split_once(BEGIN).unwrap();
+    let (found, after) = rest.split_once(END).unwrap();
+    if std::env::var_os("PEGFIT_DRAW").is_some() {
+        std::fs::write(&page, format!("{before}{BEGIN}{drawn}{END}{after}")).unwrap();
+    } else {
+        assert_eq!(found, drawn, "run `just modules`");
+    }
 }

@@ -4,4 +4,5 @@ mod felt;
 mod fit;
 mod invariance;
 mod quiet;
+mod spectrum;
 mod tables;

@@ -4,19 +4,18 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeReport, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Launcher, Numbers, Share,
-    Storage, TableDesign, TableFiles, TableSpec, TableStore, bake, measure_error,
-    typical_condition,
+    BakeReport, EnergyTable, ErrorReport, Launcher, Numbers, Share, Storage, TableDesign,
+    TableFiles, TableSpec, TableStore, bake,
 };
+use pegfit_scene::{Scene, SceneSetup, TableReference};
 use serde::Serialize;
 
-use super::{stored, tolerance};
+use super::{scenes, stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
 use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
-use crate::scene::{Scene, explain_design, rotations as rotations_of, setup};
 
 #[derive(Serialize)]
 struct Summary {
@@ -52,10 +51,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         storage: storage(args),
         ..design.table.spec.clone()
     };
-    let energies = design
-        .table
-        .energies(context.memory)
-        .map_err(|e| explain_design(&design.scene, e))?;
+    let energies = design.setup.energies(&design.table)?;
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| stored::explain(&args.output, e))?;
     context.progress.finish();
@@ -80,7 +76,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
 
 /// A scene and its table.
 struct Design {
-    scene: Scene,
+    setup: SceneSetup,
     table: TableDesign,
 }
 
@@ -99,33 +95,32 @@ fn storage(args: &BakeArgs) -> Storage {
 fn prepare(
     args: &BakeArgs,
     context: &Context,
-) -> Result<(Design, Option<Reference>), CommandError> {
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let mut rotations = rotations_of(&scene)?;
+) -> Result<(Design, Option<TableReference>), CommandError> {
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let mut setup = scenes::setup(scene, context)?;
     let mut reference = None;
     let chosen = args.tolerance.is_some() && exists(&args.output)?;
     if let (Some(tolerance), false) = (args.tolerance, chosen) {
-        let found = tolerance::choose(&scene, tolerance, context)?;
-        let reference = Reference {
+        let found = tolerance::choose(&setup, tolerance, context)?;
+        let reference = TableReference {
             truth: found.truth,
             spacing: found.reference_spacing,
         };
         let table = found.design;
-        return Ok((Design { scene, table }, Some(reference)));
+        return Ok((Design { setup, table }, Some(reference)));
     }
-    let mut asked = setup(&scene, context)?;
     if chosen {
         let store = stored::open(&args.output)?;
-        stored::expect_setup(&store, &scene, &asked)?;
+        setup.expect_table(&store)?;
         let spacing = 0.5 * store.spec().window.spacing();
-        let (truth, _) = stored::reference(&store, &scene, &asked, spacing, context)?;
-        reference = Some(Reference { truth, spacing });
-        asked = asked.as_baked(store.spec());
-        rotations = store.spec().rotations.clone();
+        let (found, _) = setup.reference(store.spec(), Some(spacing), &context.progress)?;
+        reference = Some(found);
+        setup = setup.as_baked(store.spec());
     }
-    let pair = stored::load_pair(&scene, &asked, context)?;
-    let table = TableDesign::new(&asked, pair, rotations).map_err(|e| explain_design(&scene, e))?;
-    Ok((Design { scene, table }, reference))
+    let pair = setup.pair(&context.progress)?;
+    context.progress.finish();
+    let table = setup.design(pair)?;
+    Ok((Design { setup, table }, reference))
 }
 
 /// Checks that the folder of a table to be exists; object stores have no folders.
@@ -140,12 +135,6 @@ fn require_place(output: &Path) -> Result<(), CommandError> {
 fn exists(output: &Path) -> Result<bool, CommandError> {
     let files = TableFiles::at(output).map_err(stored::bad_table)?;
     files.exist().map_err(stored::bad_table)
-}
-
-/// What a table's error is measured against.
-struct Reference {
-    truth: DirectEvaluator,
-    spacing: f64,
 }
 
 /// The probes may have promised too much.
@@ -219,23 +208,15 @@ fn measure(
     store: &mut TableStore,
     table: &EnergyTable,
     design: &Design,
-    reference: Option<Reference>,
+    reference: Option<TableReference>,
     poses: usize,
 ) -> Result<ErrorReport, CommandError> {
     let pair = &design.table.pair;
     let reference = match reference {
         Some(reference) => reference,
-        None => Reference {
-            truth: DirectEvaluator::new(pair, &DirectOptions::FULL)
-                .map_err(|e| CommandError::bad_input(design.scene.path.display().to_string(), e))?,
-            spacing: pair.spacing(),
-        },
+        None => design.setup.reference_on(pair)?,
     };
-    let mut report = measure_error(table, &reference.truth, poses, stored::SEED);
-    report.reference_spacing = reference.spacing;
-    let looks = poses.min(stored::CONDITION_POSES);
-    let condition = typical_condition(pair, table.spec(), looks, stored::SEED);
-    report.condition = Some(condition);
+    let report = reference.measure(table, pair, poses, stored::SEED);
     store
         .write_error_report(&report)
         .map_err(|e| CommandError::failure(store.path().display().to_string(), e))?;

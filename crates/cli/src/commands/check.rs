@@ -1,25 +1,19 @@
 //! `pegfit check`: can these meshes, or those of a scene, be used, and what had to be repaired?
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use sdf_grid::mesh_io::{MeshFile, ReadOptions, Solid};
-use sdf_grid::{
-    HygieneReport, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry,
-};
+use pegfit_scene::Scene;
+use sdf_grid::mesh_io::{ReadOptions, Solid, examine};
+use sdf_grid::{HygieneReport, LengthUnit, SymmetryAxis, SymmetryOrder};
 use serde::Serialize;
 
-use crate::args::{CheckArgs, MeshChoice};
+use crate::args::CheckArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::scene::Scene;
 
 /// Components and solids listed one by one.
 const MOST_LISTED: usize = 12;
-
-/// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
-/// a fine tessellation, below what matters for a fit.
-const SYMMETRY_TOLERANCE: f64 = 5e-4;
 
 /// What is said about one file.
 #[derive(Debug, Serialize)]
@@ -45,8 +39,7 @@ enum Verdict {
 #[derive(Debug, Clone, PartialEq)]
 struct Subject {
     path: PathBuf,
-    choice: MeshChoice,
-    unit: LengthUnit,
+    options: ReadOptions,
 }
 
 pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
@@ -56,18 +49,16 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
             true => subjects.extend(meshes_of(&Scene::read(path)?)),
             false => subjects.push(Subject {
                 path: path.clone(),
-                choice: args.choice.clone(),
-                unit: args.unit,
+                options: args.choice.options(args.unit),
             }),
         }
     }
-    let look = |s: &Subject| examine(&s.path, &s.choice.options(s.unit));
-    let verdicts: Vec<Verdict> = subjects.iter().map(look).collect();
+    let verdicts: Vec<Verdict> = subjects.iter().map(judge).collect();
     if context.json {
         print_json(&verdicts)?;
     } else {
         for (verdict, subject) in verdicts.iter().zip(&subjects) {
-            print(verdict, subject.unit);
+            print(verdict, subject.options.unit);
         }
     }
     let unusable = verdicts
@@ -90,8 +81,7 @@ fn meshes_of(scene: &Scene) -> Vec<Subject> {
         for mesh in &part.meshes {
             let subject = Subject {
                 path: mesh.path.clone(),
-                choice: mesh.choice(),
-                unit: scene.unit,
+                options: mesh.options(scene.unit),
             };
             if !subjects.contains(&subject) {
                 subjects.push(subject);
@@ -101,31 +91,22 @@ fn meshes_of(scene: &Scene) -> Vec<Subject> {
     subjects
 }
 
-fn examine(path: &Path, options: &ReadOptions) -> Verdict {
-    match read(path, options) {
-        Ok((mesh, report, solids, stated_unit)) => Verdict::Usable {
-            symmetry: symmetry::detect(&mesh, SYMMETRY_TOLERANCE * mesh.bounds().diagonal()),
-            warnings: report.warnings(),
-            report: Box::new(report),
-            solids: listed(&solids),
-            stated_unit,
+fn judge(subject: &Subject) -> Verdict {
+    match examine(&subject.path, &subject.options) {
+        Ok(found) => Verdict::Usable {
+            symmetry: found.symmetry,
+            warnings: found.report.warnings(),
+            report: Box::new(found.report),
+            solids: listed(&found.solids),
+            stated_unit: found.stated_unit,
             usable: true,
         },
         Err(error) => Verdict::Unusable {
-            name: path.display().to_string(),
+            name: subject.path.display().to_string(),
             error: error.to_string(),
             usable: false,
         },
     }
-}
-
-type Reading = (TriangleMesh, HygieneReport, Vec<Solid>, Option<LengthUnit>);
-
-fn read(path: &Path, options: &ReadOptions) -> Result<Reading, MeshError> {
-    let file = MeshFile::open(path, &options.step)?;
-    let (solids, unit) = (file.solids(), file.stated_unit());
-    let (mesh, report) = file.clean(options)?;
-    Ok((mesh, report, solids, unit))
 }
 
 /// Number, name and size of each solid.

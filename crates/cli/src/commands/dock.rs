@@ -2,21 +2,19 @@
 
 use std::path::Path;
 
-use fft_correlate::{
-    Docking, DockingError, DockingOptions, DockingPose, DockingReport, Placement, from_fit,
-};
-
-use fft_correlate::{PairSetup, ScoreModel};
+use fft_correlate::{DockingOptions, DockingPose, DockingReport, Placement, ScoreModel, from_fit};
+use pegfit_scene::SceneSetup;
+use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
+use sdf_grid::atomic;
 use serde::Serialize;
+
+use super::scenes;
 
 use crate::args::DockArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
-use crate::report::poses::{POSE_COLUMNS, pose_fields};
-use crate::scene::{Scene, display_unit, explain_build, rotations, setup};
 use crate::terminal::progress::interrupted;
-use sdf_grid::atomic;
 
 /// More poses than anybody reads.
 const MOST: usize = 100_000;
@@ -69,22 +67,22 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     ] {
         file.map_or(Ok(()), |f| require_folder(f))?;
     }
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let setup = setup(&scene, context)?;
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let setup = scenes::setup(scene, context)?;
     let options = DockingOptions {
         top: args.top,
         exhaustive: args.exhaustive,
         state: args.state.clone(),
-        ..options(&scene)?
+        ..setup.docking_options()
     };
-    let found = look(&scene, &setup, options, context)?;
+    let found = look(&setup, options, context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
-            write(&found, &setup.placement, out)
+            write(&found, setup.placement(), out)
                 .map_err(|e| CommandError::failure(args.output.display().to_string(), e))
         })?;
     }
-    let summary = summary(&found, &setup.placement);
+    let summary = summary(&found, setup.placement());
     if let Some(path) = &args.report {
         let text = serde_json::to_vec_pretty(&summary)
             .map_err(|e| CommandError::failure(path.display().to_string(), e))?;
@@ -93,10 +91,10 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     if context.json {
         print_json(&summary)?;
     } else if to_stdout {
-        write(&found, &setup.placement, std::io::stdout().lock())
+        write(&found, setup.placement(), std::io::stdout().lock())
             .map_err(|e| CommandError::failure("writing standard output", e))?;
     } else {
-        say(&scene, &setup, &found);
+        say(&setup, &found);
     }
     // What was scored before Ctrl-C has been written; the exit code says that it is not all.
     match interrupted() {
@@ -105,48 +103,19 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     }
 }
 
-/// What a scene asks of docking: its rotations, if it names any.
-///
-/// # Errors
-/// If one of them is none.
-pub(super) fn options(scene: &Scene) -> Result<DockingOptions, CommandError> {
-    let given = scene.rotations_given.then(|| rotations(scene));
-    Ok(DockingOptions {
-        rotations: given.transpose()?,
-        ..DockingOptions::default()
-    })
-}
-
 /// Docks the parts of a scene; the poses found are those of the shapes.
 pub(super) fn look(
-    scene: &Scene,
-    setup: &PairSetup,
+    setup: &SceneSetup,
     options: DockingOptions,
     context: &Context,
 ) -> Result<DockingReport, CommandError> {
-    let found = Docking::new(setup, options).run(&context.progress);
+    let found = setup.dock(options, &context.progress);
     context.progress.finish();
-    let report = found.map_err(|e| explain_docking(scene, e))?;
+    let report = found?;
     if let Some(reason) = &report.undecided {
         crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
     }
     Ok(report)
-}
-
-fn explain_docking(scene: &Scene, error: DockingError) -> CommandError {
-    match error {
-        DockingError::Cancelled => CommandError::Interrupted,
-        DockingError::Build(e) => explain_build(scene, e),
-        DockingError::Energy(e) => CommandError::bad_input(scene.context("energy"), e),
-        DockingError::Rotations(e) => CommandError::bad_input(scene.context("rotations"), e),
-        DockingError::Window(e) => CommandError::bad_input(scene.context("window"), e),
-        DockingError::Memory { needed, limit } => CommandError::Memory {
-            what: scene.context("the correlation"),
-            needed,
-            budget: limit,
-        },
-        other => CommandError::bad_input(scene.context("docking"), other),
-    }
 }
 
 fn summary(report: &DockingReport, placement: &Placement) -> Summary {
@@ -227,7 +196,7 @@ fn write(
     Ok(rows.flush()?)
 }
 
-fn say(scene: &Scene, setup: &PairSetup, report: &DockingReport) {
+fn say(setup: &SceneSetup, report: &DockingReport) {
     let sketch = report.stages.iter().find(|s| s.name == "sketch");
     if let Some(stage) = sketch {
         crate::say!(
@@ -245,13 +214,13 @@ fn say(scene: &Scene, setup: &PairSetup, report: &DockingReport) {
         1e3 * report.seconds_per_rotation,
         report.seconds()
     );
-    let unit = display_unit(scene, setup);
+    let unit = setup.display_unit();
     let metre = unit.in_metres();
     crate::say!(
         "  depth   energy (mJ), docking and scene's   overlap   condition   from the fit ({unit}, degrees)"
     );
     for pose in report.poses.iter().take(10) {
-        let (fit, pivot) = (&setup.assembled, report.lattices.pivot);
+        let (fit, pivot) = (&setup.parts.assembled, report.lattices.pivot);
         let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
         crate::say!(
             "  {:>5.3}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9}   {:>9.4}  {:>8.3}",

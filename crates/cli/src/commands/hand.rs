@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use fft_correlate::EnergySource;
-use haptic::{
-    Clock, Device, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand, Workspace,
-};
+use haptic::{Clock, Device, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand};
+use pegfit_scene::Assembly;
 
+use super::scenes::within;
 use crate::error::CommandError;
 use crate::report::parquet_log;
-use crate::scene::Assembly;
 use crate::terminal::progress::cancel_flag;
 
 /// [`run`] with the simulated hand, which follows `script`; every sample is in the outcome or, if
@@ -42,7 +41,7 @@ pub(super) fn simulated(
         ..HandConfig::default()
     };
     let geometry = assembly.geometry(source);
-    SimulatedHand::new(hand, script, geometry, workspace(assembly))
+    SimulatedHand::new(hand, script, geometry, assembly.workspace())
 }
 
 /// What is kept of every tick.
@@ -63,7 +62,7 @@ pub(super) fn run(
     clock: Clock,
     keep: Keep<'_>,
 ) -> Result<Outcome, CommandError> {
-    let session = Session::new(assembly.scene.device.clone(), workspace(assembly));
+    let session = Session::new(assembly.scene().device.clone(), assembly.workspace());
     let session = match keep.log {
         Some(path) if parquet_log::is_parquet(path) => {
             session.record_with(parquet_log::create(path)?)
@@ -78,12 +77,7 @@ pub(super) fn run(
     session
         .run(device, source, clock, seconds, cancel_flag())
         .map_err(|e| match e {
-            HapticError::Config(_) => CommandError::bad_input(assembly.context("device"), e),
+            HapticError::Config(_) => CommandError::bad_input(within(assembly, "device"), e),
             other => CommandError::failure("haptic loop", other),
         })
-}
-
-fn workspace(assembly: &Assembly) -> Workspace {
-    let config = &assembly.scene.device;
-    config.workspace(assembly.assembled(), assembly.pivot())
 }

@@ -8,24 +8,22 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use fft_correlate::{
     Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Placement, Pose, Response,
 };
+use pegfit_scene::poses::{PoseError, PoseReader, ScoredPose, append_score, score_header};
 use rayon::prelude::*;
+use sdf_grid::atomic;
 
-use super::stored;
+use super::{scenes, stored};
 use crate::args::ScoreArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::require_folder;
-use crate::report::poses::{PoseReader, ScoredPose, append_score, score_header};
-use crate::scene::Assembly;
-use crate::scene::Scene;
 use crate::terminal::progress::check_interrupt;
-use sdf_grid::atomic;
 
 /// Rows read before any of them is evaluated.
 const CHUNK: usize = 16384;
 
 /// Chunks of poses, read ahead by a thread of their own.
-type Chunks = Receiver<Result<Vec<Pose>, CommandError>>;
+type Chunks = Receiver<Result<Vec<Pose>, PoseError>>;
 
 pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandError> {
     let to_stdout = args.output == Path::new("-");
@@ -50,11 +48,14 @@ pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandErro
 type AnyReader = PoseReader<Box<dyn Read + Send>>;
 
 fn open(path: &Path) -> Result<AnyReader, CommandError> {
-    if path == Path::new("-") {
-        return PoseReader::new("standard input", Box::new(std::io::stdin()));
-    }
-    let file = File::open(path).map_err(|e| CommandError::read(path, e))?;
-    PoseReader::new(&path.display().to_string(), Box::new(file))
+    let (name, input): (String, Box<dyn Read + Send>) = match path == Path::new("-") {
+        true => ("standard input".to_owned(), Box::new(std::io::stdin())),
+        false => {
+            let file = File::open(path).map_err(|e| CommandError::read(path, e))?;
+            (path.display().to_string(), Box::new(file))
+        }
+    };
+    Ok(PoseReader::new(&name, input)?)
 }
 
 /// Reads in a thread of its own, which ends with the input or when nobody takes its chunks.
@@ -126,12 +127,12 @@ impl Scorer {
     fn new(args: &ScoreArgs, context: &Context) -> Result<Self, CommandError> {
         match (&args.scene, &args.table) {
             (Some(scene), _) => {
-                let scene = Scene::read(scene)?.only(args.fixed.as_deref())?;
-                let assembly = Assembly::load(scene, context)?;
+                let scene = scenes::read(scene, args.fixed.as_deref())?;
+                let assembly = scenes::load(scene, context)?;
                 let evaluator = assembly.direct(&DirectOptions::FULL)?;
                 Ok(Self {
                     source: Source::Direct(Box::new(evaluator)),
-                    placement: assembly.setup.placement,
+                    placement: *assembly.placement(),
                     condition: args.condition.then_some(assembly.pair),
                 })
             }

@@ -1,24 +1,17 @@
-//! A table that is there: opened, read, examined, its errors told and compared with the truth.
+//! A table that is there: opened, read, examined, its errors told.
 
 use std::path::Path;
 
-use fft_correlate::table::{ChunkState, TableSetupError};
-use fft_correlate::{
-    BakeError, DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairSetup,
-    StoreError, TableStore,
-};
+use fft_correlate::table::ChunkState;
+use fft_correlate::{BakeError, EnergyTable, ErrorReport, StoreError, TableStore};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Scene, explain_build, setup};
 
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 pub(super) const SEED: u64 = 1;
-
-/// At how many of these poses the condition number of the score is found, cell by cell.
-pub(super) const CONDITION_POSES: usize = 32;
 
 /// How much of a table is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -73,70 +66,6 @@ pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
         missing: count(|s| matches!(s, ChunkState::Missing)),
         damaged: count(|s| matches!(s, ChunkState::Damaged(_))),
     })
-}
-
-/// Refuses a table that was not baked from the scene's parts, model and fields; nothing is computed.
-pub(super) fn expect_scene(
-    store: &TableStore,
-    scene: &Scene,
-    context: &Context,
-) -> Result<(), CommandError> {
-    expect_setup(store, scene, &setup(scene, context)?)
-}
-
-/// The same for parts that have been read.
-pub(super) fn expect_setup(
-    store: &TableStore,
-    scene: &Scene,
-    read: &PairSetup,
-) -> Result<(), CommandError> {
-    store.expect_setup(read).map_err(|error| match error {
-        TableSetupError::Build(e) => explain_build(scene, e),
-        TableSetupError::Store(StoreError::Different { path, difference }) => CommandError::input(
-            scene.path.display().to_string(),
-            difference.key,
-            format!(
-                "that of the table {}, {}",
-                path.display(),
-                difference.stored
-            ),
-            difference.given,
-        ),
-        TableSetupError::Store(other) => bad_table(other),
-    })
-}
-
-/// The evaluator that a table's error is measured against, direct quadrature on densities of
-/// `spacing` (0: the table's own), with the table's sampling and energy scale; and the pair that it
-/// evaluates.
-pub(super) fn reference(
-    store: &TableStore,
-    scene: &Scene,
-    read: &PairSetup,
-    spacing: f64,
-    context: &Context,
-) -> Result<(DirectEvaluator, Pair), CommandError> {
-    let mut setup = read.as_baked(store.spec());
-    if spacing > 0.0 {
-        setup.builder.spacing = Some(spacing);
-    }
-    let pair = load_pair(scene, &setup, context)?;
-    let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)
-        .map_err(|e| CommandError::bad_input(scene.path.display().to_string(), e))?;
-    Ok((source, pair))
-}
-
-/// A setup's pair, with its energy scale.
-pub(super) fn load_pair(
-    scene: &Scene,
-    setup: &PairSetup,
-    context: &Context,
-) -> Result<Pair, CommandError> {
-    let pair = setup
-        .load(&context.progress)
-        .map_err(|e| crate::scene::explain(scene, e))?;
-    context.progress.finish();
-    Ok(pair)
 }
 
 /// The errors that a table states, as shares of each quantity's rms.

@@ -1,42 +1,34 @@
 //! A table for a tolerance that was asked for, and what is told of the choice.
 
-use fft_correlate::TableDesign;
-use fft_correlate::table::{LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial};
+use std::path::Path;
+
+use fft_correlate::table::{LATTICE_SHARE, Limit, TRIALS, TolerantDesign, Trial};
+use pegfit_scene::{SceneError, SceneSetup};
 
 use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Scene, explain, explain_design, rotations, setup};
 
 /// Designs the table of a scene for `tolerance`, the rms error of the force as a share of the rms
 /// force.
 pub(super) fn choose(
-    scene: &Scene,
+    setup: &SceneSetup,
     tolerance: f64,
     context: &Context,
 ) -> Result<TolerantDesign, CommandError> {
-    let setup = setup(scene, context)?;
     let progress = &context.progress;
-    let found = TableDesign::for_tolerance(
-        &setup,
-        &rotations(scene)?,
-        tolerance,
-        context.memory,
-        progress,
-        &mut |trial| progress.note(&told(&trial)),
-    );
+    let found = setup.design_for(tolerance, progress, &mut |trial| {
+        progress.note(&told(&trial));
+    });
     progress.finish();
     found.map_err(|e| match e {
-        ToleranceError::Cancelled => CommandError::Interrupted,
-        ToleranceError::Missed {
+        SceneError::Tolerance {
+            path,
             asked,
             reached,
             limit,
-        } => missed(scene, asked, reached, &limit),
-        ToleranceError::Pair(e) => explain(scene, e),
-        ToleranceError::Design(e) => explain_design(scene, e),
-        ToleranceError::Table(e) => CommandError::bad_input(scene.context("probing"), e),
-        ToleranceError::Direct(e) => CommandError::bad_input(scene.path.display().to_string(), e),
+        } => missed(&path, asked, reached, &limit),
+        other => other.into(),
     })
 }
 
@@ -65,7 +57,7 @@ fn told(trial: &Trial) -> String {
     }
 }
 
-fn missed(scene: &Scene, asked: f64, reached: f64, limit: &Limit) -> CommandError {
+fn missed(scene: &Path, asked: f64, reached: f64, limit: &Limit) -> CommandError {
     let lattice = "the lattice";
     let step = "the rotation step";
     let (part, reason) = match *limit {
@@ -83,12 +75,12 @@ fn missed(scene: &Scene, asked: f64, reached: f64, limit: &Limit) -> CommandErro
             lattice,
             format!(
                 "of which the lattice may use {:.0} %, at a spacing of {:.4} mm; half of {:.4} mm, \
-                 to compare with, would need {} for {}, and {} can be used",
+                 to compare with, would need {} for {}: {what}, and {} can be used",
                 100.0 * LATTICE_SHARE,
                 1e3 * best,
                 1e3 * next,
                 display_bytes(needed),
-                scene.context(what),
+                scene.display(),
                 display_bytes(limit)
             ),
         ),

@@ -1,14 +1,13 @@
 //! `pegfit verify`: is a table as right as it says?
 
-use fft_correlate::{ErrorReport, Excess, measure_error, typical_condition};
+use fft_correlate::{ErrorReport, Excess};
 use serde::Serialize;
 
-use super::stored;
+use super::{scenes, stored};
 use crate::args::VerifyArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::scene::{Scene, setup};
 
 #[derive(Serialize)]
 struct Verdict {
@@ -22,9 +21,9 @@ struct Verdict {
 pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandError> {
     let store = stored::open(&args.table)?;
     let name = args.table.display().to_string();
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
-    let setup = setup(&scene, context)?;
-    stored::expect_setup(&store, &scene, &setup)?;
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let setup = scenes::setup(scene, context)?;
+    setup.expect_table(&store)?;
     let Some(stated) = store.error_report().cloned() else {
         return Err(CommandError::input(
             &name,
@@ -34,13 +33,14 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
         ));
     };
     let table = stored::load(&store, context)?;
-    let (truth, pair) =
-        stored::reference(&store, &scene, &setup, stated.reference_spacing, context)?;
+    let spacing = (stated.reference_spacing > 0.0).then_some(stated.reference_spacing);
+    let (reference, pair) = setup.reference(store.spec(), spacing, &context.progress)?;
+    context.progress.finish();
     let seed = args.seed.unwrap_or(stated.seed.wrapping_add(1));
-    let mut found = measure_error(&table, &truth, args.poses, seed);
-    found.reference_spacing = stated.reference_spacing;
-    let looks = args.poses.min(stored::CONDITION_POSES);
-    found.condition = Some(typical_condition(&pair, table.spec(), looks, seed));
+    let found = ErrorReport {
+        reference_spacing: stated.reference_spacing,
+        ..reference.measure(&table, &pair, args.poses, seed)
+    };
     let beyond = stated.exceeded_by(&found, args.margin);
     let count = beyond.len();
     let verdict = Verdict {

@@ -3,4 +3,3 @@
 pub(crate) mod html;
 pub(crate) mod output;
 pub(crate) mod parquet_log;
-pub mod poses;

@@ -20,6 +20,7 @@ use crate::direct::quadrature::{Blocks, merge_limit};
 use crate::direct::terms::{Side, Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
+use crate::level;
 use crate::pair::fields::Pair;
 
 /// How many points a [`DirectEvaluator`] uses.
@@ -230,7 +231,7 @@ impl DirectEvaluator {
         Ok(Self {
             products,
             gamma: pair.model().gamma,
-            level: Level::new(),
+            level: level::native(),
             description,
         })
     }

@@ -7,6 +7,7 @@
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
 mod bytes;
+mod examination;
 mod file;
 mod gltf;
 mod obj;
@@ -18,6 +19,7 @@ mod threemf;
 pub(crate) mod unit;
 mod write;
 
+pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
 pub use soup::Solid;
 pub use step::StepOptions;

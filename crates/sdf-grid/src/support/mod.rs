@@ -3,5 +3,7 @@
 pub mod atomic;
 #[doc(hidden)]
 pub mod large;
+#[doc(hidden)]
+pub mod level;
 pub(crate) mod monitor;
 pub mod recipe;

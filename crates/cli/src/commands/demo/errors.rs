@@ -1,12 +1,11 @@
 //! Correlation by transforms against direct quadrature, two implementations of one sum.
 
-use fft_correlate::{Correlator, DirectEvaluator};
-use ndarray::Array3;
+use fft_correlate::DirectEvaluator;
+use pegfit_scene::Assembly;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
 use crate::error::CommandError;
-use crate::scene::Assembly;
 
 /// Displacements compared.
 const POSES: usize = 400;
@@ -18,11 +17,8 @@ pub(super) fn quadrature(
     direct: &DirectEvaluator,
 ) -> Result<f64, CommandError> {
     let window = assembly.design()?.window;
-    let correlator = Correlator::new(&assembly.pair, &window)
-        .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
-    let rotation = assembly.setup.assembled.rotation;
-    let mut score = Array3::zeros(window.shape());
-    correlator.score(rotation, &mut correlator.scratch(), score.view_mut());
+    let score = assembly.scores(&window)?;
+    let rotation = assembly.setup.parts.assembled.rotation;
     let mut rng = SmallRng::seed_from_u64(11);
     let (mut difference, mut reference) = (0.0, 0.0);
     for _ in 0..POSES {

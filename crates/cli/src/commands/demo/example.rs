@@ -6,24 +6,22 @@ use std::time::Instant;
 use fft_correlate::DockingOptions;
 use fft_correlate::table::Errors;
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, PairSetup, Share, Well, bake,
-    measure_error,
+    DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, Share, Well, bake, measure_error,
 };
 use haptic::{Clock, LoopReport, Sample, Script};
 use pegfit_pictures::Slice;
-use sdf_grid::mesh_io;
+use pegfit_scene::{Assembly, Scene, SceneSetup};
 use sdf_grid::shapes::PegInHole;
+use sdf_grid::{atomic, mesh_io};
 use serde::Serialize;
 
 use super::errors;
 use crate::commands::plot::{
-    Motion, analyse, curve, densities, force_chart, overlap, score_surface,
+    Along, analyse, curve, densities, force_chart, overlap, score_surface,
 };
-use crate::commands::{dock, hand, stored};
+use crate::commands::{dock, hand, scenes, stored};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Assembly, Scene, explain_design};
-use sdf_grid::atomic;
 
 /// Seconds of the two tests in simulated time.
 const TEST_SECONDS: f64 = 6.0;
@@ -100,7 +98,7 @@ pub(super) fn run(
 ) -> Result<Example, CommandError> {
     let name = shape.name();
     context.progress.note(&format!("{name} peg and hole"));
-    let assembly = Assembly::load(write_scene(shape, out)?, context)?;
+    let assembly = scenes::load(write_scene(shape, out)?, context)?;
     let direct = assembly.direct(&DirectOptions::FULL)?;
     let fast = assembly.source(&DirectOptions::REAL_TIME)?;
     let (energies, table) = tabulate(
@@ -129,7 +127,8 @@ pub(super) fn run(
     let pictures = draw(&assembly, out, [&collision.samples, &snap.samples], context)?;
     Ok(Example {
         name,
-        triangles: [&assembly.setup.fixed, &assembly.setup.moving].map(|m| m.triangles().len()),
+        triangles: [&assembly.setup.parts.fixed, &assembly.setup.parts.moving]
+            .map(|m| m.triangles().len()),
         spacing_m: assembly.pair.spacing(),
         field_nodes: assembly.pair.fixed().lattice().len() + assembly.pair.moving().lattice().len(),
         field_seconds: assembly.field_seconds,
@@ -169,7 +168,7 @@ fn write_scene(shape: PegInHole, out: &Path) -> Result<Scene, CommandError> {
     );
     let path = out.join(format!("{name}.toml"));
     atomic::write(&path, text.as_bytes())?;
-    Scene::read(&path)
+    Ok(Scene::read(&path)?)
 }
 
 fn tabulate(
@@ -181,9 +180,7 @@ fn tabulate(
     let began = Instant::now();
     let design = assembly.design()?;
     let spec = &design.spec;
-    let energies = design
-        .energies(context.memory)
-        .map_err(|e| explain_design(&assembly.scene, e))?;
+    let energies = assembly.setup.energies(&design)?;
     discard(path)?;
     bake(path, spec, &energies, Share::ALL, &context.progress)
         .map_err(|e| stored::explain(path, e))?;
@@ -215,20 +212,18 @@ fn discard(path: &Path) -> Result<(), CommandError> {
 
 fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> {
     let began = Instant::now();
-    let setup = PairSetup {
-        // The scale of the whole example.
-        energy: EnergyScale::Gamma(assembly.pair.model().gamma),
-        ..assembly.setup.clone()
-    };
+    let mut setup: SceneSetup = assembly.setup.clone();
+    // The scale of the whole example.
+    setup.parts.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
     let options = DockingOptions {
         top: 5,
-        ..dock::options(&assembly.scene)?
+        ..setup.docking_options()
     };
-    let docking = dock::look(&assembly.scene, &setup, options, context)?;
+    let docking = dock::look(&setup, options, context)?;
     let seconds = began.elapsed().as_secs_f64();
     let Some(best) = docking.poses.first() else {
         return Err(CommandError::input(
-            assembly.scene.path.display().to_string(),
+            assembly.scene().path.display().to_string(),
             "docking",
             "at least one pose",
             "none",
@@ -262,14 +257,14 @@ fn draw(
         ("section", densities(assembly, &across, context)?),
         ("overlap", overlap(assembly, &slice, context)?),
         ("score", score_surface(assembly, [0, 2])?),
-        ("energy-x", curve(assembly, Motion::Translation(0))?),
-        ("energy-z", curve(assembly, Motion::Translation(2))?),
-        ("energy-rz", curve(assembly, Motion::Rotation(2))?),
+        ("energy-x", curve(assembly, Along::Axis(0))?),
+        ("energy-z", curve(assembly, Along::Axis(2))?),
+        ("energy-rz", curve(assembly, Along::About(2))?),
         ("collision", force("Collision test", collision)?),
         ("snap", force("Snap test", snap)?),
     ];
     let name = assembly
-        .scene
+        .scene()
         .path
         .file_stem()
         .map(|s| s.to_string_lossy().into_owned())

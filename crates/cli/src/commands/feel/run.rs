@@ -1,25 +1,25 @@
 //! From a scene and a device to a felt force, and what is told of it.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use haptic::scene::PairState;
 use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
+use pegfit_scene::{LivePairs, Scene};
+use sdf_grid::{Monitor, atomic};
 
 use super::page::page;
 use super::subject::Run;
 use super::words::{privileges, told};
 use crate::args::{FeelArgs, ScriptChoice};
-use crate::commands::pairs::LivePairs;
 use crate::commands::plot::force_chart;
-use crate::commands::{devices, hand};
+use crate::commands::{devices, hand, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
 use crate::report::parquet_log;
-use crate::scene::Scene;
 use crate::terminal::hold::Hold;
-use crate::terminal::progress::interrupted;
-use sdf_grid::atomic;
+use crate::terminal::progress::{Progress, interrupted};
 
 pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
     check(args)?;
@@ -28,7 +28,7 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         ScriptChoice::Snap => Script::Snap,
         ScriptChoice::Free => Script::Free,
     };
-    let pairs = LivePairs::start(Scene::read(&args.scene)?, args.table.as_deref(), context)?;
+    let pairs = load(args, context)?;
     let (spec, outcome) = feel(args, script, &pairs, context)?;
     let title = title(script, &outcome.report.device);
     if let Some(path) = &args.png {
@@ -64,6 +64,18 @@ fn check(args: &FeelArgs) -> Result<(), CommandError> {
     args.log.as_deref().map_or(Ok(()), parquet_log::require)
 }
 
+/// Loads what is in reach of the fit.
+fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
+    let scene = Scene::read(&args.scene)?;
+    let first = scene.clone().only(Some(&scene.fixed.name))?;
+    let assembly = scenes::load(first, context)?;
+    // The thread that loads hears of Ctrl-C and shows no bars.
+    let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));
+    let pairs = LivePairs::start(&scene, assembly, args.table.as_deref(), &quiet)?;
+    scenes::tell(&pairs.warnings, context);
+    Ok(pairs)
+}
+
 /// Runs the loop with the device that was asked for; what the device is, and what came of it.
 fn feel(
     args: &FeelArgs,
@@ -73,14 +85,14 @@ fn feel(
 ) -> Result<(DeviceSpec, Outcome), CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let _held = Hold::begin();
-    let mut device = match devices::choose(&args.device, &assembly.scene.device, context)? {
+    let mut device = match devices::choose(&args.device, &assembly.scene().device, context)? {
         Some(device) => device,
         None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
     };
     context.progress.note(&format!(
         "the {} holds {} for {} s",
         device.spec().name,
-        assembly.scene.moving.name,
+        assembly.scene().moving.name,
         args.seconds
     ));
     let keep = hand::Keep {
@@ -124,7 +136,7 @@ fn report(
         PairState::Failed => "could not be loaded".to_owned(),
         PairState::NoRoom => "not loaded: no room in the scene's memory".to_owned(),
     });
-    let scene = &pairs.assembly.scene;
+    let scene = pairs.assembly.scene();
     page(&Run {
         title,
         scene: &scene.path,

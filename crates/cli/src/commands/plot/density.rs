@@ -1,15 +1,17 @@
 //! Densities on a plane, each part's and their product (figures 4b to 4d).
 
+use fft_correlate::Pose;
 use ndarray::Array2;
 use num_complex::Complex32;
 use pegfit_pictures::{AXES, Slice, density_map, distance_contours, sheet};
+use pegfit_scene::Assembly;
 use sdf_grid::{
     Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Sampling, TriangleMesh,
 };
 
+use crate::commands::scenes::within;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::{Assembly, put};
 
 /// Samples along the longer side of a picture.
 const SAMPLES: usize = 260;
@@ -22,9 +24,9 @@ fn on_plane(
     slice: &Slice,
     context: &Context,
 ) -> Result<DensityField, CommandError> {
-    let failed = |e| CommandError::bad_input(assembly.context("density"), e);
+    let failed = |e| CommandError::bad_input(within(assembly, "density"), e);
     let kernel = DensityKernel::new(assembly.pair.model().sigma)
-        .map_err(|e| CommandError::bad_input(assembly.context("model"), e))?;
+        .map_err(|e| CommandError::bad_input(within(assembly, "model"), e))?;
     let options = DensityOptions {
         sampling: Sampling::Point,
         ..DensityOptions::default()
@@ -46,13 +48,13 @@ pub(in crate::commands) fn densities(
     context: &Context,
 ) -> Result<Vec<u8>, CommandError> {
     let model = *assembly.pair.model();
-    let unit = assembly.display_unit();
-    let (scene, setup, placement) = (&assembly.scene, &assembly.setup, assembly.placement());
+    let unit = assembly.setup.display_unit();
+    let (scene, setup) = (assembly.scene(), &assembly.setup);
     let parts = [
-        (&scene.fixed.name, put(&setup.fixed, &placement.fixed)),
-        (&scene.moving.name, put(&setup.moving, &placement.moving)),
+        (&scene.fixed.name, setup.placed_fixed()),
+        (&scene.moving.name, setup.moving_at(&Pose::IDENTITY)),
     ];
-    let bounds = assembly.bounds(0.1);
+    let bounds = assembly.setup.bounds(0.1);
     let mut maps = Vec::new();
     for (name, mesh) in parts {
         let field = on_plane(&mesh, assembly, &bounds, slice, context)?;
@@ -87,11 +89,10 @@ pub(in crate::commands) fn overlap(
     slice: &Slice,
     context: &Context,
 ) -> Result<Vec<u8>, CommandError> {
-    let unit = assembly.display_unit();
-    let bounds = assembly.bounds(0.1);
-    let (setup, placement) = (&assembly.setup, assembly.placement());
-    let moved = put(&setup.moving, &(assembly.assembled() * placement.moving));
-    let lies = put(&setup.fixed, &placement.fixed);
+    let unit = assembly.setup.display_unit();
+    let bounds = assembly.setup.bounds(0.1);
+    let moved = assembly.setup.moving_at(&assembly.assembled());
+    let lies = assembly.setup.placed_fixed();
     let fixed = on_plane(&lies, assembly, &bounds, slice, context)?;
     let moving = on_plane(&moved, assembly, &bounds, slice, context)?;
     context.progress.finish();

@@ -3,11 +3,11 @@
 use fft_correlate::DirectOptions;
 use haptic::{Clock, Sample, Script};
 use pegfit_pictures::{LineChart, Series};
+use pegfit_scene::Assembly;
 
 use crate::commands::hand;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::scene::Assembly;
 
 /// Seconds of each test.
 const SECONDS: f64 = 8.0;

@@ -7,7 +7,7 @@ mod run;
 mod surface;
 mod well;
 
-pub(super) use curve::{Motion, curve};
+pub(super) use curve::{Along, curve};
 pub(super) use density::{densities, overlap};
 pub(super) use force::force_chart;
 pub(super) use run::run;

@@ -3,31 +3,31 @@
 use std::path::Path;
 
 use pegfit_pictures::Slice;
+use pegfit_scene::Assembly;
+use sdf_grid::atomic;
 
-use super::curve::{Motion, curve};
+use super::curve::{Along, curve};
 use super::density::{densities, overlap};
 use super::surface::score_surface;
 use super::well::{analyse, print_well};
 use super::{force, surface};
 use crate::args::{PlotArgs, PlotKind};
+use crate::commands::scenes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::require_folder;
-use crate::scene::Assembly;
-use crate::scene::Scene;
-use sdf_grid::atomic;
 
 pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
     refuse_unused(args)?;
-    let scene = Scene::read(&args.scene)?.only(args.fixed.as_deref())?;
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
     let slice = match &args.slice {
         Some(text) => Some(Slice::parse(text, scene.unit).map_err(CommandError::slice)?),
         None => None,
     };
     let along = args.along.as_deref();
     let plane = surface::parse_plane(along.filter(|_| args.kind == PlotKind::Score))?;
-    let motion = Motion::parse(along.filter(|_| args.kind == PlotKind::Energy))?;
-    let assembly = Assembly::load(scene, context)?;
+    let motion = Along::parse(along.filter(|_| args.kind == PlotKind::Energy))?;
+    let assembly = scenes::load(scene, context)?;
     let slice = slice.unwrap_or_else(|| middle(&assembly));
     let picture = match args.kind {
         PlotKind::Density => densities(&assembly, &slice, context)?,

@@ -1,11 +1,12 @@
 //! The score over two translations (figure 5).
 
-use fft_correlate::{Correlator, TranslationWindow};
+use fft_correlate::TranslationWindow;
 use ndarray::{Array2, Array3, Axis};
 use pegfit_pictures::{AXES, PictureError, Surface};
+use pegfit_scene::Assembly;
 
+use crate::commands::scenes::within;
 use crate::error::CommandError;
-use crate::scene::Assembly;
 
 /// Two different axes from text such as `xz`; x and z if there is none.
 pub(super) fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError> {
@@ -29,18 +30,14 @@ pub(in crate::commands) fn score_surface(
     assembly: &Assembly,
     plane: [usize; 2],
 ) -> Result<Vec<u8>, CommandError> {
-    let failed = |e| CommandError::bad_input(assembly.context("window"), e);
-    let pose = assembly.setup.assembled;
-    let middle = assembly.pair.displacement(&pose);
+    let parts = &assembly.setup.parts;
+    let middle = assembly.pair.displacement(&parts.assembled);
     let across = 3 - plane[0] - plane[1];
-    let mut reach = assembly.setup.reach();
+    let mut reach = parts.reach();
     reach[across] = 0.0;
     let window = TranslationWindow::new(middle - reach, middle + reach, assembly.pair.spacing())
-        .map_err(failed)?;
-    let correlator = Correlator::new(&assembly.pair, &window)
-        .map_err(|e| CommandError::bad_input(assembly.context("window"), e))?;
-    let mut score = Array3::zeros(window.shape());
-    correlator.score(pose.rotation, &mut correlator.scratch(), score.view_mut());
+        .map_err(|e| CommandError::bad_input(within(assembly, "window"), e))?;
+    let score = assembly.scores(&window)?;
     Ok(draw(assembly, plane, &window, middle, &score)?)
 }
 
@@ -51,7 +48,7 @@ fn draw(
     middle: glam::DVec3,
     score: &Array3<f32>,
 ) -> Result<Vec<u8>, PictureError> {
-    let unit = assembly.display_unit();
+    let unit = assembly.setup.display_unit();
     let metre = unit.in_metres();
     let across = 3 - plane[0] - plane[1];
     // A fit between two nodes has two sheets; the first is within half a spacing.
@@ -73,7 +70,8 @@ fn draw(
     let surface = Surface {
         title: format!(
             "Score of {} in {} over two translations",
-            assembly.scene.moving.name, assembly.scene.fixed.name
+            assembly.scene().moving.name,
+            assembly.scene().fixed.name
         ),
         first: format!("{} ({unit})", AXES[plane[0]]),
         second: format!("{} ({unit})", AXES[plane[1]]),

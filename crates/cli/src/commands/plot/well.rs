@@ -1,25 +1,17 @@
 //! The well about the fit in numbers: depth, stiffness, diameter, barriers.
 
-use fft_correlate::{DirectOptions, Well, WellOptions};
+use fft_correlate::{DirectOptions, Well};
 use glam::DVec3;
 use pegfit_pictures::AXES;
+use pegfit_scene::Assembly;
 
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
-use crate::scene::Assembly;
 
 pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {
     let source = assembly.direct(&DirectOptions::REAL_TIME)?;
-    let options = WellOptions {
-        length: assembly.pair.spacing(),
-        radius: assembly.radius(),
-        reach: assembly.setup.reach().max_element(),
-        pivot: assembly.pair.pivot(),
-        directions: DVec3::AXES.into_iter().flat_map(|a| [a, -a]).collect(),
-    };
-    Well::analyse(&source, &assembly.setup.assembled, &options)
-        .map_err(|e| CommandError::bad_input(assembly.context("well"), e))
+    Ok(assembly.well(&source)?)
 }
 
 pub(in crate::commands) fn print_well(
@@ -30,7 +22,7 @@ pub(in crate::commands) fn print_well(
     if context.json {
         return print_json(well);
     }
-    let unit = assembly.display_unit();
+    let unit = assembly.setup.display_unit();
     let metre = unit.in_metres();
     crate::say!("depth       {:.4} mJ", 1e3 * well.depth);
     let offset = DVec3::from_array(well.offset) / metre;

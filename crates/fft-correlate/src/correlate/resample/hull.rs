@@ -144,13 +144,12 @@ fn normals() -> [DVec3; COUNT] {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::Level;
     use glam::DQuat;
     use rand::rngs::SmallRng;
     use rand::{Rng, SeedableRng};
 
     use super::*;
-    use crate::level::dispatch_lanes;
+    use crate::level::{dispatch_lanes, native};
 
     const NODES: usize = 24;
 
@@ -176,7 +175,7 @@ mod tests {
         let mut counts = [0; 2];
         for (x, y) in (0..size).flat_map(|x| (0..size).step_by(lines).map(move |y| (x, y))) {
             let within = 1..size - 1;
-            let level = Level::new();
+            let level = native();
             let range =
                 dispatch_lanes!(level, simd => hull.range(simd, x, y, lines, within.clone()));
             assert!(range.start >= within.start && range.end <= within.end);

@@ -1,6 +1,6 @@
 //! Distances and density integrals of packets.
 
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 use glam::DVec3;
 
 use super::lanes::Lanes;
@@ -8,7 +8,9 @@ use super::points::Points;
 use super::tree::PacketTree;
 use super::walk::Walk;
 use super::{alone, together};
+use crate::dispatch_lanes;
 use crate::field::kernel::CumulativeKernel;
+use crate::support::level;
 use crate::surface::bvh::tree::Bvh;
 
 /// Distances and density integrals of packets.
@@ -22,7 +24,7 @@ impl<'a> PacketDensity<'a> {
     pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
         Self {
             tree: PacketTree::new(bvh, table, tolerance),
-            level: Level::new(),
+            level: level::native(),
         }
     }
 
@@ -50,12 +52,12 @@ impl<'a> PacketDensity<'a> {
         distances: &Lanes,
         walk: &mut Walk,
     ) -> [Lanes; 2] {
-        dispatch!(self.level, simd => together::integrals(simd, &self.tree, points, distances, walk))
+        dispatch_lanes!(self.level, simd => together::integrals(simd, &self.tree, points, distances, walk))
     }
 
     /// The same at one point whose distance is not zero: where faces are so small that neighbouring
     /// points have hardly any clusters in common.
     pub(crate) fn integral(&self, point: DVec3, distance: f32, walk: &mut Walk) -> [f32; 2] {
-        dispatch!(self.level, simd => alone::integral(simd, &self.tree, point, distance, walk))
+        dispatch_lanes!(self.level, simd => alone::integral(simd, &self.tree, point, distance, walk))
     }
 }

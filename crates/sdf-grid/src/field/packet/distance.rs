@@ -1,6 +1,6 @@
 //! Nearest distance of a packet.
 
-use fearless_simd::{Level, dispatch, f32x16, prelude::*};
+use fearless_simd::{Level, f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -8,7 +8,9 @@ use rayon::prelude::*;
 use super::facet::{Facet, Hull, View};
 use super::lanes::Lanes;
 use super::points::{Packet, Points};
+use crate::dispatch_lanes;
 use crate::support::large::{self, prefetch};
+use crate::support::level;
 use crate::surface::bvh::node::Stack;
 use crate::surface::bvh::tree::Bvh;
 
@@ -26,7 +28,7 @@ impl<'a> PacketDistance<'a> {
             bvh,
             facets: large::collect(bvh.faces.par_iter().map(Facet::new)),
             hulls: large::collect(bvh.nodes.par_iter().map(Hull::new)),
-            level: Level::new(),
+            level: level::native(),
         }
     }
 
@@ -51,7 +53,7 @@ impl<'a> PacketDistance<'a> {
     /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
     /// replaced by the nearest one found: it changes the time, not the result.
     pub(crate) fn at(&self, points: &Points, hint: &mut usize) -> Lanes {
-        dispatch!(self.level, simd => distances(simd, self, points, hint))
+        dispatch_lanes!(self.level, simd => distances(simd, self, points, hint))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The parts of the packet code in single precision, against f64.
 
-use fearless_simd::{Level, dispatch, f32x16, prelude::*};
+use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
@@ -15,10 +15,12 @@ use super::query::Query;
 use super::settings::Settings;
 use super::tree::PacketTree;
 use super::walk::Walk;
+use crate::dispatch_lanes;
 use crate::field::kernel::CumulativeKernel;
 use crate::field::kernel::DensityKernel;
 use crate::field::point::edge_integral::EdgeQuadrature;
 use crate::mesh::shapes::{self, PegInHole, random_solid};
+use crate::support::level;
 use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
 
@@ -57,7 +59,7 @@ fn triangles_match_the_f64_edge_integrals() {
             let xi = bvh.nearest_normalized(*q).1.sqrt();
             for (i, t) in bvh.faces.iter().enumerate() {
                 let expected = exact.face(&table, t, *q, xi);
-                let [re, im] = dispatch!(Level::new(), simd => {
+                let [re, im] = dispatch_lanes!(level::native(), simd => {
                     triangle(simd, &tree, &Points::new(&[*q; LANES]), xi as f32, i)
                 });
                 let error = (Complex64::new(re.into(), im.into()) - expected).norm();
@@ -99,7 +101,7 @@ fn single_points_match_the_f64_edge_integrals() {
                     let xi = bvh.nearest_normalized(point).1.sqrt();
                     let parts = bvh.faces.iter().map(|t| exact.face(&table, t, point, xi));
                     let expected: Complex64 = parts.sum();
-                    for level in levels() {
+                    for level in level::tested() {
                         density.level = level;
                         let [re, im] = density.integral(point, xi as f32, &mut walk);
                         let found = Complex64::new(re.into(), im.into());
@@ -115,23 +117,6 @@ fn single_points_match_the_f64_edge_integrals() {
             assert!(error < tolerance, "{sigma} {tolerance:e}: {error:e}");
         }
     }
-}
-
-/// Every instruction set that this machine has.
-fn levels() -> Vec<Level> {
-    let best = Level::new();
-    #[cfg(target_arch = "x86_64")]
-    let others = [
-        best.as_sse2().map(Level::Sse2),
-        best.as_sse4_2().map(Level::Sse4_2),
-        best.as_avx2().map(Level::Avx2),
-    ];
-    #[cfg(not(target_arch = "x86_64"))]
-    let others: [Option<Level>; 0] = [];
-    [best]
-        .into_iter()
-        .chain(others.into_iter().flatten())
-        .collect()
 }
 
 /// Distances and integrals of packets all over a box of twice the part.
@@ -175,7 +160,7 @@ fn instruction_sets_agree() {
         for tolerance in [1e-3, 1e-5] {
             let mut density = PacketDensity::new(&bvh, &table, tolerance);
             let (distances, integrals) = values(&density);
-            for level in levels() {
+            for level in level::tested() {
                 density.level = level;
                 let found = values(&density);
                 let pairs = found.0.as_flattened().iter().zip(distances.as_flattened());
@@ -205,7 +190,7 @@ fn exponentials_and_angles_are_those_of_the_standard_library() {
     for i in 0..4000 {
         let x: Lanes = std::array::from_fn(|lane| -0.0003 * (16 * i + lane + 1) as f32);
         let y: Lanes = std::array::from_fn(|lane| (0.37 * (16 * i + lane) as f32).sin() * 20.0);
-        let [e, angle] = dispatch!(Level::new(), simd => elementary(simd, &x, &y));
+        let [e, angle] = dispatch_lanes!(level::native(), simd => elementary(simd, &x, &y));
         for lane in 0..LANES {
             let (x, y) = (f64::from(x[lane]), f64::from(y[lane]));
             // The polynomial's error, and the rounding of x in units of log 2.
@@ -241,7 +226,8 @@ fn expansions_are_those_of_the_radial_kernel() {
             [0.0, 0.0, 1.0],
             [0.7, -0.2, 0.01f32],
         ] {
-            let found = dispatch!(Level::new(), simd => expansion(simd, &kernel, &u, terms));
+            let found =
+                dispatch_lanes!(level::native(), simd => expansion(simd, &kernel, &u, terms));
             let [flat, first, bow] = terms.map(f64::from);
             for lane in 0..LANES {
                 let u = f64::from(u[lane]);
@@ -290,7 +276,7 @@ fn discs_keep_every_face_that_is_nearer_and_none_that_is_far() {
                 let nearer = |distance: f64| {
                     let mut best = [0.0; LANES];
                     best[lane] = (distance * distance) as f32;
-                    dispatch!(Level::new(), simd => nearer(simd, &facet, &points, &best))
+                    dispatch_lanes!(level::native(), simd => nearer(simd, &facet, &points, &best))
                 };
                 // Farther than the face by what single precision shows.
                 let room = 4e-7 * (exact + f64::from(points.half_diagonal()));

@@ -1,11 +1,10 @@
 //! The solids of a scene: read, cleaned, joined, each part in its own frame.
 
 use fft_correlate::Pose;
-use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh, mesh_io};
+use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh, mesh_io};
 
-use super::types::{Part, Scene};
-use crate::context::Context;
-use crate::error::CommandError;
+use crate::scene::{Part, Scene};
+use crate::setup::warning::SceneWarning;
 
 /// Parts whose diagonals differ by more than this are probably in different units.
 const SUSPICIOUS_RATIO: f64 = 30.0;
@@ -14,25 +13,22 @@ const SUSPICIOUS_RATIO: f64 = 30.0;
 pub(crate) fn read_part(
     scene: &Scene,
     part: &Part,
-    context: &Context,
-) -> Result<TriangleMesh, CommandError> {
-    let options = HygieneOptions::default();
+    warnings: &mut Vec<SceneWarning>,
+) -> Result<TriangleMesh, MeshError> {
+    let mut warn = |report: HygieneReport| {
+        warnings.extend(report.warnings().into_iter().map(SceneWarning::Mesh));
+    };
     let mut meshes = Vec::new();
     for placed in &part.meshes {
-        let reading = placed.choice().options(scene.unit);
-        let (mesh, report) = mesh_io::read_with(&placed.path, &reading)?;
-        for warning in report.warnings() {
-            context.progress.note(&format!("note: {warning}"));
-        }
+        let (mesh, report) = mesh_io::read_with(&placed.path, &placed.options(scene.unit))?;
+        warn(report);
         meshes.push(moved(mesh, &placed.pose));
     }
     if meshes.len() == 1 {
         return Ok(meshes.remove(0));
     }
-    let (mesh, report) = joined(&part.name, &meshes, &options)?;
-    for warning in report.warnings() {
-        context.progress.note(&format!("note: {warning}"));
-    }
+    let (mesh, report) = joined(&part.name, &meshes)?;
+    warn(report);
     Ok(mesh)
 }
 
@@ -44,11 +40,7 @@ fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {
 }
 
 /// All meshes as one. Walls between solids that touch disappear.
-fn joined(
-    name: &str,
-    meshes: &[TriangleMesh],
-    options: &HygieneOptions,
-) -> Result<(TriangleMesh, HygieneReport), CommandError> {
+fn joined(name: &str, meshes: &[TriangleMesh]) -> Result<(TriangleMesh, HygieneReport), MeshError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for mesh in meshes {
         // Each mesh was small enough for 32-bit indices; together they are checked when cleaned.
@@ -57,26 +49,21 @@ fn joined(
         let shifted = |t: &[u32; 3]| t.map(|v| v.saturating_add(first));
         triangles.extend(mesh.triangles().iter().map(shifted));
     }
-    Ok(TriangleMesh::clean(name, vertices, triangles, options)?)
+    TriangleMesh::clean(name, vertices, triangles, &HygieneOptions::default())
 }
 
-pub(super) fn warn_of_scale(
+/// Whether the parts differ in size as if they were in different units.
+pub(super) fn compare_scale(
     scene: &Scene,
     fixed: &TriangleMesh,
     moving: &TriangleMesh,
-    context: &Context,
-) {
+) -> Option<SceneWarning> {
     let (a, b) = (fixed.bounds().diagonal(), moving.bounds().diagonal());
-    let ratio = a.max(b) / a.min(b);
-    if ratio > SUSPICIOUS_RATIO {
-        let unit = scene.unit;
-        let metre = unit.in_metres();
-        context.progress.note(&format!(
-            "warning: {} is {:.4} {unit} across and {} is {:.4} {unit}: are both in {unit}?",
-            scene.fixed.name,
-            a / metre,
-            scene.moving.name,
-            b / metre
-        ));
-    }
+    (a.max(b) / a.min(b) > SUSPICIOUS_RATIO).then(|| SceneWarning::Scale {
+        fixed: scene.fixed.name.clone(),
+        fixed_diagonal: a,
+        moving: scene.moving.name.clone(),
+        moving_diagonal: b,
+        unit: scene.unit,
+    })
 }

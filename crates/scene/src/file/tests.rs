@@ -4,18 +4,18 @@ use fft_correlate::{EnergyScale, LatticeStep, ScoreModel};
 use glam::DVec3;
 use sdf_grid::Sampling;
 
-use super::types::*;
-use crate::error::CommandError;
+use crate::error::SceneError;
+use crate::scene::Scene;
 
 const SHORT: &str = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\n";
 
-fn parse(text: &str) -> Result<Scene, CommandError> {
+fn parse(text: &str) -> Result<Scene, SceneError> {
     Scene::parse(Path::new("scenes/a.toml"), text)
 }
 
 fn refusal(extra: &str) -> String {
     let error = parse(&format!("{SHORT}{extra}")).unwrap_err();
-    assert_eq!(error.exit(), crate::Exit::BadInput);
+    assert!(matches!(error, SceneError::Line(_)), "{error}");
     error.to_string()
 }
 
@@ -202,7 +202,9 @@ fn several_fixed_parts_and_subassemblies_are_read_and_chosen_by_name() {
     let one = scene.clone().only(Some("bearing")).unwrap();
     assert_eq!((one.fixed.name.as_str(), one.others.len()), ("bearing", 0));
     let refused = |name| scene.clone().only(name).unwrap_err().to_string();
-    assert!(refused(None).contains("--fixed NAME") && refused(None).contains("plate, bearing"));
+    assert!(
+        refused(None).contains("the name of one part") && refused(None).contains("plate, bearing")
+    );
     assert!(refused(Some("plato")).contains("`plato`"));
 }
 

@@ -6,10 +6,10 @@ use std::time::Duration;
 use fft_correlate::{EnergyScale, LatticeStep, Placement, Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
+use sdf_grid::mesh_io::{ReadOptions, StepOptions};
 use sdf_grid::{LengthUnit, Sampling};
 
-use crate::args::MeshChoice;
-use crate::error::CommandError;
+use crate::error::SceneError;
 
 /// A scene whose every value has been checked. Lengths are metres.
 #[derive(Debug, Clone)]
@@ -73,11 +73,16 @@ pub struct PlacedMesh {
 }
 
 impl PlacedMesh {
-    /// What of the file it is.
-    pub fn choice(&self) -> MeshChoice {
-        MeshChoice {
+    /// How its file is read; `unit` is that of files that state none.
+    pub fn options(&self, unit: LengthUnit) -> ReadOptions {
+        ReadOptions {
+            unit,
             solid: self.solid.clone(),
-            segments_per_turn: self.segments_per_turn,
+            step: StepOptions {
+                segments_per_turn: self.segments_per_turn,
+                ..StepOptions::default()
+            },
+            ..ReadOptions::default()
         }
     }
 }
@@ -85,7 +90,7 @@ impl PlacedMesh {
 /// What is kept in memory while the loop runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loading {
-    /// Bytes that loaded pairs may take together; what the command may use if absent.
+    /// Bytes that loaded pairs may take together; what the program may use if absent.
     pub memory: Option<u64>,
     /// How far ahead of the moving part pairs are loaded, metres; its longest side if absent.
     pub ahead: Option<f64>,
@@ -133,11 +138,6 @@ pub struct FitChoice {
 }
 
 impl Scene {
-    /// What errors say they are about: the file and a part of it.
-    pub(crate) fn context(&self, item: &str) -> String {
-        format!("{}: {item}", self.path.display())
-    }
-
     /// Where the first fixed part and the moving one are put.
     pub fn placement(&self) -> Placement {
         Placement {
@@ -155,25 +155,19 @@ impl Scene {
     ///
     /// # Errors
     /// If there is no such part, or several and no name.
-    pub fn only(mut self, name: Option<&str>) -> Result<Self, CommandError> {
-        let names: Vec<&str> = self.fixed_parts().map(|p| p.name.as_str()).collect();
-        let refuse = |expected: &str, found: String| {
-            CommandError::input(self.path.display().to_string(), "fixed", expected, found)
-        };
-        let fixed = match name {
+    pub fn only(mut self, name: Option<&str>) -> Result<Self, SceneError> {
+        let chosen = match name {
             None if self.others.is_empty() => return Ok(self),
-            None => {
-                return Err(refuse(
-                    "one part, or --fixed NAME to choose",
-                    names.join(", "),
-                ));
-            }
-            Some(name) => match self.fixed_parts().find(|p| p.name == name) {
-                Some(part) => part.clone(),
-                None => {
-                    return Err(refuse(&format!("a part called `{name}`"), names.join(", ")));
-                }
-            },
+            None => None,
+            Some(name) => self.fixed_parts().find(|p| p.name == name).cloned(),
+        };
+        let Some(fixed) = chosen else {
+            let names: Vec<&str> = self.fixed_parts().map(|p| p.name.as_str()).collect();
+            return Err(SceneError::FixedPart {
+                wanted: name.map(str::to_owned),
+                found: names.join(", "),
+                path: self.path,
+            });
         };
         self.fixed = fixed;
         self.others.clear();

@@ -8,8 +8,7 @@ use std::io::Read;
 use fft_correlate::{Pose, Response};
 use glam::{DQuat, DVec3};
 
-use crate::error::CommandError;
-use crate::scene::quaternion;
+use crate::file::values::quaternion;
 
 /// Columns of a pose, in the order they are written.
 pub const POSE_COLUMNS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
@@ -22,6 +21,31 @@ pub const SCORE_COLUMNS: [&str; 10] = [
 
 /// Column that is added when the condition number of the score is asked for (1 and above).
 pub const CONDITION_COLUMN: &str = "condition";
+
+/// Why rows of poses cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum PoseError {
+    /// A column is missing, or a value is not acceptable.
+    #[error("{file}: {item}: expected {expected}, found {found}")]
+    Value {
+        /// What the file is called.
+        file: String,
+        /// `header`, or the row, counted from 1, and the column.
+        item: String,
+        /// What would have been accepted.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// The text is not that of a table, or cannot be read.
+    #[error("{place}")]
+    Rows {
+        /// The file, and the row if it is known.
+        place: String,
+        /// Why.
+        source: csv::Error,
+    },
+}
 
 /// Reads poses row by row.
 pub struct PoseReader<R: Read> {
@@ -37,21 +61,29 @@ impl<R: Read> PoseReader<R> {
     ///
     /// # Errors
     /// If the header cannot be read or a pose column is missing.
-    pub fn new(name: &str, input: R) -> Result<Self, CommandError> {
+    pub fn new(name: &str, input: R) -> Result<Self, PoseError> {
         let mut rows = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
             .from_reader(input);
         let header = rows
             .headers()
-            .map_err(|e| CommandError::bad_input(name, e))?
+            .map_err(|source| PoseError::Rows {
+                place: name.to_owned(),
+                source,
+            })?
             .clone();
         let mut columns = [0; 7];
         for (column, wanted) in columns.iter_mut().zip(POSE_COLUMNS) {
-            *column = header.iter().position(|h| h == wanted).ok_or_else(|| {
-                let found = header.iter().collect::<Vec<_>>().join(",");
-                CommandError::input(name, "header", format!("a column `{wanted}`"), found)
-            })?;
+            *column = header
+                .iter()
+                .position(|h| h == wanted)
+                .ok_or_else(|| PoseError::Value {
+                    file: name.to_owned(),
+                    item: "header".to_owned(),
+                    expected: format!("a column `{wanted}`"),
+                    found: header.iter().collect::<Vec<_>>().join(","),
+                })?;
         }
         Ok(Self {
             name: name.to_owned(),
@@ -62,12 +94,15 @@ impl<R: Read> PoseReader<R> {
         })
     }
 
-    fn next_pose(&mut self) -> Result<Option<Pose>, CommandError> {
+    fn next_pose(&mut self) -> Result<Option<Pose>, PoseError> {
         self.row += 1;
         let more = self
             .rows
             .read_record(&mut self.record)
-            .map_err(|e| CommandError::bad_input(format!("{}: row {}", self.name, self.row), e))?;
+            .map_err(|source| PoseError::Rows {
+                place: format!("{}: row {}", self.name, self.row),
+                source,
+            })?;
         if !more {
             return Ok(None);
         }
@@ -80,22 +115,28 @@ impl<R: Read> PoseReader<R> {
             };
         }
         let [x, y, z, qx, qy, qz, qw] = values;
-        let rotation = quaternion([qx, qy, qz, qw])
-            .map_err(|found| self.bad("qx,qy,qz,qw", "a unit quaternion (within 1e-3)", found))?;
+        let rotation = quaternion([qx, qy, qz, qw]).map_err(|length| {
+            let found = format!("length {length}");
+            self.bad("qx,qy,qz,qw", "a unit quaternion (within 1e-3)", found)
+        })?;
         Ok(Some(Pose {
             rotation,
             translation: DVec3::new(x, y, z),
         }))
     }
 
-    fn bad(&self, column: &str, expected: &str, found: String) -> CommandError {
-        let item = format!("row {}, column {column}", self.row);
-        CommandError::input(&self.name, item, expected, found)
+    fn bad(&self, column: &str, expected: &str, found: String) -> PoseError {
+        PoseError::Value {
+            file: self.name.clone(),
+            item: format!("row {}, column {column}", self.row),
+            expected: expected.to_owned(),
+            found,
+        }
     }
 }
 
 impl<R: Read> Iterator for PoseReader<R> {
-    type Item = Result<Pose, CommandError>;
+    type Item = Result<Pose, PoseError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.next_pose().transpose()
@@ -175,7 +216,7 @@ pub fn append_score(text: &mut String, scored: &ScoredPose) {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Vec<Pose>, CommandError> {
+    fn read(text: &str) -> Result<Vec<Pose>, PoseError> {
         PoseReader::new("poses.csv", text.as_bytes())?.collect()
     }
 

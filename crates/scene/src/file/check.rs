@@ -1,0 +1,227 @@
+//! From the scene as written to the scene as used: ranges, defaults, metres and radians.
+
+use std::path::Path;
+use std::time::Duration;
+
+use fft_correlate::{EnergyScale, LatticeStep, RotationDomain, ScoreModel};
+use glam::DVec3;
+use haptic::HapticConfig;
+use sdf_grid::Sampling;
+use toml::Spanned;
+
+use crate::error::SceneError;
+use crate::file::check_parts::{fixed, moving};
+use crate::file::raw::{
+    Preset, RawEnergy, RawFit, RawLattice, RawLoading, RawModel, RawSampling, RawScene, RawWindow,
+};
+use crate::file::source::Source;
+use crate::file::values::Values;
+use crate::scene::{FitChoice, LatticeChoice, Loading, Scene, WindowChoice};
+
+/// Force that a scene without an energy scale peaks at, newtons: what a desktop device renders.
+const DEFAULT_PEAK_FORCE: f64 = 5.0;
+
+/// Relative L2 error of a field unless the scene asks for another.
+const DEFAULT_TOLERANCE: f64 = 1e-3;
+
+/// Degrees to which rotations of a table are loaded ahead: a hand that turns by 5 rad/s, as fast as
+/// hands do, takes 35 ms for it, in which the loader looks, reads and shows what it has read.
+const DEFAULT_TURN_AHEAD: f64 = 10.0;
+
+/// Seconds between two looks at a scene's files unless it asks for another.
+const DEFAULT_WATCH: f64 = 0.5;
+
+/// Rotations of a scene that names none: a ball about the mesh's own orientation.
+const DEFAULT_ROTATIONS: RotationDomain = RotationDomain::Ball {
+    center: [0.0, 0.0, 0.0, 1.0],
+    angle_deg: 20.0,
+    step_deg: 5.0,
+};
+
+pub(super) fn scene(raw: RawScene, source: Source<'_>) -> Result<Scene, SceneError> {
+    let values = Values {
+        source,
+        folder: source.path.parent().unwrap_or(Path::new("")).to_owned(),
+        metres: raw.unit.in_metres(),
+    };
+    let (fixed, others) = fixed(&raw.fixed, &values)?;
+    Ok(Scene {
+        path: source.path.to_owned(),
+        unit: raw.unit,
+        fixed,
+        others,
+        moving: moving(&raw.moving, &values)?,
+        model: model(&raw.model, &values)?,
+        energy: energy(&raw.energy, &values)?,
+        lattice: lattice(&raw.lattice, &values)?,
+        window: window(&raw.window, &values)?,
+        rotations_given: raw.rotations.is_some(),
+        rotations: raw.rotations.unwrap_or(DEFAULT_ROTATIONS),
+        fit: fit(&raw.fit, &values)?,
+        device: device(raw.device, &values)?,
+        loading: loading(&raw.loading, &values)?,
+        cache: (values.folder).join(raw.cache.as_deref().unwrap_or(".pegfit-cache")),
+    })
+}
+
+fn loading(raw: &RawLoading, values: &Values<'_>) -> Result<Loading, SceneError> {
+    let memory = match &raw.memory_mib {
+        // More than a double counts exactly is as good as no limit.
+        Some(m) => Some((values.positive(m, "memory_mib")? * f64::from(1 << 20)) as u64),
+        None => None,
+    };
+    let ahead = match &raw.ahead {
+        Some(a) => Some(values.natural(a, "ahead")? * values.metres),
+        None => None,
+    };
+    let watch = match &raw.watch_s {
+        Some(w) => values.positive(w, "watch_s")?.clamp(0.01, 3600.0),
+        None => DEFAULT_WATCH,
+    };
+    let turn_ahead = match &raw.turn_ahead_deg {
+        Some(a) => values.natural(a, "turn_ahead_deg")?.min(360.0),
+        None => DEFAULT_TURN_AHEAD,
+    };
+    Ok(Loading {
+        memory,
+        ahead,
+        turn_ahead: turn_ahead.to_radians(),
+        watch: Duration::from_secs_f64(watch),
+    })
+}
+
+fn fit(raw: &RawFit, values: &Values<'_>) -> Result<FitChoice, SceneError> {
+    let axis = match &raw.axis {
+        None => None,
+        Some(a) => Some(
+            (values.finite(a, "axis")?.try_normalize())
+                .ok_or_else(|| values.error(a.span(), "axis: expected a direction, found zero"))?,
+        ),
+    };
+    Ok(FitChoice {
+        depth: values.length(&raw.depth, "depth")?,
+        assembled: values.pose(&raw.position, &raw.rotation)?,
+        axis,
+    })
+}
+
+fn device(
+    raw: Option<Spanned<HapticConfig>>,
+    values: &Values<'_>,
+) -> Result<HapticConfig, SceneError> {
+    let Some(table) = raw else {
+        return Ok(HapticConfig::default());
+    };
+    (table.get_ref().validate()).map_err(|e| values.error(table.span(), format!("device: {e}")))?;
+    Ok(table.into_inner())
+}
+
+/// One of a model's values.
+type Value = fn(&mut ScoreModel) -> &mut f64;
+
+fn model(raw: &RawModel, values: &Values<'_>) -> Result<ScoreModel, SceneError> {
+    let mut model = match raw.preset {
+        Preset::Paper => ScoreModel::PAPER,
+        Preset::Guided => ScoreModel::GUIDED,
+    };
+    let given: [(_, Value); 4] = [
+        (&raw.sigma, |m| &mut m.sigma),
+        (&raw.lambda_exterior, |m| &mut m.lambda_exterior),
+        (&raw.lambda_interior, |m| &mut m.lambda_interior),
+        (&raw.separation_weight, |m| &mut m.separation_weight),
+    ];
+    // Each value is validated as it is set, so that an error can show the line it came from.
+    for (value, place) in given {
+        let Some(value) = value else { continue };
+        *place(&mut model) = *value.get_ref();
+        (model.validate()).map_err(|e| values.error(value.span(), e.to_string()))?;
+    }
+    Ok(model)
+}
+
+fn energy(raw: &RawEnergy, values: &Values<'_>) -> Result<EnergyScale, SceneError> {
+    match (&raw.gamma, &raw.peak_force) {
+        (Some(_), Some(force)) => Err(values.error(
+            force.span(),
+            "energy: expected gamma or peak_force, found both",
+        )),
+        (Some(gamma), None) => Ok(EnergyScale::Gamma(values.positive(gamma, "gamma")?)),
+        (None, Some(force)) => {
+            let force = values.positive(force, "peak_force")?;
+            Ok(EnergyScale::PeakForce(force))
+        }
+        (None, None) => Ok(EnergyScale::PeakForce(DEFAULT_PEAK_FORCE)),
+    }
+}
+
+fn lattice(raw: &RawLattice, values: &Values<'_>) -> Result<LatticeChoice, SceneError> {
+    let step = step(raw, values)?;
+    let halo = values.length(&raw.halo, "halo")?;
+    let field_tolerance = match &raw.field_tolerance {
+        Some(t) if !(1e-5..=1e-2).contains(t.get_ref()) => {
+            let found = t.get_ref();
+            let message = format!("field_tolerance: expected 1e-5 to 1e-2, found {found}");
+            return Err(values.error(t.span(), message));
+        }
+        Some(t) => *t.get_ref(),
+        None => DEFAULT_TOLERANCE,
+    };
+    let sampling = match raw.sampling {
+        Some(RawSampling::Point) => Sampling::Point,
+        Some(RawSampling::CellAverage) | None => Sampling::CellAverage,
+    };
+    let deaverage = match &raw.deaverage {
+        Some(d) if *d.get_ref() && sampling == Sampling::Point => {
+            return Err(values.error(
+                d.span(),
+                "deaverage: expected with sampling = \"cell-average\", found with \"point\"",
+            ));
+        }
+        d => d.as_ref().is_some_and(|d| *d.get_ref()),
+    };
+    Ok(LatticeChoice {
+        step,
+        halo,
+        field_tolerance,
+        sampling,
+        deaverage,
+    })
+}
+
+fn step(raw: &RawLattice, values: &Values<'_>) -> Result<LatticeStep, SceneError> {
+    match (&raw.spacing, &raw.points) {
+        (Some(_), Some(points)) => Err(values.error(
+            points.span(),
+            "lattice: expected spacing or points, found both",
+        )),
+        (Some(spacing), None) => {
+            let spacing = values.positive(spacing, "spacing")? * values.metres;
+            Ok(LatticeStep::Spacing(spacing))
+        }
+        (None, Some(n)) if *n.get_ref() < 4 => {
+            let message = format!("points: expected at least 4, found {}", n.get_ref());
+            Err(values.error(n.span(), message))
+        }
+        (None, Some(n)) => Ok(LatticeStep::Points(*n.get_ref())),
+        (None, None) => Ok(LatticeStep::Automatic),
+    }
+}
+
+fn window(raw: &RawWindow, values: &Values<'_>) -> Result<WindowChoice, SceneError> {
+    let center = values.point(&raw.center, "center")?;
+    let half_extent = match &raw.half_extent {
+        None => None,
+        Some(e) => {
+            let v = e.get_ref().to_array();
+            if !v.iter().all(|x| x.is_finite() && *x >= 0.0) {
+                let message = format!("half_extent: expected finite numbers >= 0, found {v:?}");
+                return Err(values.error(e.span(), message));
+            }
+            Some(DVec3::from_array(v) * values.metres)
+        }
+    };
+    Ok(WindowChoice {
+        center,
+        half_extent,
+    })
+}

@@ -1,0 +1,42 @@
+//! Scene files of mechanical assemblies: read, checked, and ready to be scored, docked or felt.
+//!
+//! A scene is TOML. Three lines suffice: the unit and the two meshes. Every key is described in
+//! `docs/scene.md`.
+//!
+//! ```text
+//! Scene::read -> SceneSetup::read -> Assembly::new -> LivePairs::start
+//! checked text   meshes              fields           several pairs beside a loop
+//! ```
+//!
+//! ```no_run
+//! use fft_correlate::{DirectOptions, EnergySource};
+//! use pegfit_scene::{Assembly, Scene};
+//! use sdf_grid::Silent;
+//!
+//! let scene = Scene::read("scene.toml")?;
+//! let assembly = Assembly::load(scene, 4 << 30, &Silent)?;
+//! let source = assembly.source(&DirectOptions::FULL)?;
+//! let response = source.evaluate(&assembly.assembled(), &mut source.scratch());
+//! println!("{} J", response.energy);
+//! # Ok::<(), pegfit_scene::SceneError>(())
+//! ```
+//!
+//! Nothing here prints: what a user should know comes as [`SceneWarning`]s, what goes wrong as
+//! [`SceneError`]s. [`poses`] reads and writes poses as comma-separated rows.
+
+mod assembly;
+mod error;
+mod file;
+mod live;
+pub mod poses;
+mod scene;
+mod setup;
+
+pub use assembly::loaded::Assembly;
+pub use assembly::profile::{Motion, ProfilePoint};
+pub use error::{LineError, Refusal, SceneError};
+pub use live::live_pairs::LivePairs;
+pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
+pub use setup::scene_setup::SceneSetup;
+pub use setup::tables::TableReference;
+pub use setup::warning::SceneWarning;

@@ -1,0 +1,183 @@
+//! One pair of a scene as files: what it will take, and how it is loaded.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fft_correlate::{EnergyScale, Pair, PairSetup, TableStore};
+use glam::DVec3;
+use haptic::PairSpec;
+use haptic::scene::{
+    Content, LoadFailure, Loaded, Loader, beside_the_loop, direct_reach, table_reach,
+};
+use sdf_grid::{Aabb, Monitor, TriangleMesh};
+
+use crate::assembly::loaded::Assembly;
+use crate::error::SceneError;
+use crate::scene::Scene;
+use crate::setup::meshes::read_part;
+use crate::setup::scene_setup::{SceneSetup, pair_setup};
+use crate::setup::warning::SceneWarning;
+
+/// One pair as files.
+#[derive(Clone)]
+pub(super) struct PairFiles {
+    /// With this fixed part only, and the energy scale of the whole scene.
+    pub(super) scene: Scene,
+    table: Option<PathBuf>,
+    /// What reaches speak of, metres, moving part's own frame.
+    pivot: DVec3,
+    /// Bytes that computations may plan to use.
+    memory: u64,
+}
+
+/// What is known of a pair before it is loaded.
+pub(super) struct Extent {
+    /// Where the pivot must be, metres, fixed part's frame.
+    pub(super) reach: Aabb,
+    /// Memory it takes at most; 0 for a table that is kept in part.
+    pub(super) bytes: u64,
+}
+
+impl Extent {
+    pub(super) fn of_spec(spec: &PairSpec) -> Self {
+        Self {
+            reach: spec.reach,
+            bytes: spec.bytes,
+        }
+    }
+
+    pub(super) fn of_loaded(loaded: &Loaded) -> Self {
+        Self {
+            reach: loaded.reach,
+            bytes: match &loaded.content {
+                Content::Whole { bytes, .. } => *bytes,
+                Content::Table(_) => 0,
+            },
+        }
+    }
+}
+
+impl PairFiles {
+    /// All pairs of a scene, in the order of its fixed parts; `table` is that of the first, in place
+    /// of the scene's. `assembly` is the first's.
+    pub(super) fn all(
+        scene: &Scene,
+        assembly: &Assembly,
+        table: Option<&Path>,
+    ) -> Result<Vec<Self>, SceneError> {
+        let files = scene.fixed_parts().enumerate().map(|(index, part)| {
+            let mut single = scene.clone().only(Some(&part.name))?;
+            let given = table.filter(|_| index == 0).map(Path::to_owned);
+            let table = given.or_else(|| part.table.clone());
+            // A table has its own energy scale; all others share one.
+            if table.is_none() {
+                single.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
+            }
+            Ok(Self {
+                scene: single,
+                table,
+                pivot: assembly.pair.pivot(),
+                memory: assembly.setup.memory,
+            })
+        });
+        files.collect()
+    }
+
+    /// Whether both are the same solids, wherever they stand, asked in the same way.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        self.scene.fixed.meshes == other.scene.fixed.meshes && self.table == other.table
+    }
+
+    /// The files that decide it.
+    pub(super) fn watched(&self) -> Vec<PathBuf> {
+        let parts = [&self.scene.fixed, &self.scene.moving];
+        let meshes = parts.into_iter().flat_map(|part| &part.meshes);
+        let mut files: Vec<PathBuf> = meshes.map(|m| m.path.clone()).collect();
+        files.extend(self.table.iter().map(|t| t.join("zarr.json")));
+        files
+    }
+
+    /// The reach and an upper estimate of the memory, from meshes and metadata alone.
+    pub(super) fn survey(
+        &self,
+        moving: &Arc<TriangleMesh>,
+        warnings: &mut Vec<SceneWarning>,
+    ) -> Result<Extent, SceneError> {
+        if let Some(path) = &self.table {
+            let store = TableStore::open(path)?;
+            return Ok(Extent {
+                reach: table_reach(store.spec(), self.pivot),
+                bytes: 0,
+            });
+        }
+        let fixed = read_part(&self.scene, &self.scene.fixed, warnings)?;
+        let parts = pair_setup(&self.scene, fixed, Arc::clone(moving), self.memory)?;
+        let plan = parts.plan().map_err(|e| self.scene.fields_error(e))?;
+        let (bounds, radius) = self.bounds(&parts);
+        Ok(Extent {
+            reach: direct_reach(&parts.model, plan.density.halo, &bounds, radius),
+            bytes: plan.bytes,
+        })
+    }
+
+    /// The pair of the scene's first fixed part, whose assembly is there.
+    pub(super) fn first(
+        &self,
+        assembly: &Assembly,
+        warnings: &mut Vec<SceneWarning>,
+    ) -> Result<Loaded, SceneError> {
+        let Some(path) = &self.table else {
+            return self.direct(&assembly.setup.parts, &assembly.pair);
+        };
+        let store = TableStore::open(path)?;
+        if assembly.pair.model().gamma != store.spec().model().gamma {
+            warnings.push(SceneWarning::EnergyScale {
+                table: path.clone(),
+            });
+        }
+        self.interpolated(store, &assembly.setup)
+    }
+
+    /// What loads it; `first` is given on the first load. The threads that load ask `monitor`.
+    pub(super) fn loader(
+        self,
+        mut first: Option<Loaded>,
+        monitor: Arc<dyn Monitor + Send>,
+    ) -> Loader {
+        let load = move || -> Result<Loaded, LoadFailure> {
+            match first.take() {
+                Some(loaded) => Ok(loaded),
+                None => Ok(beside_the_loop(|| self.load(&*monitor))??),
+            }
+        };
+        Box::new(load)
+    }
+
+    fn load(&self, monitor: &dyn Monitor) -> Result<Loaded, SceneError> {
+        // Opened first: a table that is not there is no reason to read meshes.
+        let store = self.table.as_deref().map(TableStore::open).transpose()?;
+        let setup = SceneSetup::read(self.scene.clone(), self.memory)?;
+        match store {
+            Some(store) => self.interpolated(store, &setup),
+            None => self.direct(&setup.parts, &setup.pair(monitor)?),
+        }
+    }
+
+    fn direct(&self, parts: &PairSetup, pair: &Pair) -> Result<Loaded, SceneError> {
+        let (bounds, radius) = self.bounds(parts);
+        Loaded::direct(pair, &bounds, radius)
+            .map_err(|e| SceneError::refused(&self.scene.path, "", e))
+    }
+
+    /// The table, if it belongs to the parts as they are.
+    fn interpolated(&self, store: TableStore, setup: &SceneSetup) -> Result<Loaded, SceneError> {
+        setup.expect_table(&store)?;
+        Ok(Loaded::table(store, self.pivot)?)
+    }
+
+    /// Bounds of the fixed part, and the moving part's radius about the point that reaches speak of,
+    /// metres.
+    fn bounds(&self, parts: &PairSetup) -> (Aabb, f64) {
+        (parts.fixed.bounds(), parts.moving.radius_about(self.pivot))
+    }
+}

@@ -1,0 +1,154 @@
+//! A scene whose meshes have been read: solids, how finely, which displacements and rotations.
+
+use std::sync::Arc;
+
+use fft_correlate::{
+    Docking, DockingOptions, DockingReport, Pair, PairBuilder, PairSetup, Placement, Pose,
+    RotationDomain,
+};
+use sdf_grid::{Aabb, FieldCache, LengthUnit, Monitor, TriangleMesh};
+
+use crate::error::SceneError;
+use crate::scene::Scene;
+use crate::setup::meshes::{compare_scale, read_part};
+use crate::setup::warning::SceneWarning;
+
+/// A scene with one fixed part whose meshes have been read; nothing is computed yet.
+#[derive(Debug, Clone)]
+pub struct SceneSetup {
+    /// The scene.
+    pub scene: Scene,
+    /// Its parts, each in its own frame, and what is asked of their pair there.
+    pub parts: PairSetup,
+    /// The rotations that it names, of the shapes.
+    pub rotations: RotationDomain,
+    /// Bytes that computations may plan to use.
+    pub memory: u64,
+    /// What its user should know.
+    pub warnings: Vec<SceneWarning>,
+}
+
+impl SceneSetup {
+    /// Reads the meshes of a scene with one fixed part; computations may use `memory` bytes.
+    ///
+    /// # Errors
+    /// If the scene has several fixed parts, a mesh or rotation cannot be used, or the cache's folder
+    /// cannot be made.
+    pub fn read(scene: Scene, memory: u64) -> Result<Self, SceneError> {
+        let scene = scene.only(None)?;
+        let rotations = (scene.rotations.in_shapes(&scene.placement()))
+            .map_err(|e| SceneError::refused(&scene.path, "rotations", e))?;
+        let mut warnings = Vec::new();
+        let fixed = read_part(&scene, &scene.fixed, &mut warnings)?;
+        let moving = Arc::new(read_part(&scene, &scene.moving, &mut warnings)?);
+        warnings.extend(compare_scale(&scene, &fixed, &moving));
+        Ok(Self {
+            parts: pair_setup(&scene, fixed, moving, memory)?,
+            scene,
+            rotations,
+            memory,
+            warnings,
+        })
+    }
+
+    /// The pair, its fields computed or found in the cache, with the scene's energy scale.
+    ///
+    /// # Errors
+    /// If the fields cannot be had or do not fit in memory, or the monitor cancels.
+    pub fn pair(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        (self.parts.load(monitor)).map_err(|e| self.scene.pair_error(e))
+    }
+
+    /// What the scene asks of docking: its rotations, if it names any.
+    pub fn docking_options(&self) -> DockingOptions {
+        DockingOptions {
+            rotations: (self.scene.rotations_given).then(|| self.rotations.clone()),
+            ..DockingOptions::default()
+        }
+    }
+
+    /// Looks for the pose where the moving part belongs; the poses found are those of the shapes.
+    ///
+    /// # Errors
+    /// If fields or correlations cannot be had or do not fit in memory, or the monitor cancels before
+    /// anything is found.
+    pub fn dock(
+        &self,
+        options: DockingOptions,
+        monitor: &dyn Monitor,
+    ) -> Result<DockingReport, SceneError> {
+        let found = Docking::new(&self.parts, options).run(monitor);
+        found.map_err(|e| self.scene.docking_error(e))
+    }
+
+    /// Where the scene puts the shapes.
+    pub fn placement(&self) -> &Placement {
+        &self.parts.placement
+    }
+
+    /// The fixed part where the scene puts it.
+    pub fn placed_fixed(&self) -> TriangleMesh {
+        put(&self.parts.fixed, &self.placement().fixed)
+    }
+
+    /// The moving part where `pose`, a pose in the scene, takes it.
+    pub fn moving_at(&self, pose: &Pose) -> TriangleMesh {
+        put(&self.parts.moving, &(*pose * self.placement().moving))
+    }
+
+    /// The box in the scene around both assembled parts, grown by `margin` of its longest side.
+    pub fn bounds(&self, margin: f64) -> Aabb {
+        let moving = self.moving_at(&self.scene.fit.assembled);
+        let both = self.placed_fixed().bounds().union(&moving.bounds());
+        both.grown(margin * both.size().max_element())
+    }
+
+    /// The unit for reports and pictures: the scene's, but millimetres instead of small fractions of
+    /// a metre.
+    pub fn display_unit(&self) -> LengthUnit {
+        let longest = self.bounds(0.0).size().max_element();
+        match self.scene.unit {
+            LengthUnit::M if longest < 0.5 => LengthUnit::Mm,
+            unit => unit,
+        }
+    }
+}
+
+fn put(mesh: &TriangleMesh, pose: &Pose) -> TriangleMesh {
+    mesh.transformed(pose.rotation, pose.translation)
+}
+
+/// What a scene asks of the pair of its first fixed part and the moving one, which have been read.
+///
+/// # Errors
+/// If the cache's folder cannot be made.
+pub(crate) fn pair_setup(
+    scene: &Scene,
+    fixed: TriangleMesh,
+    moving: Arc<TriangleMesh>,
+    memory: u64,
+) -> Result<PairSetup, SceneError> {
+    let lattice = &scene.lattice;
+    let cache =
+        FieldCache::new(&scene.cache).map_err(|e| SceneError::refused(&scene.path, "cache", e))?;
+    let placement = scene.placement();
+    Ok(PairSetup {
+        builder: PairBuilder {
+            spacing: lattice.step.spacing(&fixed, &moving),
+            halo: lattice.halo,
+            tolerance: lattice.field_tolerance,
+            sampling: lattice.sampling,
+            deaverage: lattice.deaverage,
+            memory_limit: Some(memory),
+        },
+        fixed: Arc::new(fixed),
+        moving,
+        model: scene.model,
+        energy: scene.energy,
+        assembled: placement.to_shapes(&scene.fit.assembled),
+        center: placement.direction_to_shapes(scene.window.center),
+        half_extent: scene.window.half_extent,
+        placement,
+        cache: Some(cache),
+    })
+}

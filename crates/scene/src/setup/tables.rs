@@ -1,0 +1,148 @@
+//! The table of a scene: designed, filled, and compared with the scene and with the truth.
+
+use fft_correlate::table::{TableSetupError, TolerantDesign, Trial};
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairEnergies, StoreError,
+    TableDesign, TableSpec, TableStore, measure_error, typical_condition,
+};
+use sdf_grid::Monitor;
+
+use crate::error::SceneError;
+use crate::setup::scene_setup::SceneSetup;
+
+/// At how many poses at most the condition number of the score is found, cell by cell.
+const CONDITION_POSES: usize = 32;
+
+/// What the error of a table is measured against.
+pub struct TableReference {
+    /// Direct quadrature, with the table's energy scale.
+    pub truth: DirectEvaluator,
+    /// Spacing of the lattices that it sums over, metres.
+    pub spacing: f64,
+}
+
+impl TableReference {
+    /// The error of a table at `poses` random poses, and the median condition number of the score of
+    /// `pair` at the first 32 of them.
+    pub fn measure(
+        &self,
+        table: &EnergyTable,
+        pair: &Pair,
+        poses: usize,
+        seed: u64,
+    ) -> ErrorReport {
+        let looks = poses.min(CONDITION_POSES);
+        let mut report = measure_error(table, &self.truth, poses, seed);
+        report.reference_spacing = self.spacing;
+        report.condition = Some(typical_condition(pair, table.spec(), looks, seed));
+        report
+    }
+}
+
+impl SceneSetup {
+    /// The table of the scene; `pair` is [`SceneSetup::pair`]'s.
+    ///
+    /// # Errors
+    /// If its window has too many nodes.
+    pub fn design(&self, pair: Pair) -> Result<TableDesign, SceneError> {
+        let design = TableDesign::new(&self.parts, pair, self.rotations.clone());
+        design.map_err(|e| self.scene.design_error(e))
+    }
+
+    /// The coarsest table of the scene whose force error, the rms as a share of the rms force, is
+    /// within `tolerance` by its probes; `tried` hears of every step.
+    ///
+    /// # Errors
+    /// As [`TableDesign::for_tolerance`].
+    pub fn design_for(
+        &self,
+        tolerance: f64,
+        monitor: &dyn Monitor,
+        tried: &mut dyn FnMut(Trial),
+    ) -> Result<TolerantDesign, SceneError> {
+        let (parts, rotations) = (&self.parts, &self.rotations);
+        TableDesign::for_tolerance(parts, rotations, tolerance, self.memory, monitor, tried)
+            .map_err(|e| self.scene.tolerance_error(e))
+    }
+
+    /// The correlation that fills a table of the scene.
+    ///
+    /// # Errors
+    /// If it does not fit in memory, or its rotations or window are out of range.
+    pub fn energies(&self, design: &TableDesign) -> Result<PairEnergies, SceneError> {
+        let energies = design.energies(self.memory);
+        energies.map_err(|e| self.scene.design_error(e))
+    }
+
+    /// Checks that a table was baked from the scene's parts, model and fields; nothing is computed.
+    ///
+    /// # Errors
+    /// [`SceneError::OtherTable`] names the first key that differs.
+    pub fn expect_table(&self, store: &TableStore) -> Result<(), SceneError> {
+        store.expect_setup(&self.parts).map_err(|e| match e {
+            TableSetupError::Build(e) => self.scene.fields_error(e),
+            TableSetupError::Store(StoreError::Different { path, difference }) => {
+                SceneError::OtherTable {
+                    path: self.scene.path.clone(),
+                    table: path,
+                    difference,
+                }
+            }
+            TableSetupError::Store(other) => other.into(),
+        })
+    }
+
+    /// The setup on the lattice and over the rotations that a table was baked on, which its tolerance
+    /// may have chosen.
+    #[must_use]
+    pub fn as_baked(self, spec: &TableSpec) -> Self {
+        Self {
+            parts: self.parts.as_baked(spec),
+            rotations: spec.rotations.clone(),
+            ..self
+        }
+    }
+
+    /// What the error of a table with this `spec` is measured against: direct quadrature on densities
+    /// of `spacing` (metres; the table's own if `None`), with the table's sampling and energy scale;
+    /// and the pair that it evaluates.
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`], or if a part has no interior on its lattice.
+    pub fn reference(
+        &self,
+        spec: &TableSpec,
+        spacing: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Result<(TableReference, Pair), SceneError> {
+        let mut parts = self.parts.as_baked(spec);
+        parts.builder.spacing = spacing.or(parts.builder.spacing);
+        let pair = parts.load(monitor).map_err(|e| self.scene.pair_error(e))?;
+        Ok((self.reference_on(&pair)?, pair))
+    }
+
+    /// What the error of a table is measured against if that is the pair it was baked from, or the same
+    /// on another lattice.
+    ///
+    /// # Errors
+    /// If a part has no interior on its lattice.
+    pub fn reference_on(&self, pair: &Pair) -> Result<TableReference, SceneError> {
+        Ok(TableReference {
+            truth: self.direct(pair, &DirectOptions::FULL)?,
+            spacing: pair.spacing(),
+        })
+    }
+
+    /// A direct evaluator of one of the scene's pairs, asked at poses of the shapes.
+    ///
+    /// # Errors
+    /// If a part has no interior on its lattice.
+    pub fn direct(
+        &self,
+        pair: &Pair,
+        options: &DirectOptions,
+    ) -> Result<DirectEvaluator, SceneError> {
+        DirectEvaluator::new(pair, options)
+            .map_err(|e| SceneError::refused(&self.scene.path, "", e))
+    }
+}

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{DensityField, LatticeError};
+use sdf_grid::{DensityField, LatticeError, Sampling};
 
 use crate::geometry::se3::Pose;
 use crate::pair::deaverage::deaveraged;

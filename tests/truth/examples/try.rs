@@ -39,12 +39,10 @@ fn main() {
         let r = truth.at(&p);
         let s = t.elapsed().as_secs_f64();
         println!(
-            "E {:.6e} F {} T {} | dF {} dT {} | {s:.2} s",
+            "E {:.6e} F {} T {} | {s:.2} s",
             r.energy,
             e(r.wrench.force),
-            e(r.wrench.torque),
-            e(r.disagreement.force),
-            e(r.disagreement.torque)
+            e(r.wrench.torque)
         );
         if a.len() > 4 {
             let h = a[4] * 1e-3;

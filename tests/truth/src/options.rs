@@ -85,6 +85,11 @@ impl Cells {
     /// Deepest that an octree goes: samples are counted in 20 bits.
     const DEEPEST: f64 = 17.0;
 
+    /// Radius of the tubes about sharp edges, metres.
+    pub(crate) fn tube(&self) -> f64 {
+        3.0 * self.smallest
+    }
+
     /// How often the edge of a root is halved to reach the smallest cells.
     pub(crate) fn depth(&self, edge: f64) -> u32 {
         (edge / self.smallest)

@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::pieces::Which;
-use super::sums::wrench;
 use super::walk::{Place, Walk};
 use crate::geometry::plane::Plane;
 use crate::geometry::tetrahedron::{Tetrahedron, centroid, of_cube, points, split, volume};
@@ -26,7 +25,7 @@ impl Walk<'_> {
             let at = |which, cutters| self.side(cell.centre, cutters, which);
             let sides = (at(Which::Fixed, &fixed), at(Which::Moving, &moving));
             if let (Some(a), Some(b)) = sides {
-                self.whole(place.leaf, &cell, (a, b));
+                self.whole(place, (a, b));
             }
             return;
         }
@@ -44,14 +43,15 @@ impl Walk<'_> {
             for (tetrahedron, _) in group {
                 let weight = 0.25 * volume(tetrahedron);
                 for p in points(tetrahedron) {
-                    self.add(place.leaf, p, (a, b), weight);
+                    self.add(place, p, (a, b), weight);
                 }
             }
         }
         self.surfaces(place, &fixed, &moving);
     }
 
-    fn whole(&mut self, leaf: &Cell, cell: &Cell, sides: (Side, Side)) {
+    fn whole(&mut self, place: &Place<'_>, sides: (Side, Side)) {
+        let cell = place.cell;
         let weight = cell.half.powi(3);
         for index in 0..8 {
             let sign = |axis: usize| {
@@ -62,23 +62,25 @@ impl Walk<'_> {
                 }
             };
             let p = cell.centre + DVec3::new(sign(0), sign(1), sign(2)) * cell.half;
-            self.add(leaf, p, sides, weight);
+            self.add(place, p, sides, weight);
         }
     }
 
     /// Adds a point that stands for `weight` cubic metres.
-    fn add(&mut self, leaf: &Cell, p: DVec3, (a, b): (Side, Side), weight: f64) {
+    fn add(&mut self, place: &Place<'_>, p: DVec3, (a, b): (Side, Side), weight: f64) {
         let weight = weight * self.truth.weights.of(a, b);
         if weight == 0.0 {
             return;
         }
-        let fixed = self.truth.fixed.table.in_leaf(leaf, p, a);
+        let fixed = self.truth.fixed.table.in_leaf(place.leaf, p, a);
         let moving = self.truth.moving.table.at(self.own(p), b);
-        let arm = p - self.pose.translation;
-        self.sums.score += weight * (fixed.value * moving.value).re;
-        self.sums.fixed += wrench(arm, fixed.slope(moving.value) * weight);
-        let pull = self.turn * moving.slope(fixed.value);
-        self.sums.moving += wrench(arm, pull * -weight);
+        let blend = self.blend(place, p);
+        let product = (fixed.value * moving.value).re;
+        let own = fixed.slope(moving.value) * blend.fixed;
+        let other = self.turn * moving.slope(fixed.value) * (1.0 - blend.fixed);
+        let force = (own - other + blend.slope * product) * weight;
+        self.sums.score += weight * product;
+        self.sums.pull(p - self.pose.translation, force);
     }
 }
 

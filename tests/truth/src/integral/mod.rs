@@ -1,5 +1,6 @@
 //! The integral of the product of two parts' densities over space.
 
+mod blend;
 mod cell;
 mod pieces;
 mod sums;

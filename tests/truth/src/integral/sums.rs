@@ -1,36 +1,24 @@
 //! What is summed over space.
 
-use std::ops::AddAssign;
-
 use fft_correlate::{ScoreModel, Wrench};
 use glam::DVec3;
 
 use crate::table::one_sided::Side;
 
-/// Score and its derivatives with respect to the moving part's place, by two ways.
+/// Score and its derivatives with respect to the moving part's place.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Sums {
     /// `Re f`, cubic metres.
     pub(crate) score: f64,
-    /// By the gradient of the fixed part's density.
-    pub(crate) fixed: Wrench,
-    /// By that of the moving part's.
-    pub(crate) moving: Wrench,
+    /// Torque about the moving part's origin first, fixed frame, per gamma.
+    pub(crate) wrench: Wrench,
 }
 
-impl AddAssign for Sums {
-    fn add_assign(&mut self, other: Self) {
-        self.score += other.score;
-        self.fixed += other.fixed;
-        self.moving += other.moving;
-    }
-}
-
-/// A force at `arm` from the moving part's origin.
-pub(crate) fn wrench(arm: DVec3, force: DVec3) -> Wrench {
-    Wrench {
-        torque: arm.cross(force),
-        force,
+impl Sums {
+    /// Adds a force at `arm` from the moving part's origin.
+    pub(crate) fn pull(&mut self, arm: DVec3, force: DVec3) {
+        self.wrench.torque += arm.cross(force);
+        self.wrench.force += force;
     }
 }
 

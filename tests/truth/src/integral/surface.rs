@@ -3,10 +3,8 @@
 use glam::DVec3;
 
 use super::pieces::{Cutters, Which};
-use super::sums::wrench;
 use super::walk::{Place, Walk};
 use crate::geometry::polygon::Polygon;
-use crate::table::octree::Cell;
 use crate::table::one_sided::Side;
 
 impl Walk<'_> {
@@ -15,24 +13,24 @@ impl Walk<'_> {
             let normal = self.truth.fixed.faces.planes[facet.plane as usize].normal;
             for piece in cut(&facet.polygon, moving, self.flat) {
                 let side = self.side(piece.centroid(), moving, Which::Moving);
-                self.on_fixed(place.leaf, &piece, normal, side);
+                self.on_fixed(place, &piece, normal, side);
             }
         }
         for facet in place.moving {
             let normal = self.moved.planes[facet.plane as usize].normal;
             for piece in cut(&facet.polygon, fixed, self.flat) {
                 let side = self.side(piece.centroid(), fixed, Which::Fixed);
-                self.on_moving(place.leaf, &piece, normal, side);
+                self.on_moving(place, &piece, normal, side);
             }
         }
     }
 
     /// A piece of the fixed surface on one side of the moving one; where they coincide, the mean
     /// of both sides.
-    fn on_fixed(&mut self, leaf: &Cell, piece: &Polygon, normal: DVec3, side: Option<Side>) {
+    fn on_fixed(&mut self, place: &Place<'_>, piece: &Polygon, normal: DVec3, side: Option<Side>) {
         let truth = self.truth;
         piece.quadrature(|p, area| {
-            let own = Side::BOTH.map(|s| truth.fixed.table.in_leaf(leaf, p, s).value);
+            let own = Side::BOTH.map(|s| truth.fixed.table.in_leaf(place.leaf, p, s).value);
             let mut jump = 0.0;
             for (other, share) in shares(side) {
                 let weight = |s| truth.weights.of(s, other);
@@ -40,13 +38,13 @@ impl Walk<'_> {
                 let value = truth.moving.table.at(self.own(p), other).value;
                 jump += share * (step * value).re;
             }
-            let force = normal * (jump * area);
-            self.sums.fixed += wrench(p - self.pose.translation, force);
+            let force = normal * (jump * area * self.blend(place, p).fixed);
+            self.sums.pull(p - self.pose.translation, force);
         });
     }
 
     /// The same of the moving surface.
-    fn on_moving(&mut self, leaf: &Cell, piece: &Polygon, normal: DVec3, side: Option<Side>) {
+    fn on_moving(&mut self, place: &Place<'_>, piece: &Polygon, normal: DVec3, side: Option<Side>) {
         let truth = self.truth;
         piece.quadrature(|p, area| {
             let q = self.own(p);
@@ -55,11 +53,11 @@ impl Walk<'_> {
             for (other, share) in shares(side) {
                 let weight = |s| truth.weights.of(other, s);
                 let step = own[0] * weight(Side::Out) - own[1] * weight(Side::In);
-                let value = truth.fixed.table.in_leaf(leaf, p, other).value;
+                let value = truth.fixed.table.in_leaf(place.leaf, p, other).value;
                 jump += share * (step * value).re;
             }
-            let force = normal * (-jump * area);
-            self.sums.moving += wrench(p - self.pose.translation, force);
+            let force = normal * (-jump * area * (1.0 - self.blend(place, p).fixed));
+            self.sums.pull(p - self.pose.translation, force);
         });
     }
 }

@@ -9,7 +9,7 @@ use super::sums::{Sums, Weights};
 use super::walk::Walk;
 use crate::error::TruthError;
 use crate::geometry::facet::Faces;
-use crate::options::{Cells, TruthOptions};
+use crate::options::{Cells, Densities, TruthOptions};
 use crate::table::octree::DensityTable;
 use crate::table::one_sided::OneSided;
 
@@ -29,6 +29,8 @@ pub struct Truth {
     pub(super) moving: TablePart,
     pub(super) weights: Weights,
     pub(super) cells: Cells,
+    /// Whether densities change from place to place.
+    pub(super) varies: bool,
     gamma: f64,
 }
 
@@ -37,12 +39,10 @@ pub struct Truth {
 pub struct TrueResponse {
     /// `E = -gamma Re f`, joules (eq_6).
     pub energy: f64,
-    /// Force and torque on the moving part, about its origin, fixed frame (eq_9a, eq_9b): the mean
-    /// of the two ways below.
+    /// Force and torque on the moving part, about its origin, fixed frame (eq_9a, eq_9b): the exact
+    /// derivative. Where faces of both parts coincide the energy has a crease, and this is the mean
+    /// of the slopes to both sides.
     pub wrench: Wrench,
-    /// By the gradient of the fixed part's density less by that of the moving part's. They agree
-    /// but for the errors of fits and quadrature.
-    pub disagreement: Wrench,
 }
 
 impl Truth {
@@ -87,21 +87,17 @@ impl Truth {
             moving: part(moving)?,
             weights: Weights::new(model),
             cells,
+            varies: options.densities == Densities::Model,
             gamma: model.gamma,
         })
     }
 
     /// Energy and wrench at `pose`, on the calling thread.
     pub fn at(&self, pose: &Pose) -> TrueResponse {
-        let Sums {
-            score,
-            fixed,
-            moving,
-        } = Walk::over(self, pose);
+        let Sums { score, wrench } = Walk::over(self, pose);
         TrueResponse {
             energy: -self.gamma * score,
-            wrench: (fixed + moving) * (0.5 * self.gamma),
-            disagreement: (fixed - moving) * self.gamma,
+            wrench: wrench * self.gamma,
         }
     }
 

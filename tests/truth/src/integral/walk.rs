@@ -3,8 +3,9 @@
 use fft_correlate::Pose;
 use glam::{DMat3, DVec3};
 
+use super::blend::Blend;
 use super::sums::Sums;
-use super::truth::Truth;
+use super::truth::{TablePart, Truth};
 use crate::geometry::facet::{Faces, Facet, clipped, octants, planes};
 use crate::table::octree::{Cell, Within};
 
@@ -16,6 +17,9 @@ const PLANES: usize = 4;
 
 /// The smallest cells that many planes make, in the smallest of the octrees.
 const SMALLEST: f64 = 0.25;
+
+/// A cell nearer to a sharp edge than this many of its edges is cut.
+const GRADED: f64 = 0.5;
 
 /// Both parts at one pose.
 pub(super) struct Walk<'a> {
@@ -36,6 +40,14 @@ pub(super) struct Place<'a> {
     pub(super) cell: Cell,
     pub(super) fixed: &'a [Facet],
     pub(super) moving: &'a [Facet],
+    pub(super) edges: &'a Edges,
+}
+
+/// Sharp edges of both parts near a cell, as indices.
+#[derive(Debug, Clone)]
+pub(super) struct Edges {
+    fixed: Vec<u32>,
+    moving: Vec<u32>,
 }
 
 impl<'a> Walk<'a> {
@@ -54,7 +66,13 @@ impl<'a> Walk<'a> {
             flat: 1e-8 * root.half,
             sums: Sums::default(),
         };
-        walk.descend(&root, &facets);
+        // Constant densities have no singular edges.
+        let all = |n: usize| (0..if truth.varies { n as u32 } else { 0 }).collect();
+        let edges = Edges {
+            fixed: all(truth.fixed.table.edges.segments.len()),
+            moving: all(truth.moving.table.edges.segments.len()),
+        };
+        walk.descend(&root, &facets, &edges);
         walk.sums
     }
 
@@ -63,7 +81,7 @@ impl<'a> Walk<'a> {
         self.back * (p - self.pose.translation)
     }
 
-    fn descend(&mut self, cell: &Cell, moving: &[Facet]) {
+    fn descend(&mut self, cell: &Cell, moving: &[Facet], edges: &Edges) {
         let table = &self.truth.fixed.table;
         let node = table.node(cell.node);
         let within = self.within(cell);
@@ -77,11 +95,13 @@ impl<'a> Walk<'a> {
                 cell: *cell,
                 fixed,
                 moving,
+                edges,
             });
         }
         let parts = octants(moving, cell.centre, self.rounding());
         for (index, part) in parts.iter().enumerate() {
-            self.descend(&table.child(cell, index), part);
+            let child = table.child(cell, index);
+            self.descend(&child, part, &self.near(edges, &child));
         }
     }
 
@@ -92,6 +112,7 @@ impl<'a> Walk<'a> {
             cell,
             fixed,
             moving,
+            edges,
         } = place;
         let within = self.within(cell);
         let sides = self.truth.fixed.table.node(leaf.node).sides();
@@ -100,19 +121,65 @@ impl<'a> Walk<'a> {
         }
         let many = |facets: &[Facet]| facets.len() >= PLANES && planes(facets).len() >= PLANES;
         let large = 2.0 * cell.half > SMALLEST * self.truth.cells.smallest;
-        if !(within.deeper || large && (many(fixed) || many(moving))) {
+        let crowded = large && (many(fixed) || many(moving));
+        if !(within.deeper || crowded || self.is_by_an_edge(edges, cell)) {
             return self.sum(place);
         }
         let own = octants(fixed, cell.centre, self.rounding());
         let other = octants(moving, cell.centre, self.rounding());
         for (index, (fixed, moving)) in own.iter().zip(&other).enumerate() {
+            let cell = cell.octant(index, leaf.node);
             self.cut(&Place {
                 leaf,
-                cell: cell.octant(index, leaf.node),
+                cell,
                 fixed,
                 moving,
+                edges: &self.near(edges, &cell),
             });
         }
+    }
+
+    /// The vectors from the fixed and the moving part's nearest sharp edge among `edges` to `p`, in
+    /// the fixed frame.
+    fn offsets(&self, edges: &Edges, p: DVec3) -> [Option<DVec3>; 2] {
+        let nearest = |list: &[u32], part: &TablePart, p: DVec3| {
+            let segments = &part.table.edges.segments;
+            let offsets = list.iter().map(|e| segments[*e as usize].offset(p));
+            offsets.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+        };
+        let moving = nearest(&edges.moving, &self.truth.moving, self.own(p));
+        [
+            nearest(&edges.fixed, &self.truth.fixed, p),
+            moving.map(|d| self.turn * d),
+        ]
+    }
+
+    /// How the gradients of both densities share in the force at `p`.
+    pub(super) fn blend(&self, place: &Place<'_>, p: DVec3) -> Blend {
+        let [fixed, moving] = self.offsets(place.edges, p);
+        Blend::at(fixed, moving, self.truth.cells.tube())
+    }
+
+    /// Those of `edges` that are near a cell.
+    fn near(&self, edges: &Edges, cell: &Cell) -> Edges {
+        let reach = cell.radius() + self.truth.cells.tube();
+        let own = self.own(cell.centre);
+        let keep = |list: &[u32], part: &TablePart, p: DVec3| {
+            let segments = &part.table.edges.segments;
+            let near = |e: &u32| segments[*e as usize].offset(p).length() < reach;
+            list.iter().copied().filter(near).collect()
+        };
+        Edges {
+            fixed: keep(&edges.fixed, &self.truth.fixed, cell.centre),
+            moving: keep(&edges.moving, &self.truth.moving, own),
+        }
+    }
+
+    /// Whether a cell is too large for how near it is to a sharp edge.
+    fn is_by_an_edge(&self, edges: &Edges, cell: &Cell) -> bool {
+        let reach = cell.radius() + GRADED * 2.0 * cell.half;
+        2.0 * cell.half > self.truth.cells.at_edges()
+            && (self.offsets(edges, cell.centre).iter().flatten()).any(|d| d.length() < reach)
     }
 
     fn rounding(&self) -> f64 {

@@ -10,6 +10,7 @@ use sdf_grid::TriangleMesh;
 use super::fit::{Fit, evaluate};
 use super::octree::{Cell, DensityTable, NONE, Node};
 use super::one_sided::{OneSided, Side};
+use super::sharp::{Near, SharpEdges};
 use crate::geometry::facet::{Faces, Facet, octants};
 use crate::options::Cells;
 
@@ -18,15 +19,13 @@ use crate::options::Cells;
 const OFFSET: DVec3 = DVec3::new(0.0137, -0.0093, 0.0117);
 const EDGE: f64 = 1.0371;
 
-/// Normals nearer than this (20 degrees) do not make an edge that must be refined to the end.
-const SHARP: f64 = 0.94;
-
 /// A node whose cell is not yet decided.
 struct Open {
     cell: Cell,
     /// Lower corner, in steps of the finest samples.
     at: [u32; 3],
     facets: Vec<Facet>,
+    near: Near,
 }
 
 /// A sample: its place in steps of the finest samples, 20 bits each, and the side.
@@ -56,6 +55,7 @@ struct Builder<'a> {
 impl DensityTable {
     /// Fits the densities of a part, whose exterior ends at `halo`.
     pub(crate) fn new(mesh: &TriangleMesh, part: &OneSided, cells: Cells, halo: f64) -> Self {
+        let faces = Faces::new(mesh);
         let bounds = mesh.bounds();
         let extent = bounds.size().max_element() + 2.0 * halo;
         let half = 0.5 * EDGE * extent;
@@ -64,6 +64,7 @@ impl DensityTable {
             half,
             nodes: vec![Node::open()],
             fits: Vec::new(),
+            edges: SharpEdges::new(mesh, &faces, cells.tube()),
         };
         let mut builder = Builder {
             cells,
@@ -76,7 +77,8 @@ impl DensityTable {
         let mut open = vec![Open {
             cell: builder.table.root(),
             at: [0; 3],
-            facets: Faces::new(mesh).facets,
+            near: builder.table.edges.all(),
+            facets: faces.facets,
         }];
         for depth in 0..=builder.last {
             open = builder.level(open, depth);
@@ -110,6 +112,7 @@ impl Node {
             sides: 0,
             fits: [NONE; 2],
             facets: Vec::new(),
+            near: Near::default(),
         }
     }
 }
@@ -145,6 +148,7 @@ impl Builder<'_> {
             node.deepest = depth as u8;
             node.fits = fits;
             node.facets = item.facets;
+            node.near = item.near;
         }
         next
     }
@@ -216,11 +220,19 @@ impl Builder<'_> {
     /// Whether the fit of a side misses the densities at the middles of the cell's parts, or the
     /// cell holds a sharp edge.
     fn is_coarse(&self, open: &Open, sides: u8, depth: u32) -> bool {
-        let allowed = self.cells.tolerance * self.cells.largest / (2.0 * open.cell.half);
-        let sharp = open.facets.iter().any(|f| {
-            let normal = |f: &Facet| normal_of(f);
-            normal(f).dot(normal(&open.facets[0])) < SHARP
-        });
+        let en = |n: &str, d: f64| -> f64 {
+            std::env::var(n)
+                .ok()
+                .and_then(|v| v.parse().ok())
+                .unwrap_or(d)
+        };
+        let allowed = self.cells.tolerance
+            * (self.cells.largest / (2.0 * open.cell.half)).powf(en("POW", 0.0));
+        let (edges, near) = (&self.table.edges, &open.near);
+        let cell = &open.cell;
+        if !self.part.varies() || edges.covers(near, cell.centre, cell.radius()) {
+            return false;
+        }
         let missed = |side: Side| {
             let fit = self.fit(open.at, depth, side);
             let tests = self.places(open.at, depth, true).skip(27).enumerate();
@@ -228,11 +240,14 @@ impl Builder<'_> {
                 let (value, own) = self.samples[&key(place, side)];
                 let half = |i: usize| (i as f64) - 0.5;
                 let u = DVec3::new(half(n / 4), half(n / 2 % 2), half(n % 2));
-                own && (evaluate(&fit, u, 1.0).value - value).norm() > allowed
+                let p = cell.centre + u * cell.half;
+                own && !edges.covers(near, p, 0.0)
+                    && (evaluate(&fit, u, 1.0).value - value).norm() > allowed
             })
         };
         let on = |side: Side| sides >> side as u8 & 1 == 1;
-        self.part.varies() && sharp || Side::BOTH.into_iter().any(|s| on(s) && missed(s))
+        edges.crosses(near, cell.centre, cell.half)
+            || Side::BOTH.into_iter().any(|s| on(s) && missed(s))
     }
 
     fn divide(&mut self, item: Open, depth: u32, next: &mut Vec<Open>) {
@@ -244,25 +259,16 @@ impl Builder<'_> {
         for (index, facets) in parts.into_iter().enumerate() {
             self.table.nodes.push(Node::open());
             let bit = |axis: usize| (index >> axis & 1) as u32 * step;
+            let cell = item.cell.octant(index, first + index as u32);
             next.push(Open {
-                cell: item.cell.octant(index, first + index as u32),
+                near: self
+                    .table
+                    .edges
+                    .near(&item.near, cell.centre, cell.radius()),
+                cell,
                 at: std::array::from_fn(|axis| item.at[axis] + bit(axis)),
                 facets,
             });
         }
     }
-}
-
-/// The normal of a facet, by its largest corner triangle.
-fn normal_of(facet: &Facet) -> DVec3 {
-    let c = facet.polygon.corners();
-    let areas = c[1..].windows(2).map(|w| (w[0] - c[0]).cross(w[1] - c[0]));
-    let largest = areas.fold(DVec3::ZERO, |a, b| {
-        if b.length_squared() > a.length_squared() {
-            b
-        } else {
-            a
-        }
-    });
-    largest.normalize_or_zero()
 }

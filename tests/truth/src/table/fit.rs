@@ -1,6 +1,6 @@
 //! Quadratic interpolation on a cube.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 
 /// Values at the 27 points with coordinates -1, 0, 1, z fastest.
@@ -21,6 +21,16 @@ impl Density {
     /// The gradient of `Re(factor * value)`.
     pub(crate) fn slope(&self, factor: Complex64) -> DVec3 {
         self.real_slope * factor.re - self.imaginary_slope * factor.im
+    }
+
+    /// As a function of another point that `change` is the derivative of its own by.
+    pub(super) fn moved(&self, change: &DMat3) -> Self {
+        let back = change.transpose();
+        Self {
+            value: self.value,
+            real_slope: back * self.real_slope,
+            imaginary_slope: back * self.imaginary_slope,
+        }
     }
 }
 

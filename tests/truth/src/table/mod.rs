@@ -6,3 +6,4 @@ pub(crate) mod fit;
 pub(crate) mod octree;
 pub(crate) mod one_sided;
 mod outline;
+pub(crate) mod sharp;

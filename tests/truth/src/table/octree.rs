@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::fit::{Density, Fit, evaluate};
 use super::one_sided::Side;
+use super::sharp::{Near, SharpEdges};
 use crate::geometry::facet::Facet;
 
 /// No children, or no fit.
@@ -18,6 +19,7 @@ pub(crate) struct DensityTable {
     pub(super) half: f64,
     pub(super) nodes: Vec<Node>,
     pub(super) fits: Vec<Fit>,
+    pub(crate) edges: SharpEdges,
 }
 
 /// A cube of the octree.
@@ -33,6 +35,8 @@ pub(crate) struct Node {
     pub(super) fits: [u32; 2],
     /// Of a leaf, the pieces of the surface in it.
     pub(crate) facets: Vec<Facet>,
+    /// Of a leaf, the sharp edges near it.
+    pub(super) near: Near,
 }
 
 /// What of an octree lies in a box.
@@ -120,6 +124,18 @@ impl DensityTable {
 
     /// A side's density at a point of a leaf; zero where that side has none.
     pub(crate) fn in_leaf(&self, leaf: &Cell, p: DVec3, side: Side) -> Density {
+        let node = self.node(leaf.node);
+        if !node.near.is_empty()
+            && let Some((place, change)) = self.edges.outward(&node.near, p)
+        {
+            let read = self.leaf(place);
+            let read = read.map_or_else(Density::default, |l| self.fitted(&l, place, side));
+            return read.moved(&change);
+        }
+        self.fitted(leaf, p, side)
+    }
+
+    fn fitted(&self, leaf: &Cell, p: DVec3, side: Side) -> Density {
         let fit = self.node(leaf.node).fits[side as usize];
         if fit == NONE {
             return Density::default();

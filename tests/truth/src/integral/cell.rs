@@ -29,6 +29,8 @@ impl Walk<'_> {
             }
             return;
         }
+        // Only by sharp edges, where no rule of more points does better.
+        let small = 2.0 * cell.half < self.truth.cells.smallest;
         let planes = [&fixed.planes[..], &moving.planes[..]].concat();
         for group in pieces(&cell, &planes, self.flat).chunk_by(|a, b| a.1 == b.1) {
             let by_volume = |a: &&Piece, b: &&Piece| volume(&a.0).total_cmp(&volume(&b.0));
@@ -41,6 +43,11 @@ impl Walk<'_> {
             // A piece thinner than rounding has no volume.
             let (Some(a), Some(b)) = (a, b) else { continue };
             for (tetrahedron, _) in group {
+                if small {
+                    let middle = centroid(tetrahedron);
+                    self.add(place, middle, (a, b), volume(tetrahedron));
+                    continue;
+                }
                 let weight = 0.25 * volume(tetrahedron);
                 for p in points(tetrahedron) {
                     self.add(place, p, (a, b), weight);

@@ -62,11 +62,13 @@ impl Walk<'_> {
     }
 }
 
-fn shares(side: Option<Side>) -> Vec<(Side, f64)> {
-    match side {
-        Some(side) => vec![(side, 1.0)],
-        None => Side::BOTH.map(|s| (s, 0.5)).to_vec(),
-    }
+/// How much each side of the other surface counts.
+fn shares(side: Option<Side>) -> impl Iterator<Item = (Side, f64)> {
+    let share = move |s| side.map_or(0.5, |only| f64::from(u8::from(s == only)));
+    Side::BOTH
+        .into_iter()
+        .map(move |s| (s, share(s)))
+        .filter(|s| s.1 > 0.0)
 }
 
 fn cut(polygon: &Polygon, cutters: &Cutters, flat: f64) -> Vec<Polygon> {

@@ -1,6 +1,5 @@
 //! The truth of a pair.
 
-use fft_correlate::pair::default_halo;
 use fft_correlate::{Pose, ScoreModel, Wrench};
 use rayon::prelude::*;
 use sdf_grid::{DensityError, DensityKernel, TriangleMesh};
@@ -9,6 +8,7 @@ use super::sums::{Sums, Weights};
 use super::walk::Walk;
 use crate::error::TruthError;
 use crate::geometry::facet::Faces;
+use crate::halo::halo_of;
 use crate::options::{Cells, Densities, TruthOptions};
 use crate::table::octree::DensityTable;
 use crate::table::one_sided::OneSided;
@@ -61,14 +61,7 @@ impl Truth {
         let (a, b) = (fixed.bounds(), moving.bounds());
         let smaller = if a.diagonal() < b.diagonal() { &a } else { &b };
         let cells = options.cells(smaller.size().min_element())?;
-        let halo = options.halo.unwrap_or_else(|| default_halo(model, &a, &b));
-        if !(halo > 0.0 && halo.is_finite()) {
-            return Err(TruthError::Option {
-                name: "halo",
-                expected: "> 0 m",
-                found: halo,
-            });
-        }
+        let halo = halo_of(model, [fixed, moving], options.halo)?;
         let part = |mesh: &TriangleMesh| {
             let faces = Faces::new(mesh);
             if faces.facets.is_empty() {

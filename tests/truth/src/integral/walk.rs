@@ -21,6 +21,9 @@ const SMALLEST: f64 = 0.25;
 /// A cell nearer to a sharp edge than this many of its edges is cut.
 const GRADED: f64 = 0.5;
 
+/// The smallest cells where sharp edges of both parts meet, in the smallest of the octrees.
+const MEETING: f64 = 0.25;
+
 /// Both parts at one pose.
 pub(super) struct Walk<'a> {
     pub(super) truth: &'a Truth,
@@ -157,12 +160,12 @@ impl<'a> Walk<'a> {
     /// How the gradients of both densities share in the force at `p`.
     pub(super) fn blend(&self, place: &Place<'_>, p: DVec3) -> Blend {
         let [fixed, moving] = self.offsets(place.edges, p);
-        Blend::at(fixed, moving, self.truth.cells.tube())
+        Blend::at(fixed, moving, self.truth.cells.tube)
     }
 
     /// Those of `edges` that are near a cell.
     fn near(&self, edges: &Edges, cell: &Cell) -> Edges {
-        let reach = cell.radius() + self.truth.cells.tube();
+        let reach = cell.radius() + self.truth.cells.tube;
         let own = self.own(cell.centre);
         let keep = |list: &[u32], part: &TablePart, p: DVec3| {
             let segments = &part.table.edges.segments;
@@ -175,11 +178,18 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Whether a cell is too large for how near it is to a sharp edge.
+    /// Whether a cell is too large for how near it is to sharp edges. Near edges of both parts the
+    /// integrand of the force is singular, near one part's alone only discontinuous.
     fn is_by_an_edge(&self, edges: &Edges, cell: &Cell) -> bool {
-        let reach = cell.radius() + GRADED * 2.0 * cell.half;
-        2.0 * cell.half > self.truth.cells.at_edges()
-            && (self.offsets(edges, cell.centre).iter().flatten()).any(|d| d.length() < reach)
+        let edge = 2.0 * cell.half;
+        let reach = cell.radius() + GRADED * edge;
+        let offsets = self.offsets(edges, cell.centre);
+        let least = match offsets {
+            [Some(a), Some(b)] if a.distance(b) < edge => MEETING,
+            _ => 1.0,
+        };
+        let near = offsets.iter().flatten().any(|d| d.length() < reach);
+        near && edge > least * self.truth.cells.smallest
     }
 
     fn rounding(&self) -> f64 {

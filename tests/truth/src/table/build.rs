@@ -49,7 +49,7 @@ struct Builder<'a> {
     halo: f64,
     /// Depth of the smallest cells.
     last: u32,
-    samples: HashMap<Key, (Complex64, bool)>,
+    samples: HashMap<Key, Complex64>,
 }
 
 impl DensityTable {
@@ -64,7 +64,7 @@ impl DensityTable {
             half,
             nodes: vec![Node::open()],
             fits: Vec::new(),
-            edges: SharpEdges::new(mesh, &faces, cells.tube()),
+            edges: SharpEdges::new(mesh, &faces, cells.tube),
         };
         let mut builder = Builder {
             cells,
@@ -77,7 +77,10 @@ impl DensityTable {
         let mut open = vec![Open {
             cell: builder.table.root(),
             at: [0; 3],
-            near: builder.table.edges.all(),
+            near: match part.varies() {
+                true => builder.table.edges.all(),
+                false => Near::default(),
+            },
             facets: faces.facets,
         }];
         for depth in 0..=builder.last {
@@ -212,7 +215,7 @@ impl Builder<'_> {
     fn fit(&self, at: [u32; 3], depth: u32, side: Side) -> Fit {
         let mut fit = [Complex64::ZERO; 27];
         for (value, place) in fit.iter_mut().zip(self.places(at, depth, false)) {
-            *value = self.samples[&key(place, side)].0;
+            *value = self.samples[&key(place, side)];
         }
         fit
     }
@@ -220,14 +223,7 @@ impl Builder<'_> {
     /// Whether the fit of a side misses the densities at the middles of the cell's parts, or the
     /// cell holds a sharp edge.
     fn is_coarse(&self, open: &Open, sides: u8, depth: u32) -> bool {
-        let en = |n: &str, d: f64| -> f64 {
-            std::env::var(n)
-                .ok()
-                .and_then(|v| v.parse().ok())
-                .unwrap_or(d)
-        };
-        let allowed = self.cells.tolerance
-            * (self.cells.largest / (2.0 * open.cell.half)).powf(en("POW", 0.0));
+        let allowed = self.cells.tolerance;
         let (edges, near) = (&self.table.edges, &open.near);
         let cell = &open.cell;
         if !self.part.varies() || edges.covers(near, cell.centre, cell.radius()) {
@@ -237,11 +233,11 @@ impl Builder<'_> {
             let fit = self.fit(open.at, depth, side);
             let tests = self.places(open.at, depth, true).skip(27).enumerate();
             tests.into_iter().any(|(n, place)| {
-                let (value, own) = self.samples[&key(place, side)];
+                let value = self.samples[&key(place, side)];
                 let half = |i: usize| (i as f64) - 0.5;
                 let u = DVec3::new(half(n / 4), half(n / 2 % 2), half(n % 2));
                 let p = cell.centre + u * cell.half;
-                own && !edges.covers(near, p, 0.0)
+                !edges.covers(near, p, 0.0)
                     && (evaluate(&fit, u, 1.0).value - value).norm() > allowed
             })
         };

@@ -5,6 +5,7 @@ use num_complex::Complex64;
 use sdf_grid::{Bvh, DensityKernel, TriangleMesh};
 
 use super::contour::Contours;
+use crate::halo::cut_off;
 use crate::options::Densities;
 
 /// A side of a part's surface.
@@ -50,13 +51,6 @@ const ON: f64 = 4e-9;
 /// wrong side, too: beyond a thin wall, or near an edge.
 const SHARES: [f64; 4] = [1.0, 0.3, 0.05, 1e-3];
 
-/// The cut-off of the exterior at distance `xi`: 1 up to 70 % of the halo, 0 from the halo on, a
-/// quintic step between (`docs/conventions.md`).
-fn cut_off(xi: f64, halo: f64) -> f64 {
-    let t = ((xi / halo - 0.7) / 0.3).clamp(0.0, 1.0);
-    1.0 - t.powi(3) * (10.0 - 15.0 * t + 6.0 * t * t)
-}
-
 impl OneSided {
     pub(crate) fn new(
         mesh: &TriangleMesh,
@@ -77,16 +71,16 @@ impl OneSided {
         }
     }
 
-    /// The unit density of a side at `p`, dimensionless, and whether `p` lies on that side. Beyond
+    /// The unit density of a side at `p`, dimensionless. Beyond
     /// the surface it is that at the mirror image of `p` across the nearest point of the surface:
     /// near a flat face the density does not change along the normal, so that this continues it.
-    pub(crate) fn at(&self, p: DVec3, side: Side) -> (Complex64, bool) {
+    pub(crate) fn at(&self, p: DVec3, side: Side) -> Complex64 {
         if let Source::Constant(values) = self.density {
-            return (values[side as usize], true);
+            return values[side as usize];
         }
         let xi = self.bvh.signed_distance(p);
         if self.is_on(xi, side) {
-            return (self.off_surface(p, xi, side), true);
+            return self.off_surface(p, xi, side);
         }
         let nearest = self.bvh.nearest(p);
         let away = nearest.point - p;
@@ -102,10 +96,10 @@ impl OneSided {
             let image = nearest.point + toward * step;
             let xi = self.bvh.signed_distance(image);
             if self.is_on(xi, side) {
-                return (self.off_surface(image, xi, side), false);
+                return self.off_surface(image, xi, side);
             }
         }
-        (Complex64::ZERO, false)
+        Complex64::ZERO
     }
 
     /// Whether the densities change from place to place.

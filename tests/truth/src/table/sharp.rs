@@ -17,7 +17,7 @@ use crate::geometry::facet::Faces;
 const SHARP: f64 = 0.94;
 
 /// The ball about a corner, in radii of the tubes.
-const BALL: f64 = 2.0;
+const BALL: f64 = 1.25;
 
 /// How far from a cell edges are listed, in radii of the tubes.
 const LISTED: f64 = 3.0;

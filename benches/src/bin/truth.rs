@@ -8,6 +8,7 @@
 
 use std::time::Instant;
 
+use fft_correlate::pair::default_halo;
 use fft_correlate::{
     DirectEvaluator, DirectOptions, Pair, PairBuilder, Pose, Response, ScoreModel, Twist, Wrench,
 };
@@ -232,7 +233,13 @@ impl Case {
     fn turned(&self, options: &TruthOptions) -> Outcome<[Vec<Response>; 2]> {
         let frame = Pose::new(TURN, SHIFT);
         let [hole, peg] = self.meshes.each_ref().map(|m| m.transformed(TURN, SHIFT));
-        let truth = Truth::new(&hole, &peg, &ScoreModel::GUIDED, options)?;
+        // The halo is part of the model: that of the parts as they were.
+        let [fixed, moving] = self.meshes.each_ref().map(TriangleMesh::bounds);
+        let options = TruthOptions {
+            halo: Some(default_halo(&ScoreModel::GUIDED, &fixed, &moving)),
+            ..*options
+        };
+        let truth = Truth::new(&hole, &peg, &ScoreModel::GUIDED, &options)?;
         Ok(self.poses.each_ref().map(|poses| {
             let there: Vec<Pose> = poses.iter().map(|p| frame * *p * frame.inverse()).collect();
             let found = responses(&truth.at_all(&there));

@@ -7,26 +7,18 @@ use sdf_grid::shapes::PegInHole;
 
 use crate::common::{apart, difference, poses};
 
-/// Coarser, where a point sees a hundred faces.
-fn many_faces() -> TruthOptions {
-    TruthOptions {
-        tolerance: 0.03,
-        smallest: 0.1,
-        ..TruthOptions::COARSE
-    }
-}
-
 /// Both parts turned and shifted, each by its own frame: cells and fits are others.
 #[test]
 fn frames_are_forgotten() {
     let turned = DQuat::from_scaled_axis(DVec3::new(0.4, -0.9, 0.7));
     let fixed_frame = Pose::new(turned, DVec3::new(3e-3, -1e-3, 2e-3));
     let moving_frame = Pose::new(turned.inverse(), DVec3::ZERO);
-    for which in PegInHole::ALL {
+    for which in [PegInHole::Rectangular] {
         let (hole, peg) = which.pair(1e-4).unwrap();
-        let options = match which {
-            PegInHole::Rectangular => TruthOptions::COARSE,
-            _ => many_faces(),
+        // The halo is part of the model, and its default depends on the frame.
+        let options = TruthOptions {
+            halo: Some(0.0155),
+            ..TruthOptions::COARSE
         };
         let here = Truth::new(&hole, &peg, &ScoreModel::GUIDED, &options).unwrap();
         let hole = hole.transformed(fixed_frame.rotation, fixed_frame.translation);
@@ -38,7 +30,7 @@ fn frames_are_forgotten() {
             let second = there.at(&(fixed_frame * pose * moving_frame.inverse()));
             let energy = first.energy / second.energy - 1.0;
             println!("{}: energy {energy:.4}", which.name());
-            assert!(energy.abs() < 0.02);
+            assert!(energy.abs() < 0.01);
             let back = fixed_frame.rotation.conjugate();
             a.push(first.wrench);
             b.push(Wrench {

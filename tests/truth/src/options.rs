@@ -41,7 +41,7 @@ pub struct TruthOptions {
 }
 
 impl TruthOptions {
-    /// A few per cent in seconds.
+    /// A few per cent, for tests.
     pub const COARSE: Self = Self {
         tolerance: 1e-2,
         smallest: 1.0 / 20.0,
@@ -50,7 +50,8 @@ impl TruthOptions {
         densities: Densities::Model,
     };
 
-    /// About one per cent on the square pair: half a minute of set-up, seconds a pose.
+    /// On the square pair at 0.3 mm two such truths in frames turned against each other differ by
+    /// less than 1 % in energy, 2 % in force and 7 % in torque; seconds a pose.
     pub const FINE: Self = Self {
         tolerance: 5e-3,
         smallest: 1.0 / 40.0,

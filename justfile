@@ -75,6 +75,11 @@ report *ARGS:
     cargo build --release -p pegfit-benches
     cargo run --release -p pegfit-benches --bin report -- {{ARGS}}
 
+# Contact without a lattice: long tests, then how far it is off and how far direct evaluation is.
+truth *ARGS:
+    cargo test --release -p pegfit-truth -- --include-ignored
+    cargo run --release -p pegfit-benches --bin truth -- {{ARGS}}
+
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}

@@ -1,0 +1,3 @@
+//! Other ways to the same numbers.
+
+pub(crate) mod sampled;

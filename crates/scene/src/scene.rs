@@ -6,7 +6,7 @@ use std::time::Duration;
 use fft_correlate::{EnergyScale, LatticeStep, Placement, Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
-use sdf_grid::mesh_io::{ReadOptions, StepOptions};
+use sdf_grid::mesh_io::ReadOptions;
 use sdf_grid::{LengthUnit, Sampling};
 
 use crate::error::SceneError;
@@ -75,15 +75,7 @@ pub struct PlacedMesh {
 impl PlacedMesh {
     /// How its file is read; `unit` is that of files that state none.
     pub fn options(&self, unit: LengthUnit) -> ReadOptions {
-        ReadOptions {
-            unit,
-            solid: self.solid.clone(),
-            step: StepOptions {
-                segments_per_turn: self.segments_per_turn,
-                ..StepOptions::default()
-            },
-            ..ReadOptions::default()
-        }
+        ReadOptions::choosing(unit, self.solid.clone(), self.segments_per_turn)
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sdf_grid::LengthUnit;
-use sdf_grid::mesh_io::{ReadOptions, StepOptions};
+use sdf_grid::mesh_io::ReadOptions;
 
 use crate::args::device_choice::DeviceChoice;
 
@@ -106,15 +106,7 @@ pub struct MeshChoice {
 impl MeshChoice {
     /// The same for the reading library, with the unit of files that state none.
     pub fn options(&self, unit: LengthUnit) -> ReadOptions {
-        ReadOptions {
-            unit,
-            solid: self.solid.clone(),
-            step: StepOptions {
-                segments_per_turn: self.segments_per_turn,
-                ..StepOptions::default()
-            },
-            ..ReadOptions::default()
-        }
+        ReadOptions::choosing(unit, self.solid.clone(), self.segments_per_turn)
     }
 }
 

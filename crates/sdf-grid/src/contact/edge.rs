@@ -37,7 +37,7 @@ const GAUSS: [(f64, f64); 5] = [
     (0.953_089_922_969_332, 0.118_463_442_528_094_54),
 ];
 
-/// Longest piece of an edge for one set of points, in widths: good to 1e-9.
+/// Longest piece of an edge for one set of points, in widths.
 const PANEL: f64 = 1.6;
 
 impl Edge {

@@ -15,9 +15,11 @@ pub enum ContactError {
         /// What was given, metres.
         found: f64,
     },
-    /// There would be too many samples.
-    #[error("surface samples: expected at most {most}, found about {found:.0}")]
+    /// The part has too many faces, or they are cut too finely.
+    #[error("{what}: expected at most {most}, found {found:.0} or more")]
     TooMany {
+        /// Of what.
+        what: &'static str,
         /// The most.
         most: usize,
         /// How many there would be.

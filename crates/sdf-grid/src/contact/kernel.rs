@@ -1,15 +1,17 @@
 //! The short-range kernel of the splitting, integrated over planes.
 
-/// The kernel is left out beyond this many widths: it has fallen to 1e-5 of its middle there.
+/// The kernel is left out beyond this many widths: of its integral over a plane 4e-5 is left
+/// there.
 pub(crate) const REACH: f64 = 4.5;
 
 /// Steps of the table per unit of squared distance over squared width.
 const STEPS: f64 = 64.0;
 
-/// Solves `-Δg = δ - M (1 - width²/2 Δ...)`: what a product of two densities loses when both are
-/// smoothed on a lattice, as a function of the distance between two points of their surfaces.
+/// What a product of two densities loses when both are smoothed, as a function of the distance
+/// between two points of their surfaces: the solution of `-Δg = δ - (1 - s²/2 Δ) M`, with `M` the
+/// Gaussian of variance `s²` per axis, which is
+/// `g(r) = erfc(r / (√2 s)) / (4 π r) - s²/2 M(r)`.
 ///
-/// `g(r) = erfc(r / (√2 s)) / (4 π r) - s²/2 M(r)` with `M` the Gaussian of variance `s²` per axis.
 /// Its integral over a whole plane at distance `x` is
 ///
 /// `K(x) = s L(x/s) - s/2 φ(x/s) = s κ(x²/s²) - |x|/2`, `L(z) = φ(z) - |z| Φ(-|z|)`,
@@ -49,7 +51,7 @@ impl ContactKernel {
         let f = (u - i as f64).min(1.0);
         let (a, b) = (&self.table[i], &self.table[i + 1]);
         let g = 1.0 - f;
-        // Cubic Hermite: 1e-10 at this step.
+        // Cubic Hermite.
         let (p, q) = (g * g * (1.0 + 2.0 * f), f * f * (3.0 - 2.0 * f));
         let (r, t) = (f * g * g / STEPS, -f * f * g / STEPS);
         (

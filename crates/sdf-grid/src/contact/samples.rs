@@ -3,12 +3,10 @@
 use glam::DVec3;
 
 use super::error::ContactError;
+use super::surface::FLAT;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::pieces::merged;
 use crate::surface::face::Piece;
-
-/// What is flat, in units of the part's largest extent.
-const FLAT: f64 = 1e-7;
 
 /// Most samples of one surface.
 const MOST: usize = 1 << 24;
@@ -39,10 +37,14 @@ pub fn surface_samples(
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
     let found: f64 = (0..faces.len())
         .filter_map(|i| faces.get(i))
-        .map(|f| f64::from(f.parts(distance).into_iter().product::<f64>() as f32))
+        .map(|f| f.parts(distance).into_iter().product::<f64>())
         .sum();
     if found > MOST as f64 {
-        return Err(ContactError::TooMany { most: MOST, found });
+        return Err(ContactError::TooMany {
+            what: "surface samples",
+            most: MOST,
+            found,
+        });
     }
     let mut samples = Vec::with_capacity(found as usize);
     for i in 0..faces.len() {

@@ -10,13 +10,16 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::outlines::{Outline, outlines};
 
 /// What is flat, in units of the part's largest extent.
-const FLAT: f64 = 1e-7;
+pub(super) const FLAT: f64 = 1e-7;
 
 /// Cells per reach of the kernel and axis.
 const CELLS: f64 = 2.0;
 
 /// Most cells that a surface is divided into; beyond, they are made wider.
 const MOST_CELLS: f64 = 4e6;
+
+/// Most regions, and most edges, in the lists of all cells together.
+const MOST_LISTED: usize = 1 << 26;
 
 /// Where in its cell a point stands from which insides are counted, in cells from the middle: no
 /// edge of a part lies there unless it is put there.
@@ -71,7 +74,8 @@ impl ContactSurface {
     /// standard deviation `width` (metres, per axis).
     ///
     /// # Errors
-    /// If the width is not positive and finite, or no triangle has an area.
+    /// If the width is not positive and finite, no triangle has an area, or so many faces are in
+    /// reach of so many places that the lists would pass 2^26 entries.
     pub fn new(mesh: &TriangleMesh, width: f64) -> Result<Self, ContactError> {
         if !(width.is_finite() && width > 0.0) {
             return Err(ContactError::Width { found: width });
@@ -96,7 +100,7 @@ impl ContactSurface {
             listed: Vec::new(),
         };
         let edges = surface.add(&found);
-        surface.list(&edges);
+        surface.list(&edges)?;
         Ok(surface)
     }
 
@@ -131,7 +135,16 @@ impl ContactSurface {
     }
 
     /// Lists the regions of every cell.
-    fn list(&mut self, edges: &[(u32, u32)]) {
+    fn list(&mut self, edges: &[(u32, u32)]) -> Result<(), ContactError> {
+        let few = |found: usize| match found <= MOST_LISTED {
+            true => Ok(()),
+            false => Err(ContactError::TooMany {
+                what: "faces in reach, counted for every place",
+                most: MOST_LISTED,
+                found: found as f64,
+            }),
+        };
+        let mut listed = 0;
         let [nx, ny, nz] = self.shape;
         let half = 0.5 * 3f64.sqrt() * self.cell;
         let reach = self.kernel.reach() + 2.0 * half;
@@ -144,15 +157,19 @@ impl ContactSurface {
                 let height = self.planes[id].height(self.middle(flat));
                 if height.abs() <= reach {
                     by_cell[flat].push(id as u32);
+                    listed += 1;
                 }
             }
+            few(listed)?;
         }
         for (flat, ids) in by_cell.iter().enumerate() {
             for &id in ids {
                 self.view(flat, id, edges[id as usize], reach);
             }
             self.starts.push(self.views.len() as u32);
+            few(self.listed.len())?;
         }
+        Ok(())
     }
 
     /// Adds a region to the list of a cell if it is in reach.

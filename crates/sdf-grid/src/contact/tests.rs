@@ -2,8 +2,9 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::error::ContactError;
 use super::kernel::ContactKernel;
-use super::samples::surface_samples;
+use super::samples::{SurfaceSample, surface_samples};
 use super::surface::{ContactSurface, Flux};
 use crate::mesh::shapes;
 
@@ -45,7 +46,7 @@ fn lost(a: DVec3, b: DVec3, at: DVec3, width: f64) -> f64 {
     exact - (smoothed(v) - v * slope)
 }
 
-fn sum(surface: &ContactSurface, samples: &[super::samples::SurfaceSample], at: DVec3) -> f64 {
+fn sum(surface: &ContactSurface, samples: &[SurfaceSample], at: DVec3) -> f64 {
     let seen = samples.iter().filter_map(|s| {
         let flux = surface.flux(s.position + at)?;
         Some(flux.value.dot(s.area))
@@ -54,7 +55,8 @@ fn sum(surface: &ContactSurface, samples: &[super::samples::SurfaceSample], at: 
 }
 
 /// With faces, edges and corners in reach of one another; sampled finely, so that what differs is
-/// the midpoint rule (second order) and the end of the reach.
+/// the midpoint rule (second order) and the end of the reach. Both boxes along the axes, for which
+/// the closed form holds, and both turned and shifted with them.
 #[test]
 fn two_boxes_lose_what_smoothing_takes() {
     let (a, b) = (DVec3::new(2.0, 1.5, 1.2), DVec3::new(1.0, 1.7, 0.8));
@@ -64,6 +66,10 @@ fn two_boxes_lose_what_smoothing_takes() {
     let samples = surface_samples(&solid(b), 0.05).unwrap();
     let area: f64 = samples.iter().map(|s| s.area.length()).sum();
     assert!((area - solid(b).area()).abs() < 1e-9 * area);
+    let turn = DQuat::from_scaled_axis(DVec3::new(-0.3, 1.1, 0.6));
+    let shift = DVec3::new(3.0, -7.0, 0.4);
+    let turned = ContactSurface::new(&solid(a).transformed(turn, shift), width).unwrap();
+    let turned_samples = surface_samples(&solid(b).transformed(turn, shift), 0.05).unwrap();
     for at in [
         DVec3::new(0.3, 0.1, 0.2),
         DVec3::new(1.0, 0.2, 0.4),
@@ -71,11 +77,16 @@ fn two_boxes_lose_what_smoothing_takes() {
         DVec3::new(2.4, 2.6, 1.5),
         DVec3::new(3.0, 0.1, 0.0),
     ] {
-        let (found, expected) = (sum(&surface, &samples, at), lost(a, b, at, width));
-        assert!(
-            (found - expected).abs() < 2e-3 * expected.abs() + 2e-5,
-            "{at}: {found} instead of {expected}"
-        );
+        let expected = lost(a, b, at, width);
+        for found in [
+            sum(&surface, &samples, at),
+            sum(&turned, &turned_samples, turn * at),
+        ] {
+            assert!(
+                (found - expected).abs() < 2e-3 * expected.abs() + 2e-5,
+                "{at}: {found} instead of {expected}"
+            );
+        }
     }
 }
 
@@ -133,4 +144,25 @@ fn slopes_are_those_of_differences_in_every_frame() {
         assert!((there.value - turn * value).length() < 1e-6 * width, "{p}");
     }
     assert!(seen > 500, "{seen}");
+}
+
+#[test]
+fn what_cannot_be_summed_is_refused() {
+    let block = shapes::cuboid(DVec3::ONE).unwrap();
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let width = ContactSurface::new(&block, bad).err();
+        assert!(matches!(width, Some(ContactError::Width { .. })), "{bad}");
+        let distance = surface_samples(&block, bad);
+        assert!(
+            matches!(distance, Err(ContactError::Distance { .. })),
+            "{bad}"
+        );
+    }
+    for small in [1e-6, 1e-300] {
+        let many = surface_samples(&block, small);
+        assert!(matches!(many, Err(ContactError::TooMany { .. })), "{small}");
+    }
+    let narrow = ContactSurface::new(&block, 1e-300).unwrap();
+    assert_eq!(narrow.flux(DVec3::NAN), None);
+    assert!(narrow.flux(DVec3::splat(0.3)).is_none());
 }

@@ -42,6 +42,21 @@ pub struct ReadOptions {
     pub step: StepOptions,
 }
 
+impl ReadOptions {
+    /// One solid of a file, or all of them; STEP files with so many edges around a full turn.
+    pub fn choosing(unit: LengthUnit, solid: Option<String>, segments_per_turn: u32) -> Self {
+        Self {
+            unit,
+            solid,
+            step: StepOptions {
+                segments_per_turn,
+                ..StepOptions::default()
+            },
+            ..Self::default()
+        }
+    }
+}
+
 /// A mesh file's content before hygiene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {

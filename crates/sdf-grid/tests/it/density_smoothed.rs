@@ -48,8 +48,8 @@ fn below(z: f64) -> f64 {
     0.5 + (0..steps).map(at).sum::<f64>() * step / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-/// Within half a millimetre of the middle of a face 24 mm wide the density is that of a half space
-/// to 1e-4; what is left is the fine lattice: 0.6 % of the jump, a hundredth of a cell.
+/// Within 2.5 mm of the middle of a face 24 mm wide the kernel sees nothing but the face; what is
+/// left is the fine lattice.
 #[test]
 fn next_to_a_wide_face_it_is_the_normal_distribution() {
     let (a, b) = (-0.069830, 0.531771);

@@ -24,6 +24,14 @@ pub(super) struct Block<'a> {
     pub(super) signed_distance: ArrayViewMut3<'a, f32>,
 }
 
+/// How many blocks arrays of a shape are cut into.
+pub(super) fn block_count(shape: [usize; 3]) -> u64 {
+    shape
+        .map(|n| n.div_ceil(BLOCK) as u64)
+        .into_iter()
+        .product()
+}
+
 /// The arrays cut into blocks.
 pub(super) fn blocks(arrays: Arrays<'_>) -> Vec<Block<'_>> {
     let exterior = cut(arrays.exterior);

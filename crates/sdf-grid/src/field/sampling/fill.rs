@@ -3,10 +3,10 @@
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::blocks::{Arrays, Block, blocks};
+use super::blocks::{Arrays, Block, block_count, blocks};
 use super::patch::{Anchor, Patch};
 use super::patch_density::{PatchDensity, PatchValues};
-use super::smoothed;
+use super::smoothed::Smoothing;
 use crate::field::error::DensityError;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::lattice::Lattice;
@@ -72,22 +72,16 @@ pub(crate) fn fill(
         sharpened,
     } = recipe.sampling
     else {
-        let sampler = Sampler::new(recipe, recipe.lattice, recipe.sampling, tree);
+        let sampler = Sampler::new(recipe, recipe.lattice, tree);
+        monitor.begin("density", block_count(recipe.lattice.shape()));
         return sample(&sampler, arrays, monitor);
     };
-    smoothed::fill(
-        &recipe.lattice,
-        deviation,
-        sharpened,
-        arrays,
-        |slab, arrays| {
-            sample(
-                &Sampler::new(recipe, *slab, recipe.sampling, tree),
-                arrays,
-                monitor,
-            )
-        },
-    )
+    let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpened)?;
+    let count = smoothing.slabs().map(block_count).sum();
+    monitor.begin("density", count);
+    smoothing.fill(arrays, |slab, arrays| {
+        sample(&Sampler::new(recipe, *slab, tree), arrays, monitor)
+    })
 }
 
 /// Computes the values of a lattice.
@@ -97,7 +91,6 @@ fn sample(
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
     let mut blocks = blocks(arrays);
-    monitor.begin("density", blocks.len() as u64);
     // Few enough reports for the monitor, whatever the lattice.
     let batch = blocks.len().div_ceil(2048);
     let batches = blocks.par_chunks_mut(batch);
@@ -155,7 +148,6 @@ impl<'a> Sampler<'a> {
     fn new(
         recipe: &FieldRecipe,
         lattice: Lattice,
-        sampling: Sampling,
         (bvh, table): (&'a Bvh, &'a CumulativeKernel),
     ) -> Self {
         let scale = bvh.scale();
@@ -172,7 +164,7 @@ impl<'a> Sampler<'a> {
             bvh,
             lattice,
             halo: recipe.halo,
-            sampling,
+            sampling: recipe.sampling,
         }
     }
 

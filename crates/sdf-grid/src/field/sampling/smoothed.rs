@@ -6,6 +6,7 @@
 
 use std::ops::RangeInclusive;
 
+use glam::DVec3;
 use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
 use num_complex::Complex32;
 use rayon::prelude::*;
@@ -18,8 +19,8 @@ use crate::field::zeros::zeros;
 /// Fine nodes per node and axis.
 const FINE: usize = 3;
 
-/// Nodes along x that are worked on together.
-const SLAB: usize = 8;
+/// Fine nodes along x that are worked on together: three blocks deep.
+const DEPTH: usize = 24;
 
 /// The Gaussian is cut off beyond this many standard deviations.
 const CUT_OFF: f64 = 4.5;
@@ -75,59 +76,87 @@ struct Plane {
 /// without; above, the filter takes longer than the densities.
 const DEVIATIONS: RangeInclusive<f64> = 0.3..=4.0;
 
-/// Fills arrays of zeros on `lattice`; `sample` fills the values of the slab of a fine lattice.
-pub(super) fn fill(
-    lattice: &Lattice,
-    deviation: f64,
-    sharpened: bool,
-    mut arrays: Arrays<'_>,
-    mut sample: impl FnMut(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
-) -> Result<(), DensityError> {
-    if !DEVIATIONS.contains(&(deviation / lattice.spacing())) {
-        return Err(DensityError::Option {
-            name: "deviation",
-            expected: "0.3 to 4 lattice spacings",
-            found: deviation,
-        });
+/// How a lattice is filled from a finer one.
+pub(super) struct Smoothing {
+    filter: Filter,
+    /// The first node of the fine lattice, metres.
+    origin: DVec3,
+    spacing: f64,
+    /// Nodes of the fine lattice.
+    shape: [usize; 3],
+}
+
+impl Smoothing {
+    /// # Errors
+    /// If the lattice cannot be smoothed by so much or so little.
+    pub(super) fn new(
+        lattice: &Lattice,
+        deviation: f64,
+        sharpened: bool,
+    ) -> Result<Self, DensityError> {
+        if !DEVIATIONS.contains(&(deviation / lattice.spacing())) {
+            return Err(DensityError::Option {
+                name: "deviation",
+                expected: "0.3 to 4 lattice spacings",
+                found: deviation,
+            });
+        }
+        let spacing = lattice.spacing() / FINE as f64;
+        let filter = Filter::new(deviation, sharpened, spacing);
+        let reach = filter.reach();
+        Ok(Self {
+            // The first node is a fine one, `reach` from the edge.
+            origin: lattice.origin() - reach as f64 * spacing,
+            shape: lattice.shape().map(|n| FINE * (n - 1) + 1 + 2 * reach),
+            filter,
+            spacing,
+        })
     }
-    let spacing = lattice.spacing() / FINE as f64;
-    let filter = Filter::new(deviation, sharpened, spacing);
-    let reach = filter.reach();
-    // The first node is the middle one of its three, `reach` from the edge.
-    let lead = reach as f64 * spacing;
-    let fine = lattice.shape().map(|n| FINE * (n - 1) + 1 + 2 * reach);
-    let depth = FINE * SLAB;
-    for first in (0..fine[0]).step_by(depth) {
-        let planes = depth.min(fine[0] - first);
-        let mut origin = lattice.origin() - lead;
-        origin.x += first as f64 * spacing;
-        let slab = Lattice::new(origin, spacing, [planes, fine[1], fine[2]])
-            .map_err(|_| DensityError::Memory { bytes: u64::MAX })?;
-        let bytes = slab.len() as u64 * 20;
-        let memory = DensityError::Memory { bytes };
-        let (Some(mut exterior), Some(mut interior), Some(mut distance)) =
-            (zeros(&slab), zeros(&slab), zeros(&slab))
-        else {
-            return Err(memory);
-        };
-        sample(
-            &slab,
-            Arrays {
-                exterior: exterior.view_mut(),
-                interior: interior.view_mut(),
-                signed_distance: distance.view_mut(),
-            },
-        )?;
-        add(&filter, first, &exterior, &mut arrays.exterior);
-        add(&filter, first, &interior, &mut arrays.interior);
-        keep(reach, first, &distance, &mut arrays.signed_distance);
+
+    /// Shapes of the slabs of the fine lattice, one behind the other along x.
+    pub(super) fn slabs(&self) -> impl Iterator<Item = [usize; 3]> + '_ {
+        let [nx, ny, nz] = self.shape;
+        (0..nx)
+            .step_by(DEPTH)
+            .map(move |first| [DEPTH.min(nx - first), ny, nz])
     }
-    Ok(())
+
+    /// Fills arrays of zeros; `sample` fills the values of a slab.
+    pub(super) fn fill(
+        &self,
+        mut arrays: Arrays<'_>,
+        mut sample: impl FnMut(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
+    ) -> Result<(), DensityError> {
+        for (slab, shape) in self.slabs().enumerate() {
+            let first = slab * DEPTH;
+            let origin = self.origin + DVec3::X * (first as f64 * self.spacing);
+            let memory = || DensityError::Memory {
+                bytes: shape.iter().fold(20, |b, n| b.saturating_mul(*n as u64)),
+            };
+            let slab = Lattice::new(origin, self.spacing, shape).map_err(|_| memory())?;
+            let mut exterior = zeros(&slab).ok_or_else(memory)?;
+            let mut interior = zeros(&slab).ok_or_else(memory)?;
+            let mut distance = zeros(&slab).ok_or_else(memory)?;
+            sample(
+                &slab,
+                Arrays {
+                    exterior: exterior.view_mut(),
+                    interior: interior.view_mut(),
+                    signed_distance: distance.view_mut(),
+                },
+            )?;
+            let filter = &self.filter;
+            add(filter, first, &exterior, &mut arrays.exterior);
+            add(filter, first, &interior, &mut arrays.interior);
+            keep(filter, first, &distance, &mut arrays.signed_distance);
+        }
+        Ok(())
+    }
 }
 
 /// Distances at the nodes that lie in a slab.
-fn keep(reach: usize, first: usize, slab: &Array3<f32>, to: &mut ArrayViewMut3<'_, f32>) {
-    let step = FINE as isize;
+fn keep(filter: &Filter, first: usize, slab: &Array3<f32>, to: &mut ArrayViewMut3<'_, f32>) {
+    let (reach, step) = (filter.reach(), FINE as isize);
     for (i, mut plane) in to.outer_iter_mut().enumerate() {
         let place = reach + FINE * i;
         if let Some(own) = place.checked_sub(first).filter(|p| *p < slab.dim().0) {

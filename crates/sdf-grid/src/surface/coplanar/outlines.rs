@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::pieces::UNFOLDED;
 use super::regions::{Regions, Surface};
 
 /// Areas of an outline and of its triangles may differ by this share of the area around it.
@@ -60,7 +61,7 @@ impl Surface<'_> {
         let rings: Vec<Vec<DVec3>> = rings.iter().map(|r| r.iter().map(flat).collect()).collect();
         let facets = || regions.get(id).iter().map(|t| &self.facets[*t as usize]);
         let covered: f64 = facets().map(|f| f.area * f.normal.dot(plane.normal)).sum();
-        let folded = covered < 0.99 * facets().map(|f| f.area).sum::<f64>();
+        let folded = covered < UNFOLDED * facets().map(|f| f.area).sum::<f64>();
         let area: f64 = rings.iter().map(|r| area(r, plane.normal)).sum();
         let around: f64 = rings.iter().map(|r| length(r)).sum();
         let same = (area - covered).abs() <= SAME * covered + self.flat * around;

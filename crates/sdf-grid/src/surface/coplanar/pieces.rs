@@ -21,7 +21,7 @@ const MAX_PIECES: usize = 100_000;
 
 /// A region is covered anew if its area, less what lies upside down, is at least this share of that
 /// of its triangles.
-const UNFOLDED: f64 = 0.99;
+pub(super) const UNFOLDED: f64 = 0.99;
 
 /// What a surface is made of, in lists one after the other: to put them in one would move each once
 /// more.

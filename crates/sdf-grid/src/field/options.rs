@@ -18,9 +18,10 @@ pub enum Sampling {
     Smoothed {
         /// Its standard deviation per axis, metres.
         deviation: f64,
-        /// Whether `1 - deviation² Δ` is applied on top of it: what is multiplied by a field that
-        /// is smoothed only then keeps the product's blur to fourth order.
-        sharpened: bool,
+        /// `S`, square metres, of `1 - S/2 Δ` applied on top of it; 0 for none. With the variance
+        /// per axis by which the product of two fields is smoothed in all, the product loses
+        /// nothing to second order.
+        sharpening: f64,
     },
 }
 
@@ -65,6 +66,15 @@ impl DensityOptions {
             && !(deviation.is_finite() && deviation > 0.0)
         {
             return Err(refuse("deviation", "finite and > 0 metres", deviation));
+        }
+        if let Sampling::Smoothed { sharpening, .. } = self.sampling
+            && !(sharpening.is_finite() && sharpening >= 0.0)
+        {
+            return Err(refuse(
+                "sharpening",
+                "finite and >= 0 square metres",
+                sharpening,
+            ));
         }
         if self.halo.is_nan() || self.halo <= 0.0 {
             return Err(refuse("halo", "> 0 metres", self.halo));

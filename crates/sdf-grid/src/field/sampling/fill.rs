@@ -69,14 +69,14 @@ pub(crate) fn fill(
     let tree = (&bvh, &table);
     let Sampling::Smoothed {
         deviation,
-        sharpened,
+        sharpening,
     } = recipe.sampling
     else {
         let sampler = Sampler::new(recipe, recipe.lattice, tree);
         monitor.begin("density", block_count(recipe.lattice.shape()));
         return sample(&sampler, arrays, monitor);
     };
-    let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpened)?;
+    let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
     let count = smoothing.slabs().map(block_count).sum();
     monitor.begin("density", count);
     smoothing.fill(arrays, |slab, arrays| {

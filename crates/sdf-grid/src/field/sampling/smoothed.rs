@@ -30,12 +30,12 @@ const CUT_OFF: f64 = 4.5;
 struct Filter {
     /// The Gaussian, from the leftmost fine node to the rightmost.
     value: Vec<f32>,
-    /// What sharpening adds: minus its second derivative times its variance.
+    /// What sharpening adds: minus half of it times the second derivative.
     bend: Option<Vec<f32>>,
 }
 
 impl Filter {
-    fn new(deviation: f64, sharpened: bool, spacing: f64) -> Self {
+    fn new(deviation: f64, sharpening: f64, spacing: f64) -> Self {
         // Cells have averaged already.
         let variance = deviation * deviation - spacing * spacing / 12.0;
         let reach = (CUT_OFF * deviation / spacing).ceil() as i32;
@@ -53,10 +53,10 @@ impl Filter {
             .zip(&value)
             .for_each(|(b, v)| *b -= rest * v / sum);
         let square: f64 = places.zip(&bend).map(|(x, b)| x * x * b).sum();
-        let scale = -2.0 * deviation * deviation / square;
+        let scale = -sharpening / square;
         Self {
             value: value.iter().map(|v| (v / sum) as f32).collect(),
-            bend: sharpened.then(|| bend.iter().map(|b| (b * scale) as f32).collect()),
+            bend: (sharpening > 0.0).then(|| bend.iter().map(|b| (b * scale) as f32).collect()),
         }
     }
 
@@ -92,7 +92,7 @@ impl Smoothing {
     pub(super) fn new(
         lattice: &Lattice,
         deviation: f64,
-        sharpened: bool,
+        sharpening: f64,
     ) -> Result<Self, DensityError> {
         if !DEVIATIONS.contains(&(deviation / lattice.spacing())) {
             return Err(DensityError::Option {
@@ -102,7 +102,7 @@ impl Smoothing {
             });
         }
         let spacing = lattice.spacing() / FINE as f64;
-        let filter = Filter::new(deviation, sharpened, spacing);
+        let filter = Filter::new(deviation, sharpening, spacing);
         let reach = filter.reach();
         Ok(Self {
             // The first node is a fine one, `reach` from the edge.

@@ -3,12 +3,14 @@
 //! - [`kernel`]: the short-range kernel, integrated over planes;
 //! - [`edge`]: what edges take from it;
 //! - [`surface`]: one part's flat regions, found by where one stands;
-//! - [`samples`]: the other part's surface as points.
+//! - [`samples`]: the other part's surface as points;
+//! - [`sum`]: the sum over both.
 
 pub(crate) mod edge;
 pub(crate) mod error;
 pub(crate) mod kernel;
 pub(crate) mod samples;
+pub(crate) mod sum;
 pub(crate) mod surface;
 
 #[cfg(test)]

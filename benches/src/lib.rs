@@ -14,6 +14,7 @@ use rand::rngs::SmallRng;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Sampling, Silent};
 
+pub mod frames;
 pub mod frontier;
 pub mod meshes;
 pub mod midpoint;

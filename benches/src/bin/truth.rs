@@ -12,7 +12,8 @@ use fft_correlate::pair::default_halo;
 use fft_correlate::{
     DirectEvaluator, DirectOptions, Pair, PairBuilder, Pose, Response, ScoreModel, Twist, Wrench,
 };
-use glam::{DQuat, DVec3};
+use glam::DVec3;
+use pegfit_benches::frames::{Frame, contact_paths};
 use pegfit_benches::table::{Table, percent, significant};
 use pegfit_benches::{Arguments, Outcome, ask, random_poses, response_errors, rms};
 use pegfit_truth::{TrueResponse, Truth, TruthOptions, sampled_energy};
@@ -24,10 +25,6 @@ use sdf_grid::{Silent, TriangleMesh};
 /// Random poses: rotations within this, degrees, displacements within this, metres.
 const BALL: f64 = 7.2;
 const REACH: f64 = 3.6e-3;
-
-/// How both parts are turned and shifted, so that nothing lies along the cells as before.
-const TURN: DQuat = DQuat::from_xyzw(0.2, 0.4, 0.4, 0.8);
-const SHIFT: DVec3 = DVec3::new(3.1e-3, -1.7e-3, 2.3e-3);
 
 /// Half a step of differences, metres; angles are this over the parts' radius.
 const STEP: f64 = 3e-5;
@@ -167,7 +164,10 @@ impl Case {
             REACH,
             effort.poses[0],
         );
-        let poses = [random, contact_paths(&default, effort.poses[1])];
+        let poses = [
+            random,
+            contact_paths(&default, BALL.to_radians(), REACH, effort.poses[1]),
+        ];
         let began = Instant::now();
         let truth = Truth::new(&hole, &peg, &ScoreModel::GUIDED, &effort.options)?;
         let set_up = began.elapsed().as_secs_f64();
@@ -231,8 +231,8 @@ impl Case {
 
     /// The same responses from parts that are turned and shifted, turned back.
     fn turned(&self, options: &TruthOptions) -> Outcome<[Vec<Response>; 2]> {
-        let frame = Pose::new(TURN, SHIFT);
-        let [hole, peg] = self.meshes.each_ref().map(|m| m.transformed(TURN, SHIFT));
+        let frame = Frame::turned();
+        let [hole, peg] = self.meshes.each_ref().map(|m| frame.part(m));
         // The halo is part of the model: that of the parts as they were.
         let [fixed, moving] = self.meshes.each_ref().map(TriangleMesh::bounds);
         let options = TruthOptions {
@@ -241,20 +241,13 @@ impl Case {
         };
         let truth = Truth::new(&hole, &peg, &ScoreModel::GUIDED, &options)?;
         Ok(self.poses.each_ref().map(|poses| {
-            let there: Vec<Pose> = poses.iter().map(|p| frame * *p * frame.inverse()).collect();
+            let there: Vec<Pose> = poses.iter().map(|p| frame.pose(p)).collect();
             let found = responses(&truth.at_all(&there));
-            let back = |(r, p): (Response, &Pose)| {
-                // The origin of the moving part, as it was, lies at this offset from the new one.
-                let wrench = r.wrench.about(p.rotation * SHIFT);
-                Response {
-                    wrench: Wrench {
-                        torque: TURN.conjugate() * wrench.torque,
-                        force: TURN.conjugate() * wrench.force,
-                    },
-                    ..r
-                }
-            };
-            found.into_iter().zip(&there).map(back).collect()
+            found
+                .iter()
+                .zip(&there)
+                .map(|(r, p)| frame.back(r, p))
+                .collect()
         }))
     }
 
@@ -316,22 +309,4 @@ fn responses(found: &[TrueResponse]) -> Vec<Response> {
         coverage: 1.0,
     };
     found.iter().map(response).collect()
-}
-
-/// Sliding in along a wall, pressing from wall to wall, and turning in the hole.
-fn contact_paths(pair: &Pair, count: usize) -> Vec<Pose> {
-    let at = |k: usize| k as f64 / (count - 1) as f64;
-    let slide = (0..count).map(|k| {
-        let tilt = DQuat::from_rotation_y(0.01);
-        pair.pose(tilt, DVec3::new(3e-4, 0.0, REACH * (1.0 - at(k))))
-    });
-    let press = (0..count).map(|k| {
-        let across = REACH * (at(k) - 0.5);
-        pair.pose(DQuat::IDENTITY, DVec3::new(across, 1e-4, 2e-4))
-    });
-    let spin = (0..count).map(|k| {
-        let turn = DQuat::from_rotation_z(BALL.to_radians() * (2.0 * at(k) - 1.0));
-        pair.pose(turn, DVec3::new(2e-4, -1e-4, 3e-4))
-    });
-    slide.chain(press).chain(spin).collect()
 }

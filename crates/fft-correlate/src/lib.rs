@@ -45,6 +45,7 @@ mod rotations;
 mod setup;
 mod sweep;
 pub mod table;
+mod vectors;
 pub mod well;
 
 pub use correlate::{

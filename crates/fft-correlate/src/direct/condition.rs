@@ -10,9 +10,10 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use sdf_grid::DensityField;
 
-use crate::direct::terms::{Blend, Side, Term, score_terms};
+use crate::direct::terms::{Blend, Term, score_terms};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
+use crate::pair::side::Side;
 
 /// A score and the sum of the absolute values of its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -15,13 +15,15 @@ use fearless_simd::Level;
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
-use crate::direct::lookup::{LookupGrid, PointSet, Sums, sum};
+use crate::direct::lookup::{LookupGrid, PointSet, Reading, Sums, sum};
 use crate::direct::quadrature::{Blocks, merge_limit};
-use crate::direct::terms::{Side, Term, score_terms};
+use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::level;
+use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
+use crate::pair::side::Side;
 
 /// How many points a [`DirectEvaluator`] uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -152,6 +154,7 @@ impl std::fmt::Display for DirectDescription {
 /// Energy, wrench and score of a pair at any pose, by quadrature.
 pub struct DirectEvaluator {
     products: Vec<Product>,
+    contact: Option<Contact>,
     gamma: f64,
     level: Level,
     description: DirectDescription,
@@ -189,6 +192,10 @@ impl DirectEvaluator {
             Side::Fixed => pair.fixed(),
             Side::Moving => pair.moving(),
         };
+        let reading = match pair.contact() {
+            Some(_) => Reading::Quadratic,
+            None => Reading::Trilinear,
+        };
         let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
         let blocks: Vec<_> = terms
             .iter()
@@ -205,13 +212,17 @@ impl DirectEvaluator {
             let points = blocks.points(limit);
             let coarsest = points.iter().rposition(|p| !p.is_empty());
             let looked_up = term.points.other();
-            let grids =
-                LookupGrid::pyramid(field(looked_up), term.lookup, coarsest.map_or(0, |l| l + 1))
-                    .map_err(|found| DirectError::Size {
-                    side: looked_up,
-                    limit: LookupGrid::MAX_NODES,
-                    found,
-                })?;
+            let grids = LookupGrid::pyramid(
+                field(looked_up),
+                term.lookup,
+                coarsest.map_or(0, |l| l + 1),
+                reading,
+            )
+            .map_err(|found| DirectError::Size {
+                side: looked_up,
+                limit: LookupGrid::MAX_NODES,
+                found,
+            })?;
             description.terms.push(TermDescription {
                 term: *term,
                 cells: blocks.cells(),
@@ -230,6 +241,7 @@ impl DirectEvaluator {
         }
         Ok(Self {
             products,
+            contact: pair.contact().cloned(),
             gamma: pair.model().gamma,
             level: level::native(),
             description,
@@ -272,6 +284,12 @@ impl DirectEvaluator {
             total.score += part.score;
             total.gradient += part.gradient;
             total.moment += part.moment;
+        }
+        if let Some(contact) = &self.contact {
+            let lost = contact.score(pose);
+            total.score.re += lost.score;
+            total.gradient += lost.gradient;
+            total.moment += lost.moment;
         }
         total
     }

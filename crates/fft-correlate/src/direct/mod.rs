@@ -6,5 +6,6 @@ mod lookup;
 mod quadrature;
 mod terms;
 
+pub use crate::pair::side::Side;
 pub use evaluator::{DirectDescription, FullResponse, TermDescription};
-pub use terms::{Blend, Side, Term, score_terms};
+pub use terms::{Blend, Term, score_terms};

@@ -3,26 +3,7 @@
 use sdf_grid::DensityField;
 
 use crate::pair::model::ScoreModel;
-
-/// One of the two parts of a pair.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// The part that stays.
-    Fixed,
-    /// The part that moves.
-    Moving,
-}
-
-impl Side {
-    /// The other part.
-    #[must_use]
-    pub fn other(self) -> Self {
-        match self {
-            Self::Fixed => Self::Moving,
-            Self::Moving => Self::Fixed,
-        }
-    }
-}
+use crate::pair::side::Side;
 
 /// Real weights of a part's two unit densities: `exterior * O + interior * I`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,10 +6,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, FieldRecipe, KernelError,
-    Lattice, LatticeError, Monitor, Sampling, TriangleMesh,
+    Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldRecipe,
+    KernelError, Lattice, LatticeError, Monitor, Sampling, TriangleMesh,
 };
 
+use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::deaverage::deaveraged_lattice;
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
@@ -34,6 +35,10 @@ pub struct PairBuilder {
     /// Undo in the fixed density what cell averages lose where boundaries coincide
     /// ([`crate::deaverage`]).
     pub deaverage: bool,
+    /// Standard deviation, in spacings, of the Gaussian that smooths both densities, jumps included;
+    /// what it takes from the score is summed over both surfaces. None samples them as `sampling`
+    /// says.
+    pub smoothing: Option<f64>,
     /// Refuse fields that need more than this many bytes together.
     pub memory_limit: Option<u64>,
 }
@@ -48,6 +53,7 @@ impl Default for PairBuilder {
             tolerance: density.tolerance,
             sampling: density.sampling,
             deaverage: false,
+            smoothing: None,
             memory_limit: None,
         }
     }
@@ -64,8 +70,12 @@ pub struct PairPlan {
     pub fixed_lattice: Lattice,
     /// Lattice of the moving part: its bounds and the halo.
     pub moving_lattice: Lattice,
-    /// How both densities are computed; holds the halo.
+    /// How the fixed part's density is computed; holds the halo.
     pub density: DensityOptions,
+    /// How the moving part's density is sampled.
+    pub sampling_of_moving: Sampling,
+    /// How both are smoothed.
+    pub(crate) smoothing: Option<Smoothing>,
     /// Whether cell averages are undone in the fixed density.
     pub deaverage: bool,
     /// Middle of the moving part's bounds, on a corner of lattice cells: turns by 90 degrees about
@@ -100,6 +110,9 @@ pub enum PairBuildError {
         /// Why.
         source: DensityError,
     },
+    /// A part's surface cannot be summed over.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
     /// A part lies between the nodes of its lattice: probably it, or the spacing, is in another
     /// unit.
     #[error("{part} part: {size} m at its largest, smaller than a lattice cell of {spacing} m")]
@@ -192,9 +205,12 @@ impl PairBuilder {
                 });
             }
         }
+        let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
+        let sampling =
+            |of: fn(&Smoothing) -> Sampling| smoothing.as_ref().map_or(self.sampling, of);
         let density = DensityOptions {
             tolerance: self.tolerance,
-            sampling: self.sampling,
+            sampling: sampling(Smoothing::of_fixed),
             halo,
         };
         density
@@ -203,8 +219,9 @@ impl PairBuilder {
                 part: "fixed",
                 source,
             })?;
+        let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));
         let lattice = |part, bounds| {
-            Lattice::covering(bounds, halo, spacing)
+            Lattice::covering(bounds, room, spacing)
                 .map_err(|source| PairBuildError::Lattice { part, source })
         };
         let (fixed_lattice, moving_lattice) = (lattice("fixed", &a)?, lattice("moving", &b)?);
@@ -222,6 +239,8 @@ impl PairBuilder {
                 fixed_lattice,
                 moving_lattice,
                 density,
+                sampling_of_moving: sampling(Smoothing::of_moving),
+                smoothing,
                 deaverage: self.deaverage,
                 pivot: spacing * (b.center() / spacing).round(),
                 bytes: needed,
@@ -277,6 +296,14 @@ impl PairPlan {
         self.fixed_lattice.spacing()
     }
 
+    /// How the moving part's density is computed.
+    fn density_of_moving(&self) -> DensityOptions {
+        DensityOptions {
+            sampling: self.sampling_of_moving,
+            ..self.density
+        }
+    }
+
     /// The lattice of the fixed density as it is multiplied: wider than the computed one if cell
     /// averages are undone.
     ///
@@ -299,14 +326,18 @@ impl PairPlan {
         fixed: &TriangleMesh,
         moving: &TriangleMesh,
     ) -> Result<PairRecipe, PairBuildError> {
-        let field = |mesh, lattice| FieldRecipe::new(mesh, &self.kernel, lattice, &self.density);
+        let field = |mesh, lattice, options| FieldRecipe::new(mesh, &self.kernel, lattice, options);
         Ok(PairRecipe {
             model: self.model,
             fixed: Some(FieldRecipe {
                 lattice: self.fixed_density_lattice()?,
-                ..field(fixed, &self.fixed_lattice)
+                ..field(fixed, &self.fixed_lattice, &self.density)
             }),
-            moving: Some(field(moving, &self.moving_lattice)),
+            moving: Some(field(
+                moving,
+                &self.moving_lattice,
+                &self.density_of_moving(),
+            )),
             deaverage: self.deaverage,
             pivot: self.pivot.to_array(),
         })
@@ -328,14 +359,22 @@ impl PairPlan {
             &DensityOptions,
         ) -> Result<DensityField, DensityError>,
     ) -> Result<Pair, PairBuildError> {
-        let mut field = |part, mesh, lattice| {
-            compute(mesh, &self.kernel, lattice, &self.density)
+        let mut field = |part, mesh, lattice, options| {
+            compute(mesh, &self.kernel, lattice, options)
                 .map(Arc::new)
                 .map_err(|source| PairBuildError::Density { part, source })
         };
-        let fixed = field("fixed", fixed, &self.fixed_lattice)?;
-        let moving = field("moving", moving, &self.moving_lattice)?;
-        let pair = Pair::new(fixed, moving, self.model, self.pivot)?;
+        let contact = match &self.smoothing {
+            Some(smoothing) => {
+                let jump = jump(&self.model)?;
+                Some(Contact::new(fixed, moving, smoothing, jump)?)
+            }
+            None => None,
+        };
+        let fixed = field("fixed", fixed, &self.fixed_lattice, &self.density)?;
+        let of_moving = self.density_of_moving();
+        let moving = field("moving", moving, &self.moving_lattice, &of_moving)?;
+        let pair = Pair::of(fixed, moving, self.model, self.pivot, contact)?;
         match self.deaverage {
             true => pair.with_deaveraged_fixed().map_err(lattice_of_fixed),
             false => Ok(pair),

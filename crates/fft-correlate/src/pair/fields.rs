@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{DensityField, LatticeError, Sampling};
+use sdf_grid::{DensityField, KernelError, LatticeError, Sampling};
 
 use crate::geometry::se3::Pose;
+use crate::pair::contact::{Contact, jump};
 use crate::pair::deaverage::deaveraged;
 use crate::pair::model::{ModelError, ScoreModel};
 use crate::pair::recipe::PairRecipe;
@@ -23,6 +24,7 @@ pub struct Pair {
     model: ScoreModel,
     pivot: DVec3,
     deaverage: bool,
+    contact: Option<Contact>,
 }
 
 /// Why two fields do not make a pair.
@@ -42,12 +44,15 @@ pub enum PairError {
         found: f64,
     },
     /// The fields are not sampled alike, or smoothed: what smoothing takes from the products of
-    /// densities, a pair does not know.
+    /// densities, only a pair that is built from meshes knows ([`crate::PairBuilder`]).
     #[error("both densities must be points or both cell averages, found {found:?}")]
     Sampling {
         /// How the fixed and the moving part's are sampled.
         found: [Sampling; 2],
     },
+    /// The model's sigma is out of range.
+    #[error(transparent)]
+    Kernel(#[from] KernelError),
     /// The pivot is not finite.
     #[error("pivot must be finite, found {found}")]
     Pivot {
@@ -62,13 +67,28 @@ impl Pair {
     /// the moving part, so that a rotation about it moves the part least.
     ///
     /// # Errors
-    /// If the model is out of range, the fields differ in spacing, sigma or sampling, or the
-    /// pivot is not finite.
+    /// If the model is out of range, the fields differ in spacing, sigma or sampling or are
+    /// smoothed, or the pivot is not finite.
     pub fn new(
         fixed: Arc<DensityField>,
         moving: Arc<DensityField>,
         model: ScoreModel,
         pivot: DVec3,
+    ) -> Result<Self, PairError> {
+        let samplings = [fixed.recipe.sampling, moving.recipe.sampling];
+        if samplings[0] != samplings[1] || matches!(samplings[0], Sampling::Smoothed { .. }) {
+            return Err(PairError::Sampling { found: samplings });
+        }
+        Self::of(fixed, moving, model, pivot, None)
+    }
+
+    /// Joins two fields and what smoothing took from their products.
+    pub(crate) fn of(
+        fixed: Arc<DensityField>,
+        moving: Arc<DensityField>,
+        model: ScoreModel,
+        pivot: DVec3,
+        contact: Option<Contact>,
     ) -> Result<Self, PairError> {
         model.validate()?;
         let same = |name, expected: f64, found: f64| {
@@ -89,10 +109,6 @@ impl Pair {
         )?;
         same("sigma", model.sigma, fixed.recipe.sigma)?;
         same("sigma", model.sigma, moving.recipe.sigma)?;
-        let samplings = [fixed.recipe.sampling, moving.recipe.sampling];
-        if samplings[0] != samplings[1] || matches!(samplings[0], Sampling::Smoothed { .. }) {
-            return Err(PairError::Sampling { found: samplings });
-        }
         if !pivot.is_finite() {
             return Err(PairError::Pivot { found: pivot });
         }
@@ -102,6 +118,7 @@ impl Pair {
             model,
             pivot,
             deaverage: false,
+            contact,
         })
     }
 
@@ -165,11 +182,21 @@ impl Pair {
     /// # Errors
     /// If the model is out of range or its sigma is not that of the densities.
     pub fn with_model(&self, model: ScoreModel) -> Result<Self, PairError> {
-        let pair = Self::new(self.fixed.clone(), self.moving.clone(), model, self.pivot)?;
+        let (fixed, moving) = (self.fixed.clone(), self.moving.clone());
+        let contact = match &self.contact {
+            Some(contact) => Some(contact.with_jump(jump(&model)?)),
+            None => None,
+        };
+        let pair = Self::of(fixed, moving, model, self.pivot, contact)?;
         Ok(Self {
             deaverage: self.deaverage,
             ..pair
         })
+    }
+
+    /// What smoothing took from the products of the densities, if they are smoothed.
+    pub(crate) fn contact(&self) -> Option<&Contact> {
+        self.contact.as_ref()
     }
 
     /// The moving part's pivot, metres in its own frame.

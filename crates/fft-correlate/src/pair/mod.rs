@@ -2,10 +2,12 @@
 
 pub(crate) mod builder;
 mod cached;
+pub(crate) mod contact;
 pub(crate) mod deaverage;
 pub(crate) mod fields;
 pub(crate) mod lattice_step;
 pub(crate) mod model;
 pub(crate) mod recipe;
+pub(crate) mod side;
 
 pub use builder::{default_halo, default_spacing};

@@ -139,6 +139,7 @@ pub(crate) fn pair_setup(
             tolerance: lattice.field_tolerance,
             sampling: lattice.sampling,
             deaverage: lattice.deaverage,
+            smoothing: None,
             memory_limit: Some(memory),
         },
         fixed: Arc::new(fixed),

@@ -6,6 +6,7 @@ use num_complex::Complex;
 
 use super::prefetch::fetch;
 use crate::correlate::real::Real;
+use crate::vectors::transposed;
 
 /// A field's numbers, read at the corners of cells.
 #[derive(Debug, Clone, Copy)]
@@ -113,14 +114,4 @@ impl<'a, T: Real> Corners<'a, T> {
         let (re1, im1) = (low[2].combine(high[2]), low[3].combine(high[3]));
         [fz.mul_add(re1 - re0, re0), fz.mul_add(im1 - im0, im0)]
     }
-}
-
-/// Rows of a square of numbers as columns.
-#[inline(always)]
-fn transposed<S: Simd, V: SimdFloat<S>>(rows: [V; 4]) -> [V; 4] {
-    let (a, b) = rows[0].interleave(rows[2]);
-    let (c, d) = rows[1].interleave(rows[3]);
-    let (e, f) = a.interleave(c);
-    let (g, h) = b.interleave(d);
-    [e, f, g, h]
 }

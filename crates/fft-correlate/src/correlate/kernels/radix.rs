@@ -5,13 +5,7 @@ use fearless_simd::prelude::*;
 use super::prefetch::fetch;
 use super::tile::{Complex, Tile, element};
 use crate::correlate::real::Real;
-
-/// The closure itself: attributes stand on arguments, but not yet on the right of `let`. Code that
-/// is not inlined has no vector instructions.
-#[inline(always)]
-pub(crate) fn inlined<F>(closure: F) -> F {
-    closure
-}
+use crate::vectors::inlined;
 
 #[inline(always)]
 fn add<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {

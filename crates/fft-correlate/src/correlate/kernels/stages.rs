@@ -10,11 +10,12 @@ use super::buffer::Buffer;
 use super::fused::{Fused, Term};
 use super::image::{Image, Output};
 use super::lane_fft::transform;
-use super::radix::{inlined, mul};
+use super::radix::mul;
 use super::scratch::{PlaneScratch, Spectra, Sum};
 use super::tile::{Line, Tile, transpose};
 use crate::correlate::contract::MovingRows;
 use crate::correlate::real::Real;
+use crate::vectors::inlined;
 
 /// Samples one x plane of a moving field, the `slot`th of those at hand.
 #[simd]

@@ -10,8 +10,8 @@ use super::occupied::PATCH;
 use super::turned::Turned;
 use crate::correlate::contract::MovingRows;
 use crate::correlate::kernels::corners::{Cells, Corners};
-use crate::correlate::kernels::radix::inlined;
 use crate::correlate::real::Real;
+use crate::vectors::inlined;
 
 impl<T: Real> MovingRows<T> for Turned<'_, T> {
     fn bounds(&self) -> [Range<usize>; 3] {

@@ -15,12 +15,15 @@ use fearless_simd::Level;
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
+use crate::direct::cells::cells;
 use crate::direct::lookup::{LookupGrid, PointSet, Reading, Sums, sum};
-use crate::direct::quadrature::{Blocks, merge_limit};
+use crate::direct::quadrature::{Blocks, Point, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::level;
+use crate::pair::builder::PairBuildError;
+use crate::pair::coarser::coarser;
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
 use crate::pair::side::Side;
@@ -91,6 +94,9 @@ pub enum DirectError {
         /// Its lattice spacing, metres.
         spacing: f64,
     },
+    /// There are more points than allowed, and no pair on a coarser lattice.
+    #[error("on a lattice coarse enough for the points allowed: {0}")]
+    Coarser(Box<PairBuildError>),
     /// A density has more non-zero nodes than 32-bit offsets reach.
     #[error("{side:?} part: at most {limit} lattice nodes can be looked up, found {found}")]
     Size {
@@ -102,6 +108,12 @@ pub enum DirectError {
         found: u64,
     },
 }
+
+/// How the spacing that gives a number of points depends on it: most lie next to the surfaces.
+const POINTS_BY_SPACING: f64 = 1.0 / 2.5;
+
+/// Made coarser by this much more, so that the points are not too many after all.
+const COARSER: f64 = 1.02;
 
 /// What a [`DirectEvaluator`] is made of, to be printed.
 #[derive(Debug, Clone, PartialEq)]
@@ -192,10 +204,9 @@ impl DirectEvaluator {
             Side::Fixed => pair.fixed(),
             Side::Moving => pair.moving(),
         };
-        let reading = match pair.contact() {
-            Some(_) => Reading::Quadratic,
-            None => Reading::Trilinear,
-        };
+        if let Some(contact) = pair.contact() {
+            return Self::of_smoothed(pair, contact, options);
+        }
         let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
         let blocks: Vec<_> = terms
             .iter()
@@ -216,7 +227,7 @@ impl DirectEvaluator {
                 field(looked_up),
                 term.lookup,
                 coarsest.map_or(0, |l| l + 1),
-                reading,
+                Reading::Trilinear,
             )
             .map_err(|found| DirectError::Size {
                 side: looked_up,
@@ -241,11 +252,78 @@ impl DirectEvaluator {
         }
         Ok(Self {
             products,
-            contact: pair.contact().cloned(),
+            contact: None,
             gamma: pair.model().gamma,
             level: level::native(),
             description,
         })
+    }
+
+    /// Of smoothed densities: as many points as their lattice has cells that count, on a coarser
+    /// lattice if these would be too many.
+    fn of_smoothed(
+        pair: &Pair,
+        contact: &Contact,
+        options: &DirectOptions,
+    ) -> Result<Self, DirectError> {
+        let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
+        let field = |side| match side {
+            Side::Fixed => pair.fixed(),
+            Side::Moving => pair.moving(),
+        };
+        let points: Vec<_> = terms
+            .iter()
+            .map(|t| cells(field(t.points), t.weights))
+            .collect();
+        let count: usize = points.iter().map(Vec::len).sum();
+        if let Some(most) = options.max_points.filter(|most| count > *most) {
+            let factor = (count as f64 / most as f64).powf(POINTS_BY_SPACING);
+            let coarser = coarser(pair, contact, COARSER * factor)
+                .map_err(|e| DirectError::Coarser(Box::new(e)))?;
+            return Self::new(&coarser, options);
+        }
+        let mut evaluator = Self {
+            products: Vec::new(),
+            contact: Some(contact.clone()),
+            gamma: pair.model().gamma,
+            level: level::native(),
+            description: DirectDescription {
+                terms: Vec::new(),
+                merge_tolerance: 0.0,
+                bytes: contact.bytes(),
+            },
+        };
+        for (term, points) in terms.iter().zip(&points) {
+            evaluator.add(term, points, field(term.points.other()))?;
+        }
+        Ok(evaluator)
+    }
+
+    /// Adds a product of points with a smoothed density.
+    fn add(&mut self, term: &Term, points: &[Point], to: &DensityField) -> Result<(), DirectError> {
+        let grids =
+            LookupGrid::pyramid(to, term.lookup, 1, Reading::Quadratic).map_err(|found| {
+                DirectError::Size {
+                    side: term.points.other(),
+                    limit: LookupGrid::MAX_NODES,
+                    found,
+                }
+            })?;
+        self.description.terms.push(TermDescription {
+            term: *term,
+            cells: points.len(),
+            points: points.len(),
+        });
+        let points = PointSet::new(points, to.lattice().spacing());
+        for grid in grids {
+            self.description.bytes += points.bytes() + grid.bytes();
+            self.products.push(Product {
+                points_of: term.points,
+                points: points.clone(),
+                grid,
+            });
+        }
+        Ok(())
     }
 
     /// Points, cells, memory.

@@ -1,5 +1,6 @@
 //! The score by direct quadrature: any rotation, no table, a few megabytes.
 
+mod cells;
 pub(crate) mod condition;
 pub(crate) mod evaluator;
 mod lookup;

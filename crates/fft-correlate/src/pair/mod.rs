@@ -2,6 +2,7 @@
 
 pub(crate) mod builder;
 mod cached;
+pub(crate) mod coarser;
 pub(crate) mod contact;
 pub(crate) mod deaverage;
 pub(crate) mod fields;

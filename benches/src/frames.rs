@@ -60,20 +60,20 @@ impl Frame {
 }
 
 /// Sliding in along a wall, pressing from wall to wall, and turning in the hole: `count` poses of
-/// each, the pivot displaced by up to `reach` metres, turned by up to `angle` radians.
+/// each, never with walls exactly flush, the pivot displaced by up to `reach` metres, turned by up to `angle` radians.
 pub fn contact_paths(pair: &Pair, angle: f64, reach: f64, count: usize) -> Vec<Pose> {
     let at = |k: usize| k as f64 / (count - 1) as f64;
     let slide = (0..count).map(|k| {
         let tilt = DQuat::from_rotation_y(0.01);
-        pair.pose(tilt, DVec3::new(3e-4, 0.0, reach * (1.0 - at(k))))
+        pair.pose(tilt, DVec3::new(2.9e-4, 0.13e-4, reach * (1.0 - at(k))))
     });
     let press = (0..count).map(|k| {
         let across = reach * (at(k) - 0.5);
-        pair.pose(DQuat::IDENTITY, DVec3::new(across, 1e-4, 2e-4))
+        pair.pose(DQuat::IDENTITY, DVec3::new(across, 1.37e-4, 2.3e-4))
     });
     let spin = (0..count).map(|k| {
         let turn = DQuat::from_rotation_z(angle * (2.0 * at(k) - 1.0));
-        pair.pose(turn, DVec3::new(2e-4, -1e-4, 3e-4))
+        pair.pose(turn, DVec3::new(2.1e-4, -1.13e-4, 3.3e-4))
     });
     slide.chain(press).chain(spin).collect()
 }

@@ -24,14 +24,15 @@ impl PairSupport {
         moving: &TriangleMesh,
     ) -> Result<Self, PairBuildError> {
         let (h, halo) = (plan.spacing(), plan.density.halo);
+        let spread = plan.spread();
         let lattice = plan.fixed_density_lattice()?;
         let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
         let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
         // What restoring averages adds on every side.
         let wider = fixed_first - first(&plan.fixed_lattice);
-        let grown = h * (1.0 - wider.min_element());
+        let grown = h * (1.0 - wider.min_element()) + spread;
         let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
-        let moving_solid = solid(&moving.bounds().grown(h), &plan.moving_lattice);
+        let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
         let radius = moving.radius_about(plan.pivot);
         let of_product = |product: Product| {
             let (nodes, reach) = match product.moving.is_interior() {
@@ -46,12 +47,18 @@ impl PairSupport {
                     true => fixed_solid,
                     false => IndexBox::of_shape(lattice.shape()),
                 }),
-                moving: Some(MovingSupport::within(nodes, moving_first, reach / h + CUT)),
+                moving: Some(MovingSupport::within(
+                    nodes,
+                    moving_first,
+                    (reach + spread) / h + CUT,
+                    plan.reading(),
+                )),
                 product,
             }
         };
         Ok(Self {
             spacing: h,
+            reading: plan.reading(),
             fixed_first,
             moving_first,
             products: products(&plan.model).map(of_product).collect(),

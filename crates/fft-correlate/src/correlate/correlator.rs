@@ -131,7 +131,12 @@ impl<T: Real> Correlator<T> {
             let value = |at| of.product.moving.value(pair.moving(), at);
             let nodes = of.moving?.nodes;
             Some(MovingFactor {
-                field: MovingField::new(&nodes, value, plan.support.moving_first),
+                field: MovingField::new(
+                    &nodes,
+                    value,
+                    plan.support.moving_first,
+                    plan.support.reading,
+                ),
                 within: p.crop.met.moving,
                 placed: p.crop.placed,
             })

@@ -238,7 +238,7 @@ impl CorrelatorPlan {
         let memory = Fused::<T>::memory(level, &sizes);
         let fields = self.products.iter().filter_map(|p| {
             let moving = self.support.products[p.number].moving.as_ref()?;
-            Some(MovingField::<T>::bytes(&moving.nodes))
+            Some(MovingField::<T>::bytes(&moving.nodes, self.support.reading))
         });
         self.shared_bytes = memory.spectra + fields.sum::<u64>();
         self.building_bytes = memory.building;

@@ -8,6 +8,7 @@ use super::error::CorrelateError;
 use super::factors::{Product, products};
 use super::overlap::IndexBox;
 use crate::pair::fields::Pair;
+use crate::pair::reading::Reading;
 
 /// Where the factors of a pair's score are nonzero. To find it every density is read once or twice;
 /// nothing is allocated for it, and plans made from it read no density.
@@ -15,6 +16,8 @@ use crate::pair::fields::Pair;
 pub struct PairSupport {
     /// Metres per cell.
     pub(super) spacing: f64,
+    /// How the moving part's density is read between nodes.
+    pub(super) reading: Reading,
     /// Node 0 of the fixed and of the moving lattice relative to the pivot, cells.
     pub(super) fixed_first: DVec3,
     pub(super) moving_first: DVec3,
@@ -28,9 +31,6 @@ pub(super) struct ProductSupport {
     pub(super) fixed: Option<IndexBox>,
     pub(super) moving: Option<MovingSupport>,
 }
-
-/// Diagonal of a cell, cells: trilinear weights reach to its far corner.
-const CELL: f64 = 1.732_050_807_568_877_2;
 
 /// Where a moving field is nonzero.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,17 +52,24 @@ impl PairSupport {
         let h = pair.spacing();
         let first = |field: &DensityField| (field.lattice().origin() - pair.pivot()) / h;
         let moving_first = first(pair.moving());
+        let reading = pair.reading();
         let of_product = |product: Product| {
             let fixed = |at| product.fixed.value(pair.fixed(), at);
             let moving = |at| product.moving.value(pair.moving(), at);
             ProductSupport {
                 fixed: support(pair.fixed().lattice().shape(), fixed),
-                moving: MovingSupport::of(pair.moving().lattice().shape(), moving, moving_first),
+                moving: MovingSupport::of(
+                    pair.moving().lattice().shape(),
+                    moving,
+                    moving_first,
+                    reading,
+                ),
                 product,
             }
         };
         Ok(Self {
             spacing: h,
+            reading,
             fixed_first: first(pair.fixed()),
             moving_first,
             products: products(pair.model()).map(of_product).collect(),
@@ -76,6 +83,7 @@ impl MovingSupport {
         shape: [usize; 3],
         value: impl Fn([usize; 3]) -> Complex32,
         first: DVec3,
+        reading: Reading,
     ) -> Option<Self> {
         let nodes = support(shape, &value)?;
         let mut radius = 0.0f64;
@@ -87,18 +95,18 @@ impl MovingSupport {
         }
         Some(Self {
             nodes,
-            radius: radius + CELL,
+            radius: radius + corner(reading),
         })
     }
 
     /// Of nodes in a box of which [0, 0, 0] lies `first` cells from the pivot, and none that is not
     /// zero farther than `reach` cells from it.
-    pub(super) fn within(nodes: IndexBox, first: DVec3, reach: f64) -> Self {
-        let corner = |v: [i64; 3]| (first + DVec3::from_array(v.map(|v| v as f64))).abs();
-        let farthest = corner(nodes.lo).max(corner(nodes.hi.map(|v| v - 1)));
+    pub(super) fn within(nodes: IndexBox, first: DVec3, reach: f64, reading: Reading) -> Self {
+        let place = |v: [i64; 3]| (first + DVec3::from_array(v.map(|v| v as f64))).abs();
+        let farthest = place(nodes.lo).max(place(nodes.hi.map(|v| v - 1)));
         Self {
             nodes,
-            radius: reach.min(farthest.length()) + CELL,
+            radius: reach.min(farthest.length()) + corner(reading),
         }
     }
 
@@ -112,6 +120,11 @@ impl MovingSupport {
             hi: hi.to_array().map(|v| v as i64),
         }
     }
+}
+
+/// How far a node counts at most, cells.
+fn corner(reading: Reading) -> f64 {
+    3f64.sqrt() * reading.reach()
 }
 
 /// The bounding box of the nonzero values, or `None`.

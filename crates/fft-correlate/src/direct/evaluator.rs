@@ -16,7 +16,7 @@ use num_complex::Complex64;
 use sdf_grid::DensityField;
 
 use crate::direct::cells::cells;
-use crate::direct::lookup::{LookupGrid, PointSet, Reading, Sums, sum};
+use crate::direct::lookup::{LookupGrid, PointSet, Sums, sum};
 use crate::direct::quadrature::{Blocks, Point, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
@@ -26,6 +26,7 @@ use crate::pair::builder::PairBuildError;
 use crate::pair::coarser::coarser;
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
+use crate::pair::reading::Reading;
 use crate::pair::side::Side;
 
 /// How many points a [`DirectEvaluator`] uses.

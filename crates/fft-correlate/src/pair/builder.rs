@@ -14,6 +14,7 @@ use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::deaverage::deaveraged_lattice;
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
+use crate::pair::reading::Reading;
 use crate::pair::recipe::PairRecipe;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
@@ -294,6 +295,19 @@ impl PairPlan {
     /// The lattice spacing of both parts, metres.
     pub fn spacing(&self) -> f64 {
         self.fixed_lattice.spacing()
+    }
+
+    /// How far smoothing spreads a density, metres.
+    pub(crate) fn spread(&self) -> f64 {
+        self.smoothing.as_ref().map_or(0.0, Smoothing::reach)
+    }
+
+    /// How the densities are read between nodes.
+    pub(crate) fn reading(&self) -> Reading {
+        match self.smoothing {
+            Some(_) => Reading::Quadratic,
+            None => Reading::Trilinear,
+        }
     }
 
     /// How the moving part's density is computed.

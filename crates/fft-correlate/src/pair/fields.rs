@@ -9,6 +9,7 @@ use crate::geometry::se3::Pose;
 use crate::pair::contact::{Contact, jump};
 use crate::pair::deaverage::deaveraged;
 use crate::pair::model::{ModelError, ScoreModel};
+use crate::pair::reading::Reading;
 use crate::pair::recipe::PairRecipe;
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
@@ -202,6 +203,14 @@ impl Pair {
     /// The moving part's pivot, metres in its own frame.
     pub fn pivot(&self) -> DVec3 {
         self.pivot
+    }
+
+    /// How the densities are read between nodes.
+    pub(crate) fn reading(&self) -> Reading {
+        match self.contact {
+            Some(_) => Reading::Quadratic,
+            None => Reading::Trilinear,
+        }
     }
 
     /// The lattice spacing both fields share, metres.

@@ -8,6 +8,7 @@ pub(crate) mod deaverage;
 pub(crate) mod fields;
 pub(crate) mod lattice_step;
 pub(crate) mod model;
+pub(crate) mod reading;
 pub(crate) mod recipe;
 pub(crate) mod side;
 

@@ -30,6 +30,7 @@ mod fused;
 mod image;
 mod lane_fft;
 mod layout;
+pub(crate) mod nodes;
 mod prefetch;
 mod products;
 pub(crate) mod radix;

@@ -10,6 +10,7 @@ use crate::correlate::kernels::lanes;
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
 use crate::level;
+use crate::pair::reading::Reading;
 
 /// Nodes of zeros around the stored values: a coordinate beyond them, moved into the outermost
 /// cell, reads zeros, so that interpolation needs no case at the rim.
@@ -23,6 +24,7 @@ pub(crate) struct MovingField<T> {
     pub(super) first: DVec3,
     pub(super) occupied: Occupied,
     pub(super) hull: Hull,
+    pub(super) reading: Reading,
 }
 
 impl<T: Real> MovingField<T> {
@@ -32,9 +34,10 @@ impl<T: Real> MovingField<T> {
         support: &IndexBox,
         value: impl Fn([usize; 3]) -> Complex32,
         first: DVec3,
+        reading: Reading,
     ) -> Self {
         let offset = support.lo.map(|lo| lo - BORDER as i64);
-        let mut values = Array3::zeros(stored(support));
+        let mut values = Array3::zeros(stored(support, reading));
         for at in support.indices() {
             let v = value(at);
             if v != Complex32::default() {
@@ -43,21 +46,62 @@ impl<T: Real> MovingField<T> {
             }
         }
         Self {
-            occupied: Occupied::new(&values, lanes::<T>(level::native())),
-            hull: Hull::new(&values),
+            occupied: Occupied::new(&values, lanes::<T>(level::native()), reading),
+            hull: Hull::new(&values, reading),
             values,
+            reading,
             first: first + DVec3::from_array(offset.map(|o| o as f64)),
         }
     }
 
+    /// The nodes that a place at this index reads, with their weights and the weights' slopes along
+    /// each axis; `None` if some lie beyond the field.
+    pub(super) fn taps(
+        &self,
+        at: DVec3,
+    ) -> Option<impl Iterator<Item = ([usize; 3], DVec3, DVec3)>> {
+        let (count, first) = match self.reading {
+            Reading::Trilinear => (2, at.floor()),
+            Reading::Quadratic => (3, (at + 0.5).floor() - 1.0),
+        };
+        let (nx, ny, nz) = self.values.dim();
+        let end = first + count as f64;
+        let shape = DVec3::new(nx as f64, ny as f64, nz as f64);
+        if !(first.cmpge(DVec3::ZERO).all() && end.cmple(shape).all()) {
+            return None;
+        }
+        let reading = self.reading;
+        let of = move |a: usize, n: usize| tap(reading, at[a] - first[a], n);
+        Some((0..count * count * count).map(move |flat| {
+            let n = [flat / count / count, flat / count % count, flat % count];
+            let [x, y, z] = [0, 1, 2].map(|a| of(a, n[a]));
+            let node = [0, 1, 2].map(|a| first[a] as usize + n[a]);
+            (node, DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1))
+        }))
+    }
+
     /// Bytes of the stored values.
-    pub(crate) fn bytes(support: &IndexBox) -> u64 {
-        let nodes: usize = stored(support).iter().product();
+    pub(crate) fn bytes(support: &IndexBox, reading: Reading) -> u64 {
+        let nodes: usize = stored(support, reading).iter().product();
         (nodes * size_of::<Complex<T>>()) as u64
     }
 }
 
-/// The shape of the stored values.
-fn stored(support: &IndexBox) -> [usize; 3] {
-    support.shape().map(|s| s + 2 * BORDER)
+/// The shape of the stored values. Three nodes in a row are read with a fourth.
+fn stored(support: &IndexBox, reading: Reading) -> [usize; 3] {
+    let [x, y, z] = support.shape().map(|s| s + 2 * BORDER);
+    [x, y, z + usize::from(reading == Reading::Quadratic)]
+}
+
+/// Weight and slope of node `n` for a place `f` cells beyond node 0.
+fn tap(reading: Reading, f: f64, n: usize) -> (f64, f64) {
+    match (reading, n) {
+        (Reading::Trilinear, 0) => (1.0 - f, -1.0),
+        (Reading::Trilinear, _) => (f, 1.0),
+        (Reading::Quadratic, 1) => (0.75 - (f - 1.0).powi(2), -2.0 * (f - 1.0)),
+        (Reading::Quadratic, _) => {
+            let rest = 1.5 - (f - n as f64).abs();
+            (0.5 * rest * rest, rest * (n as f64 - f).signum())
+        }
+    }
 }

@@ -13,6 +13,7 @@ use ndarray::{Array3, s};
 use num_complex::Complex;
 
 use crate::correlate::real::Real;
+use crate::pair::reading::Reading;
 
 /// Normals: all directions with coordinates up to 2, and repetitions that fill vectors of eight.
 const COUNT: usize = 56;
@@ -20,7 +21,7 @@ const COUNT: usize = 56;
 /// Cells by which a slab is thicker than the field, far beyond rounding.
 const SLACK: f64 = 0.01;
 
-/// Slabs that hold every cell with an occupied corner.
+/// Slabs that hold every place that reads an occupied node.
 pub(crate) struct Hull {
     normals: [DVec3; COUNT],
     /// Least and greatest component of a place within reach along each normal.
@@ -30,7 +31,7 @@ pub(crate) struct Hull {
 impl Hull {
     /// Around all nodes that are not zero, of which there must be some; places are indices of the
     /// lattice.
-    pub(crate) fn new<T: Real>(values: &Array3<Complex<T>>) -> Self {
+    pub(crate) fn new<T: Real>(values: &Array3<Complex<T>>, reading: Reading) -> Self {
         let normals = normals();
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; COUNT];
         let (nx, ny, _) = values.dim();
@@ -50,8 +51,8 @@ impl Hull {
             }
         }
         for (normal, [low, high]) in normals.iter().zip(&mut bounds) {
-            // To the far corner of a cell.
-            let reach = normal.abs().element_sum() + SLACK;
+            // To the farthest place that reads a node.
+            let reach = reading.reach() * normal.abs().element_sum() + SLACK;
             *low -= reach;
             *high += reach;
         }
@@ -160,7 +161,7 @@ mod tests {
         let middle = DVec3::splat((NODES as f64 - 1.0) / 2.0);
         let size = 2 * NODES;
         let start = middle - step * DVec3::splat(size as f64 / 2.0);
-        let hull = Hull::new(values).turned(start, &step);
+        let hull = Hull::new(values, Reading::Trilinear).turned(start, &step);
         let occupied = |at: DVec3| {
             let cell = at.floor();
             (0..8).any(|c| {

@@ -5,6 +5,7 @@ use ndarray::{Array3, Axis};
 use num_complex::Complex;
 
 use crate::correlate::real::Real;
+use crate::pair::reading::Reading;
 
 /// Nodes along each side of the blocks whose emptiness is known.
 const BLOCK: f64 = 4.0;
@@ -22,10 +23,14 @@ pub(super) struct Occupied {
 
 impl Occupied {
     /// For patches of `lanes` times [`PATCH`] samples one cell apart.
-    pub(super) fn new<T: Real>(values: &Array3<Complex<T>>, lanes: usize) -> Self {
+    pub(super) fn new<T: Real>(
+        values: &Array3<Complex<T>>,
+        lanes: usize,
+        reading: Reading,
+    ) -> Self {
         let half = |n: usize| (n as f64 - 1.0) / 2.0;
-        // From the middle to the farthest sample, and on to the far corner of its cell.
-        let reach = half(lanes).hypot(half(PATCH)) + 3f64.sqrt();
+        // From the middle to the farthest sample, and on to the farthest node that it reads.
+        let reach = half(lanes).hypot(half(PATCH)) + 3f64.sqrt() * reading.reach();
         let before = (reach / BLOCK).ceil() as usize;
         let shape = values.dim();
         let count = |n: usize| n.div_ceil(BLOCK as usize) + 2 * before;

@@ -5,12 +5,16 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use glam::DVec3;
+use ndarray::Array3;
+use num_complex::Complex;
 
 use super::occupied::PATCH;
 use super::turned::Turned;
 use crate::correlate::contract::MovingRows;
 use crate::correlate::kernels::corners::{Cells, Corners};
+use crate::correlate::kernels::nodes::Nodes;
 use crate::correlate::real::Real;
+use crate::pair::reading::Reading;
 use crate::vectors::inlined;
 
 impl<T: Real> MovingRows<T> for Turned<'_, T> {
@@ -19,14 +23,17 @@ impl<T: Real> MovingRows<T> for Turned<'_, T> {
     }
 
     fn fill_lanes<S: Simd>(&self, simd: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
-        sample(simd, self, x, y, bundle)
+        match self.field.reading {
+            Reading::Trilinear => sample::<S, T, false>(simd, self, x, y, bundle),
+            Reading::Quadratic => sample::<S, T, true>(simd, self, x, y, bundle),
+        }
     }
 }
 
 /// Samples the rows from `[x, y]` on to `bundle`: per z the real, then the imaginary parts. Returns
 /// the range of z outside of which all are zero; `bundle` is written inside of it only.
 #[simd]
-fn sample<S: Simd, T: Real>(
+fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
     turned: &Turned<'_, T>,
     x: usize,
@@ -45,7 +52,7 @@ fn sample<S: Simd, T: Real>(
         fractions: [T::Eight::<S>::splat(simd, T::zero()); 3],
     }; PATCH * MOST_PARTS]; 2];
     let [mut next, mut current] = cells.each_mut();
-    let corners = Corners::new(&turned.field.values);
+    let values = Values::new(&turned.field.values);
     let ask = size_of_val(turned.field.values.as_slice().unwrap_or_default()) > CACHED;
     let numbers = |z: Range<usize>| 2 * lanes * z.start..2 * lanes * z.end;
     // The patch whose cells are known, and whose values are on their way.
@@ -57,12 +64,12 @@ fn sample<S: Simd, T: Real>(
             bundle[numbers(patch)].fill(T::zero());
             continue;
         }
-        find_patch(simd, turned, at, next);
+        find_patch::<S, T, QUADRATIC>(simd, turned, at, next);
         if ask {
-            corners.ask_for(next);
+            values.ask_for::<_, QUADRATIC>(next);
         }
         if !known.is_empty() {
-            sample_patch(simd, corners, current, &mut bundle[numbers(known)]);
+            sample_patch::<S, T, QUADRATIC>(simd, values, current, &mut bundle[numbers(known)]);
         }
         std::mem::swap(&mut next, &mut current);
         filled.start = if filled.is_empty() { z } else { filled.start };
@@ -70,9 +77,37 @@ fn sample<S: Simd, T: Real>(
         known = patch;
     }
     if !known.is_empty() {
-        sample_patch(simd, corners, current, &mut bundle[numbers(known)]);
+        sample_patch::<S, T, QUADRATIC>(simd, values, current, &mut bundle[numbers(known)]);
     }
     filled
+}
+
+/// Cells by which a place read by splines stays off the last one, beyond rounding.
+const INSIDE: f64 = 1e-3;
+
+/// A field's numbers, as they are read in either way.
+#[derive(Clone, Copy)]
+struct Values<'a, T> {
+    corners: Corners<'a, T>,
+    nodes: Nodes<'a, T>,
+}
+
+impl<'a, T: Real> Values<'a, T> {
+    fn new(values: &'a Array3<Complex<T>>) -> Self {
+        Self {
+            corners: Corners::new(values),
+            nodes: Nodes::new(values),
+        }
+    }
+
+    /// Asks for the values of cells ahead of their use.
+    #[inline(always)]
+    fn ask_for<V, const QUADRATIC: bool>(self, cells: &[Cells<V>]) {
+        match QUADRATIC {
+            true => self.nodes.ask_for(cells),
+            false => self.corners.ask_for(cells),
+        }
+    }
 }
 
 /// Parts of eight lanes of a patch at most.
@@ -81,7 +116,7 @@ const MOST_PARTS: usize = 2;
 /// Where the samples of a patch lie, the first at index `at` of the field: in eights, of eight
 /// lanes at one z or of fewer lanes at several.
 #[inline(always)]
-fn find_patch<S: Simd, T: Real>(
+fn find_patch<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
     turned: &Turned<'_, T>,
     at: DVec3,
@@ -91,7 +126,7 @@ fn find_patch<S: Simd, T: Real>(
     let across = lanes.min(8);
     let parts = cells.chunks_mut(PATCH * across / 8).take(lanes / across);
     for (part, cells) in parts.enumerate() {
-        find_cells(simd, turned, at, part * across, cells);
+        find_cells::<S, T, QUADRATIC>(simd, turned, at, part * across, cells);
     }
 }
 
@@ -100,9 +135,9 @@ const CACHED: usize = 512 << 10;
 
 /// Samples a patch.
 #[inline(always)]
-fn sample_patch<S: Simd, T: Real>(
+fn sample_patch<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
-    corners: Corners<'_, T>,
+    values: Values<'_, T>,
     cells: &[Cells<T::Eight<S>>],
     samples: &mut [T],
 ) {
@@ -117,7 +152,10 @@ fn sample_patch<S: Simd, T: Real>(
     {
         let first = part * across;
         for (elements, cells) in samples.chunks_mut(group).zip(cells) {
-            let [re, im] = corners.interpolated(simd, cells);
+            let [re, im] = match QUADRATIC {
+                true => values.nodes.interpolated(simd, cells),
+                false => values.corners.interpolated(simd, cells),
+            };
             if lanes >= 8 {
                 re.store_slice(&mut elements[first..first + 8]);
                 im.store_slice(&mut elements[lanes + first..lanes + first + 8]);
@@ -134,7 +172,7 @@ fn sample_patch<S: Simd, T: Real>(
 
 /// Where the samples of a patch lie, in lanes from `first` on.
 #[inline(always)]
-fn find_cells<S: Simd, T: Real>(
+fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
     turned: &Turned<'_, T>,
     at: DVec3,
@@ -154,7 +192,12 @@ fn find_cells<S: Simd, T: Real>(
     // Relative to a node nearby, coordinates have no more than seven digits to round.
     let base = at.floor();
     let last = DVec3::new(nx as f64, ny as f64, nz as f64) - 1.5;
+    // To the nearest node, the middle one of three.
+    let (ahead, before) = if QUADRATIC { (0.5, 1) } else { (0.0, 0) };
+    // By splines the last node is read from half a cell before the clamped place.
+    let last = last - if QUADRATIC { INSIDE } else { 0.0 };
     let (low, high) = (vector(0.5 - base), vector(last - base));
+    let ahead = splat(ahead);
     let (along_y, along_z) = (vector(turned.step.y_axis), vector(turned.step.z_axis));
     let corner = vector(at - base);
     // Samples are numbered along y, then along z.
@@ -169,15 +212,25 @@ fn find_cells<S: Simd, T: Real>(
     for a in 0..3 {
         start[a] = along_y[a].mul_add(y, corner[a]);
     }
-    let origin = (base.x as i64 * ny as i64 + base.y as i64) * nz as i64 + base.z as i64;
+    let [bx, by, bz] = [base.x, base.y, base.z].map(|b| b as i64 - before);
+    let origin = (bx * ny as i64 + by) * nz as i64 + bz;
     let strides = [(ny * nz) as i32, nz as i32];
-    // The last place whose cell lies within the field.
-    let last = (nx * ny * nz - ny * nz - nz - 2) as i32;
+    // The last place whose nodes lie within the field.
+    let nodes = if QUADRATIC {
+        2 * (ny * nz + nz) + 4
+    } else {
+        ny * nz + nz + 2
+    };
+    let last = (nx * ny * nz).saturating_sub(nodes) as i32;
     for cells in cells {
         let mut nodes = corner;
         for a in 0..3 {
             let at = along_z[a].mul_add(z, start[a]).max(low[a]).min(high[a]);
-            nodes[a] = at.floor();
+            nodes[a] = if QUADRATIC {
+                (at + ahead).floor()
+            } else {
+                at.floor()
+            };
             cells.fractions[a] = at - nodes[a];
         }
         cells.places = T::places(simd, nodes, strides, origin as i32, last);

@@ -4,7 +4,7 @@ use fearless_simd::Level;
 use fearless_simd::prelude::*;
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
-use num_complex::{Complex, Complex32};
+use num_complex::{Complex, Complex32, Complex64};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -14,6 +14,7 @@ use crate::correlate::contract::MovingRows;
 use crate::correlate::real::Real;
 use crate::correlate::support::MovingSupport;
 use crate::level::{dispatch_lanes, levels};
+use crate::pair::reading::Reading;
 
 /// A shell with a hole and a separate grain: full, empty and partly filled blocks.
 fn field(rng: &mut SmallRng) -> Array3<Complex32> {
@@ -67,13 +68,19 @@ fn lanes_of<S: Simd, T: Real>(_: S) -> usize {
 /// one; f32 coordinates within 20 cells are good to 1e-6.
 #[test]
 fn bundles_equal_rows() {
+    for reading in [Reading::Trilinear, Reading::Quadratic] {
+        bundles_equal_rows_read(reading);
+    }
+}
+
+fn bundles_equal_rows_read(reading: Reading) {
     let mut rng = SmallRng::seed_from_u64(6);
     let values = field(&mut rng);
     let first = DVec3::new(-15.3, -12.0, -17.8);
     let value = |at: [usize; 3]| values[at];
-    let support = MovingSupport::of([33, 66, 41], value, first).unwrap();
-    let single = MovingField::<f32>::new(&support.nodes, value, first);
-    let double = MovingField::<f64>::new(&support.nodes, value, first);
+    let support = MovingSupport::of([33, 66, 41], value, first, reading).unwrap();
+    let single = MovingField::<f32>::new(&support.nodes, value, first, reading);
+    let double = MovingField::<f64>::new(&support.nodes, value, first, reading);
     let origin = DVec3::new(-30.5, -29.5, -28.5);
     for turn in 0..6 {
         let mut c = || rng.random_range(-1.0..1.0);
@@ -107,49 +114,16 @@ fn bundles_equal_rows() {
 /// Writes the values with index `[x, y, z]` to `row[z]`, with coordinates in double precision.
 fn fill<T: Real>(turned: &Turned<'_, T>, x: usize, y: usize, row: &mut [Complex<T>]) {
     let start = turned.start + turned.step.x_axis * x as f64 + turned.step.y_axis * y as f64;
-    let step = turned.step.z_axis;
-    let (nx, ny, nz) = turned.field.values.dim();
-    let inside = inside(start, step, [nx, ny, nz], turned.bounds[2].clone());
-    let values = turned
-        .field
-        .values
-        .as_slice()
-        .expect("made in standard layout");
-    for z in inside {
-        row[z] = trilinear(values, [nx, ny, nz], start + step * z as f64);
+    for z in turned.bounds[2].clone() {
+        let Some(taps) = turned.field.taps(start + turned.step.z_axis * z as f64) else {
+            continue;
+        };
+        let terms = taps.map(|(node, w, _)| {
+            let v = turned.field.values[node];
+            let value = Complex64::new(v.re.into(), v.im.into());
+            value * w.element_product()
+        });
+        let sum: Complex64 = terms.sum();
+        row[z] = Complex::new(T::nearest(sum.re), T::nearest(sum.im));
     }
-}
-
-/// The part of `range` where `start + step * z` lies within the lattice of `shape` on every axis.
-fn inside(start: DVec3, step: DVec3, shape: [usize; 3], range: Range<usize>) -> Range<usize> {
-    let (mut lo, mut hi) = (range.start as f64, range.end as f64 - 1.0);
-    for a in 0..3 {
-        let last = shape[a] as f64 - 1.0;
-        if step[a].abs() < 1e-12 {
-            if start[a] < 0.0 || start[a] > last {
-                return 0..0;
-            }
-        } else {
-            let (p, q) = (-start[a] / step[a], (last - start[a]) / step[a]);
-            lo = lo.max(p.min(q));
-            hi = hi.min(p.max(q));
-        }
-    }
-    if hi < lo {
-        return 0..0;
-    }
-    let first = lo.ceil() as usize;
-    first..(hi.floor() as usize + 1).max(first)
-}
-
-/// The trilinear interpolant at a fractional index inside (to rounding) the lattice.
-fn trilinear<T: Real>(values: &[Complex<T>], shape: [usize; 3], at: DVec3) -> Complex<T> {
-    let cell: [usize; 3] =
-        std::array::from_fn(|a| (at[a].max(0.0) as usize).min(shape[a].saturating_sub(2)));
-    let f: [T; 3] = std::array::from_fn(|a| T::nearest(at[a] - cell[a] as f64));
-    let (sx, sy) = (shape[1] * shape[2], shape[2]);
-    let base = cell[0] * sx + cell[1] * sy + cell[2];
-    let along_z = |o: usize| values[o] * (T::one() - f[2]) + values[o + 1] * f[2];
-    let along_y = |o: usize| along_z(o) * (T::one() - f[1]) + along_z(o + sy) * f[1];
-    along_y(base) * (T::one() - f[0]) + along_y(base + sx) * f[0]
 }

@@ -47,24 +47,11 @@ impl<'a, T: Real> Turned<'a, T> {
     /// lattice's axes; `None` beyond the field.
     pub(crate) fn gradient(&self, node: [usize; 3]) -> Option<[DVec3; 2]> {
         let at = self.start + self.step * DVec3::from_array(node.map(|n| n as f64));
-        let (nx, ny, nz) = self.field.values.dim();
-        let last = [nx, ny, nz].map(|n| n as f64 - 1.0);
-        if (0..3).any(|a| at[a] < 0.0 || at[a] >= last[a]) {
-            return None;
-        }
-        let cell = at.floor();
-        let f = at - cell;
         let mut sum = [DVec3::ZERO; 2];
-        for corner in 0..8 {
-            let c = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-            let v = self.field.values[[0, 1, 2].map(|a| cell[a] as usize + c[a])];
-            let weight = |a: usize| if c[a] == 1 { f[a] } else { 1.0 - f[a] };
-            let slope = |a: usize| if c[a] == 1 { 1.0 } else { -1.0 };
-            let g = DVec3::new(
-                slope(0) * weight(1) * weight(2),
-                weight(0) * slope(1) * weight(2),
-                weight(0) * weight(1) * slope(2),
-            );
+        for (node, weights, slopes) in self.field.taps(at)? {
+            let v = self.field.values[node];
+            let [w, s] = [weights, slopes];
+            let g = DVec3::new(s.x * w.y * w.z, w.x * s.y * w.z, w.x * w.y * s.z);
             let (re, im): (f64, f64) = (v.re.into(), v.im.into());
             sum[0] += re * g;
             sum[1] += im * g;
@@ -84,8 +71,8 @@ fn bounds<T: Real>(
 ) -> [Range<usize>; 3] {
     let (nx, ny, nz) = field.values.dim();
     let half = DVec3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0) / 2.0;
-    // All but the innermost nodes of the border are beyond reach.
-    let outer = (BORDER - 1) as f64;
+    // What reads no node but those of the border.
+    let outer = BORDER as f64 - field.reading.reach();
     let middle = *matrix * (field.first + half) - corner;
     let reach = DVec3::from_array(std::array::from_fn(|a| {
         matrix.row(a).abs().dot(half - outer)

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use sdf_grid::DensityField;
 
-use super::reading::Reading;
 use crate::direct::terms::Blend;
+use crate::pair::reading::Reading;
 
 /// Layers of zeros around the values: in the outermost layer of cells value and gradient are zero,
 /// so a point anywhere outside may be clamped into it.
@@ -122,7 +122,7 @@ impl Values {
     /// mean over the block.
     fn for_blocks(&self, level: usize, reading: Reading) -> Self {
         let stride = 1 << (level - 1);
-        let width = reading.box_nodes(stride);
+        let width = box_nodes(reading, stride);
         let mut out = Self {
             values: self.values.clone(),
             shape: self.shape,
@@ -177,4 +177,20 @@ fn occupied(field: &DensityField, blend: Blend) -> Option<([usize; 3], [usize; 3
         }
     }
     (first[0] != usize::MAX).then_some((first, last))
+}
+
+/// Nodes per side of the box of nodes over which a point sees the mean that stands for `2^level`
+/// of them per side, when it looks at every `stride`-th node.
+///
+/// Reading at a spacing of `s` cells smooths with variance s²/6 per axis trilinearly, in the
+/// mean over all places, s²/4 by B-splines; the block asks for `(4^level - 1) / 12` on top of
+/// what reading single cells does. A box of n nodes makes up the difference:
+/// `n² = 2 s² + 2`, or `s² + 3`. Cubes have isotropic covariance, so this holds for every
+/// rotation between the two.
+fn box_nodes(reading: Reading, stride: usize) -> usize {
+    let squared = match reading {
+        Reading::Trilinear => 2 * stride * stride + 2,
+        Reading::Quadratic => stride * stride + 3,
+    };
+    (squared as f64).sqrt().round() as usize
 }

@@ -2,7 +2,7 @@
 
 use glam::DMat3;
 
-use super::grid::LookupGrid;
+use super::grid::{LookupGrid, PAD};
 use super::points::{Cluster, PointSet};
 use crate::geometry::se3::Pose;
 
@@ -32,7 +32,8 @@ impl Map {
     /// True if no point of the cluster can meet a non-zero value.
     #[inline(always)]
     pub(super) fn misses(&self, cluster: &Cluster, grid: &LookupGrid) -> bool {
-        let inside = grid.reading.innermost();
+        // The first value stands at index PAD.
+        let inside = (PAD as f64 - grid.reading.reach()) as f32;
         (0..3).any(|a| {
             let r = self.rows[a];
             let c = cluster.centre;

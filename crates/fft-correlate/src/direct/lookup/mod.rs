@@ -4,11 +4,9 @@ mod grid;
 mod map;
 mod points;
 mod quadratic;
-mod reading;
 mod sum;
 mod trilinear;
 
 pub(super) use grid::LookupGrid;
 pub(super) use points::PointSet;
-pub(super) use reading::Reading;
 pub(super) use sum::{Sums, sum};

@@ -7,10 +7,10 @@ use num_complex::Complex64;
 use super::grid::LookupGrid;
 use super::map::Map;
 use super::points::PointSet;
-use super::reading::Reading;
 use super::{quadratic, trilinear};
 use crate::geometry::se3::Pose;
 use crate::level::dispatch_lanes;
+use crate::pair::reading::Reading;
 
 /// Sum of weighted lookups and its first derivatives, in the looked-up part's frame.
 #[derive(Debug, Clone, Copy, Default)]

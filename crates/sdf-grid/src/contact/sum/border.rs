@@ -5,7 +5,7 @@ use glam::Vec2;
 
 use super::lanes::{ln, upper_angle};
 use super::smooth::Taylor;
-use super::views::Border;
+use super::sheet::Border;
 
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {
@@ -34,6 +34,17 @@ pub(super) struct Slopes<S: Simd> {
     pub(super) value: f32x16<S>,
     pub(super) height: f32x16<S>,
     pub(super) along: [f32x16<S>; 2],
+}
+
+impl<S: Simd> Above<S> {
+    #[inline(always)]
+    pub(super) fn new(height: f32x16<S>, feet: [f32x16<S>; 2]) -> Self {
+        Self {
+            height,
+            square: (height * height).min(1.0),
+            feet,
+        }
+    }
 }
 
 impl<'a> Seen<'a> {

@@ -24,8 +24,7 @@ pub(super) struct Clearance {
 }
 
 impl Clearance {
-    pub(super) fn new(mesh: &TriangleMesh, reach: f64) -> Self {
-        let bvh = Bvh::build(mesh);
+    pub(super) fn new(mesh: &TriangleMesh, bvh: &Bvh, reach: f64) -> Self {
         let bounds: Aabb = mesh.bounds().grown(reach);
         let size = bounds.size();
         let cell = size.max_element() / CELLS;

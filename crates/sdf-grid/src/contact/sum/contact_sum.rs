@@ -7,6 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::clearance::Clearance;
 use super::clusters::{Ball, Clusters};
 use super::pass::{Placed, part};
+use super::regions::Regions;
 use super::smooth::REACH;
 use super::views::Views;
 use crate::contact::error::ContactError;
@@ -15,7 +16,9 @@ use crate::contact::surface::FLAT;
 use crate::dispatch_lanes;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::level;
-use crate::surface::coplanar::outlines::outlines;
+use crate::surface::bvh::build::Leaves;
+use crate::surface::bvh::tree::Bvh;
+use crate::surface::coplanar::pieces::EXACT;
 
 /// The sum over both surfaces of two parts, `∬ (n1·n2) g(|q - y|) dA1 dA2`, at any pose of one part
 /// in the frame of the other.
@@ -61,15 +64,12 @@ impl ContactSum {
         let reach = REACH * width;
         let mut samples = surface_samples(sampled, distance)?;
         let clusters = Clusters::new(&mut samples, reach);
-        let bounds = surface.bounds();
-        let flat = FLAT * bounds.size().max_element();
-        let found = outlines(surface.triangles(), surface.vertices(), flat);
-        if found.is_empty() {
-            return Err(ContactError::EmptyMesh);
-        }
+        let flat = FLAT * surface.bounds().size().max_element();
+        let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
+        let regions = Regions::new(surface, flat, reach)?;
         Ok(Self {
-            views: Views::new(&found, &bounds, reach, clusters.radius)?,
-            clearance: Clearance::new(surface, reach),
+            views: Views::new(surface, &bvh, &regions, [reach, clusters.radius])?,
+            clearance: Clearance::new(surface, &bvh, reach),
             clusters,
             reach,
             level: level::native(),

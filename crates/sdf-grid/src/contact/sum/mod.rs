@@ -2,14 +2,22 @@
 //!
 //! - [`lanes`], [`smooth`]: elementary functions and the kernel for sixteen samples;
 //! - [`clusters`]: samples in a tree of balls; [`clearance`]: which of them are out of reach;
-//! - [`views`]: the flat regions that a cluster sees; [`border`], [`pass`]: what they give;
+//! - [`regions`]: flat and curved regions of the other surface; [`osculating`]: the latter as tori;
+//!   [`chain`]: borders in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
+//! - [`border`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
 mod border;
+mod chain;
 mod clearance;
 mod clusters;
 pub(crate) mod contact_sum;
 mod lanes;
+mod osculating;
 mod pass;
+mod regions;
+mod sheet;
 mod smooth;
+mod unrolled;
+mod vectors;
 mod views;

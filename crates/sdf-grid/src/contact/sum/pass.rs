@@ -6,9 +6,11 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::border::{Above, Seen, Slopes};
 use super::clusters::Cluster;
-use super::lanes::Lanes;
 use super::smooth::{ENTIRE, Taylor};
-use super::views::{REFERENCE, Sheet, Views};
+use super::sheet::Sheet;
+use super::unrolled::Unrolled;
+use super::vectors::{Vectors, dot, splat, turned};
+use super::views::Views;
 
 /// Where a cluster lies.
 pub(super) struct Placed<'a> {
@@ -38,33 +40,9 @@ struct Totals<S: Simd> {
 
 /// Samples in the frame of the surface.
 struct Samples<S: Simd> {
-    arm: [f32x16<S>; 3],
-    normal: [f32x16<S>; 3],
+    arm: Vectors<S>,
+    normal: Vectors<S>,
     area: f32x16<S>,
-}
-
-#[inline(always)]
-fn dot<S: Simd>(a: &[f32x16<S>; 3], b: Vec3) -> f32x16<S> {
-    let simd = a[0].token();
-    let splat = |x| f32x16::splat(simd, x);
-    a[0].mul_add(
-        splat(b.x),
-        a[1].mul_add(splat(b.y), a[2] * b.z),
-    )
-}
-
-#[inline(always)]
-fn turned<S: Simd>(simd: S, turn: &Mat3, v: &[Lanes; 3]) -> [f32x16<S>; 3] {
-    let v = [
-        f32x16::simd_from(simd, v[0]),
-        f32x16::simd_from(simd, v[1]),
-        f32x16::simd_from(simd, v[2]),
-    ];
-    [
-        dot(&v, turn.row(0)),
-        dot(&v, turn.row(1)),
-        dot(&v, turn.row(2)),
-    ]
 }
 
 /// What a cluster adds to the sum over the sheets seen from its cell.
@@ -104,25 +82,59 @@ fn add_sheet<S: Simd>(
     let simd = samples.area.token();
     let [u, v, normal] = sheet.axes;
     let from = placed.at - sheet.origin;
-    let height = from.dot(normal);
-    let reach = 1.0 + placed.radius;
-    if height.abs() >= reach {
+    let flat = sheet.curvature == Vec2::ZERO;
+    let (foot, height) = match flat {
+        true => (Vec2::new(from.dot(u), from.dot(v)), from.dot(normal)),
+        false => sheet.unrolled(from),
+    };
+    if height.abs() >= 1.0 + placed.radius {
         return;
     }
-    let zero = f32x16::splat(simd, 0.0);
-    let lanes = dot(&samples.arm, normal) + height;
-    let above = Above {
-        height: lanes,
-        square: (lanes * lanes).min(1.0),
-        feet: [dot(&samples.arm, u), dot(&samples.arm, v)],
-    };
-    let foot = Vec2::new(from.dot(u), from.dot(v));
-    let way = foot - REFERENCE;
+    let across = [
+        dot(&samples.arm, u),
+        dot(&samples.arm, v),
+        dot(&samples.arm, normal),
+    ];
+    if flat {
+        let above = Above::new(across[2] + height, [across[0], across[1]]);
+        if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above) {
+            totals.add_flat(samples, &sums, sheet.axes);
+        }
+        return;
+    }
+    let place = [
+        across[0] + from.dot(u),
+        across[1] + from.dot(v),
+        across[2] + from.dot(normal),
+    ];
+    let unrolled = Unrolled::new(simd, sheet.curvature, place);
+    let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
+    let above = Above::new(unrolled.height, feet);
+    // Unrolled from the inside, places are farther apart.
+    let radius = placed.radius / (1.0 - sheet.curvature.abs().max_element());
+    if let Some(sums) = seen(views, sheet, radius, (foot, height), &above) {
+        totals.add_curved(samples, &sums, &unrolled, sheet);
+    }
+}
+
+/// The integral of the kernel over a sheet, none if nothing of it is in reach of a cluster of a
+/// radius above a foot.
+#[inline(always)]
+fn seen<S: Simd>(
+    views: &Views,
+    sheet: &Sheet,
+    radius: f32,
+    (foot, height): (Vec2, f32),
+    above: &Above<S>,
+) -> Option<Slopes<S>> {
+    let zero = splat(above.height.token(), 0.0);
     let mut sums = Slopes {
         value: zero,
         height: zero,
         along: [zero; 2],
     };
+    let way = foot - sheet.reference;
+    let reach = (1.0 + radius) * (1.0 + radius);
     let (mut inside, mut change) = (sheet.inside, zero);
     let mut taylor = None;
     let range = sheet.first as usize..(sheet.first + sheet.count) as usize;
@@ -130,26 +142,25 @@ fn add_sheet<S: Simd>(
         let seen = Seen::new(border, foot);
         inside += seen.crossed(way);
         let off = seen.distance_squared();
-        if off + height * height >= reach * reach {
+        if off + height * height >= reach {
             continue;
         }
-        let across = seen.across(&above);
-        if off <= placed.radius * placed.radius {
-            change += seen.crossed_on(&above, across);
+        let across = seen.across(above);
+        if off <= radius * radius {
+            change += seen.crossed_on(above, across);
         }
         if taylor.is_none() {
             taylor = Some(Taylor::at(above.square));
         }
         if let Some(taylor) = &taylor {
-            seen.add_to(&above, taylor, across, &mut sums);
+            seen.add_to(above, taylor, across, &mut sums);
         }
     }
     if inside == 0.0 && taylor.is_none() {
-        return;
+        return None;
     }
-    let inside = change + inside;
-    add_plane(&above, inside, &mut sums);
-    totals.add(samples, &sums, sheet.axes);
+    add_plane(above, change + inside, &mut sums);
+    Some(sums)
 }
 
 /// Turns `2π` times what borders take into what they take, and adds the whole plane where the feet
@@ -178,7 +189,7 @@ fn add_plane<S: Simd>(above: &Above<S>, inside: f32x16<S>, sums: &mut Slopes<S>)
 
 impl<S: Simd> Totals<S> {
     #[inline(always)]
-    fn add(&mut self, samples: &Samples<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
+    fn add_flat(&mut self, samples: &Samples<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
         let weight = samples.area * dot(&samples.normal, normal);
         self.value += weight * sums.value;
         let [du, dv] = [weight * sums.along[0], weight * sums.along[1]];
@@ -187,6 +198,53 @@ impl<S: Simd> Totals<S> {
             let slope = dn * normal[k] + du * u[k] + dv * v[k];
             self.gradient[k] += slope;
             self.flux[k] += sums.value * normal[k];
+        }
+    }
+
+    /// Of the normal of a bent surface, `(1 - H ξ)` times the integral over the unrolled one, with
+    /// `H` the mean curvature and `ξ` the height: right to first order in the curvature.
+    #[inline(always)]
+    fn add_curved(
+        &mut self,
+        samples: &Samples<S>,
+        sums: &Slopes<S>,
+        unrolled: &Unrolled<S>,
+        sheet: &Sheet,
+    ) {
+        let mean = 0.5 * (sheet.curvature.x + sheet.curvature.y);
+        let spread = 1.0 - unrolled.height * mean;
+        let value = sums.value * spread;
+        let [u, v, normal] = sheet.axes;
+        let faces = [
+            dot(&samples.normal, u),
+            dot(&samples.normal, v),
+            dot(&samples.normal, normal),
+        ];
+        // Along the directions in which it is bent, and the normal, at each sample.
+        let [x, y, up] = [&unrolled.x, &unrolled.y, &unrolled.normal].map(|d| {
+            let sum = faces[0].mul_add(d[0], faces[1].mul_add(d[1], faces[2] * d[2]));
+            samples.area * sum
+        });
+        self.value += up * value;
+        let height = sums.height * spread - sums.value * mean;
+        let [ix, iy] = unrolled.shrunk;
+        let slopes = [
+            x * value * unrolled.bent[0] + up * spread * sums.along[0] * ix,
+            y * value * unrolled.bent[1] + up * spread * sums.along[1] * iy,
+            up * height,
+        ];
+        let mut slope = [splat(value.token(), 0.0); 3];
+        for k in 0..3 {
+            slope[k] = slopes[0] * unrolled.x[k]
+                + slopes[1] * unrolled.y[k]
+                + slopes[2] * unrolled.normal[k];
+        }
+        for k in 0..3 {
+            self.gradient[k] += slope[0] * u[k] + slope[1] * v[k] + slope[2] * normal[k];
+            let n = unrolled.normal[0] * u[k]
+                + unrolled.normal[1] * v[k]
+                + unrolled.normal[2] * normal[k];
+            self.flux[k] += value * n;
         }
     }
 

@@ -1,10 +1,14 @@
 //! One part's surface, by the place from which a cluster of samples sees it.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
+use super::regions::Regions;
+use super::sheet::{Border, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;
 use crate::mesh::aabb::Aabb;
-use crate::surface::coplanar::outlines::Outline;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::bvh::tree::Bvh;
 
 /// Edge of a cell, in units of the reach, unless the part is so large that there would be too many.
 const CELL: f64 = 0.5;
@@ -14,35 +18,6 @@ const MOST_CELLS: f64 = 1e6;
 
 /// Most sheets and borders in the lists of all cells together.
 const MOST_LISTED: usize = 1 << 26;
-
-/// Where on a sheet one stands from where insides are counted, in units of the reach from the foot
-/// of the cell's middle: no edge lies there unless it is put there.
-pub(super) const REFERENCE: Vec2 = Vec2::new(0.013_71, 0.007_13);
-
-/// A flat region as it is seen from a cell: lengths are in units of the reach, places relative to
-/// the middle of the cell.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Sheet {
-    /// The foot of the cell's middle.
-    pub(super) origin: Vec3,
-    /// Two directions in it and its normal, outwards; right-handed.
-    pub(super) axes: [Vec3; 3],
-    /// How often it lies below [`REFERENCE`]: 0 or 1, rarely more.
-    pub(super) inside: f32,
-    /// Its borders in reach.
-    pub(super) first: u32,
-    pub(super) count: u32,
-}
-
-/// A straight piece of a sheet's border, the sheet to its left, along the sheet's two directions.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Border {
-    pub(super) from: Vec2,
-    pub(super) to: Vec2,
-    /// Unit vector to the other end.
-    pub(super) along: Vec2,
-    pub(super) length: f32,
-}
 
 /// Sheets by the cell from which they are in reach.
 #[derive(Debug, Clone)]
@@ -60,18 +35,18 @@ pub(super) struct Views {
 }
 
 impl Views {
-    /// Lists what is within `reach` (metres) of spheres of `radius` (metres) about places in each
-    /// cell.
+    /// Lists what of `regions` of a surface is within `reach` (metres) of spheres of `radius`
+    /// (metres) about places in each cell. `bvh` is that of the surface.
     ///
     /// # Errors
     /// If the lists would pass 2^26 entries.
     pub(super) fn new(
-        outlines: &[Outline],
-        bounds: &Aabb,
-        reach: f64,
-        radius: f64,
+        mesh: &TriangleMesh,
+        bvh: &Bvh,
+        regions: &Regions,
+        [reach, radius]: [f64; 2],
     ) -> Result<Self, ContactError> {
-        let all = bounds.grown(reach + radius);
+        let all = mesh.bounds().grown(reach + radius);
         let wanted = CELL * reach;
         let count = (all.size() / wanted).element_product();
         let cell = wanted * (count / MOST_CELLS).cbrt().max(1.0);
@@ -87,62 +62,68 @@ impl Views {
         };
         // Half a diagonal, and a little for rounding.
         let seen = (reach + radius + 0.87 * cell) * (1.0 + 1e-6);
-        views.list(outlines, seen)?;
+        let near = views.near(mesh, regions, seen)?;
+        let surface = Surface {
+            mesh,
+            bvh,
+            regions,
+            unit: reach,
+            seen,
+        };
+        let lists = near.par_iter().enumerate();
+        let lists = lists.map(|(flat, near)| surface.seen_from(views.middle(flat), near));
+        let lists: Vec<List> = lists.collect();
+        few(lists.iter().map(|l| l.sheets.len() + l.borders.len()).sum())?;
+        for list in lists {
+            let before = views.borders.len() as u32;
+            views.borders.extend(list.borders);
+            views.sheets.extend(list.sheets.into_iter().map(|s| Sheet {
+                first: s.first + before,
+                ..s
+            }));
+            views.starts.push(views.sheets.len() as u32);
+        }
         Ok(views)
     }
 
-    fn list(&mut self, outlines: &[Outline], seen: f64) -> Result<(), ContactError> {
-        let mut by_cell: Vec<Vec<u32>> = vec![Vec::new(); self.shape.iter().product()];
+    /// What is near each cell.
+    fn near(
+        &self,
+        mesh: &TriangleMesh,
+        regions: &Regions,
+        seen: f64,
+    ) -> Result<Vec<Near>, ContactError> {
+        let mut near = vec![Near::default(); self.shape.iter().product()];
         let mut listed = 0;
-        for (id, outline) in outlines.iter().enumerate() {
+        for (id, outline) in regions.flat.iter().enumerate() {
             let bounds = Aabb::around(outline.rings.iter().flatten().copied()).grown(seen);
             for flat in self.cells_in(&bounds) {
                 let height = (self.middle(flat) - outline.origin).dot(outline.normal);
                 if height.abs() <= seen {
-                    by_cell[flat].push(id as u32);
+                    near[flat].flat.push(id as u32);
                     listed += 1;
                 }
             }
             few(listed)?;
         }
-        for (flat, ids) in by_cell.iter().enumerate() {
-            for &id in ids {
-                self.add_flat(flat, &outlines[id as usize], seen);
+        for (id, (_, surfel)) in regions.surfels.iter().enumerate() {
+            for flat in self.cells_in(&Aabb::around([surfel.place]).grown(seen)) {
+                if self.middle(flat).distance(surfel.place) <= seen {
+                    near[flat].surfels.push(id as u32);
+                    listed += 1;
+                }
             }
-            self.starts.push(self.sheets.len() as u32);
-            few(self.borders.len())?;
+            few(listed)?;
         }
-        Ok(())
-    }
-
-    /// Adds a flat region to the list of a cell if it is in reach.
-    fn add_flat(&mut self, flat: usize, outline: &Outline, seen: f64) {
-        let middle = self.middle(flat);
-        let (u, v) = outline.normal.any_orthonormal_pair();
-        let height = (middle - outline.origin).dot(outline.normal);
-        let foot = middle - height * outline.normal;
-        let place = |p: DVec3| DVec2::new((p - foot).dot(u), (p - foot).dot(v)) / self.unit;
-        let most = (seen * seen - height * height).max(0.0).sqrt() / self.unit;
-        let first = self.borders.len();
-        let mut turns = 0.0;
-        for ring in &outline.rings {
-            let next = ring.iter().cycle().skip(1);
-            for (a, b) in ring.iter().zip(next) {
-                let (a, b) = (place(*a), place(*b));
-                turns += angle(a, b);
-                self.borders.extend(Border::within(a, b, most));
+        for (id, (_, ends)) in regions.borders.iter().enumerate() {
+            let ends = ends.map(|v| mesh.vertices()[v as usize]);
+            for flat in self.cells_in(&Aabb::around(ends).grown(seen)) {
+                near[flat].borders.push(id as u32);
+                listed += 1;
             }
+            few(listed)?;
         }
-        let sheet = Sheet {
-            origin: ((foot - middle) / self.unit).as_vec3(),
-            axes: [u, v, outline.normal].map(DVec3::as_vec3),
-            inside: (turns / std::f64::consts::TAU).round() as f32,
-            first: first as u32,
-            count: (self.borders.len() - first) as u32,
-        };
-        if sheet.inside != 0.0 || sheet.count > 0 {
-            self.sheets.push(sheet);
-        }
+        Ok(near)
     }
 
     fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {
@@ -190,35 +171,6 @@ impl Views {
             + size_of_val(self.sheets.as_slice())
             + size_of_val(self.borders.as_slice())
     }
-}
-
-impl Border {
-    /// What of the way from `a` to `b` is within `most` of the origin.
-    fn within(a: DVec2, b: DVec2, most: f64) -> Option<Self> {
-        let along = (b - a).try_normalize()?;
-        let length = a.distance(b);
-        let (start, across) = (a.dot(along), a.perp_dot(along));
-        let visible = (most * most - across * across).max(0.0).sqrt();
-        let from = (-visible - start).max(0.0);
-        let to = (visible - start).min(length);
-        if across.abs() > most || from >= to {
-            return None;
-        }
-        // Corners that stay are those of their neighbours to the last bit.
-        let at = |l: f64| if l >= length { b } else { a + along * l };
-        Some(Self {
-            from: at(from).as_vec2(),
-            to: at(to).as_vec2(),
-            along: along.as_vec2(),
-            length: (to - from) as f32,
-        })
-    }
-}
-
-/// The angle at which the way from `a` to `b` is seen from [`REFERENCE`].
-fn angle(a: DVec2, b: DVec2) -> f64 {
-    let (a, b) = (a - REFERENCE.as_dvec2(), b - REFERENCE.as_dvec2());
-    a.perp_dot(b).atan2(a.dot(b))
 }
 
 fn few(found: usize) -> Result<(), ContactError> {

@@ -36,22 +36,24 @@ pub fn surface_samples(
     let flat = FLAT * mesh.bounds().size().max_element();
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
     let faces = (0..faces.len()).filter_map(|i| faces.get(i));
-    let samples = surface_pieces(faces, distance)?;
+    let mut samples = Vec::new();
+    surface_pieces(faces, distance, |_, s| samples.push(s))?;
     match samples.is_empty() {
         true => Err(ContactError::EmptyMesh),
-        false => Ok(samples.into_iter().map(|(_, s)| s).collect()),
+        false => Ok(samples),
     }
 }
 
-/// Faces in pieces whose sides are at most `distance` long (metres), each with the number of its
-/// face.
+/// Adds faces in pieces whose sides are at most `distance` long (metres), each with the number of
+/// its face.
 ///
 /// # Errors
 /// If there would be too many pieces.
 pub(crate) fn surface_pieces(
     faces: impl Iterator<Item = Piece> + Clone,
     distance: f64,
-) -> Result<Vec<(usize, SurfaceSample)>, ContactError> {
+    mut add: impl FnMut(usize, SurfaceSample),
+) -> Result<(), ContactError> {
     let parts = |f: Piece| f.parts(distance).into_iter().product::<f64>();
     let found: f64 = faces.clone().map(parts).sum();
     if found > MOST as f64 {
@@ -61,11 +63,10 @@ pub(crate) fn surface_pieces(
             found,
         });
     }
-    let mut samples = Vec::with_capacity(found as usize);
     for (i, face) in faces.enumerate() {
-        face.sample(distance, |s| samples.push((i, s)));
+        face.sample(distance, |s| add(i, s));
     }
-    Ok(samples)
+    Ok(())
 }
 
 impl Piece {

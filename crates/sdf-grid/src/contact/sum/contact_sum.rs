@@ -9,9 +9,9 @@ use super::clusters::{Ball, Clusters};
 use super::pass::{Placed, part};
 use super::regions::Regions;
 use super::smooth::REACH;
+use super::spread::spread;
 use super::views::Views;
 use crate::contact::error::ContactError;
-use crate::contact::samples::surface_samples;
 use crate::contact::surface::FLAT;
 use crate::dispatch_lanes;
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -62,11 +62,11 @@ impl ContactSum {
             return Err(ContactError::Width { found: width });
         }
         let reach = REACH * width;
-        let mut samples = surface_samples(sampled, distance)?;
+        let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
+        let mut samples = spread(sampled, flat(sampled), distance)?;
         let clusters = Clusters::new(&mut samples, reach);
-        let flat = FLAT * surface.bounds().size().max_element();
         let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
-        let regions = Regions::new(surface, flat, reach)?;
+        let regions = Regions::new(surface, flat(surface), reach)?;
         Ok(Self {
             views: Views::new(surface, &bvh, &regions, [reach, clusters.radius])?,
             clearance: Clearance::new(surface, &bvh, reach),
@@ -74,6 +74,13 @@ impl ContactSum {
             reach,
             level: level::native(),
         })
+    }
+
+    /// Number of samples of the sampled part, and of clusters of up to sixteen of them.
+    pub fn samples(&self) -> [usize; 2] {
+        let clusters = &self.clusters.clusters;
+        let full = clusters.iter().flat_map(|c| c.area).filter(|a| *a > 0.0);
+        [full.count(), clusters.len()]
     }
 
     /// Distance between the surfaces beyond which the sum is zero, metres.

@@ -1,7 +1,8 @@
 //! The sum over both surfaces, in single precision for sixteen samples at a time.
 //!
 //! - [`lanes`], [`smooth`]: elementary functions and the kernel for sixteen samples;
-//! - [`clusters`]: samples in a tree of balls; [`clearance`]: which of them are out of reach;
+//! - [`smooth_parts`]: a surface between its sharp edges; [`spread`]: samples of the one surface;
+//!   [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`]: the latter as tori;
 //!   [`chain`]: borders in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
 //! - [`border`], [`pass`]: what it gives;
@@ -18,6 +19,8 @@ mod pass;
 mod regions;
 mod sheet;
 mod smooth;
+mod smooth_parts;
+mod spread;
 mod unrolled;
 mod vectors;
 mod views;

@@ -4,8 +4,8 @@ use fearless_simd::{f32x16, prelude::*};
 use glam::Vec2;
 
 use super::lanes::{ln, upper_angle};
-use super::smooth::Taylor;
 use super::sheet::Border;
+use super::smooth::Taylor;
 
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {
@@ -34,6 +34,8 @@ pub(super) struct Slopes<S: Simd> {
     pub(super) value: f32x16<S>,
     pub(super) height: f32x16<S>,
     pub(super) along: [f32x16<S>; 2],
+    /// What the normal is multiplied with for the moment, besides the value.
+    pub(super) turning: f32x16<S>,
 }
 
 impl<S: Simd> Above<S> {
@@ -102,11 +104,7 @@ impl<'a> Seen<'a> {
 
     /// What the number of insides changes by on the ways from the foot of the middle to the feet.
     #[inline(always)]
-    pub(super) fn crossed_on<S: Simd>(
-        &self,
-        above: &Above<S>,
-        across: f32x16<S>,
-    ) -> f32x16<S> {
+    pub(super) fn crossed_on<S: Simd>(&self, above: &Above<S>, across: f32x16<S>) -> f32x16<S> {
         let (simd, [x, y]) = (above.height.token(), above.feet);
         let zero = f32x16::splat(simd, 0.0);
         let side = |v: Vec2| (y * v.x - x * v.y).simd_lt(zero);

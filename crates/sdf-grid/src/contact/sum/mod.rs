@@ -5,7 +5,7 @@
 //!   [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`]: the latter as tori;
 //!   [`chain`]: borders in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
-//! - [`border`], [`pass`]: what it gives;
+//! - [`border`], [`kink`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
 mod border;
@@ -13,6 +13,7 @@ mod chain;
 mod clearance;
 mod clusters;
 pub(crate) mod contact_sum;
+mod kink;
 mod lanes;
 mod osculating;
 mod pass;

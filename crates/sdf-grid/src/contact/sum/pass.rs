@@ -6,8 +6,9 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::border::{Above, Seen, Slopes};
 use super::clusters::Cluster;
-use super::smooth::{ENTIRE, Taylor};
+use super::kink::Lean;
 use super::sheet::Sheet;
+use super::smooth::{ENTIRE, Taylor};
 use super::unrolled::Unrolled;
 use super::vectors::{Vectors, dot, splat, turned};
 use super::views::Views;
@@ -43,21 +44,19 @@ struct Samples<S: Simd> {
     arm: Vectors<S>,
     normal: Vectors<S>,
     area: f32x16<S>,
+    /// Half the side of a square as large.
+    half: f32x16<S>,
 }
 
 /// What a cluster adds to the sum over the sheets seen from its cell.
 #[simd]
-pub(super) fn part<S: Simd>(
-    simd: S,
-    views: &Views,
-    sheets: &[Sheet],
-    placed: &Placed<'_>,
-) -> Part {
+pub(super) fn part<S: Simd>(simd: S, views: &Views, sheets: &[Sheet], placed: &Placed<'_>) -> Part {
     let cluster = placed.cluster;
     let samples = Samples {
         arm: turned(simd, &placed.turn, &cluster.position),
         normal: turned(simd, &placed.turn, &cluster.normal),
         area: f32x16::simd_from(simd, cluster.area),
+        half: f32x16::simd_from(simd, cluster.half),
     };
     let zero = f32x16::splat(simd, 0.0);
     let mut totals = Totals {
@@ -90,6 +89,11 @@ fn add_sheet<S: Simd>(
     if height.abs() >= 1.0 + placed.radius {
         return;
     }
+    let faces = [
+        dot(&samples.normal, u),
+        dot(&samples.normal, v),
+        dot(&samples.normal, normal),
+    ];
     let across = [
         dot(&samples.arm, u),
         dot(&samples.arm, v),
@@ -97,8 +101,13 @@ fn add_sheet<S: Simd>(
     ];
     if flat {
         let above = Above::new(across[2] + height, [across[0], across[1]]);
-        if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above) {
-            totals.add_flat(samples, &sums, sheet.axes);
+        let lean = Lean {
+            half: samples.half,
+            sine_squared: faces[0] * faces[0] + faces[1] * faces[1],
+            cosine: faces[2],
+        };
+        if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
+            totals.add_flat(samples.area * faces[2], &sums, sheet.axes);
         }
         return;
     }
@@ -112,8 +121,15 @@ fn add_sheet<S: Simd>(
     let above = Above::new(unrolled.height, feet);
     // Unrolled from the inside, places are farther apart.
     let radius = placed.radius / (1.0 - sheet.curvature.abs().max_element());
-    if let Some(sums) = seen(views, sheet, radius, (foot, height), &above) {
-        totals.add_curved(samples, &sums, &unrolled, sheet);
+    let [x, y, up] = unrolled.along(&faces);
+    let lean = Lean {
+        half: samples.half,
+        sine_squared: x * x + y * y,
+        cosine: up,
+    };
+    if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
+        let weights = [x * samples.area, y * samples.area, up * samples.area];
+        totals.add_curved(weights, &sums, &unrolled, sheet);
     }
 }
 
@@ -126,19 +142,22 @@ fn seen<S: Simd>(
     radius: f32,
     (foot, height): (Vec2, f32),
     above: &Above<S>,
+    lean: &Lean<S>,
 ) -> Option<Slopes<S>> {
     let zero = splat(above.height.token(), 0.0);
     let mut sums = Slopes {
         value: zero,
         height: zero,
         along: [zero; 2],
+        turning: zero,
     };
     let way = foot - sheet.reference;
     let reach = (1.0 + radius) * (1.0 + radius);
     let (mut inside, mut change) = (sheet.inside, zero);
     let mut taylor = None;
     let range = sheet.first as usize..(sheet.first + sheet.count) as usize;
-    for border in &views.borders[range] {
+    let borders = &views.borders[range];
+    for border in borders {
         let seen = Seen::new(border, foot);
         inside += seen.crossed(way);
         let off = seen.distance_squared();
@@ -159,7 +178,9 @@ fn seen<S: Simd>(
     if inside == 0.0 && taylor.is_none() {
         return None;
     }
-    add_plane(above, change + inside, &mut sums);
+    let inside = change + inside;
+    add_plane(above, inside, &mut sums);
+    sums.turning = lean.add_to(above, borders, foot, inside, &mut sums);
     Some(sums)
 }
 
@@ -189,15 +210,15 @@ fn add_plane<S: Simd>(above: &Above<S>, inside: f32x16<S>, sums: &mut Slopes<S>)
 
 impl<S: Simd> Totals<S> {
     #[inline(always)]
-    fn add_flat(&mut self, samples: &Samples<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
-        let weight = samples.area * dot(&samples.normal, normal);
+    fn add_flat(&mut self, weight: f32x16<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
         self.value += weight * sums.value;
         let [du, dv] = [weight * sums.along[0], weight * sums.along[1]];
         let dn = weight * sums.height;
+        let flux = sums.value + sums.turning;
         for k in 0..3 {
             let slope = dn * normal[k] + du * u[k] + dv * v[k];
             self.gradient[k] += slope;
-            self.flux[k] += sums.value * normal[k];
+            self.flux[k] += flux * normal[k];
         }
     }
 
@@ -206,7 +227,7 @@ impl<S: Simd> Totals<S> {
     #[inline(always)]
     fn add_curved(
         &mut self,
-        samples: &Samples<S>,
+        [x, y, up]: Vectors<S>,
         sums: &Slopes<S>,
         unrolled: &Unrolled<S>,
         sheet: &Sheet,
@@ -214,17 +235,8 @@ impl<S: Simd> Totals<S> {
         let mean = 0.5 * (sheet.curvature.x + sheet.curvature.y);
         let spread = 1.0 - unrolled.height * mean;
         let value = sums.value * spread;
+        let flux = value + sums.turning * spread;
         let [u, v, normal] = sheet.axes;
-        let faces = [
-            dot(&samples.normal, u),
-            dot(&samples.normal, v),
-            dot(&samples.normal, normal),
-        ];
-        // Along the directions in which it is bent, and the normal, at each sample.
-        let [x, y, up] = [&unrolled.x, &unrolled.y, &unrolled.normal].map(|d| {
-            let sum = faces[0].mul_add(d[0], faces[1].mul_add(d[1], faces[2] * d[2]));
-            samples.area * sum
-        });
         self.value += up * value;
         let height = sums.height * spread - sums.value * mean;
         let [ix, iy] = unrolled.shrunk;
@@ -244,7 +256,7 @@ impl<S: Simd> Totals<S> {
             let n = unrolled.normal[0] * u[k]
                 + unrolled.normal[1] * v[k]
                 + unrolled.normal[2] * normal[k];
-            self.flux[k] += value * n;
+            self.flux[k] += flux * n;
         }
     }
 

@@ -74,7 +74,13 @@ impl Surface<'_> {
         for id in &near.flat {
             let outline = &self.regions.flat[*id as usize];
             let rings = || outline.rings.iter().map(Vec::as_slice);
-            self.add_flat(&mut list, rings(), outline.normal, [middle, outline.origin], self.unit);
+            self.add_flat(
+                &mut list,
+                rings(),
+                outline.normal,
+                [middle, outline.origin],
+                self.unit,
+            );
         }
         let surfels = near.surfels.iter();
         let mut surfels: Vec<(u32, Surfel)> = surfels
@@ -94,7 +100,9 @@ impl Surface<'_> {
             });
             of_region.swap(0, nearest.unwrap_or(0));
             match Osculating::fitted(&of_region) {
-                Some(torus) => self.add_curved(&mut list, &torus, of_region[0], middle, near, region),
+                Some(torus) => {
+                    self.add_curved(&mut list, &torus, of_region[0], middle, near, region)
+                }
                 None => self.add_faces(&mut list, middle, region),
             }
         }
@@ -155,7 +163,10 @@ impl Surface<'_> {
             let p = self.mesh.vertices()[*v as usize];
             torus.developed((p - middle) / self.unit).0
         };
-        let borders = near.borders.iter().map(|b| self.regions.borders[*b as usize]);
+        let borders = near
+            .borders
+            .iter()
+            .map(|b| self.regions.borders[*b as usize]);
         let edges: Vec<[u32; 2]> = borders.filter(|b| b.0 == region).map(|b| b.1).collect();
         let (about, _) = torus.developed(DVec3::ZERO);
         let most = self.seen / self.unit;
@@ -219,7 +230,8 @@ impl List {
     fn add_chain(&mut self, chain: &[DVec2], about: DVec2, most: f64) -> f64 {
         let kept = straightened(chain, about);
         let sides = kept.windows(2).map(|w| [w[0], w[1]]);
-        self.borders.extend(sides.clone().filter_map(|s| Border::within(s, about, most)));
+        self.borders
+            .extend(sides.clone().filter_map(|s| Border::within(s, about, most)));
         sides.map(angle).sum()
     }
 }

@@ -200,7 +200,8 @@ impl SharpEdges {
                 for i in 0..=steps as usize {
                     let at = ends[0].lerp(ends[1], i as f64 / steps) / near;
                     // All boxes within reach of half a step to either side.
-                    let (low, high) = ((at - 1.5).floor().as_ivec3(), (at + 1.5).floor().as_ivec3());
+                    let (low, high) =
+                        ((at - 1.5).floor().as_ivec3(), (at + 1.5).floor().as_ivec3());
                     for x in low.x..=high.x {
                         for y in low.y..=high.y {
                             for z in low.z..=high.z {

@@ -70,11 +70,17 @@ impl<S: Simd> Unrolled<S> {
             x: [a.cosine, zero - a.sine * b.sine, zero - a.sine * b.cosine],
             y: [zero, b.cosine, zero - b.sine],
             shrunk: [a.shrunk, b.shrunk],
-            bent: [
-                a.shrunk * curvature.x,
-                a.cosine * b.shrunk * curvature.y,
-            ],
+            bent: [a.shrunk * curvature.x, a.cosine * b.shrunk * curvature.y],
         }
+    }
+}
+
+impl<S: Simd> Unrolled<S> {
+    /// A direction along `x`, `y` and the normal, of its components along the sheet's axes.
+    #[inline(always)]
+    pub(super) fn along(&self, v: &Vectors<S>) -> Vectors<S> {
+        let dot = |d: &Vectors<S>| v[0].mul_add(d[0], v[1].mul_add(d[1], v[2] * d[2]));
+        [dot(&self.x), dot(&self.y), dot(&self.normal)]
     }
 }
 

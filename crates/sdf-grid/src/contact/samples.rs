@@ -35,10 +35,27 @@ pub fn surface_samples(
     }
     let flat = FLAT * mesh.bounds().size().max_element();
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
-    let found: f64 = (0..faces.len())
-        .filter_map(|i| faces.get(i))
-        .map(|f| f.parts(distance).into_iter().product::<f64>())
-        .sum();
+    let faces = (0..faces.len()).filter_map(|i| faces.get(i));
+    let mut samples = Vec::new();
+    surface_pieces(faces, distance, |_, s| samples.push(s))?;
+    match samples.is_empty() {
+        true => Err(ContactError::EmptyMesh),
+        false => Ok(samples),
+    }
+}
+
+/// Adds faces in pieces whose sides are at most `distance` long (metres), each with the number of
+/// its face.
+///
+/// # Errors
+/// If there would be too many pieces.
+pub(crate) fn surface_pieces(
+    faces: impl Iterator<Item = Piece> + Clone,
+    distance: f64,
+    mut add: impl FnMut(usize, SurfaceSample),
+) -> Result<(), ContactError> {
+    let parts = |f: Piece| f.parts(distance).into_iter().product::<f64>();
+    let found: f64 = faces.clone().map(parts).sum();
     if found > MOST as f64 {
         return Err(ContactError::TooMany {
             what: "surface samples",
@@ -46,16 +63,10 @@ pub fn surface_samples(
             found,
         });
     }
-    let mut samples = Vec::with_capacity(found as usize);
-    for i in 0..faces.len() {
-        if let Some(face) = faces.get(i) {
-            face.sample(distance, &mut samples);
-        }
+    for (i, face) in faces.enumerate() {
+        face.sample(distance, |s| add(i, s));
     }
-    match samples.is_empty() {
-        true => Err(ContactError::EmptyMesh),
-        false => Ok(samples),
-    }
+    Ok(())
 }
 
 impl Piece {
@@ -70,8 +81,8 @@ impl Piece {
         [along, up].map(|l| (l / distance).ceil().max(1.0))
     }
 
-    /// Adds its parts: those between evenly spaced lines across it.
-    fn sample(&self, distance: f64, samples: &mut Vec<SurfaceSample>) {
+    /// Its parts: those between evenly spaced lines across it.
+    fn sample(&self, distance: f64, mut found: impl FnMut(SurfaceSample)) {
         let [a, b, c, d] = self.corners;
         // A triangle is a quadrangle whose last two corners are one.
         let (c, d) = if self.count() == 3 { (c, c) } else { (c, d) };
@@ -82,7 +93,7 @@ impl Piece {
                 let [u, v] = [i as f64 / across, j as f64 / up];
                 let [u1, v1] = [(i + 1) as f64 / across, (j + 1) as f64 / up];
                 let corners = [at(u, v), at(u1, v), at(u1, v1), at(u, v1)];
-                samples.extend(SurfaceSample::of(corners));
+                SurfaceSample::of(corners).into_iter().for_each(&mut found);
             }
         }
     }

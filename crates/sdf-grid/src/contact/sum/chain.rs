@@ -1,0 +1,89 @@
+//! Chains of edges in fewer, straight pieces.
+
+use glam::DVec2;
+
+/// How far from a border its pieces may be near by, and how that grows with the distance beyond
+/// [`NEAR`], in units of the reach.
+const OFF: f64 = 0.004;
+const OFF_FAR: f64 = 0.03;
+const NEAR: f64 = 0.5;
+
+/// Looks at every point of a chain on average, at most; a chain that takes more stays.
+const MOST_LOOKS: usize = 100;
+
+/// The points of a chain that are kept (Douglas and Peucker), its ends among them, where `about` is
+/// where it should be true.
+pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
+    // A face is not worth a look, and would vanish if it is small.
+    if chain.len() < 6 {
+        return chain.to_vec();
+    }
+    let allowed = |p: DVec2| {
+        let beyond = (p.distance(about) - NEAR).max(0.0);
+        OFF + OFF_FAR * beyond * beyond
+    };
+    let mut kept = vec![chain[0]];
+    let mut sides = vec![(0, chain.len() - 1)];
+    let mut looks = 0;
+    while let Some((from, to)) = sides.pop() {
+        looks += to - from;
+        if looks > MOST_LOOKS * chain.len() {
+            return chain.to_vec();
+        }
+        let (a, b) = (chain[from], chain[to]);
+        let worst = (from + 1..to)
+            .map(|k| (k, off(chain[k], a, b) / allowed(chain[k])))
+            .max_by(|x, y| x.1.total_cmp(&y.1));
+        match worst {
+            Some((k, off)) if off > 1.0 => sides.extend([(k, to), (from, k)]),
+            _ => kept.push(b),
+        }
+    }
+    kept
+}
+
+/// Distance of `p` from the way from `a` to `b`.
+fn off(p: DVec2, a: DVec2, b: DVec2) -> f64 {
+    let (along, from) = (b - a, p - a);
+    let place = from.dot(along) / along.length_squared();
+    // Of a way without a length, the distance from its end.
+    let place = if place.is_nan() { 0.0 } else { place };
+    from.distance(along * place.clamp(0.0, 1.0))
+}
+
+/// Directed edges in chains, end to beginning.
+pub(super) fn chained(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
+    let mut order: Vec<usize> = (0..edges.len()).collect();
+    order.sort_unstable_by_key(|i| edges[*i]);
+    let mut free = vec![true; edges.len()];
+    let ends_at = {
+        let mut ends: Vec<u32> = edges.iter().map(|e| e[1]).collect();
+        ends.sort_unstable();
+        ends
+    };
+    let mut chains = Vec::new();
+    let follow = |mut at: usize, free: &mut Vec<bool>| {
+        let mut chain = vec![edges[at][0]];
+        loop {
+            free[at] = false;
+            let end = edges[at][1];
+            chain.push(end);
+            let first = order.partition_point(|i| edges[*i][0] < end);
+            let after = order[first..].iter().take_while(|i| edges[**i][0] == end);
+            match after.copied().find(|i| free[*i]) {
+                Some(next) => at = next,
+                None => return chain,
+            }
+        }
+    };
+    // Those that nothing leads to first, then what is closed.
+    for open in [true, false] {
+        for i in 0..edges.len() {
+            let leads = ends_at.binary_search(&edges[i][0]).is_ok();
+            if free[i] && !(open && leads) {
+                chains.push(follow(i, &mut free));
+            }
+        }
+    }
+    chains
+}

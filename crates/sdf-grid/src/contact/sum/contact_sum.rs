@@ -1,0 +1,137 @@
+//! The contact sum of two parts.
+
+use fearless_simd::{Level, prelude::*};
+use fearless_simd_macros::simd;
+use glam::{DMat3, DQuat, DVec3};
+
+use super::clearance::Clearance;
+use super::clusters::{Ball, Clusters};
+use super::pass::{Placed, part};
+use super::regions::Regions;
+use super::smooth::REACH;
+use super::spread::spread;
+use super::views::Views;
+use crate::contact::error::ContactError;
+use crate::contact::surface::FLAT;
+use crate::dispatch_lanes;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::level;
+use crate::surface::bvh::build::Leaves;
+use crate::surface::bvh::tree::Bvh;
+use crate::surface::coplanar::pieces::EXACT;
+
+/// The sum over both surfaces of two parts, `∬ (n1·n2) g(|q - y|) dA1 dA2`, at any pose of one part
+/// in the frame of the other.
+#[derive(Debug, Clone)]
+pub struct ContactSum {
+    views: Views,
+    clearance: Clearance,
+    clusters: Clusters,
+    /// Metres.
+    reach: f64,
+    level: Level,
+}
+
+/// A contact sum and its derivatives, for densities that jump by one across both surfaces.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ContactSums {
+    /// The sum, cubic metres.
+    pub value: f64,
+    /// Its derivative by the translation, square metres.
+    pub gradient: DVec3,
+    /// Its derivative by a rotation of the sampled part about the origin of its own frame, along
+    /// the axes of the surface's frame; cubic metres per radian.
+    pub moment: DVec3,
+}
+
+impl ContactSum {
+    /// Prepares the sum over `sampled`, in pieces about `distance` wide, of what `surface` is
+    /// there, for densities that are smoothed together by a Gaussian of standard deviation `width`
+    /// (both metres).
+    ///
+    /// # Errors
+    /// If a length is not positive and finite, a mesh has no triangle with an area, or there would
+    /// be too many pieces or too many faces in reach.
+    pub fn new(
+        surface: &TriangleMesh,
+        sampled: &TriangleMesh,
+        width: f64,
+        distance: f64,
+    ) -> Result<Self, ContactError> {
+        if !(width.is_finite() && width > 0.0) {
+            return Err(ContactError::Width { found: width });
+        }
+        let reach = REACH * width;
+        let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
+        let mut samples = spread(sampled, flat(sampled), distance)?;
+        let clusters = Clusters::new(&mut samples, reach);
+        let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
+        let regions = Regions::new(surface, flat(surface), reach)?;
+        Ok(Self {
+            views: Views::new(surface, &bvh, &regions, [reach, clusters.radius])?,
+            clearance: Clearance::new(surface, &bvh, reach),
+            clusters,
+            reach,
+            level: level::native(),
+        })
+    }
+
+    /// Number of samples of the sampled part, and of clusters of up to sixteen of them.
+    pub fn samples(&self) -> [usize; 2] {
+        let clusters = &self.clusters.clusters;
+        let full = clusters.iter().flat_map(|c| c.area).filter(|a| *a > 0.0);
+        [full.count(), clusters.len()]
+    }
+
+    /// Distance between the surfaces beyond which the sum is zero, metres.
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Memory that is held, bytes.
+    pub fn bytes(&self) -> usize {
+        self.views.bytes() + self.clearance.bytes() + self.clusters.bytes()
+    }
+
+    /// The sum where `y` of the sampled part's frame lies at `rotation * y + translation` of the
+    /// surface's frame, and its exact derivatives.
+    pub fn sum(&self, rotation: DQuat, translation: DVec3) -> ContactSums {
+        dispatch_lanes!(self.level, simd => total(simd, self, DMat3::from_quat(rotation), translation))
+    }
+}
+
+#[simd]
+fn total<S: Simd>(simd: S, sum: &ContactSum, turn: DMat3, translation: DVec3) -> ContactSums {
+    let balls = sum.clusters.balls.as_slice();
+    let mut sums = ContactSums::default();
+    let mut next = 0;
+    while let Some(ball) = balls.get(next) {
+        let lever = turn * ball.centre;
+        let centre = lever + translation;
+        if sum.clearance.from(centre) >= sum.reach + ball.radius {
+            next = ball.next as usize;
+            continue;
+        }
+        next += 1;
+        if ball.cluster == Ball::MANY {
+            continue;
+        }
+        let Some((sheets, at)) = sum.views.from(centre) else {
+            continue;
+        };
+        let placed = Placed {
+            cluster: &sum.clusters.clusters[ball.cluster as usize],
+            turn: turn.as_mat3(),
+            at,
+            radius: (ball.radius / sum.reach) as f32 * (1.0 + 1e-5),
+        };
+        let found = part(simd, &sum.views, sheets, &placed);
+        let square = sum.reach * sum.reach;
+        let gradient = found.gradient.as_dvec3() * square;
+        let moment = found.moment.as_dvec3() * (square * sum.reach);
+        sums.value += f64::from(found.value) * (square * sum.reach);
+        sums.gradient += gradient;
+        sums.moment += moment + lever.cross(gradient);
+    }
+    sums
+}

@@ -1,0 +1,65 @@
+//! Elementary functions for sixteen points.
+
+use fearless_simd::{f32x16, i32x16, prelude::*};
+
+/// Points at a time.
+pub(super) const LANES: usize = 16;
+
+/// One number per point.
+pub(super) type Lanes = [f32; LANES];
+
+/// The natural logarithm of a positive normal number to about 2e-7.
+#[inline(always)]
+pub(super) fn ln<S: Simd>(x: f32x16<S>) -> f32x16<S> {
+    let simd = x.token();
+    // The mantissa from sqrt(1/2) on, and the exponent that goes with it.
+    const HALF: i32 = 0x3f35_04f3;
+    let bits: i32x16<S> = x.bitcast();
+    let exponent = (bits - HALF) >> 23;
+    let mantissa: f32x16<S> = (bits - (exponent << 23)).bitcast();
+    let f = mantissa - 1.0;
+    let mut p = f32x16::splat(simd, 7.037_683_6e-2);
+    for c in [
+        -1.151_461e-1,
+        1.167_699_9e-1,
+        -1.242_014_1e-1,
+        1.424_932_3e-1,
+        -1.666_805_7e-1,
+        2.000_071_5e-1,
+        -2.499_999_4e-1,
+        3.333_333_1e-1,
+        -0.5,
+    ] {
+        p = p.mul_add(f, f32x16::splat(simd, c));
+    }
+    let whole: f32x16<S> = exponent.to_float();
+    whole.mul_add(
+        f32x16::splat(simd, std::f32::consts::LN_2),
+        (p * f).mul_add(f, f),
+    )
+}
+
+/// The angle of `(x, y)` with `y` not negative, to about 1e-6, in `0 ..= pi`; zero at the origin.
+#[inline(always)]
+pub(super) fn upper_angle<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
+    use std::f32::consts::{FRAC_PI_2, PI};
+    let simd = x.token();
+    let ax = x.abs();
+    let z = ax.min(y) / ax.max(y).max(1e-37);
+    let s = z * z;
+    let mut p = f32x16::splat(simd, -0.004_054_058);
+    for c in [
+        0.021_861_23,
+        -0.055_909_887,
+        0.096_420_04,
+        -0.139_085_33,
+        0.199_465_36,
+        -0.333_298_56,
+        0.999_999_35,
+    ] {
+        p = p.mul_add(s, f32x16::splat(simd, c));
+    }
+    let angle = p * z;
+    let angle = ax.simd_lt(y).select(FRAC_PI_2 - angle, angle);
+    x.simd_lt(0.0).select(PI - angle, angle)
+}

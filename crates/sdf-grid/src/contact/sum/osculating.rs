@@ -1,0 +1,172 @@
+//! Curved surfaces as tori, piece by piece.
+
+use glam::{DMat2, DVec2, DVec3};
+
+/// Curvature at most, per reach of the kernel: of what is bent more the kernel's reach covers too
+/// much for one curvature.
+const MOST_BENT: f64 = 0.45;
+
+/// Surfaces bent less are flat.
+const LEAST_BENT: f64 = 1e-4;
+
+/// How far a torus may be from the surface near by, and how that grows with the distance beyond
+/// [`NEAR`], in units of the reach.
+const OFF: f64 = 0.006;
+const OFF_FAR: f64 = 0.03;
+const NEAR: f64 = 0.9;
+
+/// Normals differ from the torus' by an angle of this cosine at most.
+const ALONG: f64 = 0.95;
+
+/// Looks at the surface, each from the torus found before.
+const LOOKS: usize = 5;
+
+/// A small piece of a surface: lengths are in units of the reach.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surfel {
+    pub(super) place: DVec3,
+    pub(super) normal: DVec3,
+    pub(super) area: f64,
+}
+
+/// A torus, a cylinder, a sphere or a plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Osculating {
+    /// A point of it.
+    pub(super) origin: DVec3,
+    /// The directions in which it is bent most and least there, and its normal; right-handed.
+    pub(super) axes: [DVec3; 3],
+    /// How much it is bent along either, positive if it is convex.
+    pub(super) curvature: DVec2,
+}
+
+impl Osculating {
+    /// The torus nearest to `surfels` about the first of them; none if they are none.
+    pub(super) fn fitted(surfels: &[Surfel]) -> Option<Self> {
+        let first = surfels.first()?;
+        let (u, v) = first.normal.any_orthonormal_pair();
+        let mut torus = Self {
+            origin: first.place,
+            axes: [u, v, first.normal],
+            curvature: DVec2::ZERO,
+        };
+        for _ in 0..LOOKS {
+            torus = torus.improved(surfels)?;
+        }
+        if torus.curvature.abs().max_element() < LEAST_BENT {
+            torus.curvature = DVec2::ZERO;
+        }
+        let near = |s: &Surfel| {
+            let (_, height) = torus.developed(s.place);
+            let beyond = (s.place.length() - NEAR).max(0.0);
+            height.abs() <= OFF + OFF_FAR * beyond * beyond
+                && torus.normal(s.place).dot(s.normal) >= ALONG
+        };
+        let bent = torus.curvature.abs().max_element();
+        (bent <= MOST_BENT && surfels.iter().all(near)).then_some(torus)
+    }
+
+    /// By least squares of what is left, weighted about the first.
+    fn improved(&self, surfels: &[Surfel]) -> Option<Self> {
+        let about = surfels.first()?.place;
+        let mut normal = [[0.0; 6]; 6];
+        let mut right = [0.0; 6];
+        for s in surfels {
+            let weight = s.area * (-1.5 * s.place.distance_squared(about)).exp();
+            let (p, height) = self.developed(s.place);
+            let row = [1.0, p.x, p.y, 0.5 * p.x * p.x, p.x * p.y, 0.5 * p.y * p.y];
+            for i in 0..6 {
+                right[i] += weight * row[i] * height;
+                for j in 0..6 {
+                    normal[i][j] += weight * row[i] * row[j];
+                }
+            }
+        }
+        // What surfels do not tell, as on a line, stays.
+        let trace = (0..6).map(|i| normal[i][i]).sum::<f64>();
+        for (i, row) in normal.iter_mut().enumerate() {
+            row[i] += 1e-9 * trace;
+        }
+        let c = solved(normal, right)?;
+        let [u, v, n] = self.axes;
+        let up = (n - c[1] * u - c[2] * v).try_normalize()?;
+        let u = (u - u.dot(up) * up).try_normalize()?;
+        let v = up.cross(u);
+        let bent = DMat2::from_diagonal(self.curvature)
+            - DMat2::from_cols(DVec2::new(c[3], c[4]), DVec2::new(c[4], c[5]));
+        let (turn, curvature) = principal(bent);
+        Some(Self {
+            origin: self.origin + c[0] * n,
+            axes: [turn.x * u + turn.y * v, turn.x * v - turn.y * u, up],
+            curvature: curvature.clamp(DVec2::splat(-1.0), DVec2::splat(1.0)),
+        })
+    }
+
+    /// A place on the surface, unrolled, and the height above it.
+    pub(super) fn developed(&self, p: DVec3) -> (DVec2, f64) {
+        let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
+        let [kx, ky] = self.curvature.to_array();
+        let lifted = rise(z, y, ky);
+        let place = DVec2::new(unrolled(lifted, x, kx), unrolled(z, y, ky));
+        (place, rise(lifted, x, kx))
+    }
+
+    /// The direction of growing height.
+    fn normal(&self, p: DVec3) -> DVec3 {
+        let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
+        let [kx, ky] = self.curvature.to_array();
+        let lifted = rise(z, y, ky);
+        let up = (ky * y * self.axes[1] + (1.0 + ky * z) * self.axes[2]).normalize_or_zero();
+        (kx * x * self.axes[0] + (1.0 + kx * lifted) * up).normalize_or_zero()
+    }
+}
+
+/// Height above a circle of curvature `k` through the origin.
+fn rise(z: f64, x: f64, k: f64) -> f64 {
+    let square = x * x + z * z;
+    let distance = (1.0 + k * (2.0 * z + k * square)).max(0.0).sqrt();
+    (2.0 * z + k * square) / (1.0 + distance)
+}
+
+/// Length of the circle's arc to below a place.
+fn unrolled(z: f64, x: f64, k: f64) -> f64 {
+    match k == 0.0 {
+        true => x,
+        false => (k * x).atan2(1.0 + k * z) / k,
+    }
+}
+
+/// The direction of the greater eigenvalue of a symmetric matrix, and both eigenvalues.
+fn principal(m: DMat2) -> (DVec2, DVec2) {
+    let (half, off) = (0.5 * (m.x_axis.x - m.y_axis.y), m.x_axis.y);
+    let angle = 0.5 * off.atan2(half);
+    let (middle, spread) = (0.5 * (m.x_axis.x + m.y_axis.y), half.hypot(off));
+    (
+        DVec2::from_angle(angle),
+        DVec2::new(middle + spread, middle - spread),
+    )
+}
+
+/// The solution of symmetric positive equations; none if they are not.
+fn solved(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> Option<[f64; 6]> {
+    for i in 0..6 {
+        // Neither zero nor not a number.
+        if !(a[i][i] > 0.0) {
+            return None;
+        }
+        for j in i + 1..6 {
+            let factor = a[j][i] / a[i][i];
+            for k in i..6 {
+                a[j][k] -= factor * a[i][k];
+            }
+            b[j] -= factor * b[i];
+        }
+    }
+    for i in (0..6).rev() {
+        for k in i + 1..6 {
+            b[i] -= a[i][k] * b[k];
+        }
+        b[i] /= a[i][i];
+    }
+    Some(b)
+}

@@ -1,0 +1,278 @@
+//! The sum over a cluster of samples.
+
+use fearless_simd::{f32x16, prelude::*};
+use fearless_simd_macros::simd;
+use glam::{Mat3, Vec2, Vec3};
+
+use super::border::{Above, Seen, Slopes};
+use super::clusters::Cluster;
+use super::kink::Lean;
+use super::sheet::Sheet;
+use super::smooth::{ENTIRE, Taylor};
+use super::unrolled::Unrolled;
+use super::vectors::{Vectors, dot, splat, turned};
+use super::views::Views;
+
+/// Where a cluster lies.
+pub(super) struct Placed<'a> {
+    pub(super) cluster: &'a Cluster,
+    /// From its frame to that of the surface.
+    pub(super) turn: Mat3,
+    /// Its centre from the middle of the cell it is in, and its radius, in units of the reach.
+    pub(super) at: Vec3,
+    pub(super) radius: f32,
+}
+
+/// What a cluster adds, in units of the reach: the sum, its slope with the translation, and with a
+/// rotation about the cluster's centre.
+pub(super) struct Part {
+    pub(super) value: f32,
+    pub(super) gradient: Vec3,
+    pub(super) moment: Vec3,
+}
+
+/// Sums of sixteen lanes.
+struct Totals<S: Simd> {
+    value: f32x16<S>,
+    gradient: [f32x16<S>; 3],
+    /// `n V`, of which the moment is made.
+    flux: [f32x16<S>; 3],
+}
+
+/// Samples in the frame of the surface.
+struct Samples<S: Simd> {
+    arm: Vectors<S>,
+    normal: Vectors<S>,
+    area: f32x16<S>,
+    /// Half the side of a square as large.
+    half: f32x16<S>,
+}
+
+/// What a cluster adds to the sum over the sheets seen from its cell.
+#[simd]
+pub(super) fn part<S: Simd>(simd: S, views: &Views, sheets: &[Sheet], placed: &Placed<'_>) -> Part {
+    let cluster = placed.cluster;
+    let samples = Samples {
+        arm: turned(simd, &placed.turn, &cluster.position),
+        normal: turned(simd, &placed.turn, &cluster.normal),
+        area: f32x16::simd_from(simd, cluster.area),
+        half: f32x16::simd_from(simd, cluster.half),
+    };
+    let zero = f32x16::splat(simd, 0.0);
+    let mut totals = Totals {
+        value: zero,
+        gradient: [zero; 3],
+        flux: [zero; 3],
+    };
+    for sheet in sheets {
+        add_sheet(views, sheet, placed, &samples, &mut totals);
+    }
+    totals.part(&samples)
+}
+
+#[inline(always)]
+fn add_sheet<S: Simd>(
+    views: &Views,
+    sheet: &Sheet,
+    placed: &Placed<'_>,
+    samples: &Samples<S>,
+    totals: &mut Totals<S>,
+) {
+    let simd = samples.area.token();
+    let [u, v, normal] = sheet.axes;
+    let from = placed.at - sheet.origin;
+    let flat = sheet.curvature == Vec2::ZERO;
+    let (foot, height) = match flat {
+        true => (Vec2::new(from.dot(u), from.dot(v)), from.dot(normal)),
+        false => sheet.unrolled(from),
+    };
+    if height.abs() >= 1.0 + placed.radius {
+        return;
+    }
+    let faces = [
+        dot(&samples.normal, u),
+        dot(&samples.normal, v),
+        dot(&samples.normal, normal),
+    ];
+    let across = [
+        dot(&samples.arm, u),
+        dot(&samples.arm, v),
+        dot(&samples.arm, normal),
+    ];
+    if flat {
+        let above = Above::new(across[2] + height, [across[0], across[1]]);
+        let lean = Lean {
+            half: samples.half,
+            sine_squared: faces[0] * faces[0] + faces[1] * faces[1],
+            cosine: faces[2],
+        };
+        if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
+            totals.add_flat(samples.area * faces[2], &sums, sheet.axes);
+        }
+        return;
+    }
+    let place = [
+        across[0] + from.dot(u),
+        across[1] + from.dot(v),
+        across[2] + from.dot(normal),
+    ];
+    let unrolled = Unrolled::new(simd, sheet.curvature, place);
+    let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
+    let above = Above::new(unrolled.height, feet);
+    // Unrolled from the inside, places are farther apart.
+    let radius = placed.radius / (1.0 - sheet.curvature.abs().max_element());
+    let [x, y, up] = unrolled.along(&faces);
+    let lean = Lean {
+        half: samples.half,
+        sine_squared: x * x + y * y,
+        cosine: up,
+    };
+    if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
+        let weights = [x * samples.area, y * samples.area, up * samples.area];
+        totals.add_curved(weights, &sums, &unrolled, sheet);
+    }
+}
+
+/// The integral of the kernel over a sheet, none if nothing of it is in reach of a cluster of a
+/// radius above a foot.
+#[inline(always)]
+fn seen<S: Simd>(
+    views: &Views,
+    sheet: &Sheet,
+    radius: f32,
+    (foot, height): (Vec2, f32),
+    above: &Above<S>,
+    lean: &Lean<S>,
+) -> Option<Slopes<S>> {
+    let zero = splat(above.height.token(), 0.0);
+    let mut sums = Slopes {
+        value: zero,
+        height: zero,
+        along: [zero; 2],
+        turning: zero,
+    };
+    let way = foot - sheet.reference;
+    let reach = (1.0 + radius) * (1.0 + radius);
+    let (mut inside, mut change) = (sheet.inside, zero);
+    let mut taylor = None;
+    let range = sheet.first as usize..(sheet.first + sheet.count) as usize;
+    let borders = &views.borders[range];
+    for border in borders {
+        let seen = Seen::new(border, foot);
+        inside += seen.crossed(way);
+        let off = seen.distance_squared();
+        if off + height * height >= reach {
+            continue;
+        }
+        let across = seen.across(above);
+        if off <= radius * radius {
+            change += seen.crossed_on(above, across);
+        }
+        if taylor.is_none() {
+            taylor = Some(Taylor::at(above.square));
+        }
+        if let Some(taylor) = &taylor {
+            seen.add_to(above, taylor, across, &mut sums);
+        }
+    }
+    if inside == 0.0 && taylor.is_none() {
+        return None;
+    }
+    let inside = change + inside;
+    add_plane(above, inside, &mut sums);
+    sums.turning = lean.add_to(above, borders, foot, inside, &mut sums);
+    Some(sums)
+}
+
+/// Turns `2π` times what borders take into what they take, and adds the whole plane where the feet
+/// are inside.
+#[inline(always)]
+fn add_plane<S: Simd>(above: &Above<S>, inside: f32x16<S>, sums: &mut Slopes<S>) {
+    const TURN: f32 = 1.0 / std::f32::consts::TAU;
+    let simd = inside.token();
+    let zero = f32x16::splat(simd, 0.0);
+    let t = above.square;
+    let (mut value, mut slope) = (zero, zero);
+    for c in ENTIRE.iter().rev() {
+        slope = slope.mul_add(t, value);
+        value = value.mul_add(t, f32x16::splat(simd, *c));
+    }
+    let within = t.simd_lt(1.0);
+    let height = above.height;
+    let sign = f32x16::splat(simd, 0.5).copysign(height);
+    let sign = height.simd_eq(zero).select(zero, sign);
+    let value = within.select(value - height * sign, zero);
+    let slope = within.select(height * (slope + slope) - sign, zero);
+    sums.value = inside.mul_add(value, sums.value * TURN);
+    sums.height = inside.mul_add(slope, sums.height * TURN);
+    sums.along = [sums.along[0] * TURN, sums.along[1] * TURN];
+}
+
+impl<S: Simd> Totals<S> {
+    #[inline(always)]
+    fn add_flat(&mut self, weight: f32x16<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
+        self.value += weight * sums.value;
+        let [du, dv] = [weight * sums.along[0], weight * sums.along[1]];
+        let dn = weight * sums.height;
+        let flux = sums.value + sums.turning;
+        for k in 0..3 {
+            let slope = dn * normal[k] + du * u[k] + dv * v[k];
+            self.gradient[k] += slope;
+            self.flux[k] += flux * normal[k];
+        }
+    }
+
+    /// Of the normal of a bent surface, `(1 - H ξ)` times the integral over the unrolled one, with
+    /// `H` the mean curvature and `ξ` the height: right to first order in the curvature.
+    #[inline(always)]
+    fn add_curved(
+        &mut self,
+        [x, y, up]: Vectors<S>,
+        sums: &Slopes<S>,
+        unrolled: &Unrolled<S>,
+        sheet: &Sheet,
+    ) {
+        let mean = 0.5 * (sheet.curvature.x + sheet.curvature.y);
+        let spread = 1.0 - unrolled.height * mean;
+        let value = sums.value * spread;
+        let flux = value + sums.turning * spread;
+        let [u, v, normal] = sheet.axes;
+        self.value += up * value;
+        let height = sums.height * spread - sums.value * mean;
+        let [ix, iy] = unrolled.shrunk;
+        let slopes = [
+            x * value * unrolled.bent[0] + up * spread * sums.along[0] * ix,
+            y * value * unrolled.bent[1] + up * spread * sums.along[1] * iy,
+            up * height,
+        ];
+        let mut slope = [splat(value.token(), 0.0); 3];
+        for k in 0..3 {
+            slope[k] = slopes[0] * unrolled.x[k]
+                + slopes[1] * unrolled.y[k]
+                + slopes[2] * unrolled.normal[k];
+        }
+        for k in 0..3 {
+            self.gradient[k] += slope[0] * u[k] + slope[1] * v[k] + slope[2] * normal[k];
+            let n = unrolled.normal[0] * u[k]
+                + unrolled.normal[1] * v[k]
+                + unrolled.normal[2] * normal[k];
+            self.flux[k] += flux * n;
+        }
+    }
+
+    #[inline(always)]
+    fn part(&self, samples: &Samples<S>) -> Part {
+        let [gx, gy, gz] = self.gradient;
+        let [ax, ay, az] = samples.arm;
+        let [nx, ny, nz] = samples.normal;
+        let [ux, uy, uz] = self.flux;
+        let x = ay * gz - az * gy + samples.area * (ny * uz - nz * uy);
+        let y = az * gx - ax * gz + samples.area * (nz * ux - nx * uz);
+        let z = ax * gy - ay * gx + samples.area * (nx * uy - ny * ux);
+        Part {
+            value: self.value.reduce_sum(),
+            gradient: Vec3::new(gx.reduce_sum(), gy.reduce_sum(), gz.reduce_sum()),
+            moment: Vec3::new(x.reduce_sum(), y.reduce_sum(), z.reduce_sum()),
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A surface in flat regions and smoothly curved ones.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, IVec3};
+
+use super::osculating::Surfel;
+use super::smooth_parts::SmoothParts;
+use crate::contact::error::ContactError;
+use crate::contact::samples::surface_pieces;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::coplanar::outlines::{Outline, outlines};
+use crate::surface::face::Piece;
+
+/// Edge of the boxes in which pieces of a curved surface are taken together, in units of the reach.
+const SURFEL: f64 = 0.2;
+
+/// A surface.
+#[derive(Debug)]
+pub(super) struct Regions {
+    /// The flat ones.
+    pub(super) flat: Vec<Outline>,
+    /// The curved region of each triangle, or [`Regions::FLAT`].
+    pub(super) curved: Vec<u32>,
+    /// The surface of curved regions in small pieces, in metres, each with its region.
+    pub(super) surfels: Vec<(u32, Surfel)>,
+    /// Edges of curved regions, the region to their left seen from outside: region, vertices.
+    pub(super) borders: Vec<(u32, [u32; 2])>,
+}
+
+impl Regions {
+    pub(super) const FLAT: u32 = u32::MAX;
+
+    /// Those of `mesh`, where what lies within `flat` of a plane lies in it, with `reach` that of
+    /// the kernel (metres).
+    ///
+    /// # Errors
+    /// If there would be too many pieces.
+    pub(super) fn new(mesh: &TriangleMesh, flat: f64, reach: f64) -> Result<Self, ContactError> {
+        let parts = SmoothParts::new(mesh);
+        let curved = parts.of.iter().map(|c| match parts.bent[*c as usize] {
+            true => *c,
+            false => Self::FLAT,
+        });
+        let curved: Vec<u32> = curved.collect();
+        let of_flat = mesh.triangles().iter().zip(&curved);
+        let of_flat = of_flat.filter(|(_, c)| **c == Self::FLAT).map(|(t, _)| *t);
+        let of_flat: Vec<[u32; 3]> = of_flat.collect();
+        let mut borders = Vec::new();
+        for (t, region) in curved.iter().enumerate() {
+            if *region != Self::FLAT {
+                borders.extend(parts.borders(mesh, t).map(|ends| (*region, ends)));
+            }
+        }
+        Ok(Self {
+            flat: outlines(&of_flat, mesh.vertices(), flat),
+            surfels: surfels(mesh, &curved, SURFEL * reach)?,
+            curved,
+            borders,
+        })
+    }
+}
+
+/// Pieces of curved regions, taken together by boxes of edge `size` (metres).
+fn surfels(
+    mesh: &TriangleMesh,
+    curved: &[u32],
+    size: f64,
+) -> Result<Vec<(u32, Surfel)>, ContactError> {
+    let low = mesh.bounds().min;
+    let pieces = mesh.faces().zip(curved).enumerate();
+    let pieces = pieces.filter(|(_, (_, region))| **region != Regions::FLAT);
+    let pieces: Vec<(u32, Piece)> = pieces
+        .filter_map(|(t, (c, region))| Some((*region, Piece::triangle(c, t as u32)?)))
+        .collect();
+    let mut boxes: HashMap<(u32, IVec3), (DVec3, DVec3, f64)> = HashMap::new();
+    let faces = pieces.iter().map(|p| p.1);
+    surface_pieces(faces, 0.5 * size, |index, sample| {
+        let place = ((sample.position - low) / size).floor().as_ivec3();
+        let area = sample.area.length();
+        let sum = boxes.entry((pieces[index].0, place)).or_default();
+        sum.0 += sample.position * area;
+        sum.1 += sample.area;
+        sum.2 += area;
+    })?;
+    let mut found: Vec<_> = boxes.into_iter().collect();
+    found.sort_unstable_by_key(|((region, place), _)| (*region, place.to_array()));
+    let surfel = |((region, _), (place, normal, area)): ((u32, IVec3), (DVec3, DVec3, f64))| {
+        let normal = normal.try_normalize()?;
+        let surfel = Surfel {
+            place: place / area,
+            normal,
+            area,
+        };
+        Some((region, surfel))
+    };
+    Ok(found.into_iter().filter_map(surfel).collect())
+}

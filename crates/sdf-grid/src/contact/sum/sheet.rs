@@ -1,0 +1,266 @@
+//! What of a surface is seen from about a place.
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+
+use super::chain::{chained, straightened};
+use super::osculating::{Osculating, Surfel};
+use super::regions::Regions;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::bvh::tree::Bvh;
+
+/// Where on a flat region one stands from where insides are counted, in units of the reach from the
+/// foot of the cell's middle: no edge lies there unless it is put there.
+const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
+
+/// A region as it is seen from a cell, flat or unrolled from a torus: lengths are in units of the
+/// reach, places relative to the middle of the cell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sheet {
+    /// A point of its plane or torus.
+    pub(super) origin: Vec3,
+    /// Two directions in it and its normal, outwards; right-handed.
+    pub(super) axes: [Vec3; 3],
+    /// How much it is bent along either, positive if it is convex.
+    pub(super) curvature: Vec2,
+    /// From where insides are counted, on the sheet from its origin.
+    pub(super) reference: Vec2,
+    /// How often it lies below there: 0 or 1, rarely more.
+    pub(super) inside: f32,
+    /// Its borders in reach.
+    pub(super) first: u32,
+    pub(super) count: u32,
+}
+
+/// A straight piece of a sheet's border, the sheet to its left, along the sheet's two directions.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Border {
+    pub(super) from: Vec2,
+    pub(super) to: Vec2,
+    /// Unit vector to the other end.
+    pub(super) along: Vec2,
+    pub(super) length: f32,
+}
+
+/// Sheets with their borders.
+#[derive(Debug, Default)]
+pub(super) struct List {
+    pub(super) sheets: Vec<Sheet>,
+    pub(super) borders: Vec<Border>,
+}
+
+/// What is near a cell: flat regions, surfels and borders by number.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Near {
+    pub(super) flat: Vec<u32>,
+    pub(super) surfels: Vec<u32>,
+    pub(super) borders: Vec<u32>,
+}
+
+/// A surface to be seen.
+pub(super) struct Surface<'a> {
+    pub(super) mesh: &'a TriangleMesh,
+    pub(super) bvh: &'a Bvh,
+    pub(super) regions: &'a Regions,
+    /// The kernel's reach, metres.
+    pub(super) unit: f64,
+    /// How far one sees, metres.
+    pub(super) seen: f64,
+}
+
+impl Surface<'_> {
+    /// What is seen from about `middle`, given what is near.
+    pub(super) fn seen_from(&self, middle: DVec3, near: &Near) -> List {
+        let mut list = List::default();
+        for id in &near.flat {
+            let outline = &self.regions.flat[*id as usize];
+            let rings = || outline.rings.iter().map(Vec::as_slice);
+            self.add_flat(
+                &mut list,
+                rings(),
+                outline.normal,
+                [middle, outline.origin],
+                self.unit,
+            );
+        }
+        let surfels = near.surfels.iter();
+        let mut surfels: Vec<(u32, Surfel)> = surfels
+            .map(|id| {
+                let (region, surfel) = self.regions.surfels[*id as usize];
+                let place = (surfel.place - middle) / self.unit;
+                (region, Surfel { place, ..surfel })
+            })
+            .collect();
+        surfels.sort_by_key(|(region, _)| *region);
+        for of_region in surfels.chunk_by_mut(|a, b| a.0 == b.0) {
+            let region = of_region[0].0;
+            let mut of_region: Vec<Surfel> = of_region.iter().map(|s| s.1).collect();
+            let nearest = (0..of_region.len()).min_by(|a, b| {
+                let [a, b] = [*a, *b].map(|i| of_region[i].place.length_squared());
+                a.total_cmp(&b)
+            });
+            of_region.swap(0, nearest.unwrap_or(0));
+            match Osculating::fitted(&of_region) {
+                Some(torus) => {
+                    self.add_curved(&mut list, &torus, of_region[0], middle, near, region)
+                }
+                None => self.add_faces(&mut list, middle, region),
+            }
+        }
+        list
+    }
+
+    /// Adds a flat region with corners in units of which `unit` are one reach.
+    fn add_flat<'r>(
+        &self,
+        list: &mut List,
+        rings: impl Iterator<Item = &'r [DVec3]>,
+        normal: DVec3,
+        [middle, origin]: [DVec3; 2],
+        unit: f64,
+    ) {
+        let (u, v) = normal.any_orthonormal_pair();
+        let height = (middle - origin).dot(normal);
+        let foot = middle - height * normal;
+        let place = |p: &DVec3| DVec2::new((p - foot).dot(u), (p - foot).dot(v)) / unit;
+        let height = height / unit;
+        let seen = self.seen / self.unit;
+        if height.abs() > seen {
+            return;
+        }
+        let most = (seen * seen - height * height).max(0.0).sqrt();
+        let first = list.borders.len();
+        let mut turns = 0.0;
+        for ring in rings {
+            let ring: Vec<DVec2> = ring.iter().map(place).collect();
+            turns += list.add_ring(&ring, most);
+        }
+        let inside = (turns / std::f64::consts::TAU).round() as f32;
+        let count = list.borders.len() - first;
+        if inside != 0.0 || count > 0 {
+            list.sheets.push(Sheet {
+                origin: ((foot - middle) / unit).as_vec3(),
+                axes: [u, v, normal].map(DVec3::as_vec3),
+                curvature: Vec2::ZERO,
+                reference: REFERENCE.as_vec2(),
+                inside,
+                first: first as u32,
+                count: count as u32,
+            });
+        }
+    }
+
+    /// Adds a curved region that is a torus as far as one sees, `on` a piece of it.
+    fn add_curved(
+        &self,
+        list: &mut List,
+        torus: &Osculating,
+        on: Surfel,
+        middle: DVec3,
+        near: &Near,
+        region: u32,
+    ) {
+        let place = |v: &u32| {
+            let p = self.mesh.vertices()[*v as usize];
+            torus.developed((p - middle) / self.unit).0
+        };
+        let borders = near
+            .borders
+            .iter()
+            .map(|b| self.regions.borders[*b as usize]);
+        let edges: Vec<[u32; 2]> = borders.filter(|b| b.0 == region).map(|b| b.1).collect();
+        let (about, _) = torus.developed(DVec3::ZERO);
+        let most = self.seen / self.unit;
+        let first = list.borders.len();
+        for chain in chained(&edges) {
+            let chain: Vec<DVec2> = chain.iter().map(place).collect();
+            list.add_chain(&chain, about, most);
+        }
+        list.sheets.push(Sheet {
+            origin: torus.origin.as_vec3(),
+            axes: torus.axes.map(DVec3::as_vec3),
+            curvature: torus.curvature.as_vec2(),
+            reference: torus.developed(on.place).0.as_vec2(),
+            inside: 1.0,
+            first: first as u32,
+            count: (list.borders.len() - first) as u32,
+        });
+    }
+
+    /// Adds the faces of a curved region one by one.
+    fn add_faces(&self, list: &mut List, middle: DVec3, region: u32) {
+        let scale = self.bvh.scale();
+        let middle = self.bvh.normalized(middle);
+        self.bvh.visit_within(middle, self.seen * scale, |i| {
+            let face = &self.bvh.faces[i];
+            if self.regions.curved[face.source as usize] == region {
+                let ring = std::iter::once(face.outline());
+                let origin = face.corners[0];
+                self.add_flat(list, ring, face.normal, [middle, origin], self.unit * scale);
+            }
+        });
+    }
+}
+
+impl List {
+    /// Adds what of a closed chain is within `most` of the origin; the angle at which all of it is
+    /// seen from [`REFERENCE`].
+    fn add_ring(&mut self, ring: &[DVec2], most: f64) -> f64 {
+        let n = ring.len();
+        let side = |i: usize| [ring[i % n], ring[(i + 1) % n]];
+        let near = |i: usize| Border::within(side(i), DVec2::ZERO, most).is_some();
+        let start = (0..n).find(|i| !near(*i)).map_or(0, |i| i + 1);
+        let (mut turns, mut chain) = (0.0, Vec::new());
+        for i in start..start + n {
+            let [a, b] = side(i);
+            if near(i) {
+                if chain.is_empty() {
+                    chain.push(a);
+                }
+                chain.push(b);
+                continue;
+            }
+            turns += self.add_chain(&chain, DVec2::ZERO, most) + angle([a, b]);
+            chain.clear();
+        }
+        turns + self.add_chain(&chain, DVec2::ZERO, most)
+    }
+
+    /// Adds what of a chain is within `most` of `about`, in straight pieces; the angle at which
+    /// these are seen from [`REFERENCE`].
+    fn add_chain(&mut self, chain: &[DVec2], about: DVec2, most: f64) -> f64 {
+        let kept = straightened(chain, about);
+        let sides = kept.windows(2).map(|w| [w[0], w[1]]);
+        self.borders
+            .extend(sides.clone().filter_map(|s| Border::within(s, about, most)));
+        sides.map(angle).sum()
+    }
+}
+
+impl Border {
+    /// What of the way from `a` to `b` is within `most` of `about`.
+    fn within([a, b]: [DVec2; 2], about: DVec2, most: f64) -> Option<Self> {
+        let along = (b - a).try_normalize()?;
+        let length = a.distance(b);
+        let (start, across) = ((a - about).dot(along), (a - about).perp_dot(along));
+        let visible = (most * most - across * across).max(0.0).sqrt();
+        let from = (-visible - start).max(0.0);
+        let to = (visible - start).min(length);
+        if across.abs() > most || from >= to {
+            return None;
+        }
+        // Corners that stay are those of their neighbours to the last bit.
+        let at = |l: f64| if l >= length { b } else { a + along * l };
+        Some(Self {
+            from: at(from).as_vec2(),
+            to: at(to).as_vec2(),
+            along: along.as_vec2(),
+            length: (to - from) as f32,
+        })
+    }
+}
+
+/// The angle at which a way is seen from [`REFERENCE`].
+fn angle([a, b]: [DVec2; 2]) -> f64 {
+    let (a, b) = (a - REFERENCE, b - REFERENCE);
+    a.perp_dot(b).atan2(a.dot(b))
+}

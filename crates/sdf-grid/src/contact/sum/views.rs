@@ -1,0 +1,185 @@
+//! One part's surface, by the place from which a cluster of samples sees it.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::regions::Regions;
+use super::sheet::{Border, List, Near, Sheet, Surface};
+use crate::contact::error::ContactError;
+use crate::mesh::aabb::Aabb;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::bvh::tree::Bvh;
+
+/// Edge of a cell, in units of the reach, unless the part is so large that there would be too many.
+const CELL: f64 = 0.5;
+
+/// Most cells that a surface is divided into.
+const MOST_CELLS: f64 = 1e6;
+
+/// Most sheets and borders in the lists of all cells together.
+const MOST_LISTED: usize = 1 << 26;
+
+/// Sheets by the cell from which they are in reach.
+#[derive(Debug, Clone)]
+pub(super) struct Views {
+    low: DVec3,
+    /// Metres.
+    cell: f64,
+    /// The reach, metres.
+    unit: f64,
+    shape: [usize; 3],
+    /// Where the sheets of each cell begin, and the end of the last.
+    starts: Vec<u32>,
+    pub(super) sheets: Vec<Sheet>,
+    pub(super) borders: Vec<Border>,
+}
+
+impl Views {
+    /// Lists what of `regions` of a surface is within `reach` (metres) of spheres of `radius`
+    /// (metres) about places in each cell. `bvh` is that of the surface.
+    ///
+    /// # Errors
+    /// If the lists would pass 2^26 entries.
+    pub(super) fn new(
+        mesh: &TriangleMesh,
+        bvh: &Bvh,
+        regions: &Regions,
+        [reach, radius]: [f64; 2],
+    ) -> Result<Self, ContactError> {
+        let all = mesh.bounds().grown(reach + radius);
+        let wanted = CELL * reach;
+        let count = (all.size() / wanted).element_product();
+        let cell = wanted * (count / MOST_CELLS).cbrt().max(1.0);
+        let shape = (all.size() / cell).ceil().max(DVec3::ONE);
+        let mut views = Self {
+            low: all.min,
+            cell,
+            unit: reach,
+            shape: shape.to_array().map(|n| n as usize),
+            starts: vec![0],
+            sheets: Vec::new(),
+            borders: Vec::new(),
+        };
+        // Half a diagonal, and a little for rounding.
+        let seen = (reach + radius + 0.87 * cell) * (1.0 + 1e-6);
+        let near = views.near(mesh, regions, seen)?;
+        let surface = Surface {
+            mesh,
+            bvh,
+            regions,
+            unit: reach,
+            seen,
+        };
+        let lists = near.par_iter().enumerate();
+        let lists = lists.map(|(flat, near)| surface.seen_from(views.middle(flat), near));
+        let lists: Vec<List> = lists.collect();
+        few(lists.iter().map(|l| l.sheets.len() + l.borders.len()).sum())?;
+        for list in lists {
+            let before = views.borders.len() as u32;
+            views.borders.extend(list.borders);
+            views.sheets.extend(list.sheets.into_iter().map(|s| Sheet {
+                first: s.first + before,
+                ..s
+            }));
+            views.starts.push(views.sheets.len() as u32);
+        }
+        Ok(views)
+    }
+
+    /// What is near each cell.
+    fn near(
+        &self,
+        mesh: &TriangleMesh,
+        regions: &Regions,
+        seen: f64,
+    ) -> Result<Vec<Near>, ContactError> {
+        let mut near = vec![Near::default(); self.shape.iter().product()];
+        let mut listed = 0;
+        for (id, outline) in regions.flat.iter().enumerate() {
+            let bounds = Aabb::around(outline.rings.iter().flatten().copied()).grown(seen);
+            for flat in self.cells_in(&bounds) {
+                let height = (self.middle(flat) - outline.origin).dot(outline.normal);
+                if height.abs() <= seen {
+                    near[flat].flat.push(id as u32);
+                    listed += 1;
+                }
+            }
+            few(listed)?;
+        }
+        for (id, (_, surfel)) in regions.surfels.iter().enumerate() {
+            for flat in self.cells_in(&Aabb::around([surfel.place]).grown(seen)) {
+                if self.middle(flat).distance(surfel.place) <= seen {
+                    near[flat].surfels.push(id as u32);
+                    listed += 1;
+                }
+            }
+            few(listed)?;
+        }
+        for (id, (_, ends)) in regions.borders.iter().enumerate() {
+            let ends = ends.map(|v| mesh.vertices()[v as usize]);
+            for flat in self.cells_in(&Aabb::around(ends).grown(seen)) {
+                near[flat].borders.push(id as u32);
+                listed += 1;
+            }
+            few(listed)?;
+        }
+        Ok(near)
+    }
+
+    fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {
+        let shape = self.shape;
+        let place = |p: DVec3| ((p - self.low) / self.cell).floor();
+        let (from, to) = (place(bounds.min), place(bounds.max));
+        let range = |a: usize| {
+            let last = shape[a] as f64 - 1.0;
+            from[a].clamp(0.0, last) as usize..=to[a].clamp(0.0, last) as usize
+        };
+        let (xs, ys, zs) = (range(0), range(1), range(2));
+        xs.flat_map(move |x| {
+            let zs = zs.clone();
+            ys.clone()
+                .flat_map(move |y| zs.clone().map(move |z| (x * shape[1] + y) * shape[2] + z))
+        })
+    }
+
+    fn middle(&self, flat: usize) -> DVec3 {
+        let [_, ny, nz] = self.shape;
+        let index = [flat / nz / ny, flat / nz % ny, flat % nz];
+        self.low + self.cell * (DVec3::from_array(index.map(|i| i as f64)) + 0.5)
+    }
+
+    /// What is seen from about a place, and where that is relative to the middle of its cell, in
+    /// units of the reach; none if no surface is in reach of it.
+    #[inline(always)]
+    pub(super) fn from(&self, p: DVec3) -> Option<(&[Sheet], Vec3)> {
+        let place = (p - self.low) / self.cell;
+        let shape = DVec3::from_array(self.shape.map(|n| n as f64));
+        // False for what is not a number.
+        if !(place.cmpge(DVec3::ZERO).all() && place.cmplt(shape).all()) {
+            return None;
+        }
+        let [x, y, z] = place.to_array().map(|v| v as usize);
+        let flat = (x * self.shape[1] + y) * self.shape[2] + z;
+        let range = self.starts[flat] as usize..self.starts[flat + 1] as usize;
+        let within = (place - place.floor() - 0.5) * (self.cell / self.unit);
+        Some((self.sheets.get(range)?, within.as_vec3()))
+    }
+
+    /// Memory that is held, bytes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.starts.as_slice())
+            + size_of_val(self.sheets.as_slice())
+            + size_of_val(self.borders.as_slice())
+    }
+}
+
+fn few(found: usize) -> Result<(), ContactError> {
+    match found <= MOST_LISTED {
+        true => Ok(()),
+        false => Err(ContactError::TooMany {
+            what: "faces in reach, counted for every place",
+            most: MOST_LISTED,
+            found: found as f64,
+        }),
+    }
+}

@@ -3,10 +3,13 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use sdf_grid::{ContactError, ContactSum, DensityKernel, KernelError, Sampling, TriangleMesh};
+use sdf_grid::{
+    ContactError, ContactSum, DensityKernel, FieldRecipe, KernelError, Sampling, TriangleMesh,
+};
 
 use crate::geometry::se3::Pose;
 use crate::pair::model::ScoreModel;
+use crate::pair::recipe::PairRecipe;
 use crate::pair::side::Side;
 
 /// Variance, in squared spacings, that reading a lattice by quadratic B-splines adds.
@@ -25,6 +28,21 @@ pub(crate) struct Smoothing {
 }
 
 impl Smoothing {
+    /// What recipes of both densities say, if they are smoothed.
+    pub(crate) fn of_recipe(recipe: &PairRecipe) -> Option<Self> {
+        match recipe.fixed.as_ref()? {
+            FieldRecipe {
+                sampling: Sampling::Smoothed { deviation, .. },
+                lattice,
+                ..
+            } => Some(Self {
+                deviation: *deviation,
+                spacing: lattice.spacing(),
+            }),
+            _ => None,
+        }
+    }
+
     /// By a Gaussian of `deviation` spacings.
     pub(crate) fn new(deviation: f64, spacing: f64) -> Self {
         Self {
@@ -78,7 +96,7 @@ impl Smoothing {
 /// [`sdf_grid::ContactSum`] and `V` the jump of the product of densities across both surfaces at
 /// once (`docs/conventions.md`).
 #[derive(Debug, Clone)]
-pub(crate) struct Contact {
+pub struct Contact {
     sum: Arc<ContactSum>,
     /// The fixed and the moving part.
     parts: [Arc<TriangleMesh>; 2],
@@ -86,6 +104,14 @@ pub(crate) struct Contact {
     /// Whose surface is made of samples.
     sampled: Side,
     jump: f64,
+}
+
+impl PartialEq for Contact {
+    /// Of the same parts, smoothed alike, under the same model.
+    fn eq(&self, other: &Self) -> bool {
+        let of = |c: &Self| (c.smoothing, c.jump.to_bits());
+        of(self) == of(other) && self.parts == other.parts
+    }
 }
 
 /// A score and its derivatives by the moving part's motion, fixed frame.
@@ -100,7 +126,7 @@ pub(crate) struct ContactScore {
 }
 
 impl Contact {
-    /// Of two parts under a model; the one with the smaller surface is sampled.
+    /// Of two parts under a model with this [`jump`]; the one with the smaller surface is sampled.
     ///
     /// # Errors
     /// As [`ContactSum::new`].

@@ -13,3 +13,4 @@ pub(crate) mod recipe;
 pub(crate) mod side;
 
 pub use builder::{default_halo, default_spacing};
+pub use contact::Contact;

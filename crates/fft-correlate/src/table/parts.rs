@@ -41,7 +41,7 @@ impl PartialTable {
         store.chunks().expect_all_there()?;
         let rotations = store.grid().nodes().len();
         let plan = Plan::new(
-            store.spec().clone(),
+            store.whole_spec()?,
             store.grid().clone(),
             store.probe(),
             Layout::dense(store.spec().window.shape()),

@@ -20,6 +20,54 @@ struct Reading {
     rotation: [f64; 3],
 }
 
+impl Reading {
+    /// One everywhere.
+    const ONE: Self = Self {
+        energy: 1.0,
+        translation: DVec3::ZERO,
+        rotation: [0.0; 3],
+    };
+}
+
+/// Where a patch is read.
+struct Place<'a> {
+    site: &'a Site<'a>,
+    /// The moving part's arm from its origin to the pivot, fixed frame, metres.
+    arm: DVec3,
+    displacement: &'a Displacement,
+    spacing: f64,
+}
+
+impl Place<'_> {
+    /// Adds the patch's share of a reading, as far as the place is covered, to an energy and its
+    /// wrench, differentiated as a product.
+    fn add(&self, reading: &Reading, to: &mut Response) {
+        let (site, reach) = (self.site, &self.displacement.reach);
+        let [cx, cy, cz] = reach.each_ref().map(|r| r.coverage);
+        let [sx, sy, sz] = reach.each_ref().map(|r| r.coverage_slope);
+        let window_coverage = cx * cy * cz;
+        let window_gradient = DVec3::new(sx * cy * cz, cx * sy * cz, cx * cy * sz);
+        let coverage = site.coverage * window_coverage;
+        let slope = DVec3::from_array(reach.each_ref().map(|r| r.slope));
+        let by_displacement = (coverage * reading.translation * slope
+            + site.coverage * reading.energy * window_gradient)
+            / self.spacing;
+        let by_turn = (0..3)
+            .map(|k| coverage * reading.rotation[k] * site.gradients[k])
+            .sum::<DVec3>()
+            + window_coverage * reading.energy * site.coverage_gradient;
+        let force = -by_displacement;
+        let wrench = site.pull_back(&Wrench {
+            torque: self.arm.cross(force) - by_turn,
+            force,
+        });
+        let value = coverage * reading.energy;
+        to.energy += site.share * value;
+        to.wrench += wrench * site.share;
+        to.wrench.torque -= value * site.share_gradient;
+    }
+}
+
 /// Where and how the translation axes are read for one displacement.
 struct Displacement {
     taps: [Taps; 3],
@@ -42,12 +90,18 @@ impl<'t> Reader<'t> {
             ..Response::default()
         };
         let (mut response, mut whole) = (far, true);
+        // How far the answer is the table's, with its slopes as a wrench.
+        let mut covered = Response::default();
         if pose.is_valid() {
             self.plan.grid.visit(pose, self.interpolation, |site| {
-                whole &= self.add(&site, &mut response).is_some();
+                whole &= self.add(&site, &mut response, &mut covered).is_some();
             });
         }
-        if whole { response } else { far }
+        if !whole {
+            return far;
+        }
+        self.add_contact(pose, &covered, &mut response);
+        response
     }
 
     /// Asks the processor to fetch what a query at `pose` will read.
@@ -86,7 +140,7 @@ impl<'t> Reader<'t> {
 
     /// Adds one patch's share: `share * coverage * (energy - far)`, differentiated as a product.
     /// `None` if what it reads is not in memory.
-    fn add(&self, site: &Site<'_>, response: &mut Response) -> Option<()> {
+    fn add(&self, site: &Site<'_>, response: &mut Response, covered: &mut Response) -> Option<()> {
         let window = &self.plan.spec.window;
         let Some((arm, displacement)) = self.place(site) else {
             return Some(());
@@ -95,32 +149,34 @@ impl<'t> Reader<'t> {
             return Some(());
         }
         let reading = self.read(site.chart, &site.taps, &displacement.taps)?;
-        let [cx, cy, cz] = displacement.reach.map(|r| r.coverage);
-        let [sx, sy, sz] = displacement.reach.map(|r| r.coverage_slope);
-        let window_coverage = cx * cy * cz;
-        let window_gradient = DVec3::new(sx * cy * cz, cx * sy * cz, cx * cy * sz);
+        let place = Place {
+            site,
+            arm,
+            displacement: &displacement,
+            spacing: window.spacing(),
+        };
+        place.add(&reading, response);
+        place.add(&Reading::ONE, covered);
+        let window_coverage: f64 = displacement.reach.iter().map(|r| r.coverage).product();
         let coverage = site.coverage * window_coverage;
-
-        let slope = DVec3::from_array(displacement.reach.map(|r| r.slope));
-        let by_displacement = (coverage * reading.translation * slope
-            + site.coverage * reading.energy * window_gradient)
-            / window.spacing();
-        let by_turn = (0..3)
-            .map(|k| coverage * reading.rotation[k] * site.gradients[k])
-            .sum::<DVec3>()
-            + window_coverage * reading.energy * site.coverage_gradient;
-
-        let force = -by_displacement;
-        let wrench = site.pull_back(&Wrench {
-            torque: arm.cross(force) - by_turn,
-            force,
-        });
-        let value = coverage * reading.energy;
-        response.energy += site.share * value;
         response.coverage += site.share * coverage * self.kept(&displacement);
-        response.wrench += wrench * site.share;
-        response.wrench.torque -= value * site.share_gradient;
         Some(())
+    }
+
+    /// Adds what smoothing took from the energies, as far as the pose is covered.
+    fn add_contact(&self, pose: &Pose, covered: &Response, response: &mut Response) {
+        let Some(contact) = &self.plan.spec.contact else {
+            return;
+        };
+        if covered.energy <= 0.0 {
+            return;
+        }
+        let lost = contact.score(pose);
+        let gamma = self.plan.spec.model().gamma;
+        let (energy, share) = (-gamma * lost.score, gamma * covered.energy);
+        response.energy += covered.energy * energy;
+        response.wrench.force += share * lost.gradient + energy * covered.wrench.force;
+        response.wrench.torque += share * lost.moment + energy * covered.wrench.torque;
     }
 
     fn displacement(&self, x: DVec3) -> Option<Displacement> {

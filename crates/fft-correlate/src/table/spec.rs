@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::placement::Placement;
 use crate::geometry::translation::TranslationWindow;
+use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
 use crate::pair::recipe::PairRecipe;
@@ -39,6 +40,9 @@ pub struct TableSpec {
     /// Where the scene that the table was baked for puts the shapes. It decides no value: tables of
     /// one pair agree whatever it is.
     pub placement: Placement,
+    /// What smoothing took from the energies, added to every answer; stored as the parts' surfaces.
+    #[serde(skip)]
+    pub contact: Option<Contact>,
 }
 
 impl TableSpec {
@@ -52,6 +56,7 @@ impl TableSpec {
             far_energy: 0.0,
             storage: Storage::default(),
             placement: Placement::IDENTITY,
+            contact: pair.contact().cloned(),
         }
     }
 

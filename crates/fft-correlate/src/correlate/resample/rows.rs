@@ -82,9 +82,6 @@ fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
     filled
 }
 
-/// Cells by which a place read by splines stays off the last one, beyond rounding.
-const INSIDE: f64 = 1e-3;
-
 /// A field's numbers, as they are read in either way.
 #[derive(Clone, Copy)]
 struct Values<'a, T> {
@@ -194,10 +191,10 @@ fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
     let last = DVec3::new(nx as f64, ny as f64, nz as f64) - 1.5;
     // To the nearest node, the middle one of three.
     let (ahead, before) = if QUADRATIC { (0.5, 1) } else { (0.0, 0) };
-    // By splines the last node is read from half a cell before the clamped place.
-    let last = last - if QUADRATIC { INSIDE } else { 0.0 };
     let (low, high) = (vector(0.5 - base), vector(last - base));
     let ahead = splat(ahead);
+    // At the clamped place the node beyond the last counts for nothing.
+    let furthest = vector(last - 0.5 - base);
     let (along_y, along_z) = (vector(turned.step.y_axis), vector(turned.step.z_axis));
     let corner = vector(at - base);
     // Samples are numbered along y, then along z.
@@ -226,10 +223,9 @@ fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
         let mut nodes = corner;
         for a in 0..3 {
             let at = along_z[a].mul_add(z, start[a]).max(low[a]).min(high[a]);
-            nodes[a] = if QUADRATIC {
-                (at + ahead).floor()
-            } else {
-                at.floor()
+            nodes[a] = match QUADRATIC {
+                true => (at + ahead).floor().min(furthest[a]),
+                false => at.floor(),
             };
             cells.fractions[a] = at - nodes[a];
         }

@@ -9,6 +9,7 @@ use crate::rotations::grid::RotationGrid;
 use crate::table::encode::{Encoded, far_code, is_storable};
 use crate::table::error::TableError;
 use crate::table::layout::Layout;
+use crate::table::spec::TableSpec;
 use crate::table::storage::Numbers;
 use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;
@@ -17,6 +18,7 @@ use crate::table::store::format::{
     array, chunk_index, energy_array, one_thread, read, scale_array,
 };
 use crate::table::store::header::Header;
+use crate::table::store::surfaces;
 
 /// State of a rotation node's chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -68,6 +70,14 @@ impl Chunks {
             grid,
             energies,
             scales,
+        })
+    }
+
+    /// What the table holds, with what smoothing took from the energies.
+    pub(super) fn whole_spec(&self) -> Result<TableSpec, StoreError> {
+        Ok(TableSpec {
+            contact: surfaces::read(&self.files, &self.header)?,
+            ..self.header.table.clone()
         })
     }
 

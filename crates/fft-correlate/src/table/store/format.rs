@@ -12,6 +12,7 @@ use zarrs::array::{
 };
 use zarrs::metadata::ChunkKeySeparator;
 
+use crate::pair::contact::Smoothing;
 use crate::rotations::grid::RotationGrid;
 use crate::table::spec::TableSpec;
 use crate::table::storage::Numbers;
@@ -20,7 +21,7 @@ use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 
 /// Version of the layout and of the meaning of the attributes.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// One chunk of energies for each rotation node; stored numbers are `unit` joules each.
 pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> ArrayBuilder {
@@ -37,13 +38,17 @@ pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> 
     // What readers that follow the CF conventions multiply by: they find joules. Whole numbers have
     // a scale per rotation, which those conventions cannot say: their energy is the product of two
     // arrays.
+    let name = match Smoothing::of_recipe(&spec.recipe) {
+        Some(_) => "smooth part of the energy, without what contact adds",
+        None => "energy",
+    };
     let attributes = match spec.storage.numbers {
         Numbers::Half => json!({
-            "long_name": "energy", "units": "J", "scale_factor": unit,
+            "long_name": name, "units": "J", "scale_factor": unit,
             "coordinates": "quaternion",
         }),
         Numbers::Integer => json!({
-            "long_name": "energy as a multiple of scale", "units": "1", "_FillValue": i16::MIN,
+            "long_name": format!("{name}, as a multiple of scale"), "units": "1", "_FillValue": i16::MIN,
             "coordinates": "quaternion scale",
         }),
     };

@@ -11,6 +11,7 @@ use crate::table::spec::TableSpec;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 use crate::table::store::format::FORMAT_VERSION;
+use crate::table::store::part_size::PartSize;
 
 /// Content of the attribute.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -22,6 +23,9 @@ pub(super) struct Header {
     /// Distance from the far energy that was left out, joules.
     pub(super) negligible: f64,
     pub(super) table: TableSpec,
+    /// Sizes of the surfaces of the fixed and the moving part, if they are stored.
+    #[serde(default)]
+    pub(super) parts: Option<[PartSize; 2]>,
     #[serde(default)]
     pub(super) error: Option<ErrorReport>,
 }

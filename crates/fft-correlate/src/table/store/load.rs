@@ -112,7 +112,7 @@ fn fill(chunks: &Chunks, layout: Layout, kept: &[usize]) -> Result<EnergyTable, 
     for (slot, &row) in kept.iter().enumerate() {
         slots[row] = slot as u32;
     }
-    let (spec, grid) = (chunks.header.table.clone(), chunks.grid.clone());
+    let (spec, grid) = (chunks.whole_spec()?, chunks.grid.clone());
     let plan = Plan::new(spec, grid, chunks.header.probe(), layout, slots);
     EnergyTable::filled(plan, |plan, slots| {
         let rows = slots.into_par_iter().zip(kept);

@@ -13,5 +13,7 @@ pub(crate) mod files;
 pub(crate) mod format;
 mod header;
 mod load;
+mod part_size;
 mod skeleton;
+mod surfaces;
 pub(crate) mod table_store;

@@ -17,6 +17,7 @@ use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 use crate::table::store::format::{energy_array, metadata_options, one_thread, scale_array};
 use crate::table::store::header::Header;
+use crate::table::store::surfaces;
 
 /// Writes the metadata of an empty table, its own last: what makes it one. In a store of objects,
 /// processes that do this at the same time write the same bytes.
@@ -78,6 +79,9 @@ fn write_skeleton(
     let shape = [("rotation", grid.nodes().len()), ("component", 4)];
     let about = "x, y, z, w";
     coordinate(files, "quaternion", &shape, &quaternions, about, "1")?;
+    if let Some(contact) = &header.table.contact {
+        surfaces::write(files, contact)?;
+    }
     GroupBuilder::new()
         .attributes(header.attributes())
         .build(files.clone(), "/")?

@@ -17,6 +17,7 @@ use crate::table::store::files::TableFiles;
 use crate::table::store::format::FORMAT_VERSION;
 use crate::table::store::header::Header;
 use crate::table::store::load;
+use crate::table::store::part_size::PartSize;
 use crate::table::store::skeleton::place;
 
 /// A table on disk or in an object store, finished or not.
@@ -55,6 +56,7 @@ impl TableStore {
                 program: concat!("pegfit ", env!("CARGO_PKG_VERSION")).into(),
                 energy_unit: probe.unit,
                 negligible: probe.negligible,
+                parts: spec.contact.as_ref().map(PartSize::of),
                 table: spec.clone(),
                 error: None,
             };
@@ -164,6 +166,14 @@ impl TableStore {
     /// If the table is too large, incomplete or damaged.
     pub fn load(&self, memory_limit: u64) -> Result<EnergyTable, StoreError> {
         load::load(&self.chunks, memory_limit)
+    }
+
+    /// What the table holds, with what smoothing took from the energies.
+    ///
+    /// # Errors
+    /// If the surfaces cannot be read.
+    pub(crate) fn whole_spec(&self) -> Result<TableSpec, StoreError> {
+        self.chunks.whole_spec()
     }
 
     /// The chunks, for those who fill them or read some.

@@ -17,13 +17,13 @@ use crate::field::lattice::Lattice;
 use crate::field::zeros::zeros;
 
 /// Fine nodes per node and axis.
-const FINE: usize = 3;
+const FINE: usize = 2;
 
 /// Fine nodes along x that are worked on together: three blocks deep.
-const DEPTH: usize = 24;
+const DEPTH: usize = 16;
 
 /// The Gaussian is cut off beyond this many standard deviations.
-const CUT_OFF: f64 = 4.5;
+const CUT_OFF: f64 = 3.5;
 
 /// Weights of a filter along one axis.
 #[derive(Debug, Clone)]

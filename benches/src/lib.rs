@@ -11,8 +11,8 @@ use glam::{DQuat, DVec3};
 use pegfit_pictures::{LineChart, Series};
 use rand::Rng;
 use rand::rngs::SmallRng;
+use sdf_grid::Silent;
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Sampling, Silent};
 
 pub mod frames;
 pub mod frontier;
@@ -221,16 +221,10 @@ pub fn timed<T>(times: usize, mut work: impl FnMut() -> T) -> (T, f64) {
 ///
 /// # Errors
 /// If the pair cannot be built.
-pub fn example(
-    which: PegInHole,
-    model: &ScoreModel,
-    spacing: f64,
-    sampling: Sampling,
-) -> Outcome<Pair> {
+pub fn example(which: PegInHole, model: &ScoreModel, spacing: f64) -> Outcome<Pair> {
     let (hole, peg) = which.pair(0.0)?;
     let builder = PairBuilder {
         spacing: Some(spacing),
-        sampling,
         ..PairBuilder::default()
     };
     Ok(builder.build(&hole, &peg, model, &Silent)?)

@@ -35,6 +35,7 @@ static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
         far_energy: 0.0,
         storage: Default::default(),
         placement: Default::default(),
+        contact: None,
     };
     let root = folder.path().join("table");
     bake(&root, &spec, &Constant, Share::ALL, &Silent).expect("a table");

@@ -5,11 +5,9 @@
 //! only the density fields of the meshes (OBJ or STL, metres) in that folder.
 
 use fft_correlate::{
-    Correlator, DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies,
-    Pose, Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow,
+    DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies, Pose, Response,
+    RotationDomain, ScoreModel, TableSpec, TranslationWindow,
 };
-use glam::{DQuat, DVec3};
-use ndarray::Array3;
 use num_complex::Complex64;
 use pegfit_benches::{
     Arguments, Outcome, Row, Sweep, ask, example, meshes, random_poses, response_errors, rms, timed,
@@ -33,22 +31,14 @@ type Measure = fn(bool) -> Outcome<Sweep>;
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
-    let sweeps: [(&str, Measure); 4] = [
-        ("density", density),
-        ("correlation", correlation),
-        ("table", table),
-        ("direct", direct),
-    ];
+    let sweeps: [(&str, Measure); 3] = [("density", density), ("table", table), ("direct", direct)];
     let folder = arguments.rest.iter().find_map(|w| w.strip_prefix("parts="));
     if let Some(folder) = folder {
         return parts(folder, arguments.quick)?.publish(&arguments);
     }
     for name in &arguments.rest {
         if sweeps.iter().all(|s| s.0 != name) {
-            return Err(format!(
-                "no sweep {name}: density, correlation, table, direct or parts=DIR"
-            )
-            .into());
+            return Err(format!("no sweep {name}: density, table, direct or parts=DIR").into());
         }
     }
     for (name, sweep) in sweeps {
@@ -174,126 +164,6 @@ fn fields(
     Ok(rows)
 }
 
-/// Displacements asked by [`correlation`], millimetres: multiples of every spacing of the sweep.
-const PLACES: [[f64; 3]; 5] = [
-    [0.0, 0.0, 0.0],
-    [3.0, 0.0, 0.0],
-    [3.0, 3.0, 0.0],
-    [0.0, 0.0, 6.0],
-    [0.0, 3.0, 15.0],
-];
-
-/// Scores of one rotation at [`PLACES`], by FFT, and the seconds of the correlation.
-fn scores_at_places(pair: &Pair, rotation: DQuat) -> Outcome<(Vec<f64>, f64)> {
-    let window =
-        TranslationWindow::new(DVec3::ZERO, DVec3::new(0.003, 0.003, 0.015), pair.spacing())?;
-    let correlator = Correlator::new(pair, &window)?;
-    let (mut scratch, mut out) = (correlator.scratch(), Array3::zeros(window.shape()));
-    let ((), seconds) = timed(2, || {
-        correlator.score(rotation, &mut scratch, out.view_mut())
-    });
-    let read = |p: &[f64; 3]| {
-        let node = p.map(|d| (d * 1e-3 / pair.spacing()).round() as usize);
-        f64::from(out[node])
-    };
-    Ok((PLACES.iter().map(read).collect(), seconds))
-}
-
-/// Ways to sample densities.
-const SAMPLINGS: [(&str, Sampling); 2] = [
-    ("points", Sampling::Point),
-    ("cells", Sampling::CellAverage),
-];
-
-/// Rotations of [`correlation`].
-fn turns() -> [(&'static str, DQuat); 4] {
-    let oblique = DVec3::new(1.0, 2.0, 3.0).normalize();
-    [
-        ("identity", DQuat::IDENTITY),
-        ("3° about y", DQuat::from_rotation_y(3f64.to_radians())),
-        ("45° about z", DQuat::from_rotation_z(45f64.to_radians())),
-        ("63° about (1, 2, 3)", DQuat::from_axis_angle(oblique, 1.1)),
-    ]
-}
-
-/// Scores at [`PLACES`] and seconds, by sampling, spacing and rotation.
-type Scored = Vec<Vec<Vec<(Vec<f64>, f64)>>>;
-
-fn scored(millimetres: &[f64]) -> Outcome<Scored> {
-    let at = |sampling, h: f64| -> Outcome<Vec<_>> {
-        let pair = example(
-            PegInHole::Rectangular,
-            &ScoreModel::GUIDED,
-            h * 1e-3,
-            sampling,
-        )?;
-        turns()
-            .iter()
-            .map(|t| scores_at_places(&pair, t.1))
-            .collect()
-    };
-    let each = SAMPLINGS.iter().map(|(_, sampling)| {
-        let spacings = millimetres.iter().map(|h| at(*sampling, *h));
-        spacings.collect::<Outcome<Vec<_>>>()
-    });
-    each.collect()
-}
-
-/// The mean of Richardson's extrapolations (first order) of both samplings from the two finest
-/// spacings, for the `r`th rotation, and half their difference, rms; `ratio` is that of the
-/// spacings.
-fn limit(found: &Scored, r: usize, ratio: f64) -> (Vec<f64>, f64) {
-    let limits = [0, 1].map(|s: usize| -> Vec<f64> {
-        let last = found[s].len() - 1;
-        let (fine, coarse) = (&found[s][last][r], &found[s][last - 1][r]);
-        let limit = |(f, c): (&f64, &f64)| f + (f - c) / (ratio - 1.0);
-        fine.0.iter().zip(&coarse.0).map(limit).collect()
-    });
-    let both = || limits[0].iter().zip(&limits[1]);
-    let unsure = rms(both().map(|(a, b)| 0.5 * (a - b)));
-    (both().map(|(a, b)| 0.5 * (a + b)).collect(), unsure)
-}
-
-/// The score against spacing, for both samplings and four rotations.
-fn correlation(quick: bool) -> Outcome<Sweep> {
-    let millimetres: &[f64] = if quick {
-        &[3.0, 1.5, 1.0]
-    } else {
-        &[3.0, 1.5, 1.0, 0.75, 0.5]
-    };
-    let found = scored(millimetres)?;
-    let last = millimetres.len() - 1;
-    let ratio = millimetres[last - 1] / millimetres[last];
-    let depth = found[1][last][0].0[0];
-    let mut rows = Vec::new();
-    for (r, (turn, _)) in turns().iter().enumerate() {
-        let (truth, unsure) = limit(&found, r, ratio);
-        for (s, (sampling, _)) in SAMPLINGS.iter().enumerate() {
-            for (k, h) in millimetres.iter().enumerate() {
-                let (scores, seconds) = &found[s][k][r];
-                let wrong = rms(scores.iter().zip(&truth).map(|(a, b)| a - b));
-                rows.push(Row {
-                    series: format!("{sampling}, {turn}"),
-                    setting: format!("h {h} mm"),
-                    seconds: *seconds,
-                    errors: vec![wrong / depth, (unsure / depth).abs()],
-                });
-            }
-        }
-    }
-    Ok(Sweep {
-        name: "correlation",
-        title: "Score of the rectangular pair by FFT against its limit at spacing zero",
-        about: "Scores at five displacements from the fit, for two ways to sample densities and \
-            four rotations; rms error over the depth of the fit. The limit is extrapolated from \
-            the two finest spacings of both samplings: where their limits differ, it is uncertain \
-            by half the difference, which is the last column. Errors of that size say nothing.",
-        cost: "rotation",
-        errors: vec!["error of the score", "uncertainty"],
-        rows,
-    })
-}
-
 /// The pair of the table and direct sweeps, held-out poses about the fit, and the truth there.
 fn held_out(
     h: f64,
@@ -302,7 +172,7 @@ fn held_out(
     count: usize,
 ) -> Outcome<(Pair, Vec<Pose>, Vec<Response>)> {
     let model = ScoreModel::GUIDED;
-    let pair = example(PegInHole::Rectangular, &model, h, Sampling::CellAverage)?;
+    let pair = example(PegInHole::Rectangular, &model, h)?;
     let mut rng = SmallRng::seed_from_u64(9);
     let poses = random_poses(&pair, &mut rng, angle.to_radians(), reach, count);
     let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;

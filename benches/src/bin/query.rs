@@ -18,17 +18,12 @@ use pegfit_benches::{Arguments, Outcome, example, random_poses};
 use pegfit_scene::poses::{PoseReader, ScoredPose, append_score};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Lattice, Sampling, Silent};
+use sdf_grid::{Lattice, Silent};
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let h = 2e-3;
-    let pair = example(
-        PegInHole::Rectangular,
-        &ScoreModel::GUIDED,
-        h,
-        Sampling::CellAverage,
-    )?;
+    let pair = example(PegInHole::Rectangular, &ScoreModel::GUIDED, h)?;
     let mut latency = Table::new(
         "latency",
         "Time of one query",

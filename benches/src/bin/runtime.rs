@@ -16,8 +16,8 @@ use haptic::{
 };
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, example};
+use sdf_grid::Aabb;
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Aabb, Sampling};
 
 /// Quadrature points of a pair: a part among many gets few.
 const POINTS: usize = 1_000;
@@ -50,12 +50,7 @@ fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let ticks = if arguments.quick { 4_000 } else { 20_000 };
     arguments.publish(&overhead(ticks)?, None)?;
-    let pair = example(
-        PegInHole::Rectangular,
-        &ScoreModel::GUIDED,
-        2.5e-3,
-        Sampling::CellAverage,
-    )?;
+    let pair = example(PegInHole::Rectangular, &ScoreModel::GUIDED, 2.5e-3)?;
     let options = DirectOptions {
         max_points: Some(POINTS),
         ..DirectOptions::REAL_TIME

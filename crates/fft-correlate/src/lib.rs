@@ -74,7 +74,6 @@ pub use geometry::se3::{Pose, Twist, Wrench};
 pub use geometry::taps::Interpolation;
 pub use geometry::translation::TranslationWindow;
 pub use pair::builder::{PairBuildError, PairBuilder, PairPlan};
-pub use pair::deaverage::{averaging_strength, deaveraged};
 pub use pair::fields::{Pair, PairError};
 pub use pair::lattice_step::LatticeStep;
 pub use pair::model::{ModelError, ScoreModel};

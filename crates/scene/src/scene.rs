@@ -6,8 +6,8 @@ use std::time::Duration;
 use fft_correlate::{EnergyScale, LatticeStep, Placement, Pose, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
+use sdf_grid::LengthUnit;
 use sdf_grid::mesh_io::ReadOptions;
-use sdf_grid::{LengthUnit, Sampling};
 
 use crate::error::SceneError;
 
@@ -102,10 +102,6 @@ pub struct LatticeChoice {
     pub halo: Option<f64>,
     /// Relative L2 error allowed in a field.
     pub field_tolerance: f64,
-    /// How a lattice value stands for its cell.
-    pub sampling: Sampling,
-    /// Whether the loss of cell averages at coincident boundaries is undone.
-    pub deaverage: bool,
 }
 
 /// A box of displacements of the moving part.

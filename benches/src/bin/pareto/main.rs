@@ -21,7 +21,7 @@ use ndarray::ArrayViewMut3;
 use pegfit_benches::{Arguments, Outcome, ask, rms};
 use rustix::time::{ClockId, clock_gettime};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Sampling, Silent, TriangleMesh};
+use sdf_grid::{Silent, TriangleMesh};
 
 use report::publish;
 use truth::{Truth, compare, reference};
@@ -34,12 +34,8 @@ const REACH: f64 = 0.004;
 /// Turns parts out of line with the lattice: 74 degrees about (1, 2, 2).
 const TURN: DQuat = DQuat::from_xyzw(0.2, 0.4, 0.4, 0.8);
 
-/// What densities are sampled by: name, sampling, whether averages are undone.
-const SCHEMES: [(&str, Sampling, bool); 3] = [
-    ("points", Sampling::Point, false),
-    ("cell averages", Sampling::CellAverage, false),
-    ("averages undone", Sampling::CellAverage, true),
-];
+/// How densities are put on a lattice: name, and how far they are smoothed, spacings.
+const SCHEMES: [(&str, Option<f64>); 2] = [("cell averages", None), ("smoothed", Some(0.7))];
 
 /// What is swept. The spacings are such that no face of the parts lies on a node or between cells
 /// of the lattice, as in life.
@@ -98,9 +94,9 @@ fn main() -> Outcome<()> {
     let truth = reference(&parts, &sweep)?;
     let mut found = Vec::new();
     for &mm in sweep.spacings_mm {
-        for (scheme, sampling, deaverage) in SCHEMES {
+        for (scheme, smoothing) in SCHEMES {
             eprintln!("{mm} mm, {scheme}");
-            let (pair, fields) = charged(|| build(&parts, mm, sampling, deaverage));
+            let (pair, fields) = charged(|| build(&parts, mm, smoothing));
             let base = [format!("{mm}"), scheme.to_owned()];
             let pair = pair?;
             for points in sweep.points {
@@ -163,13 +159,12 @@ impl Parts {
     }
 }
 
-fn build(parts: &Parts, mm: f64, sampling: Sampling, deaverage: bool) -> Outcome<Pair> {
+fn build(parts: &Parts, mm: f64, smoothing: Option<f64>) -> Outcome<Pair> {
     let builder = PairBuilder {
         spacing: Some(1e-3 * mm),
         // The same for all spacings: it is part of the model.
         halo: Some(0.016),
-        sampling,
-        deaverage,
+        smoothing,
         ..PairBuilder::default()
     };
     Ok(builder.build(&parts.fixed, &parts.moving, &ScoreModel::GUIDED, &Silent)?)

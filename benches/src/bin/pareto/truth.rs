@@ -6,7 +6,6 @@ use pegfit_benches::table::{Table, percent, significant};
 use pegfit_benches::{Outcome, ask, random_poses, response_errors, timed};
 use rand::{SeedableRng, rngs::SmallRng};
 use rayon::prelude::*;
-use sdf_grid::Sampling;
 
 use crate::{BALL, Parts, REACH, Sweep, build};
 
@@ -20,11 +19,10 @@ pub(crate) struct Truth {
     pub(crate) uncertainty: Table,
 }
 
-/// The mean of point samples and cell averages on a fine lattice: at zero clearance both err to
-/// first order in the spacing, with opposite signs.
+/// The mean of densities smoothed by 0.7 and by 1 spacing on a fine lattice.
 pub(crate) fn reference(parts: &Parts, sweep: &Sweep) -> Outcome<Truth> {
     let mm = sweep.reference_mm;
-    let pairs = [Sampling::Point, Sampling::CellAverage].map(|s| build(parts, mm, s, false));
+    let pairs = [0.7, 1.0].map(|smoothing| build(parts, mm, Some(smoothing)));
     let [points, averages] = pairs;
     let (points, pair) = (points?, averages?);
     let mut rng = SmallRng::seed_from_u64(9);

@@ -119,13 +119,8 @@ fn print_recipe(spec: &TableSpec) {
     }
     if let Some(field) = &spec.recipe.fixed {
         crate::say!(
-            "  fields         {:?}{}, halo {:.4} mm, tolerance {}, version {}",
+            "  fields         {:?}, halo {:.4} mm, tolerance {}, version {}",
             field.sampling,
-            if spec.recipe.deaverage {
-                ", deaveraged"
-            } else {
-                ""
-            },
             1e3 * field.halo,
             field.tolerance,
             field.version

@@ -35,19 +35,9 @@ pub(super) fn choose(
 /// A trial in words.
 fn told(trial: &Trial) -> String {
     match trial {
-        Trial::Lattice {
-            spacing,
-            fields,
-            error,
-        } => format!(
-            "spacing {:.4} mm, {:?}{}: force error {:.3} %",
+        Trial::Lattice { spacing, error } => format!(
+            "spacing {:.4} mm: force error {:.3} %",
             1e3 * spacing,
-            fields.sampling,
-            if fields.deaverage {
-                ", de-averaged"
-            } else {
-                ""
-            },
             100.0 * error
         ),
         Trial::Step { step_deg, error } => format!(

@@ -6,7 +6,7 @@ use sdf_grid::{Aabb, Lattice, TriangleMesh};
 use super::factors::{Product, products};
 use super::overlap::IndexBox;
 use super::support::{MovingSupport, PairSupport, ProductSupport};
-use crate::pair::builder::{PairBuildError, PairPlan};
+use crate::pair::builder::PairPlan;
 
 /// Cells that a boundary cuts have their middle within this of it, cells: half a diagonal.
 const CUT: f64 = 0.5 * 1.732_050_807_568_877_2;
@@ -15,22 +15,13 @@ impl PairSupport {
     /// Where the densities that these meshes will have can be nonzero: never less than
     /// [`PairSupport::of`] finds. Plans made from it need at least what those of the pair need;
     /// correlators are built with plans of the pair itself.
-    ///
-    /// # Errors
-    /// If the restored density's lattice would have too many nodes.
-    pub fn planned(
-        plan: &PairPlan,
-        fixed: &TriangleMesh,
-        moving: &TriangleMesh,
-    ) -> Result<Self, PairBuildError> {
+    pub fn planned(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Self {
         let (h, halo) = (plan.spacing(), plan.density.halo);
         let spread = plan.spread();
-        let lattice = plan.fixed_density_lattice()?;
+        let lattice = plan.fixed_lattice;
         let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
         let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
-        // What restoring averages adds on every side.
-        let wider = fixed_first - first(&plan.fixed_lattice);
-        let grown = h * (1.0 - wider.min_element()) + spread;
+        let grown = h + spread;
         let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
         let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
         let radius = moving.radius_about(plan.pivot);
@@ -56,13 +47,13 @@ impl PairSupport {
                 product,
             }
         };
-        Ok(Self {
+        Self {
             spacing: h,
             reading: plan.reading(),
             fixed_first,
             moving_first,
             products: products(&plan.model).map(of_product).collect(),
-        })
+        }
     }
 }
 

@@ -97,7 +97,9 @@ fn plans_from_the_parts_bound_those_of_their_densities() {
         .to_vec();
     parts.push((box_of([0.2, 0.15, 0.1]), box_of([0.02, 0.03, 0.15])));
     for (fixed, moving) in parts {
-        for (separation_weight, deaverage) in [(0.0, false), (0.0, true), (0.5, false), (1.0, true)]
+        let smoothed = Some(0.7);
+        for (separation_weight, smoothing) in
+            [(0.0, smoothed), (0.0, None), (0.5, smoothed), (1.0, None)]
         {
             let model = ScoreModel {
                 separation_weight,
@@ -107,12 +109,12 @@ fn plans_from_the_parts_bound_those_of_their_densities() {
             let builder = PairBuilder {
                 spacing: Some(longest / 30.0),
                 halo: Some(longest / 4.0),
-                deaverage,
+                smoothing,
                 ..PairBuilder::default()
             };
             let planned = builder.plan(&fixed, &moving, &model).unwrap();
             let pair = planned.build(&fixed, &moving, None, &Silent).unwrap();
-            let bound = PairSupport::planned(&planned, &fixed, &moving).unwrap();
+            let bound = PairSupport::planned(&planned, &fixed, &moving);
             let found = PairSupport::of(&pair).unwrap();
             let reach = DVec3::splat(0.5 * longest);
             let window = TranslationWindow::new(-reach, reach, pair.spacing()).unwrap();
@@ -123,7 +125,7 @@ fn plans_from_the_parts_bound_those_of_their_densities() {
                     let most = CorrelatorPlan::largest(&bound, &window, threads).unwrap();
                     assert!(
                         needed <= most.bytes(threads) && planned <= 2 * needed,
-                        "{separation_weight} {deaverage}: {needed}, planned {planned}"
+                        "{separation_weight} {smoothing:?}: {needed}, planned {planned}"
                     );
                 }
             }

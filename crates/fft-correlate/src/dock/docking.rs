@@ -316,7 +316,7 @@ impl<'a> Docking<'a> {
             model: docking_weights(&coarse.model, self.search_options().ratio),
             ..coarse.clone()
         };
-        let support = PairSupport::planned(&weighed, fixed, &setup.moving)?;
+        let support = PairSupport::planned(&weighed, fixed, &setup.moving);
         let window = domain.window(coarse.pivot, coarse.spacing())?;
         // Whether half turns will share their work depends on the rotations that a sketch chooses.
         let scores = CorrelatorPlan::largest(&support, &window, rayon::current_num_threads())?;

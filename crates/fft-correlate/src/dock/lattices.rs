@@ -67,11 +67,17 @@ impl SearchLattices {
         model: &ScoreModel,
         builder: &PairBuilder,
     ) -> Result<[PairPlan; 3], PairBuildError> {
-        let plan = |spacing| self.plan(spacing, fixed, moving, model, builder);
+        let plan = |spacing, builder| self.plan(spacing, fixed, moving, model, builder);
+        // Where a smoothed part fits it pays for all of its surface: rotations are scored with
+        // averages.
+        let averaged = PairBuilder {
+            smoothing: None,
+            ..*builder
+        };
         Ok([
-            plan(2.0 * self.coarse)?,
-            plan(self.coarse)?,
-            plan(self.fine)?,
+            plan(2.0 * self.coarse, &averaged)?,
+            plan(self.coarse, &averaged)?,
+            plan(self.fine, builder)?,
         ])
     }
 

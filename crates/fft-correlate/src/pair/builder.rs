@@ -11,7 +11,6 @@ use sdf_grid::{
 };
 
 use crate::pair::contact::{Contact, Smoothing, jump};
-use crate::pair::deaverage::deaveraged_lattice;
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
 use crate::pair::reading::Reading;
@@ -19,6 +18,9 @@ use crate::pair::recipe::PairRecipe;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
+/// Standard deviation, in spacings, of the smoothing: with less, energies depend on how faces lie in
+/// the lattice; with more, what the contact sum leaves of edges grows.
+const SMOOTHING: f64 = 0.7;
 /// Cells across the narrowest extent of the smaller part that [`default_spacing`] aims at.
 const DEFAULT_CELLS: f64 = 24.0;
 
@@ -31,30 +33,22 @@ pub struct PairBuilder {
     pub halo: Option<f64>,
     /// Relative L2 error of the densities, 1e-5 .. 1e-2.
     pub tolerance: f64,
-    /// How lattice values represent cells.
-    pub sampling: Sampling,
-    /// Undo in the fixed density what cell averages lose where boundaries coincide
-    /// ([`crate::deaverage`]).
-    pub deaverage: bool,
     /// Standard deviation, in spacings, of the Gaussian that smooths both densities, jumps included;
-    /// what it takes from the score is summed over both surfaces. None samples them as `sampling`
-    /// says.
+    /// what it takes from the score is summed over both surfaces. None averages the densities over
+    /// cells, which loses what happens in cells that both boundaries cut.
     pub smoothing: Option<f64>,
     /// Refuse fields that need more than this many bytes together.
     pub memory_limit: Option<u64>,
 }
 
 impl Default for PairBuilder {
-    /// Default spacing and halo, tolerance 1e-3, cell averages as they are, no limit.
+    /// Default spacing and halo, tolerance 1e-3, smoothed by 0.7 spacings, no limit.
     fn default() -> Self {
-        let density = DensityOptions::default();
         Self {
             spacing: None,
             halo: None,
-            tolerance: density.tolerance,
-            sampling: density.sampling,
-            deaverage: false,
-            smoothing: None,
+            tolerance: DensityOptions::default().tolerance,
+            smoothing: Some(SMOOTHING),
             memory_limit: None,
         }
     }
@@ -77,8 +71,6 @@ pub struct PairPlan {
     pub sampling_of_moving: Sampling,
     /// How both are smoothed.
     pub(crate) smoothing: Option<Smoothing>,
-    /// Whether cell averages are undone in the fixed density.
-    pub deaverage: bool,
     /// Middle of the moving part's bounds, on a corner of lattice cells: turns by 90 degrees about
     /// it take nodes to nodes. Metres, the moving part's frame.
     pub pivot: DVec3,
@@ -208,7 +200,7 @@ impl PairBuilder {
         }
         let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
         let sampling =
-            |of: fn(&Smoothing) -> Sampling| smoothing.as_ref().map_or(self.sampling, of);
+            |of: fn(&Smoothing) -> Sampling| smoothing.as_ref().map_or(Sampling::CellAverage, of);
         let density = DensityOptions {
             tolerance: self.tolerance,
             sampling: sampling(Smoothing::of_fixed),
@@ -242,7 +234,6 @@ impl PairBuilder {
                 density,
                 sampling_of_moving: sampling(Smoothing::of_moving),
                 smoothing,
-                deaverage: self.deaverage,
                 pivot: spacing * (b.center() / spacing).round(),
                 bytes: needed,
             }),
@@ -264,13 +255,6 @@ impl PairBuilder {
         plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
             DensityField::compute(mesh, kernel, lattice, options, monitor)
         })
-    }
-}
-
-fn lattice_of_fixed(source: LatticeError) -> PairBuildError {
-    PairBuildError::Lattice {
-        part: "fixed",
-        source,
     }
 }
 
@@ -318,43 +302,16 @@ impl PairPlan {
         }
     }
 
-    /// The lattice of the fixed density as it is multiplied: wider than the computed one if cell
-    /// averages are undone.
-    ///
-    /// # Errors
-    /// If it would have too many nodes.
-    pub(crate) fn fixed_density_lattice(&self) -> Result<Lattice, PairBuildError> {
-        match self.deaverage {
-            true => deaveraged_lattice(&self.fixed_lattice, self.density.sampling)
-                .map_err(lattice_of_fixed),
-            false => Ok(self.fixed_lattice),
-        }
-    }
-
     /// The recipe of the pair that these meshes would make; nothing is computed.
-    ///
-    /// # Errors
-    /// If the restored density's lattice would have too many nodes.
-    pub fn recipe(
-        &self,
-        fixed: &TriangleMesh,
-        moving: &TriangleMesh,
-    ) -> Result<PairRecipe, PairBuildError> {
+    pub fn recipe(&self, fixed: &TriangleMesh, moving: &TriangleMesh) -> PairRecipe {
         let field = |mesh, lattice, options| FieldRecipe::new(mesh, &self.kernel, lattice, options);
-        Ok(PairRecipe {
+        let of_moving = self.density_of_moving();
+        PairRecipe {
             model: self.model,
-            fixed: Some(FieldRecipe {
-                lattice: self.fixed_density_lattice()?,
-                ..field(fixed, &self.fixed_lattice, &self.density)
-            }),
-            moving: Some(field(
-                moving,
-                &self.moving_lattice,
-                &self.density_of_moving(),
-            )),
-            deaverage: self.deaverage,
+            fixed: Some(field(fixed, &self.fixed_lattice, &self.density)),
+            moving: Some(field(moving, &self.moving_lattice, &of_moving)),
             pivot: self.pivot.to_array(),
-        })
+        }
     }
 
     /// Computes both densities with `compute` (mesh, kernel, lattice, options), first the fixed
@@ -389,9 +346,6 @@ impl PairPlan {
         let of_moving = self.density_of_moving();
         let moving = field("moving", moving, &self.moving_lattice, &of_moving)?;
         let pair = Pair::of(fixed, moving, self.model, self.pivot, contact)?;
-        match self.deaverage {
-            true => pair.with_deaveraged_fixed().map_err(lattice_of_fixed),
-            false => Ok(pair),
-        }
+        Ok(pair)
     }
 }

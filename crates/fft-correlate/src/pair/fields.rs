@@ -3,11 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{DensityField, KernelError, LatticeError, Sampling};
+use sdf_grid::{DensityField, KernelError, Sampling};
 
 use crate::geometry::se3::Pose;
 use crate::pair::contact::{Contact, jump};
-use crate::pair::deaverage::deaveraged;
 use crate::pair::model::{ModelError, ScoreModel};
 use crate::pair::reading::Reading;
 use crate::pair::recipe::PairRecipe;
@@ -24,7 +23,6 @@ pub struct Pair {
     moving: Arc<DensityField>,
     model: ScoreModel,
     pivot: DVec3,
-    deaverage: bool,
     contact: Option<Contact>,
 }
 
@@ -118,21 +116,7 @@ impl Pair {
             moving,
             model,
             pivot,
-            deaverage: false,
             contact,
-        })
-    }
-
-    /// The same pair with what cell averages lose restored in the fixed density
-    /// ([`crate::deaveraged`]).
-    ///
-    /// # Errors
-    /// If the fixed part's lattice, three nodes wider on every side, would have too many nodes.
-    pub fn with_deaveraged_fixed(&self) -> Result<Self, LatticeError> {
-        Ok(Self {
-            fixed: Arc::new(deaveraged(&self.fixed)?),
-            deaverage: true,
-            ..self.clone()
         })
     }
 
@@ -142,7 +126,6 @@ impl Pair {
             model: self.model,
             fixed: Some(self.fixed.recipe.clone()),
             moving: Some(self.moving.recipe.clone()),
-            deaverage: self.deaverage,
             pivot: self.pivot.to_array(),
         }
     }
@@ -188,11 +171,7 @@ impl Pair {
             Some(contact) => Some(contact.with_jump(jump(&model)?)),
             None => None,
         };
-        let pair = Self::of(fixed, moving, model, self.pivot, contact)?;
-        Ok(Self {
-            deaverage: self.deaverage,
-            ..pair
-        })
+        Self::of(fixed, moving, model, self.pivot, contact)
     }
 
     /// What smoothing took from the products of the densities, if they are smoothed.

@@ -4,7 +4,6 @@ pub(crate) mod builder;
 mod cached;
 pub(crate) mod coarser;
 pub(crate) mod contact;
-pub(crate) mod deaverage;
 pub(crate) mod fields;
 pub(crate) mod lattice_step;
 pub(crate) mod model;

@@ -16,9 +16,6 @@ pub struct PairRecipe {
     pub fixed: Option<FieldRecipe>,
     /// The moving part's density.
     pub moving: Option<FieldRecipe>,
-    /// What cell averages lose at coincident boundaries was restored in the fixed density
-    /// ([`crate::deaveraged`]).
-    pub deaverage: bool,
     /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
     pub pivot: [f64; 3],
     /// Weights of the score and the scale of the energy; last, since a scale that follows from a
@@ -33,7 +30,6 @@ impl PairRecipe {
             model,
             fixed: None,
             moving: None,
-            deaverage: false,
             pivot: pivot.to_array(),
         }
     }

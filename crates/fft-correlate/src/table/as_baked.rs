@@ -1,6 +1,7 @@
 //! A table and the parts that it is to be used with: are they those it was baked from?
 
 use crate::pair::builder::PairBuildError;
+use crate::pair::contact::Smoothing;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::PairSetup;
 use crate::table::spec::TableSpec;
@@ -25,10 +26,8 @@ impl PairSetup {
     pub fn as_baked(&self, spec: &TableSpec) -> Self {
         let mut setup = self.clone();
         setup.builder.spacing = Some(spec.window.spacing());
-        if let Some(field) = &spec.recipe.fixed {
-            setup.builder.sampling = field.sampling;
-            setup.builder.deaverage = spec.recipe.deaverage;
-        }
+        let smoothing = Smoothing::of_recipe(&spec.recipe);
+        setup.builder.smoothing = smoothing.map(|s| s.in_spacings());
         let gamma = match setup.energy {
             EnergyScale::Gamma(gamma) => gamma,
             EnergyScale::PeakForce(_) => spec.model().gamma,
@@ -47,7 +46,7 @@ impl TableStore {
     /// If the setup makes no pair; else names the first key of the recipe that differs.
     pub fn expect_setup(&self, setup: &PairSetup) -> Result<(), TableSetupError> {
         let baked = setup.as_baked(self.spec());
-        let recipe = baked.plan()?.recipe(&baked.fixed, &baked.moving)?;
+        let recipe = baked.plan()?.recipe(&baked.fixed, &baked.moving);
         Ok(self.expect_recipe(&recipe)?)
     }
 }

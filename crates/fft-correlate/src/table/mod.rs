@@ -24,6 +24,4 @@ pub use as_baked::TableSetupError;
 pub use launcher::LauncherError;
 pub use store::chunks::ChunkState;
 pub use store::format::FORMAT_VERSION;
-pub use tolerance::{
-    FieldSampling, LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial,
-};
+pub use tolerance::{LATTICE_SHARE, Limit, TRIALS, ToleranceError, TolerantDesign, Trial};

@@ -90,6 +90,7 @@ fn readings_are_those_of_the_definition() {
                     ..Storage::default()
                 },
                 placement: Placement::IDENTITY,
+                contact: None,
             };
             let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent)
                 .unwrap()

@@ -1,11 +1,11 @@
-//! Choosing lattice, sampling and rotation step for a force error that was asked for.
+//! Choosing lattice and rotation step for a force error that was asked for.
 //!
 //! Whole tables would take too long to try. The share of the error that comes from the lattice is
 //! found at a few rotations alone (nothing is interpolated between rotations); the rest from balls of
 //! one rotation step around the same rotations, which hold just the nodes that a query in their
 //! middle reads. Truth is direct quadrature on a lattice of half the spacing.
 
-use sdf_grid::{Monitor, Sampling};
+use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 use crate::pair::builder::PairBuildError;
@@ -53,12 +53,10 @@ pub struct TolerantDesign {
 /// What was tried on the way, and the force error of its probes as a share of the rms force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trial {
-    /// The best sampling at a spacing.
+    /// A spacing.
     Lattice {
         /// Metres.
         spacing: f64,
-        /// How the densities were sampled.
-        fields: FieldSampling,
         /// The error.
         error: f64,
     },
@@ -175,8 +173,8 @@ impl ToleranceError {
 
 impl TableDesign {
     /// The coarsest table over a setup's box of displacements and `rotations` whose force error, the
-    /// rms as a share of the rms force, is within `tolerance` by its probes. Spacing, sampling and
-    /// the rotation step are chosen; what they are in `setup` and `rotations` is where the search
+    /// rms as a share of the rms force, is within `tolerance` by its probes. Spacing and rotation
+    /// step are chosen; what they are in `setup` and `rotations` is where the search
     /// begins. Fields, correlations and the table stay within `memory` bytes; `tried` hears of every
     /// step.
     ///
@@ -230,11 +228,7 @@ impl Search<'_> {
                 Ok(found) => found,
                 Err(e) => return Err(self.no_finer(e, best, spacing)),
             };
-            (self.tried)(Trial::Lattice {
-                spacing,
-                fields: fields_of(&found.design.spec),
-                error,
-            });
+            (self.tried)(Trial::Lattice { spacing, error });
             if error <= LATTICE_SHARE * self.tolerance {
                 return Ok(found);
             }
@@ -271,37 +265,20 @@ impl Search<'_> {
         }
     }
 
-    /// The best sampling at a spacing, and its error.
+    /// The table at a spacing, and its error.
     fn lattice_error(&self, spacing: f64) -> Result<(f64, TolerantDesign), ToleranceError> {
-        let at = |spacing: f64, fields: FieldSampling| {
+        let at = |spacing: f64| {
             let mut setup = self.setup.clone();
             setup.builder.spacing = Some(spacing);
-            setup.builder.sampling = fields.sampling;
-            setup.builder.deaverage = fields.deaverage;
             let pair = setup.load(self.monitor)?;
             Ok::<_, ToleranceError>(TableDesign::new(&setup, pair, self.rotations.clone())?)
         };
         let reference_spacing = 0.5 * spacing;
-        let fine = at(reference_spacing, AVERAGE)?;
+        let fine = at(reference_spacing)?;
         let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
         drop(fine);
-        let deaveraged = FieldSampling {
-            deaverage: true,
-            ..AVERAGE
-        };
-        let points = FieldSampling {
-            sampling: Sampling::Point,
-            ..AVERAGE
-        };
-        let mut design = at(spacing, AVERAGE)?;
-        let mut error = self.probe(&design, &truth, None)?;
-        for fields in [deaveraged, points] {
-            let other = at(spacing, fields)?;
-            let found = self.probe(&other, &truth, None)?;
-            if found < error {
-                (error, design) = (found, other);
-            }
-        }
+        let design = at(spacing)?;
+        let error = self.probe(&design, &truth, None)?;
         let found = TolerantDesign {
             design,
             truth,
@@ -400,31 +377,6 @@ impl Search<'_> {
         Ok((error / scale).sqrt())
     }
 }
-
-/// Cell averages as they are.
-/// How lattice values represent cells in a field.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FieldSampling {
-    /// What a value is.
-    pub sampling: Sampling,
-    /// Whether averages are undone in the fixed density.
-    pub deaverage: bool,
-}
-
-fn fields_of(spec: &TableSpec) -> FieldSampling {
-    match &spec.recipe.fixed {
-        Some(field) => FieldSampling {
-            sampling: field.sampling,
-            deaverage: spec.recipe.deaverage,
-        },
-        None => AVERAGE,
-    }
-}
-
-const AVERAGE: FieldSampling = FieldSampling {
-    sampling: Sampling::CellAverage,
-    deaverage: false,
-};
 
 /// The rotations of a probe.
 fn around(whole: &RotationDomain, center: [f64; 4], step: Option<f64>) -> RotationDomain {

@@ -51,6 +51,7 @@ impl Valleys {
             far_energy: 0.0,
             storage: Storage::default(),
             placement: Placement::IDENTITY,
+            contact: None,
         };
         let files = TableFiles::in_memory("valleys");
         bake_files(&files, &spec, &self, Share::ALL, &Silent).unwrap();

@@ -49,6 +49,7 @@ pub(crate) fn bake_placed_spring(folder: &Path, placement: Placement) -> CString
         far_energy: 0.0,
         storage: Default::default(),
         placement,
+        contact: None,
     };
     let path = folder.join("spring.zarr");
     bake(&path, &spec, &Spring(window), Share::ALL, &Silent).unwrap();

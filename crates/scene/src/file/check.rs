@@ -6,13 +6,12 @@ use std::time::Duration;
 use fft_correlate::{EnergyScale, LatticeStep, RotationDomain, ScoreModel};
 use glam::DVec3;
 use haptic::HapticConfig;
-use sdf_grid::Sampling;
 use toml::Spanned;
 
 use crate::error::SceneError;
 use crate::file::check_parts::{fixed, moving};
 use crate::file::raw::{
-    Preset, RawEnergy, RawFit, RawLattice, RawLoading, RawModel, RawSampling, RawScene, RawWindow,
+    Preset, RawEnergy, RawFit, RawLattice, RawLoading, RawModel, RawScene, RawWindow,
 };
 use crate::file::source::Source;
 use crate::file::values::Values;
@@ -166,25 +165,10 @@ fn lattice(raw: &RawLattice, values: &Values<'_>) -> Result<LatticeChoice, Scene
         Some(t) => *t.get_ref(),
         None => DEFAULT_TOLERANCE,
     };
-    let sampling = match raw.sampling {
-        Some(RawSampling::Point) => Sampling::Point,
-        Some(RawSampling::CellAverage) | None => Sampling::CellAverage,
-    };
-    let deaverage = match &raw.deaverage {
-        Some(d) if *d.get_ref() && sampling == Sampling::Point => {
-            return Err(values.error(
-                d.span(),
-                "deaverage: expected with sampling = \"cell-average\", found with \"point\"",
-            ));
-        }
-        d => d.as_ref().is_some_and(|d| *d.get_ref()),
-    };
     Ok(LatticeChoice {
         step,
         halo,
         field_tolerance,
-        sampling,
-        deaverage,
     })
 }
 

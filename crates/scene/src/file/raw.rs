@@ -201,13 +201,6 @@ pub(super) struct RawModel {
     pub(super) separation_weight: Option<Spanned<f64>>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum RawSampling {
-    Point,
-    CellAverage,
-}
-
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawLattice {
@@ -215,8 +208,6 @@ pub(super) struct RawLattice {
     pub(super) points: Option<Spanned<u32>>,
     pub(super) halo: Option<Spanned<f64>>,
     pub(super) field_tolerance: Option<Spanned<f64>>,
-    pub(super) sampling: Option<RawSampling>,
-    pub(super) deaverage: Option<Spanned<bool>>,
 }
 
 /// One number for all axes, or one per axis.

@@ -2,7 +2,6 @@ use std::path::Path;
 
 use fft_correlate::{EnergyScale, LatticeStep, ScoreModel};
 use glam::DVec3;
-use sdf_grid::Sampling;
 
 use crate::error::SceneError;
 use crate::scene::Scene;
@@ -49,7 +48,6 @@ fn every_key_is_read_in_the_scene_unit() {
         spacing = 0.5
         halo = 6
         field_tolerance = 1e-4
-        sampling = "point"
         [window]
         center = [0, 0, 5]
         half_extent = [1, 2, 3]
@@ -69,8 +67,6 @@ fn every_key_is_read_in_the_scene_unit() {
     assert_eq!(scene.model.lambda_interior, 8.0);
     assert_eq!(scene.lattice.step, LatticeStep::Spacing(0.5e-3));
     assert_eq!(scene.lattice.halo, Some(6e-3));
-    assert_eq!(scene.lattice.sampling, Sampling::Point);
-    assert!(!scene.lattice.deaverage);
     assert_eq!(scene.window.half_extent, Some(DVec3::new(1e-3, 2e-3, 3e-3)));
     assert_eq!(scene.energy, EnergyScale::Gamma(2e6));
     assert_eq!(scene.cache, Path::new("scenes/fields"));
@@ -102,9 +98,9 @@ fn mistakes_are_shown_with_their_line() {
             "1e-5 to 1e-2, found 0.5",
         ),
         (
-            "[lattice]\nsampling = \"point\"\ndeaverage = true\n",
-            "line 6",
-            "found with \"point\"",
+            "[lattice]\nsampling = \"point\"\n",
+            "line 5",
+            "unknown field `sampling`",
         ),
         (
             "[model]\nsigma = 0.9\n",

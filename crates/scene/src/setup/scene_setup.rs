@@ -137,10 +137,8 @@ pub(crate) fn pair_setup(
             spacing: lattice.step.spacing(&fixed, &moving),
             halo: lattice.halo,
             tolerance: lattice.field_tolerance,
-            sampling: lattice.sampling,
-            deaverage: lattice.deaverage,
-            smoothing: None,
             memory_limit: Some(memory),
+            ..PairBuilder::default()
         },
         fixed: Arc::new(fixed),
         moving,

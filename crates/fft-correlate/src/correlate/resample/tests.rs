@@ -1,5 +1,3 @@
-use std::ops::Range;
-
 use fearless_simd::Level;
 use fearless_simd::prelude::*;
 use glam::{DQuat, DVec3};

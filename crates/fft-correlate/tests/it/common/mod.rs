@@ -136,6 +136,7 @@ pub fn spec(window: Lattice, rotations: RotationDomain) -> TableSpec {
         far_energy: 0.0,
         storage: Storage::default(),
         placement: Placement::IDENTITY,
+        contact: None,
     }
 }
 

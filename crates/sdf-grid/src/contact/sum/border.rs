@@ -1,6 +1,6 @@
 //! What a border takes from the integral of the kernel over a sheet, for sixteen samples.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{f32x16, mask32x16, prelude::*};
 use glam::Vec2;
 
 use super::lanes::{ln, upper_angle};
@@ -105,10 +105,9 @@ impl<'a> Seen<'a> {
     /// What the number of insides changes by on the ways from the foot of the middle to the feet.
     #[inline(always)]
     pub(super) fn crossed_on<S: Simd>(&self, above: &Above<S>, across: f32x16<S>) -> f32x16<S> {
-        let (simd, [x, y]) = (above.height.token(), above.feet);
+        let simd = above.height.token();
         let zero = f32x16::splat(simd, 0.0);
-        let side = |v: Vec2| (y * v.x - x * v.y).simd_lt(zero);
-        let apart = side(self.from) ^ side(self.to);
+        let apart = right_of(above, self.from) ^ right_of(above, self.to);
         let (other, change) = match self.across < 0.0 {
             true => (across.simd_ge(zero), 1.0),
             false => (across.simd_lt(zero), -1.0),
@@ -153,6 +152,13 @@ impl<'a> Seen<'a> {
         sums.along[0] += out * along.y;
         sums.along[1] -= out * along.x;
     }
+}
+
+/// Whether a corner lies to the right of the ways from the foot of the middle to the feet.
+#[inline(always)]
+fn right_of<S: Simd>(above: &Above<S>, v: Vec2) -> mask32x16<S> {
+    let [x, y] = above.feet;
+    (y * v.x).simd_lt(x * v.y)
 }
 
 /// A piece of a border's line as it is seen from samples.

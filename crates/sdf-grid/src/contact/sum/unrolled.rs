@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 
 use super::lanes::upper_angle;
 use super::sheet::Sheet;
-use super::vectors::{Vectors, splat};
+use super::vectors::{Vectors, inner, splat};
 
 /// Nearer to a circle's centre, in units of its radius, there is no direction.
 const CENTRE: f32 = 1e-2;
@@ -79,8 +79,7 @@ impl<S: Simd> Unrolled<S> {
     /// A direction along `x`, `y` and the normal, of its components along the sheet's axes.
     #[inline(always)]
     pub(super) fn along(&self, v: &Vectors<S>) -> Vectors<S> {
-        let dot = |d: &Vectors<S>| v[0].mul_add(d[0], v[1].mul_add(d[1], v[2] * d[2]));
-        [dot(&self.x), dot(&self.y), dot(&self.normal)]
+        [inner(v, &self.x), inner(v, &self.y), inner(v, &self.normal)]
     }
 }
 

@@ -1,18 +1,18 @@
 //! What a border takes from the integral of the kernel over a sheet, for sixteen samples.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{f32x16, mask32x16, prelude::*};
 use glam::Vec2;
 
+use super::circle::{Circle, circle};
 use super::lanes::{ln, upper_angle};
 use super::sheet::Border;
 use super::smooth::Taylor;
+use super::vectors::splat;
 
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {
     border: &'a Border,
-    /// Of the border's beginning and end.
-    from: Vec2,
-    to: Vec2,
+    foot: Vec2,
     /// Distance of the border's line, positive if the foot is inside.
     across: f32,
     /// Where on the line it begins and ends, from where the line is nearest.
@@ -49,17 +49,43 @@ impl<S: Simd> Above<S> {
     }
 }
 
+/// A border's line as sixteen samples see it.
+pub(super) struct Line<S: Simd> {
+    /// Distance of the feet, positive if they are inside.
+    pub(super) across: f32x16<S>,
+    /// Where the border begins on it, from where it is nearest.
+    pub(super) start: f32x16<S>,
+    /// Unit vectors along it and out of the sheet, where it is nearest.
+    pub(super) along: [f32x16<S>; 2],
+    pub(super) outward: [f32x16<S>; 2],
+}
+
+impl Border {
+    /// How far a place is inside, and how far along from the middle.
+    #[inline(always)]
+    fn place(&self, p: Vec2) -> [f32; 2] {
+        let from = p - self.middle;
+        let (x, z) = (from.dot(self.along), from.perp_dot(self.along));
+        match self.bend == 0.0 {
+            true => [-z, x],
+            false => {
+                let [height, place] = circle(x, z, self.bend);
+                [-height, place]
+            }
+        }
+    }
+}
+
 impl<'a> Seen<'a> {
     #[inline(always)]
     pub(super) fn new(border: &'a Border, foot: Vec2) -> Self {
-        let (from, to) = (border.from - foot, border.to - foot);
-        let start = from.dot(border.along);
+        let [across, place] = border.place(foot);
+        let half = 0.5 * border.length;
         Self {
             border,
-            from,
-            to,
-            across: from.perp_dot(border.along),
-            ends: [start, start + border.length],
+            foot,
+            across,
+            ends: [-half - place, half - place],
         }
     }
 
@@ -72,43 +98,69 @@ impl<'a> Seen<'a> {
 
     /// What the number of insides changes by on the way from a place to the foot.
     #[inline(always)]
-    pub(super) fn crossed(&self, way: Vec2) -> f32 {
-        let before = (self.from + way).perp_dot(self.border.along) < 0.0;
+    pub(super) fn crossed(&self, from: Vec2) -> f32 {
+        let before = self.border.place(from)[0] < 0.0;
         let after = self.across < 0.0;
-        let [a, b] = [self.from, self.to].map(|v| (v + way).perp_dot(way) < 0.0);
-        match (before != after) & (a != b) {
+        if before == after {
+            return 0.0;
+        }
+        let way = self.foot - from;
+        let a = (self.border.from - from).perp_dot(way) < 0.0;
+        let b = (self.border.to - from).perp_dot(way) < 0.0;
+        match a != b {
             true if after => -1.0,
             true => 1.0,
             false => 0.0,
         }
     }
 
-    /// Distances of the border's line from the feet.
     #[inline(always)]
-    pub(super) fn across<S: Simd>(&self, above: &Above<S>) -> f32x16<S> {
+    pub(super) fn line<S: Simd>(&self, above: &Above<S>) -> Line<S> {
         let (simd, [x, y]) = (above.height.token(), above.feet);
         let along = self.border.along;
-        let lanes = f32x16::splat(simd, self.across);
-        // Without negative zeros, which are on the other side to some.
-        x.mul_add(-along.y, y.mul_add(along.x, lanes)) + 0.0
-    }
-
-    /// Where the border begins on its line.
-    #[inline(always)]
-    pub(super) fn start<S: Simd>(&self, above: &Above<S>) -> f32x16<S> {
-        let (simd, [x, y]) = (above.height.token(), above.feet);
-        let along = self.border.along;
-        let lanes = f32x16::splat(simd, self.ends[0]);
-        x.mul_add(-along.x, y.mul_add(-along.y, lanes))
+        let tangent = [splat(simd, along.x), splat(simd, along.y)];
+        let normal = [splat(simd, along.y), splat(simd, -along.x)];
+        if self.border.bend == 0.0 {
+            let across = x.mul_add(-along.y, y.mul_add(along.x, splat(simd, self.across)));
+            let start = x.mul_add(-along.x, y.mul_add(-along.y, splat(simd, self.ends[0])));
+            return Line {
+                // Without negative zeros, which are on the other side to some.
+                across: across + 0.0,
+                start,
+                along: tangent,
+                outward: normal,
+            };
+        }
+        let from = self.foot - self.border.middle;
+        let (x, y) = (x + from.x, y + from.y);
+        let circle = Circle::new(
+            x.mul_add(tangent[0], y * tangent[1]),
+            x.mul_add(normal[0], y * normal[1]),
+            self.border.bend,
+        );
+        let zero = splat(simd, 0.0);
+        let (c, s) = (circle.cosine, circle.sine);
+        Line {
+            across: zero - circle.height,
+            start: zero - circle.place - 0.5 * self.border.length,
+            along: [
+                c * tangent[0] - s * normal[0],
+                c * tangent[1] - s * normal[1],
+            ],
+            outward: [
+                c * normal[0] + s * tangent[0],
+                c * normal[1] + s * tangent[1],
+            ],
+        }
     }
 
     /// What the number of insides changes by on the ways from the foot of the middle to the feet.
     #[inline(always)]
     pub(super) fn crossed_on<S: Simd>(&self, above: &Above<S>, across: f32x16<S>) -> f32x16<S> {
-        let (simd, [x, y]) = (above.height.token(), above.feet);
+        let simd = above.height.token();
         let zero = f32x16::splat(simd, 0.0);
-        let side = |v: Vec2| (y * v.x - x * v.y).simd_lt(zero);
-        let apart = side(self.from) ^ side(self.to);
+        let apart = right_of(above, self.border.from - self.foot)
+            ^ right_of(above, self.border.to - self.foot);
         let (other, change) = match self.across < 0.0 {
             true => (across.simd_ge(zero), 1.0),
             false => (across.simd_lt(zero), -1.0),
@@ -122,12 +174,12 @@ impl<'a> Seen<'a> {
         &self,
         above: &Above<S>,
         taylor: &Taylor<S>,
-        across: f32x16<S>,
+        line: &Line<S>,
         sums: &mut Slopes<S>,
     ) {
+        let (across, start) = (line.across, line.start);
         let simd = across.token();
         let zero = f32x16::splat(simd, 0.0);
-        let start = self.start(above);
         let flat = across * across;
         let near = flat + above.height * above.height;
         let visible = (1.0 - near).max(zero).sqrt();
@@ -149,10 +201,17 @@ impl<'a> Seen<'a> {
         let bend = taylor.d[1] * angle + across * tilt;
         sums.height += sign * lifted - above.height * (bend + bend);
         let out = slope * 2.0 - logarithm * 0.5;
-        let along = self.border.along;
-        sums.along[0] += out * along.y;
-        sums.along[1] -= out * along.x;
+        for k in 0..2 {
+            sums.along[k] = out.mul_add(line.outward[k], sums.along[k]);
+        }
     }
+}
+
+/// Whether a corner lies to the right of the ways from the foot of the middle to the feet.
+#[inline(always)]
+fn right_of<S: Simd>(above: &Above<S>, v: Vec2) -> mask32x16<S> {
+    let [x, y] = above.feet;
+    (y * v.x).simd_lt(x * v.y)
 }
 
 /// A piece of a border's line as it is seen from samples.

@@ -8,6 +8,10 @@ const OFF: f64 = 0.004;
 const OFF_FAR: f64 = 0.03;
 const NEAR: f64 = 0.5;
 
+/// Arcs are bent by at least and at most this much per reach.
+const LEAST_BEND: f64 = 0.01;
+const MOST_BEND: f64 = 0.45;
+
 /// Looks at every point of a chain on average, at most; a chain that takes more stays.
 const MOST_LOOKS: usize = 100;
 
@@ -18,10 +22,6 @@ pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     if chain.len() < 6 {
         return chain.to_vec();
     }
-    let allowed = |p: DVec2| {
-        let beyond = (p.distance(about) - NEAR).max(0.0);
-        OFF + OFF_FAR * beyond * beyond
-    };
     let mut kept = vec![chain[0]];
     let mut sides = vec![(0, chain.len() - 1)];
     let mut looks = 0;
@@ -32,7 +32,7 @@ pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
         }
         let (a, b) = (chain[from], chain[to]);
         let worst = (from + 1..to)
-            .map(|k| (k, off(chain[k], a, b) / allowed(chain[k])))
+            .map(|k| (k, off(chain[k], a, b) / allowed(chain[k], about)))
             .max_by(|x, y| x.1.total_cmp(&y.1));
         match worst {
             Some((k, off)) if off > 1.0 => sides.extend([(k, to), (from, k)]),
@@ -40,6 +40,51 @@ pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
         }
     }
     kept
+}
+
+/// How far from a border its pieces may be at a place.
+pub(super) fn allowed(p: DVec2, about: DVec2) -> f64 {
+    let beyond = (p.distance(about) - NEAR).max(0.0);
+    OFF + OFF_FAR * beyond * beyond
+}
+
+/// An arc of a circle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Arc {
+    pub(super) middle: DVec2,
+    /// Unit vector in the middle.
+    pub(super) along: DVec2,
+    pub(super) length: f64,
+    /// Curvature, positive where it turns left.
+    pub(super) bend: f64,
+}
+
+impl Arc {
+    /// From `a` through `b` to `c`; none if it is straight, or bent too much.
+    pub(super) fn through(a: DVec2, b: DVec2, c: DVec2) -> Option<Self> {
+        let (ab, bc, ac) = (b - a, c - b, c - a);
+        let bend = 2.0 * ab.perp_dot(bc) / (ab.length() * bc.length() * ac.length());
+        // Neither straight nor not a number, and less than half a circle.
+        let sine = 0.5 * bend.abs() * ac.length();
+        if !(LEAST_BEND..MOST_BEND).contains(&bend.abs()) || ab.dot(bc) <= 0.0 || sine >= 0.99 {
+            return None;
+        }
+        let along = ac.normalize();
+        let rise = (1.0 - (1.0 - sine * sine).sqrt()) / bend;
+        Some(Self {
+            middle: 0.5 * (a + c) - rise * along.perp(),
+            along,
+            length: 2.0 * sine.asin() / bend.abs(),
+            bend,
+        })
+    }
+
+    /// How far a place lies to the right of the circle.
+    pub(super) fn off(&self, p: DVec2) -> f64 {
+        let from = p - self.middle;
+        let rise = -2.0 * from.dot(self.along.perp()) + self.bend * from.length_squared();
+        rise / (1.0 + (1.0 + self.bend * rise).max(0.0).sqrt())
+    }
 }
 
 /// Distance of `p` from the way from `a` to `b`.

@@ -85,8 +85,8 @@ fn faded<S: Simd>(
     let scale = one / (width * width).max(1e-20);
     for border in borders {
         let seen = Seen::new(border, foot);
-        let across = seen.across(above);
-        let start = seen.start(above);
+        let line = seen.line(above);
+        let (across, start) = (line.across, line.start);
         let beyond = start.max(zero) + (start + border.length).min(zero);
         let t = ((across * across + beyond * beyond) * scale).min(one);
         if !t.simd_lt(one).any_true() {
@@ -95,11 +95,9 @@ fn faded<S: Simd>(
         let factor = t * t * (3.0 - t * 2.0);
         // By the square of the distance, times two, times the fade so far.
         let slope = (t - t * t) * scale * fade * -12.0;
-        let along = border.along;
-        let [x, y] = [
-            across * along.y + beyond * along.x,
-            beyond * along.y - across * along.x,
-        ];
+        let (out, along) = (line.outward, line.along);
+        let x = across.mul_add(out[0], beyond * along[0]);
+        let y = across.mul_add(out[1], beyond * along[1]);
         slopes = [
             slopes[0].mul_add(factor, slope * x),
             slopes[1].mul_add(factor, slope * y),

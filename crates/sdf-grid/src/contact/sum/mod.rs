@@ -1,18 +1,21 @@
 //! The sum over both surfaces, in single precision for sixteen samples at a time.
 //!
-//! - [`lanes`], [`smooth`]: elementary functions and the kernel for sixteen samples;
-//! - [`smooth_parts`]: a surface between its sharp edges; [`spread`]: samples of the one surface;
-//!   [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
+//! - [`lanes`], [`vectors`], [`smooth`]: elementary functions and the kernel for sixteen samples;
+//! - [`smooth_parts`]: a surface between its sharp edges; [`spread`], [`gathered`], [`cells`]: samples
+//!   of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`]: the latter as tori;
 //!   [`chain`]: borders in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
-//! - [`border`], [`kink`], [`unrolled`], [`pass`]: what it gives;
+//! - [`border`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
 mod border;
+mod cells;
 mod chain;
+mod circle;
 mod clearance;
 mod clusters;
 pub(crate) mod contact_sum;
+mod gathered;
 mod kink;
 mod lanes;
 mod osculating;

@@ -19,7 +19,7 @@ const NEAR: f64 = 0.9;
 const ALONG: f64 = 0.95;
 
 /// Looks at the surface, each from the torus found before.
-const LOOKS: usize = 5;
+const LOOKS: usize = 4;
 
 /// A small piece of a surface: lengths are in units of the reach.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +57,7 @@ impl Osculating {
             torus.curvature = DVec2::ZERO;
         }
         let near = |s: &Surfel| {
-            let (_, height) = torus.developed(s.place);
+            let height = torus.height(s.place);
             let beyond = (s.place.length() - NEAR).max(0.0);
             height.abs() <= OFF + OFF_FAR * beyond * beyond
                 && torus.normal(s.place).dot(s.normal) >= ALONG
@@ -72,8 +72,14 @@ impl Osculating {
         let mut normal = [[0.0; 6]; 6];
         let mut right = [0.0; 6];
         for s in surfels {
-            let weight = s.area * (-1.5 * s.place.distance_squared(about)).exp();
-            let (p, height) = self.developed(s.place);
+            let off = s.place.distance_squared(about) / (NEAR * NEAR);
+            if off >= 1.0 {
+                continue;
+            }
+            let weight = s.area * (1.0 - off) * (1.0 - off);
+            let (p, middle) = self.developed(s.place);
+            // On average over the surfel, which is bent, it is to be on the torus.
+            let height = middle + s.area / 24.0 * (self.curvature.x + self.curvature.y);
             let row = [1.0, p.x, p.y, 0.5 * p.x * p.x, p.x * p.y, 0.5 * p.y * p.y];
             for i in 0..6 {
                 right[i] += weight * row[i] * height;
@@ -111,6 +117,11 @@ impl Osculating {
         (place, rise(lifted, x, kx))
     }
 
+    fn height(&self, p: DVec3) -> f64 {
+        let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
+        rise(rise(z, y, self.curvature.y), x, self.curvature.x)
+    }
+
     /// The direction of growing height.
     fn normal(&self, p: DVec3) -> DVec3 {
         let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
@@ -130,7 +141,7 @@ fn rise(z: f64, x: f64, k: f64) -> f64 {
 
 /// Length of the circle's arc to below a place.
 fn unrolled(z: f64, x: f64, k: f64) -> f64 {
-    match k == 0.0 {
+    match k.abs() < LEAST_BENT {
         true => x,
         false => (k * x).atan2(1.0 + k * z) / k,
     }

@@ -118,7 +118,10 @@ fn add_sheet<S: Simd>(
     ];
     let unrolled = Unrolled::new(simd, sheet.curvature, place);
     let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
-    let above = Above::new(unrolled.height, feet);
+    // The height above what is bent averages to more over a sample's extent than in its middle.
+    let bent = (sheet.curvature.x + sheet.curvature.y) / 6.0;
+    let height_of = samples.half * samples.half * bent + unrolled.height;
+    let above = Above::new(height_of, feet);
     // Unrolled from the inside, places are farther apart.
     let radius = placed.radius / (1.0 - sheet.curvature.abs().max_element());
     let [x, y, up] = unrolled.along(&faces);
@@ -151,7 +154,6 @@ fn seen<S: Simd>(
         along: [zero; 2],
         turning: zero,
     };
-    let way = foot - sheet.reference;
     let reach = (1.0 + radius) * (1.0 + radius);
     let (mut inside, mut change) = (sheet.inside, zero);
     let mut taylor = None;
@@ -159,20 +161,20 @@ fn seen<S: Simd>(
     let borders = &views.borders[range];
     for border in borders {
         let seen = Seen::new(border, foot);
-        inside += seen.crossed(way);
+        inside += seen.crossed(sheet.reference);
         let off = seen.distance_squared();
         if off + height * height >= reach {
             continue;
         }
-        let across = seen.across(above);
+        let line = seen.line(above);
         if off <= radius * radius {
-            change += seen.crossed_on(above, across);
+            change += seen.crossed_on(above, line.across);
         }
         if taylor.is_none() {
             taylor = Some(Taylor::at(above.square));
         }
         if let Some(taylor) = &taylor {
-            seen.add_to(above, taylor, across, &mut sums);
+            seen.add_to(above, taylor, &line, &mut sums);
         }
     }
     if inside == 0.0 && taylor.is_none() {

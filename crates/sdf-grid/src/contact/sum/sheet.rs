@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use super::chain::{chained, straightened};
+use super::chain::{Arc, allowed, chained, straightened};
 use super::osculating::{Osculating, Surfel};
 use super::regions::Regions;
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -11,6 +11,9 @@ use crate::surface::bvh::tree::Bvh;
 /// Where on a flat region one stands from where insides are counted, in units of the reach from the
 /// foot of the cell's middle: no edge lies there unless it is put there.
 const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
+
+/// The same, from the middle of a bent border.
+const OFF_ARC: f32 = 0.373_1;
 
 /// A region as it is seen from a cell, flat or unrolled from a torus: lengths are in units of the
 /// reach, places relative to the middle of the cell.
@@ -31,14 +34,18 @@ pub(super) struct Sheet {
     pub(super) count: u32,
 }
 
-/// A straight piece of a sheet's border, the sheet to its left, along the sheet's two directions.
+/// A piece of a sheet's border, the sheet to its left, along the sheet's two directions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Border {
     pub(super) from: Vec2,
     pub(super) to: Vec2,
-    /// Unit vector to the other end.
+    pub(super) middle: Vec2,
+    /// Unit vector in the middle.
     pub(super) along: Vec2,
     pub(super) length: f32,
+    /// Its curvature, positive where the sheet is convex; of those that are bent no sample sees an
+    /// end.
+    pub(super) bend: f32,
 }
 
 /// Sheets with their borders.
@@ -87,7 +94,14 @@ impl Surface<'_> {
             .map(|id| {
                 let (region, surfel) = self.regions.surfels[*id as usize];
                 let place = (surfel.place - middle) / self.unit;
-                (region, Surfel { place, ..surfel })
+                let area = surfel.area / (self.unit * self.unit);
+                let normal = surfel.normal;
+                let surfel = Surfel {
+                    place,
+                    normal,
+                    area,
+                };
+                (region, surfel)
             })
             .collect();
         surfels.sort_by_key(|(region, _)| *region);
@@ -129,11 +143,18 @@ impl Surface<'_> {
         }
         let most = (seen * seen - height * height).max(0.0).sqrt();
         let first = list.borders.len();
-        let mut turns = 0.0;
+        let mut sides = Vec::new();
         for ring in rings {
             let ring: Vec<DVec2> = ring.iter().map(place).collect();
-            turns += list.add_ring(&ring, most);
+            list.add_ring(&ring, most, &mut sides);
         }
+        // Not between an arc and its chords.
+        let arc = list.borders[first..].iter().find(|b| b.bend != 0.0);
+        let reference = arc.map_or(REFERENCE, |b| {
+            // The sheet is to the left.
+            (b.middle + OFF_ARC * b.along.perp()).as_dvec2()
+        });
+        let turns: f64 = sides.iter().map(|s| angle(*s, reference)).sum();
         let inside = (turns / std::f64::consts::TAU).round() as f32;
         let count = list.borders.len() - first;
         if inside != 0.0 || count > 0 {
@@ -141,7 +162,7 @@ impl Surface<'_> {
                 origin: ((foot - middle) / unit).as_vec3(),
                 axes: [u, v, normal].map(DVec3::as_vec3),
                 curvature: Vec2::ZERO,
-                reference: REFERENCE.as_vec2(),
+                reference: reference.as_vec2(),
                 inside,
                 first: first as u32,
                 count: count as u32,
@@ -202,14 +223,14 @@ impl Surface<'_> {
 }
 
 impl List {
-    /// Adds what of a closed chain is within `most` of the origin; the angle at which all of it is
-    /// seen from [`REFERENCE`].
-    fn add_ring(&mut self, ring: &[DVec2], most: f64) -> f64 {
+    /// Adds what of a closed chain is within `most` of the origin, and to `sides` all of it as it
+    /// was added.
+    fn add_ring(&mut self, ring: &[DVec2], most: f64, sides: &mut Vec<[DVec2; 2]>) {
         let n = ring.len();
         let side = |i: usize| [ring[i % n], ring[(i + 1) % n]];
         let near = |i: usize| Border::within(side(i), DVec2::ZERO, most).is_some();
         let start = (0..n).find(|i| !near(*i)).map_or(0, |i| i + 1);
-        let (mut turns, mut chain) = (0.0, Vec::new());
+        let mut chain = Vec::new();
         for i in start..start + n {
             let [a, b] = side(i);
             if near(i) {
@@ -219,20 +240,26 @@ impl List {
                 chain.push(b);
                 continue;
             }
-            turns += self.add_chain(&chain, DVec2::ZERO, most) + angle([a, b]);
+            sides.extend(self.add_chain(&chain, DVec2::ZERO, most));
+            sides.push([a, b]);
             chain.clear();
         }
-        turns + self.add_chain(&chain, DVec2::ZERO, most)
+        sides.extend(self.add_chain(&chain, DVec2::ZERO, most));
     }
 
-    /// Adds what of a chain is within `most` of `about`, in straight pieces; the angle at which
-    /// these are seen from [`REFERENCE`].
-    fn add_chain(&mut self, chain: &[DVec2], about: DVec2, most: f64) -> f64 {
-        let kept = straightened(chain, about);
-        let sides = kept.windows(2).map(|w| [w[0], w[1]]);
-        self.borders
-            .extend(sides.clone().filter_map(|s| Border::within(s, about, most)));
-        sides.map(angle).sum()
+    /// Adds what of a chain is within `most` of `about`, in fewer pieces; all of it in straight
+    /// pieces.
+    fn add_chain(&mut self, chain: &[DVec2], about: DVec2, most: f64) -> Vec<[DVec2; 2]> {
+        let sides = |chain: &[DVec2]| chain.windows(2).map(|w| [w[0], w[1]]).collect();
+        if let Some(arc) = Border::bent(chain, about, most) {
+            self.borders.push(arc);
+            return sides(chain);
+        }
+        let kept: Vec<[DVec2; 2]> = sides(&straightened(chain, about));
+        let pieces = kept.iter();
+        let pieces = pieces.filter_map(|s| Border::within(*s, about, most));
+        self.borders.extend(pieces);
+        kept
     }
 }
 
@@ -253,14 +280,40 @@ impl Border {
         Some(Self {
             from: at(from).as_vec2(),
             to: at(to).as_vec2(),
+            middle: (a + along * (0.5 * (from + to))).as_vec2(),
             along: along.as_vec2(),
             length: (to - from) as f32,
+            bend: 0.0,
+        })
+    }
+
+    /// A chain as an arc of a circle, if it is one all the way through what is within `most` of
+    /// `about`.
+    fn bent(chain: &[DVec2], about: DVec2, most: f64) -> Option<Self> {
+        let [a, .., b] = *chain else {
+            return None;
+        };
+        let arc = Arc::through(a, chain[chain.len() / 2], b)?;
+        let through = a.distance(about) > most && b.distance(about) > most;
+        let near = |p: DVec2| arc.off(p).abs() <= allowed(p, about);
+        let fits = || {
+            chain
+                .windows(2)
+                .all(|w| near(w[0]) && near(w[0].midpoint(w[1])) && w[0] != w[1])
+        };
+        (through && fits()).then(|| Self {
+            from: a.as_vec2(),
+            to: b.as_vec2(),
+            middle: arc.middle.as_vec2(),
+            along: arc.along.as_vec2(),
+            length: arc.length as f32,
+            bend: arc.bend as f32,
         })
     }
 }
 
-/// The angle at which a way is seen from [`REFERENCE`].
-fn angle([a, b]: [DVec2; 2]) -> f64 {
-    let (a, b) = (a - REFERENCE, b - REFERENCE);
+/// The angle at which a way is seen from a place.
+fn angle([a, b]: [DVec2; 2], from: DVec2) -> f64 {
+    let (a, b) = (a - from, b - from);
     a.perp_dot(b).atan2(a.dot(b))
 }

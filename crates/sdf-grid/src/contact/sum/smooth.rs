@@ -35,7 +35,10 @@ impl<S: Simd> Taylor<S> {
     #[inline(always)]
     pub(super) fn at(t: f32x16<S>) -> Self {
         let simd = t.token();
-        let mut d = ENTIRE.map(|c| f32x16::splat(simd, c));
+        let mut d = [f32x16::splat(simd, 0.0); TERMS];
+        for j in 0..TERMS {
+            d[j] = f32x16::splat(simd, ENTIRE[j]);
+        }
         // Horner's scheme, again and again on what is left.
         for j in 0..TERMS - 1 {
             for i in (j..TERMS - 1).rev() {

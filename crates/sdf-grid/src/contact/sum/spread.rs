@@ -4,17 +4,20 @@
 //! planes and along its edges, which mating parts have side by side with their own. Points in rows
 //! along such lines all err alike. So those of a flat face are the centroids of the squares of a
 //! lattice turned by an angle that no row of points lies along the face's sides, and towards sharp
-//! edges, along which other parts' edges come to lie, they are in two narrow rows.
+//! edges, along which other parts' edges come to lie, they are in two narrow rows. Those of a curved
+//! face are the centroids of compact cells, found by Lloyd's algorithm.
 
 use std::collections::HashMap;
 
 use glam::{DMat3, DQuat, DVec3, IVec3};
 
+use super::cells::Cells;
+use super::gathered::Gathered;
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
 use crate::contact::samples::{SurfaceSample, surface_pieces};
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::pieces::{Pieces, merged};
+use crate::surface::coplanar::pieces::merged;
 
 /// Where the rows along sharp edges end, in units of the distance of points.
 const ROWS: [f64; 2] = [0.12, 0.42];
@@ -32,15 +35,6 @@ const WHOLE: f64 = 0.4;
 /// Pieces of one point: its part of the surface, its row (that of [`ROWS`], or their number), and
 /// its place in a lattice.
 type Key = (u32, usize, IVec3);
-
-/// Sums over the pieces of a point.
-#[derive(Debug, Clone, Copy, Default)]
-struct Gathered {
-    /// Places times areas.
-    moment: DVec3,
-    area: DVec3,
-    size: f64,
-}
 
 /// Points about `distance` (metres) apart on the surface of `mesh`, where what lies within `flat`
 /// of a plane lies in it.
@@ -74,33 +68,24 @@ pub(super) fn spread(
         let place = if bent { place } else { place.with_z(0) };
         (part, row.unwrap_or(ROWS.len()), place)
     };
-    let points = gathered(&faces, &parts, distance / CUTS, key)?;
-    let points = joined(points, distance);
+    let mut cells = Cells::new(distance);
+    let mut points: HashMap<Key, Gathered> = HashMap::new();
+    let all = || (0..faces.len()).filter_map(|i| faces.get(i));
+    let sources: Vec<u32> = all().map(|f| f.source).collect();
+    surface_pieces(all(), distance / CUTS, |face, piece| {
+        let part = parts.of[sources[face] as usize];
+        let key = key(part, piece.position);
+        match key.1 == ROWS.len() && parts.bent[part as usize] {
+            true => cells.pieces.push((part, piece)),
+            false => points.entry(key).or_default().add(&piece),
+        }
+    })?;
+    let mut points = joined(points, distance);
+    points.extend(cells.centroids());
     match points.is_empty() {
         true => Err(ContactError::EmptyMesh),
         false => Ok(points),
     }
-}
-
-/// The pieces of all points.
-fn gathered(
-    faces: &Pieces,
-    parts: &SmoothParts,
-    size: f64,
-    key: impl Fn(u32, DVec3) -> Key,
-) -> Result<HashMap<Key, Gathered>, ContactError> {
-    let all = || (0..faces.len()).filter_map(|i| faces.get(i));
-    let sources: Vec<u32> = all().map(|f| f.source).collect();
-    let mut points: HashMap<Key, Gathered> = HashMap::new();
-    surface_pieces(all(), size, |face, piece| {
-        let part = parts.of[sources[face] as usize];
-        let size = piece.area.length();
-        let point = points.entry(key(part, piece.position)).or_default();
-        point.moment += piece.position * size;
-        point.area += piece.area;
-        point.size += size;
-    })?;
-    Ok(points)
 }
 
 /// Points, those that are small joined to their neighbours.
@@ -135,11 +120,7 @@ fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSampl
         }
     }
     let left = keys.iter().filter_map(|k| points.get(k));
-    let samples = left.filter(|p| p.size > 0.0).map(|p| SurfaceSample {
-        position: p.moment / p.size,
-        area: p.area,
-    });
-    samples.collect()
+    left.filter_map(Gathered::sample).collect()
 }
 
 /// A rotation after which no edge of a part is along a lattice, unless it is made so.

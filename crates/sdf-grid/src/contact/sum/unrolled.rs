@@ -3,12 +3,9 @@
 use fearless_simd::{f32x16, prelude::*};
 use glam::{Vec2, Vec3};
 
-use super::lanes::upper_angle;
+use super::circle::{Circle, circle};
 use super::sheet::Sheet;
-use super::vectors::{Vectors, splat};
-
-/// Nearer to a circle's centre, in units of its radius, there is no direction.
-const CENTRE: f32 = 1e-2;
+use super::vectors::{Vectors, inner, splat};
 
 /// Samples above a torus; vectors are along the axes of its sheet.
 pub(super) struct Unrolled<S: Simd> {
@@ -23,38 +20,6 @@ pub(super) struct Unrolled<S: Simd> {
     pub(super) shrunk: [f32x16<S>; 2],
     /// Slopes of the normal with lengths along these.
     pub(super) bent: [f32x16<S>; 2],
-}
-
-/// A place above a circle through the origin.
-struct Circle<S: Simd> {
-    height: f32x16<S>,
-    place: f32x16<S>,
-    /// Cosine and sine of the direction.
-    cosine: f32x16<S>,
-    sine: f32x16<S>,
-    /// The circle's radius over the distance from its centre.
-    shrunk: f32x16<S>,
-}
-
-impl<S: Simd> Circle<S> {
-    /// At `(x, z)` above a circle of curvature `k`.
-    #[inline(always)]
-    fn new(x: f32x16<S>, z: f32x16<S>, k: f32) -> Self {
-        let simd = x.token();
-        let square = x * x + z * z;
-        let rise = z * 2.0 + square * k;
-        let distance = (rise * k + 1.0).max(CENTRE * CENTRE).sqrt();
-        let shrunk = splat(simd, 1.0) / distance;
-        let (up, aside) = (z * k + 1.0, x * k);
-        let angle = upper_angle(aside.abs(), up).copysign(aside);
-        Self {
-            height: rise / (distance + 1.0),
-            place: if k == 0.0 { x } else { angle * (1.0 / k) },
-            cosine: up * shrunk,
-            sine: aside * shrunk,
-            shrunk,
-        }
-    }
 }
 
 impl<S: Simd> Unrolled<S> {
@@ -79,8 +44,7 @@ impl<S: Simd> Unrolled<S> {
     /// A direction along `x`, `y` and the normal, of its components along the sheet's axes.
     #[inline(always)]
     pub(super) fn along(&self, v: &Vectors<S>) -> Vectors<S> {
-        let dot = |d: &Vectors<S>| v[0].mul_add(d[0], v[1].mul_add(d[1], v[2] * d[2]));
-        [dot(&self.x), dot(&self.y), dot(&self.normal)]
+        [inner(v, &self.x), inner(v, &self.y), inner(v, &self.normal)]
     }
 }
 
@@ -89,17 +53,8 @@ impl Sheet {
     #[inline(always)]
     pub(super) fn unrolled(&self, p: Vec3) -> (Vec2, f32) {
         let [x, y, z] = self.axes.map(|a| p.dot(a));
-        let circle = |x: f32, z: f32, k: f32| {
-            let rise = 2.0 * z + k * (x * x + z * z);
-            let distance = (1.0 + k * rise).max(0.0).sqrt();
-            let place = match k == 0.0 {
-                true => x,
-                false => (k * x).atan2(1.0 + k * z) / k,
-            };
-            (place, rise / (1.0 + distance))
-        };
-        let (b, lifted) = circle(y, z, self.curvature.y);
-        let (a, height) = circle(x, lifted, self.curvature.x);
+        let [lifted, b] = circle(y, z, self.curvature.y);
+        let [height, a] = circle(x, lifted, self.curvature.x);
         (Vec2::new(a, b), height)
     }
 }

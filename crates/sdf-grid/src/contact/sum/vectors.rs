@@ -21,6 +21,11 @@ pub(super) fn dot<S: Simd>(a: &Vectors<S>, b: Vec3) -> f32x16<S> {
 }
 
 #[inline(always)]
+pub(super) fn inner<S: Simd>(a: &Vectors<S>, b: &Vectors<S>) -> f32x16<S> {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+#[inline(always)]
 pub(super) fn turned<S: Simd>(simd: S, turn: &Mat3, v: &[Lanes; 3]) -> Vectors<S> {
     let v = [
         f32x16::simd_from(simd, v[0]),

@@ -80,6 +80,10 @@ truth *ARGS:
     cargo test --release -p pegfit-truth -- --include-ignored
     cargo run --release -p pegfit-benches --bin truth -- {{ARGS}}
 
+# Energies and wrenches at random poses and in contact, in several frames, in ./out.
+bench-contact *ARGS:
+    cargo run --release -p pegfit-benches --bin contact -- {{ARGS}}
+
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}

@@ -8,7 +8,7 @@ use super::gathered::Gathered;
 use crate::contact::samples::SurfaceSample;
 
 /// Steps of Lloyd's algorithm: more make cells rounder by a percent.
-const STEPS: usize = 4;
+const STEPS: usize = 3;
 
 /// Centres are at first at least this far apart, in units of the distance asked for: as many as
 /// squares of that side.
@@ -17,10 +17,14 @@ const APART: f64 = 0.82;
 /// Pieces belong to cells whose normals differ from theirs by an angle of this cosine at most.
 const ALONG: f64 = 0.5;
 
-/// Pieces of a surface, each with its part, to be divided into cells.
+/// Pieces are taken together first by boxes of this size, in units of the distance of cells.
+const BOX: f64 = 0.2;
+
+/// Pieces of a surface to be divided into cells.
 pub(super) struct Cells {
     distance: f64,
-    pub(super) pieces: Vec<(u32, SurfaceSample)>,
+    /// By part and box.
+    pieces: HashMap<(u32, IVec3), Gathered>,
 }
 
 /// A cell's part, middle and normal.
@@ -38,15 +42,26 @@ impl Cells {
     pub(super) fn new(distance: f64) -> Self {
         Self {
             distance,
-            pieces: Vec::new(),
+            pieces: HashMap::new(),
         }
     }
 
+    /// Adds a piece of a part.
+    pub(super) fn add(&mut self, part: u32, piece: &SurfaceSample) {
+        let place = (piece.position / (BOX * self.distance)).floor().as_ivec3();
+        self.pieces.entry((part, place)).or_default().add(piece);
+    }
+
     /// One sample for each cell.
-    pub(super) fn centroids(&self) -> Vec<SurfaceSample> {
+    pub(super) fn samples(&self) -> Vec<SurfaceSample> {
+        let mut order: Vec<_> = self.pieces.iter().collect();
+        order.sort_unstable_by_key(|((part, place), _)| (*part, place.to_array()));
+        let pieces = order.iter();
+        let pieces = pieces.filter_map(|((part, _), sum)| Some((*part, sum.sample()?)));
+        let pieces: Vec<(u32, SurfaceSample)> = pieces.collect();
         let mut centres: Vec<Centre> = Vec::new();
         let mut boxes = Boxes::new();
-        for (part, piece) in &self.pieces {
+        for (part, piece) in &pieces {
             let at = Centre::of(*part, piece);
             let nearest = self.nearest(&at, &centres, &boxes);
             if nearest.is_none_or(|(_, off)| off >= APART * self.distance) {
@@ -58,7 +73,7 @@ impl Cells {
         let mut cells = Vec::new();
         for _ in 0..STEPS {
             cells = vec![Gathered::default(); centres.len()];
-            for (part, piece) in &self.pieces {
+            for (part, piece) in &pieces {
                 let at = Centre::of(*part, piece);
                 if let Some((i, _)) = self.nearest(&at, &centres, &boxes) {
                     cells[i].add(piece);

@@ -25,6 +25,8 @@ mod sheet;
 mod smooth;
 mod smooth_parts;
 mod spread;
+#[cfg(test)]
+mod tests;
 mod unrolled;
 mod vectors;
 mod views;

@@ -76,12 +76,12 @@ pub(super) fn spread(
         let part = parts.of[sources[face] as usize];
         let key = key(part, piece.position);
         match key.1 == ROWS.len() && parts.bent[part as usize] {
-            true => cells.pieces.push((part, piece)),
+            true => cells.add(part, &piece),
             false => points.entry(key).or_default().add(&piece),
         }
     })?;
     let mut points = joined(points, distance);
-    points.extend(cells.centroids());
+    points.extend(cells.samples());
     match points.is_empty() {
         true => Err(ContactError::EmptyMesh),
         false => Ok(points),

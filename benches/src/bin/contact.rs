@@ -105,7 +105,7 @@ struct Found {
 impl Case {
     fn new(which: PegInHole, mm: f64, plan: &Plan) -> Outcome<Self> {
         let (hole, peg) = which.pair(1e-3 * mm)?;
-        let halo = default_halo(&ScoreModel::GUIDED, &hole.bounds(), &peg.bounds());
+        let halo = default_halo(&ScoreModel::GUIDED, &hole, &peg);
         let builder = PairBuilder {
             spacing: Some(4e-3),
             ..PairBuilder::default()

@@ -234,9 +234,9 @@ impl Case {
         let frame = Frame::turned();
         let [hole, peg] = self.meshes.each_ref().map(|m| frame.part(m));
         // The halo is part of the model: that of the parts as they were.
-        let [fixed, moving] = self.meshes.each_ref().map(TriangleMesh::bounds);
+        let [fixed, moving] = &self.meshes;
         let options = TruthOptions {
-            halo: Some(default_halo(&ScoreModel::GUIDED, &fixed, &moving)),
+            halo: Some(default_halo(&ScoreModel::GUIDED, fixed, moving)),
             ..*options
         };
         let truth = Truth::new(&hole, &peg, &ScoreModel::GUIDED, &options)?;

@@ -19,7 +19,7 @@ pub(crate) fn halo_of(
     [fixed, moving]: [&TriangleMesh; 2],
     asked: Option<f64>,
 ) -> Result<f64, TruthError> {
-    let own = || default_halo(model, &fixed.bounds(), &moving.bounds());
+    let own = || default_halo(model, fixed, moving);
     let halo = asked.unwrap_or_else(own);
     match halo > 0.0 && halo.is_finite() {
         true => Ok(halo),

@@ -4,7 +4,8 @@
 //! Near the fit a score is the small difference of a large reward and a large penalty, so an error
 //! of a score says little without its condition number `Σ|terms| / |Σ terms|`. A term is the real
 //! part of the product of one unit density at one cell and one at the place where it comes to lie,
-//! with its weights (eq_11): the reward, penalty and separation of every cell count by themselves.
+//! with its weights (eq_11): the reward, penalty and separation of every cell count by themselves,
+//! and what contact adds counts as one.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -13,6 +14,7 @@ use sdf_grid::DensityField;
 use crate::direct::terms::{Blend, Term, score_terms};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
+use crate::pair::reading::Reading;
 use crate::pair::side::Side;
 
 /// A score and the sum of the absolute values of its terms.
@@ -47,9 +49,14 @@ impl Condition {
                 Side::Moving => (pair.moving(), pair.fixed(), pose),
                 Side::Fixed => (pair.fixed(), pair.moving(), &inverse),
             };
-            let part = Self::of_term(&term, points, looked_up, motion);
+            let part = Self::of_term(&term, pair.reading(), [points, looked_up], motion);
             total.score += part.score;
             total.magnitude += part.magnitude;
+        }
+        if let Some(contact) = pair.contact() {
+            let lost = contact.score(pose).score;
+            total.score += lost;
+            total.magnitude += lost.abs();
         }
         total
     }
@@ -57,8 +64,8 @@ impl Condition {
     /// `motion` brings the points into the frame of the part that is looked up.
     fn of_term(
         term: &Term,
-        points: &DensityField,
-        looked_up: &DensityField,
+        reading: Reading,
+        [points, looked_up]: [&DensityField; 2],
         motion: &Pose,
     ) -> Self {
         let mut sums = Self::default();
@@ -69,7 +76,7 @@ impl Condition {
                 continue;
             }
             let place = motion.apply(points.lattice().position([i, j, k]));
-            let Some(there) = interpolated(looked_up, &term.lookup, place) else {
+            let Some(there) = interpolated(looked_up, &term.lookup, reading, place) else {
                 continue;
             };
             for product in here.iter().flat_map(|a| there.map(|b| (a * b).re)) {
@@ -94,26 +101,30 @@ fn weighted(blend: &Blend, exterior: Complex32, interior: Complex32) -> [Complex
     ]
 }
 
-/// Both weighted densities at `place`, trilinear, with zeros around the lattice; `None` beyond
-/// those.
-fn interpolated(field: &DensityField, blend: &Blend, place: DVec3) -> Option<[Complex64; 2]> {
+/// Both weighted densities at `place`, read as the evaluator does, with zeros around the lattice;
+/// `None` beyond those.
+fn interpolated(
+    field: &DensityField,
+    blend: &Blend,
+    reading: Reading,
+    place: DVec3,
+) -> Option<[Complex64; 2]> {
     let at = field.lattice().fractional_index(place);
-    let shape = field.lattice().shape();
-    let reached = |(u, n): (f64, usize)| u > -1.0 && u < n as f64;
+    let (shape, reach) = (field.lattice().shape(), reading.reach());
+    let reached = |(u, n): (f64, usize)| u > -reach && u < n as f64 - 1.0 + reach;
     if !at.to_array().into_iter().zip(shape).all(reached) {
         return None;
     }
-    let (base, part) = (at.floor(), (at - at.floor()).to_array());
+    let (first, count) = (reading.first(at), reading.nodes());
     let mut values = [Complex64::ZERO; 2];
-    for corner in 0..8 {
-        let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-        let node: [f64; 3] = std::array::from_fn(|a| base[a] + f64::from(bits[a]));
+    for flat in 0..count.pow(3) {
+        let n = [flat / count / count, flat / count % count, flat % count];
+        let node: [f64; 3] = std::array::from_fn(|a| first[a] + n[a] as f64);
         if (0..3).any(|a| node[a] < 0.0 || node[a] >= shape[a] as f64) {
             continue;
         }
-        let share: f64 = (0..3)
-            .map(|a| if bits[a] == 1 { part[a] } else { 1.0 - part[a] })
-            .product();
+        let weight = |a: usize| reading.tap(at[a] - first[a], n[a]).0;
+        let share: f64 = (0..3).map(weight).product();
         let node = node.map(|n| n as usize);
         let [exterior, interior] = weighted(blend, field.exterior[node], field.interior[node]);
         values[0] += share * exterior;

@@ -142,14 +142,17 @@ pub fn default_spacing(fixed: &Aabb, moving: &Aabb, halo: f64) -> f64 {
 }
 
 /// How far the exterior densities reach, metres. Without separation (`w = 0`): 0.75 of the
-/// bounding radius of the smaller part, beyond which a cut-off no longer changes the forces near
-/// the fit. With it: the largest extent of the larger part, because exterior-exterior overlap
-/// fades slowly (`docs/theory.md`). The halo is part of the model: it defines the far energy.
-pub fn default_halo(model: &ScoreModel, fixed: &Aabb, moving: &Aabb) -> f64 {
+/// bounding radius of the smaller part about its centroid, beyond which a cut-off no longer changes
+/// the forces near the fit. With it: the largest extent of the larger part, because
+/// exterior-exterior overlap fades slowly (`docs/theory.md`). The halo is part of the model: it
+/// defines the far energy, and without separation does not depend on how the parts are turned.
+pub fn default_halo(model: &ScoreModel, fixed: &TriangleMesh, moving: &TriangleMesh) -> f64 {
     if model.separation_weight == 0.0 {
-        0.75 * 0.5 * smaller(fixed, moving).diagonal()
+        let radius = |part: &TriangleMesh| part.radius_about(part.centroid());
+        0.75 * radius(fixed).min(radius(moving))
     } else {
-        fixed.size().max(moving.size()).max_element()
+        let size = |part: &TriangleMesh| part.bounds().size();
+        size(fixed).max(size(moving)).max_element()
     }
 }
 
@@ -184,7 +187,9 @@ impl PairBuilder {
         model.validate().map_err(PairError::Model)?;
         let kernel = DensityKernel::new(model.sigma)?;
         let (a, b) = (fixed.bounds(), moving.bounds());
-        let halo = self.halo.unwrap_or_else(|| default_halo(model, &a, &b));
+        let halo = self
+            .halo
+            .unwrap_or_else(|| default_halo(model, fixed, moving));
         let spacing = self
             .spacing
             .unwrap_or_else(|| default_spacing(&a, &b, halo));
@@ -199,6 +204,12 @@ impl PairBuilder {
             }
         }
         let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
+        let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));
+        let lattice = |part, bounds| {
+            Lattice::covering(bounds, room, spacing)
+                .map_err(|source| PairBuildError::Lattice { part, source })
+        };
+        let (fixed_lattice, moving_lattice) = (lattice("fixed", &a)?, lattice("moving", &b)?);
         let sampling =
             |of: fn(&Smoothing) -> Sampling| smoothing.as_ref().map_or(Sampling::CellAverage, of);
         let density = DensityOptions {
@@ -212,12 +223,6 @@ impl PairBuilder {
                 part: "fixed",
                 source,
             })?;
-        let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));
-        let lattice = |part, bounds| {
-            Lattice::covering(bounds, room, spacing)
-                .map_err(|source| PairBuildError::Lattice { part, source })
-        };
-        let (fixed_lattice, moving_lattice) = (lattice("fixed", &a)?, lattice("moving", &b)?);
         let needed = DensityField::memory_bytes(&fixed_lattice)
             + DensityField::memory_bytes(&moving_lattice);
         match self.memory_limit {

@@ -50,8 +50,9 @@ fn closed_form(model: &ScoreModel) -> f64 {
     0.5 * 4.0 * 0.01 * 0.03 * (2.0 * l1 * l2 * (a * a + b * b) + penalty * (b * b - a * a))
 }
 
-/// The closed form is the limit of vanishing offset: a tenth of a cell meets it within 3 % in every
-/// frame, three times as far within three times that, since the skeleton adds curvature.
+/// The closed form is the limit of vanishing offset. A tenth of a cell is 25 times as far as facets
+/// stand off the cylinder between them, which leaves up to 8 %; three times as far they leave a
+/// third, and the skeleton adds curvature.
 #[test]
 fn contact_slope_of_the_round_peg_meets_the_closed_form() {
     let (h, near, far) = (1.2e-3, 1.2e-4, 3.6e-4);
@@ -61,8 +62,8 @@ fn contact_slope_of_the_round_peg_meets_the_closed_form() {
             let [one, three] = [(e[1], near), (e[2], far)]
                 .map(|(e1, x)| (e1 - e[0]) / (x * closed_form(&model)) - 1.0);
             println!("{frame:?}: {one:.4} {three:.4}");
-            assert!(one.abs() < 0.03, "slope next to the fit: {one}");
-            assert!(three.abs() < 0.09, "slope a little farther: {three}");
+            assert!(one.abs() < 0.08, "slope next to the fit: {one}");
+            assert!(three.abs() < 0.05, "slope a little farther: {three}");
         }
     }
 }

@@ -183,7 +183,7 @@ fn plans_cover_both_parts_and_stay_affordable() {
         .plan(&block, &peg, &model)
         .expect("a plan");
     let (a, b) = (block.bounds(), peg.bounds());
-    let halo = default_halo(&model, &a, &b);
+    let halo = default_halo(&model, &block, &peg);
     assert!((halo - 0.375 * b.diagonal()).abs() < 1e-12);
     assert_eq!(plan.density.halo, halo);
     assert_eq!(plan.spacing(), default_spacing(&a, &b, halo));
@@ -198,7 +198,7 @@ fn plans_cover_both_parts_and_stay_affordable() {
     let corner = plan.pivot / plan.spacing();
     assert!((corner - corner.round()).length() < 1e-9);
     assert!(plan.pivot.distance(b.center()) < plan.spacing());
-    assert!(default_halo(&ScoreModel::PAPER, &a, &b) == 0.04);
+    assert!(default_halo(&ScoreModel::PAPER, &block, &peg) == 0.04);
 }
 
 #[test]

@@ -64,7 +64,9 @@ const CHANGES: [Change; 12] = [
     ("fixed.sampling.smoothed.deviation", |m| {
         m.builder.smoothing = Some(0.65)
     }),
-    ("fixed.lattice.origin", |m| m.builder.spacing = Some(0.9e-3)),
+    ("fixed.sampling.smoothed.deviation", |m| {
+        m.builder.spacing = Some(0.9e-3)
+    }),
     ("fixed.mesh", |m| m.sides[0] = 6.1e-3),
     ("moving.mesh", |m| m.sides[1] = 4.1e-3),
     ("fixed.sigma", |m| m.model.sigma = 0.3),

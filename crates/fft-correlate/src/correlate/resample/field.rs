@@ -60,10 +60,7 @@ impl<T: Real> MovingField<T> {
         &self,
         at: DVec3,
     ) -> Option<impl Iterator<Item = ([usize; 3], DVec3, DVec3)>> {
-        let (count, first) = match self.reading {
-            Reading::Trilinear => (2, at.floor()),
-            Reading::Quadratic => (3, (at + 0.5).floor() - 1.0),
-        };
+        let (count, first) = (self.reading.nodes(), self.reading.first(at));
         let (nx, ny, nz) = self.values.dim();
         let end = first + count as f64;
         let shape = DVec3::new(nx as f64, ny as f64, nz as f64);
@@ -71,7 +68,7 @@ impl<T: Real> MovingField<T> {
             return None;
         }
         let reading = self.reading;
-        let of = move |a: usize, n: usize| tap(reading, at[a] - first[a], n);
+        let of = move |a: usize, n: usize| reading.tap(at[a] - first[a], n);
         Some((0..count * count * count).map(move |flat| {
             let n = [flat / count / count, flat / count % count, flat % count];
             let [x, y, z] = [0, 1, 2].map(|a| of(a, n[a]));
@@ -91,17 +88,4 @@ impl<T: Real> MovingField<T> {
 fn stored(support: &IndexBox, reading: Reading) -> [usize; 3] {
     let [x, y, z] = support.shape().map(|s| s + 2 * BORDER);
     [x, y, z + usize::from(reading == Reading::Quadratic)]
-}
-
-/// Weight and slope of node `n` for a place `f` cells beyond node 0.
-fn tap(reading: Reading, f: f64, n: usize) -> (f64, f64) {
-    match (reading, n) {
-        (Reading::Trilinear, 0) => (1.0 - f, -1.0),
-        (Reading::Trilinear, _) => (f, 1.0),
-        (Reading::Quadratic, 1) => (0.75 - (f - 1.0).powi(2), -2.0 * (f - 1.0)),
-        (Reading::Quadratic, _) => {
-            let rest = 1.5 - (f - n as f64).abs();
-            (0.5 * rest * rest, rest * (n as f64 - f).signum())
-        }
-    }
 }

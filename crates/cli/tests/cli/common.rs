@@ -76,7 +76,7 @@ pub(crate) fn scene_folder(extra: &str) -> tempfile::TempDir {
     sdf_grid::mesh_io::write_obj(folder.path().join("peg.obj"), &peg).unwrap();
     let scene = format!(
         "unit = \"m\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\n\
-         [lattice]\nspacing = 0.0025\nhalo = 0.006\nfield_tolerance = 0.01\nsampling = \"point\"\n\
+         [lattice]\nspacing = 0.0025\nhalo = 0.006\nfield_tolerance = 0.01\n\
          [window]\nhalf_extent = 0.005\n{extra}"
     );
     std::fs::write(folder.path().join("scene.toml"), scene).unwrap();

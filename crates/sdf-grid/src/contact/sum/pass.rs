@@ -243,8 +243,8 @@ impl<S: Simd> Totals<S> {
         let height = sums.height * spread - sums.value * mean;
         let [ix, iy] = unrolled.shrunk;
         let slopes = [
-            x * value * unrolled.bent[0] + up * spread * sums.along[0] * ix,
-            y * value * unrolled.bent[1] + up * spread * sums.along[1] * iy,
+            x * flux * unrolled.bent[0] + up * spread * sums.along[0] * ix,
+            y * flux * unrolled.bent[1] + up * spread * sums.along[1] * iy,
             up * height,
         ];
         let mut slope = [splat(value.token(), 0.0); 3];

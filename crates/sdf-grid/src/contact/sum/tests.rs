@@ -105,7 +105,11 @@ fn off(pair: (TriangleMesh, TriangleMesh), clearance: f64, distance: f64) -> [f6
 #[test]
 fn flat_walls_push_as_in_the_slow_sum() {
     let clearance = 1e-4;
-    let [force, torque] = off(PegInHole::Rectangular.pair(clearance).unwrap(), clearance, 1e-3);
+    let [force, torque] = off(
+        PegInHole::Rectangular.pair(clearance).unwrap(),
+        clearance,
+        1e-3,
+    );
     assert!(force < 0.008 && torque < 0.01, "{force} {torque}");
 }
 
@@ -114,7 +118,11 @@ fn flat_walls_push_as_in_the_slow_sum() {
 #[test]
 fn round_walls_push_as_in_the_slow_sum() {
     let clearance = 1e-4;
-    let [force, torque] = off(PegInHole::Circular.pair(clearance).unwrap(), clearance, 1e-3);
+    let [force, torque] = off(
+        PegInHole::Circular.pair(clearance).unwrap(),
+        clearance,
+        1e-3,
+    );
     assert!(force < 0.02 && torque < 0.025, "{force} {torque}");
 }
 
@@ -224,11 +232,17 @@ fn what_cannot_be_summed_is_refused() {
         let width = ContactSum::new(&cube, &cube, bad, 0.1).err();
         assert!(matches!(width, Some(ContactError::Width { .. })), "{bad}");
         let distance = ContactSum::new(&cube, &cube, 0.1, bad).err();
-        assert!(matches!(distance, Some(ContactError::Distance { .. })), "{bad}");
+        assert!(
+            matches!(distance, Some(ContactError::Distance { .. })),
+            "{bad}"
+        );
     }
     for small in [1e-7, 1e-300] {
         let many = ContactSum::new(&cube, &cube, 0.1, small).err();
-        assert!(matches!(many, Some(ContactError::TooMany { .. })), "{small}");
+        assert!(
+            matches!(many, Some(ContactError::TooMany { .. })),
+            "{small}"
+        );
     }
     assert!(ContactSum::new(&cube, &cube, 1e-300, 0.3).is_ok());
     assert!(ContactSum::new(&cube, &cube, 1e300, 0.3).is_ok());

@@ -172,23 +172,19 @@ fn principal(m: DMat2) -> (DVec2, DVec2) {
 /// The solution of symmetric positive equations; none if they are not.
 pub(super) fn solved<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     for i in 0..N {
-        // Neither zero nor not a number.
-        if !(a[i][i] > 0.0) {
+        let (row, right) = (a[i], b[i]);
+        if row[i].is_nan() || row[i] <= 0.0 {
             return None;
         }
         for j in i + 1..N {
-            let factor = a[j][i] / a[i][i];
-            for k in i..N {
-                a[j][k] -= factor * a[i][k];
-            }
-            b[j] -= factor * b[i];
+            let factor = a[j][i] / row[i];
+            a[j].iter_mut().zip(row).for_each(|(x, y)| *x -= factor * y);
+            b[j] -= factor * right;
         }
     }
     for i in (0..N).rev() {
-        for k in i + 1..N {
-            b[i] -= a[i][k] * b[k];
-        }
-        b[i] /= a[i][i];
+        let known = a[i].iter().zip(b).skip(i + 1);
+        b[i] = (b[i] - known.map(|(x, y)| x * y).sum::<f64>()) / a[i][i];
     }
     Some(b)
 }

@@ -114,15 +114,6 @@ impl ContactSurface {
         self.kernel.reach()
     }
 
-    /// Memory that is held, bytes.
-    pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.planes.as_slice())
-            + size_of_val(self.edges.as_slice())
-            + size_of_val(self.starts.as_slice())
-            + size_of_val(self.views.as_slice())
-            + size_of_val(self.listed.as_slice())
-    }
-
     /// The regions' planes and edges; of each the first edge and the number of edges.
     fn add(&mut self, outlines: &[Outline]) -> Vec<(u32, u32)> {
         let mut ranges = Vec::with_capacity(outlines.len());

@@ -107,7 +107,8 @@ impl<'a> Seen<'a> {
         let way = self.foot - from;
         let a = (self.border.from - from).perp_dot(way) < 0.0;
         let b = (self.border.to - from).perp_dot(way) < 0.0;
-        match a != b {
+        // What is bent goes all the way through.
+        match a != b || self.border.bend != 0.0 {
             true if after => -1.0,
             true => 1.0,
             false => 0.0,
@@ -165,7 +166,12 @@ impl<'a> Seen<'a> {
             true => (across.simd_ge(zero), 1.0),
             false => (across.simd_lt(zero), -1.0),
         };
-        (other & apart).select(f32x16::splat(simd, change), zero)
+        let crossed = match self.border.bend == 0.0 {
+            true => other & apart,
+            // It goes all the way through.
+            false => other,
+        };
+        crossed.select(f32x16::splat(simd, change), zero)
     }
 
     /// Adds `2π` times what it takes.

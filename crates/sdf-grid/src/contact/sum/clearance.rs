@@ -8,7 +8,7 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
 /// Cells along the longest side.
-const CELLS: f64 = 40.0;
+const CELLS: f64 = 32.0;
 
 /// Distances of a surface on a coarse lattice.
 #[derive(Debug, Clone)]

@@ -61,9 +61,8 @@ impl<S: Simd> Lean<S> {
         let below = above.height.simd_lt(zero);
         let rise = below.select(zero - rise, rise);
         sums.height += above.height.simd_eq(zero).select(zero, rise);
-        for k in 0..2 {
-            sums.along[k] -= value * slopes[k];
-        }
+        sums.along[0] -= value * slopes[0];
+        sums.along[1] -= value * slopes[1];
         // e² - x² over e², and r² / e.
         let bow = part * (extent + height) * inverse;
         let lever = self.half * self.half * inverse;
@@ -102,7 +101,7 @@ fn faded<S: Simd>(
             slopes[0].mul_add(factor, slope * x),
             slopes[1].mul_add(factor, slope * y),
         ];
-        fade = fade * factor;
+        fade *= factor;
     }
     (fade, slopes)
 }

@@ -3,7 +3,8 @@
 //! - [`lanes`], [`vectors`], [`smooth`]: elementary functions and the kernel for sixteen samples;
 //! - [`smooth_parts`]: a surface between its sharp edges; [`spread`], [`gathered`], [`cells`]: samples
 //!   of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
-//! - [`regions`]: flat and curved regions of the other surface; [`osculating`]: the latter as tori;
+//! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
+//!   latter as tori;
 //!   [`chain`]: borders in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
 //! - [`border`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
@@ -15,6 +16,7 @@ mod circle;
 mod clearance;
 mod clusters;
 pub(crate) mod contact_sum;
+mod cylinder;
 mod gathered;
 mod kink;
 mod lanes;

@@ -4,29 +4,40 @@ use glam::{DMat2, DVec2, DVec3};
 
 /// Curvature at most, per reach of the kernel: of what is bent more the kernel's reach covers too
 /// much for one curvature.
-const MOST_BENT: f64 = 0.45;
+pub(super) const MOST_BENT: f64 = 0.45;
 
 /// Surfaces bent less are flat.
 const LEAST_BENT: f64 = 1e-4;
 
 /// How far a torus may be from the surface near by, and how that grows with the distance beyond
 /// [`NEAR`], in units of the reach.
-const OFF: f64 = 0.006;
+pub(super) const OFF: f64 = 0.006;
 const OFF_FAR: f64 = 0.03;
 const NEAR: f64 = 0.9;
 
 /// Normals differ from the torus' by an angle of this cosine at most.
-const ALONG: f64 = 0.95;
+pub(super) const ALONG: f64 = 0.95;
 
 /// Looks at the surface, each from the torus found before.
 const LOOKS: usize = 4;
 
-/// A small piece of a surface: lengths are in units of the reach.
+/// A small piece of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surfel {
     pub(super) place: DVec3,
     pub(super) normal: DVec3,
     pub(super) area: f64,
+}
+
+impl Surfel {
+    /// In units of `unit`, relative to `origin`.
+    pub(super) fn scaled(&self, origin: DVec3, unit: f64) -> Self {
+        Self {
+            place: (self.place - origin) / unit,
+            normal: self.normal,
+            area: self.area / (unit * unit),
+        }
+    }
 }
 
 /// A torus, a cylinder, a sphere or a plane.
@@ -159,25 +170,21 @@ fn principal(m: DMat2) -> (DVec2, DVec2) {
 }
 
 /// The solution of symmetric positive equations; none if they are not.
-fn solved(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> Option<[f64; 6]> {
-    for i in 0..6 {
-        // Neither zero nor not a number.
-        if !(a[i][i] > 0.0) {
+pub(super) fn solved<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
+    for i in 0..N {
+        let (row, right) = (a[i], b[i]);
+        if row[i].is_nan() || row[i] <= 0.0 {
             return None;
         }
-        for j in i + 1..6 {
-            let factor = a[j][i] / a[i][i];
-            for k in i..6 {
-                a[j][k] -= factor * a[i][k];
-            }
-            b[j] -= factor * b[i];
+        for j in i + 1..N {
+            let factor = a[j][i] / row[i];
+            a[j].iter_mut().zip(row).for_each(|(x, y)| *x -= factor * y);
+            b[j] -= factor * right;
         }
     }
-    for i in (0..6).rev() {
-        for k in i + 1..6 {
-            b[i] -= a[i][k] * b[k];
-        }
-        b[i] /= a[i][i];
+    for i in (0..N).rev() {
+        let known = a[i].iter().zip(b).skip(i + 1);
+        b[i] = (b[i] - known.map(|(x, y)| x * y).sum::<f64>()) / a[i][i];
     }
     Some(b)
 }

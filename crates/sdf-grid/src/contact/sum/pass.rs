@@ -243,16 +243,12 @@ impl<S: Simd> Totals<S> {
         let height = sums.height * spread - sums.value * mean;
         let [ix, iy] = unrolled.shrunk;
         let slopes = [
-            x * value * unrolled.bent[0] + up * spread * sums.along[0] * ix,
-            y * value * unrolled.bent[1] + up * spread * sums.along[1] * iy,
+            x * flux * unrolled.bent[0] + up * spread * sums.along[0] * ix,
+            y * flux * unrolled.bent[1] + up * spread * sums.along[1] * iy,
             up * height,
         ];
-        let mut slope = [splat(value.token(), 0.0); 3];
-        for k in 0..3 {
-            slope[k] = slopes[0] * unrolled.x[k]
-                + slopes[1] * unrolled.y[k]
-                + slopes[2] * unrolled.normal[k];
-        }
+        // Along the sheet's axes.
+        let slope = unrolled.back(&slopes);
         for k in 0..3 {
             self.gradient[k] += slope[0] * u[k] + slope[1] * v[k] + slope[2] * normal[k];
             let n = unrolled.normal[0] * u[k]

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
+use super::cylinder::Cylinder;
 use super::osculating::Surfel;
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
@@ -24,6 +25,8 @@ pub(super) struct Regions {
     pub(super) curved: Vec<u32>,
     /// The surface of curved regions in small pieces, in metres, each with its region.
     pub(super) surfels: Vec<(u32, Surfel)>,
+    /// Regions that are cylinders, in units of the reach.
+    pub(super) cylinders: HashMap<u32, Cylinder>,
     /// Edges of curved regions, the region to their left seen from outside: region, vertices.
     pub(super) borders: Vec<(u32, [u32; 2])>,
 }
@@ -52,9 +55,18 @@ impl Regions {
                 borders.extend(parts.borders(mesh, t).map(|ends| (*region, ends)));
             }
         }
+        let surfels = surfels(mesh, &curved, SURFEL * reach)?;
+        let cylinders = surfels.chunk_by(|a, b| a.0 == b.0).filter_map(|of_region| {
+            let scaled = of_region.iter().map(|s| s.1.scaled(DVec3::ZERO, reach));
+            Some((
+                of_region[0].0,
+                Cylinder::fitted(&scaled.collect::<Vec<_>>())?,
+            ))
+        });
         Ok(Self {
             flat: outlines(&of_flat, mesh.vertices(), flat),
-            surfels: surfels(mesh, &curved, SURFEL * reach)?,
+            cylinders: cylinders.collect(),
+            surfels,
             curved,
             borders,
         })

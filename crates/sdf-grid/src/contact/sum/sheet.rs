@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::chain::{Arc, allowed, chained, straightened};
-use super::osculating::{Osculating, Surfel};
+use super::osculating::{MOST_BENT, Osculating, Surfel};
 use super::regions::Regions;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
@@ -11,6 +11,16 @@ use crate::surface::bvh::tree::Bvh;
 /// Where on a flat region one stands from where insides are counted, in units of the reach from the
 /// foot of the cell's middle: no edge lies there unless it is put there.
 const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
+
+/// Unrolled from the inside of a bend, places are at most this many times as far apart.
+pub(super) const FARTHER: f64 = 1.0 / (1.0 - MOST_BENT);
+
+/// Angle around a torus beyond which nothing is seen.
+const BEHIND: f64 = 2.5;
+
+/// By how much a bent border is longer than what is near: places on the inside of the bend see more
+/// of it, and none may see an end.
+const BEYOND: f64 = 4.0;
 
 /// The same, from the middle of a bent border.
 const OFF_ARC: f32 = 0.373_1;
@@ -93,15 +103,7 @@ impl Surface<'_> {
         let mut surfels: Vec<(u32, Surfel)> = surfels
             .map(|id| {
                 let (region, surfel) = self.regions.surfels[*id as usize];
-                let place = (surfel.place - middle) / self.unit;
-                let area = surfel.area / (self.unit * self.unit);
-                let normal = surfel.normal;
-                let surfel = Surfel {
-                    place,
-                    normal,
-                    area,
-                };
-                (region, surfel)
+                (region, surfel.scaled(middle, self.unit))
             })
             .collect();
         surfels.sort_by_key(|(region, _)| *region);
@@ -113,7 +115,12 @@ impl Surface<'_> {
                 a.total_cmp(&b)
             });
             of_region.swap(0, nearest.unwrap_or(0));
-            match Osculating::fitted(&of_region) {
+            let whole = self.regions.cylinders.get(&region);
+            let torus = match whole {
+                Some(cylinder) => cylinder.seen_from(middle / self.unit, of_region[0].place),
+                None => Osculating::fitted(&of_region),
+            };
+            match torus {
                 Some(torus) => {
                     self.add_curved(&mut list, &torus, of_region[0], middle, near, region)
                 }
@@ -188,9 +195,12 @@ impl Surface<'_> {
             .borders
             .iter()
             .map(|b| self.regions.borders[*b as usize]);
-        let edges: Vec<[u32; 2]> = borders.filter(|b| b.0 == region).map(|b| b.1).collect();
+        // What is unrolled to either end of a circle is far behind.
+        let before = |v: &u32| (place(v) * torus.curvature).abs().max_element() < BEHIND;
+        let edges = borders.filter(|b| b.0 == region).map(|b| b.1);
+        let edges: Vec<[u32; 2]> = edges.filter(|e| e.iter().all(before)).collect();
         let (about, _) = torus.developed(DVec3::ZERO);
-        let most = self.seen / self.unit;
+        let most = FARTHER * self.seen / self.unit;
         let first = list.borders.len();
         for chain in chained(&edges) {
             let chain: Vec<DVec2> = chain.iter().map(place).collect();
@@ -306,7 +316,7 @@ impl Border {
             to: b.as_vec2(),
             middle: arc.middle.as_vec2(),
             along: arc.along.as_vec2(),
-            length: arc.length as f32,
+            length: (arc.length + BEYOND) as f32,
             bend: arc.bend as f32,
         })
     }

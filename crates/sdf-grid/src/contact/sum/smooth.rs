@@ -17,7 +17,7 @@ pub(super) const ENTIRE: [f32; TERMS] = [
     1.117_901_8,
     -2.111_371,
     3.702_628_8,
-    -4.535_737_2,
+    -4.535_737,
     3.549_470_3,
     -1.575_554_6,
     0.299_411_26,
@@ -70,8 +70,8 @@ impl<S: Simd> Taylor<S> {
             self.slopes[0] * moment,
         ];
         for k in 1..TERMS - 1 {
-            ta = ta * va;
-            tb = tb * vb;
+            ta *= va;
+            tb *= vb;
             let odd = 1.0 / (2 * k + 1) as f32;
             let before = square * (moment * (2.0 * k as f32 * odd));
             moment = (tb - ta).mul_add(odd, before);

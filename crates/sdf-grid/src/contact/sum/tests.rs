@@ -87,9 +87,9 @@ fn off(pair: (TriangleMesh, TriangleMesh), clearance: f64, distance: f64) -> [f6
     let [a, b] = &moved.parts;
     let fast = ContactSum::new(a, b, WIDTH, distance).unwrap();
     let surface = ContactSurface::new(a, WIDTH).unwrap();
-    let samples = surface_samples(b, 0.3e-3).unwrap();
+    let samples = surface_samples(b, 0.35e-3).unwrap();
     let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
-    for k in 0..6 {
+    for k in 0..4 {
         let at = moved.pose(contact(k, clearance));
         let (found, expected) = (fast.sum(at.0, at.1), slow(&surface, &samples, at));
         let moments = [&found, &expected].map(|s| moved.moment(at, s));
@@ -196,7 +196,7 @@ fn everything_is_finite() {
     let far = DVec3::new(1e4, -3e4, 2e4);
     let cube = shapes::cuboid(DVec3::splat(0.01)).unwrap();
     let sliver = shapes::cuboid(DVec3::new(0.02, 1e-7, 3e-5)).unwrap();
-    let round = shapes::icosphere(0.006, 6).unwrap();
+    let round = shapes::icosphere(0.006, 4).unwrap();
     let bodies = [&cube, &sliver, &round];
     for (i, a) in bodies.into_iter().enumerate() {
         let shifted = a.transformed(DQuat::IDENTITY, far);

@@ -46,6 +46,16 @@ impl<S: Simd> Unrolled<S> {
     pub(super) fn along(&self, v: &Vectors<S>) -> Vectors<S> {
         [inner(v, &self.x), inner(v, &self.y), inner(v, &self.normal)]
     }
+
+    /// The other way round.
+    #[inline(always)]
+    pub(super) fn back(&self, v: &Vectors<S>) -> Vectors<S> {
+        let mut sum = *v;
+        for (k, sum) in sum.iter_mut().enumerate() {
+            *sum = v[0] * self.x[k] + v[1] * self.y[k] + v[2] * self.normal[k];
+        }
+        sum
+    }
 }
 
 impl Sheet {

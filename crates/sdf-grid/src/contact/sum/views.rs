@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::regions::Regions;
-use super::sheet::{Border, List, Near, Sheet, Surface};
+use super::sheet::{Border, FARTHER, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -117,7 +117,7 @@ impl Views {
         }
         for (id, (_, ends)) in regions.borders.iter().enumerate() {
             let ends = ends.map(|v| mesh.vertices()[v as usize]);
-            for flat in self.cells_in(&Aabb::around(ends).grown(seen)) {
+            for flat in self.cells_in(&Aabb::around(ends).grown(FARTHER * seen)) {
                 near[flat].borders.push(id as u32);
                 listed += 1;
             }

@@ -63,6 +63,11 @@ cloud:
     cargo test -p fft-correlate --features cloud --test it store_memory
     cargo test -p pegfit --features cloud --test cli cloud
 
+# The Python package in full: an optimized wheel, slow tests, types, optional packages; PYTHONS are
+# interpreters (default: python3).
+python *PYTHONS:
+    tests/python/run full {{PYTHONS}}
+
 # Tables by Slurm, mpirun and a Kubernetes Job's command; tables in zarr-python and xarray.
 batch:
     cargo build --release

@@ -30,7 +30,7 @@ mod _core {
     #[pymodule_export]
     use crate::parts::density::density;
     #[pymodule_export]
-    use crate::parts::mesh::Mesh;
+    use crate::parts::mesh::{Mesh, peg_in_hole};
     #[pymodule_export]
     use crate::poses::from_matrices;
     #[pymodule_export]

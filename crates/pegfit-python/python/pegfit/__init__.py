@@ -8,7 +8,7 @@ are minus its gradient. `docs/python.md` is the page to read.
 from pegfit._core import VERSION as __version__
 from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, SceneError, TableError
 from pegfit._loop import TICK, ForcePath, Run, feel
-from pegfit._mesh import Density, Mesh, MeshReport, density
+from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
 from pegfit._pair import Docking, Pair, Scores
 from pegfit._response import Response
 from pegfit._source import Evaluator, Source, Table
@@ -36,4 +36,5 @@ __all__ = [
     "__version__",
     "density",
     "feel",
+    "peg_in_hole",
 ]

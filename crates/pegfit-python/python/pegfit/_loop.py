@@ -123,6 +123,11 @@ def feel(
     Raises:
         DeviceError: A setting is out of range, or the loop could not run.
         TableError: The table was closed.
+
+    >>> from pegfit import peg_in_hole
+    >>> run = feel(Pair(*peg_in_hole(), spacing=0.003), "collision", seconds=0.05)
+    >>> run.ticks["force"].shape
+    (50, 3)
     """
     core = _source_of(source)
     given = json.dumps(dict(hand or {}))
@@ -150,6 +155,13 @@ class ForcePath:
 
     Raises:
         DeviceError: A setting is unknown or out of range.
+
+    >>> from pegfit import peg_in_hole
+    >>> path = ForcePath(Pair(*peg_in_hole(), spacing=0.003), {"ramp_s": 0.1})
+    >>> for tick in range(200):
+    ...     force, torque = path.step([0, 0, 0.002, 0, 0, 0, 1], tick * 1e-3)
+    >>> bool(force[2] < 0)
+    True
     """
 
     def __init__(

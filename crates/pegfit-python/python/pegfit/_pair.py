@@ -16,7 +16,7 @@ from pegfit._progress import Progress, Reporting
 from pegfit._source import Evaluator, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as _Axes
 
 Float = NDArray[np.float64]
 
@@ -54,6 +54,10 @@ class Pair:
     Raises:
         MeshError: A mesh cannot be used, or its unit is not known.
         SceneError: A number is out of range, or the fields do not fit in memory.
+
+    >>> from pegfit import peg_in_hole
+    >>> Pair(*peg_in_hole("rectangular"), spacing=0.002)
+    Pair of 'rectangular hole' and 'rectangular peg': 32 and 12 faces, spacing 2 mm
     """
 
     def __init__(
@@ -132,6 +136,14 @@ class Pair:
 
         Raises:
             SceneError: A number is out of range, or a part has no interior on its lattice.
+
+        Two millimetres out of the fit, the peg is drawn back in:
+
+        >>> from pegfit import peg_in_hole
+        >>> source = Pair(*peg_in_hole(), spacing=0.002).evaluator()
+        >>> response = source.query([[0, 0, 0.002, 0, 0, 0, 1]])
+        >>> bool(response.energy[0] < 0 and response.force[0, 2] < 0)
+        True
         """
         with Reporting(progress) as report:
             return Evaluator(self._core.evaluator(tolerance, report), self)
@@ -154,6 +166,14 @@ class Pair:
         Raises:
             PoseError: The rotation is none.
             SceneError: The window has no node or too many, or does not fit in memory.
+
+        >>> from pegfit import peg_in_hole
+        >>> scores = Pair(*peg_in_hole(), spacing=0.002).correlate(window=0.006)
+        >>> scores.values.shape
+        (7, 7, 7)
+        >>> poses, values = scores.top(1)
+        >>> poses.round(6)
+        array([[0., 0., 0., 0., 0., 0., 1.]])
         """
         turn = quaternion(rotation)
         corners = None if window is None else _corners(window)
@@ -183,6 +203,11 @@ class Pair:
             SceneError: A number is out of range, the search does not fit in memory, or the state
                 file is of another search.
             KeyboardInterrupt: Within 50 ms of Ctrl-C; what was scored is in the state file.
+
+        >>> from pegfit import peg_in_hole
+        >>> found = Pair(*peg_in_hole("combined"), spacing=0.002).dock(top=1)
+        >>> bool(abs(found.poses[0, :3]).max() < 5e-4 and found.depth[0] == 1)
+        True
         """
         with Reporting(progress) as report:
             poses, numbers, refined, counts = _core.dock(
@@ -224,6 +249,16 @@ class Pair:
             SceneError: A number is out of range, or it does not fit in memory.
             KeyboardInterrupt: Within 50 ms of Ctrl-C; rotations that were finished stay, and
                 `resume` goes on from them.
+
+        >>> import os, tempfile
+        >>> from pegfit import peg_in_hole
+        >>> pair = Pair(*peg_in_hole(), spacing=0.003)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     table = pair.bake(os.path.join(folder, "t.zarr"), half_extent=0.009, angle_deg=5)
+        >>> table.rotations
+        125
+        >>> bool(table.query([[0, 0, 0.002, 0, 0, 0, 1]]).force[0, 2] < 0)
+        True
         """
         half = None if half_extent is None else three(half_extent, "half_extent")
         with Reporting(progress) as report:
@@ -282,7 +317,7 @@ class Scores:
         poses = _core.poses_at(self._pair._core, self.rotation, displacements)
         return poses, self.values[tuple(index.T)].astype(np.float64)
 
-    def plot(self, ax: Optional[Axes] = None) -> Axes:
+    def plot(self, ax: Optional[_Axes] = None) -> _Axes:
         """Draws the score on the plane of y in which it is highest (needs matplotlib)."""
         from pegfit._plots import score_map
 

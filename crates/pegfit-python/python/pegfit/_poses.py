@@ -23,7 +23,7 @@ RotationLike = Union[ArrayLike, Any]
 Float = NDArray[np.float64]
 
 
-def _numbers(values: ArrayLike, item: str) -> Float:
+def _numbers(values: Any, item: str) -> Float:
     try:
         return np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -16,7 +16,7 @@ from pegfit._response import Response, check_out
 if TYPE_CHECKING:
     from types import TracebackType
 
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as _Axes
 
     from pegfit._pair import Pair
 
@@ -144,13 +144,14 @@ class Table(_Source):
     def error(self) -> Optional[dict[str, Any]]:
         """What the table says of its own error: rms, 99th percentile and worst of energy (J), force
         (N) and torque (N m), each beside the rms of the quantity itself (`scale`)."""
-        return self._said["error"]
+        error: Optional[dict[str, Any]] = self._said["error"]
+        return error
 
     def to_dict(self) -> dict[str, Any]:
         """Everything that is known of it, by name."""
         return dict(self._said)
 
-    def plot(self, ax: Optional[Axes] = None) -> Axes:
+    def plot(self, ax: Optional[_Axes] = None) -> _Axes:
         """Draws the energy along x, y and z through the modelled pose (needs matplotlib)."""
         from pegfit._plots import energy_lines
 

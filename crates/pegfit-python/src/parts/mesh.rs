@@ -9,6 +9,7 @@ use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
+use sdf_grid::shapes::PegInHole;
 use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, TriangleMesh, symmetry};
 use serde_json::json;
 
@@ -52,6 +53,31 @@ fn read(
     })
 }
 
+fn cleaned(name: &str, vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Mesh, Failure> {
+    let options = HygieneOptions::default();
+    let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options)?;
+    Ok(Mesh {
+        mesh: Arc::new(mesh),
+        report,
+    })
+}
+
+/// One of the paper's three pairs: the hole, `clearance` metres wider on every side, and the peg.
+#[pyfunction]
+pub(crate) fn peg_in_hole(section: &str, clearance: f64) -> Result<(Mesh, Mesh), Failure> {
+    let found = PegInHole::ALL.into_iter().find(|s| s.name() == section);
+    let found = found.ok_or_else(|| {
+        let expected = "circular, rectangular or combined";
+        Failure::found(Kind::Mesh, "section", expected, section)
+    })?;
+    let (hole, peg) = found.pair(clearance)?;
+    let named = |part: &str, mesh: TriangleMesh| {
+        let (vertices, triangles) = (mesh.vertices().to_vec(), mesh.triangles().to_vec());
+        cleaned(&format!("{section} {part}"), vertices, triangles)
+    };
+    Ok((named("hole", hole)?, named("peg", peg)?))
+}
+
 #[pymethods]
 impl Mesh {
     /// Reads a file.
@@ -89,14 +115,7 @@ impl Mesh {
         let triangles: Vec<[u32; 3]> = (faces.rows().into_iter())
             .map(|row| [index(row[0]), index(row[1]), index(row[2])])
             .collect();
-        run(py, None, move |_| {
-            let options = HygieneOptions::default();
-            let (mesh, report) = TriangleMesh::clean(&name, vertices, triangles, &options)?;
-            Ok(Self {
-                mesh: Arc::new(mesh),
-                report,
-            })
-        })
+        run(py, None, move |_| cleaned(&name, vertices, triangles))
     }
 
     /// Metres, (n, 3).

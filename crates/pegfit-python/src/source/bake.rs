@@ -11,6 +11,7 @@ use pegfit_scene::TableReference;
 use pyo3::prelude::*;
 
 use super::any::AnySource;
+use super::claim::Claim;
 use super::source_class::Source;
 use super::table::told;
 use crate::failure::raised::{Failure, Kind};
@@ -177,8 +178,10 @@ pub(crate) fn bake_table(
         tolerance,
         resume,
     };
+    let claim = Claim::wait(py, &wanted.path)?;
     let parts = Arc::clone(&pair.parts);
     let (source, said) = run(py, progress.as_ref(), move |watch| {
+        let _until_it_ends = claim;
         wanted.bake(&parts, watch)
     })?;
     Ok((Source::new(source), said))

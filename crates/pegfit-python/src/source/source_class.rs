@@ -2,7 +2,7 @@
 
 use std::sync::{PoisonError, RwLock};
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{BorrowError, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use super::any::AnySource;
@@ -48,6 +48,15 @@ fn rows_of_mut<const N: usize>(flat: &mut [f64]) -> Result<&mut [[f64; N]], Fail
     }
 }
 
+fn in_use(error: BorrowError) -> Failure {
+    Failure::found(
+        Kind::Pose,
+        "out",
+        "arrays apart that nobody else uses",
+        error,
+    )
+}
+
 fn columns(count: usize) -> Failure {
     Failure::found(Kind::Pose, "array", format!("{count} columns"), "others")
 }
@@ -69,8 +78,10 @@ impl Source {
         threads: Option<usize>,
     ) -> PyResult<()> {
         let source = self.get()?;
-        let (mut energy, mut force) = (energy.try_readwrite()?, force.try_readwrite()?);
-        let (mut torque, mut coverage) = (torque.try_readwrite()?, coverage.try_readwrite()?);
+        let mut energy = energy.try_readwrite().map_err(in_use)?;
+        let mut force = force.try_readwrite().map_err(in_use)?;
+        let mut torque = torque.try_readwrite().map_err(in_use)?;
+        let mut coverage = coverage.try_readwrite().map_err(in_use)?;
         let rows = Rows {
             poses: rows_of(poses.as_slice()?)?,
             energy: energy.as_slice_mut()?,

@@ -9,6 +9,7 @@ mod parts;
 mod poses;
 mod search;
 mod source;
+mod tables;
 mod work;
 
 use pegfit::memory_budget;
@@ -38,11 +39,11 @@ mod _core {
     #[pymodule_export]
     use crate::search::dock::dock;
     #[pymodule_export]
-    use crate::source::bake::bake_table;
-    #[pymodule_export]
     use crate::source::source_class::Source;
     #[pymodule_export]
-    use crate::source::table::open_table;
+    use crate::tables::bake::bake_table;
+    #[pymodule_export]
+    use crate::tables::open::open_table;
 
     /// The version of the package.
     #[pymodule_export]

@@ -42,44 +42,45 @@ impl From<MeshError> for Failure {
                     format!("{matches} of that name among {found}"),
                 )
                 .in_file(file),
-            MeshError::TooLarge {
-                part,
-                item,
-                limit,
-                found,
-            } => (said.about(item, format!("at most {limit}"), found)).in_file(part),
-            MeshError::NonFiniteVertex {
-                part,
-                vertex,
-                limit,
-                found,
-            } => said
-                .about(
-                    format!("vertex {vertex}"),
-                    format!("finite coordinates within {limit:e} m"),
-                    found,
-                )
-                .in_file(part),
-            MeshError::IndexOutOfRange {
-                part,
-                triangle,
-                expected,
-                found,
-            } => said
-                .about(
-                    format!("triangle {triangle}"),
-                    format!("vertex indices below {expected}"),
-                    found,
-                )
-                .in_file(part),
             MeshError::Unit { expected, found } => said.about("unit", expected, found),
             other => remaining(said, other),
         }
     }
 }
 
+/// Of what is in a mesh.
 fn remaining(said: Failure, error: MeshError) -> Failure {
     match error {
+        MeshError::TooLarge {
+            part,
+            item,
+            limit,
+            found,
+        } => (said.about(item, format!("at most {limit}"), found)).in_file(part),
+        MeshError::NonFiniteVertex {
+            part,
+            vertex,
+            limit,
+            found,
+        } => said
+            .about(
+                format!("vertex {vertex}"),
+                format!("finite coordinates within {limit:e} m"),
+                found,
+            )
+            .in_file(part),
+        MeshError::IndexOutOfRange {
+            part,
+            triangle,
+            expected,
+            found,
+        } => said
+            .about(
+                format!("triangle {triangle}"),
+                format!("vertex indices below {expected}"),
+                found,
+            )
+            .in_file(part),
         MeshError::Empty {
             part, triangles, ..
         } => said
@@ -98,6 +99,13 @@ fn remaining(said: Failure, error: MeshError) -> Failure {
                 found,
             )
             .in_file(part),
+        other => of_shape(said, other),
+    }
+}
+
+/// Of options, and of what is made.
+fn of_shape(said: Failure, error: MeshError) -> Failure {
+    match error {
         MeshError::OutOfRange {
             part,
             item,

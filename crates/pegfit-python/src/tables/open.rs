@@ -1,20 +1,20 @@
 //! Tables: opened, and what they hold.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fft_correlate::{EnergyTable, TableStore};
 use pyo3::prelude::*;
 use serde_json::json;
 
-use super::any::AnySource;
-use super::source_class::Source;
 use crate::failure::raised::Failure;
 use crate::memory_budget;
+use crate::source::any::AnySource;
+use crate::source::source_class::Source;
 use crate::work::run::run;
 
 /// A table in memory and its description, JSON.
-pub(crate) fn told(store: &TableStore, table: EnergyTable) -> (AnySource, String) {
+pub(super) fn told(store: &TableStore, table: EnergyTable) -> (AnySource, String) {
     let (spec, window) = (store.spec(), &store.spec().window);
     let bounds = window.node_bounds();
     let said = json!({
@@ -37,7 +37,7 @@ pub(crate) fn told(store: &TableStore, table: EnergyTable) -> (AnySource, String
     )
 }
 
-pub(crate) fn load(path: &std::path::Path, memory: u64) -> Result<(AnySource, String), Failure> {
+fn load(path: &Path, memory: u64) -> Result<(AnySource, String), Failure> {
     let store = TableStore::open(path)?;
     let table = store.load(memory)?;
     Ok(told(&store, table))

@@ -10,12 +10,12 @@ use fft_correlate::{
 use pegfit_scene::TableReference;
 use pyo3::prelude::*;
 
-use super::any::AnySource;
 use super::claim::Claim;
-use super::source_class::Source;
-use super::table::told;
+use super::open::told;
 use crate::failure::raised::{Failure, Kind};
 use crate::pair_class::{DEFAULT_BALL, Parts, PyPair};
+use crate::source::any::AnySource;
+use crate::source::source_class::Source;
 use crate::work::run::{Watch, run};
 
 /// Held-out poses at which the error of a finished table is measured, and their seed, as

@@ -68,6 +68,11 @@ cloud:
 python *PYTHONS:
     tests/python/run full {{PYTHONS}}
 
+# Rates of the Python package, wherever it is installed, beside those of Rust and of the command.
+python-bench PYTHON="python3":
+    cargo build --release -p pegfit-benches --bin rate
+    PEGFIT_RATE=target/release/rate {{PYTHON}} benches/python/query.py
+
 # Tables by Slurm, mpirun and a Kubernetes Job's command; tables in zarr-python and xarray.
 batch:
     cargo build --release

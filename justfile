@@ -68,6 +68,11 @@ cloud:
 python *PYTHONS:
     tests/python/run full {{PYTHONS}}
 
+# Contact by MuJoCo, coal, FCL, Drake and pegfit, side by side, hours (`--quick`: minutes); needs the
+# package and benches/peers/contact-requirements.txt.
+contact-peers *ARGS:
+    python3 benches/peers/contact.py {{ARGS}}
+
 # Rates of the Python package, wherever it is installed, beside those of Rust and of the command.
 python-bench PYTHON="python3":
     cargo build --release -p pegfit-benches --bin rate

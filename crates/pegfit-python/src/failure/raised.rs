@@ -30,6 +30,11 @@ pub(crate) enum Kind {
 pub(crate) struct Failure {
     kind: Kind,
     message: String,
+    evidence: Box<Evidence>,
+}
+
+#[derive(Debug, Default)]
+struct Evidence {
     file: Option<String>,
     item: Option<String>,
     expected: Option<String>,
@@ -52,10 +57,7 @@ impl Failure {
         Self {
             kind,
             message,
-            file: None,
-            item: None,
-            expected: None,
-            found: None,
+            evidence: Box::default(),
         }
     }
 
@@ -67,14 +69,12 @@ impl Failure {
         found: impl ToString,
     ) -> Self {
         let (item, expected, found) = (item.into(), expected.into(), found.to_string());
-        Self {
+        let said = Self {
             kind,
             message: format!("{item}: expected {expected}, found {found}"),
-            file: None,
-            item: Some(item),
-            expected: Some(expected),
-            found: Some(found),
-        }
+            evidence: Box::default(),
+        };
+        said.about(item, expected, found)
     }
 
     /// A computation that would need more memory than it may use.
@@ -99,7 +99,7 @@ impl Failure {
         if !self.message.contains(&file) {
             self.message = format!("{file}: {}", self.message);
         }
-        self.file = Some(file);
+        self.evidence.file = Some(file);
         self
     }
 
@@ -110,9 +110,9 @@ impl Failure {
         expected: impl ToString,
         found: impl ToString,
     ) -> Self {
-        self.item = Some(item.to_string());
-        self.expected = Some(expected.to_string());
-        self.found = Some(found.to_string());
+        self.evidence.item = Some(item.to_string());
+        self.evidence.expected = Some(expected.to_string());
+        self.evidence.found = Some(found.to_string());
         self
     }
 
@@ -125,11 +125,17 @@ impl Failure {
             Kind::Table => py.get_type::<errors::TableError>(),
             Kind::Device => py.get_type::<errors::DeviceError>(),
         };
+        let Evidence {
+            file,
+            item,
+            expected,
+            found,
+        } = *self.evidence;
         let evidence = PyDict::new(py);
-        evidence.set_item("file", self.file)?;
-        evidence.set_item("item", self.item)?;
-        evidence.set_item("expected", self.expected)?;
-        evidence.set_item("found", self.found)?;
+        evidence.set_item("file", file)?;
+        evidence.set_item("item", item)?;
+        evidence.set_item("expected", expected)?;
+        evidence.set_item("found", found)?;
         Ok(PyErr::from_value(
             class.call((self.message,), Some(&evidence))?,
         ))

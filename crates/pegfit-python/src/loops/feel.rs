@@ -70,7 +70,6 @@ pub(crate) fn tick_columns() -> Vec<&'static str> {
 /// Runs the loop: every tick, and the report as JSON.
 #[pyfunction]
 #[pyo3(signature = (pair, source, script, seconds, hand, real_time, progress))]
-#[expect(clippy::too_many_arguments, reason = "what is asked of a run")]
 pub(crate) fn feel<'py>(
     py: Python<'py>,
     pair: &PyPair,

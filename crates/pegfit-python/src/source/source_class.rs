@@ -66,7 +66,6 @@ impl Source {
     /// Writes energy, force, torque and coverage at every row of `poses` to arrays of as many
     /// rows, all contiguous.
     #[pyo3(signature = (poses, energy, force, torque, coverage, threads))]
-    #[expect(clippy::too_many_arguments, reason = "the arrays of one response")]
     fn query(
         &self,
         py: Python<'_>,

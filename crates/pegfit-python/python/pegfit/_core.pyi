@@ -1,6 +1,6 @@
 from collections.abc import Sequence
 from os import PathLike
-from typing import Any, Callable, Optional, final
+from typing import Callable, Optional, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,26 @@ _Path = str | PathLike[str]
 _Progress = Optional[Callable[[str, int, int], object]]
 _Three = tuple[float, float, float] | Sequence[float] | _F64
 _Four = Sequence[float] | _F64
+
+__all__ = [
+    "ForcePath",
+    "Mesh",
+    "Pair",
+    "Source",
+    "VERSION",
+    "bake_table",
+    "command",
+    "correlate",
+    "density",
+    "dock",
+    "feel",
+    "from_matrices",
+    "highest",
+    "open_table",
+    "peg_in_hole",
+    "poses_at",
+    "tick_columns",
+]
 
 VERSION: str
 

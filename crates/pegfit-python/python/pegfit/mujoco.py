@@ -122,7 +122,8 @@ class PassiveForce:
     def pose(self, data: mujoco.MjData) -> Float:
         """Pose of the moving part in the fixed part's frame, `(7,)`; a new array."""
         self._find(data)
-        return self._row[0].copy()
+        row: Float = self._row[0].copy()
+        return row
 
     def _find(self, data: mujoco.MjData) -> None:
         for k in (0, 1):

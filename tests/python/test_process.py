@@ -14,23 +14,24 @@ import pegfit
 from conftest import random_poses
 
 
-def interrupted(work, after):
-    """Sends Ctrl-C to this process `after` seconds into `work`; seconds until it was raised."""
+def interrupted(work, begun=None):
+    """Sends Ctrl-C to this process a second into `work`, or when it has `begun`; seconds until it was
+    raised."""
     sent = []
 
     def send():
+        time.sleep(1.0) if begun is None else begun.wait(60)
         sent.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
-    timer = threading.Timer(after, send)
-    timer.start()
+    sender = threading.Thread(target=send)
+    sender.start()
     try:
         with pytest.raises(KeyboardInterrupt):
             work()
         return time.perf_counter() - sent[0]
     finally:
-        timer.cancel()
-        timer.join()
+        sender.join()
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +42,19 @@ def fine():
 
 
 @pytest.mark.parametrize("work", ["density", "bake", "dock", "query", "feel", "tolerance"])
-def test_ctrl_c_is_raised_soon_and_leaves_the_process_usable(work, fine, table, tmp_path, request):
+def test_ctrl_c_is_raised_soon_and_leaves_the_process_usable(work, fine, table, tmp_path):
     poses = random_poses(20000, reach=0.01, angle=0.1, seed=1)
+    hole, begun = pegfit.peg_in_hole("combined")[0], threading.Event()
+    told = dict(progress=lambda done, total: begun.set())
     calls = {
-        "density": lambda: pegfit.density(pegfit.peg_in_hole("combined")[0], spacing=1e-4),
-        "bake": lambda: fine.bake(tmp_path / "t.zarr", step_deg=2.0),
-        "dock": lambda: fine.dock(exhaustive=True, state=tmp_path / "state"),
+        "density": lambda: pegfit.density(hole, spacing=1e-4, **told),
+        "bake": lambda: fine.bake(tmp_path / "t.zarr", step_deg=2.0, **told),
+        "dock": lambda: fine.dock(exhaustive=True, state=tmp_path / "state", **told),
         "query": lambda: fine.evaluator().query(poses),
         "feel": lambda: pegfit.feel(table, seconds=1e6),
-        "tolerance": lambda: fine.bake(tmp_path / "u.zarr", tolerance=1e-3),
+        "tolerance": lambda: fine.bake(tmp_path / "u.zarr", tolerance=1e-3, **told),
     }
-    taken = interrupted(calls[work], 1.0)
+    taken = interrupted(calls[work], None if work in ("query", "feel") else begun)
     print(f"{work}: {1e3 * taken:.1f} ms")
     # What is promised is 50 ms (`benches/python` measures it); a busy machine gets more.
     assert taken < 1.0
@@ -61,13 +64,20 @@ def test_ctrl_c_is_raised_soon_and_leaves_the_process_usable(work, fine, table, 
 def test_a_bake_that_was_interrupted_is_resumed(tmp_path):
     pair = pegfit.Pair(*pegfit.peg_in_hole("combined"), spacing=0.001, half_extent=0.01)
     pair.correlate(window=0.001)
-    path = tmp_path / "t.zarr"
-    interrupted(lambda: pair.bake(path, angle_deg=10, step_deg=4), 0.3)
+    path, options = tmp_path / "t.zarr", dict(angle_deg=10, step_deg=4)
+    begun = threading.Event()
+
+    def progress(done, total):
+        if total > 100 and done > 0:
+            begun.set()
+
+    interrupted(lambda: pair.bake(path, progress=progress, **options), begun)
     # Pieces that were begun then may still end in the background.
-    left = [f for f in (path / "energy").rglob("*") if f.is_file()] if path.exists() else []
-    told = []
-    table = pair.bake(path, angle_deg=10, step_deg=4, resume=True, progress=lambda *n: told.append(n))
-    assert table.rotations > len(left) > 0 and told
+    left = [f for f in (path / "energy").rglob("c.*") if f.is_file()]
+    with pytest.raises(pegfit.TableError):
+        pegfit.Table.open(path)
+    table = pair.bake(path, resume=True, **options)
+    assert table.rotations > len(left) > 0
 
 
 def test_threads_get_the_same_at_once(table, evaluator):

@@ -67,9 +67,7 @@ def test_an_interrupted_bake_goes_on_to_the_same_bytes(pair, tmp_path):
     with pytest.raises(pegfit.TableError) as caught:
         pegfit.Table.open(parts)
     assert caught.value.item == "rotation nodes" and caught.value.file == str(parts)
-    finished = energies(parts)
-    assert 0 < len(finished)
-    shutil.rmtree(parts)
+    assert 0 < len(energies(parts))
 
     # Byte for byte, without waiting for a long bake: take chunks away and bake again.
     reference = energies(whole)

@@ -107,7 +107,7 @@ def main() -> None:
         fine.correlate(window=0.001)
         evaluator = fine.evaluator()
         for name, call in [
-            ("density", lambda: pegfit.density(pegfit.peg_in_hole("combined")[0], spacing=5e-5)),
+            ("density", lambda: pegfit.density(pegfit.peg_in_hole("combined")[0], spacing=1e-4)),
             ("bake", lambda: fine.bake(Path(folder) / "u.zarr", step_deg=2.0)),
             ("dock", lambda: fine.dock(exhaustive=True)),
             ("query", lambda: evaluator.query(poses)),

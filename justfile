@@ -63,6 +63,21 @@ cloud:
     cargo test -p fft-correlate --features cloud --test it store_memory
     cargo test -p pegfit --features cloud --test cli cloud
 
+# The Python package in full: an optimized wheel, slow tests, types, optional packages; PYTHONS are
+# interpreters (default: python3).
+python *PYTHONS:
+    tests/python/run full {{PYTHONS}}
+
+# Contact by MuJoCo, coal, FCL, Drake and pegfit, side by side, hours (`--quick`: minutes); needs the
+# package and benches/peers/contact-requirements.txt.
+contact-peers *ARGS:
+    python3 benches/peers/contact.py {{ARGS}}
+
+# Rates of the Python package, wherever it is installed, beside those of Rust and of the command.
+python-bench PYTHON="python3":
+    cargo build --release -p pegfit-benches --bin rate
+    PEGFIT_RATE=target/release/rate {{PYTHON}} benches/python/query.py
+
 # Tables by Slurm, mpirun and a Kubernetes Job's command; tables in zarr-python and xarray.
 batch:
     cargo build --release

@@ -1,6 +1,6 @@
 //! The pegfit command line as a library: arguments and the commands.
 //!
-//! The binary only parses arguments and turns a [`CommandError`] into text and an exit code.
+//! The binary only calls [`program::run`].
 
 pub mod args;
 mod bytes;
@@ -9,8 +9,10 @@ mod context;
 mod error;
 mod exit;
 mod memory;
+pub mod program;
 mod report;
 pub mod terminal;
 
 pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
+pub use memory::budget as memory_budget;

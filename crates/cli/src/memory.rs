@@ -6,9 +6,9 @@ use crate::error::CommandError;
 /// estimate leaves out.
 const USABLE: f64 = 0.9;
 
-/// What a command may plan to use, bytes: `limit` if the user set one, else a share of what is
+/// What a computation may plan to use, bytes: `limit` if the user set one, else a share of what is
 /// [`available`].
-pub(crate) fn budget(limit: Option<u64>) -> u64 {
+pub fn budget(limit: Option<u64>) -> u64 {
     limit.unwrap_or_else(|| (USABLE * available() as f64) as u64)
 }
 

@@ -8,7 +8,7 @@ use pegfit_structure::{
     Graph, arrows, circles, file_length, flow_chart, function_lengths, public_paths, read_crate,
 };
 
-const CRATES: [&str; 7] = [
+const CRATES: [&str; 8] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
@@ -16,6 +16,7 @@ const CRATES: [&str; 7] = [
     "pictures",
     "cli",
     "pegfit-c",
+    "pegfit-python",
 ];
 
 fn repository() -> PathBuf {

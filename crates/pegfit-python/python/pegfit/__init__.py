@@ -1,0 +1,40 @@
+"""Assembly forces from two meshes: score, dock, bake and feel.
+
+Metres, newtons, newton metres, joules, seconds. A pose takes the moving part's frame to the fixed
+part's (or the scene's): x y z qx qy qz qw. Energy is lowest where the parts fit; force and torque
+are minus its gradient. `docs/python.md` is the page to read.
+"""
+
+from pegfit._core import VERSION as __version__
+from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, SceneError, TableError
+from pegfit._loop import TICK, ForcePath, Run, feel
+from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
+from pegfit._pair import Docking, Pair, Scores
+from pegfit._response import Response
+from pegfit._source import Evaluator, Source, Table
+
+__all__ = [
+    "TICK",
+    "Density",
+    "DeviceError",
+    "Docking",
+    "Evaluator",
+    "ForcePath",
+    "Mesh",
+    "MeshError",
+    "MeshReport",
+    "Pair",
+    "PegfitError",
+    "PoseError",
+    "Response",
+    "Run",
+    "SceneError",
+    "Scores",
+    "Source",
+    "Table",
+    "TableError",
+    "__version__",
+    "density",
+    "feel",
+    "peg_in_hole",
+]

@@ -1,0 +1,51 @@
+"""Exceptions, each with its evidence."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+
+class PegfitError(Exception):
+    """Anything that pegfit refuses or cannot do.
+
+    Attributes:
+        file: The file or part that it is about, if there is one.
+        item: What in it: a key, an argument, a row.
+        expected: What would have been accepted.
+        found: What was there.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: Optional[str] = None,
+        item: Optional[str] = None,
+        expected: Optional[str] = None,
+        found: Optional[str] = None,
+    ) -> None:
+        super().__init__(message)
+        self.file = file
+        self.item = item
+        self.expected = expected
+        self.found = found
+
+
+class MeshError(PegfitError):
+    """A mesh cannot be read or used."""
+
+
+class SceneError(PegfitError):
+    """A scene, a pair, or what is asked of it, cannot be used."""
+
+
+class PoseError(PegfitError, ValueError):
+    """Poses or rotations are of the wrong shape, not finite or not rotations."""
+
+
+class TableError(PegfitError, OSError):
+    """A table cannot be baked, opened or read, or was closed."""
+
+
+class DeviceError(PegfitError):
+    """The haptic loop cannot run as asked."""

@@ -1,0 +1,370 @@
+"""Two parts: their scores, where they fit, their tables."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Optional, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pegfit import _core
+from pegfit._mesh import MeshLike, Path, as_mesh
+from pegfit._poses import RotationLike, quaternion, three
+from pegfit._progress import Progress, Reporting
+from pegfit._source import Evaluator, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as _Axes
+
+Float = NDArray[np.float64]
+
+#: A box of displacements, metres: half its sides about zero (one number or three), or its least and
+#: greatest corner.
+Window = Union[ArrayLike, tuple[ArrayLike, ArrayLike]]
+
+
+def _corners(window: Window) -> tuple[Float, Float]:
+    if isinstance(window, tuple) and len(window) == 2:
+        return three(window[0], "window"), three(window[1], "window")
+    half = three(window, "window")
+    return -half, half
+
+
+class Pair:
+    """A part that stays and one that moves, modelled in the pose in which they fit.
+
+    Nothing is computed before the first call that needs the density fields; then they are kept.
+
+    Args:
+        fixed: The part that stays: a `Mesh`, a file, or an object with vertices and faces.
+        moving: The part that moves.
+        unit: Of meshes that state none.
+        spacing: Metres between lattice nodes; chosen from the parts if `None`.
+        model: `"guided"`, a funnel into the fit with walls that hold, or `"paper"`.
+        cache: Folder in which density fields are kept between runs.
+        peak_force: Scale of the energy: the greatest force, newtons, while the assembled part is
+            moved straight through the fit.
+        gamma: Instead of that, joules per cubic metre of score.
+        half_extent: Half the sides of the box of displacements of interest, metres; half the moving
+            part's longest side if `None`. `dock` looks everywhere if `None`.
+        memory: Bytes that computations may use; nine tenths of what is free if `None`.
+
+    Raises:
+        MeshError: A mesh cannot be used, or its unit is not known.
+        SceneError: A number is out of range, or the fields do not fit in memory.
+
+    >>> from pegfit import peg_in_hole
+    >>> Pair(*peg_in_hole("rectangular"), spacing=0.002)
+    Pair of 'rectangular hole' and 'rectangular peg': 32 and 12 faces, spacing 2 mm
+    """
+
+    def __init__(
+        self,
+        fixed: MeshLike,
+        moving: MeshLike,
+        unit: Optional[str] = None,
+        spacing: Optional[float] = None,
+        model: str = "guided",
+        cache: Optional[Path] = None,
+        *,
+        peak_force: float = 5.0,
+        gamma: Optional[float] = None,
+        half_extent: Optional[ArrayLike] = None,
+        memory: Optional[int] = None,
+    ) -> None:
+        meshes = [as_mesh(fixed, unit, "fixed"), as_mesh(moving, unit, "moving")]
+        self._names = [mesh.name for mesh in meshes]
+        half = None if half_extent is None else three(half_extent, "half_extent")
+        self._core = _core.Pair.of_meshes(
+            meshes[0]._core,
+            meshes[1]._core,
+            spacing,
+            model,
+            cache,
+            peak_force,
+            gamma,
+            half,
+            memory,
+        )
+
+    @classmethod
+    def from_scene(
+        cls, path: Path, *, fixed: Optional[str] = None, memory: Optional[int] = None
+    ) -> Pair:
+        """The pair of a scene file (`docs/scene.md`): poses are then those of the scene.
+
+        Args:
+            path: The file.
+            fixed: Of several fixed parts, the name of one.
+            memory: Bytes that computations may use.
+
+        Raises:
+            SceneError: The file, a value in it or what it asks for cannot be used.
+            MeshError: A mesh cannot be used.
+        """
+        pair = cls.__new__(cls)
+        pair._core = _core.Pair.from_scene(path, fixed, memory)
+        pair._names = [str(path)]
+        for warning in pair._core.warnings():
+            warnings.warn(warning, stacklevel=2)
+        return pair
+
+    @property
+    def spacing(self) -> float:
+        """Metres between lattice nodes."""
+        return self._core.describe()[0]
+
+    @property
+    def assembled(self) -> Float:
+        """The pose in which the parts fit, `(7,)`."""
+        return np.array(self._core.assembled())
+
+    @property
+    def pivot(self) -> Float:
+        """The point of the moving part that displacements speak of, metres, `(3,)`."""
+        return np.array(self._core.pivot(None))
+
+    def evaluator(self, tolerance: float = 0.0, *, progress: Progress = None) -> Evaluator:
+        """Energy at any pose by direct quadrature.
+
+        Args:
+            tolerance: Cells merge where the density varies by no more than this share of the part's
+                root mean square; 0 keeps every cell. 0.1 is enough for a loop.
+            progress: `True` for a bar, or a function of the units done and their number.
+
+        Raises:
+            SceneError: A number is out of range, or a part has no interior on its lattice.
+
+        Two millimetres out of the fit, the peg is drawn back in:
+
+        >>> from pegfit import peg_in_hole
+        >>> source = Pair(*peg_in_hole(), spacing=0.002).evaluator()
+        >>> response = source.query([[0, 0, 0.002, 0, 0, 0, 1]])
+        >>> bool(response.energy[0] < 0 and response.force[0, 2] < 0)
+        True
+        """
+        with Reporting(progress) as report:
+            return Evaluator(self._core.evaluator(tolerance, report), self)
+
+    def correlate(
+        self,
+        rotation: RotationLike = (0.0, 0.0, 0.0, 1.0),
+        window: Optional[Window] = None,
+        *,
+        progress: Progress = None,
+    ) -> Scores:
+        """The score of one rotation at every displacement of a window, by FFT.
+
+        Args:
+            rotation: Of the moving part: x y z w, a matrix `(3, 3)` or a `Rotation`.
+            window: Displacements of the pivot along the fixed part's own axes, metres: half the
+                sides of a box about zero, or its two corners; the pair's own box if `None`.
+            progress: `True` for a bar, or a function of the units done and their number.
+
+        Raises:
+            PoseError: The rotation is none.
+            SceneError: The window has no node or too many, or does not fit in memory.
+
+        >>> from pegfit import peg_in_hole
+        >>> scores = Pair(*peg_in_hole(), spacing=0.002).correlate(window=0.006)
+        >>> scores.values.shape
+        (7, 7, 7)
+        >>> poses, values = scores.top(1)
+        >>> poses.round(6)
+        array([[0., 0., 0., 0., 0., 0., 1.]])
+        """
+        turn = quaternion(rotation)
+        corners = None if window is None else _corners(window)
+        with Reporting(progress) as report:
+            values, origin, spacing = _core.correlate(self._core, turn, corners, report)
+        return Scores(values, np.array(origin), spacing, turn, self)
+
+    def dock(
+        self,
+        top: int = 10,
+        tolerance: Optional[float] = None,
+        *,
+        exhaustive: bool = False,
+        state: Optional[Path] = None,
+        progress: Progress = None,
+    ) -> Docking:
+        """Looks for the poses where the moving part belongs, from any start.
+
+        Args:
+            top: Distinct poses to return, at most.
+            tolerance: Relative L2 error allowed in the density fields, 1e-5 to 1e-2.
+            exhaustive: Score every rotation, without a sketch to choose among them.
+            state: File that keeps what was scored; a later call goes on from there.
+            progress: `True` for a bar, or a function of the units done and their number.
+
+        Raises:
+            SceneError: A number is out of range, the search does not fit in memory, or the state
+                file is of another search.
+            KeyboardInterrupt: Within 50 ms of Ctrl-C; what was scored is in the state file.
+
+        >>> from pegfit import peg_in_hole
+        >>> found = Pair(*peg_in_hole("combined"), spacing=0.002).dock(top=1)
+        >>> bool(abs(found.poses[0, :3]).max() < 5e-4 and found.depth[0] == 1)
+        True
+        """
+        with Reporting(progress) as report:
+            poses, numbers, refined, counts = _core.dock(
+                self._core, top, tolerance, exhaustive, state, report
+            )
+        energy, depth, own, width, overlap, condition = (numbers[:, k].copy() for k in range(6))
+        scored, rotations = (int(n) for n in counts)
+        return Docking(
+            poses, energy, depth, own, width, overlap, condition, refined, scored, rotations
+        )
+
+    def bake(
+        self,
+        path: Path,
+        half_extent: Optional[ArrayLike] = None,
+        angle_deg: Optional[float] = None,
+        step_deg: Optional[float] = None,
+        tolerance: Optional[float] = None,
+        resume: bool = False,
+        *,
+        progress: Progress = None,
+    ) -> Table:
+        """Tabulates the energy, measures the table's error and reads it.
+
+        Args:
+            path: Folder of the new table.
+            half_extent: Half the sides of the box of displacements, metres.
+            angle_deg: Radius of the ball of rotations, degrees; the scene's rotations, or 20, if
+                neither this nor `step_deg` is given.
+            step_deg: Angle between rotations, degrees; 5.
+            tolerance: Instead of spacing and step: the rms error of the force as a share of the rms
+                force, 0.1 for 10 %. They are chosen, and the coarsest that do are taken.
+            resume: Go on with a table that is there.
+            progress: `True` for a bar, or a function of the units done and their number.
+
+        Raises:
+            TableError: A table is there already, is one of another pair, or cannot be written, or
+                no table meets the tolerance.
+            SceneError: A number is out of range, or it does not fit in memory.
+            KeyboardInterrupt: Within 50 ms of Ctrl-C; rotations that were finished stay, and
+                `resume` goes on from them.
+
+        >>> import os, tempfile
+        >>> from pegfit import peg_in_hole
+        >>> pair = Pair(*peg_in_hole(), spacing=0.003)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     table = pair.bake(os.path.join(folder, "t.zarr"), half_extent=0.009, angle_deg=5)
+        >>> table.rotations
+        125
+        >>> bool(table.query([[0, 0, 0.002, 0, 0, 0, 1]]).force[0, 2] < 0)
+        True
+        """
+        half = None if half_extent is None else three(half_extent, "half_extent")
+        with Reporting(progress) as report:
+            core, description = _core.bake_table(
+                self._core, path, half, angle_deg, step_deg, tolerance, resume, report
+            )
+        return Table(core, description, self)
+
+    def __repr__(self) -> str:
+        spacing, fixed, moving = self._core.describe()
+        name = " and ".join(f"'{name}'" for name in self._names)
+        return f"Pair of {name}: {fixed} and {moving} faces, spacing {1e3 * spacing:.4g} mm"
+
+
+@dataclass(frozen=True, repr=False)
+class Scores:
+    """The score of one rotation over displacements.
+
+    Attributes:
+        values: Cubic metres, `(nx, ny, nz)`; the energy is minus gamma times it.
+        origin: First displacement, metres.
+        spacing: Metres between displacements.
+        rotation: Of the moving part, x y z w.
+    """
+
+    values: NDArray[np.float32]
+    origin: Float
+    spacing: float
+    rotation: Float
+    _pair: Pair
+
+    def _axis(self, k: int) -> Float:
+        return np.asarray(self.origin[k] + self.spacing * np.arange(self.values.shape[k]))
+
+    @property
+    def x(self) -> Float:
+        """Displacements of the pivot along the fixed part's own x axis, metres, `(nx,)`."""
+        return self._axis(0)
+
+    @property
+    def y(self) -> Float:
+        """The same along y, `(ny,)`."""
+        return self._axis(1)
+
+    @property
+    def z(self) -> Float:
+        """The same along z, `(nz,)`."""
+        return self._axis(2)
+
+    def top(self, k: int = 10, *, apart: Optional[float] = None) -> tuple[Float, Float]:
+        """The highest local maxima: their poses `(m, 7)` and scores `(m,)`, m at most `k`, highest
+        first, more than `apart` metres from each other (two spacings if `None`)."""
+        radius = 2.0 if apart is None else apart / self.spacing
+        index = np.array(_core.highest(self.values, k, radius), dtype=np.intp).reshape(-1, 3)
+        displacements = self.origin + self.spacing * index
+        poses = _core.poses_at(self._pair._core, self.rotation, displacements)
+        return poses, self.values[tuple(index.T)].astype(np.float64)
+
+    def plot(self, ax: Optional[_Axes] = None) -> _Axes:
+        """Draws the score on the plane of y in which it is highest (needs matplotlib)."""
+        from pegfit._plots import score_map
+
+        return score_map(self, ax)
+
+    def __repr__(self) -> str:
+        shape = " x ".join(str(n) for n in self.values.shape)
+        return (
+            f"Scores at {shape} displacements every {1e3 * self.spacing:.4g} mm, "
+            f"highest {float(self.values.max()):.4g} m³"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Docking:
+    """Poses where the moving part may belong, lowest energy first, unrefined ones last.
+
+    Attributes:
+        poses: `(k, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
+        energy: Under the docking weights, joules, `(k,)`.
+        depth: Energy as a share of the deepest pose's, `(k,)`.
+        model_energy: Energy under the pair's own model, joules, `(k,)`.
+        half_width: How far the energy takes to rise to half, metres, `(k,)`; infinite if it does not
+            within the moving part.
+        overlap: Share of the moving part inside the fixed one, `(k,)`.
+        condition: How far the terms of the score cancel, `(k,)`; NaN for all but the best.
+        refined: False where downhill led out of the domain, `(k,)`.
+        scored: Rotations scored.
+        rotations: Rotations looked at.
+    """
+
+    poses: Float
+    energy: Float
+    depth: Float
+    model_energy: Float
+    half_width: Float
+    overlap: Float
+    condition: Float
+    refined: NDArray[np.bool_]
+    scored: int
+    rotations: int
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        text = f"Docking: {len(self)} poses of {self.scored} of {self.rotations} rotations"
+        if len(self) == 0:
+            return text
+        return f"{text}, deepest {1e3 * self.energy[0]:.4g} mJ"

@@ -1,0 +1,74 @@
+"""Energies and what follows from them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pegfit._errors import PoseError
+
+Float = NDArray[np.float64]
+
+
+class Response:
+    """Energy, force and torque on the moving part at `n` poses.
+
+    Attributes:
+        energy: Joules, `(n,)`.
+        force: Newtons along the axes of the scene (the fixed part's own without one), `(n, 3)`.
+        torque: Newton metres along the same axes, about where the pose takes the origin of the
+            moving part's frame, `(n, 3)`.
+        coverage: 1 where the source knows the pose, 0 where it does not (force and torque are 0
+            there), in between at its edge, `(n,)`.
+    """
+
+    __slots__ = ("energy", "force", "torque", "coverage")
+
+    def __init__(self, energy: Float, force: Float, torque: Float, coverage: Float) -> None:
+        self.energy = energy
+        self.force = force
+        self.torque = torque
+        self.coverage = coverage
+
+    @classmethod
+    def empty(cls, count: int) -> Response:
+        """Arrays for `count` poses, not filled: to be given as `out` again and again.
+
+        >>> Response.empty(3).force.shape
+        (3, 3)
+        """
+        empty = np.empty
+        return cls(empty(count), empty((count, 3)), empty((count, 3)), empty(count))
+
+    def __len__(self) -> int:
+        return len(self.energy)
+
+    def __repr__(self) -> str:
+        if len(self) == 0:
+            return "Response of no poses"
+        low, high = float(np.min(self.energy)), float(np.max(self.energy))
+        most = float(np.max(np.linalg.norm(self.force, axis=1)))
+        return (
+            f"Response of {len(self)} poses: energy {low:.4g} to {high:.4g} J, "
+            f"force up to {most:.4g} N"
+        )
+
+
+def check_out(out: Response, count: int) -> Response:
+    """Refuses arrays that responses to `count` poses cannot be written to."""
+    shapes = {"energy": (count,), "force": (count, 3), "torque": (count, 3), "coverage": (count,)}
+    for name, shape in shapes.items():
+        array = getattr(out, name)
+        fits = (
+            isinstance(array, np.ndarray)
+            and array.shape == shape
+            and array.dtype == np.float64
+            and array.flags.c_contiguous
+            and array.flags.writeable
+        )
+        if not fits:
+            expected = f"a writable contiguous array {shape} of float64"
+            found = f"{getattr(array, 'shape', type(array))} of {getattr(array, 'dtype', '?')}"
+            message = f"out.{name}: expected {expected}, found {found}"
+            raise PoseError(message, item=f"out.{name}", expected=expected, found=found)
+    return out

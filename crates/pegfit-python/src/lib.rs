@@ -1,0 +1,57 @@
+//! The compiled half of the Python package `pegfit`: arrays in, arrays out, and no numerics.
+//!
+//! The other half is `python/pegfit`, typed and documented; nobody imports this one directly.
+
+mod failure;
+mod loops;
+mod pair_class;
+mod parts;
+mod poses;
+mod search;
+mod source;
+mod tables;
+mod work;
+
+use pegfit::memory_budget;
+use pyo3::prelude::*;
+
+/// The compiled half of `pegfit`.
+#[pymodule(gil_used = false)]
+mod _core {
+    use std::ffi::OsString;
+
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::loops::feel::{feel, tick_columns};
+    #[pymodule_export]
+    use crate::loops::force_path::PyForcePath;
+    #[pymodule_export]
+    use crate::pair_class::PyPair;
+    #[pymodule_export]
+    use crate::parts::density::density;
+    #[pymodule_export]
+    use crate::parts::mesh::{Mesh, peg_in_hole};
+    #[pymodule_export]
+    use crate::poses::from_matrices;
+    #[pymodule_export]
+    use crate::search::correlate::{correlate, highest, poses_at};
+    #[pymodule_export]
+    use crate::search::dock::dock;
+    #[pymodule_export]
+    use crate::source::source_class::Source;
+    #[pymodule_export]
+    use crate::tables::bake::bake_table;
+    #[pymodule_export]
+    use crate::tables::open::open_table;
+
+    /// The version of the package.
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+    /// The `pegfit` command; `arguments` begin with its name. Returns its exit code.
+    #[pyfunction]
+    fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+        py.detach(|| pegfit::program::run(arguments)) as u8
+    }
+}

@@ -1,0 +1,240 @@
+//! A pair as Python holds it: two parts, what is asked of them, and their fields once computed.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fft_correlate::{
+    DirectEvaluator, DirectOptions, EnergyScale, InScene, Pair, PairBuilder, PairSetup, Pose,
+    RotationDomain, ScoreModel,
+};
+use glam::DVec3;
+use haptic::HapticConfig;
+use pegfit_scene::{FitChoice, Scene, SceneSetup};
+use pyo3::prelude::*;
+use sdf_grid::{FieldCache, Monitor};
+
+use crate::failure::raised::{Failure, Kind};
+use crate::memory_budget;
+use crate::parts::mesh::Mesh;
+use crate::source::any::AnySource;
+use crate::source::source_class::Source;
+use crate::work::run::run;
+
+/// Rotations tabulated unless others are given, as in a scene: a ball about the modelled pose.
+pub(crate) const DEFAULT_BALL: [f64; 2] = [20.0, 5.0];
+
+/// Two parts and what is asked of them; shared with the threads that work on it.
+pub(crate) struct Parts {
+    pub(crate) setup: PairSetup,
+    /// Rotations to tabulate, of the shapes, and whether a scene named them: docking looks
+    /// everywhere otherwise.
+    pub(crate) rotations: RotationDomain,
+    pub(crate) rotations_named: bool,
+    pub(crate) fit: FitChoice,
+    pub(crate) device: HapticConfig,
+    pub(crate) memory: u64,
+    fields: Mutex<Option<Arc<Pair>>>,
+}
+
+impl Parts {
+    /// The pair, its fields computed the first time. Threads that ask at once compute them at once:
+    /// a worker that waited for another might be the one that the other waits for.
+    pub(crate) fn pair(&self, monitor: &dyn Monitor) -> Result<Arc<Pair>, Failure> {
+        let kept = || self.fields.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pair) = kept().as_ref() {
+            return Ok(Arc::clone(pair));
+        }
+        let pair = Arc::new(self.setup.load(monitor)?);
+        Ok(Arc::clone(kept().get_or_insert(pair)))
+    }
+
+    /// A direct evaluator, asked in the scene; `tolerance` merges cells
+    /// ([`DirectOptions::merge_tolerance`]).
+    pub(crate) fn direct(
+        &self,
+        tolerance: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<AnySource, Failure> {
+        let options = DirectOptions {
+            merge_tolerance: tolerance,
+            ..DirectOptions::FULL
+        };
+        let pair = self.pair(monitor)?;
+        let source = DirectEvaluator::new(&pair, &options)?;
+        let source = InScene::new(source, self.setup.placement);
+        Ok(AnySource::Direct(Arc::new(source)))
+    }
+}
+
+/// Two parts and what is asked of them.
+#[pyclass(frozen, module = "pegfit._core", name = "Pair")]
+pub(crate) struct PyPair {
+    pub(crate) parts: Arc<Parts>,
+    warnings: Vec<String>,
+}
+
+impl PyPair {
+    fn new(parts: Parts, warnings: Vec<String>) -> Self {
+        Self {
+            parts: Arc::new(parts),
+            warnings,
+        }
+    }
+}
+
+fn model_named(name: &str) -> Result<ScoreModel, Failure> {
+    match name {
+        "guided" => Ok(ScoreModel::GUIDED),
+        "paper" => Ok(ScoreModel::PAPER),
+        other => Err(Failure::found(
+            Kind::Scene,
+            "model",
+            "guided or paper",
+            other,
+        )),
+    }
+}
+
+fn positive(item: &str, value: f64) -> Result<f64, Failure> {
+    match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(Failure::found(
+            Kind::Scene,
+            item,
+            "a positive number",
+            value,
+        )),
+    }
+}
+
+/// Half the sides of a box, metres, each positive.
+pub(crate) fn half_extent(given: Option<[f64; 3]>) -> Result<Option<DVec3>, Failure> {
+    let Some(given) = given else {
+        return Ok(None);
+    };
+    for value in given {
+        positive("half_extent", value)?;
+    }
+    Ok(Some(DVec3::from_array(given)))
+}
+
+#[pymethods]
+impl PyPair {
+    /// Two meshes that fit where they are.
+    #[staticmethod]
+    #[pyo3(signature = (fixed, moving, spacing, model, cache, peak_force, gamma, half_extent, memory))]
+    #[expect(clippy::too_many_arguments, reason = "what a scene file would say")]
+    fn of_meshes(
+        fixed: &Mesh,
+        moving: &Mesh,
+        spacing: Option<f64>,
+        model: &str,
+        cache: Option<PathBuf>,
+        peak_force: f64,
+        gamma: Option<f64>,
+        half_extent: Option<[f64; 3]>,
+        memory: Option<u64>,
+    ) -> Result<Self, Failure> {
+        let memory = memory_budget(memory);
+        let spacing = spacing.map(|h| positive("spacing", h)).transpose()?;
+        let setup = PairSetup {
+            model: model_named(model)?,
+            builder: PairBuilder {
+                spacing,
+                memory_limit: Some(memory),
+                ..PairBuilder::default()
+            },
+            energy: match gamma {
+                Some(gamma) => EnergyScale::Gamma(positive("gamma", gamma)?),
+                None => EnergyScale::PeakForce(positive("peak_force", peak_force)?),
+            },
+            half_extent: self::half_extent(half_extent)?,
+            cache: cache.map(FieldCache::new).transpose()?,
+            ..PairSetup::new(Arc::clone(&fixed.mesh), Arc::clone(&moving.mesh))
+        };
+        setup.plan()?;
+        let parts = Parts {
+            setup,
+            rotations: RotationDomain::ball(DEFAULT_BALL[0], DEFAULT_BALL[1]),
+            rotations_named: false,
+            fit: FitChoice {
+                assembled: Pose::IDENTITY,
+                axis: None,
+                depth: None,
+            },
+            device: HapticConfig::default(),
+            memory,
+            fields: Mutex::new(None),
+        };
+        Ok(Self::new(parts, Vec::new()))
+    }
+
+    /// The pair of a scene file, of several fixed parts the one called `fixed`.
+    #[staticmethod]
+    #[pyo3(signature = (path, fixed, memory))]
+    fn from_scene(
+        py: Python<'_>,
+        path: PathBuf,
+        fixed: Option<String>,
+        memory: Option<u64>,
+    ) -> PyResult<Self> {
+        run(py, None, move |_| {
+            let scene = Scene::read(&path)?.only(fixed.as_deref())?;
+            let read = SceneSetup::read(scene, memory_budget(memory))?;
+            let warnings = read.warnings.iter().map(ToString::to_string).collect();
+            let parts = Parts {
+                setup: read.parts,
+                rotations: read.rotations,
+                rotations_named: read.scene.rotations_given,
+                fit: read.scene.fit,
+                device: read.scene.device,
+                memory: read.memory,
+                fields: Mutex::new(None),
+            };
+            Ok(Self::new(parts, warnings))
+        })
+    }
+
+    /// What had to be repaired, and what looks strange.
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    /// Spacing of the lattices, metres, and numbers of triangles.
+    fn describe(&self) -> Result<(f64, usize, usize), Failure> {
+        let setup = &self.parts.setup;
+        let spacing = setup.plan()?.spacing();
+        let triangles = [&setup.fixed, &setup.moving].map(|m| m.triangles().len());
+        Ok((spacing, triangles[0], triangles[1]))
+    }
+
+    /// Pose in the scene in which the parts fit.
+    fn assembled(&self) -> [f64; 7] {
+        crate::poses::row(&self.parts.fit.assembled)
+    }
+
+    /// The point of the placed moving part that poses turn least, metres.
+    #[pyo3(signature = (progress))]
+    fn pivot(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<[f64; 3]> {
+        let parts = Arc::clone(&self.parts);
+        run(py, progress.as_ref(), move |watch| {
+            let pivot = parts.pair(watch)?.pivot();
+            Ok(parts.setup.placement.moving.apply(pivot).to_array())
+        })
+    }
+
+    /// A direct evaluator of the pair.
+    #[pyo3(signature = (tolerance, progress))]
+    fn evaluator(
+        &self,
+        py: Python<'_>,
+        tolerance: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Source> {
+        let parts = Arc::clone(&self.parts);
+        let source = run(py, progress.as_ref(), move |watch| {
+            parts.direct(tolerance, watch)
+        })?;
+        Ok(Source::new(source))
+    }
+}

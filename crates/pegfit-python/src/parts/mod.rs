@@ -1,0 +1,4 @@
+//! Meshes and their densities.
+
+pub(crate) mod density;
+pub(crate) mod mesh;

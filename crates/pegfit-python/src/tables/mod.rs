@@ -1,0 +1,5 @@
+//! Tables: baked and opened.
+
+pub(crate) mod bake;
+mod claim;
+pub(crate) mod open;

@@ -193,16 +193,7 @@ impl PairBuilder {
         let spacing = self
             .spacing
             .unwrap_or_else(|| default_spacing(&a, &b, halo));
-        for (part, bounds) in [("fixed", &a), ("moving", &b)] {
-            let size = bounds.size().max_element();
-            if size < spacing {
-                return Err(PairBuildError::TooSmall {
-                    part,
-                    size,
-                    spacing,
-                });
-            }
-        }
+        expect_larger([("fixed", &a), ("moving", &b)], spacing)?;
         let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
         let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));
         let lattice = |part, bounds| {
@@ -261,6 +252,21 @@ impl PairBuilder {
             DensityField::compute(mesh, kernel, lattice, options, monitor)
         })
     }
+}
+
+/// Refuses parts that lie between the nodes of their lattice.
+fn expect_larger(parts: [(&'static str, &Aabb); 2], spacing: f64) -> Result<(), PairBuildError> {
+    for (part, bounds) in parts {
+        let size = bounds.size().max_element();
+        if size < spacing {
+            return Err(PairBuildError::TooSmall {
+                part,
+                size,
+                spacing,
+            });
+        }
+    }
+    Ok(())
 }
 
 impl fmt::Display for PairPlan {

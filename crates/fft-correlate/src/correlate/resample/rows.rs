@@ -167,6 +167,15 @@ fn sample_patch<S: Simd, T: Real, const QUADRATIC: bool>(
     }
 }
 
+/// Values from the first to the last that a sample reads, of a field of rows of `nz` in planes of
+/// `ny`.
+fn span<const QUADRATIC: bool>(ny: usize, nz: usize) -> usize {
+    match QUADRATIC {
+        true => 2 * (ny * nz + nz) + 4,
+        false => ny * nz + nz + 2,
+    }
+}
+
 /// Where the samples of a patch lie, in lanes from `first` on.
 #[inline(always)]
 fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
@@ -213,20 +222,12 @@ fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
     let origin = (bx * ny as i64 + by) * nz as i64 + bz;
     let strides = [(ny * nz) as i32, nz as i32];
     // The last place whose nodes lie within the field.
-    let nodes = if QUADRATIC {
-        2 * (ny * nz + nz) + 4
-    } else {
-        ny * nz + nz + 2
-    };
-    let last = (nx * ny * nz).saturating_sub(nodes) as i32;
+    let last = (nx * ny * nz).saturating_sub(span::<QUADRATIC>(ny, nz)) as i32;
     for cells in cells {
         let mut nodes = corner;
         for a in 0..3 {
             let at = along_z[a].mul_add(z, start[a]).max(low[a]).min(high[a]);
-            nodes[a] = match QUADRATIC {
-                true => (at + ahead).floor().min(furthest[a]),
-                false => at.floor(),
-            };
+            nodes[a] = (at + ahead).floor().min(furthest[a]);
             cells.fractions[a] = at - nodes[a];
         }
         cells.places = T::places(simd, nodes, strides, origin as i32, last);

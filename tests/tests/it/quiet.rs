@@ -28,7 +28,7 @@ const PEAK: f64 = 4.0;
 const FELT: f64 = 0.01;
 
 /// Seconds of a run, of which the first two settle.
-const SECONDS: f64 = 60.0;
+const SECONDS: f64 = 12.0;
 
 fn direct(pair: &Pair) -> DirectEvaluator {
     let options = DirectOptions {

@@ -104,7 +104,8 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
             serde_json::from_str(&succeed(root, &["table", numbers, "--json"])).unwrap();
         assert_eq!(described["spec"]["storage"]["numbers"], numbers);
         assert_eq!(described["finished"], described["rotations"]);
-        assert_eq!(described["spec"]["recipe"]["fixed"]["sampling"], "point");
+        let sampling = &described["spec"]["recipe"]["fixed"]["sampling"];
+        assert!(sampling["smoothed"]["deviation"].as_f64().unwrap() > 0.0);
         assert!(described["error"]["reference_spacing"].as_f64().unwrap() > 0.0);
         assert!(succeed(root, &["table", numbers]).contains("torque"));
         // Other poses than those of the bake.

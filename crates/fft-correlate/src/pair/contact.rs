@@ -86,7 +86,7 @@ impl Smoothing {
 
     /// How far beyond a part's surface its smoothed density reaches, metres.
     pub(crate) fn reach(&self) -> f64 {
-        5.0 * self.deviation
+        3.5 * self.deviation + 0.5 * self.spacing
     }
 }
 

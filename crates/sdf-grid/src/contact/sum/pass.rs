@@ -10,7 +10,7 @@ use super::kink::Lean;
 use super::sheet::Sheet;
 use super::smooth::{ENTIRE, Taylor};
 use super::unrolled::Unrolled;
-use super::vectors::{Vectors, dot, splat, turned};
+use super::vectors::{Vectors, along, splat, turned};
 use super::views::Views;
 
 /// Where a cluster lies.
@@ -89,16 +89,8 @@ fn add_sheet<S: Simd>(
     if height.abs() >= 1.0 + placed.radius {
         return;
     }
-    let faces = [
-        dot(&samples.normal, u),
-        dot(&samples.normal, v),
-        dot(&samples.normal, normal),
-    ];
-    let across = [
-        dot(&samples.arm, u),
-        dot(&samples.arm, v),
-        dot(&samples.arm, normal),
-    ];
+    let faces = along(&samples.normal, &sheet.axes);
+    let across = along(&samples.arm, &sheet.axes);
     if flat {
         let above = Above::new(across[2] + height, [across[0], across[1]]);
         let lean = Lean {

@@ -13,6 +13,12 @@ pub(super) fn splat<S: Simd>(simd: S, value: f32) -> f32x16<S> {
     f32x16::splat(simd, value)
 }
 
+/// Components along three axes.
+#[inline(always)]
+pub(super) fn along<S: Simd>(of: &Vectors<S>, axes: &[Vec3; 3]) -> Vectors<S> {
+    [dot(of, axes[0]), dot(of, axes[1]), dot(of, axes[2])]
+}
+
 #[inline(always)]
 pub(super) fn dot<S: Simd>(a: &Vectors<S>, b: Vec3) -> f32x16<S> {
     let simd = a[0].token();

@@ -3,9 +3,12 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use ndarray::ArrayViewMut3;
+use rayon::prelude::*;
 use sdf_grid::{DensityField, KernelError, Sampling};
 
 use crate::geometry::se3::Pose;
+use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
 use crate::pair::model::{ModelError, ScoreModel};
 use crate::pair::reading::Reading;
@@ -172,6 +175,31 @@ impl Pair {
             None => None,
         };
         Self::of(fixed, moving, model, self.pivot, contact)
+    }
+
+    /// Adds what contact gives to the smooth part of the score that a correlator wrote for `rotation`
+    /// at every displacement of a window, cubic metres; nothing where densities are not smoothed. On
+    /// all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// If `scores` does not have the window's shape.
+    pub fn add_contact(
+        &self,
+        rotation: DQuat,
+        window: &TranslationWindow,
+        mut scores: ArrayViewMut3<'_, f32>,
+    ) {
+        assert_eq!(scores.shape(), window.shape(), "shape of the scores");
+        let Some(contact) = &self.contact else {
+            return;
+        };
+        let planes = scores.outer_iter_mut().into_par_iter().enumerate();
+        planes.for_each(|(i, mut plane)| {
+            for ((j, k), score) in plane.indexed_iter_mut() {
+                let pose = self.pose(rotation, window.displacement([i, j, k]));
+                *score += contact.score(&pose).score as f32;
+            }
+        });
     }
 
     /// What smoothing took from the products of the densities, if they are smoothed.

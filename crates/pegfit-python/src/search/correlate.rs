@@ -56,6 +56,7 @@ fn scores(
     let mut score = Array3::zeros(window.shape());
     let turn = in_shapes(parts, rotation);
     correlator.score(turn, &mut correlator.scratch(), score.view_mut());
+    pair.add_contact(turn, &window, score.view_mut());
     Ok((score, lattice.origin(), lattice.spacing()))
 }
 

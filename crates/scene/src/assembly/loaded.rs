@@ -104,6 +104,7 @@ impl Assembly {
         let mut score = Array3::zeros(window.shape());
         let rotation = self.setup.parts.assembled.rotation;
         correlator.score(rotation, &mut correlator.scratch(), score.view_mut());
+        self.pair.add_contact(rotation, window, score.view_mut());
         Ok(score)
     }
 

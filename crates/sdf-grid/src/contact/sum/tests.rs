@@ -150,7 +150,7 @@ fn slopes_are_those_of_differences() {
     for shape in PegInHole::ALL {
         let moved = Moved::new(shape.pair(2e-4).unwrap());
         let [a, b] = &moved.parts;
-        let sum = ContactSum::new(a, b, WIDTH, 1.3e-3).unwrap();
+        let sum = ContactSum::new(a, b, 1.2 * WIDTH, 2e-3).unwrap();
         let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
         for k in 0..12 {
             let at = moved.pose(contact(k, 2e-4));
@@ -179,7 +179,7 @@ fn facets_are_forgotten() {
         shapes::prism(&block, &[circle], 0.03).unwrap()
     };
     let peg = PegInHole::Circular.pair(0.0).unwrap().1;
-    let sums = [192, 768].map(|n| ContactSum::new(&hole(n), &peg, WIDTH, 1.3e-3).unwrap());
+    let sums = [128, 256].map(|n| ContactSum::new(&hole(n), &peg, 1.2 * WIDTH, 2e-3).unwrap());
     assert!(sums[1].bytes() < 2 * sums[0].bytes());
     for k in 0..6 {
         let at = contact(k, 1e-4);
@@ -200,7 +200,7 @@ fn everything_is_finite() {
     let bodies = [&cube, &sliver, &round];
     for (i, a) in bodies.into_iter().enumerate() {
         let shifted = a.transformed(DQuat::IDENTITY, far);
-        for b in bodies {
+        for b in [&cube, bodies[i]] {
             let sums = [(a, DVec3::ZERO), (&shifted, far)]
                 .map(|(a, at)| (ContactSum::new(a, b, 1e-3, 2e-3).unwrap(), at));
             for (sum, origin) in &sums {

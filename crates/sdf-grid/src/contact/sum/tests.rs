@@ -131,7 +131,7 @@ fn differences(sum: &ContactSum, at: Pose, h: f64) -> [DVec3; 2] {
         sum.sum(DQuat::from_scaled_axis(turn) * at.0, at.1 + shift)
             .value
     };
-    let lever = 0.01;
+    let lever = 0.05;
     let gradient = DVec3::AXES.map(|e| value(DVec3::ZERO, e * h) - value(DVec3::ZERO, -e * h));
     let moment = DVec3::AXES.map(|e| {
         let turn = e * (h / lever);
@@ -143,8 +143,8 @@ fn differences(sum: &ContactSum, at: Pose, h: f64) -> [DVec3; 2] {
     ]
 }
 
-/// Steps of 2 um: rounding to single precision leaves 1e-4 of the slopes, and the sum is smooth but
-/// where the lists of neighbouring cells differ.
+/// Steps of half a micrometre: rounding to single precision leaves 1e-4 of the slopes, and a sample
+/// that crosses an edge meanwhile, where slopes have a ridge, up to 2e-3 of one pose's.
 #[test]
 fn slopes_are_those_of_differences() {
     for shape in PegInHole::ALL {
@@ -155,14 +155,14 @@ fn slopes_are_those_of_differences() {
         for k in 0..12 {
             let at = moved.pose(contact(k, 2e-4));
             let found = sum.sum(at.0, at.1);
-            let [gradient, moment] = differences(&sum, at, 2e-6);
+            let [gradient, moment] = differences(&sum, at, 5e-7);
             errors[0] += gradient.distance_squared(found.gradient);
             errors[1] += moment.distance_squared(found.moment);
             all[0] += found.gradient.length_squared();
             all[1] += found.moment.length_squared();
         }
         let [force, torque] = [0, 1].map(|i| f64::sqrt(errors[i] / all[i]));
-        assert!(force < 3e-3 && torque < 3e-3, "{shape:?}: {force} {torque}");
+        assert!(force < 1e-3 && torque < 2e-3, "{shape:?}: {force} {torque}");
     }
 }
 

@@ -70,22 +70,36 @@ pub(crate) fn surface_pieces(
 }
 
 impl Piece {
+    /// Its corners as a quadrangle: of a triangle the last two are one, opposite the shortest side,
+    /// so that narrow ones are not cut along.
+    fn four_corners(&self) -> [DVec3; 4] {
+        let [a, b, c, d] = self.corners;
+        if self.count() == 4 {
+            return [a, b, c, d];
+        }
+        let sides = [
+            a.distance_squared(b),
+            b.distance_squared(c),
+            c.distance_squared(a),
+        ];
+        match sides {
+            [ab, bc, ca] if bc < ab && bc <= ca => [b, c, a, a],
+            [ab, _, ca] if ca < ab => [c, a, b, b],
+            _ => [a, b, c, c],
+        }
+    }
+
     /// Into how many parts it is divided along its first two sides.
     fn parts(&self, distance: f64) -> [f64; 2] {
-        let [a, b, c, d] = self.corners;
+        let [a, b, c, d] = self.four_corners();
         let along = a.distance(b).max(c.distance(d));
-        let up = match self.count() {
-            3 => b.distance(c).max(a.distance(c)),
-            _ => b.distance(c).max(d.distance(a)),
-        };
+        let up = b.distance(c).max(d.distance(a));
         [along, up].map(|l| (l / distance).ceil().max(1.0))
     }
 
     /// Its parts: those between evenly spaced lines across it.
     fn sample(&self, distance: f64, mut found: impl FnMut(SurfaceSample)) {
-        let [a, b, c, d] = self.corners;
-        // A triangle is a quadrangle whose last two corners are one.
-        let (c, d) = if self.count() == 3 { (c, c) } else { (c, d) };
+        let [a, b, c, d] = self.four_corners();
         let at = |u: f64, v: f64| a.lerp(b, u).lerp(d.lerp(c, u), v);
         let [across, up] = self.parts(distance);
         for j in 0..up as usize {

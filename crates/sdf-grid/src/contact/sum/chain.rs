@@ -1,12 +1,15 @@
 //! Chains of edges in fewer, straight pieces.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 /// How far from a border its pieces may be near by, and how that grows with the distance beyond
 /// [`NEAR`], in units of the reach.
 const OFF: f64 = 0.004;
 const OFF_FAR: f64 = 0.03;
 const NEAR: f64 = 0.5;
+
+/// How far points may be off that are dropped from where ever a border is seen, per reach.
+const THIN: f64 = 5e-4;
 
 /// Arcs are bent by at least and at most this much per reach.
 const LEAST_BEND: f64 = 0.01;
@@ -15,28 +18,44 @@ const MOST_BEND: f64 = 0.45;
 /// Looks at every point of a chain on average, at most; a chain that takes more stays.
 const MOST_LOOKS: usize = 100;
 
-/// The points of a chain that are kept (Douglas and Peucker), its ends among them, where `about` is
-/// where it should be true.
+/// The points of a chain that are kept in its own plane, its ends among them, where `about` is where
+/// it should be true.
 pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
+    let at = |k: usize| chain[k].extend(0.0);
+    let off = |k, from, to| off(at(k), at(from), at(to)) / allowed(chain[k], about);
+    kept(chain.len(), off)
+        .into_iter()
+        .map(|k| chain[k])
+        .collect()
+}
+
+/// Which points of a chain are kept so that none is more than [`THIN`] times `reach` off.
+pub(super) fn thinned(chain: &[DVec3], reach: f64) -> Vec<usize> {
+    let off = |k: usize, from: usize, to: usize| off(chain[k], chain[from], chain[to]);
+    kept(chain.len(), |k, from, to| off(k, from, to) / (THIN * reach))
+}
+
+/// Which of `count` points are kept, the ends among them (Douglas and Peucker), where `off` says how
+/// far a point is from the way between two others, in units of what is allowed.
+fn kept(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
     // A face is not worth a look, and would vanish if it is small.
-    if chain.len() < 6 {
-        return chain.to_vec();
+    if count < 6 {
+        return (0..count).collect();
     }
-    let mut kept = vec![chain[0]];
-    let mut sides = vec![(0, chain.len() - 1)];
+    let mut kept = vec![0];
+    let mut sides = vec![(0, count - 1)];
     let mut looks = 0;
     while let Some((from, to)) = sides.pop() {
         looks += to - from;
-        if looks > MOST_LOOKS * chain.len() {
-            return chain.to_vec();
+        if looks > MOST_LOOKS * count {
+            return (0..count).collect();
         }
-        let (a, b) = (chain[from], chain[to]);
         let worst = (from + 1..to)
-            .map(|k| (k, off(chain[k], a, b) / allowed(chain[k], about)))
+            .map(|k| (k, off(k, from, to)))
             .max_by(|x, y| x.1.total_cmp(&y.1));
         match worst {
             Some((k, off)) if off > 1.0 => sides.extend([(k, to), (from, k)]),
-            _ => kept.push(b),
+            _ => kept.push(to),
         }
     }
     kept
@@ -88,7 +107,7 @@ impl Arc {
 }
 
 /// Distance of `p` from the way from `a` to `b`.
-fn off(p: DVec2, a: DVec2, b: DVec2) -> f64 {
+fn off(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (along, from) = (b - a, p - a);
     let place = from.dot(along) / along.length_squared();
     // Of a way without a length, the distance from its end.

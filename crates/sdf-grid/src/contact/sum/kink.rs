@@ -13,7 +13,7 @@ use glam::Vec2;
 
 use super::border::{Above, Seen, Slopes};
 use super::sheet::Border;
-use super::vectors::splat;
+use super::vectors::{Vectors, splat};
 
 /// Where it begins to fade, in units of `r`.
 const FADE: f32 = 0.7;
@@ -24,13 +24,24 @@ const LEAST: f32 = 1e-8;
 /// How samples lean.
 pub(super) struct Lean<S: Simd> {
     /// `r` of the samples.
-    pub(super) half: f32x16<S>,
+    half: f32x16<S>,
     /// Squared sine and cosine of the angle between them and the sheet.
-    pub(super) sine_squared: f32x16<S>,
-    pub(super) cosine: f32x16<S>,
+    sine_squared: f32x16<S>,
+    cosine: f32x16<S>,
 }
 
 impl<S: Simd> Lean<S> {
+    /// Of normals along two directions in the sheet and its normal.
+    #[inline(always)]
+    pub(super) fn new(half: f32x16<S>, normals: &Vectors<S>) -> Self {
+        let [x, y, up] = *normals;
+        Self {
+            half,
+            sine_squared: x.mul_add(x, y * y),
+            cosine: up,
+        }
+    }
+
     /// Adds to the sums of samples, so many times above the sheet; none if all are too far. What
     /// comes back is what the normal is to be multiplied with for the moment by the change of `θ`.
     #[inline(always)]

@@ -10,7 +10,7 @@ use super::kink::Lean;
 use super::sheet::Sheet;
 use super::smooth::{ENTIRE, Taylor};
 use super::unrolled::Unrolled;
-use super::vectors::{Vectors, along, splat, turned};
+use super::vectors::{Vectors, along, scaled, splat, turned};
 use super::views::Views;
 
 /// Where a cluster lies.
@@ -93,11 +93,7 @@ fn add_sheet<S: Simd>(
     let across = along(&samples.arm, &sheet.axes);
     if flat {
         let above = Above::new(across[2] + height, [across[0], across[1]]);
-        let lean = Lean {
-            half: samples.half,
-            sine_squared: faces[0] * faces[0] + faces[1] * faces[1],
-            cosine: faces[2],
-        };
+        let lean = Lean::new(samples.half, &faces);
         if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
             totals.add_flat(samples.area * faces[2], &sums, sheet.axes);
         }
@@ -112,19 +108,13 @@ fn add_sheet<S: Simd>(
     let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
     // The height above what is bent averages to more over a sample's extent than in its middle.
     let bent = (sheet.curvature.x + sheet.curvature.y) / 6.0;
-    let height_of = samples.half * samples.half * bent + unrolled.height;
-    let above = Above::new(height_of, feet);
+    let above = Above::new(samples.half * samples.half * bent + unrolled.height, feet);
     // Unrolled from the inside, places are farther apart.
     let radius = placed.radius / (1.0 - sheet.curvature.abs().max_element());
-    let [x, y, up] = unrolled.along(&faces);
-    let lean = Lean {
-        half: samples.half,
-        sine_squared: x * x + y * y,
-        cosine: up,
-    };
+    let faces = unrolled.along(&faces);
+    let lean = Lean::new(samples.half, &faces);
     if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
-        let weights = [x * samples.area, y * samples.area, up * samples.area];
-        totals.add_curved(weights, &sums, &unrolled, sheet);
+        totals.add_curved(scaled(&faces, samples.area), &sums, &unrolled, sheet);
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
+use super::chain::{chained, thinned};
 use super::cylinder::Cylinder;
 use super::osculating::Surfel;
 use super::smooth_parts::SmoothParts;
@@ -63,14 +64,38 @@ impl Regions {
                 Cylinder::fitted(&scaled.collect::<Vec<_>>())?,
             ))
         });
+        let mut flat = outlines(&of_flat, mesh.vertices(), flat);
+        for ring in flat.iter_mut().flat_map(|f| &mut f.rings) {
+            let closed: Vec<DVec3> = ring.iter().chain(ring.first()).copied().collect();
+            let kept = thinned(&closed, reach);
+            if kept.len() > 3 {
+                *ring = kept[1..].iter().map(|k| closed[*k]).collect();
+            }
+        }
         Ok(Self {
-            flat: outlines(&of_flat, mesh.vertices(), flat),
+            flat,
             cylinders: cylinders.collect(),
             surfels,
             curved,
-            borders,
+            borders: thin(borders, mesh.vertices(), reach),
         })
     }
+}
+
+/// Borders of regions in fewer pieces.
+fn thin(mut borders: Vec<(u32, [u32; 2])>, vertices: &[DVec3], reach: f64) -> Vec<(u32, [u32; 2])> {
+    borders.sort_unstable();
+    let mut thinner = Vec::new();
+    for of_region in borders.chunk_by(|a, b| a.0 == b.0) {
+        let edges: Vec<[u32; 2]> = of_region.iter().map(|b| b.1).collect();
+        for chain in chained(&edges) {
+            let places: Vec<DVec3> = chain.iter().map(|v| vertices[*v as usize]).collect();
+            let kept = thinned(&places, reach);
+            let sides = kept.windows(2).map(|w| [chain[w[0]], chain[w[1]]]);
+            thinner.extend(sides.map(|side| (of_region[0].0, side)));
+        }
+    }
+    thinner
 }
 
 /// Pieces of curved regions, taken together by boxes of edge `size` (metres).

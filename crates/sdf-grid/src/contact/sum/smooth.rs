@@ -26,8 +26,6 @@ pub(super) const ENTIRE: [f32; TERMS] = [
 /// `κ` about a squared height: `κ(t + v) = Σ d_j v^j`.
 pub(super) struct Taylor<S: Simd> {
     pub(super) d: [f32x16<S>; TERMS],
-    /// `(j + 1) d_(j + 1)`, the same of `κ'`.
-    pub(super) slopes: [f32x16<S>; TERMS - 1],
 }
 
 impl<S: Simd> Taylor<S> {
@@ -45,11 +43,7 @@ impl<S: Simd> Taylor<S> {
                 d[i] = d[i + 1].mul_add(t, d[i]);
             }
         }
-        let mut slopes = [f32x16::splat(simd, 0.0); TERMS - 1];
-        for j in 0..TERMS - 1 {
-            slopes[j] = d[j + 1] * (j + 1) as f32;
-        }
-        Self { d, slopes }
+        Self { d }
     }
 
     /// `∫ (κ(t + v) - κ(t)) / v dl`, its slope with `t`, and `∫ κ'(t + v) dl`, where
@@ -66,8 +60,8 @@ impl<S: Simd> Taylor<S> {
         let (mut ta, mut tb) = (a, b);
         let mut sums = [
             self.d[1] * moment,
-            self.slopes[1] * moment,
-            self.slopes[0] * moment,
+            self.d[2] * (moment + moment),
+            self.d[1] * moment,
         ];
         for k in 1..TERMS - 1 {
             ta *= va;
@@ -75,11 +69,12 @@ impl<S: Simd> Taylor<S> {
             let odd = 1.0 / (2 * k + 1) as f32;
             let before = square * (moment * (2.0 * k as f32 * odd));
             moment = (tb - ta).mul_add(odd, before);
+            let times = moment * (k + 1) as f32;
             sums[0] = self.d[k + 1].mul_add(moment, sums[0]);
-            if k + 1 < TERMS - 1 {
-                sums[1] = self.slopes[k + 1].mul_add(moment, sums[1]);
+            if k + 2 < TERMS {
+                sums[1] = self.d[k + 2].mul_add(times + moment, sums[1]);
             }
-            sums[2] = self.slopes[k].mul_add(moment, sums[2]);
+            sums[2] = self.d[k + 1].mul_add(times, sums[2]);
         }
         sums
     }

@@ -131,7 +131,7 @@ fn differences(sum: &ContactSum, at: Pose, h: f64) -> [DVec3; 2] {
         sum.sum(DQuat::from_scaled_axis(turn) * at.0, at.1 + shift)
             .value
     };
-    let lever = 0.01;
+    let lever = 0.05;
     let gradient = DVec3::AXES.map(|e| value(DVec3::ZERO, e * h) - value(DVec3::ZERO, -e * h));
     let moment = DVec3::AXES.map(|e| {
         let turn = e * (h / lever);
@@ -143,26 +143,26 @@ fn differences(sum: &ContactSum, at: Pose, h: f64) -> [DVec3; 2] {
     ]
 }
 
-/// Steps of 2 um: rounding to single precision leaves 1e-4 of the slopes, and the sum is smooth but
-/// where the lists of neighbouring cells differ.
+/// Steps of half a micrometre: rounding to single precision leaves 1e-4 of the slopes, and a sample
+/// that crosses an edge meanwhile, where slopes have a ridge, up to 2e-3 of one pose's.
 #[test]
 fn slopes_are_those_of_differences() {
     for shape in PegInHole::ALL {
         let moved = Moved::new(shape.pair(2e-4).unwrap());
         let [a, b] = &moved.parts;
-        let sum = ContactSum::new(a, b, WIDTH, 1.3e-3).unwrap();
+        let sum = ContactSum::new(a, b, 1.2 * WIDTH, 2e-3).unwrap();
         let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
         for k in 0..12 {
             let at = moved.pose(contact(k, 2e-4));
             let found = sum.sum(at.0, at.1);
-            let [gradient, moment] = differences(&sum, at, 2e-6);
+            let [gradient, moment] = differences(&sum, at, 5e-7);
             errors[0] += gradient.distance_squared(found.gradient);
             errors[1] += moment.distance_squared(found.moment);
             all[0] += found.gradient.length_squared();
             all[1] += found.moment.length_squared();
         }
         let [force, torque] = [0, 1].map(|i| f64::sqrt(errors[i] / all[i]));
-        assert!(force < 3e-3 && torque < 3e-3, "{shape:?}: {force} {torque}");
+        assert!(force < 1e-3 && torque < 2e-3, "{shape:?}: {force} {torque}");
     }
 }
 
@@ -179,7 +179,7 @@ fn facets_are_forgotten() {
         shapes::prism(&block, &[circle], 0.03).unwrap()
     };
     let peg = PegInHole::Circular.pair(0.0).unwrap().1;
-    let sums = [192, 768].map(|n| ContactSum::new(&hole(n), &peg, WIDTH, 1.3e-3).unwrap());
+    let sums = [128, 256].map(|n| ContactSum::new(&hole(n), &peg, 1.2 * WIDTH, 2e-3).unwrap());
     assert!(sums[1].bytes() < 2 * sums[0].bytes());
     for k in 0..6 {
         let at = contact(k, 1e-4);
@@ -200,7 +200,7 @@ fn everything_is_finite() {
     let bodies = [&cube, &sliver, &round];
     for (i, a) in bodies.into_iter().enumerate() {
         let shifted = a.transformed(DQuat::IDENTITY, far);
-        for b in bodies {
+        for b in [&cube, bodies[i]] {
             let sums = [(a, DVec3::ZERO), (&shifted, far)]
                 .map(|(a, at)| (ContactSum::new(a, b, 1e-3, 2e-3).unwrap(), at));
             for (sum, origin) in &sums {

@@ -32,6 +32,11 @@ pub(super) fn inner<S: Simd>(a: &Vectors<S>, b: &Vectors<S>) -> f32x16<S> {
 }
 
 #[inline(always)]
+pub(super) fn scaled<S: Simd>(a: &Vectors<S>, by: f32x16<S>) -> Vectors<S> {
+    [a[0] * by, a[1] * by, a[2] * by]
+}
+
+#[inline(always)]
 pub(super) fn turned<S: Simd>(simd: S, turn: &Mat3, v: &[Lanes; 3]) -> Vectors<S> {
     let v = [
         f32x16::simd_from(simd, v[0]),

@@ -16,7 +16,7 @@ use crate::pair::side::Side;
 const READING: f64 = 0.25;
 
 /// Distance between samples of a surface, in spacings.
-const SAMPLES: f64 = 1.0;
+const SAMPLES: f64 = 1.25;
 
 /// How the densities of a pair are smoothed, so that lattices can hold them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -260,17 +260,17 @@ mod tests {
                     (at(step) - at(-step)) / (2.0 * step)
                 }))
             };
-            let linear = slopes(1e-5, |axis, s| Twist {
+            let linear = slopes(1e-6, |axis, s| Twist {
                 angular: DVec3::ZERO,
                 linear: s * axis,
             });
-            let angular = slopes(1e-3, |axis, s| Twist {
+            let angular = slopes(1e-4, |axis, s| Twist {
                 angular: s * axis,
                 linear: DVec3::ZERO,
             });
-            // Of a step of a hundredth of the width, differences leave less than a thousandth.
-            assert!((linear - found.gradient).length() < 2e-3 * linear.length());
-            assert!((angular - found.moment).length() < 2e-3 * angular.length());
+            // Samples that cross an edge within a step leave some thousandths.
+            assert!((linear - found.gradient).length() < 1e-2 * linear.length());
+            assert!((angular - found.moment).length() < 1e-2 * angular.length());
         }
     }
 }

@@ -104,8 +104,6 @@ fn swapping_the_parts_at_the_inverse_pose_changes_nothing() {
         difference(&pair, &energies(&pair, poses), &back)
     });
     println!("parts swapped: {errors:?}");
-    assert!(
-        errors[0] < 0.03 && errors[1] < 0.65 * errors[0],
-        "{errors:?}"
-    );
+    // Only the fixed part's density is sharpened: what that leaves is of fourth order.
+    assert!(errors[0] < 0.05 && errors[1] < 0.02, "{errors:?}");
 }

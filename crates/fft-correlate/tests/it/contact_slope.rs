@@ -50,20 +50,21 @@ fn closed_form(model: &ScoreModel) -> f64 {
     0.5 * 4.0 * 0.01 * 0.03 * (2.0 * l1 * l2 * (a * a + b * b) + penalty * (b * b - a * a))
 }
 
-/// The closed form is the limit of vanishing offset. A tenth of a cell is 25 times as far as facets
-/// stand off the cylinder between them, which leaves up to 8 %; three times as far they leave a
-/// third, and the skeleton adds curvature.
+/// The closed form is the limit of vanishing offset. Facets stand off the cylinder between them by
+/// 5 µm, which rounds the bottom of the V: a tenth of a cell from the fit up to an eighth of the rise
+/// is missing, and from there to three tenths the slope is right within 4 %, in every frame.
 #[test]
 fn contact_slope_of_the_round_peg_meets_the_closed_form() {
     let (h, near, far) = (1.2e-3, 1.2e-4, 3.6e-4);
     for model in [ScoreModel::PAPER, ScoreModel::GUIDED] {
         for frame in frames() {
             let e = energies(PegInHole::Circular, &model, h, &frame, &[0.0, near, far]);
-            let [one, three] = [(e[1], near), (e[2], far)]
-                .map(|(e1, x)| (e1 - e[0]) / (x * closed_form(&model)) - 1.0);
-            println!("{frame:?}: {one:.4} {three:.4}");
-            assert!(one.abs() < 0.08, "slope next to the fit: {one}");
-            assert!(three.abs() < 0.05, "slope a little farther: {three}");
+            let slope = closed_form(&model);
+            let rise = (e[1] - e[0]) / (near * slope) - 1.0;
+            let on = (e[2] - e[1]) / ((far - near) * slope) - 1.0;
+            println!("{frame:?}: {rise:.4} {on:.4}");
+            assert!(rise.abs() < 0.125, "rise next to the fit: {rise}");
+            assert!(on.abs() < 0.04, "slope from there on: {on}");
         }
     }
 }

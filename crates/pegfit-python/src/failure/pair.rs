@@ -80,6 +80,7 @@ impl From<PairBuildError> for Failure {
             PairBuildError::Kernel(inner) => inner.into(),
             PairBuildError::Lattice { source, .. } => source.into(),
             PairBuildError::Density { source, .. } => source.into(),
+            PairBuildError::Contact(_) => said,
             PairBuildError::TooSmall {
                 part,
                 size,

@@ -84,14 +84,14 @@ fn next_to_a_wide_face_it_is_the_normal_distribution() {
                 }
             }
             assert!(count > 50, "{count}");
-            assert!(worst < 6e-3, "{deviation} {sharpening} {turn}: {worst:e}");
+            assert!(worst < 7e-3, "{deviation} {sharpening} {turn}: {worst:e}");
         }
     }
 }
 
 /// Around edges and corners of a peg with a key, where there is no closed form: Gaussian sums over
 /// cells of an eighth of the spacing. There densities vary as much within a cell of the fine lattice
-/// as from one to the next, which leaves up to 2 %.
+/// as from one to the next, which leaves up to 3 %.
 #[test]
 fn it_is_the_sum_over_a_finer_lattice() {
     let deviation = 0.7e-3;
@@ -127,7 +127,7 @@ fn it_is_the_sum_over_a_finer_lattice() {
         }
         let error = relative_l2(expected.into_iter().zip(found));
         println!("{turn}: {error:.1e}");
-        assert!(error < 2.5e-2, "{turn}: {error:e}");
+        assert!(error < 3e-2, "{turn}: {error:e}");
     }
 }
 

@@ -67,8 +67,8 @@ impl PointSet {
             };
             for (lane, p) in chunk.iter().enumerate() {
                 let at = local(p).as_vec3().to_array();
-                for a in 0..3 {
-                    block.position[a][lane] = at[a];
+                for (axis, coordinate) in block.position.iter_mut().zip(at) {
+                    axis[lane] = coordinate;
                 }
                 block.weight[0][lane] = p.weight.re as f32;
                 block.weight[1][lane] = p.weight.im as f32;

@@ -1,10 +1,5 @@
 //! Lookups by quadratic B-splines.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "lanes and axes index several arrays at once"
-)]
-
 use fearless_simd::{f32x4, f32x8, i32x8, prelude::*};
 use fearless_simd_macros::simd;
 

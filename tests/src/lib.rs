@@ -56,7 +56,8 @@ pub fn hand_at_fit(pair: &Pair) -> (Geometry, Workspace) {
     (geometry, Workspace::new(1.0, seated, pair.pivot()))
 }
 
-/// Real part of the score at every displacement of the window, by FFT, cubic metres.
+/// Real part of the score at every displacement of the window, by FFT and with what contact adds,
+/// cubic metres.
 ///
 /// # Panics
 /// If the window does not fit the pair.
@@ -64,6 +65,7 @@ pub fn scores(pair: &Pair, rotation: DQuat, window: &TranslationWindow) -> Array
     let correlator = Correlator::new(pair, window).expect("window on the pair's lattice");
     let mut out = Array3::zeros(window.shape());
     correlator.score(rotation, &mut correlator.scratch(), out.view_mut());
+    pair.add_contact(rotation, window, out.view_mut());
     out
 }
 

@@ -14,9 +14,7 @@ mod support;
 mod surface;
 
 pub use contact::error::ContactError;
-pub use contact::samples::{SurfaceSample, surface_samples};
 pub use contact::sum::contact_sum::{ContactSum, ContactSums};
-pub use contact::surface::{ContactSurface, Flux};
 pub use field::cache::{CacheError, FieldCache};
 pub use field::density_field::DensityField;
 pub use field::error::DensityError;

@@ -115,7 +115,7 @@ fn turns_that_a_section_does_not_notice_leave_the_energy_alone() {
         }
     }
 
-    // A turned lattice meets a round wall differently: the spread shrinks with the spacing.
+    // A turned lattice meets a round wall differently; smoothed densities mind it little.
     let spread = [0.003, 0.0015].map(|h| {
         let round = example(PegInHole::Circular, &ScoreModel::GUIDED, h);
         let source = full_direct(&round);
@@ -129,9 +129,9 @@ fn turns_that_a_section_does_not_notice_leave_the_energy_alone() {
         (high - low) / -low
     });
     println!("spread of the round peg's energy over spin: {spread:?}");
-    // Reward is lost within a cell of the wall: a share in proportion to the spacing.
+    // What contact gives falls with the spacing, and with it what its samples leave.
     assert!(
-        spread[0] < 0.12 && spread[1] < 0.6 * spread[0],
+        spread[0] < 0.005 && spread[1] < 0.7 * spread[0],
         "{spread:?}"
     );
 }

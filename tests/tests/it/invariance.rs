@@ -36,9 +36,9 @@ fn energies(pair: &Pair, poses: impl IntoIterator<Item = Pose>) -> Vec<f64> {
 }
 
 /// FFT correlation and direct quadrature turn different lattices: the one resamples the moving
-/// density on the fixed lattice, the other looks the moving cells up in the fixed density. Both give
-/// the smooth part, of densities that either lattice holds. At the identity both are one sum but for
-/// the outermost rim of what smoothing spreads, which the quadrature leaves out.
+/// density on the fixed lattice, the other looks the moving cells up in the fixed density. Smoothed
+/// densities do not mind; at the identity both are one sum but for the outermost rim of what smoothing
+/// spreads, which the quadrature leaves out.
 #[test]
 fn correlation_and_quadrature_agree_on_the_examples() {
     let turns = [
@@ -56,16 +56,14 @@ fn correlation_and_quadrature_agree_on_the_examples() {
                 let by_fft: Vec<_> = by_fft.iter().map(|f| -f64::from(*f)).collect();
                 let nodes = (0..by_fft.len()).map(|n| window.lattice().unravel(n));
                 let places = nodes.map(|i| pair.pose(turn, window.displacement(i)));
-                let source = full_direct(&pair);
-                let direct: Vec<f64> = places.map(|p| -source.smooth_score(&p).re).collect();
-                difference(&pair, &by_fft, &direct)
+                difference(&pair, &by_fft, &energies(&pair, places))
             })
         });
         println!("{which:?}: correlation against quadrature {errors:?}");
-        for (coarse, fine) in errors[0].iter().zip(errors[1]) {
-            assert!(*coarse < 0.01 && fine < 0.01, "{errors:?}");
-        }
-        assert!(errors.iter().all(|e| e[0] < 2e-3), "{errors:?}");
+        assert!(
+            errors.as_flattened().iter().all(|e| *e < 1e-3),
+            "{errors:?}"
+        );
     }
 }
 
@@ -88,8 +86,8 @@ fn moving_both_parts_together_changes_nothing() {
         difference(&pair, &energies(&pair, poses), &there)
     });
     println!("rigid motion of both parts {errors:?}");
-    // Contact is rounded within a cell, and how much depends on how the faces lie in it.
-    assert!(errors.iter().all(|e| *e < 0.06), "{errors:?}");
+    // What smoothing and the sum over samples leave falls with the spacing.
+    assert!(errors[0] < 0.035 && errors[1] < 0.008, "{errors:?}");
 }
 
 /// The hole moved about the peg by the inverse pose.
@@ -105,5 +103,5 @@ fn swapping_the_parts_at_the_inverse_pose_changes_nothing() {
     });
     println!("parts swapped: {errors:?}");
     // Only the fixed part's density is sharpened: what that leaves is of fourth order.
-    assert!(errors[0] < 0.05 && errors[1] < 0.02, "{errors:?}");
+    assert!(errors.iter().all(|e| *e < 1e-3), "{errors:?}");
 }

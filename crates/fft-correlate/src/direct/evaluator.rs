@@ -342,12 +342,6 @@ impl DirectEvaluator {
         self.sum::<true>(pose).score
     }
 
-    /// The smooth part of the score, cubic metres: what correlators give. The whole of it where
-    /// densities are not smoothed. Allocates nothing.
-    pub fn smooth_score(&self, pose: &Pose) -> Complex64 {
-        self.smooth_sum::<true>(pose).score
-    }
-
     /// Score, energy and wrench together. Allocates nothing.
     pub fn evaluate_full(&self, pose: &Pose) -> FullResponse {
         let sums = self.sum::<true>(pose);
@@ -360,18 +354,6 @@ impl DirectEvaluator {
     /// The sums over all products as functions of the moving part's motion: gradient with respect
     /// to its translation, moment with respect to its rotation about its origin, fixed frame.
     fn sum<const IMAGINARY: bool>(&self, pose: &Pose) -> Sums {
-        let mut total = self.smooth_sum::<IMAGINARY>(pose);
-        if let Some(contact) = &self.contact {
-            let lost = contact.score(pose);
-            total.score.re += lost.score;
-            total.gradient += lost.gradient;
-            total.moment += lost.moment;
-        }
-        total
-    }
-
-    /// The same without what contact adds.
-    fn smooth_sum<const IMAGINARY: bool>(&self, pose: &Pose) -> Sums {
         let inverse = pose.inverse();
         let mut total = Sums::default();
         for product in &self.products {
@@ -386,6 +368,12 @@ impl DirectEvaluator {
             total.score += part.score;
             total.gradient += part.gradient;
             total.moment += part.moment;
+        }
+        if let Some(contact) = &self.contact {
+            let lost = contact.score(pose);
+            total.score.re += lost.score;
+            total.gradient += lost.gradient;
+            total.moment += lost.moment;
         }
         total
     }

@@ -1,17 +1,15 @@
 //! What the overlap of two solids loses by smoothing, from their surfaces alone.
 //!
-//! - [`kernel`]: the short-range kernel, integrated over planes;
-//! - [`edge`]: what edges take from it;
-//! - [`surface`]: one part's flat regions, found by where one stands;
-//! - [`samples`]: the other part's surface as points;
+//! With `-Δg = δ - (1 - s²/2 Δ) M` and `M` the Gaussian of variance `s²` per axis, the kernel is
+//! `g(r) = erfc(r/(√2 s))/(4π r) - s²/2 M(r)` and its integral over a plane at distance `x`
+//! `K(x) = s L(x/s) - s/2 φ(x/s) = s κ(x²/s²) - |x|/2`, `L(z) = φ(z) - |z| Φ(-|z|)`, with `κ` an
+//! entire function; what edges take from it follows from `K` alone.
+//!
+//! - [`samples`]: pieces of a surface;
 //! - [`sum`]: the sum over both.
 
-pub(crate) mod edge;
 pub(crate) mod error;
-pub(crate) mod kernel;
+#[cfg(test)]
+mod reference;
 pub(crate) mod samples;
 pub(crate) mod sum;
-pub(crate) mod surface;
-
-#[cfg(test)]
-mod tests;

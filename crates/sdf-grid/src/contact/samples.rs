@@ -3,45 +3,21 @@
 use glam::DVec3;
 
 use super::error::ContactError;
-use super::surface::FLAT;
-use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::pieces::merged;
 use crate::surface::face::Piece;
 
-/// Most samples of one surface.
+/// What is flat, in units of the part's largest extent.
+pub(crate) const FLAT: f64 = 1e-7;
+
+/// Most pieces of one surface.
 const MOST: usize = 1 << 24;
 
 /// A piece of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfaceSample {
+pub(crate) struct SurfaceSample {
     /// Its centroid, metres, in the part's frame.
-    pub position: DVec3,
+    pub(crate) position: DVec3,
     /// Its normal, outwards, times its area; square metres.
-    pub area: DVec3,
-}
-
-/// The surface of `mesh` in pieces whose sides are at most `distance` long (metres), those of
-/// coplanar triangles together.
-///
-/// # Errors
-/// If the distance is not positive and finite, there would be too many pieces, or no triangle has
-/// an area.
-pub fn surface_samples(
-    mesh: &TriangleMesh,
-    distance: f64,
-) -> Result<Vec<SurfaceSample>, ContactError> {
-    if !(distance.is_finite() && distance > 0.0) {
-        return Err(ContactError::Distance { found: distance });
-    }
-    let flat = FLAT * mesh.bounds().size().max_element();
-    let faces = merged(mesh.triangles(), mesh.vertices(), flat);
-    let faces = (0..faces.len()).filter_map(|i| faces.get(i));
-    let mut samples = Vec::new();
-    surface_pieces(faces, distance, |_, s| samples.push(s))?;
-    match samples.is_empty() {
-        true => Err(ContactError::EmptyMesh),
-        false => Ok(samples),
-    }
+    pub(crate) area: DVec3,
 }
 
 /// Adds faces in pieces whose sides are at most `distance` long (metres), each with the number of
@@ -58,7 +34,7 @@ pub(crate) fn surface_pieces(
     let found: f64 = faces.clone().map(parts).sum();
     if found > MOST as f64 {
         return Err(ContactError::TooMany {
-            what: "surface samples",
+            what: "surface pieces",
             most: MOST,
             found,
         });

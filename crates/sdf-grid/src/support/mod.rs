@@ -1,5 +1,6 @@
 //! What every part of the crate leans on: files, recipes, progress and memory.
 
+pub(crate) mod angle;
 pub mod atomic;
 #[doc(hidden)]
 pub mod large;

@@ -31,6 +31,19 @@ fn beyond() -> ! {
     panic!("a sample beyond the field");
 }
 
+/// The first number of a node from which `count` numbers of a row of `length` are read.
+///
+/// # Panics
+/// If they are not all in the row.
+#[inline(always)]
+pub(super) fn first_number(place: i32, count: usize, length: usize) -> usize {
+    let at = 2 * place as u32 as usize;
+    match length.checked_sub(count) {
+        Some(last) if at <= last => at,
+        _ => beyond(),
+    }
+}
+
 impl<'a, T: Real> Corners<'a, T> {
     /// Of a field in standard layout.
     pub(crate) fn new(values: &'a Array3<Complex<T>>) -> Self {
@@ -58,12 +71,8 @@ impl<'a, T: Real> Corners<'a, T> {
     /// Where the corners of a cell begin in each of the rows.
     #[inline(always)]
     fn start(self, place: i32) -> usize {
-        let at = 2 * place as u32 as usize;
         // The last row is the shortest.
-        match self.rows[3].len().checked_sub(4) {
-            Some(last) if at <= last => at,
-            _ => beyond(),
-        }
+        first_number(place, 4, self.rows[3].len())
     }
 
     /// Real and imaginary parts of eight samples.

@@ -21,8 +21,9 @@
 //!
 //! # Memory safety
 //! Kernels reach their memory through [`tile::Tile`]s, whose every access is checked, and the
-//! moving field through [`corners::Corners`], which check a place once for its eight corners. All
-//! `unsafe` code of correlations is in these two files and in [`buffer`] (hints to the caches).
+//! moving field through [`corners::Corners`] or [`nodes::Nodes`], which check a place once for all
+//! nodes around it. All `unsafe` code of correlations is in these three files and in [`buffer`]
+//! (hints to the caches).
 
 pub(crate) mod buffer;
 pub(crate) mod corners;

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use ndarray::Array3;
 use num_complex::Complex;
 
-use super::corners::Cells;
+use super::corners::{Cells, first_number};
 use super::prefetch::fetch;
 use crate::correlate::real::Real;
 use crate::vectors::transposed;
@@ -19,12 +19,6 @@ pub(crate) struct Nodes<'a, T> {
     /// From the first node on, for three x and each three y: each begins later than the one before,
     /// and all end together.
     rows: [&'a [T]; 9],
-}
-
-#[cold]
-#[inline(never)]
-fn beyond() -> ! {
-    panic!("a sample beyond the field");
 }
 
 impl<'a, T: Real> Nodes<'a, T> {
@@ -54,12 +48,8 @@ impl<'a, T: Real> Nodes<'a, T> {
     /// Where the nodes around a place begin in each of the rows.
     #[inline(always)]
     fn start(self, place: i32) -> usize {
-        let at = 2 * place as u32 as usize;
         // The last row is the shortest.
-        match self.rows[8].len().checked_sub(READ) {
-            Some(last) if at <= last => at,
-            _ => beyond(),
-        }
+        first_number(place, READ, self.rows[8].len())
     }
 
     /// Real and imaginary parts of eight samples; `fractions` are distances from the middle nodes.

@@ -4,10 +4,11 @@ use fearless_simd::{f32x16, mask32x16, prelude::*};
 use glam::Vec2;
 
 use super::circle::{Circle, circle};
-use super::lanes::{ln, upper_angle};
+use super::lanes::ln;
 use super::sheet::Border;
 use super::smooth::Taylor;
 use super::vectors::splat;
+use crate::support::angle::upper_angle;
 
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {

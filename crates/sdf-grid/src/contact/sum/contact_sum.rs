@@ -12,7 +12,7 @@ use super::smooth::REACH;
 use super::spread::spread;
 use super::views::Views;
 use crate::contact::error::ContactError;
-use crate::contact::surface::FLAT;
+use crate::contact::samples::FLAT;
 use crate::dispatch_lanes;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::level;

@@ -9,7 +9,7 @@ pub(super) const REACH: f64 = 3.75;
 /// Terms of the polynomial.
 const TERMS: usize = 8;
 
-/// `κ` of [`crate::contact::kernel::ContactKernel`] as a polynomial of the squared distance, both
+/// `κ` of the kernel's integral over a plane ([`crate::contact`]) as a polynomial of the squared distance, both
 /// in units of the reach: value and slope of `K` vanish there, its slope is off by 6e-4 at most and
 /// its value by 1.1e-3 of the greatest. Least squares of both, reweighted to the least maximum.
 pub(super) const ENTIRE: [f32; TERMS] = [

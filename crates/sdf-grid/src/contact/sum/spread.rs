@@ -22,8 +22,12 @@ use crate::surface::coplanar::pieces::merged;
 /// Where the rows along sharp edges end, in units of the distance of points.
 const ROWS: [f64; 2] = [0.12, 0.42];
 
-/// Into how many pieces points are cut, along each side.
-const CUTS: f64 = 12.0;
+/// Into how many pieces points are cut along each side: the most, and the fewest where a part is
+/// large.
+const CUTS: [f64; 2] = [12.0, 2.0];
+
+/// Pieces from which on points are cut into fewer.
+const PIECES: f64 = (1 << 22) as f64;
 
 /// Boxes that gather what belongs to a point of a curved surface are this much wider than the
 /// points' distance: surfaces cross them anyhow.
@@ -72,7 +76,9 @@ pub(super) fn spread(
     let mut points: HashMap<Key, Gathered> = HashMap::new();
     let all = || (0..faces.len()).filter_map(|i| faces.get(i));
     let sources: Vec<u32> = all().map(|f| f.source).collect();
-    surface_pieces(all(), distance / CUTS, |face, piece| {
+    let points_expected = (mesh.area() / (distance * distance)).max(1.0);
+    let cuts = (PIECES / points_expected).sqrt().clamp(CUTS[1], CUTS[0]);
+    surface_pieces(all(), distance / cuts, |face, piece| {
         let part = parts.of[sources[face] as usize];
         let key = key(part, piece.position);
         match key.1 == ROWS.len() && parts.bent[part as usize] {

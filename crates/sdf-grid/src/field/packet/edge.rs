@@ -2,9 +2,10 @@
 
 use fearless_simd::{f32x16, prelude::*};
 
-use super::kernel::{MAX_POINTS, PacketKernel, atan2};
+use super::kernel::{MAX_POINTS, PacketKernel};
 use super::query::Query;
 use super::tree::PacketTree;
+use crate::support::angle::upper_angle;
 
 /// One of the faces of an edge, seen from every point.
 #[derive(Clone, Copy)]
@@ -146,7 +147,7 @@ impl<S: Simd> Line<S> {
         let x2 = none.select(f32x16::splat(d.token(), 1.0), x2);
         let y2 = none.select(f32x16::splat(d.token(), 0.0), y2);
         let (x, y) = (x1 * x2 + y1 * y2, y1 * x2 - x1 * y2);
-        atan2(y.abs(), x).copysign(d)
+        upper_angle(y.abs(), x).copysign(d)
     }
 }
 

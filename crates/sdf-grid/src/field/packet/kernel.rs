@@ -261,29 +261,3 @@ pub(super) fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
     let bits: i32x16<S> = ((n + 127.0) * 8_388_608.0).to_int();
     p * bits.bitcast::<f32x16<S>>()
 }
-
-/// The angle of `(x, y)` to about 1e-6, in `-pi ..= pi`; zero at the origin.
-#[inline(always)]
-pub(crate) fn atan2<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
-    use std::f32::consts::{FRAC_PI_2, PI};
-    let simd = x.token();
-    let (ax, ay) = (x.abs(), y.abs());
-    let z = ax.min(ay) / ax.max(ay).max(1e-37);
-    let s = z * z;
-    let mut p = f32x16::splat(simd, -0.004_054_058);
-    for c in [
-        0.021_861_23,
-        -0.055_909_887,
-        0.096_420_04,
-        -0.139_085_33,
-        0.199_465_36,
-        -0.333_298_56,
-        0.999_999_35,
-    ] {
-        p = p.mul_add(s, f32x16::splat(simd, c));
-    }
-    let mut angle = p * z;
-    angle = ax.simd_lt(ay).select(FRAC_PI_2 - angle, angle);
-    angle = x.simd_lt(0.0).select(PI - angle, angle);
-    angle.copysign(y)
-}

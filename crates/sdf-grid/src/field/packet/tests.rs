@@ -7,7 +7,7 @@ use num_complex::Complex64;
 
 use super::density::PacketDensity;
 use super::facet::Facet;
-use super::kernel::{PacketKernel, atan2, exp};
+use super::kernel::{PacketKernel, exp};
 use super::lanes::{LANES, Lanes};
 use super::near::NearFaces;
 use super::points::{Packet, Points};
@@ -20,6 +20,7 @@ use crate::field::kernel::CumulativeKernel;
 use crate::field::kernel::DensityKernel;
 use crate::field::point::edge_integral::EdgeQuadrature;
 use crate::mesh::shapes::{self, PegInHole, random_solid};
+use crate::support::angle::upper_angle;
 use crate::support::level;
 use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
@@ -182,7 +183,7 @@ fn instruction_sets_agree() {
 #[simd]
 fn elementary<S: Simd>(simd: S, x: &Lanes, y: &Lanes) -> [Lanes; 2] {
     let [x, y] = [x, y].map(|v| f32x16::simd_from(simd, *v));
-    [exp(x).into(), atan2(y, x).into()]
+    [exp(x).into(), upper_angle(y.abs(), x).copysign(y).into()]
 }
 
 #[test]

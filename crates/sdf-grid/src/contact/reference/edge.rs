@@ -53,36 +53,12 @@ impl Edge {
         })
     }
 
-    /// Squared distance of a point.
-    pub(crate) fn distance_squared(&self, p: DVec3) -> f64 {
-        let from = p - self.from;
-        let along = from.dot(self.along).clamp(0.0, self.length);
-        from.distance_squared(self.along * along)
-    }
-
     /// The angle at which it is seen in its plane from above, counter-clockwise positive.
     pub(crate) fn angle(&self, p: DVec3) -> f64 {
         let from = self.from - p;
         let (across, start) = (from.dot(self.outward), from.dot(self.along));
         let end = start + self.length;
         (across * self.length).atan2(across * across + start * end)
-    }
-
-    /// What the number of insides below a point changes by on the way from `a` to `b` through this
-    /// edge: -1 out of the region, 1 into it, else 0. A way along the edge is inside.
-    pub(crate) fn crossed(&self, normal: DVec3, a: DVec3, b: DVec3) -> f64 {
-        let out = |p: DVec3| (self.from - p).dot(self.outward) < 0.0;
-        let (before, after) = (out(a), out(b));
-        if before == after {
-            return 0.0;
-        }
-        // The edge's ends lie on different sides of the way.
-        let across = (b - a).cross(normal);
-        let side = |p: DVec3| (p - a).dot(across) < 0.0;
-        if side(self.from) == side(self.to) {
-            return 0.0;
-        }
-        if after { -1.0 } else { 1.0 }
     }
 
     /// `(1/2π) ∫ [K(h) - K(R)] dφ` along what of the edge is in reach of `at`, less

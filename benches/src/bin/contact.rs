@@ -66,7 +66,7 @@ impl Plan {
         };
         or(&mut plan.clearances, &[0.0, 0.1, 0.3, 0.5]);
         or(&mut plan.spacings, &[1.4, 0.83]);
-        or(&mut plan.smoothings, &[0.6]);
+        or(&mut plan.smoothings, &[0.7]);
         if plan.pairs.is_empty() {
             plan.pairs = PegInHole::ALL.to_vec();
         }

@@ -68,7 +68,7 @@ impl ContactSum {
         let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
         let regions = Regions::new(surface, flat(surface), reach)?;
         Ok(Self {
-            views: Views::new(surface, &bvh, &regions, [reach, clusters.radius])?,
+            views: Views::new(surface, &regions, [reach, clusters.radius])?,
             clearance: Clearance::new(surface, &bvh, reach),
             clusters,
             reach,

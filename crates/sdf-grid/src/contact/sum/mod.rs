@@ -4,8 +4,8 @@
 //! - [`smooth_parts`]: a surface between its sharp edges; [`spread`], [`gathered`], [`cells`]: samples
 //!   of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
-//!   latter as tori;
-//!   [`chain`]: borders in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
+//!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
+//!   in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
 //! - [`border`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
@@ -24,6 +24,7 @@ mod osculating;
 mod pass;
 mod regions;
 mod sheet;
+mod simplified;
 mod smooth;
 mod smooth_parts;
 mod spread;

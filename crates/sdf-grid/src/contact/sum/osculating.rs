@@ -2,9 +2,9 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-/// Curvature at most, per reach of the kernel: of what is bent more the kernel's reach covers too
-/// much for one curvature.
-pub(super) const MOST_BENT: f64 = 0.45;
+/// Curvature at most, per reach of the kernel: from the axis of what is bent as much, the kernel
+/// just does not reach the surface, and no place has two feet.
+pub(super) const MOST_BENT: f64 = 1.0;
 
 /// Surfaces bent less are flat.
 const LEAST_BENT: f64 = 1e-4;

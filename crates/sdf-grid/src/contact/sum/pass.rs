@@ -13,6 +13,10 @@ use super::unrolled::Unrolled;
 use super::vectors::{Vectors, along, scaled, splat, turned};
 use super::views::Views;
 
+/// Height, in units of the reach, beyond which it hardly matters what samples see: the kernel's
+/// integral is a thousandth of that at the surface.
+const HIGH: f32 = 0.75;
+
 /// Where a cluster lies.
 pub(super) struct Placed<'a> {
     pub(super) cluster: &'a Cluster,
@@ -109,8 +113,8 @@ fn add_sheet<S: Simd>(
     // The height above what is bent averages to more over a sample's extent than in its middle.
     let bent = (sheet.curvature.x + sheet.curvature.y) / 6.0;
     let above = Above::new(samples.half * samples.half * bent + unrolled.height, feet);
-    // Unrolled from the inside, places are farther apart.
-    let radius = placed.radius / (1.0 - sheet.curvature.abs().max_element());
+    // Unrolled from the inside, places are farther apart the higher they are.
+    let radius = placed.radius / (1.0 - HIGH * sheet.curvature.abs().max_element());
     let faces = unrolled.along(&faces);
     let lean = Lean::new(samples.half, &faces);
     if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {

@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
+use rayon::prelude::*;
 
 use super::chain::{chained, thinned};
 use super::cylinder::Cylinder;
 use super::osculating::Surfel;
+use super::simplified::simplified;
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
 use crate::contact::samples::surface_pieces;
@@ -17,23 +19,27 @@ use crate::surface::face::Piece;
 /// Edge of the boxes in which pieces of a curved surface are taken together, in units of the reach.
 const SURFEL: f64 = 0.2;
 
+/// How far faces are from what is bent, in the mean (rms) and in units of the reach.
+const FACETS: f64 = 0.004;
+
 /// A surface.
 #[derive(Debug)]
 pub(super) struct Regions {
     /// The flat ones.
     pub(super) flat: Vec<Outline>,
-    /// The curved region of each triangle, or [`Regions::FLAT`].
-    pub(super) curved: Vec<u32>,
     /// The surface of curved regions in small pieces, in metres, each with its region.
     pub(super) surfels: Vec<(u32, Surfel)>,
     /// Regions that are cylinders, in units of the reach.
     pub(super) cylinders: HashMap<u32, Cylinder>,
+    /// Curved regions that are no cylinders in few flat faces, each with its region: for where the
+    /// kernel reaches over too much of a bend.
+    pub(super) faces: Vec<(u32, Outline)>,
     /// Edges of curved regions, the region to their left seen from outside: region, vertices.
     pub(super) borders: Vec<(u32, [u32; 2])>,
 }
 
 impl Regions {
-    pub(super) const FLAT: u32 = u32::MAX;
+    const FLAT: u32 = u32::MAX;
 
     /// Those of `mesh`, where what lies within `flat` of a plane lies in it, with `reach` that of
     /// the kernel (metres).
@@ -64,6 +70,8 @@ impl Regions {
                 Cylinder::fitted(&scaled.collect::<Vec<_>>())?,
             ))
         });
+        let cylinders: HashMap<u32, Cylinder> = cylinders.collect();
+        let faces = faces(mesh, &curved, &cylinders, flat, FACETS * reach);
         let mut flat = outlines(&of_flat, mesh.vertices(), flat);
         for ring in flat.iter_mut().flat_map(|f| &mut f.rings) {
             let closed: Vec<DVec3> = ring.iter().chain(ring.first()).copied().collect();
@@ -74,12 +82,39 @@ impl Regions {
         }
         Ok(Self {
             flat,
-            cylinders: cylinders.collect(),
+            cylinders,
+            faces,
             surfels,
-            curved,
             borders: thin(borders, mesh.vertices(), reach),
         })
     }
+}
+
+/// Curved regions but for the cylinders in flat faces that are `off` (metres) away from them in the
+/// mean.
+fn faces(
+    mesh: &TriangleMesh,
+    curved: &[u32],
+    cylinders: &HashMap<u32, Cylinder>,
+    flat: f64,
+    off: f64,
+) -> Vec<(u32, Outline)> {
+    let bent = curved.iter().zip(mesh.triangles());
+    let bent = bent.filter(|(c, _)| **c != Regions::FLAT && !cylinders.contains_key(c));
+    let mut bent: Vec<(u32, [u32; 3])> = bent.map(|(c, t)| (*c, *t)).collect();
+    bent.sort_by_key(|(region, _)| *region);
+    let regions: Vec<_> = bent.chunk_by(|a, b| a.0 == b.0).collect();
+    let found = regions.into_par_iter().map(|of_region| {
+        let triangles: Vec<[u32; 3]> = of_region.iter().map(|b| b.1).collect();
+        let (triangles, vertices) = simplified(&triangles, mesh.vertices(), off);
+        let faces = outlines(&triangles, &vertices, flat);
+        let region = of_region[0].0;
+        faces
+            .into_iter()
+            .map(move |f| (region, f))
+            .collect::<Vec<_>>()
+    });
+    found.collect::<Vec<_>>().concat()
 }
 
 /// Borders of regions in fewer pieces.

@@ -3,17 +3,18 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::chain::{Arc, allowed, chained, straightened};
-use super::osculating::{MOST_BENT, Osculating, Surfel};
+use super::osculating::{Osculating, Surfel};
 use super::regions::Regions;
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::bvh::tree::Bvh;
+use crate::surface::coplanar::outlines::Outline;
 
 /// Where on a flat region one stands from where insides are counted, in units of the reach from the
 /// foot of the cell's middle: no edge lies there unless it is put there.
 const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
 
-/// Unrolled from the inside of a bend, places are at most this many times as far apart.
-pub(super) const FARTHER: f64 = 1.0 / (1.0 - MOST_BENT);
+/// How much farther than what one sees borders may lie on the surface, unrolled: seen from the inside
+/// of a bend of the greatest curvature, an arc is longer than its chord.
+pub(super) const FARTHER: f64 = 1.4;
 
 /// Angle around a torus beyond which nothing is seen.
 const BEHIND: f64 = 2.5;
@@ -69,6 +70,8 @@ pub(super) struct List {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Near {
     pub(super) flat: Vec<u32>,
+    /// Of [`Regions::faces`].
+    pub(super) faces: Vec<u32>,
     pub(super) surfels: Vec<u32>,
     pub(super) borders: Vec<u32>,
 }
@@ -76,7 +79,6 @@ pub(super) struct Near {
 /// A surface to be seen.
 pub(super) struct Surface<'a> {
     pub(super) mesh: &'a TriangleMesh,
-    pub(super) bvh: &'a Bvh,
     pub(super) regions: &'a Regions,
     /// The kernel's reach, metres.
     pub(super) unit: f64,
@@ -89,15 +91,7 @@ impl Surface<'_> {
     pub(super) fn seen_from(&self, middle: DVec3, near: &Near) -> List {
         let mut list = List::default();
         for id in &near.flat {
-            let outline = &self.regions.flat[*id as usize];
-            let rings = || outline.rings.iter().map(Vec::as_slice);
-            self.add_flat(
-                &mut list,
-                rings(),
-                outline.normal,
-                [middle, outline.origin],
-                self.unit,
-            );
+            self.add_flat(&mut list, &self.regions.flat[*id as usize], middle);
         }
         let surfels = near.surfels.iter();
         let mut surfels: Vec<(u32, Surfel)> = surfels
@@ -124,21 +118,23 @@ impl Surface<'_> {
                 Some(torus) => {
                     self.add_curved(&mut list, &torus, of_region[0], middle, near, region)
                 }
-                None => self.add_faces(&mut list, middle, region),
+                None => {
+                    let faces = near
+                        .faces
+                        .iter()
+                        .map(|id| &self.regions.faces[*id as usize]);
+                    for (_, outline) in faces.filter(|(of, _)| *of == region) {
+                        self.add_flat(&mut list, outline, middle);
+                    }
+                }
             }
         }
         list
     }
 
-    /// Adds a flat region with corners in units of which `unit` are one reach.
-    fn add_flat<'r>(
-        &self,
-        list: &mut List,
-        rings: impl Iterator<Item = &'r [DVec3]>,
-        normal: DVec3,
-        [middle, origin]: [DVec3; 2],
-        unit: f64,
-    ) {
+    /// Adds a flat region.
+    fn add_flat(&self, list: &mut List, outline: &Outline, middle: DVec3) {
+        let (normal, origin, unit) = (outline.normal, outline.origin, self.unit);
         let (u, v) = normal.any_orthonormal_pair();
         let height = (middle - origin).dot(normal);
         let foot = middle - height * normal;
@@ -151,7 +147,7 @@ impl Surface<'_> {
         let most = (seen * seen - height * height).max(0.0).sqrt();
         let first = list.borders.len();
         let mut sides = Vec::new();
-        for ring in rings {
+        for ring in &outline.rings {
             let ring: Vec<DVec2> = ring.iter().map(place).collect();
             list.add_ring(&ring, most, &mut sides);
         }
@@ -214,20 +210,6 @@ impl Surface<'_> {
             inside: 1.0,
             first: first as u32,
             count: (list.borders.len() - first) as u32,
-        });
-    }
-
-    /// Adds the faces of a curved region one by one.
-    fn add_faces(&self, list: &mut List, middle: DVec3, region: u32) {
-        let scale = self.bvh.scale();
-        let middle = self.bvh.normalized(middle);
-        self.bvh.visit_within(middle, self.seen * scale, |i| {
-            let face = &self.bvh.faces[i];
-            if self.regions.curved[face.source as usize] == region {
-                let ring = std::iter::once(face.outline());
-                let origin = face.corners[0];
-                self.add_flat(list, ring, face.normal, [middle, origin], self.unit * scale);
-            }
         });
     }
 }

@@ -8,7 +8,7 @@ use super::sheet::{Border, FARTHER, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::bvh::tree::Bvh;
+use crate::surface::coplanar::outlines::Outline;
 
 /// Edge of a cell, in units of the reach, unless the part is so large that there would be too many.
 const CELL: f64 = 0.5;
@@ -36,13 +36,12 @@ pub(super) struct Views {
 
 impl Views {
     /// Lists what of `regions` of a surface is within `reach` (metres) of spheres of `radius`
-    /// (metres) about places in each cell. `bvh` is that of the surface.
+    /// (metres) about places in each cell.
     ///
     /// # Errors
     /// If the lists would pass 2^26 entries.
     pub(super) fn new(
         mesh: &TriangleMesh,
-        bvh: &Bvh,
         regions: &Regions,
         [reach, radius]: [f64; 2],
     ) -> Result<Self, ContactError> {
@@ -65,7 +64,6 @@ impl Views {
         let near = views.near(mesh, regions, seen)?;
         let surface = Surface {
             mesh,
-            bvh,
             regions,
             unit: reach,
             seen,
@@ -96,13 +94,16 @@ impl Views {
         let mut near = vec![Near::default(); self.shape.iter().product()];
         let mut listed = 0;
         for (id, outline) in regions.flat.iter().enumerate() {
-            let bounds = Aabb::around(outline.rings.iter().flatten().copied()).grown(seen);
-            for flat in self.cells_in(&bounds) {
-                let height = (self.middle(flat) - outline.origin).dot(outline.normal);
-                if height.abs() <= seen {
-                    near[flat].flat.push(id as u32);
-                    listed += 1;
-                }
+            for flat in self.cells_near(outline, seen) {
+                near[flat].flat.push(id as u32);
+                listed += 1;
+            }
+            few(listed)?;
+        }
+        for (id, (_, outline)) in regions.faces.iter().enumerate() {
+            for flat in self.cells_near(outline, seen) {
+                near[flat].faces.push(id as u32);
+                listed += 1;
             }
             few(listed)?;
         }
@@ -124,6 +125,15 @@ impl Views {
             few(listed)?;
         }
         Ok(near)
+    }
+
+    /// Cells with a middle within `seen` of a flat region's plane and box.
+    fn cells_near(&self, outline: &Outline, seen: f64) -> impl Iterator<Item = usize> {
+        let bounds = Aabb::around(outline.rings.iter().flatten().copied());
+        self.cells_in(&bounds.grown(seen)).filter(move |flat| {
+            let height = (self.middle(*flat) - outline.origin).dot(outline.normal);
+            height.abs() <= seen
+        })
     }
 
     fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {

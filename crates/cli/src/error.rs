@@ -95,7 +95,7 @@ pub enum CommandError {
     Picture(#[from] pegfit_pictures::PictureError),
     /// No table of the scene meets the tolerance that was asked for.
     #[error(
-        "force error of {:.3} % asked for, {:.3} % reached: {part} is what cannot be met, {reason}",
+        "errors of force and torque of {:.3} % asked for, {:.3} % reached: {part} is what cannot be met, {reason}",
         100.0 * asked, 100.0 * reached
     )]
     Tolerance {

@@ -172,8 +172,8 @@ pub struct BakeArgs {
     /// Only say how much of the table is there
     #[arg(long)]
     pub status: bool,
-    /// Choose lattice, sampling and rotation step so that the rms error of the force is at most this
-    /// share of the rms force, such as 5% or 0.05
+    /// Choose lattice and rotation step so that the rms errors of force and torque are at most this
+    /// share of the rms of either, such as 5% or 0.05
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub tolerance: Option<f64>,
     /// How energies are stored

@@ -71,7 +71,9 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         true => print_json(&summary)?,
         false => print(&summary, &progress),
     }
-    check_tolerance(args, summary.error.as_ref())
+    let rotations = &store.spec().rotations;
+    let reached = summary.error.as_ref().map(|e| e.wrench(rotations));
+    check_tolerance(args, reached)
 }
 
 /// A scene and its table.
@@ -138,17 +140,15 @@ fn exists(output: &Path) -> Result<bool, CommandError> {
 }
 
 /// The probes may have promised too much.
-fn check_tolerance(args: &BakeArgs, error: Option<&ErrorReport>) -> Result<(), CommandError> {
-    match (args.tolerance, error) {
-        (Some(asked), Some(error)) if error.force.relative() > asked => {
-            Err(CommandError::Tolerance {
-                part: "the whole table",
-                asked,
-                reached: error.force.relative(),
-                reason: "though its probes did; it is kept. Ask for a little less, or more poses"
-                    .into(),
-            })
-        }
+fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandError> {
+    match (args.tolerance, reached) {
+        (Some(asked), Some(reached)) if reached > asked => Err(CommandError::Tolerance {
+            part: "the whole table",
+            asked,
+            reached,
+            reason: "though its probes did; it is kept. Ask for a little less, or more poses"
+                .into(),
+        }),
         _ => Ok(()),
     }
 }

@@ -36,12 +36,12 @@ pub(super) fn choose(
 fn told(trial: &Trial) -> String {
     match trial {
         Trial::Lattice { spacing, error } => format!(
-            "spacing {:.4} mm: force error {:.3} %",
+            "spacing {:.4} mm: error {:.3} %",
             1e3 * spacing,
             100.0 * error
         ),
         Trial::Step { step_deg, error } => format!(
-            "rotation step {step_deg:.3} degrees: force error {:.3} %",
+            "rotation step {step_deg:.3} degrees: error {:.3} %",
             100.0 * error
         ),
     }

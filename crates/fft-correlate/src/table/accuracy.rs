@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::direct::condition::Condition;
-use crate::energy::{EnergySource, Response};
+use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
 use crate::rotations::domain::RotationDomain;
@@ -104,6 +104,20 @@ impl ErrorReport {
     }
 }
 
+impl ErrorReport {
+    /// The greater of the relative errors of force and torque; that of the force alone where
+    /// `rotations` are too few for torques about all axes (a list, a spin).
+    pub fn wrench(&self, rotations: &RotationDomain) -> f64 {
+        let force = self.force.relative();
+        match rotations {
+            RotationDomain::List { .. } | RotationDomain::Spin { .. } => force,
+            RotationDomain::Ball { .. } | RotationDomain::Full { .. } => {
+                force.max(self.torque.relative())
+            }
+        }
+    }
+}
+
 impl Errors {
     /// The rms of the errors as a share of the quantity's own.
     pub fn relative(&self) -> f64 {
@@ -119,35 +133,61 @@ pub fn measure_error(
     poses: usize,
     seed: u64,
 ) -> ErrorReport {
-    let pivot = table.spec().pivot();
-    let drawn: Vec<(Pose, [f64; 6])> = (0..poses.max(1) as u64)
-        .into_par_iter()
-        .map_init(
-            || truth.scratch(),
-            |scratch, index| {
-                let pose = random_pose(table.spec(), seed, index);
-                let about_pivot = |r: &Response| r.wrench.about(pose.rotation * pivot).torque;
-                let (a, b) = (table.respond(&pose), truth.evaluate(&pose, scratch));
-                let sizes = [
-                    (a.energy - b.energy).abs(),
-                    (a.wrench.force - b.wrench.force).length(),
-                    (about_pivot(&a) - about_pivot(&b)).length(),
-                    b.energy,
-                    b.wrench.force.length(),
-                    about_pivot(&b).length(),
-                ];
-                (pose, sizes)
-            },
-        )
-        .collect();
-    ErrorReport {
-        poses: drawn.len(),
-        seed,
-        reference_spacing: 0.0,
-        condition: None,
-        energy: summary(&drawn, 0),
-        force: summary(&drawn, 1),
-        torque: summary(&drawn, 2),
+    HeldOut::drawn(table.spec(), truth, poses, seed).errors_of(table)
+}
+
+/// Poses and what the truth is there.
+#[derive(Debug)]
+pub(crate) struct HeldOut {
+    seed: u64,
+    answers: Vec<(Pose, Response)>,
+}
+
+impl HeldOut {
+    /// At poses drawn from the rotations and the window of `spec`.
+    pub(crate) fn drawn(
+        spec: &TableSpec,
+        truth: &dyn EnergySource,
+        poses: usize,
+        seed: u64,
+    ) -> Self {
+        let draw = |scratch: &mut Scratch, index| {
+            let pose = random_pose(spec, seed, index);
+            (pose, truth.evaluate(&pose, scratch))
+        };
+        let indices = (0..poses.max(1) as u64).into_par_iter();
+        Self {
+            seed,
+            answers: indices.map_init(|| truth.scratch(), draw).collect(),
+        }
+    }
+
+    /// Those of a table whose domain they lie in.
+    pub(crate) fn errors_of(&self, table: &EnergyTable) -> ErrorReport {
+        let pivot = table.spec().pivot();
+        let compare = |(pose, b): &(Pose, Response)| {
+            let about_pivot = |r: &Response| r.wrench.about(pose.rotation * pivot).torque;
+            let a = table.respond(pose);
+            let sizes = [
+                (a.energy - b.energy).abs(),
+                (a.wrench.force - b.wrench.force).length(),
+                (about_pivot(&a) - about_pivot(b)).length(),
+                b.energy,
+                b.wrench.force.length(),
+                about_pivot(b).length(),
+            ];
+            (*pose, sizes)
+        };
+        let drawn: Vec<(Pose, [f64; 6])> = self.answers.par_iter().map(compare).collect();
+        ErrorReport {
+            poses: drawn.len(),
+            seed: self.seed,
+            reference_spacing: 0.0,
+            condition: None,
+            energy: summary(&drawn, 0),
+            force: summary(&drawn, 1),
+            torque: summary(&drawn, 2),
+        }
     }
 }
 

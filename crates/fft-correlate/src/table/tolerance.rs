@@ -1,10 +1,11 @@
-//! Choosing lattice and rotation step for a force error that was asked for.
+//! Choosing lattice and rotation step for an error of force and torque that was asked for.
 //!
 //! Whole tables would take too long to try. The share of the error that comes from the lattice is
-//! found at a few rotations alone (nothing is interpolated between rotations); the rest from balls of
-//! one rotation step around the same rotations, which hold just the nodes that a query in their
-//! middle reads. Truth is direct quadrature on a lattice of half the spacing.
+//! found with rotations so close that next to nothing is lost between them, the rest with those of
+//! the steps that are tried: both in balls of one step near a few rotations, which hold just the nodes
+//! that queries at these read. Truth is direct quadrature on a lattice of half the spacing, evaluated once for all of them.
 
+use glam::{DQuat, DVec3};
 use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
@@ -12,7 +13,7 @@ use crate::pair::builder::PairBuildError;
 use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::{PairSetup, PairSetupError};
-use crate::table::accuracy::{measure_error, random_pose};
+use crate::table::accuracy::{HeldOut, random_pose};
 use crate::table::design::{TableDesign, TableDesignError};
 use crate::table::energy_table::EnergyTable;
 use crate::table::error::TableError;
@@ -22,7 +23,17 @@ use crate::table::spec::TableSpec;
 const ROTATIONS: u64 = 3;
 
 /// Poses at each.
-const POSES: usize = 300;
+const POSES: usize = 100;
+
+/// Where in the balls the rotations are, in steps from the middle: as far as random ones.
+const ASIDE: [DVec3; ROTATIONS as usize] = [
+    DVec3::new(0.31, -0.12, 0.14),
+    DVec3::new(-0.21, 0.33, 0.08),
+    DVec3::new(0.05, -0.17, -0.36),
+];
+
+/// Rotation step between whose nodes next to nothing is lost, degrees.
+const NEXT_TO_NOTHING: f64 = 2.5;
 
 /// Share of the tolerance that the lattice may use up: errors of lattice and rotations add like
 /// squares, and the probes are few.
@@ -50,7 +61,8 @@ pub struct TolerantDesign {
     pub reference_spacing: f64,
 }
 
-/// What was tried on the way, and the force error of its probes as a share of the rms force.
+/// What was tried on the way, and the error of its probes: the greater of those of force and torque,
+/// each a share of its rms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trial {
     /// A spacing.
@@ -112,9 +124,11 @@ pub enum Limit {
 #[derive(Debug, thiserror::Error)]
 pub enum ToleranceError {
     /// None that was tried meets the tolerance.
-    #[error("force error of {asked} of the rms asked for, {reached} reached: {limit:?}")]
+    #[error(
+        "errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit:?}"
+    )]
     Missed {
-        /// Share of the rms force.
+        /// Share of the rms of force and torque.
         asked: f64,
         /// The least share found.
         reached: f64,
@@ -172,9 +186,9 @@ impl ToleranceError {
 }
 
 impl TableDesign {
-    /// The coarsest table over a setup's box of displacements and `rotations` whose force error, the
-    /// rms as a share of the rms force, is within `tolerance` by its probes. Spacing and rotation
-    /// step are chosen; what they are in `setup` and `rotations` is where the search
+    /// The coarsest table over a setup's box of displacements and `rotations` whose errors of force
+    /// and of torque, the rms of each as a share of its own rms, are both within `tolerance` by its
+    /// probes. Spacing and rotation step are chosen; what they are in `setup` and `rotations` is where the search
     /// begins. Fields, correlations and the table stay within `memory` bytes; `tried` hears of every
     /// step.
     ///
@@ -198,8 +212,8 @@ impl TableDesign {
             tried,
         };
         search.setup.builder.memory_limit = Some(memory);
-        let mut found = search.lattice()?;
-        search.step(&mut found)?;
+        let (mut found, held_out) = search.lattice()?;
+        search.step(&mut found, &held_out)?;
         Ok(found)
     }
 }
@@ -216,7 +230,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// The coarsest lattice that is fine enough.
-    fn lattice(&mut self) -> Result<TolerantDesign, ToleranceError> {
+    fn lattice(&mut self) -> Result<(TolerantDesign, Vec<HeldOut>), ToleranceError> {
         let first = self.setup.load(self.monitor)?;
         // The same scale for all, or forces could not be compared.
         self.setup.energy = EnergyScale::Gamma(first.model().gamma);
@@ -224,13 +238,13 @@ impl Search<'_> {
         drop(first);
         let mut best = (f64::INFINITY, spacing);
         for _ in 0..TRIALS {
-            let (error, found) = match self.lattice_error(spacing) {
+            let (error, design, held_out) = match self.lattice_error(spacing) {
                 Ok(found) => found,
                 Err(e) => return Err(self.no_finer(e, best, spacing)),
             };
             (self.tried)(Trial::Lattice { spacing, error });
             if error <= LATTICE_SHARE * self.tolerance {
-                return Ok(found);
+                return Ok((design, held_out));
             }
             if error < best.0 {
                 best = (error, spacing);
@@ -265,8 +279,11 @@ impl Search<'_> {
         }
     }
 
-    /// The table at a spacing, and its error.
-    fn lattice_error(&self, spacing: f64) -> Result<(f64, TolerantDesign), ToleranceError> {
+    /// The table at a spacing, its error, and what it is the error of.
+    fn lattice_error(
+        &self,
+        spacing: f64,
+    ) -> Result<(f64, TolerantDesign, Vec<HeldOut>), ToleranceError> {
         let at = |spacing: f64| {
             let mut setup = self.setup.clone();
             setup.builder.spacing = Some(spacing);
@@ -278,18 +295,31 @@ impl Search<'_> {
         let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
         drop(fine);
         let design = at(spacing)?;
-        let error = self.probe(&design, &truth, None)?;
+        let held_out: Vec<HeldOut> = (0..ROTATIONS)
+            .map(|index| {
+                let spec = TableSpec {
+                    rotations: alone(held_out_rotation(&design.spec, index)),
+                    ..design.spec.clone()
+                };
+                HeldOut::drawn(&spec, &truth, POSES, 18 + index)
+            })
+            .collect();
+        let error = self.probe(&design, &held_out, NEXT_TO_NOTHING)?;
         let found = TolerantDesign {
             design,
             truth,
             reference_spacing,
         };
-        Ok((error, found))
+        Ok((error, found, held_out))
     }
 
     /// Refines the rotation step until the probes meet the tolerance, or coarsens it while they do
     /// with ease.
-    fn step(&mut self, found: &mut TolerantDesign) -> Result<(), ToleranceError> {
+    fn step(
+        &mut self,
+        found: &mut TolerantDesign,
+        held_out: &[HeldOut],
+    ) -> Result<(), ToleranceError> {
         let Some(first) = step_of(&found.design.spec.rotations) else {
             return Ok(());
         };
@@ -309,7 +339,7 @@ impl Search<'_> {
                 };
                 return Err(self.missed(least.0, limit));
             }
-            let error = self.probe(&found.design, &found.truth, Some(step))?;
+            let error = self.probe(&found.design, held_out, step)?;
             (self.tried)(Trial::Step {
                 step_deg: step,
                 error,
@@ -351,51 +381,66 @@ impl Search<'_> {
         }
     }
 
-    /// The rms force error of small tables around random rotations of the domain, as a share of the
-    /// rms force; at the rotations alone, or with rotation nodes `step` degrees apart.
+    /// The error of small tables around the rotations held out, with rotation nodes `step` degrees
+    /// apart.
     fn probe(
         &self,
         design: &TableDesign,
-        truth: &DirectEvaluator,
-        step: Option<f64>,
+        held_out: &[HeldOut],
+        step: f64,
     ) -> Result<f64, ToleranceError> {
         let energies = design.energies(self.memory)?;
         let whole = &design.spec;
-        let (mut error, mut scale) = (0.0, 0.0);
-        for index in 0..ROTATIONS {
-            let rotation = random_pose(whole, 17, index).rotation.to_array();
+        let mut squares = 0.0;
+        for (index, held_out) in held_out.iter().enumerate() {
+            let rotation = held_out_rotation(whole, index as u64);
             let spec = TableSpec {
-                rotations: around(&whole.rotations, rotation, step),
+                rotations: around(&whole.rotations, rotation, ASIDE[index], step),
                 symmetry: None,
                 ..whole.clone()
             };
             let table = EnergyTable::compute(spec, &energies, self.memory, self.monitor)?;
-            let force = measure_error(&table, truth, POSES, 18 + index).force;
-            error += force.rms * force.rms;
-            scale += force.scale * force.scale;
+            let error = held_out.errors_of(&table).wrench(&whole.rotations);
+            squares += error * error;
         }
-        Ok((error / scale).sqrt())
+        Ok((squares / held_out.len() as f64).sqrt())
     }
 }
 
-/// The rotations of a probe.
-fn around(whole: &RotationDomain, center: [f64; 4], step: Option<f64>) -> RotationDomain {
-    match (whole, step) {
-        (RotationDomain::List { .. }, _) | (_, None) => RotationDomain::List {
-            rotations: vec![center],
-            margin_deg: 5.0,
-        },
-        (RotationDomain::Spin { axis, .. }, Some(step_deg)) => RotationDomain::Spin {
-            center,
-            axis: *axis,
-            range_deg: Some([-2.0 * step_deg, 2.0 * step_deg]),
-            step_deg,
-        },
-        (_, Some(step_deg)) => RotationDomain::Ball {
-            center,
-            angle_deg: 0.5 * step_deg,
-            step_deg,
-        },
+/// Rotation `index` of those at which tables are probed.
+fn held_out_rotation(whole: &TableSpec, index: u64) -> DQuat {
+    random_pose(whole, 17, index).rotation
+}
+
+fn alone(rotation: DQuat) -> RotationDomain {
+    RotationDomain::List {
+        rotations: vec![rotation.to_array()],
+        margin_deg: 5.0,
+    }
+}
+
+/// The rotations of a probe that holds `rotation`, `aside` steps from its middle.
+fn around(whole: &RotationDomain, rotation: DQuat, aside: DVec3, step_deg: f64) -> RotationDomain {
+    match whole {
+        RotationDomain::List { .. } => alone(rotation),
+        RotationDomain::Spin { axis, .. } => {
+            let along = DVec3::from_array(*axis).normalize();
+            let back = DQuat::from_axis_angle(along, -aside.x * step_deg.to_radians());
+            RotationDomain::Spin {
+                center: (back * rotation).to_array(),
+                axis: *axis,
+                range_deg: Some([-2.0 * step_deg, 2.0 * step_deg]),
+                step_deg,
+            }
+        }
+        RotationDomain::Ball { .. } | RotationDomain::Full { .. } => {
+            let back = DQuat::from_scaled_axis(-aside * step_deg.to_radians());
+            RotationDomain::Ball {
+                center: (back * rotation).to_array(),
+                angle_deg: 0.5 * step_deg,
+                step_deg,
+            }
+        }
     }
 }
 

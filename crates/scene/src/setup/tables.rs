@@ -49,8 +49,8 @@ impl SceneSetup {
         design.map_err(|e| self.scene.design_error(e))
     }
 
-    /// The coarsest table of the scene whose force error, the rms as a share of the rms force, is
-    /// within `tolerance` by its probes; `tried` hears of every step.
+    /// The coarsest table of the scene whose errors of force and torque, the rms of each as a share
+    /// of its own rms, are within `tolerance` by its probes; `tried` hears of every step.
     ///
     /// # Errors
     /// As [`TableDesign::for_tolerance`].

@@ -12,10 +12,14 @@ const root = process.env.PEGFIT_ROOT;
 const pictures = process.env.PEGFIT_PICTURES;
 const PATIENCE = 60_000;
 
+const children = new Set();
+process.on("exit", () => children.forEach((child) => child.kill()));
+
 /** `pegfit play` with its page's address; `end` gives what it said of its loops. */
 async function play(...words) {
     const child = spawn(`${root}/target/debug/pegfit`,
         ["play", "--no-open", "--json", ...words], { cwd: root });
+    children.add(child);
     let said = "";
     child.stderr.on("data", (text) => { said += text; });
     const [line] = await once(createInterface(child.stdout), "line");
@@ -31,7 +35,7 @@ async function play(...words) {
 const browser = await chromium.launch({
     executablePath: process.env.CHROMIUM,
     args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox",
-        "--ignore-gpu-blocklist"],
+        "--ignore-gpu-blocklist", "--disable-gpu-compositing"],
 });
 
 /** A page that is there; what its console complains of fails the test. */

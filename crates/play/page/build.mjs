@@ -5,7 +5,7 @@ import { build } from "esbuild";
 const out = process.argv[2] ?? "dist";
 mkdirSync(out, { recursive: true });
 await build({
-    entryPoints: { page: "src/main.ts" },
+    entryPoints: { page: "src/main.ts", worker: "src/worker.ts" },
     bundle: true,
     minify: true,
     format: "esm",

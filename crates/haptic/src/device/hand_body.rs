@@ -123,6 +123,14 @@ impl HandBody {
         self.time = self.time.max(now - start);
     }
 
+    /// Is at a pose at `now`, whatever pulled.
+    pub(crate) fn put(&mut self, now: f64, pose: Pose) {
+        let start = *self.start.get_or_insert(now);
+        self.time = self.time.max(now - start);
+        self.pose = pose;
+        self.twist = Twist::default();
+    }
+
     fn advance(&mut self, dt: f64, c: &HandConfig, wanted: &Pull) {
         let grip = wanted.grip;
         let pull = self.pose.twist_to(&wanted.pose);

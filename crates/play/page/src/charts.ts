@@ -6,7 +6,7 @@ import type { Frame, Stage } from "./wire";
 
 /** Seconds that are seen, and pixels of height. */
 const SPAN = 10;
-const HEIGHT = 124;
+const HEIGHT = 88;
 
 /** Points that are kept: a minute, for the figure of a script to grow. */
 const KEPT = 3600;
@@ -24,15 +24,14 @@ function axis(size: number): uPlot.Axis {
 function make(parent: HTMLElement, title: string, series: uPlot.Series[],
     range: uPlot.Scale.Range | undefined, bottom: uPlot.Scale.Range): uPlot {
     const chart = new uPlot({
-        title, width: parent.clientWidth, height: HEIGHT - 22, padding: [4, 8, 0, 0],
+        title, width: parent.clientWidth, height: HEIGHT, padding: [4, 8, 0, 0],
         legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, range: bottom }, y: range ? { range } : {} },
         axes: [{ ...axis(20), space: 60 }, { ...axis(38), space: 24 }],
         series: [{}, ...series],
     }, [[], ...series.map(() => [])], parent);
-    new ResizeObserver(() => chart.setSize({
-        width: parent.clientWidth, height: HEIGHT - 22,
-    })).observe(parent);
+    const fit = () => chart.setSize({ width: parent.clientWidth, height: HEIGHT });
+    new ResizeObserver(fit).observe(parent);
     return chart;
 }
 
@@ -61,7 +60,7 @@ export class Charts {
             make(force, "force (N), torque (10 mN·m) against time (s)",
                 [line(CSS.force), line(CSS.torque, 1)], above(1), bottom),
             make(energy, "energy (mJ) against time (s)", [line(CSS.energy)], undefined, bottom),
-            make(depth, "energy (mJ) against depth (mm); grey: straight in",
+            make(depth, "energy (mJ) against depth (mm)",
                 [line(CSS.soft), { ...line(CSS.energy), paths: () => null,
                     points: { show: true, size: 4, fill: CSS.energy, stroke: CSS.energy } }],
                 undefined, (_, min, max) => [min ?? 0, max ?? 1]),

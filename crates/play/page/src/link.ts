@@ -1,9 +1,7 @@
-// The connection to the loop: frames and news in, requests out, again and again if it breaks.
+// The connection to the loop: frames and news in, requests out.
 
-import { type Docked, type Frame, type Stage, readFrame, request } from "./wire";
-
-/** The hand is heard of this often, milliseconds; the loop lets go after 100 ms of silence. */
-const BEAT = 30;
+import { type Docked, type Frame, type Stage, readFrame } from "./wire";
+import type { FromWorker, ToWorker } from "./worker";
 
 export interface Listener {
     frame(frame: Frame): void;
@@ -16,55 +14,52 @@ export interface Listener {
 }
 
 export class Link {
-    private socket?: WebSocket;
-    private sent = 0;
-    isHand = false;
+    private readonly worker = new Worker("worker.js", { type: "module" });
+    private asks = false;
+    /** Frames a second, their age in the middle and at most, milliseconds, as they come in. */
+    arrival: [number, number, number] = [0, 0, 0];
 
     constructor(private readonly listener: Listener) {
-        this.connect();
-        window.setInterval(() => this.beat(), BEAT);
+        this.worker.onmessage = ({ data }: MessageEvent<FromWorker>) => this.hear(data);
+        const address = new URL("ws", location.href);
+        address.protocol = "ws:";
+        this.tell({ connect: address.href });
+        document.addEventListener("visibilitychange", () =>
+            this.tell({ looked: document.visibilityState === "visible" }));
     }
 
     send(message: ArrayBuffer): void {
-        if (this.socket?.readyState !== WebSocket.OPEN) return;
-        this.socket.send(message);
-        this.sent = performance.now();
+        this.tell({ send: message });
     }
 
-    private beat(): void {
-        if (this.isHand && performance.now() - this.sent > BEAT / 2) this.send(request.beat());
+    /** Asks for the frames that wait; once per picture, and not before the last ones came. */
+    pull(): void {
+        if (this.asks) return;
+        this.asks = true;
+        this.tell({ frames: true });
     }
 
-    private connect(): void {
-        const address = new URL("ws", location.href);
-        address.protocol = "ws:";
-        const socket = new WebSocket(address);
-        socket.binaryType = "arraybuffer";
-        socket.onopen = () => {
-            this.listener.open(true);
-            this.send(request.take());
-        };
-        socket.onmessage = (event) => this.hear(event.data);
-        socket.onclose = () => {
-            this.isHand = false;
-            this.listener.open(false);
-            window.setTimeout(() => this.connect(), 1000);
-        };
-        this.socket = socket;
+    private tell(message: ToWorker): void {
+        this.worker.postMessage(message);
     }
 
-    private hear(data: ArrayBuffer | string): void {
-        if (typeof data !== "string") {
-            const frame = readFrame(data);
-            if (!frame) return;
-            this.isHand = frame.isHand;
-            this.listener.frame(frame);
-            return;
-        }
-        const news = JSON.parse(data);
-        if ("pairs" in news) this.listener.hello(news.pairs);
-        else if ("loading" in news) this.listener.loading(news.loading, news.pair);
-        else if ("stage" in news) this.listener.stage(news);
-        else this.listener.docked(news);
+    private hear(message: FromWorker): void {
+        if ("frames" in message) {
+            this.asks = false;
+            this.arrival = [message.rate, message.age, message.oldest];
+            for (const buffer of message.frames) {
+                const frame = readFrame(buffer);
+                if (frame) this.listener.frame(frame);
+            }
+        } else if ("open" in message) this.listener.open(message.open);
+        else this.news(JSON.parse(message.text));
+    }
+
+    private news(news: Record<string, unknown>): void {
+        if ("pairs" in news) this.listener.hello(news.pairs as string[]);
+        else if ("loading" in news) {
+            this.listener.loading(news.loading as string, news.pair as number);
+        } else if ("stage" in news) this.listener.stage(news as unknown as Stage);
+        else this.listener.docked(news as Docked);
     }
 }

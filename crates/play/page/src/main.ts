@@ -29,7 +29,7 @@ const link = new Link({
         if (frame.stage !== loaded) return;
         charts.add(frame);
         events.add(frame);
-        panel.show(frame);
+        panel.show(frame, link.arrival);
     },
     stage(stage) {
         void begin(stage);
@@ -128,13 +128,20 @@ element("replay").onclick = () => {
 };
 element("picture").onclick = () => void picture();
 const help = element("help");
-element("help-open").onclick = () => { help.hidden = !help.hidden; };
-element("help-close").onclick = () => { help.hidden = true; };
+element("help-open").onclick = () => explain(Boolean(help.hidden));
+element("help-close").onclick = () => explain(false);
+
+/** Shows the card, and both parts beside it. */
+function explain(on: boolean): void {
+    help.hidden = !on;
+    view.shift = on && window.innerWidth > 820 ? 190 : 0;
+}
+explain(true);
 
 window.addEventListener("keydown", (event) => {
     if (event.target instanceof HTMLInputElement || event.ctrlKey || event.metaKey) return;
-    if (event.key === "?") help.hidden = !help.hidden;
-    else if (event.key === "Escape") help.hidden = true;
+    if (event.key === "?") explain(Boolean(help.hidden));
+    else if (event.key === "Escape") explain(false);
     else if (event.key === " " && !(event.target instanceof HTMLButtonElement)) drag.letGo();
     else if (event.key === "r") drag.mode = "rotate";
     else if (event.key === "t") drag.mode = "translate";
@@ -147,7 +154,7 @@ Object.assign(window, {
     pegfit: {
         frame: () => newest,
         stage: () => (loaded === current?.stage ? current : undefined),
-        messages: () => panel.latency.read(),
+        messages: () => link.arrival,
         screen: () => {
             const at = view.handGrip().project(view.camera);
             const { clientWidth: width, clientHeight: height } = view.canvas;
@@ -169,6 +176,7 @@ Object.assign(window, {
 
 function draw(): void {
     requestAnimationFrame(draw);
+    link.pull();
     if (newest && newest.stage === loaded) view.show(newest);
     drag.step();
     view.render();

@@ -8,27 +8,9 @@ export function element<T extends HTMLElement = HTMLElement>(id: string): T {
     return found as T;
 }
 
-/** How often frames come and how old they are, over the last second. */
-class Latency {
-    private readonly seen: [number, number][] = [];
-
-    add(wall: number): void {
-        const now = performance.now();
-        this.seen.push([now, performance.timeOrigin + now - wall]);
-        while (this.seen[0][0] < now - 1000) this.seen.shift();
-    }
-
-    /** Frames a second, and the median and greatest age in milliseconds. */
-    read(): [number, number, number] {
-        const ages = this.seen.map(([, age]) => age).sort((a, b) => a - b);
-        return [ages.length, ages[ages.length >> 1] ?? 0, ages.at(-1) ?? 0];
-    }
-}
-
 const DOING = ["", "", "collision", "snap", "replay"];
 
 export class Panel {
-    readonly latency = new Latency();
     private limits: [number, number] = [5, 0.3];
     private places: Place[] = [];
     private shown = 0;
@@ -66,8 +48,7 @@ export class Panel {
     }
 
     /** All that follows a frame, ten times a second. */
-    show(frame: Frame): void {
-        this.latency.add(frame.wall);
+    show(frame: Frame, arrival: [number, number, number]): void {
         const now = performance.now();
         if (now - this.shown < 100) return;
         this.shown = now;
@@ -86,8 +67,8 @@ export class Panel {
         set("rate", `${frame.rate.toFixed(0)} Hz, ${frame.missed} of ${frame.ticks} missed`);
         set("latency", micros(frame.latency));
         set("lateness", micros(frame.lateness));
-        const [rate, median] = this.latency.read();
-        set("page-rate", `${rate} a second, ${Math.max(0, median).toFixed(1)} ms old`);
+        const [rate, age] = arrival;
+        set("page-rate", `${rate} a second, ${Math.max(0, age).toFixed(1)} ms old`);
         this.buttons(frame);
         this.role(frame);
     }

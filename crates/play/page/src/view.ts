@@ -51,9 +51,15 @@ export class View {
     private stage = 0;
     private fixedCount = 0;
     private home = new THREE.Vector3();
+    private drawn = performance.now();
+    private slow = 0;
+    private shape = "";
+    /** Pixels by which the picture is moved to the right. */
+    shift = 0;
 
     constructor(readonly canvas: HTMLCanvasElement, labels: HTMLElement) {
-        this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+        const antialias = !drawsByProcessor();
+        this.renderer = new THREE.WebGLRenderer({ canvas, antialias, alpha: true });
         this.renderer.localClippingEnabled = true;
         this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
         this.camera.up.set(0, 0, 1);
@@ -226,15 +232,30 @@ export class View {
     }
 
     render(): void {
+        this.ease();
         const { clientWidth: width, clientHeight: height } = this.canvas;
-        const size = this.renderer.getSize(new THREE.Vector2());
-        if (size.x !== width || size.y !== height) {
+        const shape = `${width} ${height} ${this.shift} ${this.renderer.getPixelRatio()}`;
+        if (shape !== this.shape) {
+            this.shape = shape;
             this.renderer.setSize(width, height, false);
             this.camera.aspect = width / Math.max(1, height);
+            this.camera.setViewOffset(width, height, -this.shift, 0, width, height);
             this.camera.updateProjectionMatrix();
         }
         this.controls.update();
         this.renderer.render(this.scene, this.camera);
+    }
+
+    /** Where pictures take long, they get coarser: a hand cannot wait. */
+    private ease(): void {
+        const now = performance.now();
+        this.slow = 0.9 * this.slow + 0.1 * Math.min(500, now - this.drawn);
+        this.drawn = now;
+        const ratio = this.renderer.getPixelRatio();
+        if (this.slow > 90 && ratio > 0.6) {
+            this.renderer.setPixelRatio(Math.max(0.6, 0.75 * ratio));
+            this.slow = 0;
+        }
     }
 
     /** The picture as it is, PNG. */
@@ -285,6 +306,16 @@ export class View {
             this.layers[layer].push(object);
         });
     }
+}
+
+/** Whether there is no graphics card to draw with: then smooth edges cost too much. */
+function drawsByProcessor(): boolean {
+    const gl = document.createElement("canvas").getContext("webgl2");
+    const info = gl?.getExtension("WEBGL_debug_renderer_info");
+    if (!gl || !info) return false;
+    const name = String(gl.getParameter(info.UNMASKED_RENDERER_WEBGL));
+    gl.getExtension("WEBGL_lose_context")?.loseContext();
+    return /swiftshader|llvmpipe|software/i.test(name);
 }
 
 /** Along +y, of length 1 and width 1/size. */

@@ -13,6 +13,10 @@ pub(crate) fn asset(name: &str) -> Option<Reply> {
             "text/javascript; charset=utf-8",
             include_bytes!("../../page/dist/page.js"),
         ),
+        "worker.js" => Reply::ok(
+            "text/javascript; charset=utf-8",
+            include_bytes!("../../page/dist/worker.js"),
+        ),
         "page.css" => Reply::ok(
             "text/css; charset=utf-8",
             include_bytes!("../../page/dist/page.css"),

@@ -121,7 +121,7 @@ pub(crate) fn policy(host: &str, embed: bool) -> String {
     };
     format!(
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
-         connect-src 'self' ws://{host}; base-uri 'none'; form-action 'none'; \
+         connect-src 'self' ws://{host}; worker-src 'self'; base-uri 'none'; form-action 'none'; \
          frame-ancestors {frames}"
     )
 }

@@ -4,6 +4,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use fft_correlate::Pose;
 use serde_json::{Value, json};
 
 use crate::server::access::Access;
@@ -91,13 +92,13 @@ impl Hub {
         }
     }
 
-    /// A stage begins; gives its number.
-    pub(crate) fn begin(&self, make: impl FnOnce(u32) -> Live) {
+    /// A stage begins, with its number; a page that holds the hand already holds it at `start`.
+    pub(crate) fn begin(&self, start: Pose, make: impl FnOnce(u32) -> Live) {
         let mut state = self.state();
         state.stages += 1;
         let mut live = make(state.stages);
         if state.holder.is_some() {
-            live.steering.beat();
+            live.obey(&Request::Hold(start));
         }
         let mut said = live.exhibits.description();
         if !said.is_object() {
@@ -152,11 +153,11 @@ impl Hub {
         [state.scene.number, state.docked.number]
     }
 
-    /// What `page` sees now, if there is a stage.
+    /// What `page` sees now, if there is a stage and its loop has begun.
     pub(crate) fn frame(&self, page: u64) -> Option<Frame> {
         let mut state = self.state();
         let (holder, pages) = (state.holder, state.pages);
-        let frame = state.live.as_mut()?.frame();
+        let frame = state.live.as_mut()?.frame()?;
         Some(Frame {
             is_hand: holder == Some(page),
             is_held: holder.is_some(),

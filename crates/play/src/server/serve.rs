@@ -130,7 +130,7 @@ impl Server {
         let mut session = Session::new(stage.config.clone(), workspace);
         let viewer = session.viewer();
         let session = session.record_with(Box::new(tape.clone()));
-        self.hub.begin(|number| Live {
+        self.hub.begin(stage.start, |number| Live {
             number,
             exhibits: Arc::clone(&stage.exhibits),
             tape,

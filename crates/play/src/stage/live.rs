@@ -76,12 +76,11 @@ impl Live {
         }
     }
 
-    /// What is to be seen now.
-    pub(crate) fn frame(&mut self) -> Frame {
+    /// What is to be seen now; nothing before the first tick.
+    pub(crate) fn frame(&mut self) -> Option<Frame> {
         let view = *self.viewer.view();
-        let means = view
-            .at
-            .map_or_else(Default::default, |at| self.meter.look(at, &view.timing));
+        let at = view.at?;
+        let means = self.meter.look(at, &view.timing);
         let (is_recording, recorded) = self.tape.length();
         let (sample, timing) = (&view.sample, &view.timing);
         let Geometry {
@@ -93,12 +92,12 @@ impl Live {
         let grip = self.workspace.grip;
         let from_seat = sample.object.apply(grip) - seated.apply(grip);
         let micros = |nanoseconds: u64| nanoseconds as f64 * 1e-3;
-        Frame {
+        Some(Frame {
             is_hand: false,
             flags: sample.flags,
             stage: self.number,
             time: sample.time,
-            wall: view.at.map_or(0.0, milliseconds),
+            wall: milliseconds(at),
             hand: self.hand(&view),
             object: sample.object,
             wrench: in_scene(&self.workspace, &sample.wrench),
@@ -117,7 +116,7 @@ impl Live {
             is_held: false,
             is_recording,
             flagged: view.flagged,
-        }
+        })
     }
 }
 

@@ -87,8 +87,9 @@ fn pose(bytes: &[u8]) -> Option<Pose> {
     }
     let [x, y, z, qx, qy, qz, qw] = numbers;
     let (place, turn) = (DVec3::new(x, y, z), DQuat::from_xyzw(qx, qy, qz, qw));
-    // Numbers that are not finite fail both.
-    let good = place.abs().max_element() < FARTHEST && (turn.length() - 1.0).abs() < 1e-3;
+    let near = place.is_finite() && place.abs().max_element() < FARTHEST;
+    // Of a number that is not finite no length is near one.
+    let good = near && (turn.length() - 1.0).abs() < 1e-3;
     good.then(|| Pose::new(turn.normalize(), place))
 }
 

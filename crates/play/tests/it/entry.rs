@@ -11,7 +11,8 @@ fn the_page_and_what_belongs_to_it_are_there_with_the_token() {
     let theatre = Theatre::open();
     for (name, kind, holds) in [
         ("", "text/html", "page.js"),
-        ("page.js", "text/javascript", "WebSocket"),
+        ("page.js", "text/javascript", "worker.js"),
+        ("worker.js", "text/javascript", "WebSocket"),
         ("page.css", "text/css", "#stage"),
         ("licences.txt", "text/plain", "MIT"),
     ] {

@@ -13,6 +13,7 @@ fn one_page_holds_the_hand_and_the_others_watch() {
     let (mut first, mut second) = (theatre.page(), theatre.page());
     first.say(Request::Take);
     first.until(None, |seen| seen.is_hand && seen.pages == 2);
+    second.until(None, |seen| seen.is_held && seen.pages == 2);
     second.say(Request::Take);
     // Whatever the second page asks for, the part stays with the first.
     let there = Request::Hold(over(0.05));

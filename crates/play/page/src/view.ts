@@ -69,6 +69,8 @@ export class View {
         this.fixedMaterial = new THREE.MeshStandardMaterial({
             color: COLOUR.fixed, roughness: 0.85, side: THREE.DoubleSide,
             transparent: true, opacity: 0.42, depthWrite: false,
+            // Where both parts touch, the moving one is seen.
+            polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2,
         });
         const points = new Float32Array(3 * SPRING.points);
         const geometry = new THREE.BufferGeometry();
@@ -140,7 +142,7 @@ export class View {
         this.camera.near = this.size / 50;
         this.camera.far = this.size * 30;
         const middle = all.getCenter(new THREE.Vector3());
-        this.home.copy(this.across(stage)).multiplyScalar(this.size * 1.75);
+        this.home.copy(this.across(stage)).multiplyScalar(this.size * 1.95);
         this.controls.target.copy(middle);
         this.controls.minDistance = this.size / 6;
         this.controls.maxDistance = this.size * 8;

@@ -108,11 +108,15 @@ const shot = async (page, name) => {
 };
 
 const scene = "examples/rectangular.toml";
-const alone = await play(scene);
-const warm = await open(alone.url);
-await warm.close();
-await wait(5000);
-console.log("without a page:", ...(await alone.end()));
+// The loop alone, then with a page that holds the hand: what the page costs.
+for (const stays of [false, true]) {
+    const server = await play(scene);
+    const page = await open(server.url);
+    if (!stays) await page.close();
+    await wait(6000);
+    console.log(stays ? "with a page:" : "without a page:", ...(await server.end()));
+    if (stays) await page.close();
+}
 
 const server = await play(scene);
 const page = await open(server.url);
@@ -151,7 +155,8 @@ await shot(page, "wall");
 const moved = (now, from) => size([0, 1, 2].map((i) => now.object[i] - from.object[i]));
 console.log(`at a wall: ${size(held.force).toFixed(2)} N, ` +
     `${(1e3 * moved(held, seat)).toFixed(2)} mm off`);
-assert(moved(held, seat) < 1.5e-3, "through the wall");
+// Of the 20 mm that the mouse went; walls are as soft as two lattice steps of 1 mm.
+assert(moved(held, seat) < 3e-3, "through the wall");
 
 // A second page watches.
 const second = await open(server.url);
@@ -179,7 +184,14 @@ await jump(second, "Seated");
 
 // Everything that can be switched on.
 await second.locator("#help-close").click();
-for (const id of ["section", "slice", "skeleton", "gizmo"]) await second.locator(`#${id}`).check();
+await second.locator("#home").click();
+for (const id of ["skeleton", "gizmo"]) {
+    await second.locator(`#${id}`).check();
+    await second.waitForTimeout(1500);
+    await shot(second, id);
+    await second.locator(`#${id}`).uncheck();
+}
+for (const id of ["section", "slice"]) await second.locator(`#${id}`).check();
 await second.locator("#snap").click();
 await second.locator("#record").click();
 await until(second, "the script", (now) => now.doing === 3 && now.recorded > 4);
@@ -215,7 +227,7 @@ await small.waitForTimeout(800);
 await shot(small, "small");
 assert.equal(await small.evaluate(() => document.documentElement.scrollWidth), 412);
 await small.close();
-console.log("with pages:", ...(await server.end()));
+console.log("with several pages, searches and drags:", ...(await server.end()));
 
 // The paper's three pairs, and none but them.
 const three = await play();

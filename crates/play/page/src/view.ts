@@ -45,10 +45,12 @@ export class View {
     private readonly labels: [HTMLElement, HTMLElement];
     private readonly bounds = new THREE.Box3();
     private layers: Record<Layer, THREE.Object3D[]> = { slice: [], skeleton: [] };
-    private loading = new Map<string, boolean>();
+    private readonly loading = new Set<Layer>();
+    private readonly shown = { slice: false, skeleton: false };
     private limits: [number, number] = [5, 0.3];
     private showsArrows = true;
     private stage = 0;
+    private across = 1;
     private fixedCount = 0;
     private home = new THREE.Vector3();
     private drawn = performance.now();
@@ -99,6 +101,7 @@ export class View {
         this.limits = stage.limits ?? this.limits;
         this.grip.fromArray(stage.grip ?? [0, 0, 0]);
         this.axis.fromArray(stage.axis ?? [0, 0, -1]);
+        this.across = stage.cut ?? 1;
         this.fixedCount = stage.fixed?.length ?? 0;
         const names = [...(stage.fixed ?? []).map((_, i) => `mesh/${i}`), "mesh/moving"];
         const meshes = await Promise.all(names.map(fetchBytes));
@@ -142,7 +145,7 @@ export class View {
         this.camera.near = this.size / 50;
         this.camera.far = this.size * 30;
         const middle = all.getCenter(new THREE.Vector3());
-        this.home.copy(this.across(stage)).multiplyScalar(this.size * 1.95);
+        this.home.copy(this.fromTheSide(stage)).multiplyScalar(this.size * 1.95);
         this.controls.target.copy(middle);
         this.controls.minDistance = this.size / 6;
         this.controls.maxDistance = this.size * 8;
@@ -150,7 +153,7 @@ export class View {
     }
 
     /** A direction from which the way from where the hand begins to the fit is seen from the side. */
-    private across(stage: Stage): THREE.Vector3 {
+    private fromTheSide(stage: Stage): THREE.Vector3 {
         const from = new THREE.Vector3().fromArray(stage.places?.at(-1)?.pose ?? [1, 0, 0]);
         const away = from.sub(new THREE.Vector3().fromArray(stage.seated ?? [0, 0, 0]))
             .projectOnPlane(this.axis).normalize();
@@ -273,11 +276,15 @@ export class View {
         this.fixedMaterial.needsUpdate = true;
     }
 
-    /** Cuts the fixed parts open: what is nearer to the eye than a share of their depth is gone. */
+    /** Cuts the fixed parts open: what is nearer to the first view than a share of their size is gone. */
     cut(share: number | undefined): void {
         const planes = share === undefined ? null : [this.plane];
-        const { min, max } = this.bounds;
-        this.plane.constant = -(min.y + (share ?? 0) * (max.y - min.y));
+        const [min, max] = [this.bounds.min, this.bounds.max]
+            .map((corner) => corner.getComponent(this.across));
+        const away = this.home.getComponent(this.across) > 0 ? -1 : 1;
+        this.plane.normal.set(0, 0, 0).setComponent(this.across, away);
+        const at = away > 0 ? min + (share ?? 0) * (max - min) : max - (share ?? 0) * (max - min);
+        this.plane.constant = -away * at;
         this.fixedMaterial.clippingPlanes = planes;
         for (const child of this.fixed.children) {
             const material = (child as THREE.Mesh).material as THREE.Material;
@@ -290,13 +297,23 @@ export class View {
         this.showsArrows = on;
     }
 
-    /** Shows a layer, which is fetched the first time; false if there is none. */
+    /** The moving part lets through what is inside it. */
+    private fade(): void {
+        const material = this.moving.material as THREE.MeshStandardMaterial;
+        material.transparent = this.shown.slice || this.shown.skeleton;
+        material.opacity = material.transparent ? 0.35 : 1;
+        material.depthWrite = !material.transparent;
+        material.needsUpdate = true;
+    }
+
+    /** Shows a layer, which is fetched the first time. */
     async layer(layer: Layer, on: boolean): Promise<void> {
+        this.shown[layer] = on;
+        this.fade();
         for (const object of this.layers[layer]) object.visible = on;
         const stage = this.stage;
-        const key = `${layer}`;
-        if (!on || this.loading.get(key)) return;
-        this.loading.set(key, true);
+        if (!on || this.loading.has(layer)) return;
+        this.loading.add(layer);
         const names = [...Array(this.fixedCount).keys()].map(String).concat("moving");
         const found = await Promise.all(names.map((name) => fetchBytes(`${layer}/${name}`)));
         if (this.stage !== stage) return;

@@ -120,6 +120,8 @@ export interface Stage {
     axis?: Vector;
     depth?: number;
     grip?: Vector;
+    /** The coordinate axis across which parts are cut open. */
+    cut?: number;
     places?: Place[];
     /** Energy (J) against depth (m) on the straight way in. */
     profile?: [number, number][];

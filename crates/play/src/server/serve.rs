@@ -24,8 +24,8 @@ const MOST_CONNECTIONS: usize = 48;
 const LOOK: Duration = Duration::from_millis(5);
 
 /// Greatest force and torque of the page's hand as shares of the loop's limits: a hand that is
-/// stronger than what the loop may show would go through every wall.
-const STRENGTH: f64 = 0.8;
+/// as strong as what the loop may show would go through every wall.
+const STRENGTH: f64 = 0.6;
 
 /// The page's hand weighs nothing but itself, kg, and is damped accordingly, N·s/m: it keeps up with
 /// a mouse.

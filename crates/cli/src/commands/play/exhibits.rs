@@ -13,7 +13,7 @@ use sdf_grid::{DensityField, DensityKernel, TriangleMesh};
 use serde_json::{Value, json};
 
 use super::route;
-use crate::commands::plot::{middle, on_plane};
+use crate::commands::plot::on_plane;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::terminal::progress::Progress;
@@ -27,6 +27,8 @@ pub(super) struct SceneExhibits {
     /// Surfaces of the fixed parts where they stand, in the scene's order.
     fixed: Vec<MeshMessage>,
     moving: MeshMessage,
+    /// The coordinate axis across which parts are cut open: 0, 1, 2.
+    cut: usize,
     description: Value,
 }
 
@@ -55,6 +57,7 @@ impl SceneExhibits {
             assembly,
             fixed,
             moving,
+            cut: route::cut(&loaded.geometry(pairs.live.source())),
             description: Value::Null,
         };
         exhibits.description = exhibits.describe(pairs, table)?;
@@ -78,6 +81,7 @@ impl SceneExhibits {
             "axis": geometry.axis.to_array(),
             "depth": geometry.depth,
             "grip": grip.to_array(),
+            "cut": self.cut,
             "limits": [limits.force, limits.torque],
             "profile": route::profile(source, &geometry),
             "places": [
@@ -119,12 +123,14 @@ impl SceneExhibits {
     /// A part's density on the plane through the middle: inside positive, outside negative.
     fn slice(&self, name: &str) -> Option<Vec<u8>> {
         let (mesh, ..) = self.part(name)?;
-        let slice = match name {
-            "moving" => Slice {
-                axis: 1,
-                at: self.assembly.pivot().y,
-            },
-            _ => middle(&self.assembly),
+        let pivot = self.assembly.pivot();
+        let through = match name {
+            "moving" => pivot,
+            _ => self.assembly.assembled().apply(pivot),
+        };
+        let slice = Slice {
+            axis: self.cut,
+            at: through[self.cut],
         };
         let bounds = mesh.bounds();
         let bounds = bounds.grown(0.2 * bounds.size().max_element());
@@ -197,12 +203,16 @@ impl Exhibits for SceneExhibits {
             ..setup.docking_options()
         };
         let found = (setup.dock(options, &Progress::new(true))).map_err(|e| e.to_string())?;
+        // As the loop would have it there, not the search on its own lattice.
+        let source =
+            (self.assembly.source(&DirectOptions::REAL_TIME)).map_err(|e| e.to_string())?;
+        let mut scratch = source.scratch();
         let places = found.poses.iter().enumerate().map(|(index, pose)| {
             let at = setup.placement().to_scene(&pose.found.pose);
             let (shift, turn) = self.assembly.from_fit(&at);
             let note = format!(
                 "{:.1} mJ, {:.1} mm and {:.0}° from the fit",
-                1e3 * pose.model_energy,
+                1e3 * source.evaluate(&at, &mut scratch).energy,
                 1e3 * shift,
                 turn.to_degrees()
             );

@@ -37,6 +37,12 @@ pub(super) fn start(geometry: &Geometry, grip: glam::DVec3) -> Pose {
     }
 }
 
+/// The coordinate axis across which a cut shows the way in, seen from where the hand begins.
+pub(super) fn cut(geometry: &Geometry) -> usize {
+    let across = geometry.axis.cross(geometry.axis.any_orthonormal_vector());
+    across.abs().max_position()
+}
+
 /// Energy (J) against depth (m) on the straight way in.
 pub(super) fn profile(source: &dyn EnergySource, geometry: &Geometry) -> Vec<[f64; 2]> {
     let mut scratch = source.scratch();

@@ -72,7 +72,7 @@ fn refuse_unused(args: &PlotArgs) -> Result<(), CommandError> {
 }
 
 /// The plane y = constant through the middle of the assembled moving part.
-pub(in crate::commands) fn middle(assembly: &Assembly) -> Slice {
+fn middle(assembly: &Assembly) -> Slice {
     Slice {
         axis: 1,
         at: assembly.assembled().apply(assembly.pivot()).y,

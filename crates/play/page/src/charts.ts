@@ -22,11 +22,11 @@ function axis(size: number): uPlot.Axis {
 }
 
 function make(parent: HTMLElement, title: string, series: uPlot.Series[],
-    range: uPlot.Scale.Range | undefined, bottom: uPlot.Scale.Range): uPlot {
+    range: uPlot.Scale.Range, bottom: uPlot.Scale.Range): uPlot {
     const chart = new uPlot({
         title, width: parent.clientWidth, height: HEIGHT, padding: [4, 8, 0, 0],
         legend: { show: false }, cursor: { show: false },
-        scales: { x: { time: false, range: bottom }, y: range ? { range } : {} },
+        scales: { x: { time: false, range: bottom }, y: { range } },
         axes: [{ ...axis(20), space: 60 }, { ...axis(38), space: 24 }],
         series: [{}, ...series],
     }, [[], ...series.map(() => [])], parent);
@@ -41,6 +41,13 @@ const line = (stroke: string, width = 1.5): uPlot.Series =>
 /** At least from 0 to `least`, with some room. */
 const above = (least: number): uPlot.Scale.Range =>
     (_, min, max) => [Math.min(0, min ?? 0), Math.max(least, 1.1 * (max ?? 0))];
+
+/** What there is, at least 1 mJ of it. */
+const energies: uPlot.Scale.Range = (_, min, max) => {
+    const [low, high] = [min ?? 0, max ?? 0];
+    const more = Math.max(0.05 * (high - low), (1 - (high - low)) / 2);
+    return [low - more, high + more];
+};
 
 export class Charts {
     private readonly time: number[] = [];
@@ -59,11 +66,11 @@ export class Charts {
         this.charts = [
             make(force, "force (N), torque (10 mN·m) against time (s)",
                 [line(CSS.force), line(CSS.torque, 1)], above(1), bottom),
-            make(energy, "energy (mJ) against time (s)", [line(CSS.energy)], undefined, bottom),
+            make(energy, "energy (mJ) against time (s)", [line(CSS.energy)], energies, bottom),
             make(depth, "energy (mJ) against depth (mm)",
                 [line(CSS.soft), { ...line(CSS.energy), paths: () => null,
                     points: { show: true, size: 4, fill: CSS.energy, stroke: CSS.energy } }],
-                undefined, (_, min, max) => [min ?? 0, max ?? 1]),
+                energies, (_, min, max) => [min ?? 0, max ?? 1]),
         ];
     }
 

@@ -104,6 +104,12 @@ async function picture(): Promise<void> {
     URL.revokeObjectURL(link.href);
 }
 
+/** The handles turn the part, or move it; the button says what they could do instead. */
+function handles(turn: boolean): void {
+    drag.mode = turn ? "rotate" : "translate";
+    element("mode").textContent = turn ? "move" : "turn";
+}
+
 function script(number: 2 | 3): void {
     drag.holds = false;
     if (newest?.doing === number) link.send(request.letGo());
@@ -114,7 +120,11 @@ box("see-through").onchange = () => view.seeThrough(box("see-through").checked);
 box("section").onchange = cut;
 box("section-at").oninput = cut;
 box("arrows").onchange = () => view.arrows(box("arrows").checked);
-box("gizmo").onchange = () => drag.handles(box("gizmo").checked);
+box("gizmo").onchange = () => {
+    drag.handles(box("gizmo").checked);
+    element("mode").hidden = !box("gizmo").checked;
+};
+element("mode").onclick = () => handles(element("mode").textContent === "turn");
 for (const layer of ["slice", "skeleton"] as const) box(layer).onchange = () => show(layer);
 element("home").onclick = () => view.goHome();
 element("snap").onclick = () => script(3);
@@ -143,8 +153,7 @@ window.addEventListener("keydown", (event) => {
     if (event.key === "?") explain(Boolean(help.hidden));
     else if (event.key === "Escape") explain(false);
     else if (event.key === " " && !(event.target instanceof HTMLButtonElement)) drag.letGo();
-    else if (event.key === "r") drag.mode = "rotate";
-    else if (event.key === "t") drag.mode = "translate";
+    else if (event.key === "r" || event.key === "t") handles(event.key === "r");
     else return;
     event.preventDefault();
 });

@@ -2,6 +2,7 @@
 //! of the forces' error.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::{DirectOptions, EnergyScale, EnergySource, Pose, TableStore};
 use fft_correlate::{DockingOptions, Placement};
@@ -9,14 +10,14 @@ use haptic::Geometry;
 use pegfit_pictures::{Slice, sheet, skeleton_points};
 use pegfit_play::{Exhibits, MOST_TRIANGLES, MeshMessage};
 use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
-use sdf_grid::{DensityField, DensityKernel, TriangleMesh};
+use sdf_grid::{DensityField, DensityKernel, Monitor, TriangleMesh};
 use serde_json::{Value, json};
 
 use super::route;
 use crate::commands::plot::on_plane;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::terminal::progress::Progress;
+use crate::terminal::progress::interrupted;
 
 /// Poses that a search lists.
 const FITS: usize = 6;
@@ -30,6 +31,17 @@ pub(super) struct SceneExhibits {
     /// The coordinate axis across which parts are cut open: 0, 1, 2.
     cut: usize,
     description: Value,
+    /// Nobody looks any more.
+    over: AtomicBool,
+}
+
+/// Shows nothing; cancels what nobody waits for any more.
+struct Search<'a>(&'a AtomicBool);
+
+impl Monitor for Search<'_> {
+    fn cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed) || interrupted()
+    }
 }
 
 impl SceneExhibits {
@@ -59,9 +71,15 @@ impl SceneExhibits {
             moving,
             cut: route::cut(&loaded.geometry(pairs.live.source())),
             description: Value::Null,
+            over: AtomicBool::new(false),
         };
         exhibits.description = exhibits.describe(pairs, table)?;
         Ok(exhibits)
+    }
+
+    /// Ends searches that still run.
+    pub(super) fn end(&self) {
+        self.over.store(true, Ordering::Relaxed);
     }
 
     fn describe(&self, pairs: &LivePairs, table: Option<&Path>) -> Result<Value, CommandError> {
@@ -134,8 +152,8 @@ impl SceneExhibits {
         };
         let bounds = mesh.bounds();
         let bounds = bounds.grown(0.2 * bounds.size().max_element());
-        let quiet = Progress::new(true);
-        let field = on_plane(&mesh, &self.assembly, &bounds, &slice, &quiet).ok()?;
+        let monitor = Search(&self.over);
+        let field = on_plane(&mesh, &self.assembly, &bounds, &slice, &monitor).ok()?;
         let inside = sheet(&field.interior, &field, &slice);
         let outside = sheet(&field.exterior, &field, &slice);
         let lattice = field.lattice();
@@ -202,7 +220,7 @@ impl Exhibits for SceneExhibits {
             top: FITS,
             ..setup.docking_options()
         };
-        let found = (setup.dock(options, &Progress::new(true))).map_err(|e| e.to_string())?;
+        let found = (setup.dock(options, &Search(&self.over))).map_err(|e| e.to_string())?;
         // As the loop would have it there, not the search on its own lattice.
         let source =
             (self.assembly.source(&DirectOptions::REAL_TIME)).map_err(|e| e.to_string())?;

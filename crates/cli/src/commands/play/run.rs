@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use haptic::LoopReport;
-use pegfit_play::{Options, Server, Stage};
+use pegfit_play::{Exhibits, Options, Server, Stage};
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::Monitor;
 use sdf_grid::shapes::PegInHole;
@@ -90,6 +90,7 @@ fn play(
     scenes::tell(&pairs.warnings, context);
     check_interrupt()?;
     let exhibits = SceneExhibits::new(scene, &pairs, args.table.as_deref(), context)?;
+    let exhibits = Arc::new(exhibits);
     let source = pairs.live.source();
     let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));
     let stage = Stage {
@@ -98,10 +99,12 @@ fn play(
         workspace,
         start: route::start(&geometry, workspace.grip),
         geometry,
-        exhibits: Arc::new(exhibits),
+        exhibits: Arc::clone(&exhibits) as Arc<dyn Exhibits>,
     };
     let _held = Hold::begin();
-    Ok(server.perform(&stage, cancel_flag())?)
+    let report = server.perform(&stage, cancel_flag());
+    exhibits.end();
+    Ok(report?)
 }
 
 /// What the loop was like.

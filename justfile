@@ -48,6 +48,14 @@ miri:
 hid-vm:
     tests/hid-vm/run
 
+# Bundles the page of `pegfit play` afresh; what it makes is checked in (needs npm).
+page:
+    cd crates/play/page && npm ci --no-audit --no-fund && npx tsc --noEmit && node build.mjs
+
+# The page of `pegfit play` in Chromium; says what is missing where it cannot run.
+play *ARGS:
+    tests/play/run {{ARGS}}
+
 # The SIMD code on 64-bit ARM, emulated; says what is missing where it cannot run.
 arm *ARGS:
     tests/arm/run {{ARGS}}

@@ -90,6 +90,9 @@ pub enum CommandError {
         /// True if the input is at fault, false if the machine is.
         input: bool,
     },
+    /// A page could not be served, or the loop not run on it.
+    #[error(transparent)]
+    Play(#[from] pegfit_play::PlayError),
     /// A picture could not be drawn.
     #[error(transparent)]
     Picture(#[from] pegfit_pictures::PictureError),
@@ -282,7 +285,9 @@ impl CommandError {
             Self::Library { input: true, .. } => Exit::BadInput,
             // A file that is missing is a wrong argument; one that cannot be written is not.
             Self::Io { action: "read", .. } => Exit::BadInput,
-            Self::Io { .. } | Self::Library { .. } | Self::Picture(_) => Exit::Failure,
+            Self::Io { .. } | Self::Library { .. } | Self::Picture(_) | Self::Play(_) => {
+                Exit::Failure
+            }
             Self::UnusableMeshes { .. } => Exit::UnusableMesh,
             Self::DamagedTable { .. } => Exit::DamagedTable,
             Self::Interrupted => Exit::Interrupted,

@@ -78,8 +78,25 @@ const SKELETON: f64 = 1.3;
 /// Faces that meet at less than this angle (its cosine) are drawn as one.
 const SMOOTH: f64 = 0.9;
 
-/// The nodes where the density is well above that of a flat face: the skeleton of the part
-/// (positive values) and of the space around it (negative).
+/// The nodes, metres, where the density is well above that of a flat face: the skeleton of the part
+/// (its size there) and of the space around it (minus its size).
+pub fn skeleton_points(field: &DensityField, kernel: &DensityKernel) -> Vec<(DVec3, f64)> {
+    let least = SKELETON * kernel.kappa();
+    let nodes = field.interior.indexed_iter().map(|(index, interior)| {
+        let at = [index.0, index.1, index.2];
+        let inside = f64::from(interior.norm());
+        (at, inside, f64::from(field.exterior[at].norm()))
+    });
+    nodes
+        .filter(|(_, inside, outside)| inside.max(*outside) > least)
+        .map(|(at, inside, outside)| {
+            let value = if inside > outside { inside } else { -outside };
+            (field.lattice().position(at), value)
+        })
+        .collect()
+}
+
+/// The [`skeleton_points`] as a picture.
 pub fn skeleton(
     title: String,
     mesh: &TriangleMesh,
@@ -89,18 +106,10 @@ pub fn skeleton(
 ) -> Cloud {
     let metre = unit.in_metres();
     let least = SKELETON * kernel.kappa();
-    let (mut points, mut values) = (Vec::new(), Vec::new());
-    for (index, interior) in field.interior.indexed_iter() {
-        let at = [index.0, index.1, index.2];
-        let (inside, outside) = (
-            f64::from(interior.norm()),
-            f64::from(field.exterior[at].norm()),
-        );
-        if inside.max(outside) > least {
-            points.push(field.lattice().position(at) / metre);
-            values.push(if inside > outside { inside } else { -outside });
-        }
-    }
+    let (points, values): (Vec<_>, Vec<_>) = skeleton_points(field, kernel)
+        .into_iter()
+        .map(|(point, value)| (point / metre, value))
+        .unzip();
     let least = crate::canvas::number(least, 2);
     Cloud {
         title,

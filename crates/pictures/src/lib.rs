@@ -23,7 +23,7 @@ pub use canvas::{Area, Drawing, DrawingError, Panel, number, png, samples, svg};
 pub use cloud::Cloud;
 pub use colour::{ColourMap, ColourScale};
 pub use error::PictureError;
-pub use figure::{density_map, distance_contours, sheet, skeleton};
+pub use figure::{density_map, distance_contours, sheet, skeleton, skeleton_points};
 pub use heat_map::{Contours, HeatMap};
 pub use histogram::Histogram;
 pub use line_chart::{LineChart, Mark, Series};

@@ -8,11 +8,12 @@ use pegfit_structure::{
     Graph, arrows, circles, file_length, flow_chart, function_lengths, public_paths, read_crate,
 };
 
-const CRATES: [&str; 8] = [
+const CRATES: [&str; 9] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
     "scene",
+    "play",
     "pictures",
     "cli",
     "pegfit-c",
@@ -88,13 +89,18 @@ fn no_folders_import_each_other_in_a_circle() {
 }
 
 /// Of each crate's folder, the package that it is and those of this workspace that it may use.
-const DEPENDENCIES: [(&str, &str, &[&str]); 6] = [
+const DEPENDENCIES: [(&str, &str, &[&str]); 7] = [
     ("sdf-grid", "sdf-grid", &[]),
     ("fft-correlate", "fft-correlate", &["sdf-grid"]),
     ("haptic", "haptic", &["sdf-grid", "fft-correlate"]),
     (
         "scene",
         "pegfit-scene",
+        &["sdf-grid", "fft-correlate", "haptic"],
+    ),
+    (
+        "play",
+        "pegfit-play",
         &["sdf-grid", "fft-correlate", "haptic"],
     ),
     ("pictures", "pegfit-pictures", &["sdf-grid"]),
@@ -106,12 +112,14 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 6] = [
             "fft-correlate",
             "haptic",
             "pegfit-scene",
+            "pegfit-play",
             "pegfit-pictures",
         ],
     ),
 ];
 
-/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, and `sdf-grid <- pictures <- cli`.
+/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, `haptic <- play <- cli`, and
+/// `sdf-grid <- pictures <- cli`.
 #[test]
 fn crates_depend_one_way() {
     let packages: BTreeSet<&str> = DEPENDENCIES.iter().map(|d| d.1).collect();

@@ -1,5 +1,6 @@
 //! The command line as typed.
 
+use std::net::IpAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -61,6 +62,8 @@ pub enum Command {
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
     Dock(DockArgs),
+    /// Feel it on a page: the 1 kHz loop, your mouse as the hand, and the forces shown
+    Play(PlayArgs),
     /// Run the 1 kHz haptic loop
     Feel(FeelArgs),
     /// List the haptic devices attached and what each can do
@@ -318,6 +321,29 @@ pub struct FeelArgs {
     /// Write a page with force, energy bookkeeping, rate, histograms and events
     #[arg(long, value_name = "R.html")]
     pub report: Option<PathBuf>,
+}
+
+/// Arguments of `pegfit play`.
+#[derive(Debug, Args)]
+pub struct PlayArgs {
+    /// Scene file [default: the paper's three pairs, to choose among on the page]
+    pub scene: Option<PathBuf>,
+    /// Interpolate this table instead of evaluating directly
+    #[arg(long, value_name = "TABLE.zarr", requires = "scene")]
+    pub table: Option<PathBuf>,
+    /// Only print the page's address
+    #[arg(long)]
+    pub no_open: bool,
+    /// Port to listen on [default: one that is free]
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    pub port: u16,
+    /// Address to listen on; any other than 127.0.0.1 lets others of a network in that have the
+    /// page's whole address, unencrypted
+    #[arg(long, value_name = "IP", default_value = "127.0.0.1")]
+    pub bind: IpAddr,
+    /// Let pages of this machine, as a notebook's, show the page in a frame
+    #[arg(long)]
+    pub embed: bool,
 }
 
 /// Arguments of `pegfit devices`.

@@ -12,6 +12,7 @@ mod field;
 mod interrupt;
 mod kill;
 mod placed;
+mod play;
 mod plot;
 mod scenes;
 mod score;

@@ -7,81 +7,12 @@ use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
+use crate::device::hand_body::{HandBody, HandConfig, Pull};
 use crate::device::script::{Geometry, Script};
 use crate::device::workspace::Workspace;
 
-/// Longest step of the hand's own integration, seconds.
-const STEP: f64 = 2.5e-4;
-
-/// Longest time caught up in one poll, seconds.
-const LONGEST_GAP: f64 = 1.0;
-
 /// Sinusoids per axis that make the tremor.
 const TREMORS: usize = 2;
-
-/// The hand and what it does. Lengths at the device.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HandConfig {
-    /// Moving mass of hand and handle, kg.
-    pub mass: f64,
-    /// Stiffness of a firm grip, N/m.
-    pub stiffness: f64,
-    /// Damping, N·s/m, kept when the hand lets go.
-    pub damping: f64,
-    /// Moment of inertia, kg·m².
-    pub inertia: f64,
-    /// Rotational stiffness of a firm grip, N·m/rad.
-    pub rotational_stiffness: f64,
-    /// Rotational damping, N·m·s/rad.
-    pub rotational_damping: f64,
-    /// Root mean square per axis of the tremor of the wanted position, metres. Physiological
-    /// tremor of 8-12 Hz is about 0.05-0.2 mm.
-    pub tremor: f64,
-    /// The same for the wanted rotation, radians.
-    pub rotational_tremor: f64,
-    /// Force with which the collision script pushes if nothing gives way, N.
-    pub push: f64,
-    /// Length of the script, seconds.
-    pub duration: f64,
-    /// Seed of everything random.
-    pub seed: u64,
-}
-
-impl Default for HandConfig {
-    fn default() -> Self {
-        Self {
-            mass: 0.25,
-            stiffness: 400.0,
-            damping: 15.0,
-            inertia: 3e-4,
-            rotational_stiffness: 1.5,
-            rotational_damping: 0.04,
-            tremor: 1e-4,
-            rotational_tremor: 2e-3,
-            push: 3.0,
-            duration: 10.0,
-            seed: 1,
-        }
-    }
-}
-
-impl HandConfig {
-    /// The device record: a 6-DOF desktop device of the better kind.
-    pub fn spec(&self) -> DeviceSpec {
-        DeviceSpec {
-            name: "simulated hand".into(),
-            input_dof: 6,
-            output_dof: 6,
-            rate_controlled: false,
-            max_force: 10.0,
-            max_torque: 1.0,
-            max_stiffness: 3000.0,
-            max_rotational_stiffness: 5.0,
-            workspace: 0.4,
-            nominal_rate: 1000.0,
-        }
-    }
-}
 
 #[derive(Debug, Clone, Copy)]
 struct Tremor {
@@ -92,17 +23,19 @@ struct Tremor {
 /// The simulated hand as a device.
 #[derive(Debug)]
 pub struct SimulatedHand {
-    config: HandConfig,
     spec: DeviceSpec,
+    will: Will,
+    body: HandBody,
+}
+
+/// What the hand wants at a time.
+#[derive(Debug)]
+struct Will {
+    config: HandConfig,
     script: Script,
     geometry: Geometry,
     workspace: Workspace,
     tremors: [[Tremor; TREMORS]; 6],
-    start: Option<f64>,
-    time: f64,
-    pose: Pose,
-    twist: Twist,
-    wrench: Wrench,
 }
 
 impl SimulatedHand {
@@ -120,23 +53,23 @@ impl SimulatedHand {
                 phase: rng.random_range(0.0..std::f64::consts::TAU),
             })
         });
-        let mut hand = Self {
-            spec: config.spec(),
+        let spec = config.spec();
+        let will = Will {
             config,
             script,
             geometry,
             workspace,
             tremors,
-            start: None,
-            time: 0.0,
-            pose: Pose::IDENTITY,
-            twist: Twist::default(),
-            wrench: Wrench::ZERO,
         };
-        hand.pose = hand.wanted(0.0).0;
-        hand
+        Self {
+            spec,
+            body: HandBody::at(will.wanted(0.0).0),
+            will,
+        }
     }
+}
 
+impl Will {
     /// Wanted handle pose in the device's frame, without tremor, and grip strength.
     fn wanted(&self, time: f64) -> (Pose, f64) {
         let c = &self.config;
@@ -162,21 +95,13 @@ impl SimulatedHand {
         }
     }
 
-    fn advance(&mut self, dt: f64) {
-        let (wanted, grip) = self.wanted(self.time);
-        let pull = self
-            .pose
-            .twist_to(&wanted.perturbed(&self.tremor(self.time)));
-        let c = &self.config;
-        let force =
-            pull.linear * (grip * c.stiffness) - self.twist.linear * c.damping + self.wrench.force;
-        let torque = pull.angular * (grip * c.rotational_stiffness)
-            - self.twist.angular * c.rotational_damping
-            + self.wrench.torque;
-        self.twist.linear += force * (dt / c.mass);
-        self.twist.angular += torque * (dt / c.inertia);
-        self.pose = self.pose.perturbed(&(self.twist * dt));
-        self.time += dt;
+    /// The pull at a time, tremor included.
+    fn pull(&self, time: f64) -> Pull {
+        let (pose, grip) = self.wanted(time);
+        Pull {
+            pose: pose.perturbed(&self.tremor(time)),
+            grip,
+        }
     }
 }
 
@@ -186,28 +111,23 @@ impl Device for SimulatedHand {
     }
 
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
-        let start = *self.start.get_or_insert(now);
-        let elapsed = (now - start - self.time).clamp(0.0, LONGEST_GAP);
-        let steps = (elapsed / STEP).ceil();
-        for _ in 0..steps as u32 {
-            self.advance(elapsed / steps);
-        }
-        self.time = self.time.max(now - start);
+        let will = &self.will;
+        self.body.follow(now, &will.config, |time| will.pull(time));
         Ok(DeviceState {
-            pose: self.pose,
-            twist: self.twist,
+            pose: self.body.pose,
+            twist: self.body.twist,
             buttons: 0,
             timestamp: now,
         })
     }
 
     fn send(&mut self, wrench: &Wrench) -> Result<(), DeviceError> {
-        self.wrench = *wrench;
+        self.body.wrench = *wrench;
         Ok(())
     }
 
     fn stop_all(&mut self) -> Result<(), DeviceError> {
-        self.wrench = Wrench::ZERO;
+        self.body.wrench = Wrench::ZERO;
         Ok(())
     }
 }
@@ -255,7 +175,7 @@ mod tests {
         let hand = hand(HandConfig::default(), Script::Free);
         let n = 20_000;
         let values: Vec<f64> = (0..n)
-            .map(|k| hand.tremor(k as f64 * 1e-3).linear.x)
+            .map(|k| hand.will.tremor(k as f64 * 1e-3).linear.x)
             .collect();
         let square: f64 = values.iter().map(|v| v * v).sum::<f64>() / n as f64;
         // 20 s of beating sinusoids: within 10 %.

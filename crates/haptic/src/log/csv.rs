@@ -65,6 +65,22 @@ impl SampleWriter for CsvLog {
     }
 }
 
+/// Writes samples as the CSV that logs are, header first.
+///
+/// # Errors
+/// If `out` refuses.
+pub fn write_csv(samples: &[Sample], out: impl std::io::Write) -> std::io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(COLUMNS)?;
+    let mut row = Vec::with_capacity(COLUMNS.len());
+    for sample in samples {
+        row.clear();
+        fill_row(&mut row, sample);
+        csv.write_record(&row)?;
+    }
+    csv.flush()
+}
+
 /// `{}` prints the shortest digits that read back as the same number.
 fn fill_row(row: &mut Vec<String>, s: &Sample) {
     let text = |v: Option<f64>| v.map_or_else(String::new, |v| v.to_string());

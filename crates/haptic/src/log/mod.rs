@@ -11,6 +11,7 @@ pub(crate) mod replay;
 pub(crate) mod writer;
 
 pub use columns::{COLUMNS, faults, numbers};
+pub use csv::write_csv;
 #[cfg(feature = "parquet")]
 pub use parquet_log::create_parquet;
 pub use writer::SampleWriter;

@@ -153,7 +153,7 @@ mod tests {
     use super::*;
     use crate::config::HapticConfig;
     use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
-    use crate::device::simulated::HandConfig;
+    use crate::device::hand_body::HandConfig;
     use crate::run::clock::Clock;
     use crate::run::session::Session;
     use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};

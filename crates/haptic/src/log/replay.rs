@@ -84,7 +84,7 @@ mod tests {
             input: Some(DeviceState::at(Pose::IDENTITY, f64::from(tick) * 1e-3)),
             ..Sample::default()
         };
-        let spec = crate::device::simulated::HandConfig::default().spec();
+        let spec = crate::device::hand_body::HandConfig::default().spec();
         let mut replay = Replay::new(spec, (0..201).map(sample).collect());
         assert!((replay.duration() - 0.201).abs() < 1e-12);
         crate::device::conformance::check(&mut replay).unwrap();

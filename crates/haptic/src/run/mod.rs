@@ -7,3 +7,4 @@ mod pace;
 pub(crate) mod realtime;
 pub(crate) mod report;
 pub(crate) mod session;
+pub(crate) mod view;

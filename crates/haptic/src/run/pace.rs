@@ -28,7 +28,8 @@ pub(crate) struct Due {
     pub(crate) dt: f64,
     /// Deadlines left out before this one.
     pub(crate) skipped: u32,
-    start: Instant,
+    /// On the wall clock.
+    pub(crate) start: Instant,
 }
 
 /// What a tick took, nanoseconds on the wall clock.

@@ -13,6 +13,7 @@ use crate::path::sample::{Sample, flags};
 use crate::run::clock::Clock;
 use crate::run::pace::Spent;
 use crate::run::realtime::Granted;
+use crate::run::view::{Timing, View};
 
 /// Longest time a histogram tells from longer ones, nanoseconds.
 const LONGEST: u64 = 60_000_000_000;
@@ -126,6 +127,8 @@ pub(crate) struct Tally {
     not_sent: u64,
     evaluations: u64,
     peak: (f64, f64),
+    timing: Timing,
+    flagged: [u64; flags::NAMES.len()],
 }
 
 fn histogram() -> Histogram<u64> {
@@ -150,6 +153,8 @@ impl Tally {
             not_sent: 0,
             evaluations: 0,
             peak: (0.0, 0.0),
+            timing: Timing::default(),
+            flagged: [0; flags::NAMES.len()],
         }
     }
 
@@ -166,6 +171,9 @@ impl Tally {
         let Wrench { torque, force } = sample.wrench;
         self.peak.0 = self.peak.0.max(force.length());
         self.peak.1 = self.peak.1.max(torque.length());
+        for (bit, count) in self.flagged.iter_mut().enumerate() {
+            *count += has(1 << bit);
+        }
         self.last = *sample;
     }
 
@@ -174,6 +182,17 @@ impl Tally {
         self.lateness.saturating_record(spent.lateness);
         self.overruns += u64::from(spent.skipped > 0);
         self.missed += u64::from(spent.skipped);
+        self.timing.count(spent);
+    }
+
+    /// What viewers see of a tick that began at `at`.
+    pub(crate) fn view(&self, sample: &Sample, at: Instant) -> View {
+        View {
+            sample: *sample,
+            at: Some(at),
+            timing: self.timing,
+            flagged: self.flagged,
+        }
     }
 
     /// The report, but for what only the session knows: `dropped` samples and what was `granted`.

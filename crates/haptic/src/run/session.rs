@@ -24,14 +24,20 @@ use crate::run::realtime;
 use crate::run::realtime::Granted;
 use crate::run::report::Outcome;
 use crate::run::report::Tally;
+use crate::run::view::View;
 
 /// Shows the newest sample to another thread; never holds the loop up.
 #[derive(Debug)]
-pub struct Viewer(triple_buffer::Output<Sample>);
+pub struct Viewer(triple_buffer::Output<View>);
 
 impl Viewer {
     /// The newest sample; the default one before the first tick.
     pub fn newest(&mut self) -> &Sample {
+        &self.view().sample
+    }
+
+    /// The newest sample with what was counted up to it.
+    pub fn view(&mut self) -> &View {
         self.0.read()
     }
 }
@@ -58,7 +64,7 @@ pub struct Session {
     workspace: Workspace,
     log: Option<Log>,
     keep: bool,
-    viewer: Option<triple_buffer::Input<Sample>>,
+    viewer: Option<triple_buffer::Input<View>>,
 }
 
 impl Session {
@@ -96,7 +102,7 @@ impl Session {
 
     /// A view of the newest sample for another thread.
     pub fn viewer(&mut self) -> Viewer {
-        let (input, output) = triple_buffer::triple_buffer(&Sample::default());
+        let (input, output) = triple_buffer::triple_buffer(&View::default());
         self.viewer = Some(input);
         Viewer(output)
     }
@@ -214,7 +220,7 @@ impl Drop for Guard<'_> {
 struct Ticker {
     path: ForcePath,
     recorder: Option<Recorder>,
-    viewer: Option<triple_buffer::Input<Sample>>,
+    viewer: Option<triple_buffer::Input<View>>,
     tally: Tally,
 }
 
@@ -252,7 +258,7 @@ impl Ticker {
             recorder.record(&sample);
         }
         if let Some(viewer) = &mut self.viewer {
-            viewer.write(sample);
+            viewer.write(self.tally.view(&sample, due.start));
         }
     }
 }

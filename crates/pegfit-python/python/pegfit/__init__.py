@@ -10,6 +10,7 @@ from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, Scene
 from pegfit._loop import TICK, ForcePath, Run, feel
 from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
 from pegfit._pair import Docking, Pair, Scores
+from pegfit._play import Page, play
 from pegfit._response import Response
 from pegfit._source import Evaluator, Source, Table
 
@@ -23,6 +24,7 @@ __all__ = [
     "Mesh",
     "MeshError",
     "MeshReport",
+    "Page",
     "Pair",
     "PegfitError",
     "PoseError",
@@ -37,4 +39,5 @@ __all__ = [
     "density",
     "feel",
     "peg_in_hole",
+    "play",
 ]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from dataclasses import dataclass
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
-from pegfit._mesh import MeshLike, Path, as_mesh
+from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
 from pegfit._poses import RotationLike, quaternion, three
 from pegfit._progress import Progress, Reporting
 from pegfit._source import Evaluator, Table
@@ -30,6 +32,41 @@ def _corners(window: Window) -> tuple[Float, Float]:
         return three(window[0], "window"), three(window[1], "window")
     half = three(window, "window")
     return -half, half
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    """What a pair of meshes was made of, to write it as a scene."""
+
+    fixed: Mesh
+    moving: Mesh
+    spacing: Optional[float]
+    model: str
+    cache: Optional[Path]
+    peak_force: float
+    gamma: Optional[float]
+    half_extent: Optional[Float]
+
+    def write(self, folder: FilePath) -> FilePath:
+        """Writes meshes and scene into a folder; the scene's path."""
+        for name, mesh in (("fixed", self.fixed), ("moving", self.moving)):
+            lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
+            lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
+            (folder / f"{name}.obj").write_text("\n".join(lines) + "\n")
+        energy = f"gamma = {self.gamma!r}"
+        if self.gamma is None:
+            energy = f"peak_force = {float(self.peak_force)!r}"
+        words = ['unit = "m"', 'fixed = "fixed.obj"', 'moving = "moving.obj"']
+        if self.cache is not None:
+            words.append(f"cache = {json.dumps(str(FilePath(self.cache).resolve()))}")
+        words += ["[model]", f"preset = {json.dumps(self.model)}", "[energy]", energy]
+        if self.spacing is not None:
+            words += ["[lattice]", f"spacing = {float(self.spacing)!r}"]
+        if self.half_extent is not None:
+            words += ["[window]", f"half_extent = {[float(x) for x in self.half_extent]}"]
+        scene = folder / "scene.toml"
+        scene.write_text("\n".join(words) + "\n")
+        return scene
 
 
 class Pair:
@@ -77,6 +114,9 @@ class Pair:
         meshes = [as_mesh(fixed, unit, "fixed"), as_mesh(moving, unit, "moving")]
         self._names = [mesh.name for mesh in meshes]
         half = None if half_extent is None else three(half_extent, "half_extent")
+        self._scene: Union[Path, _Recipe] = _Recipe(
+            meshes[0], meshes[1], spacing, model, cache, peak_force, gamma, half
+        )
         self._core = _core.Pair.of_meshes(
             meshes[0]._core,
             meshes[1]._core,
@@ -107,9 +147,16 @@ class Pair:
         pair = cls.__new__(cls)
         pair._core = _core.Pair.from_scene(path, fixed, memory)
         pair._names = [str(path)]
+        pair._scene = path
         for warning in pair._core.warnings():
             warnings.warn(warning, stacklevel=2)
         return pair
+
+    def _write_scene(self, folder: FilePath) -> FilePath:
+        """A scene file of the pair, for the command."""
+        if isinstance(self._scene, _Recipe):
+            return self._scene.write(folder)
+        return FilePath(self._scene)
 
     @property
     def spacing(self) -> float:

@@ -10,16 +10,16 @@ use fft_correlate::{
 };
 use haptic::{Clock, LoopReport, Sample, Script};
 use pegfit_pictures::Slice;
-use pegfit_scene::{Assembly, Scene, SceneSetup};
+use pegfit_scene::{Assembly, SceneSetup};
+use sdf_grid::atomic;
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{atomic, mesh_io};
 use serde::Serialize;
 
 use super::errors;
 use crate::commands::plot::{
     Along, analyse, curve, densities, force_chart, overlap, score_surface,
 };
-use crate::commands::{dock, hand, scenes, stored};
+use crate::commands::{dock, examples, hand, scenes, stored};
 use crate::context::Context;
 use crate::error::CommandError;
 
@@ -98,7 +98,7 @@ pub(super) fn run(
 ) -> Result<Example, CommandError> {
     let name = shape.name();
     context.progress.note(&format!("{name} peg and hole"));
-    let assembly = scenes::load(write_scene(shape, out)?, context)?;
+    let assembly = scenes::load(examples::write_scene(shape, out)?, context)?;
     let direct = assembly.direct(&DirectOptions::FULL)?;
     let fast = assembly.source(&DirectOptions::REAL_TIME)?;
     let (energies, table) = tabulate(
@@ -143,32 +143,6 @@ pub(super) fn run(
         real_time,
         pictures,
     })
-}
-
-/// Writes the meshes and the scene, and reads the scene back as a user would.
-fn write_scene(shape: PegInHole, out: &Path) -> Result<Scene, CommandError> {
-    let name = shape.name();
-    let (hole, peg) = shape.pair(0.0)?;
-    for (part, mesh) in [("hole", &hole), ("peg", &peg)] {
-        mesh_io::write_obj(out.join(format!("{name}_{part}.obj")), mesh)?;
-    }
-    let text = format!(
-        "# The paper's {name} example: lengths in metres, zero clearance.\n\
-         unit = \"m\"\n\
-         fixed = \"{name}_hole.obj\"\n\
-         moving = \"{name}_peg.obj\"\n\n\
-         [lattice]\n\
-         spacing = 0.00125\n\n\
-         [window]\n\
-         half_extent = [0.01, 0.01, 0.015]\n\n\
-         [rotations]\n\
-         kind = \"ball\"\n\
-         angle_deg = 10.0\n\
-         step_deg = 5.0\n"
-    );
-    let path = out.join(format!("{name}.toml"));
-    atomic::write(&path, text.as_bytes())?;
-    Ok(Scene::read(&path)?)
 }
 
 fn tabulate(

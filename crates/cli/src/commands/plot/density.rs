@@ -6,7 +6,8 @@ use num_complex::Complex32;
 use pegfit_pictures::{AXES, Slice, density_map, distance_contours, sheet};
 use pegfit_scene::Assembly;
 use sdf_grid::{
-    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Sampling, TriangleMesh,
+    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Monitor, Sampling,
+    TriangleMesh,
 };
 
 use crate::commands::scenes::within;
@@ -17,12 +18,12 @@ use crate::error::CommandError;
 const SAMPLES: usize = 260;
 
 /// A part's density on a plane: computed for the picture, finer than the scene's lattice.
-fn on_plane(
+pub(in crate::commands) fn on_plane(
     mesh: &TriangleMesh,
     assembly: &Assembly,
     bounds: &Aabb,
     slice: &Slice,
-    context: &Context,
+    monitor: &dyn Monitor,
 ) -> Result<DensityField, CommandError> {
     let failed = |e| CommandError::bad_input(within(assembly, "density"), e);
     let kernel = DensityKernel::new(assembly.pair.model().sigma)
@@ -34,8 +35,7 @@ fn on_plane(
     let lattice = slice
         .lattice(bounds, SAMPLES)
         .map_err(|e| CommandError::bad_input(format!("slice {}", AXES[slice.axis]), e))?;
-    DensityField::compute(mesh, &kernel, &lattice, &options, &context.progress).map_err(|e| match e
-    {
+    DensityField::compute(mesh, &kernel, &lattice, &options, monitor).map_err(|e| match e {
         DensityError::Cancelled => CommandError::Interrupted,
         other => failed(other),
     })
@@ -57,7 +57,7 @@ pub(in crate::commands) fn densities(
     let bounds = assembly.setup.bounds(0.1);
     let mut maps = Vec::new();
     for (name, mesh) in parts {
-        let field = on_plane(&mesh, assembly, &bounds, slice, context)?;
+        let field = on_plane(&mesh, assembly, &bounds, slice, &context.progress)?;
         let density = field.combined(model.lambda_exterior as f32, model.lambda_interior as f32);
         for (part, values) in [
             ("Re", density.mapv(|v| v.re)),
@@ -93,8 +93,8 @@ pub(in crate::commands) fn overlap(
     let bounds = assembly.setup.bounds(0.1);
     let moved = assembly.setup.moving_at(&assembly.assembled());
     let lies = assembly.setup.placed_fixed();
-    let fixed = on_plane(&lies, assembly, &bounds, slice, context)?;
-    let moving = on_plane(&moved, assembly, &bounds, slice, context)?;
+    let fixed = on_plane(&lies, assembly, &bounds, slice, &context.progress)?;
+    let moving = on_plane(&moved, assembly, &bounds, slice, &context.progress)?;
     context.progress.finish();
     let mut map = density_map(
         format!("Score density at the assembled pose, {}", slice.label(unit)),

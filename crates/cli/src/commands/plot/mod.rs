@@ -8,7 +8,7 @@ mod surface;
 mod well;
 
 pub(super) use curve::{Along, curve};
-pub(super) use density::{densities, overlap};
+pub(super) use density::{densities, on_plane, overlap};
 pub(super) use force::force_chart;
 pub(super) use run::run;
 pub(super) use surface::score_surface;

@@ -67,7 +67,7 @@ fn device(motion: Motion) -> (Arc<World>, Threaded) {
     world.plugged.store(true, Ordering::SeqCst);
     let spec = DeviceSpec {
         rate_controlled: matches!(motion, Motion::Rate(_)),
-        ..crate::device::simulated::HandConfig::default().spec()
+        ..crate::device::hand_body::HandConfig::default().spec()
     };
     let device = Threaded::spawn(
         spec,

@@ -1,0 +1,8 @@
+//! `pegfit play`: the loop on a page.
+
+mod browser;
+mod exhibits;
+mod route;
+mod run;
+
+pub(super) use run::run;

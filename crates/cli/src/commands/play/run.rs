@@ -1,0 +1,125 @@
+//! From scenes to a page that plays them.
+
+use std::sync::Arc;
+
+use haptic::LoopReport;
+use pegfit_play::{Exhibits, Options, Server, Stage};
+use pegfit_scene::{LivePairs, Scene};
+use sdf_grid::Monitor;
+use sdf_grid::shapes::PegInHole;
+use serde_json::json;
+
+use super::exhibits::SceneExhibits;
+use super::{browser, route};
+use crate::args::PlayArgs;
+use crate::commands::{examples, scenes};
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::terminal::hold::Hold;
+use crate::terminal::progress::{Progress, cancel_flag, check_interrupt, interrupted};
+
+pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(), CommandError> {
+    // Deleted when the command ends.
+    let folder = tempfile::tempdir().map_err(|e| CommandError::failure("temporary folder", e))?;
+    let pairs = match &args.scene {
+        Some(path) => {
+            let name = path.file_stem().unwrap_or_default();
+            vec![(name.to_string_lossy().into_owned(), Scene::read(path)?)]
+        }
+        None => PegInHole::ALL
+            .into_iter()
+            .map(|shape| {
+                let scene = examples::write_scene(shape, folder.path())?;
+                Ok((shape.name().to_owned(), scene))
+            })
+            .collect::<Result<_, CommandError>>()?,
+    };
+    let options = Options {
+        bind: args.bind,
+        port: args.port,
+        embed: args.embed,
+    };
+    let titles = pairs.iter().map(|(title, _)| title.clone()).collect();
+    let server = Server::start(&options, titles)?;
+    announce(&server, args, context);
+    loop {
+        let (_, scene) = &pairs[server.wanted()];
+        let report = play(&server, scene, args, context)?;
+        tell(&report, context);
+        if interrupted() {
+            return Ok(());
+        }
+    }
+}
+
+/// Says where the page is, and to whom it is open.
+fn announce(server: &Server, args: &PlayArgs, context: &Context) {
+    let url = server.url();
+    match context.json {
+        true => crate::say!("{}", json!({ "url": url })),
+        false => crate::say!("{url}"),
+    }
+    if !args.bind.is_loopback() {
+        context.progress.note(&format!(
+            "listening on {}: whoever in this network learns the address above, which goes over it \
+             unencrypted, can watch, and move the simulated hand while nobody else does; they see \
+             both surfaces and their densities, and reach no other file",
+            server.address()
+        ));
+    }
+    if !args.no_open && !browser::open(&url) {
+        context
+            .progress
+            .note("no browser could be opened: open the address above");
+    }
+    context.progress.note("Ctrl-C ends it");
+}
+
+/// Plays one scene until another is wanted, or nothing any more.
+fn play(
+    server: &Server,
+    scene: &Scene,
+    args: &PlayArgs,
+    context: &Context,
+) -> Result<LoopReport, CommandError> {
+    let first = scene.clone().only(Some(&scene.fixed.name))?;
+    let assembly = scenes::load(first, context)?;
+    // The thread that loads hears of Ctrl-C and shows no bars.
+    let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));
+    let pairs = LivePairs::start(scene, assembly, args.table.as_deref(), &quiet)?;
+    scenes::tell(&pairs.warnings, context);
+    check_interrupt()?;
+    let exhibits = SceneExhibits::new(scene, &pairs, args.table.as_deref(), context)?;
+    let exhibits = Arc::new(exhibits);
+    let source = pairs.live.source();
+    let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));
+    let stage = Stage {
+        source,
+        config: scene.device.clone(),
+        workspace,
+        start: route::start(&geometry, workspace.grip),
+        geometry,
+        exhibits: Arc::clone(&exhibits) as Arc<dyn Exhibits>,
+    };
+    let _held = Hold::begin();
+    let report = server.perform(&stage, cancel_flag());
+    exhibits.end();
+    Ok(report?)
+}
+
+/// What the loop was like.
+fn tell(report: &LoopReport, context: &Context) {
+    let (latency, lateness) = (&report.latency_us, &report.lateness_us);
+    context.progress.note(&format!(
+        "{:.1} Hz over {:.1} s; computing p50 {:.0} µs, p99 {:.0} µs; late p50 {:.0} µs, p99 {:.0} \
+         µs; {} of {} ticks missed",
+        report.rate_hz,
+        report.seconds,
+        latency.p50,
+        latency.p99,
+        lateness.p50,
+        lateness.p99,
+        report.missed,
+        report.ticks + report.missed
+    ));
+}

@@ -1,0 +1,156 @@
+//! `pegfit play`: a page with what belongs to it, until Ctrl-C; the server's own tests are in
+//! `pegfit-play`, those in a browser in `tests/play`.
+#![cfg(unix)]
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::common::{pegfit, refuse, scene_folder, stderr};
+
+struct Play {
+    child: Child,
+    address: String,
+    path: String,
+}
+
+impl Play {
+    /// Started in `folder`, its page's address read.
+    fn start(folder: &Path, words: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
+            .current_dir(folder)
+            .args(["play", "--no-open", "--json", "-q"])
+            .args(words)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        let mut said = BufReader::new(child.stdout.as_mut().unwrap());
+        said.read_line(&mut line).unwrap();
+        let said: serde_json::Value = serde_json::from_str(&line).unwrap();
+        let url = said["url"]
+            .as_str()
+            .unwrap()
+            .strip_prefix("http://")
+            .unwrap();
+        let (address, path) = url.split_once('/').unwrap();
+        Self {
+            address: address.to_owned(),
+            path: format!("/{path}"),
+            child,
+        }
+    }
+
+    /// A reply's status and body.
+    fn get(&self, name: &str) -> (u16, Vec<u8>) {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        let request = format!(
+            "GET {}{name} HTTP/1.1\r\nHost: {}\r\n\r\n",
+            self.path, self.address
+        );
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut reply = Vec::new();
+        stream.read_to_end(&mut reply).unwrap();
+        let end = reply
+            .windows(4)
+            .position(|four| four == b"\r\n\r\n")
+            .unwrap();
+        let status = std::str::from_utf8(&reply[9..12]).unwrap().parse().unwrap();
+        (status, reply[end + 4..].to_vec())
+    }
+
+    /// What a stage shows, once there is one.
+    fn shown(&self, name: &str) -> Vec<u8> {
+        let began = Instant::now();
+        loop {
+            let (status, body) = self.get(name);
+            if status == 200 {
+                return body;
+            }
+            assert!(
+                began.elapsed() < Duration::from_secs(60),
+                "{name}: {status}"
+            );
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Ctrl-C; the exit code.
+    fn end(mut self) -> Option<i32> {
+        let id = self.child.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args(["-INT", &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+        self.child.wait().unwrap().code()
+    }
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+#[test]
+fn a_scene_is_served_until_ctrl_c() {
+    let folder = scene_folder("");
+    let play = Play::start(folder.path(), &["scene.toml"]);
+    let (status, page) = play.get("");
+    assert!(status == 200 && page.starts_with(b"<!doctype html>"));
+    let (hole, peg) = (play.shown("mesh/0"), play.shown("mesh/moving"));
+    assert_eq!([word(&hole, 4), word(&peg, 4)], [32, 12]);
+    for part in ["0", "moving"] {
+        let slice = play.shown(&format!("slice/{part}"));
+        let (columns, rows) = (word(&slice, 0) as usize, word(&slice, 4) as usize);
+        assert_eq!(slice.len(), 44 + 4 * columns * rows);
+        let values = slice[44..]
+            .chunks_exact(4)
+            .map(|four| f32::from_le_bytes(four.try_into().unwrap()));
+        let (least, most) = values.fold((0.0_f32, 0.0_f32), |(a, b), v| (a.min(v), b.max(v)));
+        assert!(least < -0.1 && most > 0.1, "{part}: {least} to {most}");
+        let skeleton = play.shown(&format!("skeleton/{part}"));
+        assert!(
+            skeleton.len() > 16 && skeleton.len().is_multiple_of(16),
+            "{part}"
+        );
+    }
+    for nothing in ["mesh/1", "mesh/-1", "slice/1", "mesh/..", "scene.toml"] {
+        assert_eq!(play.get(nothing).0, 404, "{nothing}");
+    }
+    assert_eq!(play.end(), Some(0));
+}
+
+#[test]
+fn without_a_scene_it_plays_the_papers_pairs() {
+    let folder = tempfile::tempdir().unwrap();
+    let play = Play::start(folder.path(), &[]);
+    assert!(word(&play.shown("mesh/0"), 4) > 8);
+    assert_eq!(play.end(), Some(0));
+    // What it made is gone.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn what_cannot_be_served_is_refused_with_a_reason() {
+    let folder = scene_folder("");
+    refuse(folder.path(), &["play", "--table", "t.zarr"]);
+    refuse(folder.path(), &["play", "no-such-scene.toml"]);
+    refuse(
+        folder.path(),
+        &["play", "scene.toml", "--bind", "somewhere"],
+    );
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let output = pegfit(
+        folder.path(),
+        &["play", "scene.toml", "--no-open", "--port", &port],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    let told = stderr(&output);
+    assert!(told.contains("cannot listen on 127.0.0.1:"), "{told}");
+}

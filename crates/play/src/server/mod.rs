@@ -1,0 +1,9 @@
+//! The server: who may come in, what they are given, and the page that holds the hand.
+
+pub(crate) mod access;
+mod assets;
+mod connection;
+mod http;
+mod hub;
+mod route;
+pub(crate) mod serve;

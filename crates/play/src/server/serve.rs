@@ -1,0 +1,209 @@
+//! Listening, and running the loop on a stage while pages watch.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use haptic::{Clock, HandConfig, LoopReport, Order, Session, SteeredHand};
+
+use crate::error::PlayError;
+use crate::server::access::{Access, token};
+use crate::server::connection;
+use crate::server::hub::Hub;
+use crate::stage::live::Live;
+use crate::stage::meter::Meter;
+use crate::stage::scenery::Stage;
+use crate::stage::tape::Tape;
+
+/// Connections served at a time.
+const MOST_CONNECTIONS: usize = 48;
+
+/// Pause between two looks for a new connection, or for the end.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Greatest force and torque of the page's hand as shares of the loop's limits: a hand that is
+/// as strong as what the loop may show would go through every wall.
+const STRENGTH: f64 = 0.6;
+
+/// The page's hand weighs nothing but itself, kg, and is damped accordingly, N·s/m: it keeps up with
+/// a mouse.
+const LIGHT: (f64, f64) = (0.1, 8.0);
+
+/// Where to listen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Address of this machine; 127.0.0.1 can only be reached from it.
+    pub bind: IpAddr,
+    /// Port; any that is free if 0.
+    pub port: u16,
+    /// Pages of this machine, a notebook's, may show the page in a frame.
+    pub embed: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            bind: Ipv4Addr::LOCALHOST.into(),
+            port: 0,
+            embed: false,
+        }
+    }
+}
+
+/// A server that listens until it is dropped.
+pub struct Server {
+    hub: Arc<Hub>,
+    listener: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Listens, with a fresh token; pages may choose among `pairs` by their titles.
+    ///
+    /// # Errors
+    /// If the address cannot be had, or the system gives no token or thread.
+    pub fn start(options: &Options, pairs: Vec<String>) -> Result<Self, PlayError> {
+        let address = SocketAddr::new(options.bind, options.port);
+        let failed = |source| PlayError::Listen { address, source };
+        let socket = TcpListener::bind(address).map_err(failed)?;
+        socket.set_nonblocking(true).map_err(failed)?;
+        let access = Access {
+            token: token()?,
+            address: socket.local_addr().map_err(failed)?,
+            embed: options.embed,
+        };
+        let hub = Arc::new(Hub::new(access, pairs));
+        let shared = Arc::clone(&hub);
+        let thread = std::thread::Builder::new().name("play-listen".into());
+        let listener = thread
+            .spawn(move || listen(&shared, &socket))
+            .map_err(PlayError::Thread)?;
+        Ok(Self {
+            hub,
+            listener: Some(listener),
+        })
+    }
+
+    /// The address to open, token included; whoever has it may come in.
+    pub fn url(&self) -> String {
+        let Access { token, address, .. } = &self.hub.access;
+        let host = match address.ip().is_unspecified() {
+            true => SocketAddr::new(Ipv4Addr::LOCALHOST.into(), address.port()),
+            false => *address,
+        };
+        format!("http://{host}/{token}/")
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.hub.access.address
+    }
+
+    /// The pair that the hand's page wants; pages are told that it is being loaded.
+    pub fn wanted(&self) -> usize {
+        let (pair, _) = self.hub.wanted();
+        self.hub.loading(pair);
+        pair
+    }
+
+    /// Runs the loop on a stage, in real time, until `cancel` is set or a page wants another pair.
+    ///
+    /// # Errors
+    /// If the loop cannot run or its hand not be stopped.
+    pub fn perform(&self, stage: &Stage<'_>, cancel: &AtomicBool) -> Result<LoopReport, PlayError> {
+        let hand = HandConfig {
+            mass: LIGHT.0,
+            damping: LIGHT.1,
+            strength: STRENGTH * stage.config.limits.force,
+            rotational_strength: STRENGTH * stage.config.limits.torque,
+            // The scripts go on until somebody does something else.
+            duration: 1e6,
+            ..HandConfig::default()
+        };
+        let (workspace, geometry, stale) = (stage.workspace, stage.geometry, stage.config.stale_s);
+        let (mut hand, mut steering) =
+            SteeredHand::new(hand, geometry, workspace, &stage.start, stale);
+        // Heard of once: the part is where it is shown from the first frame on.
+        steering.order(Order::LetGo);
+        let tape = Tape::default();
+        let mut session = Session::new(stage.config.clone(), workspace);
+        let viewer = session.viewer();
+        let session = session.record_with(Box::new(tape.clone()));
+        self.hub.begin(stage.start, |number| Live {
+            number,
+            exhibits: Arc::clone(&stage.exhibits),
+            tape,
+            steering,
+            viewer,
+            workspace,
+            geometry,
+            meter: Meter::default(),
+            doing: 0,
+        });
+        let outcome = self.until(cancel, |stop| {
+            session.run(&mut hand, stage.source, Clock::Real, f64::INFINITY, stop)
+        });
+        self.hub.end();
+        Ok(outcome?.report)
+    }
+
+    /// Does `work`, and tells it to stop when it should.
+    fn until<T>(&self, cancel: &AtomicBool, work: impl FnOnce(&AtomicBool) -> T) -> T {
+        let (stop, done) = (AtomicBool::new(false), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    if cancel.load(Ordering::Relaxed) || self.hub.is_other_wanted() {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    std::thread::sleep(LOOK);
+                }
+            });
+            let result = work(&stop);
+            done.store(true, Ordering::Relaxed);
+            result
+        })
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.hub.quit.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.listener.take() {
+            // It has nothing to fail at.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Takes connections, each on a thread of its own, until the server ends; then waits for them.
+fn listen(hub: &Arc<Hub>, socket: &TcpListener) {
+    let open = Arc::new(AtomicUsize::new(0));
+    while !hub.quits() {
+        let Ok((stream, _)) = socket.accept() else {
+            std::thread::sleep(LOOK);
+            continue;
+        };
+        if open.load(Ordering::Relaxed) >= MOST_CONNECTIONS {
+            continue;
+        }
+        open.fetch_add(1, Ordering::Relaxed);
+        let (hub, counted) = (Arc::clone(hub), Arc::clone(&open));
+        let thread = std::thread::Builder::new().name("play-page".into());
+        let spawned = thread.spawn(move || {
+            connection::serve(&hub, stream);
+            counted.fetch_sub(1, Ordering::Relaxed);
+        });
+        if spawned.is_err() {
+            open.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+    // Pages are told goodbye; one that does not listen is not waited for.
+    for _ in 0..100 {
+        if open.load(Ordering::Relaxed) == 0 {
+            return;
+        }
+        std::thread::sleep(LOOK);
+    }
+}

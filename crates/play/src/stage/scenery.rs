@@ -1,0 +1,24 @@
+//! What the loop runs on.
+
+use std::sync::Arc;
+
+use fft_correlate::{EnergySource, Pose};
+use haptic::{Geometry, HapticConfig, Workspace};
+
+use crate::stage::exhibits::Exhibits;
+
+/// What the loop runs on, and what pages are shown of it.
+pub struct Stage<'a> {
+    /// Energy at poses of the moving part in the scene.
+    pub source: &'a dyn EnergySource,
+    /// Settings of the loop.
+    pub config: HapticConfig,
+    /// Where the hand's workspace lies.
+    pub workspace: Workspace,
+    /// Where the fit is and how one gets there.
+    pub geometry: Geometry,
+    /// Where the hand holds the part at first.
+    pub start: Pose,
+    /// What a page may ask.
+    pub exhibits: Arc<dyn Exhibits>,
+}

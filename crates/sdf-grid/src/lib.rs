@@ -14,6 +14,7 @@ mod support;
 mod surface;
 
 pub use contact::error::ContactError;
+pub use contact::mating::{MatingLimits, MatingSurfaces};
 pub use contact::samples::{SurfaceSample, surface_samples};
 pub use contact::sum::contact_sum::{ContactSum, ContactSums};
 pub use contact::surface::{ContactSurface, Flux};

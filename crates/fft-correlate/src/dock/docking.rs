@@ -5,23 +5,24 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
-use sdf_grid::{Aabb, DensityError, LatticeError, Monitor, TriangleMesh, snug_rotation};
+use sdf_grid::{
+    Aabb, DensityError, LatticeError, MatingLimits, Monitor, TriangleMesh, snug_rotation,
+};
 
 use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
-use crate::direct::condition::Condition;
-use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
+use crate::direct::evaluator::DirectError;
 use crate::dock::decide::decide;
 use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::lattices::{SearchLattices, domain_rotations};
 use crate::dock::options::SearchOptions;
 use crate::dock::plan::DockingPlan;
+use crate::dock::report::FoundPose;
 use crate::dock::report::SearchStage;
-use crate::dock::report::{FoundPose, SearchReport};
 use crate::dock::rotations::symmetry_group;
 use crate::dock::search::search;
 use crate::dock::sketch::wants_sketch;
+use crate::dock::told::{DockingPose, mating_areas, told};
 use crate::dock::weights::docking_weights;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuildError, PairPlan};
@@ -35,8 +36,11 @@ use crate::setup::pair_setup::PairSetup;
 /// Angle between rotations where no domain is given, degrees.
 const STEP_DEG: f64 = 15.0;
 
-/// How many of the best poses have the condition number of their score found, cell by cell.
-const CONDITION_POSES: usize = 16;
+/// Faces that turn from being opposite by more than this do not mate, radians: 10 degrees.
+pub const MATING_ANGLE: f64 = 0.1745;
+
+/// Width of the pieces of the moving part's surface whose mating is asked, fine spacings.
+const MATING_PIECES: f64 = 0.5;
 
 /// What is asked of docking.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +51,9 @@ pub struct DockingOptions {
     pub exhaustive: bool,
     /// Rotations of the moving part, fixed part's frame; all of them, 15 degrees apart, if absent.
     pub rotations: Option<RotationDomain>,
+    /// Faces at most this far apart count as mating ([`DockingPose::mating_area`]), metres; the fine
+    /// spacing if absent.
+    pub mating_clearance: Option<f64>,
     /// File in which scored rotations are kept, and found again by a later run.
     pub state: Option<PathBuf>,
 }
@@ -58,23 +65,10 @@ impl Default for DockingOptions {
             top: 10,
             exhaustive: false,
             rotations: None,
+            mating_clearance: None,
             state: None,
         }
     }
-}
-
-/// One pose found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DockingPose {
-    /// Pose in the fixed part's own frame, energy under the docking weights, width and overlap.
-    pub found: FoundPose,
-    /// Energy as a share of the deepest pose's; 0 if none is below zero.
-    pub depth: f64,
-    /// Energy under the setup's own model, joules.
-    pub model_energy: f64,
-    /// The sum of the absolute terms of the score under the docking weights over the score: how far
-    /// they cancel. Of the best poses only.
-    pub condition: Option<f64>,
 }
 
 /// What docking found and what it cost.
@@ -147,6 +141,12 @@ pub enum DockingError {
     /// A part has no interior on its lattice.
     #[error(transparent)]
     Direct(#[from] DirectError),
+    /// The clearance of mating faces is none.
+    #[error("mating clearance: expected 0 m or more, found {found}")]
+    MatingClearance {
+        /// What was given, metres.
+        found: f64,
+    },
     /// The monitor asked to stop before anything was found.
     #[error("cancelled")]
     Cancelled,
@@ -244,6 +244,11 @@ impl<'a> Docking<'a> {
     /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
     /// any rotation is scored.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingReport, DockingError> {
+        if let Some(found) = self.options.mating_clearance
+            && !(found.is_finite() && found >= 0.0)
+        {
+            return Err(DockingError::MatingClearance { found });
+        }
         let domain = self.domain()?;
         let plan = self.planned(&domain)?;
         self.require_memory(&plan)?;
@@ -276,7 +281,8 @@ impl<'a> Docking<'a> {
                 Err(reason) => undecided = Some(reason),
             }
         }
-        let poses = self.poses(&found, &finest)?;
+        let mating = self.mating_areas(&found.poses)?;
+        let poses = told(&found, &finest, &mating, &self.frame.inverse())?;
         Ok(DockingReport {
             poses,
             lattices: self.lattices,
@@ -436,36 +442,15 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// The poses of a search in the fixed part's own frame, with what only the finest pair can tell.
-    fn poses(
-        &self,
-        report: &SearchReport,
-        finest: &Pair,
-    ) -> Result<Vec<DockingPose>, DockingError> {
-        let ranking = finest.with_model(report.model)?;
-        let conditions: Vec<f64> = report
-            .poses
-            .par_iter()
-            .take(CONDITION_POSES)
-            .map(|p| Condition::at(&ranking, &p.pose).number())
-            .collect();
-        let source = DirectEvaluator::new(finest, &DirectOptions::FULL)?;
-        let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
-        let back = self.frame.inverse();
-        let told = |(index, p): (usize, &FoundPose)| DockingPose {
-            found: FoundPose {
-                pose: back * p.pose,
-                ..*p
-            },
-            depth: if deepest < 0.0 {
-                p.energy / deepest
-            } else {
-                0.0
-            },
-            model_energy: source.evaluate_full(&p.pose).response.energy,
-            condition: conditions.get(index).copied(),
+    /// The mating area of each pose, square metres.
+    fn mating_areas(&self, poses: &[FoundPose]) -> Result<Vec<f64>, PairBuildError> {
+        let fine = self.lattices.fine;
+        let limits = MatingLimits {
+            clearance: self.options.mating_clearance.unwrap_or(fine),
+            angle: MATING_ANGLE,
         };
-        Ok(report.poses.iter().enumerate().map(told).collect())
+        let parts = [self.fixed(), &self.setup.moving];
+        mating_areas(poses, parts, &limits, MATING_PIECES * fine)
     }
 }
 

@@ -16,6 +16,10 @@ pub const FIT_KINDS: [&str; 4] = ["rectangular", "round", "keyed", "stepped"];
 /// Chords of a rounded corner, and of a round section.
 const CHORDS: [u32; 2] = [4, 64];
 
+/// How far a step goes inwards, and the most that is broken off an edge; of the narrow side.
+const STEP: f64 = 0.2;
+const WIDEST_BREAK: f64 = 0.08;
+
 /// A peg and a block with the hole that it was made for; the identity is the assembled pose. The
 /// axis is z, the mouth of the hole at height 0.
 #[derive(Debug, Clone)]
@@ -52,7 +56,7 @@ pub fn random_fit(seed: u64) -> Result<RandomFit, MeshError> {
     let depth = random.between(0.5, 1.1) * size;
     let above = random.between(0.2, 0.8) * size;
     let (through, thin) = (random.next() & 1 == 1, random.next() & 1 == 1);
-    let step = if kind == 3 { 0.2 * narrow } else { 0.0 };
+    let step = if kind == 3 { STEP * narrow } else { 0.0 };
     // What goes through sticks out below; what does not stands on the floor, or on the shoulder of
     // a stepped hole with a gap below.
     let below = if through { 0.3 * above } else { 0.0 };
@@ -113,7 +117,9 @@ pub fn random_fit(seed: u64) -> Result<RandomFit, MeshError> {
 /// The section of a peg and its narrow side.
 fn section(kind: usize, size: f64, random: &mut Random) -> (Vec<DVec2>, f64) {
     let aspect = random.between(0.5, 0.95);
-    let corner = random.between(0.03, 0.15) * aspect * size;
+    // Rounder than what chamfers and steps take from it.
+    let narrowed = if kind == 3 { STEP } else { 0.0 };
+    let corner = (narrowed + random.between(1.2 * WIDEST_BREAK, 0.15)) * aspect * size;
     match kind {
         1 => (circle(0.5 * size, CHORDS[1]), size),
         2 => (
@@ -137,7 +143,7 @@ fn section(kind: usize, size: f64, random: &mut Random) -> (Vec<DVec2>, f64) {
 }
 
 fn edge_break(narrow: f64, random: &mut Random) -> EdgeBreak {
-    let size = random.between(0.02, 0.08) * narrow;
+    let size = random.between(0.02, WIDEST_BREAK) * narrow;
     match random.next() & 1 {
         0 => EdgeBreak::Chamfer(size),
         _ => EdgeBreak::Fillet(size),
@@ -150,7 +156,7 @@ fn outside(section: &[DVec2], size: f64, thin: bool, random: &mut Random) -> (Ve
         // Beyond the clearance and the broken edge of the mouth.
         return (
             section.to_vec(),
-            0.001 + 0.08 * size + random.between(0.0, 0.0015),
+            0.001 + WIDEST_BREAK * size + random.between(0.0, 0.0015),
         );
     }
     let half = DVec2::splat(size) * dvec2(random.between(0.9, 1.4), random.between(0.9, 1.4));

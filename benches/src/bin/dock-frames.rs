@@ -303,7 +303,8 @@ fn dock(pair: &Assembly, kind: Kind, seed: u64, truth: &mut Option<Truth>) -> Ou
     let poses: Vec<Pose> = report.poses.iter().map(|p| own(&p.found.pose)).collect();
     let misses: Vec<_> = poses.iter().map(|p| pair.miss(p, &group, pivot)).collect();
     let is_fit = |m: &(f64, f64)| m.0 < SAME.1 && m.1 < SAME.0;
-    let best = misses.iter().take(5).min_by(|a, b| a.0.total_cmp(&b.0));
+    let far = |m: &(f64, f64)| m.0 + 0.02 * m.1;
+    let best = (misses.iter().take(5)).min_by(|a, b| far(a).total_cmp(&far(b)));
     let depths: Vec<f64> = poses.iter().take(3).map(|p| truth.depth(p)).collect();
     let deepest = depths.iter().copied().fold(truth.fit, f64::min);
     Ok(Start {

@@ -16,22 +16,99 @@ use crate::energy::EnergySource;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 
-/// Points of the direct evaluator that descends on the fine lattice.
+/// Points of the direct evaluator on which candidates descend.
+const NEAR_POINTS: usize = 4000;
+
+/// Points of the first direct evaluator that descends on the fine lattice.
 const FINE_POINTS: usize = 40_000;
 
 /// Poses that descended to within this angle and two cells of each other count as one, radians.
 const SAME_ANGLE: f64 = 0.07;
 
-/// The evaluators that descend one after the other on a fine lattice: merged points, every cell.
-pub(super) fn fine_sources(pair: &Pair) -> Result<[DirectEvaluator; 2], DirectError> {
-    let merged = DirectOptions {
-        max_points: Some(FINE_POINTS),
+/// How far a descent goes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// Most line searches on each source.
+    pub(super) steps: usize,
+    /// A trial step shorter than this ends it, cells.
+    pub(super) last_step: f64,
+}
+
+impl Effort {
+    /// Until it is clear which poses will become deep.
+    pub(super) const FIRST: Self = Self {
+        steps: 8,
+        last_step: 0.05,
+    };
+    /// Into the basin in which a finer lattice goes on.
+    pub(super) const COARSE: Self = Self {
+        steps: 24,
+        last_step: 0.05,
+    };
+    /// To the bottom.
+    pub(super) const FINE: Self = Self {
+        steps: 60,
+        last_step: 5e-3,
+    };
+}
+
+/// The evaluators that descend on a fine lattice: of few points, standing on coarser lattices of the
+/// same smoothed densities, with contact, and of every cell.
+pub(super) struct FineSources {
+    /// For many poses that begin far from their minima.
+    near: Option<DirectEvaluator>,
+    merged: Option<DirectEvaluator>,
+    full: DirectEvaluator,
+}
+
+impl FineSources {
+    /// All of them.
+    pub(super) fn new(pair: &Pair) -> Result<Self, DirectError> {
+        Ok(Self {
+            near: of_points(pair, NEAR_POINTS)?,
+            ..Self::deciding(pair)?
+        })
+    }
+
+    /// Those for poses that are near their minima already.
+    pub(super) fn deciding(pair: &Pair) -> Result<Self, DirectError> {
+        Ok(Self {
+            near: None,
+            merged: of_points(pair, FINE_POINTS)?,
+            full: DirectEvaluator::new(pair, &DirectOptions::FULL)?,
+        })
+    }
+
+    /// The one of fewest points.
+    pub(super) fn near(&self) -> &DirectEvaluator {
+        self.near.as_ref().unwrap_or(self.merged())
+    }
+
+    /// The one of some points.
+    pub(super) fn merged(&self) -> &DirectEvaluator {
+        self.merged.as_ref().unwrap_or(&self.full)
+    }
+
+    /// The one of every cell, whose energies rank.
+    pub(super) fn full(&self) -> &DirectEvaluator {
+        &self.full
+    }
+}
+
+/// An evaluator of at most so many points; none where the surfaces have too many faces for a coarser
+/// lattice.
+fn of_points(pair: &Pair, most: usize) -> Result<Option<DirectEvaluator>, DirectError> {
+    let options = DirectOptions {
+        max_points: Some(most),
         ..DirectOptions::REAL_TIME
     };
-    Ok([
-        DirectEvaluator::new(pair, &merged)?,
-        DirectEvaluator::new(pair, &DirectOptions::FULL)?,
-    ])
+    match DirectEvaluator::new(pair, &options) {
+        Err(DirectError::Coarser(reason)) => {
+            tracing::debug!(%reason, most, "no evaluator of few points");
+            Ok(None)
+        }
+        other => other.map(Some),
+    }
 }
 
 /// Refined poses first, the lowest energy first among each: energies of different lattices differ a
@@ -90,13 +167,15 @@ impl<'a> Refinement<'a> {
         kept.into_iter().map(|i| poses[i]).collect()
     }
 
-    /// Sends every pose downhill on the sources of `pair`'s lattice in turn; the `count` lowest
-    /// distinct ones, ranked by the last source.
+    /// Sends every pose downhill on the sources in turn, by steps of at most a cell of `pair`; the
+    /// `count` lowest distinct ones, ranked by the
+    /// last source.
     pub(super) fn descend(
         &self,
         mut poses: Vec<FoundPose>,
         pair: &Pair,
         sources: &[&DirectEvaluator],
+        effort: Effort,
         count: usize,
     ) -> Vec<FoundPose> {
         let h = pair.spacing();
@@ -104,8 +183,8 @@ impl<'a> Refinement<'a> {
             pivot: self.pivot,
             radius: self.radius,
             first_step: h,
-            last_step: 5e-3 * h,
-            max_steps: 60,
+            last_step: effort.last_step * h,
+            max_steps: effort.steps,
         };
         poses.par_iter_mut().for_each(|p| {
             if self.monitor.cancelled() {

@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use sdf_grid::{
-    Aabb, DensityError, LatticeError, MatingLimits, Monitor, TriangleMesh, snug_rotation,
+    Aabb, ContactError, DensityError, LatticeError, MatingLimits, Monitor, TriangleMesh,
+    snug_rotation,
 };
 
 use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
@@ -25,7 +26,7 @@ use crate::dock::sketch::wants_sketch;
 use crate::dock::told::{DockingPose, mating_areas, told};
 use crate::dock::weights::docking_weights;
 use crate::geometry::se3::Pose;
-use crate::pair::builder::{PairBuildError, PairPlan};
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::{RotationDomain, RotationError};
@@ -98,6 +99,9 @@ pub struct DockingReport {
     pub close: usize,
     /// Why these were not decided on a finer lattice, if they should have been.
     pub undecided: Option<PairBuildError>,
+    /// Why poses were ranked by cell averages instead of smoothed densities and contact, if they
+    /// were: faces too many to be summed over.
+    pub averaged: Option<ContactError>,
     /// Wall time of the density fields, seconds.
     pub field_seconds: f64,
     /// The other stages, in order.
@@ -203,6 +207,8 @@ struct Fields {
     coarse: Pair,
     fine: Pair,
     gamma: f64,
+    /// Why the fine pair is of cell averages, if it had to be.
+    averaged: Option<ContactError>,
     /// Wall time they took.
     seconds: f64,
 }
@@ -258,6 +264,7 @@ impl<'a> Docking<'a> {
             coarse,
             fine: mut finest,
             gamma,
+            averaged,
             seconds: mut field_seconds,
         } = self.fields(&plan, monitor)?;
         let options = self.search_options();
@@ -272,10 +279,11 @@ impl<'a> Docking<'a> {
         let mut undecided = None;
         if close > 1 && !monitor.cancelled() {
             let began = Instant::now();
-            match self.deciding() {
-                Ok(plan) => {
-                    finest = self.build(&plan, monitor)?.with_gamma(gamma)?;
-                    field_seconds += began.elapsed().as_secs_f64();
+            let finer = self.deciding().and_then(|plan| self.build(&plan, monitor));
+            field_seconds += began.elapsed().as_secs_f64();
+            match finer {
+                Ok(finer) => {
+                    finest = finer.with_gamma(gamma)?;
                     decide(&mut found, &finest, &domain, &options, monitor)?;
                 }
                 Err(reason) => undecided = Some(reason),
@@ -296,6 +304,7 @@ impl<'a> Docking<'a> {
             model: found.model,
             close,
             undecided,
+            averaged,
             field_seconds,
             seconds_per_rotation: found.seconds_per_rotation(),
             stages: found.stages,
@@ -337,7 +346,7 @@ impl<'a> Docking<'a> {
     fn fields(&self, plan: &DockingPlan, monitor: &dyn Monitor) -> Result<Fields, DockingError> {
         let [sketch, coarse, fine] = &plan.pairs;
         let began = Instant::now();
-        let fine = self.build(fine, monitor)?;
+        let (fine, averaged) = self.ranking(fine, monitor)?;
         let gamma = self.gamma(&fine, monitor)?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
         let sketch = match !self.options.exhaustive && wants_sketch(plan.rotations) {
@@ -349,8 +358,30 @@ impl<'a> Docking<'a> {
             coarse,
             fine: fine.with_gamma(gamma)?,
             gamma,
+            averaged,
             seconds: began.elapsed().as_secs_f64(),
         })
+    }
+
+    /// The pair by which poses are ranked: of cell averages where the surfaces cannot be summed over.
+    fn ranking(
+        &self,
+        plan: &PairPlan,
+        monitor: &dyn Monitor,
+    ) -> Result<(Pair, Option<ContactError>), PairBuildError> {
+        let setup = self.setup;
+        match self.build(plan, monitor) {
+            Err(PairBuildError::Contact(reason)) => {
+                let builder = PairBuilder {
+                    smoothing: None,
+                    ..setup.builder
+                };
+                let [_, _, plan] =
+                    (self.lattices).plans(self.fixed(), &setup.moving, &setup.model, &builder)?;
+                Ok((self.build(&plan, monitor)?, Some(reason)))
+            }
+            other => Ok((other?, None)),
+        }
     }
 
     /// The fixed part in the frame of the search.
@@ -392,8 +423,8 @@ impl<'a> Docking<'a> {
         let top = self.options.top;
         SearchOptions {
             top,
-            coarse_poses: (10 * top).max(100),
-            fine_poses: (3 * top / 2).max(16),
+            coarse_poses: (20 * top).max(300),
+            fine_poses: (6 * top / 5).max(12),
             ..SearchOptions::default()
         }
     }

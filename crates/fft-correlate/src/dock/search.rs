@@ -23,8 +23,7 @@ use std::time::Instant;
 use glam::DQuat;
 use sdf_grid::Monitor;
 
-use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
-use crate::dock::descend::{Refinement, fine_sources};
+use crate::dock::descend::{Effort, FineSources, Refinement};
 use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::options::SearchOptions;
@@ -86,6 +85,7 @@ pub fn search(
         .collect();
     let apart = (0.7 * domain.step, 2.0 * coarse.spacing());
     let mut poses = refinement.distinct(&poses, apart, options.coarse_poses);
+    poses.truncate(promising(&poses, options));
     if monitor.cancelled() {
         poses.truncate(options.top);
     } else {
@@ -158,19 +158,34 @@ fn refined(
         options, monitor, ..
     } = refinement;
     let count = options.fine_poses.max(options.top);
-    let source = DirectEvaluator::new(coarse, &DirectOptions::FULL)?;
     let name = "coarse descent";
     monitor.begin(name, poses.len() as u64);
-    let poses = stages.run(name, poses.len(), || {
-        refinement.descend(poses, coarse, &[&source], count)
-    });
-    let [merged, source] = fine_sources(fine)?;
+    let (poses, sources) = stages.run(name, poses.len(), || {
+        let sources = FineSources::new(fine)?;
+        let near = [sources.near()];
+        let begun = refinement.descend(poses, coarse, &near, Effort::FIRST, options.going_on());
+        monitor.begin(name, begun.len() as u64);
+        let poses = refinement.descend(begun, coarse, &near, Effort::COARSE, count);
+        Ok::<_, SearchError>((poses, sources))
+    })?;
     let name = "fine descent";
     monitor.begin(name, poses.len() as u64);
     Ok(stages.run(name, poses.len(), || {
-        let poses = refinement.descend(poses, fine, &[&merged, &source], count);
-        refinement.finish(poses, fine, &source)
+        let fine_sources = [sources.merged(), sources.full()];
+        let poses = refinement.descend(poses, fine, &fine_sources, Effort::FINE, count);
+        refinement.finish(poses, fine, sources.full())
     }))
+}
+
+/// How many of the poses, lowest energy first, may lead to the deepest: those that the coarse
+/// lattice could have blurred so, but at least as many as go on from the first steps.
+fn promising(poses: &[FoundPose], options: &SearchOptions) -> usize {
+    let lowest = poses.first().map_or(0.0, |p| p.energy);
+    let near = |p: &FoundPose| p.energy <= (1.0 - options.blur) * lowest;
+    poses
+        .partition_point(near)
+        .max(options.going_on())
+        .min(poses.len())
 }
 
 fn lattice_pose(scan: &Scan, rotations: &[DQuat], candidate: &Candidate) -> FoundPose {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use sdf_grid::Monitor;
 
-use crate::dock::descend::{Effort, FineSources, Refinement, sort};
+use crate::dock::descend::{Effort, Refinement, Sources, sort};
 use crate::dock::domain::SearchDomain;
 use crate::dock::error::SearchError;
 use crate::dock::options::SearchOptions;
@@ -30,14 +30,14 @@ pub fn decide(
     let began = Instant::now();
     let finer = with_docking_weights(finer, options.ratio)?;
     let refinement = Refinement::new(&finer, domain, options, monitor)?;
-    let sources = FineSources::deciding(&finer)?;
-    let (merged, full) = (sources.merged(), sources.full());
+    let sources = Sources::new(&finer)?;
+    let (few, full) = (sources.few(), sources.full());
     let (close, rest) = report.poses.split_at(report.close());
     monitor.begin("decision", close.len() as u64);
     let mut poses = refinement.descend(
         close.to_vec(),
         &finer,
-        &[merged, full],
+        &[few, full],
         Effort::FINE,
         close.len(),
     );

@@ -16,11 +16,9 @@ use crate::energy::EnergySource;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 
-/// Points of the direct evaluator on which candidates descend.
-const NEAR_POINTS: usize = 4000;
-
-/// Points of the first direct evaluator that descends on the fine lattice.
-const FINE_POINTS: usize = 40_000;
+/// Points of the direct evaluator that descends first. With fewer, contact reaches so far that sums
+/// over curved faces take longer than they save.
+const FEW_POINTS: usize = 25_000;
 
 /// Poses that descended to within this angle and two cells of each other count as one, radians.
 const SAME_ANGLE: f64 = 0.07;
@@ -52,41 +50,24 @@ impl Effort {
     };
 }
 
-/// The evaluators that descend on a fine lattice: of few points, standing on coarser lattices of the
-/// same smoothed densities, with contact, and of every cell.
-pub(super) struct FineSources {
-    /// For many poses that begin far from their minima.
-    near: Option<DirectEvaluator>,
-    merged: Option<DirectEvaluator>,
+/// Two evaluators of a pair that descend one after the other: of fewer points, standing on a coarser
+/// lattice of the same smoothed densities, with contact, and of every cell.
+pub(super) struct Sources {
+    few: Option<DirectEvaluator>,
     full: DirectEvaluator,
 }
 
-impl FineSources {
-    /// All of them.
+impl Sources {
     pub(super) fn new(pair: &Pair) -> Result<Self, DirectError> {
         Ok(Self {
-            near: of_points(pair, NEAR_POINTS)?,
-            ..Self::deciding(pair)?
-        })
-    }
-
-    /// Those for poses that are near their minima already.
-    pub(super) fn deciding(pair: &Pair) -> Result<Self, DirectError> {
-        Ok(Self {
-            near: None,
-            merged: of_points(pair, FINE_POINTS)?,
+            few: of_points(pair, FEW_POINTS)?,
             full: DirectEvaluator::new(pair, &DirectOptions::FULL)?,
         })
     }
 
-    /// The one of fewest points.
-    pub(super) fn near(&self) -> &DirectEvaluator {
-        self.near.as_ref().unwrap_or(self.merged())
-    }
-
-    /// The one of some points.
-    pub(super) fn merged(&self) -> &DirectEvaluator {
-        self.merged.as_ref().unwrap_or(&self.full)
+    /// The one of fewer points; the other where there is none.
+    pub(super) fn few(&self) -> &DirectEvaluator {
+        self.few.as_ref().unwrap_or(&self.full)
     }
 
     /// The one of every cell, whose energies rank.

@@ -3,11 +3,13 @@
 //! 0. **Sketch**, where there are many rotations: every one, all translations at once, on a lattice
 //!    of twice the coarse spacing and with lighter interiors; the best go on.
 //! 1. **Scoring.** Their translations, all at once, on a coarse lattice; the best local maxima of
-//!    each are kept.
-//! 2. **Coarse descent.** The lowest distinct ones go downhill with the direct evaluator on the
-//!    coarse lattice, rotation included: between the rotations scored, the rest of the way.
-//! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with
-//!    merged points, and once more with every cell its own point, whose energy ranks them.
+//!    each are kept. Scores are of cell averages, which blur a fit by how faces happen to lie in the
+//!    cells: all distinct poses as deep as the lowest up to that blur are candidates.
+//! 2. **Coarse descent.** Candidates go downhill with the direct evaluator on smoothed densities and
+//!    contact, on a lattice somewhat coarser than the fine one; rotation included: between the
+//!    rotations scored, the rest of the way. A few steps tell which are worth more.
+//! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with every
+//!    cell its own point, whose energy ranks them.
 //! 4. **Decision**, by [`crate::decide`] and only if poses are too close to call: those go downhill
 //!    once more on a lattice of half the spacing.
 //!
@@ -23,7 +25,7 @@ use std::time::Instant;
 use glam::DQuat;
 use sdf_grid::Monitor;
 
-use crate::dock::descend::{Effort, FineSources, Refinement};
+use crate::dock::descend::{Effort, Refinement, Sources};
 use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::options::SearchOptions;
@@ -161,8 +163,8 @@ fn refined(
     let name = "coarse descent";
     monitor.begin(name, poses.len() as u64);
     let (poses, sources) = stages.run(name, poses.len(), || {
-        let sources = FineSources::new(fine)?;
-        let near = [sources.near()];
+        let sources = Sources::new(fine)?;
+        let near = [sources.few()];
         let begun = refinement.descend(poses, coarse, &near, Effort::FIRST, options.going_on());
         monitor.begin(name, begun.len() as u64);
         let poses = refinement.descend(begun, coarse, &near, Effort::COARSE, count);
@@ -171,8 +173,7 @@ fn refined(
     let name = "fine descent";
     monitor.begin(name, poses.len() as u64);
     Ok(stages.run(name, poses.len(), || {
-        let fine_sources = [sources.merged(), sources.full()];
-        let poses = refinement.descend(poses, fine, &fine_sources, Effort::FINE, count);
+        let poses = refinement.descend(poses, fine, &[sources.full()], Effort::FINE, count);
         refinement.finish(poses, fine, sources.full())
     }))
 }

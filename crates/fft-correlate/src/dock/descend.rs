@@ -30,23 +30,29 @@ pub(super) struct Effort {
     pub(super) steps: usize,
     /// A trial step shorter than this ends it, cells.
     pub(super) last_step: f64,
+    /// How far from the pose it begins, cells: poses of a lattice may have walls exactly flush, where
+    /// slopes are two-valued and lead nowhere.
+    pub(super) nudge: f64,
 }
 
 impl Effort {
     /// Until it is clear which poses will become deep.
     pub(super) const FIRST: Self = Self {
-        steps: 8,
+        steps: 5,
         last_step: 0.05,
+        nudge: 0.1,
     };
     /// Into the basin in which a finer lattice goes on.
     pub(super) const COARSE: Self = Self {
-        steps: 24,
+        steps: 16,
         last_step: 0.05,
+        nudge: 0.0,
     };
     /// To the bottom.
     pub(super) const FINE: Self = Self {
         steps: 60,
         last_step: 5e-3,
+        nudge: 0.0,
     };
 }
 
@@ -172,7 +178,7 @@ impl<'a> Refinement<'a> {
                 p.refined = false;
                 return;
             }
-            let (mut pose, mut energy) = (p.pose, p.energy);
+            let (mut pose, mut energy) = (descent.nudged(&p.pose, effort.nudge * h), p.energy);
             for source in sources {
                 (pose, energy) = descent.run(*source, &pose);
             }

@@ -179,13 +179,13 @@ fn refined(
 }
 
 /// How many of the poses, lowest energy first, may lead to the deepest: those that the coarse
-/// lattice could have blurred so, but at least as many as go on from the first steps.
+/// lattice could have blurred so, but at least twice as many as go on from the first steps.
 fn promising(poses: &[FoundPose], options: &SearchOptions) -> usize {
     let lowest = poses.first().map_or(0.0, |p| p.energy);
     let near = |p: &FoundPose| p.energy <= (1.0 - options.blur) * lowest;
     poses
         .partition_point(near)
-        .max(options.going_on())
+        .max(2 * options.going_on())
         .min(poses.len())
 }
 

@@ -120,7 +120,8 @@ mod tests {
         let rod = cuboid(DVec3::new(0.006, 0.004, 0.010)).unwrap();
         let [block, rod] =
             [(block, fixed), (rod, moving)].map(|(part, (q, t))| part.transformed(q, t));
-        MatingSurfaces::new(&block, &rod, 5e-4).unwrap()
+        // Half a millimetre, whichever way edges are rounded.
+        MatingSurfaces::new(&block, &rod, 5.01e-4).unwrap()
     }
 
     fn motions() -> [(DQuat, DVec3); 2] {

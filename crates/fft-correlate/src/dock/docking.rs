@@ -250,11 +250,7 @@ impl<'a> Docking<'a> {
     /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
     /// any rotation is scored.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingReport, DockingError> {
-        if let Some(found) = self.options.mating_clearance
-            && !(found.is_finite() && found >= 0.0)
-        {
-            return Err(DockingError::MatingClearance { found });
-        }
+        self.require_clearance()?;
         let domain = self.domain()?;
         let plan = self.planned(&domain)?;
         self.require_memory(&plan)?;
@@ -461,6 +457,16 @@ impl<'a> Docking<'a> {
                 }
             }
             None => self.lattices.places(&self.fixed().bounds()),
+        }
+    }
+
+    /// Refuses a clearance of mating faces that is none.
+    fn require_clearance(&self) -> Result<(), DockingError> {
+        match self.options.mating_clearance {
+            Some(found) if !(found.is_finite() && found >= 0.0) => {
+                Err(DockingError::MatingClearance { found })
+            }
+            _ => Ok(()),
         }
     }
 

@@ -80,25 +80,13 @@ pub fn random_fit(seed: u64) -> Result<RandomFit, MeshError> {
     } else {
         -depth - gap - floor
     };
-    let outside = outside(&outline, size, thin, &mut random);
-    let block = Profile {
-        outline: outside.0,
-        levels: [bottom, 0.0].map(|z| [z, outside.1]).to_vec(),
+    let block = block(&outline, size, thin, bottom, &mut random);
+    let of = |levels| Profile {
+        outline: outline.clone(),
+        levels,
     };
-    let moving = profiled(
-        &Profile {
-            outline: outline.clone(),
-            levels: peg,
-        },
-        None,
-    )?;
-    let fixed = profiled(
-        &block,
-        Some(&Profile {
-            outline,
-            levels: hole,
-        }),
-    )?;
+    let moving = profiled(&of(peg), None)?;
+    let fixed = profiled(&block, Some(&of(hole)))?;
     Ok(RandomFit {
         fixed,
         moving,
@@ -150,17 +138,23 @@ fn edge_break(narrow: f64, random: &mut Random) -> EdgeBreak {
     }
 }
 
-/// The outline of a block and its offset.
-fn outside(section: &[DVec2], size: f64, thin: bool, random: &mut Random) -> (Vec<DVec2>, f64) {
-    if thin {
+/// A block from a height up to the mouth of its hole.
+fn block(section: &[DVec2], size: f64, thin: bool, bottom: f64, random: &mut Random) -> Profile {
+    let (outline, offset) = match thin {
         // Beyond the clearance and the broken edge of the mouth.
-        return (
-            section.to_vec(),
-            0.001 + WIDEST_BREAK * size + random.between(0.0, 0.0015),
-        );
+        true => {
+            let wall = 0.001 + WIDEST_BREAK * size + random.between(0.0, 0.0015);
+            (section.to_vec(), wall)
+        }
+        false => {
+            let wider = dvec2(random.between(0.9, 1.4), random.between(0.9, 1.4));
+            (rounded(size * wider, 0.0), 0.0)
+        }
+    };
+    Profile {
+        outline,
+        levels: [bottom, 0.0].map(|z| [z, offset]).to_vec(),
     }
-    let half = DVec2::splat(size) * dvec2(random.between(0.9, 1.4), random.between(0.9, 1.4));
-    (rounded(half, 0.0), 0.0)
 }
 
 /// A rectangle with corners rounded by a radius, counter-clockwise.

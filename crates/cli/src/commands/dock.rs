@@ -76,9 +76,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         top: args.top,
         exhaustive: args.exhaustive,
         state: args.state.clone(),
-        mating_clearance: args
-            .mating_clearance
-            .map(|c| c * setup.display_unit().in_metres()),
+        mating_clearance: (args.mating_clearance).map(|c| c * setup.scene.unit.in_metres()),
         ..setup.docking_options()
     };
     let found = look(&setup, options, context)?;

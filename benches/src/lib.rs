@@ -14,6 +14,7 @@ use rand::rngs::SmallRng;
 use sdf_grid::Silent;
 use sdf_grid::shapes::PegInHole;
 
+pub mod assemblies;
 pub mod frames;
 pub mod frontier;
 pub mod meshes;

@@ -14,33 +14,18 @@ use std::sync::Arc;
 
 use fft_correlate::{Docking, DockingOptions, DockingReport};
 use fft_correlate::{PairSetup, Pose};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
+use pegfit_benches::assemblies::{Assembly, in_own_frame, modelled, random_rotation};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::shapes::PegInHole;
-use sdf_grid::{
-    HygieneOptions, LengthUnit, Silent, SymmetryAxis, SymmetryOrder, TriangleMesh, mesh_io,
-    symmetry,
-};
-
-/// Deviation from symmetry that counts as none, metres.
-const SYMMETRY_TOLERANCE: f64 = 2e-5;
+use sdf_grid::{Silent, SymmetryAxis, SymmetryOrder};
 
 /// A pose this far from a true one is the true one: angle, radians.
 const SAME_ANGLE: f64 = 0.07;
 
 /// And distance of the pivots beyond the play, metres.
 const SAME_PLACE: f64 = 1e-3;
-
-struct Task {
-    name: String,
-    fixed: Arc<TriangleMesh>,
-    moving: TriangleMesh,
-    /// Displacements from the identity, along z, between which the fit leaves the part free,
-    /// metres.
-    slide: [f64; 2],
-}
 
 fn main() -> Outcome<()> {
     let (mut arguments, mut starts, mut only) = (Arguments::parse_known()?, None, None);
@@ -86,7 +71,7 @@ fn main() -> Outcome<()> {
         "false_angle_rad",
     ])?;
     let mut table = Table::new("docking", "Docking from random starts", ABOUT, &COLUMNS);
-    for task in tasks(arguments.rest.first().map(Path::new))? {
+    for task in modelled(arguments.rest.first().map(Path::new))? {
         if only
             .as_ref()
             .is_none_or(|name| task.name.contains(name.as_str()))
@@ -149,63 +134,14 @@ fn summary(name: &str, starts: &[Start]) -> [String; 9] {
     ]
 }
 
-fn tasks(parts: Option<&Path>) -> Outcome<Vec<Task>> {
-    let mut tasks = Vec::new();
-    for which in PegInHole::ALL {
-        let (fixed, moving) = which.pair(0.0)?;
-        tasks.push(Task {
-            name: which.name().into(),
-            fixed: Arc::new(fixed),
-            moving,
-            slide: [0.0; 2],
-        });
-    }
-    let real = [
-        (
-            "tray, rectangular peg 8 mm",
-            "industreal_tray_insert_rectangular_peg_8mm.obj",
-            "industreal_rectangular_peg_8mm.obj",
-            [0.0; 2],
-        ),
-        (
-            "tray, round peg 8 mm",
-            "industreal_tray_insert_round_peg_8mm.obj",
-            "industreal_round_peg_8mm.obj",
-            [0.0; 2],
-        ),
-        // A through hole of 9 mm: the peg of 50 mm slides.
-        (
-            "plate, round peg 16 mm",
-            "factory_round_hole_16mm_subdiv_3x.obj",
-            "factory_round_peg_16mm_tight.obj",
-            [-0.041, 0.0],
-        ),
-    ];
-    for (name, fixed, moving, slide) in real {
-        let Some(folder) = parts else { break };
-        let read = |file: &str| -> Outcome<TriangleMesh> {
-            let options = HygieneOptions::default();
-            Ok(mesh_io::read(folder.join(file), LengthUnit::M, &options)?.0)
-        };
-        tasks.push(Task {
-            name: name.into(),
-            fixed: Arc::new(read(fixed)?),
-            moving: read(moving)?,
-            slide,
-        });
-    }
-    Ok(tasks)
-}
-
 /// All starts of one pair.
 fn run(
-    task: &Task,
+    task: &Assembly,
     starts: u64,
     exhaustive: bool,
     csv: &mut csv::Writer<std::fs::File>,
 ) -> Outcome<Vec<Start>> {
-    let axes = symmetry::detect(&task.moving, SYMMETRY_TOLERANCE);
-    println!("\n== {}: symmetry {:?}", task.name, orders(&axes));
+    println!("\n== {}: symmetry {:?}", task.name, orders(&task.axes));
     let mut done = Vec::new();
     for start in 0..starts {
         let off = random_start(start);
@@ -216,9 +152,7 @@ fn run(
             ..DockingOptions::default()
         };
         let report = Docking::new(&setup, options).run(&Silent)?;
-        let moved = |a: &SymmetryAxis| a.moved(off.rotation, off.translation);
-        let axes: Vec<_> = axes.iter().map(moved).collect();
-        let judged = judge(task, &off, &axes, &report);
+        let judged = judge(task, &off, &report);
         print(start, &off, &report, &judged);
         write(csv, &task.name, start, &report, &judged)?;
         done.push(Start {
@@ -327,16 +261,6 @@ fn orders(axes: &[SymmetryAxis]) -> Vec<SymmetryOrder> {
     axes.iter().map(|a| a.order).collect()
 }
 
-fn random_rotation(rng: &mut SmallRng) -> DQuat {
-    loop {
-        let v: [f64; 4] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
-        let q = DQuat::from_array(v);
-        if (0.01..1.0).contains(&q.length_squared()) {
-            break q.normalize();
-        }
-    }
-}
-
 struct Judged {
     first: bool,
     /// How much shallower the best false pose is, of the best true one's depth; negative if deeper.
@@ -348,28 +272,11 @@ struct Judged {
     next: (f64, f64),
 }
 
-fn judge(task: &Task, off: &Pose, axes: &[SymmetryAxis], report: &DockingReport) -> Judged {
-    let (group, pivot) = (&report.symmetries, report.lattices.pivot);
+fn judge(task: &Assembly, off: &Pose, report: &DockingReport) -> Judged {
     let poses = || report.poses.iter().map(|p| &p.found);
-    let truth = off.inverse();
-    let round = axes.iter().find(|a| a.order == SymmetryOrder::Continuous);
-    let miss = |pose: &Pose| {
-        group
-            .iter()
-            .map(|g| {
-                let seat = truth * *g;
-                let angle = match round {
-                    Some(axis) => (seat.rotation * axis.direction)
-                        .angle_between(pose.rotation * axis.direction),
-                    None => seat.angle_to(pose),
-                };
-                let mut away = pose.apply(pivot) - seat.apply(pivot);
-                away.z -= away.z.clamp(task.slide[0], task.slide[1]);
-                (away.length(), angle)
-            })
-            .min_by(|a, b| (a.0 + 0.02 * a.1).total_cmp(&(b.0 + 0.02 * b.1)))
-            .unwrap_or((f64::INFINITY, f64::INFINITY))
-    };
+    let group = in_own_frame(&report.symmetries, off);
+    let pivot = off.inverse().apply(report.lattices.pivot);
+    let miss = |pose: &Pose| task.miss(&(*pose * *off), &group, pivot);
     let is_true = |pose: &Pose| {
         let (distance, angle) = miss(pose);
         distance < SAME_PLACE && angle < SAME_ANGLE

@@ -55,7 +55,7 @@ pub use correlate::{
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::decide::decide;
-pub use dock::docking::{Docking, DockingError, DockingOptions, DockingPose, DockingReport};
+pub use dock::docking::{Docking, DockingError, DockingOptions, DockingReport, MATING_ANGLE};
 pub use dock::domain::{SearchDomain, SearchPairs};
 pub use dock::error::SearchError;
 pub use dock::lattices::{SearchLattices, domain_rotations};
@@ -67,6 +67,7 @@ pub use dock::report::{FoundPose, SearchReport};
 pub use dock::rotations::{search_rotations, symmetry_group};
 pub use dock::search::search;
 pub use dock::sketch::wants_sketch;
+pub use dock::told::DockingPose;
 pub use energy::{EnergySource, Response, Scratch};
 pub use geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
 pub use geometry::placement::Placement;

@@ -14,6 +14,7 @@ mod support;
 mod surface;
 
 pub use contact::error::ContactError;
+pub use contact::mating::{MatingLimits, MatingSurfaces};
 pub use contact::sum::contact_sum::{ContactSum, ContactSums};
 pub use field::cache::{CacheError, FieldCache};
 pub use field::density_field::DensityField;

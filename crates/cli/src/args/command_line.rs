@@ -292,6 +292,10 @@ pub struct DockArgs {
     /// Score every rotation, not only those that a sketch on twice the spacing chooses
     #[arg(long)]
     pub exhaustive: bool,
+    /// Faces at most this far apart count as mating, in the scene's unit [default: the spacing on
+    /// which poses are ranked]
+    #[arg(long, value_name = "C")]
+    pub mating_clearance: Option<f64>,
 }
 
 /// Arguments of `pegfit feel`.

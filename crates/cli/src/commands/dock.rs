@@ -44,6 +44,9 @@ struct Found {
     energy: f64,
     /// Of the best pose's depth.
     depth: f64,
+    /// Area of the moving part's faces that lie against opposite faces of the fixed one, square
+    /// metres.
+    mating_area: f64,
     /// Under the scene's model, joules.
     model_energy: f64,
     half_width: Option<f64>,
@@ -73,6 +76,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         top: args.top,
         exhaustive: args.exhaustive,
         state: args.state.clone(),
+        mating_clearance: (args.mating_clearance).map(|c| c * setup.scene.unit.in_metres()),
         ..setup.docking_options()
     };
     let found = look(&setup, options, context)?;
@@ -115,6 +119,9 @@ pub(super) fn look(
     if let Some(reason) = &report.undecided {
         crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
     }
+    if let Some(reason) = &report.averaged {
+        crate::remark!("poses are ranked by cell averages, without contact: {reason}");
+    }
     Ok(report)
 }
 
@@ -148,6 +155,7 @@ impl Found {
             rotation: at.rotation.to_array(),
             energy: found.energy,
             depth: pose.depth,
+            mating_area: pose.mating_area,
             model_energy: pose.model_energy,
             half_width: found.half_width,
             overlap: found.overlap,
@@ -167,6 +175,7 @@ fn write(
     let more = [
         "energy",
         "depth",
+        "mating_area",
         "model_energy",
         "half_width",
         "overlap",
@@ -183,6 +192,7 @@ fn write(
         for value in [
             found.energy,
             pose.depth,
+            pose.mating_area,
             pose.model_energy,
             width,
             found.overlap,
@@ -217,14 +227,16 @@ fn say(setup: &SceneSetup, report: &DockingReport) {
     let unit = setup.display_unit();
     let metre = unit.in_metres();
     crate::say!(
-        "  depth   energy (mJ), docking and scene's   overlap   condition   from the fit ({unit}, degrees)"
+        "  depth   mating (mm²)   energy (mJ), docking and scene's   overlap   condition   \
+         from the fit ({unit}, degrees)"
     );
     for pose in report.poses.iter().take(10) {
         let (fit, pivot) = (&setup.parts.assembled, report.lattices.pivot);
         let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
         crate::say!(
-            "  {:>5.3}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9}   {:>9.4}  {:>8.3}",
+            "  {:>5.3}   {:>12.1}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9}   {:>9.4}  {:>8.3}",
             pose.depth,
+            1e6 * pose.mating_area,
             1e3 * pose.found.energy,
             1e3 * pose.model_energy,
             100.0 * pose.found.overlap,

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use sdf_grid::Monitor;
 
-use crate::dock::descend::{Refinement, fine_sources, sort};
+use crate::dock::descend::{Effort, Refinement, Sources, sort};
 use crate::dock::domain::SearchDomain;
 use crate::dock::error::SearchError;
 use crate::dock::options::SearchOptions;
@@ -30,16 +30,23 @@ pub fn decide(
     let began = Instant::now();
     let finer = with_docking_weights(finer, options.ratio)?;
     let refinement = Refinement::new(&finer, domain, options, monitor)?;
-    let [merged, source] = fine_sources(&finer)?;
+    let sources = Sources::new(&finer)?;
+    let (few, full) = (sources.few(), sources.full());
     let (close, rest) = report.poses.split_at(report.close());
     monitor.begin("decision", close.len() as u64);
-    let mut poses = refinement.descend(close.to_vec(), &finer, &[&merged, &source], close.len());
+    let mut poses = refinement.descend(
+        close.to_vec(),
+        &finer,
+        &[few, full],
+        Effort::FINE,
+        close.len(),
+    );
     poses.extend(rest.iter().map(|p| FoundPose {
-        energy: source.evaluate_full(&p.pose).response.energy,
+        energy: full.evaluate_full(&p.pose).response.energy,
         ..*p
     }));
     sort(&mut poses);
-    let poses = refinement.finish(poses, &finer, &source);
+    let poses = refinement.finish(poses, &finer, full);
     if !monitor.cancelled() {
         report.stages.push(SearchStage {
             name: "decision",

@@ -16,22 +16,86 @@ use crate::energy::EnergySource;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 
-/// Points of the direct evaluator that descends on the fine lattice.
-const FINE_POINTS: usize = 40_000;
+/// Points of the direct evaluator that descends first. With fewer, contact reaches so far that sums
+/// over curved faces take longer than they save.
+const FEW_POINTS: usize = 25_000;
 
 /// Poses that descended to within this angle and two cells of each other count as one, radians.
 const SAME_ANGLE: f64 = 0.07;
 
-/// The evaluators that descend one after the other on a fine lattice: merged points, every cell.
-pub(super) fn fine_sources(pair: &Pair) -> Result<[DirectEvaluator; 2], DirectError> {
-    let merged = DirectOptions {
-        max_points: Some(FINE_POINTS),
+/// How far a descent goes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// Most line searches on each source.
+    pub(super) steps: usize,
+    /// A trial step shorter than this ends it, cells.
+    pub(super) last_step: f64,
+    /// How far from the pose it begins, cells: poses of a lattice may have walls exactly flush, where
+    /// slopes are two-valued and lead nowhere.
+    pub(super) nudge: f64,
+}
+
+impl Effort {
+    /// Until it is clear which poses will become deep.
+    pub(super) const FIRST: Self = Self {
+        steps: 5,
+        last_step: 0.05,
+        nudge: 0.1,
+    };
+    /// Into the basin in which a finer lattice goes on.
+    pub(super) const COARSE: Self = Self {
+        steps: 16,
+        last_step: 0.05,
+        nudge: 0.0,
+    };
+    /// To the bottom.
+    pub(super) const FINE: Self = Self {
+        steps: 60,
+        last_step: 5e-3,
+        nudge: 0.0,
+    };
+}
+
+/// Two evaluators of a pair that descend one after the other: of fewer points, standing on a coarser
+/// lattice of the same smoothed densities, with contact, and of every cell.
+pub(super) struct Sources {
+    few: Option<DirectEvaluator>,
+    full: DirectEvaluator,
+}
+
+impl Sources {
+    pub(super) fn new(pair: &Pair) -> Result<Self, DirectError> {
+        Ok(Self {
+            few: of_points(pair, FEW_POINTS)?,
+            full: DirectEvaluator::new(pair, &DirectOptions::FULL)?,
+        })
+    }
+
+    /// The one of fewer points; the other where there is none.
+    pub(super) fn few(&self) -> &DirectEvaluator {
+        self.few.as_ref().unwrap_or(&self.full)
+    }
+
+    /// The one of every cell, whose energies rank.
+    pub(super) fn full(&self) -> &DirectEvaluator {
+        &self.full
+    }
+}
+
+/// An evaluator of at most so many points; none where the surfaces have too many faces for a coarser
+/// lattice.
+fn of_points(pair: &Pair, most: usize) -> Result<Option<DirectEvaluator>, DirectError> {
+    let options = DirectOptions {
+        max_points: Some(most),
         ..DirectOptions::REAL_TIME
     };
-    Ok([
-        DirectEvaluator::new(pair, &merged)?,
-        DirectEvaluator::new(pair, &DirectOptions::FULL)?,
-    ])
+    match DirectEvaluator::new(pair, &options) {
+        Err(DirectError::Coarser(reason)) => {
+            tracing::debug!(%reason, most, "no evaluator of few points");
+            Ok(None)
+        }
+        other => other.map(Some),
+    }
 }
 
 /// Refined poses first, the lowest energy first among each: energies of different lattices differ a
@@ -90,13 +154,15 @@ impl<'a> Refinement<'a> {
         kept.into_iter().map(|i| poses[i]).collect()
     }
 
-    /// Sends every pose downhill on the sources of `pair`'s lattice in turn; the `count` lowest
-    /// distinct ones, ranked by the last source.
+    /// Sends every pose downhill on the sources in turn, by steps of at most a cell of `pair`; the
+    /// `count` lowest distinct ones, ranked by the
+    /// last source.
     pub(super) fn descend(
         &self,
         mut poses: Vec<FoundPose>,
         pair: &Pair,
         sources: &[&DirectEvaluator],
+        effort: Effort,
         count: usize,
     ) -> Vec<FoundPose> {
         let h = pair.spacing();
@@ -104,15 +170,15 @@ impl<'a> Refinement<'a> {
             pivot: self.pivot,
             radius: self.radius,
             first_step: h,
-            last_step: 5e-3 * h,
-            max_steps: 60,
+            last_step: effort.last_step * h,
+            max_steps: effort.steps,
         };
         poses.par_iter_mut().for_each(|p| {
             if self.monitor.cancelled() {
                 p.refined = false;
                 return;
             }
-            let (mut pose, mut energy) = (p.pose, p.energy);
+            let (mut pose, mut energy) = (descent.nudged(&p.pose, effort.nudge * h), p.energy);
             for source in sources {
                 (pose, energy) = descent.run(*source, &pose);
             }

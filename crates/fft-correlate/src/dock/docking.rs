@@ -5,26 +5,28 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
-use sdf_grid::{Aabb, DensityError, LatticeError, Monitor, TriangleMesh, snug_rotation};
+use sdf_grid::{
+    Aabb, ContactError, DensityError, LatticeError, MatingLimits, Monitor, TriangleMesh,
+    snug_rotation,
+};
 
 use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
-use crate::direct::condition::Condition;
-use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
+use crate::direct::evaluator::DirectError;
 use crate::dock::decide::decide;
 use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::lattices::{SearchLattices, domain_rotations};
 use crate::dock::options::SearchOptions;
 use crate::dock::plan::DockingPlan;
+use crate::dock::report::FoundPose;
 use crate::dock::report::SearchStage;
-use crate::dock::report::{FoundPose, SearchReport};
 use crate::dock::rotations::symmetry_group;
 use crate::dock::search::search;
 use crate::dock::sketch::wants_sketch;
+use crate::dock::told::{DockingPose, mating_areas, told};
 use crate::dock::weights::docking_weights;
 use crate::geometry::se3::Pose;
-use crate::pair::builder::{PairBuildError, PairPlan};
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::{RotationDomain, RotationError};
@@ -35,8 +37,11 @@ use crate::setup::pair_setup::PairSetup;
 /// Angle between rotations where no domain is given, degrees.
 const STEP_DEG: f64 = 15.0;
 
-/// How many of the best poses have the condition number of their score found, cell by cell.
-const CONDITION_POSES: usize = 16;
+/// Faces that turn from being opposite by more than this do not mate, radians: 10 degrees.
+pub const MATING_ANGLE: f64 = 0.1745;
+
+/// Width of the pieces of the moving part's surface whose mating is asked, fine spacings.
+const MATING_PIECES: f64 = 0.5;
 
 /// What is asked of docking.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +52,9 @@ pub struct DockingOptions {
     pub exhaustive: bool,
     /// Rotations of the moving part, fixed part's frame; all of them, 15 degrees apart, if absent.
     pub rotations: Option<RotationDomain>,
+    /// Faces at most this far apart count as mating ([`DockingPose::mating_area`]), metres; the fine
+    /// spacing if absent.
+    pub mating_clearance: Option<f64>,
     /// File in which scored rotations are kept, and found again by a later run.
     pub state: Option<PathBuf>,
 }
@@ -58,23 +66,10 @@ impl Default for DockingOptions {
             top: 10,
             exhaustive: false,
             rotations: None,
+            mating_clearance: None,
             state: None,
         }
     }
-}
-
-/// One pose found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DockingPose {
-    /// Pose in the fixed part's own frame, energy under the docking weights, width and overlap.
-    pub found: FoundPose,
-    /// Energy as a share of the deepest pose's; 0 if none is below zero.
-    pub depth: f64,
-    /// Energy under the setup's own model, joules.
-    pub model_energy: f64,
-    /// The sum of the absolute terms of the score under the docking weights over the score: how far
-    /// they cancel. Of the best poses only.
-    pub condition: Option<f64>,
 }
 
 /// What docking found and what it cost.
@@ -104,6 +99,9 @@ pub struct DockingReport {
     pub close: usize,
     /// Why these were not decided on a finer lattice, if they should have been.
     pub undecided: Option<PairBuildError>,
+    /// Why poses were ranked by cell averages instead of smoothed densities and contact, if they
+    /// were: faces too many to be summed over.
+    pub averaged: Option<ContactError>,
     /// Wall time of the density fields, seconds.
     pub field_seconds: f64,
     /// The other stages, in order.
@@ -147,6 +145,12 @@ pub enum DockingError {
     /// A part has no interior on its lattice.
     #[error(transparent)]
     Direct(#[from] DirectError),
+    /// The clearance of mating faces is none.
+    #[error("mating clearance: expected 0 m or more, found {found}")]
+    MatingClearance {
+        /// What was given, metres.
+        found: f64,
+    },
     /// The monitor asked to stop before anything was found.
     #[error("cancelled")]
     Cancelled,
@@ -203,6 +207,8 @@ struct Fields {
     coarse: Pair,
     fine: Pair,
     gamma: f64,
+    /// Why the fine pair is of cell averages, if it had to be.
+    averaged: Option<ContactError>,
     /// Wall time they took.
     seconds: f64,
 }
@@ -244,6 +250,7 @@ impl<'a> Docking<'a> {
     /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
     /// any rotation is scored.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingReport, DockingError> {
+        self.require_clearance()?;
         let domain = self.domain()?;
         let plan = self.planned(&domain)?;
         self.require_memory(&plan)?;
@@ -253,6 +260,7 @@ impl<'a> Docking<'a> {
             coarse,
             fine: mut finest,
             gamma,
+            averaged,
             seconds: mut field_seconds,
         } = self.fields(&plan, monitor)?;
         let options = self.search_options();
@@ -267,16 +275,18 @@ impl<'a> Docking<'a> {
         let mut undecided = None;
         if close > 1 && !monitor.cancelled() {
             let began = Instant::now();
-            match self.deciding() {
-                Ok(plan) => {
-                    finest = self.build(&plan, monitor)?.with_gamma(gamma)?;
-                    field_seconds += began.elapsed().as_secs_f64();
+            let finer = self.deciding().and_then(|plan| self.build(&plan, monitor));
+            field_seconds += began.elapsed().as_secs_f64();
+            match finer {
+                Ok(finer) => {
+                    finest = finer.with_gamma(gamma)?;
                     decide(&mut found, &finest, &domain, &options, monitor)?;
                 }
                 Err(reason) => undecided = Some(reason),
             }
         }
-        let poses = self.poses(&found, &finest)?;
+        let mating = self.mating_areas(&found.poses)?;
+        let poses = told(&found, &finest, &mating, &self.frame.inverse())?;
         Ok(DockingReport {
             poses,
             lattices: self.lattices,
@@ -290,6 +300,7 @@ impl<'a> Docking<'a> {
             model: found.model,
             close,
             undecided,
+            averaged,
             field_seconds,
             seconds_per_rotation: found.seconds_per_rotation(),
             stages: found.stages,
@@ -331,7 +342,7 @@ impl<'a> Docking<'a> {
     fn fields(&self, plan: &DockingPlan, monitor: &dyn Monitor) -> Result<Fields, DockingError> {
         let [sketch, coarse, fine] = &plan.pairs;
         let began = Instant::now();
-        let fine = self.build(fine, monitor)?;
+        let (fine, averaged) = self.ranking(fine, monitor)?;
         let gamma = self.gamma(&fine, monitor)?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
         let sketch = match !self.options.exhaustive && wants_sketch(plan.rotations) {
@@ -343,8 +354,30 @@ impl<'a> Docking<'a> {
             coarse,
             fine: fine.with_gamma(gamma)?,
             gamma,
+            averaged,
             seconds: began.elapsed().as_secs_f64(),
         })
+    }
+
+    /// The pair by which poses are ranked: of cell averages where the surfaces cannot be summed over.
+    fn ranking(
+        &self,
+        plan: &PairPlan,
+        monitor: &dyn Monitor,
+    ) -> Result<(Pair, Option<ContactError>), PairBuildError> {
+        let setup = self.setup;
+        match self.build(plan, monitor) {
+            Err(PairBuildError::Contact(reason)) => {
+                let builder = PairBuilder {
+                    smoothing: None,
+                    ..setup.builder
+                };
+                let [_, _, plan] =
+                    (self.lattices).plans(self.fixed(), &setup.moving, &setup.model, &builder)?;
+                Ok((self.build(&plan, monitor)?, Some(reason)))
+            }
+            other => Ok((other?, None)),
+        }
     }
 
     /// The fixed part in the frame of the search.
@@ -386,8 +419,8 @@ impl<'a> Docking<'a> {
         let top = self.options.top;
         SearchOptions {
             top,
-            coarse_poses: (10 * top).max(100),
-            fine_poses: (3 * top / 2).max(16),
+            coarse_poses: (20 * top).max(300),
+            fine_poses: (6 * top / 5).max(12),
             ..SearchOptions::default()
         }
     }
@@ -427,6 +460,16 @@ impl<'a> Docking<'a> {
         }
     }
 
+    /// Refuses a clearance of mating faces that is none.
+    fn require_clearance(&self) -> Result<(), DockingError> {
+        match self.options.mating_clearance {
+            Some(found) if !(found.is_finite() && found >= 0.0) => {
+                Err(DockingError::MatingClearance { found })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Refuses a window whose correlation might not fit in memory.
     fn require_memory(&self, plan: &DockingPlan) -> Result<(), DockingError> {
         let needed = plan.scoring_bytes(rayon::current_num_threads());
@@ -436,36 +479,15 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// The poses of a search in the fixed part's own frame, with what only the finest pair can tell.
-    fn poses(
-        &self,
-        report: &SearchReport,
-        finest: &Pair,
-    ) -> Result<Vec<DockingPose>, DockingError> {
-        let ranking = finest.with_model(report.model)?;
-        let conditions: Vec<f64> = report
-            .poses
-            .par_iter()
-            .take(CONDITION_POSES)
-            .map(|p| Condition::at(&ranking, &p.pose).number())
-            .collect();
-        let source = DirectEvaluator::new(finest, &DirectOptions::FULL)?;
-        let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
-        let back = self.frame.inverse();
-        let told = |(index, p): (usize, &FoundPose)| DockingPose {
-            found: FoundPose {
-                pose: back * p.pose,
-                ..*p
-            },
-            depth: if deepest < 0.0 {
-                p.energy / deepest
-            } else {
-                0.0
-            },
-            model_energy: source.evaluate_full(&p.pose).response.energy,
-            condition: conditions.get(index).copied(),
+    /// The mating area of each pose, square metres.
+    fn mating_areas(&self, poses: &[FoundPose]) -> Result<Vec<f64>, PairBuildError> {
+        let fine = self.lattices.fine;
+        let limits = MatingLimits {
+            clearance: self.options.mating_clearance.unwrap_or(fine),
+            angle: MATING_ANGLE,
         };
-        Ok(report.poses.iter().enumerate().map(told).collect())
+        let parts = [self.fixed(), &self.setup.moving];
+        mating_areas(poses, parts, &limits, MATING_PIECES * fine)
     }
 }
 

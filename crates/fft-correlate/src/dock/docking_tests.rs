@@ -1,6 +1,8 @@
 use std::sync::Arc;
 
-use sdf_grid::shapes::PegInHole;
+use glam::{DQuat, DVec3};
+use sdf_grid::shapes::{self, PegInHole};
+use sdf_grid::{Silent, TriangleMesh};
 
 use super::*;
 
@@ -41,5 +43,73 @@ fn a_correlation_beyond_the_limit_is_refused_before_any_field_is_computed() {
             limit: l,
         }) => assert_eq!((n, l), (needed, limit)),
         other => panic!("{other:?}"),
+    }
+}
+
+/// A generated peg and its hole, each moved, docked: how far the first pose is from the assembled
+/// one (metres, radians, up to the peg's symmetry), and the report.
+fn docked(seed: u64, [fixed, moving]: [Pose; 2]) -> (f64, f64, DockingReport) {
+    let fit = shapes::random_fit(seed).unwrap();
+    let put =
+        |part: &TriangleMesh, at: Pose| Arc::new(part.transformed(at.rotation, at.translation));
+    let setup = PairSetup::new(put(&fit.fixed, fixed), put(&fit.moving, moving));
+    let report = Docking::new(&setup, DockingOptions::default())
+        .run(&Silent)
+        .unwrap();
+    let (pose, pivot) = (report.poses[0].found.pose, report.lattices.pivot);
+    let miss = |symmetry: &Pose| {
+        let seat = fixed * moving.inverse() * *symmetry;
+        let away = seat.apply(pivot).distance(pose.apply(pivot));
+        (away, seat.angle_to(&pose))
+    };
+    let misses = report.symmetries.iter().map(miss);
+    let (away, angle) = misses.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    (away, angle, report)
+}
+
+/// Both parts turned by themselves: a stepped peg, whose fit cell averages score below many poses
+/// that lean; both shifted by fractions of a cell: a rectangular peg in thin walls.
+#[test]
+fn fits_are_found_wherever_both_parts_lie() {
+    let turned = |x, y, z| {
+        let rotation = DQuat::from_scaled_axis(DVec3::new(x, y, z));
+        Pose::new(rotation, 0.01 * DVec3::new(y, z, x))
+    };
+    let shift = Pose::from_translation(DVec3::new(3.1e-4, -1.7e-4, 4.3e-4));
+    for (seed, motions) in [
+        (3, [turned(0.7, -1.2, 0.5), turned(-1.9, 0.4, 1.1)]),
+        (8, [shift, shift]),
+    ] {
+        let (away, angle, report) = docked(seed, motions);
+        // What counts as the same pose to somebody who looks at it.
+        assert!(
+            away < 5e-4 && angle < 0.035,
+            "{seed}: {away} m, {angle} rad"
+        );
+        // More than any other way to lie against the hole.
+        let areas = report.poses.iter().map(|p| p.mating_area);
+        let widest = areas.fold(0.0, f64::max);
+        assert_eq!(
+            report.poses[0].mating_area, widest,
+            "{seed}: {:?}",
+            report.poses
+        );
+    }
+}
+
+#[test]
+fn a_mating_clearance_below_zero_is_refused() {
+    let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
+    let setup = PairSetup::new(Arc::new(hole), Arc::new(peg));
+    for found in [-1e-3, f64::NAN, f64::INFINITY] {
+        let options = DockingOptions {
+            mating_clearance: Some(found),
+            ..DockingOptions::default()
+        };
+        let refused = Docking::new(&setup, options).run(&Nothing);
+        assert!(
+            matches!(refused, Err(DockingError::MatingClearance { .. })),
+            "{refused:?}"
+        );
     }
 }

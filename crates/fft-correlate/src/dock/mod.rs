@@ -20,6 +20,7 @@ mod score;
 pub(crate) mod search;
 pub(crate) mod sketch;
 mod state;
+pub(crate) mod told;
 mod weights;
 
 pub use error::StateError;

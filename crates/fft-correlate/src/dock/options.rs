@@ -14,13 +14,23 @@ pub struct SearchOptions {
     pub per_rotation: usize,
     /// Share of the rotations that goes on from the sketch, 0 ..= 1.
     pub chosen_share: f64,
-    /// Distinct poses that descend on the coarse lattice.
+    /// Distinct poses that begin to descend on the coarse lattice, at most.
     pub coarse_poses: usize,
+    /// Poses whose energy, as scored, is shallower than the lowest by up to this share of it begin to
+    /// descend: what cell averages may hide of a fit. 0 ..= 1.
+    pub blur: f64,
     /// Distinct poses that descend on the fine lattice; at least `top`.
     pub fine_poses: usize,
     /// Interior weight over exterior weight; [`crate::dock::DOCKING_RATIO`] unless there is a
     /// reason.
     pub ratio: f64,
+}
+
+impl SearchOptions {
+    /// Distinct poses that go on from the first steps of their descent on the coarse lattice.
+    pub(super) fn going_on(&self) -> usize {
+        2 * self.fine_poses.max(self.top)
+    }
 }
 
 impl Default for SearchOptions {
@@ -29,8 +39,9 @@ impl Default for SearchOptions {
             top: 10,
             per_rotation: 4,
             chosen_share: 0.15,
-            coarse_poses: 100,
-            fine_poses: 16,
+            coarse_poses: 300,
+            blur: 0.25,
+            fine_poses: 12,
             ratio: DOCKING_RATIO,
         }
     }

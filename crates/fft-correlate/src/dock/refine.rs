@@ -80,6 +80,12 @@ impl Descent {
         (pose, energy)
     }
 
+    /// A pose this far from `start`, metres, in a direction that is special to no part.
+    pub(super) fn nudged(&self, start: &Pose, length: f64) -> Pose {
+        const DIRECTION: Vec6 = [0.34, -0.54, 0.41, -0.31, 0.48, 0.29];
+        self.moved(start, &DIRECTION.map(|d| length * d))
+    }
+
     /// Pose, energy, and its gradient along turns (per metre at the radius) and displacements.
     fn at(
         &self,

@@ -3,11 +3,13 @@
 //! 0. **Sketch**, where there are many rotations: every one, all translations at once, on a lattice
 //!    of twice the coarse spacing and with lighter interiors; the best go on.
 //! 1. **Scoring.** Their translations, all at once, on a coarse lattice; the best local maxima of
-//!    each are kept.
-//! 2. **Coarse descent.** The lowest distinct ones go downhill with the direct evaluator on the
-//!    coarse lattice, rotation included: between the rotations scored, the rest of the way.
-//! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with
-//!    merged points, and once more with every cell its own point, whose energy ranks them.
+//!    each are kept. Scores are of cell averages, which blur a fit by how faces happen to lie in the
+//!    cells: all distinct poses as deep as the lowest up to that blur are candidates.
+//! 2. **Coarse descent.** Candidates go downhill with the direct evaluator on smoothed densities and
+//!    contact, on a lattice somewhat coarser than the fine one; rotation included: between the
+//!    rotations scored, the rest of the way. A few steps tell which are worth more.
+//! 3. **Fine descent.** The lowest distinct ones of these go downhill on the fine lattice with every
+//!    cell its own point, whose energy ranks them.
 //! 4. **Decision**, by [`crate::decide`] and only if poses are too close to call: those go downhill
 //!    once more on a lattice of half the spacing.
 //!
@@ -23,8 +25,7 @@ use std::time::Instant;
 use glam::DQuat;
 use sdf_grid::Monitor;
 
-use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
-use crate::dock::descend::{Refinement, fine_sources};
+use crate::dock::descend::{Effort, Refinement, Sources};
 use crate::dock::domain::{SearchDomain, SearchPairs};
 use crate::dock::error::SearchError;
 use crate::dock::options::SearchOptions;
@@ -86,6 +87,7 @@ pub fn search(
         .collect();
     let apart = (0.7 * domain.step, 2.0 * coarse.spacing());
     let mut poses = refinement.distinct(&poses, apart, options.coarse_poses);
+    poses.truncate(promising(&poses, options));
     if monitor.cancelled() {
         poses.truncate(options.top);
     } else {
@@ -158,19 +160,33 @@ fn refined(
         options, monitor, ..
     } = refinement;
     let count = options.fine_poses.max(options.top);
-    let source = DirectEvaluator::new(coarse, &DirectOptions::FULL)?;
     let name = "coarse descent";
     monitor.begin(name, poses.len() as u64);
-    let poses = stages.run(name, poses.len(), || {
-        refinement.descend(poses, coarse, &[&source], count)
-    });
-    let [merged, source] = fine_sources(fine)?;
+    let (poses, sources) = stages.run(name, poses.len(), || {
+        let sources = Sources::new(fine)?;
+        let near = [sources.few()];
+        let begun = refinement.descend(poses, coarse, &near, Effort::FIRST, options.going_on());
+        monitor.begin(name, begun.len() as u64);
+        let poses = refinement.descend(begun, coarse, &near, Effort::COARSE, count);
+        Ok::<_, SearchError>((poses, sources))
+    })?;
     let name = "fine descent";
     monitor.begin(name, poses.len() as u64);
     Ok(stages.run(name, poses.len(), || {
-        let poses = refinement.descend(poses, fine, &[&merged, &source], count);
-        refinement.finish(poses, fine, &source)
+        let poses = refinement.descend(poses, fine, &[sources.full()], Effort::FINE, count);
+        refinement.finish(poses, fine, sources.full())
     }))
+}
+
+/// How many of the poses, lowest energy first, may lead to the deepest: those that the coarse
+/// lattice could have blurred so, but at least twice as many as go on from the first steps.
+fn promising(poses: &[FoundPose], options: &SearchOptions) -> usize {
+    let lowest = poses.first().map_or(0.0, |p| p.energy);
+    let near = |p: &FoundPose| p.energy <= (1.0 - options.blur) * lowest;
+    poses
+        .partition_point(near)
+        .max(2 * options.going_on())
+        .min(poses.len())
 }
 
 fn lattice_pose(scan: &Scan, rotations: &[DQuat], candidate: &Candidate) -> FoundPose {

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use sdf_grid::{Aabb, Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
+use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::dock::decide::decide;
 use crate::dock::error::StateError;
 use crate::dock::lattices::SearchLattices;
@@ -117,8 +118,9 @@ fn a_turned_rod_finds_its_hole() {
     assert!(report.poses.windows(2).all(|p| p[0].energy <= p[1].energy));
     assert_eq!(report.scored, setup.domain.rotations.len());
     let items: Vec<_> = report.stages.iter().map(|s| s.items).collect();
-    // The fine stage gets what is still distinct.
-    assert_eq!(items[..2], [report.rotations, 20]);
+    // Candidates as many as the scores leave, and the fine stage gets what is still distinct.
+    assert_eq!(items[0], report.rotations);
+    assert!((16..=20).contains(&items[1]), "{items:?}");
     assert!((1..=4).contains(&items[2]));
     assert_eq!(report.model.lambda_interior, DOCKING_RATIO);
 }

@@ -260,10 +260,22 @@ class Pair:
             poses, numbers, refined, counts = _core.dock(
                 self._core, top, tolerance, exhaustive, state, report
             )
-        energy, depth, own, width, overlap, condition = (numbers[:, k].copy() for k in range(6))
+        energy, depth, mating, own, width, overlap, condition = (
+            numbers[:, k].copy() for k in range(7)
+        )
         scored, rotations = (int(n) for n in counts)
         return Docking(
-            poses, energy, depth, own, width, overlap, condition, refined, scored, rotations
+            poses,
+            energy,
+            depth,
+            mating,
+            own,
+            width,
+            overlap,
+            condition,
+            refined,
+            scored,
+            rotations,
         )
 
     def bake(
@@ -386,6 +398,8 @@ class Docking:
         poses: `(k, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
         energy: Under the docking weights, joules, `(k,)`.
         depth: Energy as a share of the deepest pose's, `(k,)`.
+        mating_area: Area of the moving part's faces that lie against opposite faces of the fixed one,
+            square metres, `(k,)`.
         model_energy: Energy under the pair's own model, joules, `(k,)`.
         half_width: How far the energy takes to rise to half, metres, `(k,)`; infinite if it does not
             within the moving part.
@@ -399,6 +413,7 @@ class Docking:
     poses: Float
     energy: Float
     depth: Float
+    mating_area: Float
     model_energy: Float
     half_width: Float
     overlap: Float

@@ -23,8 +23,9 @@ type Found<'py> = (
     [f64; 2],
 );
 
-/// Energy, depth, energy under the pair's model, half width, overlap and condition of a pose.
-fn numbers(pose: &DockingPose) -> [f64; 6] {
+/// Energy, depth, mating area, energy under the pair's model, half width, overlap and condition of a
+/// pose.
+fn numbers(pose: &DockingPose) -> [f64; 7] {
     let found = &pose.found;
     let width = found.half_width.unwrap_or(f64::INFINITY);
     let condition = pose.condition.unwrap_or(f64::NAN);
@@ -32,6 +33,7 @@ fn numbers(pose: &DockingPose) -> [f64; 6] {
     [
         energy,
         pose.depth,
+        pose.mating_area,
         pose.model_energy,
         width,
         overlap,
@@ -39,7 +41,7 @@ fn numbers(pose: &DockingPose) -> [f64; 6] {
     ]
 }
 
-/// Poses in the scene (k, 7), their numbers (k, 6), whether each was refined, and the rotations
+/// Poses in the scene (k, 7), their numbers (k, 7), whether each was refined, and the rotations
 /// scored and looked at.
 #[pyfunction]
 #[pyo3(signature = (pair, top, tolerance, exhaustive, state, progress))]
@@ -65,6 +67,7 @@ pub(crate) fn dock<'py>(
             exhaustive,
             rotations: parts.rotations_named.then(|| parts.rotations.clone()),
             state,
+            ..DockingOptions::default()
         };
         Ok((Docking::new(&setup, options).run(watch)?, setup.placement))
     })?;

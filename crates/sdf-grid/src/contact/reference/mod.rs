@@ -3,10 +3,8 @@
 //! - [`kernel`]: the short-range kernel, integrated over planes;
 //! - [`edge`]: what edges take from it;
 //! - [`surface`]: one part's surface, as seen from a point;
-//! - [`midpoints`]: the other part's surface as points.
 
 mod edge;
 mod kernel;
-pub(crate) mod midpoints;
 pub(crate) mod surface;
 mod tests;

@@ -3,8 +3,8 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::kernel::ContactKernel;
-use super::midpoints::surface_samples;
 use super::surface::{ContactSurface, Flux};
+use crate::contact::midpoints::surface_samples;
 use crate::contact::samples::SurfaceSample;
 use crate::mesh::shapes;
 
@@ -60,13 +60,13 @@ fn two_boxes_lose_what_smoothing_takes() {
     let solid = |half: DVec3| shapes::cuboid(2.0 * half).unwrap();
     let width = 0.4;
     let surface = ContactSurface::new(&solid(a), width);
-    let samples = surface_samples(&solid(b), 0.05);
+    let samples = surface_samples(&solid(b), 0.05).unwrap();
     let area: f64 = samples.iter().map(|s| s.area.length()).sum();
     assert!((area - solid(b).area()).abs() < 1e-9 * area);
     let turn = DQuat::from_scaled_axis(DVec3::new(-0.3, 1.1, 0.6));
     let shift = DVec3::new(3.0, -7.0, 0.4);
     let turned = ContactSurface::new(&solid(a).transformed(turn, shift), width);
-    let turned_samples = surface_samples(&solid(b).transformed(turn, shift), 0.05);
+    let turned_samples = surface_samples(&solid(b).transformed(turn, shift), 0.05).unwrap();
     for at in [
         DVec3::new(0.3, 0.1, 0.2),
         DVec3::new(1.0, 0.2, 0.4),

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::contact_sum::{ContactSum, ContactSums};
 use crate::contact::error::ContactError;
-use crate::contact::reference::midpoints::surface_samples;
+use crate::contact::midpoints::surface_samples;
 use crate::contact::reference::surface::ContactSurface;
 use crate::contact::samples::SurfaceSample;
 use crate::mesh::shapes::{self, PegInHole};
@@ -86,7 +86,7 @@ fn off(pair: (TriangleMesh, TriangleMesh), clearance: f64, distance: f64, width:
     let [a, b] = &moved.parts;
     let fast = ContactSum::new(a, b, width, distance).unwrap();
     let surface = ContactSurface::new(a, width);
-    let samples = surface_samples(b, 0.35e-3);
+    let samples = surface_samples(b, 0.35e-3).unwrap();
     let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
     for k in 0..4 {
         let at = moved.pose(contact(k, clearance));

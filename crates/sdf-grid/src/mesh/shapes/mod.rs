@@ -4,9 +4,13 @@
 //! centred on the origin with its axis, if it has one, along z.
 
 mod peg_in_hole;
+mod profiled;
+mod random_fit;
 mod random_solid;
 mod solids;
 
 pub use peg_in_hole::PegInHole;
+pub use profiled::{EdgeBreak, Profile, profiled};
+pub use random_fit::{FIT_KINDS, RandomFit, random_fit};
 pub use random_solid::{RANDOM_KINDS, random_solid};
 pub use solids::{cuboid, cylinder, icosphere, plate, prism, torus};

@@ -19,7 +19,7 @@ pub const RANDOM_KINDS: [&str; 6] = ["hull", "perforated", "plate", "needle", "t
 /// # Errors
 /// None in practice: as the shapes it is made of.
 pub fn random_solid(seed: u64) -> Result<TriangleMesh, MeshError> {
-    let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d);
+    let mut random = Random::new(seed);
     let mesh = match seed % 6 {
         0 => hull(&mut random)?,
         1 => perforated(&mut random)?,
@@ -46,10 +46,14 @@ pub fn random_solid(seed: u64) -> Result<TriangleMesh, MeshError> {
 }
 
 /// The generator splitmix64.
-struct Random(u64);
+pub(super) struct Random(u64);
 
 impl Random {
-    fn next(&mut self) -> u64 {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
+    }
+
+    pub(super) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -57,7 +61,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 

@@ -173,9 +173,12 @@ const COLUMNS: [&str; 10] = [
     "seconds",
 ];
 
+/// A name, and what a pose of a depth and a mating area counts.
+type Ranking = (&'static str, fn(f64, f64) -> f64);
+
 /// Ways to rank the poses returned, larger first: by their depth and their mating area, both as
 /// shares of the largest.
-const RANKINGS: [(&str, fn(f64, f64) -> f64); 4] = [
+const RANKINGS: [Ranking; 4] = [
     ("energy", |depth, _| depth),
     ("mating area", |_, area| area),
     ("sum of both shares", |depth, area| depth + area),

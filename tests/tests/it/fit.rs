@@ -76,8 +76,8 @@ fn exactly_the_symmetric_fits_score_highest() {
         let depth = found[0].1.score;
         for (rank, (q, peak)) in found.iter().take(fits + 1).enumerate() {
             if rank < fits {
-                // The circle's 96 corners are as good as round on this lattice.
-                assert!(peak.score > 0.999 * depth, "{which:?} {rank}: {q} {peak:?}");
+                // The circle's 96 corners, and what contact takes for them on this coarse lattice.
+                assert!(peak.score > 0.998 * depth, "{which:?} {rank}: {q} {peak:?}");
                 let displacement = window.displacement(peak.index).length();
                 let along = (*q * DVec3::Z).z.abs();
                 assert!(

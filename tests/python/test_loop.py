@@ -1,6 +1,7 @@
 """The loop with the simulated hand, and a single tick."""
 
 import csv
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -41,6 +42,19 @@ def test_a_report_is_what_the_run_says(run, tmp_path):
     assert len(rows) == 3000
     assert float(rows[777]["fz"]) == run.ticks["force"][777, 2]
     assert float(rows[777]["object_qw"]) == run.ticks["object"][777, 6]
+    run.report(tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    root = ElementTree.fromstring(page[page.index("<main>") : page.index("</main>") + 7])
+    titles = [heading.text for heading in root.iter("h2")]
+    assert {"Force", "Torque", "Energy of the scene", "Time", "Events"} <= set(titles)
+    for svg in root.iter("{http://www.w3.org/2000/svg}svg"):
+        assert len(list(svg)) > 5
+    assert "<script" not in page and f"{len(run.ticks)} ticks" in page
+    with pytest.raises(pegfit.PegfitError) as caught:
+        run.report(tmp_path / "r.txt")
+    assert caught.value.item == "path"
+    with pytest.raises(pegfit.PegfitError, match="none"):
+        run.report(tmp_path / "none" / "r.json")
 
 
 def test_a_table_that_was_opened_needs_its_pair(table, pair):

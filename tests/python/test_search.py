@@ -33,8 +33,9 @@ def test_at_the_modelled_rotation_both_are_one_sum(pair, evaluator):
     energy = evaluator.query(np.hstack([at, np.tile([0, 0, 0, 1.0], (len(at), 1))])).energy
     flat = scores.values.ravel()
     gamma = -(energy @ flat) / (flat @ flat)
-    # Nodes on nodes: nothing is interpolated, so only single precision is left.
-    assert np.linalg.norm(energy + gamma * flat) < 1e-4 * np.linalg.norm(energy)
+    # Nodes on nodes: both interpolate alike. The evaluator leaves out the rim of a thousandth of the
+    # smoothed densities, which takes a few times 1e-4 of a score.
+    assert np.linalg.norm(energy + gamma * flat) < 5e-4 * np.linalg.norm(energy)
 
 
 def test_the_highest_scores_are_poses_with_these_scores(placed):

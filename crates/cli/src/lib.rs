@@ -16,3 +16,4 @@ pub mod terminal;
 pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
 pub use memory::budget as memory_budget;
+pub use report::felt::FeltPage;

@@ -23,7 +23,7 @@ mod _core {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use crate::loops::feel::{feel, tick_columns};
+    use crate::loops::feel::{Felt, feel, tick_columns, write_text};
     #[pymodule_export]
     use crate::loops::force_path::PyForcePath;
     #[pymodule_export]

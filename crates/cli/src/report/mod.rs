@@ -1,5 +1,6 @@
 //! What commands write: pages, tables of poses, logs.
 
+pub(crate) mod felt;
 pub(crate) mod html;
 pub(crate) mod output;
 pub(crate) mod parquet_log;

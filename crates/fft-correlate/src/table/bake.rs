@@ -99,7 +99,7 @@ impl From<TableError> for BakeError {
 ///
 /// # Errors
 /// If the specification or share is out of range, the table is of another specification or cannot
-/// be written, an energy is not finite, or `monitor` cancels.
+/// be written, another process is baking all of it, an energy is not finite, or `monitor` cancels.
 pub fn bake<P: NodeEnergies>(
     path: &Path,
     spec: &TableSpec,
@@ -126,6 +126,7 @@ pub fn bake_files<P: NodeEnergies>(
         return Err(BakeError::Share { rank, size });
     }
     let store = begun(files, spec, producer, share)?;
+    let _held = files.hold(size == 1)?;
     let rotations = store.grid().nodes();
     let groups = half_turn_groups(rotations);
     let groups = groups.iter().skip(rank).step_by(size);

@@ -131,6 +131,35 @@ fn ranks_and_threads_do_not_show_in_the_files() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
 }
 
+/// Locks belong to open files, so a second one in this process is as good as another process's.
+#[cfg(unix)]
+#[test]
+fn a_table_is_baked_whole_by_one_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.zarr");
+    baked(&path, Share::ALL).unwrap();
+    let rank = Share {
+        rank: 0,
+        size: 2,
+        resume: true,
+    };
+    let held = fs::File::open(path.join("zarr.json")).unwrap();
+    held.lock().unwrap();
+    for share in [SHARED, rank] {
+        let refused = baked(&path, share);
+        assert!(
+            matches!(&refused, Err(BakeError::Store(StoreError::Busy { path: p })) if *p == path),
+            "{refused:?}"
+        );
+    }
+    held.unlock().unwrap();
+    held.lock_shared().unwrap();
+    assert!(baked(&path, SHARED).is_err(), "a rank is at work");
+    assert!(baked(&path, rank).is_ok(), "ranks work side by side");
+    drop(held);
+    assert_eq!(baked(&path, SHARED).unwrap().computed, 0);
+}
+
 #[test]
 fn a_cancelled_bake_keeps_what_was_finished_and_resumes_to_the_same_files() {
     let folder = tempfile::tempdir().unwrap();

@@ -12,6 +12,7 @@ _Three = tuple[float, float, float] | Sequence[float] | _F64
 _Four = Sequence[float] | _F64
 
 __all__ = [
+    "Felt",
     "ForcePath",
     "Mesh",
     "Pair",
@@ -29,6 +30,7 @@ __all__ = [
     "peg_in_hole",
     "poses_at",
     "tick_columns",
+    "write_text",
 ]
 
 VERSION: str
@@ -69,6 +71,12 @@ class Pair:
     def assembled(self) -> list[float]: ...
     def pivot(self, progress: _Progress) -> list[float]: ...
     def evaluator(self, tolerance: float, progress: _Progress) -> Source: ...
+
+@final
+class Felt:
+    def ticks(self) -> _F64: ...
+    def summary(self) -> str: ...
+    def page(self) -> str: ...
 
 @final
 class Source:
@@ -135,8 +143,10 @@ def feel(
     seconds: float,
     hand: str,
     real_time: bool,
+    subject: str,
     progress: _Progress,
-) -> tuple[_F64, str]: ...
+) -> Felt: ...
 def peg_in_hole(section: str, clearance: float) -> tuple[Mesh, Mesh]: ...
 def tick_columns() -> list[str]: ...
+def write_text(path: _Path, text: str) -> None: ...
 def command(arguments: Sequence[str]) -> int: ...

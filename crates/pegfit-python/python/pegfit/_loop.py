@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 from os import PathLike
 from typing import Any, Mapping, Optional, Union
 
@@ -55,21 +57,38 @@ class Run:
         summary: Counts, quantiles and energy balance, by name.
     """
 
-    def __init__(self, ticks: NDArray[np.void], summary: str) -> None:
-        self.ticks = ticks
-        self._text = summary
-        self.summary: dict[str, Any] = json.loads(summary)
+    def __init__(self, core: _core.Felt) -> None:
+        self._core = core
+        ticks = core.ticks()
+        self.ticks: NDArray[np.void] = ticks.view(TICK).reshape(len(ticks))
+        self.summary: dict[str, Any] = json.loads(core.summary())
 
     def report(self, path: Union[str, PathLike[str]]) -> None:
-        """Writes the summary as JSON, or, to a file whose name ends in `.csv`, every tick in the
-        columns of `pegfit feel --log`."""
-        if str(path).endswith(".csv"):
+        """Writes what was felt.
+
+        Args:
+            path: Its ending says what: `.html` the page of `pegfit feel --report` (curves, times,
+                events), `.csv` every tick in the columns of `pegfit feel --log`, `.json` the
+                summary.
+
+        Raises:
+            PegfitError: Another ending, or the file cannot be written.
+        """
+        ending = os.path.splitext(path)[1].lower()
+        if ending == ".html":
+            text = self._core.page()
+        elif ending == ".csv":
             flat = self.ticks.view(np.float64).reshape(len(self.ticks), -1)
-            header = ",".join(_core.tick_columns())
-            np.savetxt(path, flat, delimiter=",", header=header, comments="", fmt="%.17g")
-            return
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(self._text)
+            table, header = io.StringIO(), ",".join(_core.tick_columns())
+            np.savetxt(table, flat, delimiter=",", header=header, comments="", fmt="%.17g")
+            text = table.getvalue()
+        elif ending == ".json":
+            text = self._core.summary()
+        else:
+            expected, found = "a name that ends in .html, .csv or .json", repr(os.fspath(path))
+            message = f"path: expected {expected}, found {found}"
+            raise PegfitError(message, item="path", expected=expected, found=found)
+        _core.write_text(path, text)
 
     def __repr__(self) -> str:
         seconds, peak = self.summary["seconds"], self.summary["peak_force"]
@@ -132,10 +151,11 @@ def feel(
     core = _source_of(source)
     given = json.dumps(dict(hand or {}))
     with Reporting(progress) as report:
-        ticks, summary = _core.feel(
-            _pair_of(source, pair)._core, core, script, seconds, given, real_time, report
+        held = _pair_of(source, pair)
+        felt = _core.feel(
+            held._core, core, script, seconds, given, real_time, repr(source), report
         )
-    return Run(ticks.view(TICK).reshape(len(ticks)), summary)
+    return Run(felt)
 
 
 class ForcePath:

@@ -29,6 +29,9 @@ impl From<StoreError> for Failure {
             StoreError::Different { path, difference } => said
                 .about(&difference.key, &difference.stored, &difference.given)
                 .in_file(path.display()),
+            StoreError::Busy { path } => said
+                .about("table", "one that nobody else bakes", "a bake under way")
+                .in_file(path.display()),
             StoreError::Incomplete {
                 path,
                 missing,

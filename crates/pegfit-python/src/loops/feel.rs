@@ -1,19 +1,25 @@
 //! The loop with the simulated hand.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use haptic::log::{COLUMNS, numbers};
-use haptic::{Clock, Geometry, HandConfig, Outcome, Script, Session, SimulatedHand};
+use haptic::{
+    Clock, Device, DeviceSpec, Geometry, HandConfig, HapticConfig, Outcome, Script, Session,
+    SimulatedHand,
+};
 use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
+use pegfit::FeltPage;
 use pyo3::prelude::*;
+use sdf_grid::atomic;
 
 use super::settings;
 use crate::failure::raised::{Failure, Kind};
 use crate::pair_class::{Parts, PyPair};
 use crate::source::any::AnySource;
 use crate::source::source_class::Source;
-use crate::work::run::{Watch, run};
+use crate::work::run::{Watch, guarded, run};
 
 fn script_named(name: &str) -> Result<Script, Failure> {
     match name {
@@ -34,7 +40,7 @@ fn hold(
     hand: HandConfig,
     clock: Clock,
     watch: &Watch,
-) -> Result<Outcome, Failure> {
+) -> Result<(DeviceSpec, Outcome), Failure> {
     let (setup, fit) = (&parts.setup, &parts.fit);
     let pivot = parts.pair(watch)?.pivot();
     let placed = setup.placement.moving;
@@ -47,7 +53,8 @@ fn hold(
     let seconds = hand.duration;
     let mut hand = SimulatedHand::new(hand, script, geometry, workspace);
     let session = Session::new(parts.device.clone(), workspace).keep_samples();
-    Ok(session.run(&mut hand, source, clock, seconds, watch.flag())?)
+    let outcome = session.run(&mut hand, source, clock, seconds, watch.flag())?;
+    Ok((hand.spec().clone(), outcome))
 }
 
 /// Every tick as a row of the log's columns, NaN where there was no input.
@@ -67,23 +74,72 @@ pub(crate) fn tick_columns() -> Vec<&'static str> {
     COLUMNS[..COLUMNS.len() - 1].to_vec()
 }
 
-/// Runs the loop: every tick, and the report as JSON.
+/// A run of the loop.
+#[pyclass(frozen, module = "pegfit._core")]
+pub(crate) struct Felt {
+    title: String,
+    subject: String,
+    spec: DeviceSpec,
+    config: HapticConfig,
+    outcome: Outcome,
+}
+
+#[pymethods]
+impl Felt {
+    /// Every tick as a row.
+    fn ticks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        py.detach(|| rows(&self.outcome)).into_pyarray(py)
+    }
+
+    /// Counts, quantiles and energy balance as JSON.
+    fn summary(&self) -> Result<String, Failure> {
+        serde_json::to_string_pretty(&self.outcome.report)
+            .map_err(|e| Failure::of(Kind::General, &e))
+    }
+
+    /// The page of the run as HTML.
+    fn page(&self, py: Python<'_>) -> Result<String, Failure> {
+        let page = FeltPage {
+            title: self.title.clone(),
+            subject: self.subject.clone(),
+            spec: &self.spec,
+            config: &self.config,
+            outcome: &self.outcome,
+            events: &[],
+            pairs: Vec::new(),
+        };
+        let drawn = || page.html().map_err(|e| Failure::of(Kind::General, &e));
+        py.detach(|| guarded(drawn))
+    }
+}
+
+/// Writes a file whole or not at all.
 #[pyfunction]
-#[pyo3(signature = (pair, source, script, seconds, hand, real_time, progress))]
-pub(crate) fn feel<'py>(
-    py: Python<'py>,
+pub(crate) fn write_text(path: PathBuf, text: &str) -> Result<(), Failure> {
+    atomic::write(&path, text.as_bytes())
+        .map_err(|e| Failure::of(Kind::General, &e).in_file(path.display()))
+}
+
+/// Runs the loop; `subject` is what its page says was felt.
+#[pyfunction]
+#[pyo3(signature = (pair, source, script, seconds, hand, real_time, subject, progress))]
+#[expect(clippy::too_many_arguments, reason = "what is asked of a run")]
+pub(crate) fn feel(
+    py: Python<'_>,
     pair: &PyPair,
     source: &Source,
     script: &str,
     seconds: f64,
     hand: &str,
     real_time: bool,
+    subject: String,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, String)> {
+) -> PyResult<Felt> {
     if !(seconds.is_finite() && seconds > 0.0) {
         let expected = "a positive number";
         return Err(Failure::found(Kind::Device, "seconds", expected, seconds).into());
     }
+    let title = format!("{script} test, simulated hand");
     let (script, source) = (script_named(script)?, source.get()?);
     let hand = HandConfig {
         duration: seconds,
@@ -94,11 +150,15 @@ pub(crate) fn feel<'py>(
         false => Clock::Simulated,
     };
     let parts = Arc::clone(&pair.parts);
-    let (ticks, report) = run(py, progress.as_ref(), move |watch| {
-        let outcome = hold(&parts, &source, script, hand, clock, watch)?;
-        let report = serde_json::to_string_pretty(&outcome.report)
-            .map_err(|e| Failure::of(Kind::General, &e))?;
-        Ok((rows(&outcome), report))
+    let config = parts.device.clone();
+    let (spec, outcome) = run(py, progress.as_ref(), move |watch| {
+        hold(&parts, &source, script, hand, clock, watch)
     })?;
-    Ok((ticks.into_pyarray(py), report))
+    Ok(Felt {
+        title,
+        subject,
+        spec,
+        config,
+        outcome,
+    })
 }

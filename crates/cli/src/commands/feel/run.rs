@@ -8,14 +8,12 @@ use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::{Monitor, atomic};
 
-use super::page::page;
-use super::subject::Run;
-use super::words::{privileges, told};
 use crate::args::{FeelArgs, ScriptChoice};
 use crate::commands::plot::force_chart;
 use crate::commands::{devices, hand, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::felt::{FeltPage, privileges, told};
 use crate::report::output::{print_json, require_folder};
 use crate::report::parquet_log;
 use crate::terminal::hold::Hold;
@@ -137,16 +135,16 @@ fn report(
         PairState::NoRoom => "not loaded: no room in the scene's memory".to_owned(),
     });
     let scene = pairs.assembly.scene();
-    page(&Run {
+    let page = FeltPage {
         title,
-        scene: &scene.path,
+        subject: format!("Scene {}", scene.path.display()),
         spec,
         config: &scene.device,
         outcome,
-        samples: &outcome.samples,
         events: &pairs.live.events(),
         pairs: pairs.names.iter().cloned().zip(states).collect(),
-    })
+    };
+    Ok(page.html()?)
 }
 
 fn print(report: &LoopReport, pairs: &LivePairs) {

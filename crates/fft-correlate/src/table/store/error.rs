@@ -63,6 +63,12 @@ pub enum StoreError {
         /// What differs first.
         difference: Difference,
     },
+    /// Another process is baking the table.
+    #[error("{}: another process is baking this table; wait, or let each bake its rank", path.display())]
+    Busy {
+        /// The table.
+        path: PathBuf,
+    },
     /// Rotation nodes are not baked yet.
     #[error(
         "{}: {missing} of {rotations} rotation nodes are missing, the first is {first}; bake with \

@@ -4,7 +4,7 @@
 //! folder by writing beside and renaming, an object store because a PUT is atomic, memory by its
 //! lock.
 
-use std::fs;
+use std::fs::{self, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -110,6 +110,31 @@ impl TableFiles {
     /// The folder, if it is one.
     pub(super) fn folder(&self) -> Option<&Path> {
         self.is_folder.then_some(&self.place)
+    }
+
+    /// Holds a table in a folder, for one process alone or for several together, until what is
+    /// returned is dropped or the process ends. An object store, a system and a file system without
+    /// locks hold nothing.
+    ///
+    /// # Errors
+    /// If another process holds it otherwise, or the table cannot be opened.
+    pub(crate) fn hold(&self, alone: bool) -> Result<Option<fs::File>, StoreError> {
+        let Some(folder) = self.folder().filter(|_| cfg!(unix)) else {
+            return Ok(None);
+        };
+        // There as long as the table, and renamed over only when a bake has ended.
+        let path = folder.join("zarr.json");
+        let file = fs::File::open(&path).map_err(|source| StoreError::Io { path, source })?;
+        let locked = match alone {
+            true => file.try_lock(),
+            false => file.try_lock_shared(),
+        };
+        match locked {
+            Err(TryLockError::WouldBlock) => Err(StoreError::Busy {
+                path: self.place.clone(),
+            }),
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Some(file)),
+        }
     }
 
     pub(super) fn storage(&self) -> &Arc<Backend> {

@@ -6,7 +6,7 @@ use haptic::scene::SceneChange;
 use crate::bytes::display_bytes;
 
 /// A scene event in words.
-pub(super) fn told(what: &SceneChange) -> String {
+pub(crate) fn told(what: &SceneChange) -> String {
     match what {
         SceneChange::Loaded { seconds, bytes } => {
             format!("loaded in {seconds:.2} s, {}", display_bytes(*bytes))
@@ -38,7 +38,7 @@ pub(super) fn told(what: &SceneChange) -> String {
 }
 
 /// What the operating system granted, in words.
-pub(super) fn privileges(report: &LoopReport) -> Vec<(&'static str, String)> {
+pub(crate) fn privileges(report: &LoopReport) -> Vec<(&'static str, String)> {
     let yes = |granted: bool| if granted { "granted" } else { "not granted" };
     let mut rows = vec![
         ("SCHED_FIFO", yes(report.granted.fifo).to_owned()),

@@ -1,14 +1,14 @@
-//! The page of `pegfit feel --report`: one file that needs no other.
+//! The text of the page: one file that needs no other.
 
 use std::fmt::Write;
 
 use haptic::{Outcome, flags};
 use hdrhistogram::Histogram;
+use pegfit_pictures::PictureError;
 
 use super::charts::charts;
-use super::subject::{LISTED, Run, names, starts};
+use super::subject::{FeltPage, LISTED, names, starts};
 use super::words::{privileges, told};
-use crate::error::CommandError;
 use crate::report::html::{STYLE, escaped};
 
 /// What the charts need beside the demo's style.
@@ -17,7 +17,7 @@ svg text{fill:currentColor;font-family:system-ui,sans-serif}\
 table{margin-bottom:1.5rem}th,td{text-align:left}td.num,th.num{text-align:right}";
 
 /// The page's text.
-pub(super) fn page(run: &Run<'_>) -> Result<String, CommandError> {
+pub(super) fn page(run: &FeltPage<'_>) -> Result<String, PictureError> {
     let mut html = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -30,9 +30,9 @@ pub(super) fn page(run: &Run<'_>) -> Result<String, CommandError> {
     let report = &run.outcome.report;
     let _ = writeln!(
         html,
-        "<p>Scene <code>{}</code>. {} ticks in {:.2} s, {:.1} per second; peak force {:.3} N, peak \
+        "<p><code>{}</code>. {} ticks in {:.2} s, {:.1} per second; peak force {:.3} N, peak \
          torque {:.4} N·m.</p>",
-        escaped(&run.scene.display().to_string()),
+        escaped(&run.subject),
         report.ticks,
         report.seconds,
         report.rate_hz,
@@ -53,7 +53,7 @@ pub(super) fn page(run: &Run<'_>) -> Result<String, CommandError> {
     Ok(html + "</main>\n</html>\n")
 }
 
-fn timing(outcome: &Outcome) -> Result<String, CommandError> {
+fn timing(outcome: &Outcome) -> Result<String, PictureError> {
     let report = &outcome.report;
     let mut html = String::from("<h2>Time</h2>\n<table><tr><th></th>");
     for quantile in ["p50", "p99", "p99.9", "max"] {
@@ -101,12 +101,16 @@ fn bins(histogram: &Histogram<u64>) -> Vec<(f64, f64, u64)> {
         .collect()
 }
 
-fn events(run: &Run<'_>) -> String {
+fn events(run: &FeltPage<'_>) -> String {
     let report = &run.outcome.report;
     let mut html =
         String::from("<h2>Events</h2>\n<table><tr><th>what</th><th class='num'>ticks</th></tr>");
     for (bit, name) in flags::NAMES.iter().enumerate() {
-        let count = run.samples.iter().filter(|s| s.flags & (1 << bit) != 0);
+        let count = run
+            .outcome
+            .samples
+            .iter()
+            .filter(|s| s.flags & (1 << bit) != 0);
         let _ = write!(
             html,
             "<tr><td>{}</td><td class='num'>{}</td></tr>",
@@ -119,7 +123,7 @@ fn events(run: &Run<'_>) -> String {
         "<tr><td>deadlines left out</td><td class='num'>{}</td></tr></table>",
         report.missed
     );
-    let mut list: Vec<(f64, String)> = starts(run.samples, u16::MAX)
+    let mut list: Vec<(f64, String)> = starts(&run.outcome.samples, u16::MAX)
         .map(|s| (s.time, names(s.flags)))
         .collect();
     list.extend(run.events.iter().map(|e| {
@@ -142,7 +146,7 @@ fn events(run: &Run<'_>) -> String {
     html
 }
 
-fn conditions(run: &Run<'_>) -> String {
+fn conditions(run: &FeltPage<'_>) -> String {
     let report = &run.outcome.report;
     let (spec, limits) = (run.spec, &run.config.limits);
     let mut rows: Vec<(String, String)> = privileges(report)

@@ -5,10 +5,9 @@ use std::fmt::Write;
 use fft_correlate::Pose;
 use glam::DVec3;
 use haptic::{Sample, flags};
-use pegfit_pictures::{LineChart, Mark, Series, reduced};
+use pegfit_pictures::{LineChart, Mark, PictureError, Series, reduced};
 
-use super::subject::{LISTED, Run, starts};
-use crate::error::CommandError;
+use super::subject::{FeltPage, LISTED, starts};
 
 /// Seconds over which the rate is a mean.
 const RATE_WINDOW: f64 = 0.1;
@@ -16,8 +15,8 @@ const RATE_WINDOW: f64 = 0.1;
 /// Width and height of a chart.
 const SIZE: (u32, u32) = (960, 310);
 
-pub(super) fn charts(run: &Run<'_>) -> Result<String, CommandError> {
-    let marks: Vec<Mark> = starts(run.samples, flags::CHANGED | flags::OVERRUN)
+pub(super) fn charts(run: &FeltPage<'_>) -> Result<String, PictureError> {
+    let marks: Vec<Mark> = starts(&run.outcome.samples, flags::CHANGED | flags::OVERRUN)
         .take(LISTED)
         .map(|s| Mark {
             at: s.time,
@@ -25,7 +24,7 @@ pub(super) fn charts(run: &Run<'_>) -> Result<String, CommandError> {
         })
         .collect();
     let mut html = String::new();
-    for figure in figures(run.samples) {
+    for figure in figures(&run.outcome.samples) {
         let chart = LineChart {
             horizontal: "time (s)".to_owned(),
             vertical: figure.vertical.to_owned(),

@@ -1,0 +1,56 @@
+//! What a page is about.
+
+use haptic::scene::SceneEvent;
+use haptic::{DeviceSpec, HapticConfig, Outcome, Sample, flags};
+use pegfit_pictures::PictureError;
+
+use super::page::page;
+
+/// Events listed; the rest is counted.
+pub(super) const LISTED: usize = 200;
+
+/// A page about a run of the haptic loop: what was felt, how the loop fared, what happened and under
+/// which conditions.
+#[derive(Debug)]
+pub struct FeltPage<'a> {
+    /// What the run is called.
+    pub title: String,
+    /// What was felt: a scene's file, or a pair.
+    pub subject: String,
+    /// The device.
+    pub spec: &'a DeviceSpec,
+    /// Settings of the loop.
+    pub config: &'a HapticConfig,
+    /// The run, its samples kept ([`haptic::Session::keep_samples`]).
+    pub outcome: &'a Outcome,
+    /// What became of parts meanwhile.
+    pub events: &'a [SceneEvent],
+    /// Parts and what had become of each in the end.
+    pub pairs: Vec<(String, String)>,
+}
+
+impl FeltPage<'_> {
+    /// The page as HTML, in one file that needs no other.
+    ///
+    /// # Errors
+    /// If a chart cannot be drawn.
+    pub fn html(&self) -> Result<String, PictureError> {
+        page(self)
+    }
+}
+
+/// Samples at which one of `bits` comes on.
+pub(super) fn starts(samples: &[Sample], bits: u16) -> impl Iterator<Item = &Sample> {
+    let mut last = 0;
+    samples.iter().filter(move |s| {
+        let new = s.flags & bits & !last;
+        last = s.flags;
+        new != 0
+    })
+}
+
+pub(super) fn names(set: u16) -> String {
+    let named = flags::NAMES.iter().enumerate();
+    let on = named.filter(|(bit, _)| set & (1 << bit) != 0);
+    on.map(|(_, name)| *name).collect::<Vec<_>>().join(", ")
+}

@@ -31,7 +31,7 @@ use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::symmetry_on_lattice;
-use crate::setup::energy_scale::{EnergyScale, EnergyScaleError};
+use crate::setup::energy_scale::EnergyScaleError;
 use crate::setup::pair_setup::PairSetup;
 
 /// Angle between rotations where no domain is given, degrees.
@@ -206,6 +206,8 @@ struct Fields {
     sketch: Option<Pair>,
     coarse: Pair,
     fine: Pair,
+    /// Under the setup's own halo, if that is not the search's.
+    own: Option<Pair>,
     gamma: f64,
     /// Why the fine pair is of cell averages, if it had to be.
     averaged: Option<ContactError>,
@@ -259,6 +261,7 @@ impl<'a> Docking<'a> {
             sketch,
             coarse,
             fine: mut finest,
+            own,
             gamma,
             averaged,
             seconds: mut field_seconds,
@@ -286,7 +289,8 @@ impl<'a> Docking<'a> {
             }
         }
         let mating = self.mating_areas(&found.poses)?;
-        let poses = told(&found, &finest, &mating, &self.frame.inverse())?;
+        let pairs = [&finest, own.as_ref().unwrap_or(&finest)];
+        let poses = told(&found, pairs, &mating, &self.frame.inverse())?;
         Ok(DockingReport {
             poses,
             lattices: self.lattices,
@@ -331,10 +335,15 @@ impl<'a> Docking<'a> {
         let window = domain.window(coarse.pivot, coarse.spacing())?;
         // Whether half turns will share their work depends on the rotations that a sketch chooses.
         let scores = CorrelatorPlan::largest(&support, &window, rayon::current_num_threads())?;
+        let own = match setup.builder.halo {
+            Some(_) => None,
+            None => Some(self.own_plan(&setup.builder)?),
+        };
         Ok(DockingPlan {
             rotations: domain.rotations.len(),
             scores,
             pairs,
+            own,
         })
     }
 
@@ -343,7 +352,15 @@ impl<'a> Docking<'a> {
         let [sketch, coarse, fine] = &plan.pairs;
         let began = Instant::now();
         let (fine, averaged) = self.ranking(fine, monitor)?;
-        let gamma = self.gamma(&fine, monitor)?;
+        let own = match (&plan.own, &averaged) {
+            (None, _) => None,
+            (Some(own), None) => Some(self.build(own, monitor)?),
+            (Some(_), Some(_)) => {
+                let plan = self.own_plan(&self.averages())?;
+                Some(self.build(&plan, monitor)?)
+            }
+        };
+        let gamma = self.gamma(own.as_ref().unwrap_or(&fine))?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
         let sketch = match !self.options.exhaustive && wants_sketch(plan.rotations) {
             true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
@@ -353,6 +370,7 @@ impl<'a> Docking<'a> {
             sketch,
             coarse,
             fine: fine.with_gamma(gamma)?,
+            own: own.map(|own| own.with_gamma(gamma)).transpose()?,
             gamma,
             averaged,
             seconds: began.elapsed().as_secs_f64(),
@@ -368,10 +386,7 @@ impl<'a> Docking<'a> {
         let setup = self.setup;
         match self.build(plan, monitor) {
             Err(PairBuildError::Contact(reason)) => {
-                let builder = PairBuilder {
-                    smoothing: None,
-                    ..setup.builder
-                };
+                let builder = self.averages();
                 let [_, _, plan] =
                     (self.lattices).plans(self.fixed(), &setup.moving, &setup.model, &builder)?;
                 Ok((self.build(&plan, monitor)?, Some(reason)))
@@ -397,22 +412,27 @@ impl<'a> Docking<'a> {
             .deciding_plan(self.fixed(), &setup.moving, &setup.model, &setup.builder)
     }
 
-    /// The scale of the energies: that of the setup's own pair, which is the fine one of the search
-    /// unless the setup gives a spacing but leaves the halo, longer than a search needs, to itself.
-    fn gamma(&self, fine: &Pair, monitor: &dyn Monitor) -> Result<f64, DockingError> {
-        let setup = self.setup;
-        let own = match (setup.energy, setup.builder.spacing, setup.builder.halo) {
-            (EnergyScale::PeakForce(_), Some(_), None) => {
-                let plan = setup
-                    .builder
-                    .plan(self.fixed(), &setup.moving, &setup.model)?;
-                Some(self.build(&plan, monitor)?)
-            }
-            _ => None,
+    /// The setup's pair on the fine lattice, with as long a halo as it chooses itself.
+    fn own_plan(&self, builder: &PairBuilder) -> Result<PairPlan, PairBuildError> {
+        let builder = PairBuilder {
+            spacing: Some(self.lattices.fine),
+            ..*builder
         };
-        let (pair, reach) = (own.as_ref().unwrap_or(fine), setup.reach());
-        let scale = &setup.energy;
-        Ok(scale.gamma(pair, &self.frame, &setup.assembled, reach)?)
+        builder.plan(self.fixed(), &self.setup.moving, &self.setup.model)
+    }
+
+    /// How pairs are built whose surfaces cannot be summed over.
+    fn averages(&self) -> PairBuilder {
+        PairBuilder {
+            smoothing: None,
+            ..self.setup.builder
+        }
+    }
+
+    /// The scale of the energies, that of the setup's own pair.
+    fn gamma(&self, own: &Pair) -> Result<f64, DockingError> {
+        let (scale, reach) = (&self.setup.energy, self.setup.reach());
+        Ok(scale.gamma(own, &self.frame, &self.setup.assembled, reach)?)
     }
 
     fn search_options(&self) -> SearchOptions {

@@ -5,6 +5,7 @@ use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::{Silent, TriangleMesh};
 
 use super::*;
+use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 
 /// Nothing may begin.
 struct Nothing;
@@ -65,6 +66,28 @@ fn docked(seed: u64, [fixed, moving]: [Pose; 2]) -> (f64, f64, DockingReport) {
     let misses = report.symmetries.iter().map(miss);
     let (away, angle) = misses.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
     (away, angle, report)
+}
+
+/// Docking keeps its exteriors short; what it says of an energy is what the pair itself says.
+#[test]
+fn the_energy_of_a_pose_is_that_of_the_setups_own_pair() {
+    let fit = shapes::random_fit(8).unwrap();
+    let turn = DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.4));
+    let fixed = Arc::new(fit.fixed.transformed(turn, DVec3::new(0.01, 0.0, -0.02)));
+    let setup = PairSetup::new(fixed, Arc::new(fit.moving));
+    let options = DockingOptions {
+        top: 2,
+        ..DockingOptions::default()
+    };
+    let report = Docking::new(&setup, options).run(&Silent).unwrap();
+    let own = setup.load(&Silent).unwrap();
+    let source = DirectEvaluator::new(&own, &DirectOptions::FULL).unwrap();
+    for pose in &report.poses {
+        let energy = source.evaluate_full(&pose.found.pose).response.energy;
+        let error = (pose.model_energy - energy).abs() / energy.abs();
+        // Two lattices, and a scale of energy found on each.
+        assert!(error < 0.1, "{energy} J, not {} J", pose.model_energy);
+    }
 }
 
 /// Both parts turned by themselves: a stepped peg, whose fit cell averages score below many poses

@@ -24,7 +24,8 @@ pub struct DockingPose {
     /// Area of the moving part's faces that lie against opposite faces of the fixed part
     /// ([`crate::MATING_ANGLE`], [`crate::DockingOptions::mating_clearance`]), square metres.
     pub mating_area: f64,
-    /// Energy under the setup's own model, joules.
+    /// Energy under the setup's own model and halo, on the fine lattice, joules: what an evaluator of
+    /// the setup's pair says at this pose, up to the error of the lattice.
     pub model_energy: f64,
     /// The sum of the absolute terms of the score under the docking weights over the score: how far
     /// they cancel. Of the best poses only.
@@ -32,10 +33,10 @@ pub struct DockingPose {
 }
 
 /// The poses of a search, `back` from its frame to the fixed part's own, with what only the finest
-/// pair and the faces of both parts can tell.
+/// pair, the setup's own pair and the faces of both parts can tell.
 pub(super) fn told(
     report: &SearchReport,
-    finest: &Pair,
+    [finest, own]: [&Pair; 2],
     mating: &[f64],
     back: &Pose,
 ) -> Result<Vec<DockingPose>, SearchError> {
@@ -46,7 +47,7 @@ pub(super) fn told(
         .take(CONDITION_POSES)
         .map(|p| Condition::at(&ranking, &p.pose).number())
         .collect();
-    let source = DirectEvaluator::new(finest, &DirectOptions::FULL)?;
+    let source = DirectEvaluator::new(own, &DirectOptions::FULL)?;
     let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
     let told = |(index, p): (usize, &FoundPose)| DockingPose {
         found: FoundPose {

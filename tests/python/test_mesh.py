@@ -70,9 +70,13 @@ def test_the_real_trimesh_is_a_mesh():
     trimesh = pytest.importorskip("trimesh")
     box = trimesh.creation.box([0.01, 0.02, 0.03])
     field = pegfit.density(box, unit="m", spacing=0.002)
-    inside = field.signed_distance < 0
-    # 5 x 10 x 15 cells of 2 mm.
-    assert inside.sum() == 5 * 10 * 15
+    nodes = np.indices(field.values.shape).reshape(3, -1).T * field.spacing + field.origin
+    away = np.abs(nodes) - [0.005, 0.01, 0.015]
+    outside = np.linalg.norm(np.maximum(away, 0), axis=1)
+    expected = outside + np.minimum(away.max(axis=1), 0)
+    near = np.abs(expected) < 0.002
+    found = field.signed_distance.reshape(-1)
+    np.testing.assert_allclose(found[near], expected[near], atol=1e-7)
 
 
 def test_a_vertex_that_is_none_is_named():

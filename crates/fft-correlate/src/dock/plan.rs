@@ -28,7 +28,11 @@ impl DockingPlan {
 
     /// Bytes of the fields that are held at once.
     pub fn field_bytes(&self) -> u64 {
-        self.pairs.iter().chain(&self.own).map(|pair| pair.bytes).sum()
+        self.pairs
+            .iter()
+            .chain(&self.own)
+            .map(|pair| pair.bytes)
+            .sum()
     }
 }
 

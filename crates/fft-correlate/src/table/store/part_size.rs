@@ -28,20 +28,23 @@ impl PartSize {
         })
     }
 
-    /// The arrays of vertices and of triangles.
-    pub(super) fn builders(self) -> [ArrayBuilder; 2] {
-        let builder = |rows: usize, numbers, empty: ArrayBuilderFillValue, about, unit| {
-            let shape = vec![rows as u64, 3];
-            let attributes = json!({ "long_name": about, "units": unit });
-            let mut builder = ArrayBuilder::new(shape.clone(), shape, numbers, empty);
-            builder
-                .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
-                .attributes(attributes.as_object().cloned().unwrap_or_default());
-            builder
-        };
+    /// The arrays of vertices and of triangles of the part of this name.
+    pub(super) fn builders(self, part: &str) -> [ArrayBuilder; 2] {
+        let builder =
+            |rows: usize, names: [&str; 2], numbers, empty: ArrayBuilderFillValue, about, unit| {
+                let shape = vec![rows as u64, 3];
+                let attributes = json!({ "long_name": about, "units": unit });
+                let mut builder = ArrayBuilder::new(shape.clone(), shape, numbers, empty);
+                builder
+                    .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
+                    .dimension_names(Some([format!("{part}_{}", names[0]), names[1].to_owned()]))
+                    .attributes(attributes.as_object().cloned().unwrap_or_default());
+                builder
+            };
         [
             builder(
                 self.vertices,
+                ["vertex", "axis"],
                 data_type::float64(),
                 f64::NAN.into(),
                 "vertices of the part's surface, x, y, z in its own frame",
@@ -49,6 +52,7 @@ impl PartSize {
             ),
             builder(
                 self.triangles,
+                ["triangle", "corner"],
                 data_type::uint32(),
                 0u32.into(),
                 "vertices of the part's triangles, counter-clockwise from outside",

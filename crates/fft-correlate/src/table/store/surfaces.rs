@@ -26,6 +26,9 @@ const ARRAYS: [[[&str; 2]; 2]; 2] = [
     ],
 ];
 
+/// Their names.
+const PARTS: [&str; 2] = ["fixed", "moving"];
+
 /// What a checksum adds to an array's numbers, bytes.
 const CHECKSUM: u64 = 4;
 
@@ -35,8 +38,10 @@ pub(super) fn write(
     contact: &Contact,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let sizes = PartSize::of(contact);
-    for ((part, size), names) in contact.parts().into_iter().zip(sizes).zip(ARRAYS) {
-        let [vertices, triangles] = size.builders();
+    for (((part, size), names), name) in
+        (contact.parts().into_iter().zip(sizes).zip(ARRAYS)).zip(PARTS)
+    {
+        let [vertices, triangles] = size.builders(name);
         let numbers: Vec<f64> = part.vertices().iter().flat_map(|v| v.to_array()).collect();
         let array = vertices.build(files.clone(), &format!("/{}", names[0][0]))?;
         array.store_metadata_opt(&metadata_options())?;
@@ -65,8 +70,8 @@ pub(super) fn read(files: &TableFiles, header: &Header) -> Result<Option<Contact
     };
     let hashes = [&recipe.fixed, &recipe.moving].map(|f| f.as_ref().map_or("", |f| &f.mesh));
     let mut parts = Vec::with_capacity(2);
-    for ((size, names), hash) in sizes.into_iter().zip(ARRAYS).zip(hashes) {
-        let part = read_part(files, size, names)?;
+    for (((size, names), name), hash) in sizes.into_iter().zip(ARRAYS).zip(PARTS).zip(hashes) {
+        let part = read_part(files, size, name, names)?;
         if blake3::Hash::from_bytes(part.hash()).to_hex().as_str() != hash {
             let reason = "the surface is not that of the recipe".to_owned();
             return Err(metadata(names[0][1], reason));
@@ -83,9 +88,10 @@ pub(super) fn read(files: &TableFiles, header: &Header) -> Result<Option<Contact
 fn read_part(
     files: &TableFiles,
     size: PartSize,
+    name: &str,
     names: [[&'static str; 2]; 2],
 ) -> Result<TriangleMesh, StoreError> {
-    let [vertices, triangles] = size.builders();
+    let [vertices, triangles] = size.builders(name);
     let numbers: Vec<f64> = whole(files, names[0], &vertices, size.vertices, 8)?;
     let corners: Vec<u32> = whole(files, names[1], &triangles, size.triangles, 4)?;
     let vertices = numbers.as_chunks().0.iter().map(|v| DVec3::from_array(*v));

@@ -439,7 +439,7 @@ impl<'a> Docking<'a> {
         let top = self.options.top;
         SearchOptions {
             top,
-            coarse_poses: (20 * top).max(300),
+            coarse_poses: (20 * top).max(1500),
             fine_poses: (6 * top / 5).max(12),
             ..SearchOptions::default()
         }

@@ -39,7 +39,7 @@ impl Default for SearchOptions {
             top: 10,
             per_rotation: 4,
             chosen_share: 0.15,
-            coarse_poses: 300,
+            coarse_poses: 1500,
             blur: 0.25,
             fine_poses: 12,
             ratio: DOCKING_RATIO,

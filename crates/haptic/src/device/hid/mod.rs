@@ -9,4 +9,4 @@ pub mod spacemouse;
 mod system;
 
 pub use port::{Connector, Decoder, HidInput, HidPort};
-pub use system::{Access, DeviceInfo, DeviceKind, connector, enumerate, open, open_with};
+pub use system::{connector, enumerate, open, open_with};

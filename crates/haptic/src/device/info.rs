@@ -13,6 +13,7 @@ pub enum DeviceKind {
     /// A 3D Systems Touch or PHANTOM, by OpenHaptics.
     OpenHaptics,
     /// A Force Dimension device or a Novint Falcon, by the Force Dimension SDK.
+    #[serde(rename = "force-dimension")]
     ForceDimension,
     /// A Haply Inverse3, by Haply's service.
     Haply,
@@ -145,11 +146,15 @@ mod tests {
             path: "haply:049D".into(),
             usb: None,
             serial: String::new(),
+            kind: DeviceKind::ForceDimension,
             ..mouse
         };
         assert!(arm.is_called("049D") && arm.is_called("haply:049D"));
         assert!(!arm.is_called("") && !arm.is_called("046d:c626"));
         let json = serde_json::to_value(&arm).unwrap();
-        assert_eq!((&json["kind"], json.get("vendor")), (&"haply".into(), None));
+        assert_eq!(
+            (&json["kind"], json.get("vendor")),
+            (&DeviceKind::ForceDimension.word().into(), None)
+        );
     }
 }

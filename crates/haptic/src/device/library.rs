@@ -1,6 +1,7 @@
 //! Makers' drivers: shared libraries that are looked for when a device is asked for, never when
 //! pegfit is built.
 
+use std::error::Error;
 use std::mem::ManuallyDrop;
 use std::path::PathBuf;
 
@@ -67,7 +68,7 @@ impl Driver {
                         library: ManuallyDrop::new(library),
                     });
                 }
-                Err(error) => said.push(error.to_string()),
+                Err(error) => said.push(format!("{}: {}", file.display(), words(&error))),
             }
         }
         Err(wanted.not_installed(&said.join("; ")))
@@ -89,4 +90,13 @@ impl Driver {
             ))
         })
     }
+}
+
+/// The loader's own words: the innermost cause.
+fn words(error: &dyn Error) -> String {
+    let mut inmost = error;
+    while let Some(cause) = inmost.source() {
+        inmost = cause;
+    }
+    inmost.to_string()
 }

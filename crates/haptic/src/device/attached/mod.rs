@@ -1,7 +1,7 @@
 //! The devices of this machine, of every kind.
 
+mod look;
 mod open;
-mod survey;
 
+pub use look::{Missing, Survey, survey};
 pub use open::open;
-pub use survey::{Missing, Survey, survey};

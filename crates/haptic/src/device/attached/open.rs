@@ -19,7 +19,7 @@ pub fn open(
     match info.kind {
         DeviceKind::OpenHaptics => {
             let named = (own != "Default Device").then_some(own);
-            openhaptics::open(openhaptics::Options::of_system(named))
+            openhaptics::open(openhaptics::PhantomOptions::of_system(named))
         }
         DeviceKind::ForceDimension => {
             let index = own.parse().map_err(|_| DeviceError::Unsuitable {
@@ -27,13 +27,13 @@ pub fn open(
                 expected: "a place in the library's list".into(),
                 found: own.to_owned(),
             })?;
-            force_dimension::open(force_dimension::Options {
+            force_dimension::open(force_dimension::DhdOptions {
                 index,
                 serial: info.serial.parse().ok(),
-                ..force_dimension::Options::of_system()
+                ..force_dimension::DhdOptions::of_system()
             })
         }
-        DeviceKind::Haply => haply::open(haply::Options::of_system(Some(own))?),
+        DeviceKind::Haply => haply::open(haply::InverseOptions::of_system(Some(own))?),
         DeviceKind::ForceFeedback | DeviceKind::SpaceMouse => hid::open_with(info, feel, settings),
     }
 }

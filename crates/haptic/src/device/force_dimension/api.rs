@@ -28,13 +28,12 @@ pub(super) type Id = c_char;
 
 pub(super) const ON: c_int = 1;
 
-/// Entries of the status vector that are used, and its length.
+/// Entries of the status vector that are used.
 pub(super) mod status {
     pub(crate) const POWER: usize = 0;
     /// Whether the device is calibrated.
     pub(crate) const RESET: usize = 3;
-    pub(crate) const LENGTH: usize = 16;
-    /// Room for what later versions add.
+    /// Entries there is room for: sixteen, and what later versions add.
     pub(crate) const ROOM: usize = 64;
 }
 

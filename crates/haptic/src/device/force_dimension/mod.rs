@@ -6,11 +6,11 @@
 //! in metres, newtons and newton metres.
 
 mod api;
-mod find;
+mod look;
 mod model;
 mod opened;
 mod options;
 mod servo;
 
-pub use find::{find, open};
-pub use options::Options;
+pub use look::{find, open};
+pub use options::DhdOptions;

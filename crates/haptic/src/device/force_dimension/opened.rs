@@ -82,7 +82,6 @@ impl Opened {
         // SAFETY: an open device; there is room for more entries than any version has.
         let code = unsafe { (self.api.status)(fields.as_mut_ptr(), self.id) };
         self.api.done(code, &self.name)?;
-        debug_assert!(status::RESET < status::LENGTH && status::LENGTH <= status::ROOM);
         let missing = |reason: &str| DeviceError::NotReady {
             name: self.name.clone(),
             reason: reason.into(),

@@ -5,19 +5,19 @@ use std::sync::Arc;
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::force_dimension::api::Api;
 use crate::device::force_dimension::opened::Opened;
-use crate::device::force_dimension::options::Options;
+use crate::device::force_dimension::options::DhdOptions;
+use crate::device::servo::device::Servo;
 use crate::device::servo::link::Link;
 use crate::device::servo::pull::pull;
-use crate::device::servo::turn::Servo;
 
 /// A Force Dimension device or a Falcon.
 pub(super) struct Arm {
-    options: Options,
+    options: DhdOptions,
     opened: Option<Opened>,
 }
 
 impl Arm {
-    pub(super) fn new(options: Options) -> Self {
+    pub(super) fn new(options: DhdOptions) -> Self {
         Self {
             options,
             opened: None,

@@ -5,13 +5,13 @@
 //! the user, z up, in metres and newtons; its origin lies at the device's plate, so poses here are
 //! shifted by [`CENTRE`]. The grip, if there is one, gives rotation and buttons.
 
-mod find;
+mod look;
 mod message;
 mod opened;
 mod options;
 mod servo;
 mod socket;
 
-pub use find::{find, open};
+pub use look::{find, open};
 pub use opened::CENTRE;
-pub use options::Options;
+pub use options::InverseOptions;

@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::frame::Axes;
 use crate::device::haply::message::{Arm, Message, push};
-use crate::device::haply::options::Options;
+use crate::device::haply::options::InverseOptions;
 use crate::device::haply::socket::{NAME, Socket};
 use crate::device::servo::turn::{Handle, Turn};
 
@@ -116,7 +116,7 @@ fn ready(arm: &Arm) -> Result<(), DeviceError> {
 
 impl Opened {
     /// Connects to the service and takes the device wanted, without force.
-    pub(super) fn new(options: &Options) -> Result<(Self, DeviceSpec), DeviceError> {
+    pub(super) fn new(options: &InverseOptions) -> Result<(Self, DeviceSpec), DeviceError> {
         let (socket, first) = Socket::connect(options.address)?;
         let wanted = |l: &Listed| options.id.as_ref().is_none_or(|id| *id == l.id);
         let Some(found) = list(&first).into_iter().find(wanted) else {

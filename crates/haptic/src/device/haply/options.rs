@@ -12,14 +12,14 @@ pub(super) const VARIABLE: &str = "PEGFIT_HAPLY";
 
 /// Which device, and where its service listens.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Options {
+pub struct InverseOptions {
     /// Address of the service's WebSocket.
     pub address: SocketAddr,
     /// The service's id of the device, such as `049D`; `None` for the first.
     pub id: Option<String>,
 }
 
-impl Default for Options {
+impl Default for InverseOptions {
     fn default() -> Self {
         Self {
             address: (Ipv4Addr::LOCALHOST, PORT).into(),
@@ -28,7 +28,7 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl InverseOptions {
     /// The device of this id, at the address that `PEGFIT_HAPLY` names, else the service's own.
     ///
     /// # Errors

@@ -2,19 +2,19 @@
 
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::haply::opened::Opened;
-use crate::device::haply::options::Options;
+use crate::device::haply::options::InverseOptions;
+use crate::device::servo::device::Servo;
 use crate::device::servo::link::Link;
 use crate::device::servo::pull::pull;
-use crate::device::servo::turn::Servo;
 
 /// An Inverse3.
 pub(super) struct Inverse {
-    options: Options,
+    options: InverseOptions,
     opened: Option<Opened>,
 }
 
 impl Inverse {
-    pub(super) fn new(options: Options) -> Self {
+    pub(super) fn new(options: InverseOptions) -> Self {
         Self {
             options,
             opened: None,

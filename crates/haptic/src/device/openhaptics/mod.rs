@@ -6,12 +6,12 @@
 
 mod api;
 mod calibration;
-mod find;
+mod look;
 mod opened;
 mod options;
 mod scheduled;
 mod servo;
 mod words;
 
-pub use find::{find, open};
-pub use options::Options;
+pub use look::{find, open};
+pub use options::PhantomOptions;

@@ -2,7 +2,6 @@
 
 use std::ffi::c_uint;
 use std::ptr::null;
-use std::sync::Arc;
 
 use fft_correlate::{Twist, Wrench};
 use glam::{DMat3, DQuat, DVec3};
@@ -11,7 +10,7 @@ use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::frame::Axes;
 use crate::device::openhaptics::api::{Api, Hhd, INVALID_HANDLE, parameter};
 use crate::device::openhaptics::calibration::Style;
-use crate::device::openhaptics::options::Options;
+use crate::device::openhaptics::options::PhantomOptions;
 use crate::device::openhaptics::words::{Fault, check, fault};
 use crate::device::servo::turn::{Handle, Turn};
 
@@ -26,7 +25,7 @@ const SOFT_ROTATION: f64 = 0.5;
 
 /// An open device. Dropping it takes its force away and closes it.
 pub(super) struct Opened {
-    pub(super) api: Arc<Api>,
+    pub(super) api: Api,
     device: Hhd,
     name: String,
     style: Style,
@@ -43,7 +42,7 @@ pub(super) struct Found {
 
 impl Opened {
     /// Opens the device, without force.
-    pub(super) fn new(api: Arc<Api>, options: &Options) -> Result<Self, DeviceError> {
+    pub(super) fn new(api: Api, options: &PhantomOptions) -> Result<Self, DeviceError> {
         let name = options.called().to_owned();
         let c_name = options.c_name()?;
         let text = c_name.as_ref().map_or(null(), |name| name.as_ptr());

@@ -8,14 +8,14 @@ use crate::device::openhaptics::api::WANTED;
 
 /// Which device, and by which library.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Options {
+pub struct PhantomOptions {
     /// The name that the maker's setup program gave it; `None` for the default device.
     pub name: Option<String>,
     /// File of the library; `None` for the installed one.
     pub library: Option<PathBuf>,
 }
 
-impl Options {
+impl PhantomOptions {
     /// The device of this name, by the library that `PEGFIT_LIBHD` names, else the installed one.
     pub fn of_system(name: Option<&str>) -> Self {
         Self {

@@ -1,23 +1,21 @@
 //! The device on its servo thread.
 
-use std::sync::Arc;
-
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::openhaptics::api::Api;
 use crate::device::openhaptics::opened::Opened;
-use crate::device::openhaptics::options::Options;
+use crate::device::openhaptics::options::PhantomOptions;
 use crate::device::openhaptics::scheduled;
+use crate::device::servo::device::Servo;
 use crate::device::servo::link::Link;
-use crate::device::servo::turn::Servo;
 
 /// A Touch or PHANTOM.
 pub(super) struct Phantom {
-    options: Options,
+    options: PhantomOptions,
     opened: Option<Opened>,
 }
 
 impl Phantom {
-    pub(super) fn new(options: Options) -> Self {
+    pub(super) fn new(options: PhantomOptions) -> Self {
         Self {
             options,
             opened: None,
@@ -30,7 +28,7 @@ impl Servo for Phantom {
         // The old one is closed first: it can be opened only once.
         self.opened = None;
         let api = Api::load(self.options.library.clone())?;
-        let mut opened = Opened::new(Arc::new(api), &self.options)?;
+        let mut opened = Opened::new(api, &self.options)?;
         let spec = opened.describe().spec;
         opened.calibrate()?;
         opened.enable()?;

@@ -10,7 +10,6 @@ use fft_correlate::Wrench;
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
 use crate::device::servo::link::{Link, LoopEnd};
-use crate::device::servo::turn::Servo;
 
 /// Longest wait for the device to confirm a stop.
 const STOP_WAIT: Duration = Duration::from_millis(200);
@@ -20,6 +19,16 @@ const REST: Duration = Duration::from_micros(500);
 
 /// Pause before trying to reach a device again that is gone.
 const RETRY: Duration = Duration::from_millis(300);
+
+/// A device as its servo thread has it. All calls come from that thread.
+pub(crate) trait Servo: Send {
+    /// Opens it (again) and makes it ready to push, without force; says what it can do.
+    fn connect(&mut self) -> Result<DeviceSpec, DeviceError>;
+
+    /// Exchanges wrenches and inputs by `link` until told to quit or until the device fails; on
+    /// return the device is without force and closed.
+    fn serve(&mut self, link: &mut Link) -> Result<(), DeviceError>;
+}
 
 /// A device on a servo thread.
 pub(crate) struct ServoDevice {

@@ -11,7 +11,7 @@ use crate::device::contract::DeviceError;
 use crate::device::servo::turn::{Handle, Turn};
 
 /// Silence of the loop after which the device gets no force.
-const PATIENCE: Duration = Duration::from_millis(15);
+const PATIENCE: Duration = Duration::from_millis(12);
 
 /// The same for a slow loop: at most this long, and no more than twice its last pause.
 const GREATEST_PATIENCE: Duration = Duration::from_millis(50);

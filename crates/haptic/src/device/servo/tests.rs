@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 use fft_correlate::{Pose, Twist, Wrench};
 use glam::DVec3;
 
-use super::device::ServoDevice;
+use super::device::{Servo, ServoDevice};
 use super::link::Link;
 use super::pull::pull;
-use super::turn::{Handle, Servo, Turn};
+use super::turn::{Handle, Turn};
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
 use crate::device::hand_body::HandConfig;
 use crate::device::hid::fake::until;
@@ -151,7 +151,7 @@ fn a_slow_loop_is_not_taken_for_a_silent_one() {
         device.send(&push(1.0)).unwrap();
         std::thread::sleep(Duration::from_millis(20));
     }
-    // Pauses of 20 ms, where 15 are borne at first: on a machine that stretches one of them to
+    // Pauses of 20 ms, where 12 are borne at first: on a machine that stretches one of them to
     // more than twice the one before there is a gap.
     let gaps = fake.with(|w| w.pushed.iter().filter(|f| **f == 0.0).count());
     assert!(gaps <= 2, "{gaps}");

@@ -2,8 +2,7 @@
 
 use fft_correlate::{Pose, Twist};
 
-use crate::device::contract::{DeviceError, DeviceSpec};
-use crate::device::servo::link::Link;
+use crate::device::contract::DeviceError;
 
 /// Where a handle is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,14 +23,4 @@ pub(crate) struct Turn {
     /// Why the device took the force away by itself, if it did: too much of it, or warm motors.
     /// The force rises anew from nothing.
     pub(crate) refused: Option<DeviceError>,
-}
-
-/// A device as its servo thread has it. All calls come from that thread.
-pub(crate) trait Servo: Send {
-    /// Opens it (again) and makes it ready to push, without force; says what it can do.
-    fn connect(&mut self) -> Result<DeviceSpec, DeviceError>;
-
-    /// Exchanges wrenches and inputs by `link` until told to quit or until the device fails; on
-    /// return the device is without force and closed.
-    fn serve(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 }

@@ -2,7 +2,7 @@
 
 use fft_correlate::Wrench;
 use glam::{DMat3, DQuat, DVec3};
-use haptic::device::force_dimension::{Options, find, open};
+use haptic::device::force_dimension::{DhdOptions, find, open};
 use haptic::device::info::Access;
 use haptic::{Device, DeviceError};
 
@@ -16,10 +16,10 @@ impl Sigma {
         Self(Stub::build("dhd.c", &[]))
     }
 
-    fn options(&self) -> Options {
-        Options {
+    fn options(&self) -> DhdOptions {
+        DhdOptions {
             library: Some(self.0.path()),
-            ..Options::default()
+            ..DhdOptions::default()
         }
     }
 }
@@ -140,7 +140,7 @@ fn every_device_is_listed_and_opened_by_place_and_serial_number() {
             .iter()
             .all(|i| i.access == Access::Ready && i.is_called(&i.serial))
     );
-    let second = |serial| Options {
+    let second = |serial| DhdOptions {
         index: 1,
         serial: Some(serial),
         ..sigma.options()
@@ -181,9 +181,9 @@ fn what_is_missing_is_said_in_words_that_help() {
     let told = find(&sigma.options()).unwrap_err().to_string();
     assert!(told.contains("version 3.2.6"), "{told}");
 
-    let nowhere = Options {
+    let nowhere = DhdOptions {
         library: Some("/nowhere/libdhd.so".into()),
-        ..Options::default()
+        ..DhdOptions::default()
     };
     let told = find(&nowhere).unwrap_err().to_string();
     for word in [
@@ -194,9 +194,9 @@ fn what_is_missing_is_said_in_words_that_help() {
         assert!(told.contains(word), "{told}");
     }
     let old = Stub::build("dhd.c", &["-DWITHOUT_WRENCH"]);
-    let options = Options {
+    let options = DhdOptions {
         library: Some(old.path()),
-        ..Options::default()
+        ..DhdOptions::default()
     };
     let told = open(options).err().unwrap().to_string();
     assert!(

@@ -5,7 +5,7 @@ mod service;
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use haptic::device::haply::{CENTRE, Options, find, open};
+use haptic::device::haply::{CENTRE, InverseOptions, find, open};
 use haptic::device::info::Access;
 use haptic::{Device, DeviceError};
 
@@ -13,8 +13,8 @@ use super::promises::{Rig, keeps_all, push, pushing, until};
 use service::{Manner, Service};
 
 impl Service {
-    fn options(&self) -> Options {
-        Options {
+    fn options(&self) -> InverseOptions {
+        InverseOptions {
             address: self.address(),
             id: None,
         }
@@ -163,7 +163,7 @@ fn what_is_missing_is_said_in_words_that_help() {
     failed("not calibrated");
     service.with(|s| s.powered = false);
     failed("no power");
-    let other = Options {
+    let other = InverseOptions {
         id: Some("FFFF".into()),
         ..service.options()
     };
@@ -177,7 +177,7 @@ fn what_is_missing_is_said_in_words_that_help() {
     assert!(told.contains("version 3.1 or later"), "{told}");
     let address = service.address();
     drop(service);
-    let gone = Options { address, id: None };
+    let gone = InverseOptions { address, id: None };
     let told = find(&gone).unwrap_err().to_string();
     for word in [
         "is not installed",

@@ -3,7 +3,7 @@
 use fft_correlate::Wrench;
 use glam::{DMat3, DQuat, DVec3};
 use haptic::device::info::Access;
-use haptic::device::openhaptics::{Options, find, open};
+use haptic::device::openhaptics::{PhantomOptions, find, open};
 use haptic::{Device, DeviceError};
 
 use super::promises::{Rig, keeps_all, push, pushing, until};
@@ -16,8 +16,8 @@ impl Touch {
         Self(Stub::build("hd.c", &[]))
     }
 
-    fn options(&self) -> Options {
-        Options {
+    fn options(&self) -> PhantomOptions {
+        PhantomOptions {
             name: None,
             library: Some(self.0.path()),
         }
@@ -215,7 +215,7 @@ fn what_is_missing_is_said_in_words_that_help() {
         "{told}"
     );
     touch.0.set("stub_init_error", &[0.0]);
-    let named = Options {
+    let named = PhantomOptions {
         name: Some("Left".into()),
         ..touch.options()
     };
@@ -225,9 +225,9 @@ fn what_is_missing_is_said_in_words_that_help() {
         ("openhaptics:Left", "Stub Left")
     );
 
-    let nowhere = Options {
+    let nowhere = PhantomOptions {
         library: Some("/nowhere/libHD.so".into()),
-        ..Options::default()
+        ..PhantomOptions::default()
     };
     let told = find(&nowhere).unwrap_err().to_string();
     for word in [
@@ -239,9 +239,9 @@ fn what_is_missing_is_said_in_words_that_help() {
         assert!(told.contains(word), "{told}");
     }
     let old = Stub::build("hd.c", &["-DWITHOUT_UNSCHEDULE"]);
-    let options = Options {
+    let options = PhantomOptions {
         library: Some(old.path()),
-        ..Options::default()
+        ..PhantomOptions::default()
     };
     for told in [find(&options).unwrap_err(), open(options).err().unwrap()] {
         let told = told.to_string();

@@ -79,6 +79,7 @@ fn soon_without_force(
         took.push(begin.elapsed());
         rig.plug(true);
         if took.last().is_some_and(|t| *t < SOON) {
+            println!("{what}: no force after {took:?}");
             return;
         }
     }

@@ -45,11 +45,12 @@ pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, Device
         add(DeviceKind::OpenHaptics, touch(own).map(|info| vec![info]));
     }
     if asked(DeviceKind::ForceDimension) {
-        let options = force_dimension::Options::of_system();
+        let options = force_dimension::DhdOptions::of_system();
         add(DeviceKind::ForceDimension, force_dimension::find(&options));
     }
     if asked(DeviceKind::Haply) {
-        let found = haply::Options::of_system(None).and_then(|options| haply::find(&options));
+        let found =
+            haply::InverseOptions::of_system(None).and_then(|options| haply::find(&options));
         add(DeviceKind::Haply, found);
     }
     if asked(DeviceKind::ForceFeedback) || asked(DeviceKind::SpaceMouse) {
@@ -61,12 +62,12 @@ pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, Device
 
 /// The device of this name, else the default one, whose serial number it may be.
 fn touch(name: Option<&str>) -> Result<DeviceInfo, DeviceError> {
-    let default = || openhaptics::find(&openhaptics::Options::of_system(None));
+    let default = || openhaptics::find(&openhaptics::PhantomOptions::of_system(None));
     let Some(name) = name else {
         return default();
     };
     let own = name.strip_prefix("openhaptics:").unwrap_or(name);
-    openhaptics::find(&openhaptics::Options::of_system(Some(own))).or_else(|why| {
+    openhaptics::find(&openhaptics::PhantomOptions::of_system(Some(own))).or_else(|why| {
         let info = default()?;
         match info.is_called(name) {
             true => Ok(info),

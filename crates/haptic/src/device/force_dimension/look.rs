@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::device::contract::{Device, DeviceError};
 use crate::device::force_dimension::api::Api;
 use crate::device::force_dimension::opened::{Opened, unknown};
-use crate::device::force_dimension::options::Options;
+use crate::device::force_dimension::options::DhdOptions;
 use crate::device::force_dimension::servo::Arm;
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
 use crate::device::servo::device::ServoDevice;
@@ -15,7 +15,7 @@ use crate::device::servo::device::ServoDevice;
 ///
 /// # Errors
 /// If the library is not installed, too old or lacks a function, or there is no device.
-pub fn find(options: &Options) -> Result<Vec<DeviceInfo>, DeviceError> {
+pub fn find(options: &DhdOptions) -> Result<Vec<DeviceInfo>, DeviceError> {
     let api = Arc::new(Api::load(options.library.clone())?);
     // SAFETY: takes nothing.
     let count = unsafe { (api.device_count)() };
@@ -57,7 +57,7 @@ fn look(api: &Arc<Api>, index: u8) -> DeviceInfo {
 ///
 /// # Errors
 /// As [`find`], and if it is not calibrated or not the one wanted.
-pub fn open(options: Options) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open(options: DhdOptions) -> Result<Box<dyn Device>, DeviceError> {
     let arm = Arm::new(options);
     Ok(Box::new(ServoDevice::spawn(Box::new(arm))?))
 }

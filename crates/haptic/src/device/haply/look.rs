@@ -2,7 +2,7 @@
 
 use crate::device::contract::{Device, DeviceError};
 use crate::device::haply::opened::list;
-use crate::device::haply::options::Options;
+use crate::device::haply::options::InverseOptions;
 use crate::device::haply::servo::Inverse;
 use crate::device::haply::socket::{NAME, Socket};
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
@@ -12,7 +12,7 @@ use crate::device::servo::device::ServoDevice;
 ///
 /// # Errors
 /// If the service does not answer, speaks another language, or sees no device.
-pub fn find(options: &Options) -> Result<Vec<DeviceInfo>, DeviceError> {
+pub fn find(options: &InverseOptions) -> Result<Vec<DeviceInfo>, DeviceError> {
     let (mut socket, first) = Socket::connect(options.address)?;
     socket.close();
     let listed = list(&first);
@@ -41,7 +41,7 @@ pub fn find(options: &Options) -> Result<Vec<DeviceInfo>, DeviceError> {
 ///
 /// # Errors
 /// As [`find`], and if it is not calibrated or somebody else holds it.
-pub fn open(options: Options) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open(options: InverseOptions) -> Result<Box<dyn Device>, DeviceError> {
     let inverse = Inverse::new(options);
     Ok(Box::new(ServoDevice::spawn(Box::new(inverse))?))
 }

@@ -1,12 +1,10 @@
 //! The device that the library has, looked at or held.
 
-use std::sync::Arc;
-
 use crate::device::contract::{Device, DeviceError};
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
 use crate::device::openhaptics::api::Api;
 use crate::device::openhaptics::opened::{Found, Opened};
-use crate::device::openhaptics::options::Options;
+use crate::device::openhaptics::options::PhantomOptions;
 use crate::device::openhaptics::servo::Phantom;
 use crate::device::servo::device::ServoDevice;
 
@@ -15,9 +13,9 @@ use crate::device::servo::device::ServoDevice;
 /// # Errors
 /// If the library is not installed or lacks a function, or the device cannot be opened at all. One
 /// that only wants to be calibrated is listed, and says so in [`DeviceInfo::access`].
-pub fn find(options: &Options) -> Result<DeviceInfo, DeviceError> {
+pub fn find(options: &PhantomOptions) -> Result<DeviceInfo, DeviceError> {
     let api = Api::load(options.library.clone())?;
-    let mut opened = Opened::new(Arc::new(api), options)?;
+    let mut opened = Opened::new(api, options)?;
     let Found { spec, serial } = opened.describe();
     Ok(DeviceInfo {
         path: format!("{}:{}", DeviceKind::OpenHaptics.word(), options.called()),
@@ -38,7 +36,7 @@ pub fn find(options: &Options) -> Result<DeviceInfo, DeviceError> {
 ///
 /// # Errors
 /// As [`find`], and if it is not calibrated.
-pub fn open(options: Options) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open(options: PhantomOptions) -> Result<Box<dyn Device>, DeviceError> {
     let phantom = Phantom::new(options);
     Ok(Box::new(ServoDevice::spawn(Box::new(phantom))?))
 }

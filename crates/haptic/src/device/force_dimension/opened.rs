@@ -15,6 +15,9 @@ use crate::device::servo::turn::{Handle, Turn};
 /// Rotational stiffness \[N·m/rad\]: none is stated for any model.
 const ROTATIONAL_STIFFNESS: f64 = 1.0;
 
+/// Exchanges per second for which stiffnesses are stated.
+const RATE: f64 = 1000.0;
+
 /// An open device. Dropping it takes its force away and closes it.
 pub(super) struct Opened {
     api: Arc<Api>,
@@ -179,7 +182,7 @@ fn spec(name: &str, system_type: c_int, wrist: bool, torque: bool) -> DeviceSpec
         max_stiffness: model.stiffness,
         max_rotational_stiffness: ROTATIONAL_STIFFNESS,
         workspace: model.workspace,
-        nominal_rate: model.rate,
+        nominal_rate: RATE,
     }
 }
 

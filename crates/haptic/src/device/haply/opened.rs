@@ -18,10 +18,10 @@ pub const CENTRE: DVec3 = DVec3::new(0.0, -0.15, 0.15);
 /// Silence after which the service counts as gone.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// Greatest force, N, by the maker's data sheet.
+/// Greatest force, N: the service does not tell it.
 const FORCE: f64 = 10.0;
 
-/// Stiffest wall, N/m: none is stated.
+/// Stiffest wall, N/m, likewise: a cautious number.
 const STIFFNESS: f64 = 2000.0;
 
 /// Widest side of the workspace, m.

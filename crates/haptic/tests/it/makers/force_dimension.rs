@@ -92,14 +92,14 @@ fn wrenches_go_out_in_its_frame_and_torques_where_it_has_motors_for_them() {
     assert_eq!((spec.input_dof, spec.output_dof), (6, 6));
     assert_eq!(
         (spec.name.as_str(), spec.max_force, spec.max_torque),
-        ("stub.7", 20.0, 0.4)
+        ("stub.7", 12.0, 0.2)
     );
     reached(device.as_mut(), [-2.0, 1.0, 3.0, -0.2, 0.1, -0.3]);
     assert_eq!(sigma.0.get("stub_gravity", 0), 1.0);
     assert_eq!(sigma.0.get("stub_gripper", 0), 0.0);
     drop(device);
     // An omega.6 senses rotations, a Falcon does not; neither shows torques.
-    for (system_type, wrist, dof, force) in [(34.0, 1.0, 6, 12.0), (60.0, 0.0, 3, 8.9)] {
+    for (system_type, wrist, dof, force) in [(34.0, 1.0, 6, 12.0), (60.0, 0.0, 3, 8.0)] {
         sigma.0.set("stub_type", &[system_type]);
         sigma.0.set("stub_wrist", &[wrist]);
         sigma.0.set("stub_active", &[0.0]);

@@ -4,6 +4,8 @@
 pub(crate) mod fake;
 pub mod pid;
 pub(crate) mod port;
+#[cfg(test)]
+mod replay_tests;
 pub mod report;
 pub mod spacemouse;
 mod system;

@@ -136,6 +136,15 @@ impl Opened {
         check(&self.api, &self.name)
     }
 
+    /// Takes the force away, outside of any frame.
+    pub(super) fn disable(&self) {
+        // SAFETY: an open device and a capability of every device.
+        unsafe {
+            (self.api.make_current)(self.device);
+            (self.api.disable)(parameter::FORCE_OUTPUT);
+        }
+    }
+
     /// One frame: reads the handle, pushes with `wrench`. Called by the scheduler.
     pub(super) fn frame(&self, wrench: &Wrench) -> Result<Turn, DeviceError> {
         let api = &self.api;
@@ -194,13 +203,12 @@ fn vector(api: &Api, what: c_uint) -> DVec3 {
 
 impl Drop for Opened {
     fn drop(&mut self) {
+        if self.device != INVALID_HANDLE {
+            self.disable();
+        }
         let api = &self.api;
         // SAFETY: the device is closed last; nothing is called with it any more.
         unsafe {
-            if self.device != INVALID_HANDLE {
-                (api.make_current)(self.device);
-                (api.disable)(parameter::FORCE_OUTPUT);
-            }
             if self.scheduled {
                 (api.stop_scheduler)();
             }

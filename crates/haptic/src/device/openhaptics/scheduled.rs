@@ -13,6 +13,10 @@ use crate::device::servo::link::Link;
 /// Pause between two looks at how the servo is.
 const REST: Duration = Duration::from_millis(1);
 
+/// Time without a call of the servo after which the device is without force: nobody could take it
+/// away.
+const LATE: Duration = Duration::from_millis(12);
+
 /// Longest time without a call of the servo before the scheduler counts as dead.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -26,6 +30,8 @@ struct Shared<'a> {
 struct Inner<'a> {
     link: &'a mut Link,
     called: Instant,
+    /// The motors are off because the scheduler was late.
+    off: bool,
     ended: Option<Result<(), DeviceError>>,
 }
 
@@ -37,6 +43,7 @@ pub(super) fn serve(opened: &Opened, link: &mut Link) -> Result<(), DeviceError>
         inner: Mutex::new(Inner {
             link,
             called: Instant::now(),
+            off: false,
             ended: None,
         }),
     };
@@ -60,14 +67,23 @@ fn wait(shared: &Shared<'_>) -> Result<(), DeviceError> {
         if let Some(result) = inner.ended.take() {
             return result;
         }
-        if inner.called.elapsed() > PATIENCE {
+        let silence = inner.called.elapsed();
+        if silence > PATIENCE {
             // Whatever comes later finds that it is over.
             inner.ended = Some(Ok(()));
-            return Err(DeviceError::System {
-                name: "OpenHaptics".into(),
-                reason: format!("the scheduler has not called for {PATIENCE:?}"),
-            });
+            return Err(silent(PATIENCE));
         }
+        if silence > LATE && !inner.off {
+            shared.opened.disable();
+            inner.off = true;
+        }
+    }
+}
+
+fn silent(lasting: Duration) -> DeviceError {
+    DeviceError::System {
+        name: "OpenHaptics".into(),
+        reason: format!("the scheduler has not called for {lasting:?}"),
     }
 }
 
@@ -80,12 +96,21 @@ unsafe extern "system" fn tick(data: *mut c_void) -> c_uint {
         return CALLBACK_DONE;
     }
     inner.called = Instant::now();
-    let last = inner.link.quit();
+    let (last, off) = (inner.link.quit(), inner.off);
     let link = &mut *inner.link;
     // A panic may not leave through the scheduler's frames.
     let turn = catch_unwind(AssertUnwindSafe(|| {
-        link.turn(|wrench| shared.opened.frame(wrench))
+        link.turn(|wrench| {
+            let mut turn = shared.opened.frame(wrench)?;
+            if off {
+                // Still without force in this frame; from the next on it rises.
+                turn.refused = Some(silent(LATE));
+                shared.opened.enable()?;
+            }
+            Ok(turn)
+        })
     }));
+    inner.off = false;
     inner.ended = match turn {
         Ok(Ok(())) if !last => return CALLBACK_CONTINUE,
         Ok(result) => Some(result),

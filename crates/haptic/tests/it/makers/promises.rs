@@ -60,7 +60,7 @@ pub(super) fn pushing(rig: &dyn Rig, device: &mut dyn Device, force: DVec3) {
 }
 
 /// Pushes, does something, and looks how long the motors go on.
-fn soon_without_force(
+pub(super) fn soon_without_force(
     rig: &dyn Rig,
     what: &str,
     mut end: impl FnMut(&mut Option<Box<dyn Device>>),

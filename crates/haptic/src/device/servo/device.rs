@@ -94,7 +94,9 @@ fn reconnect(servo: &mut dyn Servo, link: &mut Link, spec: &DeviceSpec) -> bool 
                 expected: "the same device as before".into(),
                 found: other.name,
             }),
-            Err(fault) => link.lost(fault),
+            // What somebody has to do now; else why it went says more than that it is away.
+            Err(fault @ DeviceError::NotReady { .. }) => link.lost(fault),
+            Err(_) => {}
         }
         while begin.elapsed() < RETRY && !link.quit() {
             std::thread::sleep(REST);

@@ -116,7 +116,7 @@ fn ends(manner: Manner, words: &str) {
 fn garbage_a_lost_device_and_a_service_that_goes_end_the_force() {
     ends(Manner::Garbage, "JSON");
     ends(Manner::Binary, "a binary message");
-    ends(Manner::LosesDevice, "not there any more");
+    ends(Manner::LosesDevice, "device");
     ends(Manner::Gone, "has gone");
     ends(Manner::Silent, "has not answered for 100ms");
 }

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Wrench;
 use glam::{DVec2, DVec3};
-use haptic::device::hid::{Access, DeviceInfo, DeviceKind, enumerate, open};
+use haptic::device::hid::{enumerate, open};
+use haptic::device::info::{Access, DeviceInfo, DeviceKind};
 use haptic::{Device, DeviceError, DeviceState};
 
 use crate::gadget::Gadget;
@@ -110,7 +111,8 @@ fn mouse_steers(identity: &Identity, combined: bool) {
     let mouse = Virtual::plug(identity, Arc::new(Mutex::new(Silent)));
     let info = listed(identity.serial);
     assert_eq!(info.kind, DeviceKind::SpaceMouse);
-    assert_eq!((info.spec.input_dof, info.vendor), (6, 0x256f));
+    let vendor = info.usb.map(|ids| ids.vendor);
+    assert_eq!((info.spec.input_dof, vendor), (6, Some(0x256f)));
     let mut device = open(&info).expect("open");
     let clock = Instant::now();
     let send = || {
@@ -323,7 +325,10 @@ fn usb_mouse() {
     let mut gadget = Gadget::describe().expect("gadget");
     gadget.plug().expect("plug");
     let info = listed("VM-USB");
-    assert_eq!((info.vendor, info.product), (0x046d, 0xc626));
+    assert_eq!(
+        info.usb.map(|ids| ids.to_string()).as_deref(),
+        Some("046d:c626")
+    );
     assert_eq!(info.name, "SpaceNavigator");
     let mut device = open(&info).expect("open");
     let clock = Instant::now();

@@ -306,8 +306,9 @@ pub struct FeelArgs {
     /// Interpolate this table instead of evaluating directly
     #[arg(long, value_name = "TABLE.zarr")]
     pub table: Option<PathBuf>,
-    /// What holds the moving part: simulated, auto, replay:LOG.csv, spacemouse or pid (the last two
-    /// with :PATH, :SERIAL or :VENDOR:PRODUCT to choose among several; see `pegfit devices`)
+    /// What holds the moving part: simulated, auto, replay:LOG.csv, openhaptics, force-dimension,
+    /// haply, pid or spacemouse (the last five with :PATH, :NAME, :SERIAL or :VENDOR:PRODUCT to
+    /// choose among several; see `pegfit devices`)
     #[arg(long, value_name = "DEVICE", default_value = "simulated")]
     pub device: DeviceChoice,
     /// What the simulated hand does
@@ -356,7 +357,8 @@ pub struct DevicesArgs {
     /// Show a device's axes and buttons as they move, until Ctrl-C
     #[arg(long)]
     pub probe: bool,
-    /// Which one to probe: a path, serial number or VENDOR:PRODUCT [default: the first]
+    /// Which one to probe, as listed: a path such as haply:049D, a serial number or VENDOR:PRODUCT
+    /// [default: the first]
     #[arg(value_name = "DEVICE", requires = "probe")]
     pub device: Option<String>,
     /// Stop probing after so many seconds

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use haptic::device::hid::{DeviceInfo, DeviceKind};
+use haptic::device::info::{DeviceInfo, DeviceKind};
 
 /// A device, or how to find one.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,19 +21,24 @@ pub enum DeviceChoice {
 /// Which of several devices of a kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Which {
-    /// The first, by path.
+    /// The first.
     First,
-    /// The one with this path, serial number or `vendor:product`.
+    /// The one that is called so: path, driver's name, serial number or `vendor:product`.
     Named(String),
 }
 
 impl Which {
     /// Whether it means this device.
     pub fn means(&self, device: &DeviceInfo) -> bool {
-        let Self::Named(name) = self else {
-            return true;
-        };
-        *name == device.path || *name == device.serial || *name == device.ids()
+        self.name().is_none_or(|name| device.is_called(name))
+    }
+
+    /// What was typed.
+    pub fn name(&self) -> Option<&str> {
+        match self {
+            Self::First => None,
+            Self::Named(name) => Some(name),
+        }
     }
 }
 
@@ -41,24 +46,28 @@ impl FromStr for DeviceChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (kind, rest) = match text.split_once(':') {
-            Some((kind, rest)) => (kind, Some(rest)),
+        let (word, rest) = match text.split_once(':') {
+            Some((word, rest)) => (word, Some(rest)),
             None => (text, None),
         };
-        let which = rest.map_or(Which::First, |name| Which::Named(name.to_owned()));
-        match (kind, rest) {
-            (_, Some("")) => Err(format!("nothing after `{kind}:`")),
-            ("simulated", None) => Ok(Self::Simulated),
-            ("auto", None) => Ok(Self::Auto),
-            ("replay", Some(path)) => Ok(Self::Replay(path.into())),
-            ("spacemouse", _) => Ok(Self::Attached(DeviceKind::SpaceMouse, which)),
-            ("pid", _) => Ok(Self::Attached(DeviceKind::ForceFeedback, which)),
-            _ => Err(
-                "expected simulated, auto, replay:LOG.csv, spacemouse or pid; the last two \
-                 may name one by path, serial number or vendor:product, as in \
-                 pid:/dev/hidraw3"
-                    .into(),
-            ),
+        if rest == Some("") {
+            return Err(format!("nothing after `{word}:`"));
+        }
+        let attached = DeviceKind::ALL.into_iter().find(|k| k.word() == word);
+        match (word, rest, attached) {
+            (_, rest, Some(kind)) => {
+                let which = rest.map_or(Which::First, |name| Which::Named(name.to_owned()));
+                Ok(Self::Attached(kind, which))
+            }
+            ("simulated", None, _) => Ok(Self::Simulated),
+            ("auto", None, _) => Ok(Self::Auto),
+            ("replay", Some(path), _) => Ok(Self::Replay(path.into())),
+            _ => Err(format!(
+                "expected simulated, auto, replay:LOG.csv or one of {}; these may name one of \
+                 several by path, driver's name, serial number or vendor:product, as in \
+                 pid:/dev/hidraw3",
+                DeviceKind::ALL.map(DeviceKind::word).join(", ")
+            )),
         }
     }
 }
@@ -87,27 +96,27 @@ mod tests {
             choice("spacemouse"),
             Ok(DeviceChoice::Attached(DeviceKind::SpaceMouse, Which::First))
         );
-        for wrong in ["", "pid:", "replay", "auto:x", "simulated:1", "joystick"] {
+        assert_eq!(
+            choice("openhaptics:Left Hand"),
+            Ok(DeviceChoice::Attached(
+                DeviceKind::OpenHaptics,
+                Which::Named("Left Hand".into())
+            ))
+        );
+        for kind in DeviceKind::ALL {
+            let first = DeviceChoice::Attached(kind, Which::First);
+            assert_eq!(choice(kind.word()), Ok(first));
+        }
+        for wrong in [
+            "",
+            "pid:",
+            "haply:",
+            "replay",
+            "auto:x",
+            "simulated:1",
+            "joystick",
+        ] {
             assert!(choice(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn a_name_is_a_path_a_serial_number_or_ids() {
-        let device = DeviceInfo {
-            path: "/dev/hidraw3".into(),
-            vendor: 0x046d,
-            product: 0xc626,
-            serial: "SN42".into(),
-            name: "SpaceNavigator".into(),
-            kind: DeviceKind::SpaceMouse,
-            spec: haptic::device::hid::spacemouse::spec("SpaceNavigator"),
-            access: haptic::device::hid::Access::Ready,
-        };
-        for name in ["/dev/hidraw3", "SN42", "046d:c626"] {
-            assert!(Which::Named(name.into()).means(&device), "{name}");
-        }
-        assert!(Which::First.means(&device));
-        assert!(!Which::Named("046d".into()).means(&device));
     }
 }

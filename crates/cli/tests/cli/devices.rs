@@ -1,5 +1,8 @@
 //! `pegfit devices`, and the devices of `pegfit feel`.
 
+use std::path::Path;
+use std::process::{Command, Output};
+
 use crate::common::{pegfit, refuse, scene_folder, stderr, stdout, succeed};
 
 #[test]
@@ -47,4 +50,107 @@ fn a_log_is_felt_again() {
     assert!(report["ticks"].as_u64().unwrap() > 0);
     let missing = ["feel", "scene.toml", "--device", "replay:no.csv"];
     assert!(refuse(folder.path(), &missing).contains("no.csv"));
+}
+
+/// Runs the command with nothing of a maker's driver but what `set` names.
+fn with_drivers(folder: &Path, args: &[&str], set: &[(&str, &Path)]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pegfit"));
+    command.current_dir(folder).args(args);
+    command.env("PEGFIT_LIBHD", "/nowhere/libHD.so");
+    command.env("PEGFIT_LIBDHD", "/nowhere/libdhd.so");
+    // The discard port, where nobody listens.
+    command.env("PEGFIT_HAPLY", "127.0.0.1:9");
+    for (variable, value) in set {
+        command.env(variable, value);
+    }
+    command.output().unwrap()
+}
+
+/// A stand-in for a maker's library, as the tests of `haptic` have it.
+#[cfg(unix)]
+fn driver(folder: &Path, source: &str) -> std::path::PathBuf {
+    let stubs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../haptic/tests/stubs");
+    let library = folder.join(source).with_extension("so");
+    let compiled = Command::new("cc")
+        .args(["-std=c11", "-O1", "-shared", "-fPIC", "-pthread"])
+        .arg(stubs.join(source))
+        .arg("-o")
+        .arg(&library)
+        .status()
+        .expect("a C compiler, cc, as the README asks for");
+    assert!(compiled.success());
+    library
+}
+
+#[test]
+fn what_each_maker_s_device_wants_is_said() {
+    let folder = scene_folder("");
+    let output = with_drivers(folder.path(), &["devices"], &[]);
+    let said = stderr(&output);
+    for words in [
+        "openhaptics: OpenHaptics is not installed: ",
+        "/nowhere/libHD.so",
+        "force-dimension: Force Dimension SDK is not installed: ",
+        "PEGFIT_LIBDHD",
+        "haply: Haply Inverse Service is not installed: nothing answers at 127.0.0.1:9",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    let args = ["feel", "scene.toml", "--device", "haply", "-q"];
+    let output = with_drivers(folder.path(), &args, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = stderr(&output);
+    assert!(said.contains("no Haply device can be used"), "{said}");
+}
+
+#[test]
+#[cfg(unix)]
+fn devices_of_makers_drivers_are_listed_probed_and_felt() {
+    let folder = scene_folder("");
+    let touch = driver(folder.path(), "hd.c");
+    let sigma = driver(folder.path(), "dhd.c");
+    let set = [("PEGFIT_LIBHD", touch.as_path()), ("PEGFIT_LIBDHD", &sigma)];
+    let output = with_drivers(folder.path(), &["devices", "--json"], &set);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let list: Vec<serde_json::Value> = serde_json::from_str(&stdout(&output)).unwrap();
+    for (path, name) in [
+        ("openhaptics:Default Device", "Stub Touch"),
+        ("force-dimension:0", "stub.7"),
+    ] {
+        let found = list.iter().find(|d| d["path"] == path).unwrap();
+        assert_eq!(
+            (&found["name"], &found["access"]),
+            (&name.into(), &"ready".into())
+        );
+        let probe = ["devices", "--probe", path, "--seconds", "0.3", "--json"];
+        let output = with_drivers(folder.path(), &probe, &set);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let text = stdout(&output);
+        let last: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        assert_eq!(last["connected"], true);
+    }
+    let text = stdout(&with_drivers(folder.path(), &["devices"], &set));
+    assert!(text.contains("(3D Systems, serial SN1234)"), "{text}");
+    for (device, name) in [
+        ("openhaptics", "Stub Touch"),
+        ("force-dimension:4000", "stub.7"),
+    ] {
+        let feel = [
+            "feel",
+            "scene.toml",
+            "--device",
+            device,
+            "--seconds",
+            "0.2",
+            "--json",
+            "-q",
+        ];
+        let output = with_drivers(folder.path(), &feel, &set);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let report: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert_eq!(report["device"], name);
+    }
+    let args = ["feel", "scene.toml", "--device", "force-dimension:9", "-q"];
+    let output = with_drivers(folder.path(), &args, &set);
+    assert!(stderr(&output).contains("no attached device is Force Dimension \"9\""));
 }

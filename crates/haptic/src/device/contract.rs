@@ -76,6 +76,22 @@ pub enum DeviceError {
         /// The system's words.
         reason: String,
     },
+    /// The maker's driver or service that it needs is not there; the reason says what to do.
+    #[error("{name} is not installed: {reason}")]
+    NotInstalled {
+        /// The driver or service.
+        name: String,
+        /// What was looked for, and what would help.
+        reason: String,
+    },
+    /// It is there, but somebody has to do something first: calibrate it, switch it on.
+    #[error("{name} is not ready: {reason}")]
+    NotReady {
+        /// The device.
+        name: String,
+        /// What is to be done.
+        reason: String,
+    },
     /// It is not the kind of device asked for, or its descriptor lacks what is needed.
     #[error("{name}: expected {expected}, found {found}")]
     Unsuitable {
@@ -122,4 +138,10 @@ pub trait Device: Send {
     /// # Errors
     /// If the device could not be told.
     fn stop_all(&mut self) -> Result<(), DeviceError>;
+
+    /// The last thing that went wrong with it, in its driver's words; `None` if nothing did or it
+    /// has none. Not for the loop: it may lock.
+    fn last_fault(&self) -> Option<DeviceError> {
+        None
+    }
 }

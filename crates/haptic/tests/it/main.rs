@@ -4,6 +4,8 @@
 mod common;
 mod exchange;
 mod feel;
+#[cfg(unix)]
+mod makers;
 mod passivity;
 mod safety;
 mod session;

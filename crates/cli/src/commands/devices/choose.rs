@@ -1,6 +1,7 @@
 //! Which attached device `--device` means.
 
-use haptic::device::hid::{self, Access, DeviceInfo, DeviceKind};
+use haptic::device::attached::{self, Survey};
+use haptic::device::info::{Access, DeviceInfo, DeviceKind};
 use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
 use crate::args::device_choice::{DeviceChoice, Which};
@@ -16,8 +17,10 @@ const UDEV_PATH: &str = "/etc/udev/rules.d/70-pegfit.rules";
 /// Why no device can be used.
 #[derive(Debug, thiserror::Error)]
 enum Unusable {
-    #[error("no haptic device is attached (3Dconnexion or USB HID PID)")]
+    #[error("no haptic device is attached")]
     None,
+    #[error("no {0} device can be used: {1}")]
+    Missing(&'static str, String),
     #[error("no attached device is {0}; `pegfit devices` lists what there is")]
     NoSuch(String),
     #[error("{} may not be opened by this user", .0.join(", "))]
@@ -43,22 +46,20 @@ pub(in crate::commands) fn choose(
             Ok(Some(Box::new(Replay::new(spec, samples))))
         }
         DeviceChoice::Attached(kind, which) => {
-            let found = enumerate()?;
-            let wanted = |d: &DeviceInfo| d.kind == *kind && which.means(d);
-            let text = format!("{} {}", kind_name(*kind), which_text(which));
-            open(pick(&found, wanted, text.trim())?, config).map(Some)
+            let found = survey(&[*kind], which.name())?;
+            let text = format!("{} {}", kind.maker(), which_text(which));
+            open(pick(&found, |d| which.means(d), text.trim())?, config).map(Some)
         }
         DeviceChoice::Auto => {
-            let found = enumerate()?;
-            let ready = |kind| move |d: &&DeviceInfo| d.kind == kind && d.access == Access::Ready;
-            let push = found.iter().find(ready(DeviceKind::ForceFeedback));
-            match push.or_else(|| found.iter().find(ready(DeviceKind::SpaceMouse))) {
+            let found = survey(&DeviceKind::ALL, None)?;
+            let ready = |d: &&DeviceInfo| d.access == Access::Ready;
+            match found.devices.iter().filter(ready).min_by_key(|d| d.kind) {
                 Some(device) => open(device, config).map(Some),
                 None => {
                     context
                         .progress
                         .note("note: no device can be opened; simulated hand");
-                    explain(&found);
+                    explain(&found.devices);
                     Ok(None)
                 }
             }
@@ -66,29 +67,34 @@ pub(in crate::commands) fn choose(
     }
 }
 
-pub(super) fn enumerate() -> Result<Vec<DeviceInfo>, CommandError> {
-    hid::enumerate().map_err(|e| CommandError::failure("listing devices", e))
+/// What there is of these kinds; `name` is what was typed for the one wanted.
+pub(super) fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, CommandError> {
+    attached::survey(kinds, name).map_err(|e| CommandError::failure("listing devices", e))
 }
 
 pub(super) fn open(
     device: &DeviceInfo,
     config: &HapticConfig,
 ) -> Result<Box<dyn Device>, CommandError> {
-    hid::open_with(device, config.spacemouse, config.pid)
+    attached::open(device, config.spacemouse, config.pid)
         .map_err(|e: DeviceError| CommandError::failure(device.path.clone(), e))
 }
 
 /// The first device wanted that can be opened.
 pub(super) fn pick<'a>(
-    found: &'a [DeviceInfo],
+    found: &'a Survey,
     wanted: impl Fn(&DeviceInfo) -> bool,
     text: &str,
 ) -> Result<&'a DeviceInfo, CommandError> {
-    let candidates: Vec<&DeviceInfo> = found.iter().filter(|d| wanted(d)).collect();
+    let candidates: Vec<&DeviceInfo> = found.devices.iter().filter(|d| wanted(d)).collect();
     if let Some(device) = candidates.iter().find(|d| d.access == Access::Ready) {
         return Ok(device);
     }
-    if candidates.is_empty() && !found.is_empty() {
+    if let (true, [missing]) = (candidates.is_empty(), found.missing.as_slice()) {
+        let reason = missing.reason.clone();
+        return Err(failure(Unusable::Missing(missing.kind.maker(), reason)));
+    }
+    if candidates.is_empty() && !found.devices.is_empty() {
         return Err(failure(Unusable::NoSuch(text.to_owned())));
     }
     Err(unusable(candidates))
@@ -126,16 +132,8 @@ pub(super) fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
     }
 }
 
-pub(super) fn kind_name(kind: DeviceKind) -> &'static str {
-    match kind {
-        DeviceKind::SpaceMouse => "3Dconnexion",
-        DeviceKind::ForceFeedback => "USB HID PID",
-    }
-}
-
 pub(super) fn which_text(which: &Which) -> String {
-    match which {
-        Which::First => String::new(),
-        Which::Named(name) => format!("{name:?}"),
-    }
+    which
+        .name()
+        .map_or_else(String::new, |name| format!("{name:?}"))
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Twist;
 use glam::DVec3;
-use haptic::device::hid::DeviceInfo;
+use haptic::device::info::DeviceInfo;
 use haptic::{Device, DeviceError, DeviceSpec, DeviceState, HapticConfig};
 use serde::Serialize;
 
@@ -36,6 +36,9 @@ struct Look {
     time: f64,
     /// False while it is unplugged.
     connected: bool,
+    /// The last thing that went wrong with it, in its driver's words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fault: Option<String>,
     /// x, y, z in metres, or m/s of a device steered by rates.
     linear: [f64; 3],
     /// Rotation vector in radians, or rad/s.
@@ -100,6 +103,7 @@ fn look(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> Look {
     Look {
         time,
         connected,
+        fault: device.last_fault().map(|fault| fault.to_string()),
         // Adding zero makes -0 to 0.
         linear: (shown.linear + DVec3::ZERO).to_array(),
         angular: (shown.angular + DVec3::ZERO).to_array(),
@@ -119,8 +123,10 @@ fn picture(spec: &DeviceSpec, look: &Look) -> String {
         true => (FULL_TURN, "°/s"),
         false => (std::f64::consts::PI, "°"),
     };
-    let plugged = if look.connected { "" } else { "  (unplugged)" };
-    let mut text = format!("{}{plugged}\n", spec.name);
+    let mut text = match look.connected {
+        true => format!("{}\n", spec.name),
+        false => format!("{}  ({})\n", spec.name, gone(look)),
+    };
     for (name, value) in ["x", "y", "z"].iter().zip(look.linear) {
         // Writing to a string cannot fail.
         let _ = writeln!(
@@ -173,9 +179,17 @@ fn bar(share: f64) -> String {
     )
 }
 
+/// What is said of a device that does not answer.
+fn gone(look: &Look) -> String {
+    match &look.fault {
+        None => "unplugged".to_owned(),
+        Some(fault) => format!("unplugged: {fault}"),
+    }
+}
+
 fn line(look: &Look) -> String {
     if !look.connected {
-        return format!("{:8.2} s  unplugged", look.time);
+        return format!("{:8.2} s  {}", look.time, gone(look));
     }
     let [x, y, z] = (DVec3::from_array(look.linear) * 1e3).to_array();
     let [rx, ry, rz] = look.angular.map(f64::to_degrees);
@@ -209,6 +223,7 @@ mod tests {
         let look = Look {
             time: 0.0,
             connected: true,
+            fault: None,
             linear: [0.1, 0.0, -0.05],
             angular: [0.0; 3],
             buttons: vec![1, 3],

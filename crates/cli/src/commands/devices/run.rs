@@ -1,8 +1,9 @@
 //! What is attached and what it can do.
 
-use haptic::device::hid::{Access, DeviceInfo};
+use haptic::device::attached::Missing;
+use haptic::device::info::{Access, DeviceInfo, DeviceKind};
 
-use super::choose::{enumerate, explain, kind_name, pick, unusable, which_text};
+use super::choose::{explain, pick, survey, unusable, which_text};
 use super::probe;
 use crate::args::DevicesArgs;
 use crate::args::device_choice::Which;
@@ -11,22 +12,36 @@ use crate::error::CommandError;
 use crate::report::output::print_json;
 
 pub(in crate::commands) fn run(args: &DevicesArgs, context: &Context) -> Result<(), CommandError> {
-    let found = enumerate()?;
+    let name = args.device.clone();
+    let which = name.map_or(Which::First, Which::Named);
+    let found = survey(&kinds(which.name()), which.name())?;
     if args.probe {
-        let name = args.device.clone();
-        let which = name.map_or(Which::First, Which::Named);
         let device = pick(&found, |d| which.means(d), &which_text(&which))?;
         return probe::run(device, args.seconds, context);
     }
     match context.json {
-        true => print_json(&found)?,
-        false => found.iter().for_each(print),
+        true => print_json(&found.devices)?,
+        false => found.devices.iter().for_each(print),
     }
-    if found.iter().any(|d| d.access == Access::Ready) {
-        explain(&found);
+    found.missing.iter().for_each(tell);
+    if found.devices.iter().any(|d| d.access == Access::Ready) {
+        explain(&found.devices);
         return Ok(());
     }
-    Err(unusable(&found))
+    Err(unusable(&found.devices))
+}
+
+/// The kinds that a device of this name can be: the one it begins with, as `haply:049D` does, or
+/// all of them.
+fn kinds(name: Option<&str>) -> Vec<DeviceKind> {
+    let word = name.map(|name| name.split_once(':').map_or(name, |(word, _)| word));
+    let named = DeviceKind::ALL.into_iter().find(|k| Some(k.word()) == word);
+    named.map_or_else(|| DeviceKind::ALL.to_vec(), |kind| vec![kind])
+}
+
+/// Says what a kind of device wants before there can be one.
+fn tell(missing: &Missing) {
+    crate::remark!("{}: {}", missing.kind.word(), missing.reason);
 }
 
 fn print(device: &DeviceInfo) {
@@ -35,12 +50,14 @@ fn print(device: &DeviceInfo) {
         "" => String::new(),
         serial => format!(", serial {serial}"),
     };
+    let ids = device
+        .usb
+        .map_or_else(String::new, |ids| format!(", {ids}"));
     crate::say!(
-        "{}  {} ({}, {}{serial})",
+        "{}  {} ({}{ids}{serial})",
         device.path,
         device.name,
-        kind_name(device.kind),
-        device.ids()
+        device.kind.maker()
     );
     let output = match (spec.rate_controlled, spec.max_force.is_finite()) {
         (true, _) => "forces shown by the cursor giving way".to_owned(),

@@ -105,6 +105,11 @@ fn feel(
         Clock::Real,
         keep,
     )?;
+    if let Some(fault) = device.last_fault() {
+        context
+            .progress
+            .note(&format!("the device's last fault: {fault}"));
+    }
     Ok((device.spec().clone(), outcome))
 }
 

@@ -7,71 +7,20 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
-use hidapi::{HidApi, HidDevice, HidError};
-use serde::Serialize;
-
-use crate::device::contract::{Device, DeviceError, DeviceSpec};
+use crate::device::contract::{Device, DeviceError};
 use crate::device::hid::pid;
 use crate::device::hid::pid::layout::PidLayout;
 use crate::device::hid::pid::settings::PidSettings;
 use crate::device::hid::port::{Connector, HidInput, HidPort};
 use crate::device::hid::spacemouse;
 use crate::device::hid::spacemouse::{Feel, SpaceMouse};
+use crate::device::info::{Access, DeviceInfo, DeviceKind, UsbIds};
 use crate::device::threaded::device::Cursor;
 use crate::device::threaded::device::Threaded;
+use hidapi::{HidApi, HidDevice, HidError};
 
 /// Longest report descriptor the kernel keeps.
 const DESCRIPTOR: usize = 4096;
-
-/// What a HID device can be to this crate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum DeviceKind {
-    /// A 3Dconnexion device: six axes, no force.
-    SpaceMouse,
-    /// A USB HID PID device: pushes along its axes.
-    ForceFeedback,
-}
-
-/// Whether a device can be opened.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Access {
-    /// It can.
-    Ready,
-    /// This user may not.
-    Denied,
-    /// The system says why not.
-    Failed(String),
-}
-
-/// A device that is attached and usable.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DeviceInfo {
-    /// Where the system has it, such as `/dev/hidraw3`.
-    pub path: String,
-    /// USB vendor id.
-    pub vendor: u16,
-    /// USB product id.
-    pub product: u16,
-    /// Serial number, empty if it has none.
-    pub serial: String,
-    /// Model.
-    pub name: String,
-    /// What it can be.
-    pub kind: DeviceKind,
-    /// What it can do; forces as [`PidSettings::default`] has them.
-    pub spec: DeviceSpec,
-    /// Whether it can be opened.
-    pub access: Access,
-}
-
-impl DeviceInfo {
-    /// `vendor:product`, four hexadecimal digits each.
-    pub fn ids(&self) -> String {
-        format!("{:04x}:{:04x}", self.vendor, self.product)
-    }
-}
 
 /// The usable HID devices attached now, by path. A device that may not be opened is listed too.
 ///
@@ -113,8 +62,7 @@ fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> O
     };
     Some(DeviceInfo {
         path: path.to_owned(),
-        vendor,
-        product,
+        usb: Some(UsbIds { vendor, product }),
         serial: device.serial_number().unwrap_or_default().to_owned(),
         name: name.to_owned(),
         kind,
@@ -165,6 +113,13 @@ pub fn open_with(
         DeviceKind::ForceFeedback => {
             pid::open(&info.name, connector(info), connector(info), settings)?
         }
+        other => {
+            return Err(DeviceError::Unsuitable {
+                name: info.name.clone(),
+                expected: "a HID device".into(),
+                found: format!("a device of {}", other.maker()),
+            });
+        }
     };
     Ok(Box::new(device))
 }
@@ -176,8 +131,11 @@ pub fn connector(info: &DeviceInfo) -> Connector {
     Box::new(move || {
         let api = HidApi::new().map_err(|e| system(&info.name, &e))?;
         let same = |d: &&hidapi::DeviceInfo| {
-            (d.vendor_id(), d.product_id()) == (info.vendor, info.product)
-                && d.serial_number().unwrap_or_default() == info.serial
+            let ids = UsbIds {
+                vendor: d.vendor_id(),
+                product: d.product_id(),
+            };
+            info.usb == Some(ids) && d.serial_number().unwrap_or_default() == info.serial
         };
         let by_path = api
             .device_list()
@@ -249,8 +207,10 @@ mod tests {
         assert!(found.iter().all(|d| !d.path.is_empty()));
         let gone = DeviceInfo {
             path: "/dev/hidraw999".into(),
-            vendor: 0xffff,
-            product: 0xffff,
+            usb: Some(UsbIds {
+                vendor: 0xffff,
+                product: 0xffff,
+            }),
             serial: String::new(),
             name: "nothing".into(),
             kind: DeviceKind::SpaceMouse,
@@ -258,7 +218,6 @@ mod tests {
             access: Access::Ready,
         };
         assert!(matches!(open(&gone), Err(DeviceError::Disconnected)));
-        assert_eq!(gone.ids(), "ffff:ffff");
         assert!(matches!(access(&gone.path), Access::Failed(_)));
     }
 }

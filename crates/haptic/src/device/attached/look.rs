@@ -1,0 +1,77 @@
+//! What is attached, and what is missing.
+
+use serde::Serialize;
+
+use crate::device::contract::DeviceError;
+use crate::device::info::{DeviceInfo, DeviceKind};
+use crate::device::{force_dimension, haply, hid, openhaptics};
+
+/// What a look around has found.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Survey {
+    /// Devices, those that cannot be opened too.
+    pub devices: Vec<DeviceInfo>,
+    /// Kinds of which there is none because something is missing.
+    pub missing: Vec<Missing>,
+}
+
+/// Why there is no device of a kind.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Missing {
+    /// The kind.
+    pub kind: DeviceKind,
+    /// What is missing, and what would help.
+    pub reason: String,
+}
+
+/// Looks for devices of these kinds; `name` is what a user calls the one wanted. OpenHaptics cannot
+/// list devices: of its own the default one is looked at, and before it the one of that name if
+/// only such are asked for.
+///
+/// # Errors
+/// If the system's list of HID devices cannot be read.
+pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, DeviceError> {
+    let mut survey = Survey::default();
+    let asked = |kind| kinds.contains(&kind);
+    let mut add = |kind: DeviceKind, found: Result<Vec<DeviceInfo>, DeviceError>| match found {
+        Ok(devices) => survey.devices.extend(devices),
+        Err(why) => survey.missing.push(Missing {
+            kind,
+            reason: why.to_string(),
+        }),
+    };
+    if asked(DeviceKind::OpenHaptics) {
+        let own = name.filter(|_| kinds.len() == 1);
+        add(DeviceKind::OpenHaptics, touch(own).map(|info| vec![info]));
+    }
+    if asked(DeviceKind::ForceDimension) {
+        let options = force_dimension::DhdOptions::of_system();
+        add(DeviceKind::ForceDimension, force_dimension::find(&options));
+    }
+    if asked(DeviceKind::Haply) {
+        let found =
+            haply::InverseOptions::of_system(None).and_then(|options| haply::find(&options));
+        add(DeviceKind::Haply, found);
+    }
+    if asked(DeviceKind::ForceFeedback) || asked(DeviceKind::SpaceMouse) {
+        let found = hid::enumerate()?.into_iter();
+        survey.devices.extend(found.filter(|info| asked(info.kind)));
+    }
+    Ok(survey)
+}
+
+/// The device of this name, else the default one, whose serial number it may be.
+fn touch(name: Option<&str>) -> Result<DeviceInfo, DeviceError> {
+    let default = || openhaptics::find(&openhaptics::PhantomOptions::of_system(None));
+    let Some(name) = name else {
+        return default();
+    };
+    let own = name.strip_prefix("openhaptics:").unwrap_or(name);
+    openhaptics::find(&openhaptics::PhantomOptions::of_system(Some(own))).or_else(|why| {
+        let info = default()?;
+        match info.is_called(name) {
+            true => Ok(info),
+            false => Err(why),
+        }
+    })
+}

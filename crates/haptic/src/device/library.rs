@@ -1,0 +1,102 @@
+//! Makers' drivers: shared libraries that are looked for when a device is asked for, never when
+//! pegfit is built.
+
+use std::error::Error;
+use std::mem::ManuallyDrop;
+use std::path::PathBuf;
+
+use libloading::Library;
+
+use crate::device::contract::DeviceError;
+
+/// Where a driver is looked for, and what to say if it is not there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Wanted {
+    /// What its maker calls it.
+    pub(crate) name: &'static str,
+    /// File names and paths, tried in turn; a name without a folder is looked for where the system
+    /// looks for libraries.
+    pub(crate) files: &'static [&'static str],
+    /// Environment variable that names the file instead.
+    pub(crate) variable: &'static str,
+    /// What to install, from where.
+    pub(crate) help: &'static str,
+    /// The versions that have every function needed.
+    pub(crate) versions: &'static str,
+}
+
+impl Wanted {
+    /// The file that the environment names, if any.
+    pub(crate) fn named(&self) -> Option<PathBuf> {
+        let file = std::env::var_os(self.variable)?;
+        (!file.is_empty()).then(|| file.into())
+    }
+
+    fn not_installed(&self, why: &str) -> DeviceError {
+        DeviceError::NotInstalled {
+            name: self.name.to_owned(),
+            reason: format!("{why}; {}, or set {} to its file", self.help, self.variable),
+        }
+    }
+}
+
+/// A loaded driver. It stays loaded until the process ends: drivers keep threads of their own,
+/// which would be left without code.
+#[derive(Debug)]
+pub(crate) struct Driver {
+    wanted: Wanted,
+    file: PathBuf,
+    library: ManuallyDrop<Library>,
+}
+
+impl Driver {
+    /// Loads `file`, or the first of the files wanted that can be loaded.
+    pub(crate) fn load(wanted: Wanted, file: Option<PathBuf>) -> Result<Self, DeviceError> {
+        let files: Vec<PathBuf> = match file {
+            Some(file) => vec![file],
+            None => wanted.files.iter().map(PathBuf::from).collect(),
+        };
+        let mut said = Vec::new();
+        for file in files {
+            // SAFETY: loading runs the initialisers of a driver that the user has installed or
+            // named; nothing else can be known of it here.
+            match unsafe { Library::new(&file) } {
+                Ok(library) => {
+                    return Ok(Self {
+                        wanted,
+                        file,
+                        library: ManuallyDrop::new(library),
+                    });
+                }
+                Err(error) => said.push(format!("{}: {}", file.display(), words(&error))),
+            }
+        }
+        Err(wanted.not_installed(&said.join("; ")))
+    }
+
+    /// The function of this name.
+    ///
+    /// # Safety
+    /// `F` must be the type of a pointer to that function.
+    pub(crate) unsafe fn function<F: Copy>(&self, name: &str) -> Result<F, DeviceError> {
+        // SAFETY: the caller vouches for the type; the library is never unloaded.
+        let found = unsafe { self.library.get::<F>(name) };
+        found.map(|symbol| *symbol).map_err(|_| {
+            let wanted = &self.wanted;
+            wanted.not_installed(&format!(
+                "{} has no function {name}: pegfit needs {}",
+                self.file.display(),
+                wanted.versions
+            ))
+        })
+    }
+}
+
+/// The loader's own words: the innermost cause.
+fn words(error: &dyn Error) -> String {
+    let mut inmost = error;
+    while let Some(cause) = inmost.source() {
+        inmost = cause;
+    }
+    inmost.to_string()
+}

@@ -29,7 +29,7 @@ pub struct SearchOptions {
 impl SearchOptions {
     /// Distinct poses that go on from the first steps of their descent on the coarse lattice.
     pub(super) fn going_on(&self) -> usize {
-        2 * self.fine_poses.max(self.top)
+        4 * self.fine_poses.max(self.top)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Which rotations are worth scoring.
 
+use glam::DQuat;
 use sdf_grid::Monitor;
 
 use crate::dock::domain::SearchDomain;
@@ -17,13 +18,21 @@ const RATIO: f64 = 4.0;
 /// Rotations that go on at least.
 const LEAST: usize = 128;
 
+/// Of all rotations within this many steps of each other, the best go on, whatever others score: a
+/// part that may lie flat anywhere on a large face does so in very many rotations, each of which
+/// scores more on wide cells than a fit with little play.
+const NEIGHBOURS: f64 = 1.75;
+
+/// How many of them.
+const BEST_OF_NEIGHBOURS: usize = 2;
+
 /// Whether a search over this many rotations is worth a sketch: fewer go on than there are.
 pub fn wants_sketch(rotations: usize) -> bool {
     rotations > 2 * LEAST
 }
 
 /// The rotations of a domain with the best scores, in the domain's order: a share of them, or
-/// [`LEAST`].
+/// [`LEAST`], and the best of each neighbourhood.
 pub(super) fn sketch(
     pair: &Pair,
     domain: &SearchDomain,
@@ -48,8 +57,21 @@ pub(super) fn sketch(
         return Err(SearchError::Cancelled);
     }
     scan::sort(&mut found);
-    let wanted = (share * count as f64).ceil() as usize;
-    found.truncate(wanted.max(LEAST));
+    let wanted = ((share * count as f64).ceil() as usize).max(LEAST);
+    let rotations: Vec<DQuat> = (found.iter())
+        .map(|c| domain.rotations[c.rotation])
+        .collect();
+    let near = (0.5 * NEIGHBOURS * domain.step).cos();
+    let goes_on = |place: usize| {
+        let better = rotations[..place].iter();
+        let neighbours = better.filter(|q| q.dot(rotations[place]).abs() > near);
+        place < wanted || neighbours.take(BEST_OF_NEIGHBOURS).count() < BEST_OF_NEIGHBOURS
+    };
+    let mut place = 0;
+    found.retain(|_| {
+        place += 1;
+        goes_on(place - 1)
+    });
     let mut chosen: Vec<usize> = found.iter().map(|c| c.rotation).collect();
     chosen.sort_unstable();
     Ok(chosen)

@@ -2,8 +2,8 @@
 
 use std::ffi::c_int;
 
-/// Numbers of a family of devices: no more than CHAI3D has allowed them for years, which is less
-/// than their maker promises.
+/// Numbers of a family of devices: of delta, omega and sigma no more than CHAI3D allows them; of the
+/// others, and all sizes, cautious guesses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Model {
     /// Greatest force, N.

@@ -196,18 +196,22 @@ impl<'a> Seen<'a> {
         if !b.simd_gt(a).any_true() {
             return;
         }
-        let ends = [a, b.max(a)];
-        let piece = Piece {
+        let seen = Sight {
             height: above.height.abs(),
             square: above.square,
             across,
             flat,
             near,
-            ends,
-            far: ends.map(|l| l.mul_add(l, near)),
         };
-        let [logarithm, angle, lifted] = piece.newtonian();
-        let [rest, tilt, slope] = kernel.along(near, ends, piece.far);
+        let through = (b.simd_gt(a) & (a.simd_gt(-visible) | b.simd_lt(visible))).any_true();
+        let ([logarithm, angle, lifted], [rest, tilt, slope]) = match through {
+            false => (seen.chord(visible), kernel.along_chord(near, visible)),
+            true => {
+                let ends = [a, b.max(a)];
+                let far = [a.mul_add(a, near), ends[1].mul_add(ends[1], near)];
+                (seen.piece(ends, far), kernel.along(near, ends, far))
+            }
+        };
         taken.angle += angle;
         taken.lifted += lifted;
         taken.rest = across.mul_add(logarithm - rest, taken.rest);
@@ -226,8 +230,8 @@ fn right_of<S: Simd>(above: &Above<S>, v: Vec2) -> mask32x16<S> {
     (y * v.x).simd_lt(x * v.y)
 }
 
-/// A piece of a border's line as it is seen from samples.
-struct Piece<S: Simd> {
+/// A border's line as it is seen from samples.
+struct Sight<S: Simd> {
     /// Above or below, and its square.
     height: f32x16<S>,
     square: f32x16<S>,
@@ -236,33 +240,57 @@ struct Piece<S: Simd> {
     flat: f32x16<S>,
     /// Squared distance of the line.
     near: f32x16<S>,
-    ends: [f32x16<S>; 2],
-    /// Squared distances of the ends.
-    far: [f32x16<S>; 2],
 }
 
-impl<S: Simd> Piece<S> {
-    /// Half of `∫ dl / R`, and the angles at which the piece is seen in the plane and from above
-    /// it: `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
+/// Of a part of the line: half of `∫ dl / R`, and the angles at which it is seen in the plane and
+/// from above it, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
+type Newtonian<S> = [f32x16<S>; 3];
+
+impl<S: Simd> Sight<S> {
+    /// From end to end, where the squared distances are as given.
     #[inline(always)]
-    fn newtonian(&self) -> [f32x16<S>; 3] {
-        let [a, b] = self.ends;
-        let [ra, rb] = self.far.map(|r| r.sqrt());
+    fn piece(&self, [a, b]: [f32x16<S>; 2], [far_a, far_b]: [f32x16<S>; 2]) -> Newtonian<S> {
+        let (ra, rb) = (far_a.sqrt(), far_b.sqrt());
         let (pa, pb) = (ra + a.abs(), rb + b.abs());
         let product = a * b;
         let beside = product.simd_lt(0.0);
         // From the ends where nothing cancels.
         let above = beside.select(pa * pb, pa.max(pb)).max(1e-30);
         let below = beside.select(self.near, pa.min(pb)).max(1e-30);
-        let logarithm = half_ln(above / below);
-        let distance = self.across.abs();
-        let angle = upper_angle(distance * (b - a), self.flat + product);
-        let rise = self.height * distance * b.mul_sub(ra, a * rb).max(0.0);
-        let lifted = upper_angle(rise, self.flat.mul_add(ra * rb, self.square * product));
+        let wide = self.across.abs() * (b - a);
+        let rise = self.height * self.across.abs() * b.mul_sub(ra, a * rb).max(0.0);
+        self.newtonian(
+            above / below,
+            [wide, self.flat + product],
+            [rise, self.flat.mul_add(ra * rb, self.square * product)],
+        )
+    }
+
+    /// All of it in reach, so far to either side.
+    #[inline(always)]
+    fn chord(&self, side: f32x16<S>) -> Newtonian<S> {
+        let above = side + 1.0;
+        let wide = self.across.abs() * (side + side);
+        let square = side * side;
+        self.newtonian(
+            above * above / self.near.min(1.0).max(1e-30),
+            [wide, self.flat - square],
+            [self.height * wide, self.flat - self.square * square],
+        )
+    }
+
+    /// Of the argument of a logarithm, and of sines and cosines of angles.
+    #[inline(always)]
+    fn newtonian(
+        &self,
+        ratio: f32x16<S>,
+        angle: [f32x16<S>; 2],
+        lifted: [f32x16<S>; 2],
+    ) -> Newtonian<S> {
         [
-            logarithm,
-            angle.copysign(self.across),
-            lifted.copysign(self.across),
+            half_ln(ratio),
+            upper_angle(angle[0], angle[1]).copysign(self.across),
+            upper_angle(lifted[0], lifted[1]).copysign(self.across),
         ]
     }
 }

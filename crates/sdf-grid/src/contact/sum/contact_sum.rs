@@ -103,7 +103,7 @@ impl ContactSum {
     }
 }
 
-/// Somewhere that vectors fit.
+/// Nothing that begins where a cache line does.
 #[repr(align(64))]
 struct Aligned([u8; 64]);
 
@@ -147,7 +147,7 @@ impl<'a> InReach<'a> {
                 cluster: &sum.clusters.clusters[ball.cluster as usize],
                 turn: self.turn.as_mat3(),
                 at,
-                radius: (ball.radius / sum.reach) as f32 * (1.0 + 1e-5),
+                radius: ball.in_reaches,
             };
             return Some(Found {
                 placed,

@@ -71,20 +71,50 @@ impl<S: Simd> Quotients<S> {
         [a, b]: [f32x16<S>; 2],
         [ra, rb]: [f32x16<S>; 2],
     ) -> [f32x16<S>; 3] {
-        // moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k + 1)
-        let mut moment = b - a;
         let (mut ta, mut tb) = (a, b);
+        self.sums(
+            near,
+            b - a,
+            #[inline(always)]
+            || {
+                ta *= ra;
+                tb *= rb;
+                tb - ta
+            },
+        )
+    }
+
+    /// The same from where `r` is one to where it is one again, so far to either side.
+    #[inline(always)]
+    pub(super) fn along_chord(&self, near: f32x16<S>, side: f32x16<S>) -> [f32x16<S>; 3] {
+        let length = side + side;
+        self.sums(
+            near,
+            length,
+            #[inline(always)]
+            || length,
+        )
+    }
+
+    /// The sums over moments, `moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k + 1)`,
+    /// where `ends` gives what is in brackets for k from 1 on.
+    #[inline(always)]
+    fn sums(
+        &self,
+        near: f32x16<S>,
+        length: f32x16<S>,
+        mut ends: impl FnMut() -> f32x16<S>,
+    ) -> [f32x16<S>; 3] {
+        let mut moment = length;
         let mut sums = [
             self.of_value[0] * moment,
             self.of_slope[0] * moment,
             moment * (2.0 * SLOPES[0]),
         ];
         for k in 1..TERMS - 1 {
-            ta *= ra;
-            tb *= rb;
             let odd = 1.0 / (2 * k + 1) as f32;
             let before = near * (moment * (2.0 * k as f32 * odd));
-            moment = (tb - ta).mul_add(odd, before);
+            moment = ends().mul_add(odd, before);
             sums[0] = self.of_value[k].mul_add(moment, sums[0]);
             if k + 2 < TERMS {
                 sums[1] = self.of_slope[k].mul_add(moment, sums[1]);

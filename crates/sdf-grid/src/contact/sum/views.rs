@@ -26,8 +26,9 @@ pub(super) struct Views {
     low: DVec3,
     /// Metres.
     cell: f64,
-    /// The reach, metres.
-    unit: f64,
+    /// Cells per metre, and their edge in units of the reach.
+    per_metre: f64,
+    in_reaches: f64,
     shape: [usize; 3],
     /// Where the sheets and the borders of each cell begin, and the ends of the last.
     starts: Vec<[u32; 2]>,
@@ -54,7 +55,8 @@ impl Views {
         let mut views = Self {
             low: all.min,
             cell,
-            unit: reach,
+            per_metre: 1.0 / cell,
+            in_reaches: cell / reach,
             shape: shape.to_array().map(|n| n as usize),
             starts: vec![[0; 2]],
             sheets: Vec::new(),
@@ -164,7 +166,7 @@ impl Views {
     /// units of the reach; none if no surface is in reach of it. All of it is on its way.
     #[inline(always)]
     pub(super) fn from(&self, p: DVec3) -> Option<(&[Sheet], Vec3)> {
-        let place = (p - self.low) / self.cell;
+        let place = (p - self.low) * self.per_metre;
         let shape = DVec3::from_array(self.shape.map(|n| n as f64));
         // False for what is not a number.
         if !(place.cmpge(DVec3::ZERO).all() && place.cmplt(shape).all()) {
@@ -176,7 +178,7 @@ impl Views {
         let sheets = self.sheets.get(first[0] as usize..last[0] as usize)?;
         fetch_all(sheets);
         fetch_all(self.borders.get(first[1] as usize..last[1] as usize)?);
-        let within = (place - place.floor() - 0.5) * (self.cell / self.unit);
+        let within = (place - place.floor() - 0.5) * self.in_reaches;
         Some((sheets, within.as_vec3()))
     }
 

@@ -4,7 +4,7 @@ use fearless_simd::{f32x16, mask32x16, prelude::*};
 use glam::Vec2;
 
 use super::circle::{Circle, circle};
-use super::lanes::{half_ln, upper_angle};
+use super::lanes::{coarse_angle, half_ln};
 use super::sheet::Border;
 use super::smooth::Quotients;
 use super::vectors::splat;
@@ -289,8 +289,8 @@ impl<S: Simd> Sight<S> {
     ) -> Newtonian<S> {
         [
             half_ln(ratio),
-            upper_angle(angle[0], angle[1]).copysign(self.across),
-            upper_angle(lifted[0], lifted[1]).copysign(self.across),
+            coarse_angle(angle[0], angle[1]).copysign(self.across),
+            coarse_angle(lifted[0], lifted[1]).copysign(self.across),
         ]
     }
 }

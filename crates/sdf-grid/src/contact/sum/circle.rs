@@ -2,8 +2,8 @@
 
 use fearless_simd::{f32x16, prelude::*};
 
-use super::lanes::upper_angle;
 use super::vectors::splat;
+use crate::support::angle::upper_angle;
 
 /// Nearer to a circle's centre, in units of its radius, there is no direction.
 const CENTRE: f32 = 1e-2;

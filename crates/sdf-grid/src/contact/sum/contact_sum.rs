@@ -2,7 +2,7 @@
 
 use std::mem::MaybeUninit;
 
-use fearless_simd::{Level, prelude::*};
+use fearless_simd::{Level, f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -103,10 +103,6 @@ impl ContactSum {
     }
 }
 
-/// Nothing that begins where a cache line does.
-#[repr(align(64))]
-struct Aligned([u8; 64]);
-
 /// A cluster that may be in reach.
 struct Found<'a> {
     placed: Placed<'a>,
@@ -163,7 +159,7 @@ impl<'a> InReach<'a> {
 fn total<S: Simd>(simd: S, sum: &ContactSum, turn: DMat3, translation: DVec3) -> ContactSums {
     // What does not fit into registers is kept on the stack, which is aligned for this only: a
     // vector that crosses a cache line costs two accesses.
-    std::hint::black_box(&mut MaybeUninit::<Aligned>::uninit());
+    std::hint::black_box(&mut MaybeUninit::<f32x16<S>>::uninit());
     let mut in_reach = InReach {
         sum,
         turn,

@@ -29,7 +29,7 @@ pub(super) fn half_ln<S: Simd>(x: f32x16<S>) -> f32x16<S> {
 
 /// The angle of `(x, y)` with `y` not negative, to about 2e-6, in `0 ..= pi`; zero at the origin.
 #[inline(always)]
-pub(super) fn upper_angle<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
+pub(super) fn coarse_angle<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
     use std::f32::consts::{FRAC_PI_2, PI};
     let simd = x.token();
     let ax = x.abs();

@@ -39,5 +39,5 @@ pub use mesh_io::unit::LengthUnit;
 pub use support::monitor::{Monitor, Silent};
 pub use support::{atomic, recipe};
 #[doc(hidden)]
-pub use support::{large, level};
+pub use support::{large, level, prefetch};
 pub use surface::bvh::tree::{Bvh, Nearest};

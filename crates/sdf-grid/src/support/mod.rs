@@ -7,4 +7,6 @@ pub mod large;
 #[doc(hidden)]
 pub mod level;
 pub(crate) mod monitor;
+#[doc(hidden)]
+pub mod prefetch;
 pub mod recipe;

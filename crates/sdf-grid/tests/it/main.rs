@@ -3,6 +3,7 @@
 
 mod bvh;
 mod common;
+mod contact_stress;
 mod density_field;
 mod density_gradient;
 mod density_reference;

@@ -4,9 +4,9 @@ use fearless_simd::prelude::*;
 use ndarray::Array3;
 use num_complex::Complex;
 
-use super::prefetch::fetch;
 use crate::correlate::real::Real;
 use crate::vectors::transposed;
+use sdf_grid::prefetch::fetch;
 
 /// A field's numbers, read at the corners of cells.
 #[derive(Debug, Clone, Copy)]

@@ -14,12 +14,12 @@ use std::f64::consts::TAU;
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 
-use super::prefetch::ask_for;
 use super::radix::{pass, pass_from_half, pass_to_half, turning_pass};
 use super::steps::{Ends, Step, steps, turning_steps};
 use super::tile::{Complex, Line, Tile};
 use crate::correlate::real::Real;
 use crate::vectors::inlined;
+use sdf_grid::prefetch::ask_for;
 
 /// The passes of a transform of one length.
 #[derive(Debug, Clone)]

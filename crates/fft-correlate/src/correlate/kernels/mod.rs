@@ -32,7 +32,6 @@ mod image;
 mod lane_fft;
 mod layout;
 pub(crate) mod nodes;
-mod prefetch;
 mod products;
 pub(crate) mod radix;
 mod run;

@@ -5,9 +5,9 @@ use ndarray::Array3;
 use num_complex::Complex;
 
 use super::corners::{Cells, first_number};
-use super::prefetch::fetch;
 use crate::correlate::real::Real;
 use crate::vectors::transposed;
+use sdf_grid::prefetch::fetch;
 
 /// Numbers that one read brings: real and imaginary part at three nodes along z, and a fourth that
 /// counts for nothing.

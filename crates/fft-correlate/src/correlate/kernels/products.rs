@@ -9,11 +9,11 @@ use super::fused::Fused;
 use super::image::Image;
 use super::lane_fft::{first_passes, transform};
 use super::layout::MAX_TERMS;
-use super::prefetch::ask_for;
 use super::radix::{add_mul, mul};
 use super::scratch::{PlaneScratch, Spectra, Sum};
 use super::tile::{Line, Tile, element};
 use crate::correlate::real::Real;
+use sdf_grid::prefetch::ask_for;
 
 /// The x lines of one kz block, for all terms, to one sum without a half turn.
 #[simd]

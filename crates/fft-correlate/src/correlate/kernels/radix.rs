@@ -2,10 +2,10 @@
 
 use fearless_simd::prelude::*;
 
-use super::prefetch::fetch;
 use super::tile::{Complex, Tile, element};
 use crate::correlate::real::Real;
 use crate::vectors::inlined;
+use sdf_grid::prefetch::fetch;
 
 #[inline(always)]
 fn add<S: Simd, V: SimdFloat<S>>(a: Complex<V>, b: Complex<V>) -> Complex<V> {

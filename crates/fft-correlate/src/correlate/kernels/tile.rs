@@ -6,8 +6,8 @@ use std::cell::Cell;
 
 use fearless_simd::prelude::*;
 
-use super::prefetch::fetch;
 use crate::correlate::real::Real;
+use sdf_grid::prefetch::fetch;
 
 /// Numbers of the widest vector that any level has: 16 of f32 with AVX-512.
 const MAX_LANES: usize = 16;

@@ -11,7 +11,7 @@ const CLUSTER: usize = 4;
 
 /// Sixteen points: coordinates in cells from the set's centre, complex weights.
 #[derive(Debug, Clone, Copy, Default)]
-#[repr(C)]
+#[repr(C, align(64))]
 pub(super) struct Block {
     pub(super) position: [[f32; LANES]; 3],
     pub(super) weight: [[f32; LANES]; 2],

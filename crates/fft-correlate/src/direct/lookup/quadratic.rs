@@ -12,7 +12,9 @@ use crate::vectors::{inlined, transposed};
 const EIGHT: usize = 8;
 
 /// What eight points need. Along z, weights stand eight in a row like the numbers that one load
-/// brings: real and imaginary part at three nodes, and a fourth that counts for nothing.
+/// brings: real and imaginary part at three nodes, and a fourth that counts for nothing. Aligned, as
+/// is then the stack, so that no vector crosses a cache line.
+#[repr(C, align(64))]
 struct Lanes {
     offset: [i32; EIGHT],
     /// Weights of the three nodes along x and y, and their derivatives.

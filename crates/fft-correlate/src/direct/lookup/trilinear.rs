@@ -13,7 +13,9 @@ use super::map::Map;
 use super::points::{Block, LANES, PointSet};
 
 /// Per-lane quantities of one block, four copies each so that they line up with the four numbers
-/// (re, im at z; re, im at z + 1) that one load brings.
+/// (re, im at z; re, im at z + 1) that one load brings. Aligned, as is then the stack, so that no
+/// vector crosses a cache line.
+#[repr(C, align(64))]
 struct Lanes {
     offset: [u32; LANES],
     fraction: [[[f32; 4]; LANES]; 2],

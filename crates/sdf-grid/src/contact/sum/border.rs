@@ -4,11 +4,10 @@ use fearless_simd::{f32x16, mask32x16, prelude::*};
 use glam::Vec2;
 
 use super::circle::{Circle, circle};
-use super::lanes::ln;
+use super::lanes::{coarse_angle, half_ln};
 use super::sheet::Border;
-use super::smooth::Taylor;
+use super::smooth::Quotients;
 use super::vectors::splat;
-use crate::support::angle::upper_angle;
 
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {
@@ -30,13 +29,15 @@ pub(super) struct Above<S: Simd> {
     pub(super) feet: [f32x16<S>; 2],
 }
 
-/// A function of place, and its slopes with the height and along the sheet's two directions.
-pub(super) struct Slopes<S: Simd> {
-    pub(super) value: f32x16<S>,
-    pub(super) height: f32x16<S>,
+/// What borders take from the integral of the kernel over a sheet, summed: times `2π`.
+pub(super) struct Taken<S: Simd> {
+    /// The angles at which they are seen in the plane and from above it.
+    pub(super) angle: f32x16<S>,
+    pub(super) lifted: f32x16<S>,
+    /// The rest, its slope with the squared height, and with both directions along the sheet.
+    pub(super) rest: f32x16<S>,
+    pub(super) tilt: f32x16<S>,
     pub(super) along: [f32x16<S>; 2],
-    /// What the normal is multiplied with for the moment, besides the value.
-    pub(super) turning: f32x16<S>,
 }
 
 impl<S: Simd> Above<S> {
@@ -64,7 +65,7 @@ pub(super) struct Line<S: Simd> {
 impl Border {
     /// How far a place is inside, and how far along from the middle.
     #[inline(always)]
-    fn place(&self, p: Vec2) -> [f32; 2] {
+    pub(super) fn place(&self, p: Vec2) -> [f32; 2] {
         let from = p - self.middle;
         let (x, z) = (from.dot(self.along), from.perp_dot(self.along));
         match self.bend == 0.0 {
@@ -97,10 +98,11 @@ impl<'a> Seen<'a> {
         self.across * self.across + beyond * beyond
     }
 
-    /// What the number of insides changes by on the way from a place to the foot.
+    /// What the number of insides changes by on the way from the sheet's reference, which
+    /// is `from`, to the foot.
     #[inline(always)]
     pub(super) fn crossed(&self, from: Vec2) -> f32 {
-        let before = self.border.place(from)[0] < 0.0;
+        let before = self.border.reference_outside;
         let after = self.across < 0.0;
         if before == after {
             return 0.0;
@@ -175,41 +177,48 @@ impl<'a> Seen<'a> {
         crossed.select(f32x16::splat(simd, change), zero)
     }
 
-    /// Adds `2π` times what it takes.
+    /// Adds what it takes.
     #[inline(always)]
     pub(super) fn add_to<S: Simd>(
         &self,
         above: &Above<S>,
-        taylor: &Taylor<S>,
+        kernel: &Quotients<S>,
         line: &Line<S>,
-        sums: &mut Slopes<S>,
+        taken: &mut Taken<S>,
     ) {
         let (across, start) = (line.across, line.start);
-        let simd = across.token();
-        let zero = f32x16::splat(simd, 0.0);
+        let zero = splat(across.token(), 0.0);
         let flat = across * across;
-        let near = flat + above.height * above.height;
+        let near = flat + above.square;
         let visible = (1.0 - near).max(zero).sqrt();
         let a = start.max(-visible);
         let b = (start + self.border.length).min(visible);
         if !b.simd_gt(a).any_true() {
             return;
         }
-        let b = b.max(a);
-        let piece = Piece::new(above, across, [a, b]);
-        let [logarithm, angle, lifted] = piece.newtonian();
-        let [rest, tilt, slope] = taylor.along(flat, [a, b], piece.beyond);
-        let value = (across * logarithm + piece.height * lifted) * 0.5;
-        sums.value += value - taylor.d[0] * angle - across * rest;
-        let sign = above
-            .height
-            .simd_eq(zero)
-            .select(zero, f32x16::splat(simd, 0.5).copysign(above.height));
-        let bend = taylor.d[1] * angle + across * tilt;
-        sums.height += sign * lifted - above.height * (bend + bend);
-        let out = slope * 2.0 - logarithm * 0.5;
+        let seen = Sight {
+            height: above.height.abs(),
+            square: above.square,
+            across,
+            flat,
+            near,
+        };
+        let through = (b.simd_gt(a) & (a.simd_gt(-visible) | b.simd_lt(visible))).any_true();
+        let ([logarithm, angle, lifted], [rest, tilt, slope]) = match through {
+            false => (seen.chord(visible), kernel.along_chord(near, visible)),
+            true => {
+                let ends = [a, b.max(a)];
+                let far = [a.mul_add(a, near), ends[1].mul_add(ends[1], near)];
+                (seen.piece(ends, far), kernel.along(near, ends, far))
+            }
+        };
+        taken.angle += angle;
+        taken.lifted += lifted;
+        taken.rest = across.mul_add(logarithm - rest, taken.rest);
+        taken.tilt = across.mul_add(tilt, taken.tilt);
+        let out = slope - logarithm;
         for k in 0..2 {
-            sums.along[k] = out.mul_add(line.outward[k], sums.along[k]);
+            taken.along[k] = out.mul_add(line.outward[k], taken.along[k]);
         }
     }
 }
@@ -221,60 +230,67 @@ fn right_of<S: Simd>(above: &Above<S>, v: Vec2) -> mask32x16<S> {
     (y * v.x).simd_lt(x * v.y)
 }
 
-/// A piece of a border's line as it is seen from samples.
-struct Piece<S: Simd> {
-    /// Above or below.
+/// A border's line as it is seen from samples.
+struct Sight<S: Simd> {
+    /// Above or below, and its square.
     height: f32x16<S>,
+    square: f32x16<S>,
+    /// Distance of the line from the feet, and its square.
     across: f32x16<S>,
+    flat: f32x16<S>,
     /// Squared distance of the line.
     near: f32x16<S>,
-    ends: [f32x16<S>; 2],
-    /// Squared distances of the ends from the feet.
-    beyond: [f32x16<S>; 2],
-    /// Squared height.
-    square: f32x16<S>,
 }
 
-impl<S: Simd> Piece<S> {
-    #[inline(always)]
-    fn new(above: &Above<S>, across: f32x16<S>, ends: [f32x16<S>; 2]) -> Self {
-        let flat = across * across;
-        Self {
-            height: above.height.abs(),
-            across,
-            near: flat + above.square,
-            ends,
-            beyond: [
-                ends[0].mul_add(ends[0], flat),
-                ends[1].mul_add(ends[1], flat),
-            ],
-            square: above.square,
-        }
-    }
+/// Of a part of the line: half of `∫ dl / R`, and the angles at which it is seen in the plane and
+/// from above it, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
+type Newtonian<S> = [f32x16<S>; 3];
 
-    /// `∫ dl / R`, and the angles at which the piece is seen in the plane and from above it:
-    /// `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
+impl<S: Simd> Sight<S> {
+    /// From end to end, where the squared distances are as given.
     #[inline(always)]
-    fn newtonian(&self) -> [f32x16<S>; 3] {
-        let [a, b] = self.ends;
-        let ra = (self.beyond[0] + self.square).sqrt();
-        let rb = (self.beyond[1] + self.square).sqrt();
+    fn piece(&self, [a, b]: [f32x16<S>; 2], [far_a, far_b]: [f32x16<S>; 2]) -> Newtonian<S> {
+        let (ra, rb) = (far_a.sqrt(), far_b.sqrt());
         let (pa, pb) = (ra + a.abs(), rb + b.abs());
         let product = a * b;
         let beside = product.simd_lt(0.0);
         // From the ends where nothing cancels.
         let above = beside.select(pa * pb, pa.max(pb)).max(1e-30);
         let below = beside.select(self.near, pa.min(pb)).max(1e-30);
-        let logarithm = ln(above / below);
-        let flat = self.across * self.across;
-        let distance = self.across.abs();
-        let angle = upper_angle(distance * (b - a), flat + product);
-        let rise = self.height * distance * (b * ra - a * rb).max(0.0);
-        let lifted = upper_angle(rise, flat * (ra * rb) + self.square * product);
+        let wide = self.across.abs() * (b - a);
+        let rise = self.height * self.across.abs() * b.mul_sub(ra, a * rb).max(0.0);
+        self.newtonian(
+            above / below,
+            [wide, self.flat + product],
+            [rise, self.flat.mul_add(ra * rb, self.square * product)],
+        )
+    }
+
+    /// All of it in reach, so far to either side.
+    #[inline(always)]
+    fn chord(&self, side: f32x16<S>) -> Newtonian<S> {
+        let above = side + 1.0;
+        let wide = self.across.abs() * (side + side);
+        let square = side * side;
+        self.newtonian(
+            above * above / self.near.min(1.0).max(1e-30),
+            [wide, self.flat - square],
+            [self.height * wide, self.flat - self.square * square],
+        )
+    }
+
+    /// Of the argument of a logarithm, and of sines and cosines of angles.
+    #[inline(always)]
+    fn newtonian(
+        &self,
+        ratio: f32x16<S>,
+        angle: [f32x16<S>; 2],
+        lifted: [f32x16<S>; 2],
+    ) -> Newtonian<S> {
         [
-            logarithm,
-            angle.copysign(self.across),
-            lifted.copysign(self.across),
+            half_ln(ratio),
+            coarse_angle(angle[0], angle[1]).copysign(self.across),
+            coarse_angle(lifted[0], lifted[1]).copysign(self.across),
         ]
     }
 }

@@ -26,15 +26,25 @@ impl<S: Simd> Circle<S> {
     #[inline(always)]
     pub(super) fn new(x: f32x16<S>, z: f32x16<S>, k: f32) -> Self {
         let simd = x.token();
-        let square = x * x + z * z;
-        let rise = z * 2.0 + square * k;
-        let distance = (rise * k + 1.0).max(CENTRE * CENTRE).sqrt();
-        let shrunk = splat(simd, 1.0) / distance;
-        let (up, aside) = (z * k + 1.0, x * k);
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        if k == 0.0 {
+            return Self {
+                height: z,
+                place: x,
+                cosine: one,
+                sine: zero,
+                shrunk: one,
+            };
+        }
+        let square = x.mul_add(x, z * z);
+        let rise = square.mul_add(k, z + z);
+        let distance = rise.mul_add(k, one).max(CENTRE * CENTRE).sqrt();
+        let shrunk = one / distance;
+        let (up, aside) = (z.mul_add(k, one), x * k);
         let angle = upper_angle(aside.abs(), up).copysign(aside);
         Self {
             height: rise / (distance + 1.0),
-            place: if k == 0.0 { x } else { angle * (1.0 / k) },
+            place: angle * (1.0 / k),
             cosine: up * shrunk,
             sine: aside * shrunk,
             shrunk,

@@ -15,7 +15,8 @@ const CELLS: f64 = 32.0;
 pub(super) struct Clearance {
     low: DVec3,
     size: DVec3,
-    cell: f64,
+    /// Cells per metre.
+    per_metre: f64,
     /// By how much the lattice is larger than the surface.
     margin: f64,
     shape: [usize; 3],
@@ -39,7 +40,7 @@ impl Clearance {
         Self {
             low: bounds.min,
             size,
-            cell,
+            per_metre: 1.0 / cell,
             margin: reach,
             shape: [nx, ny, nz],
             least: least.collect(),
@@ -60,7 +61,7 @@ impl Clearance {
                 self.margin + distance
             };
         }
-        let index = (place / self.cell).to_array().map(|x| x as usize);
+        let index = (place * self.per_metre).to_array().map(|x| x as usize);
         let [x, y, z] = [0, 1, 2].map(|k| index[k].min(self.shape[k] - 1));
         f64::from(self.least[(x * self.shape[1] + y) * self.shape[2] + z])
     }

@@ -29,8 +29,9 @@ pub(super) struct Cluster {
 pub(super) struct Ball {
     /// Metres, in the part's frame.
     pub(super) centre: DVec3,
-    /// Metres.
+    /// Metres, and in units of the reach, enlarged by more than rounding takes from it.
     pub(super) radius: f64,
+    pub(super) in_reaches: f32,
     /// The ball to look at next if this one is out of reach.
     pub(super) next: u32,
     /// The cluster that it holds, or [`Ball::MANY`].
@@ -79,6 +80,7 @@ impl Clusters {
         self.balls.push(Ball {
             centre,
             radius,
+            in_reaches: (radius / reach) as f32 * (1.0 + 1e-5),
             next: 0,
             cluster: if single {
                 self.clusters.len() as u32

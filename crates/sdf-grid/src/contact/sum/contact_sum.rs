@@ -1,6 +1,8 @@
 //! The contact sum of two parts.
 
-use fearless_simd::{Level, prelude::*};
+use std::mem::MaybeUninit;
+
+use fearless_simd::{Level, f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -8,6 +10,7 @@ use super::clearance::Clearance;
 use super::clusters::{Ball, Clusters};
 use super::pass::{Placed, part};
 use super::regions::Regions;
+use super::sheet::Sheet;
 use super::smooth::REACH;
 use super::spread::spread;
 use super::views::Views;
@@ -100,36 +103,83 @@ impl ContactSum {
     }
 }
 
+/// A cluster that may be in reach.
+struct Found<'a> {
+    placed: Placed<'a>,
+    sheets: &'a [Sheet],
+    /// Of its centre from the origin of its part, metres, in the surface's frame.
+    lever: DVec3,
+}
+
+/// The clusters that may be in reach.
+struct InReach<'a> {
+    sum: &'a ContactSum,
+    turn: DMat3,
+    translation: DVec3,
+    /// The ball to look at.
+    next: usize,
+}
+
+impl<'a> InReach<'a> {
+    /// The next one, whose sheets are on their way.
+    #[inline(always)]
+    fn next(&mut self) -> Option<Found<'a>> {
+        let sum = self.sum;
+        while let Some(ball) = sum.clusters.balls.get(self.next) {
+            let lever = self.turn * ball.centre;
+            let centre = lever + self.translation;
+            if sum.clearance.from(centre) >= sum.reach + ball.radius {
+                self.next = ball.next as usize;
+                continue;
+            }
+            self.next += 1;
+            if ball.cluster == Ball::MANY {
+                continue;
+            }
+            let Some((sheets, at)) = sum.views.from(centre) else {
+                continue;
+            };
+            let placed = Placed {
+                cluster: &sum.clusters.clusters[ball.cluster as usize],
+                turn: self.turn.as_mat3(),
+                at,
+                radius: ball.in_reaches,
+            };
+            return Some(Found {
+                placed,
+                sheets,
+                lever,
+            });
+        }
+        None
+    }
+}
+
 #[simd]
 fn total<S: Simd>(simd: S, sum: &ContactSum, turn: DMat3, translation: DVec3) -> ContactSums {
-    let balls = sum.clusters.balls.as_slice();
+    // What does not fit into registers is kept on the stack, which is aligned for this only: a
+    // vector that crosses a cache line costs two accesses.
+    std::hint::black_box(&mut MaybeUninit::<f32x16<S>>::uninit());
+    let mut in_reach = InReach {
+        sum,
+        turn,
+        translation,
+        next: 0,
+    };
     let mut sums = ContactSums::default();
-    let mut next = 0;
-    while let Some(ball) = balls.get(next) {
-        let lever = turn * ball.centre;
-        let centre = lever + translation;
-        if sum.clearance.from(centre) >= sum.reach + ball.radius {
-            next = ball.next as usize;
-            continue;
-        }
-        next += 1;
-        if ball.cluster == Ball::MANY {
-            continue;
-        }
-        let Some((sheets, at)) = sum.views.from(centre) else {
-            continue;
-        };
-        let placed = Placed {
-            cluster: &sum.clusters.clusters[ball.cluster as usize],
-            turn: turn.as_mat3(),
-            at,
-            radius: (ball.radius / sum.reach) as f32 * (1.0 + 1e-5),
-        };
-        let found = part(simd, &sum.views, sheets, &placed);
+    let mut found = in_reach.next();
+    while let Some(Found {
+        placed,
+        sheets,
+        lever,
+    }) = found
+    {
+        found = in_reach.next();
+        let part = part(simd, &sum.views, sheets, &placed);
         let square = sum.reach * sum.reach;
-        let gradient = found.gradient.as_dvec3() * square;
-        let moment = found.moment.as_dvec3() * (square * sum.reach);
-        sums.value += f64::from(found.value) * (square * sum.reach);
+        let gradient = part.gradient.as_dvec3() * square;
+        let moment = part.moment.as_dvec3() * (square * sum.reach);
+        sums.value += f64::from(part.value) * (square * sum.reach);
         sums.gradient += gradient;
         sums.moment += moment + lever.cross(gradient);
     }

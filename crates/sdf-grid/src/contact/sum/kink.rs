@@ -9,11 +9,12 @@
 //! At the sheet's border, where the kink ends, this fades out.
 
 use fearless_simd::{f32x16, prelude::*};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
-use super::border::{Above, Seen, Slopes};
+use super::border::{Above, Seen};
+use super::pass::Slopes;
 use super::sheet::Border;
-use super::vectors::{Vectors, splat};
+use super::vectors::{Vectors, dot, splat};
 
 /// Where it begins to fade, in units of `r`.
 const FADE: f32 = 0.7;
@@ -21,28 +22,37 @@ const FADE: f32 = 0.7;
 /// Squared sine of the least angle that counts.
 const LEAST: f32 = 1e-8;
 
+/// More than what squares of unit vectors in single precision are off.
+const ROUNDING: f32 = 2e-6;
+
 /// How samples lean.
-pub(super) struct Lean<S: Simd> {
+pub(super) struct Lean<'a, S: Simd> {
     /// `r` of the samples.
-    half: f32x16<S>,
-    /// Squared sine and cosine of the angle between them and the sheet.
-    sine_squared: f32x16<S>,
-    cosine: f32x16<S>,
+    pub(super) half: f32x16<S>,
+    /// Of the angle between them and the sheet.
+    pub(super) cosine: f32x16<S>,
+    pub(super) aside: Aside<'a, S>,
 }
 
-impl<S: Simd> Lean<S> {
-    /// Of normals along two directions in the sheet and its normal.
+/// The samples' normals along the sheet's two directions, which few samples ask for.
+pub(super) enum Aside<'a, S: Simd> {
+    Known([f32x16<S>; 2]),
+    /// Those of normals along these.
+    Of(&'a Vectors<S>, [Vec3; 2]),
+}
+
+impl<S: Simd> Aside<'_, S> {
     #[inline(always)]
-    pub(super) fn new(half: f32x16<S>, normals: &Vectors<S>) -> Self {
-        let [x, y, up] = *normals;
-        Self {
-            half,
-            sine_squared: x.mul_add(x, y * y),
-            cosine: up,
+    fn get(&self) -> [f32x16<S>; 2] {
+        match self {
+            Self::Known(aside) => *aside,
+            Self::Of(normals, axes) => [dot(normals, axes[0]), dot(normals, axes[1])],
         }
     }
+}
 
-    /// Adds to the sums of samples, so many times above the sheet; none if all are too far. What
+impl<S: Simd> Lean<'_, S> {
+    /// Adds to the sums of samples, so many times above the sheet, none if all are too far. What
     /// comes back is what the normal is to be multiplied with for the moment by the change of `θ`.
     #[inline(always)]
     pub(super) fn add_to(
@@ -55,8 +65,15 @@ impl<S: Simd> Lean<S> {
     ) -> f32x16<S> {
         let simd = inside.token();
         let zero = splat(simd, 0.0);
-        let counts = self.sine_squared.simd_gt(splat(simd, LEAST));
-        let extent = self.half * counts.select(self.sine_squared, zero).sqrt();
+        // A bound of what follows: rounding leaves less than that between the squares' sum and one.
+        let most = self.half * self.half * (1.0 + ROUNDING - self.cosine * self.cosine);
+        if !most.simd_gt(above.square).any_true() {
+            return zero;
+        }
+        let [x, y] = self.aside.get();
+        let sine_squared = x.mul_add(x, y * y);
+        let counts = sine_squared.simd_gt(splat(simd, LEAST));
+        let extent = self.half * counts.select(sine_squared, zero).sqrt();
         let height = above.height.abs();
         let deep = (extent - height).max(zero);
         if !deep.simd_gt(zero).any_true() {

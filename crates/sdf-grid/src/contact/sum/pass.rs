@@ -4,13 +4,13 @@ use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::{Mat3, Vec2, Vec3};
 
-use super::border::{Above, Seen, Slopes};
+use super::border::{Above, Seen, Taken};
 use super::clusters::Cluster;
-use super::kink::Lean;
+use super::kink::{Aside, Lean};
 use super::sheet::Sheet;
-use super::smooth::{ENTIRE, Taylor};
+use super::smooth::Quotients;
 use super::unrolled::Unrolled;
-use super::vectors::{Vectors, along, scaled, splat, turned};
+use super::vectors::{Vectors, along, dot, scaled, splat, turned};
 use super::views::Views;
 
 /// Height, in units of the reach, beyond which it hardly matters what samples see: the kernel's
@@ -74,6 +74,38 @@ pub(super) fn part<S: Simd>(simd: S, views: &Views, sheets: &[Sheet], placed: &P
     totals.part(&samples)
 }
 
+/// The integral of the kernel over a sheet, and its slopes with the height and along the sheet's two
+/// directions.
+pub(super) struct Slopes<S: Simd> {
+    pub(super) value: f32x16<S>,
+    pub(super) height: f32x16<S>,
+    pub(super) along: [f32x16<S>; 2],
+    /// What the normal is multiplied with for the moment, besides the value.
+    pub(super) turning: f32x16<S>,
+}
+
+impl<S: Simd> Slopes<S> {
+    /// So many times over the whole plane, without what borders take.
+    #[inline(always)]
+    fn new(above: &Above<S>, kernel: &Quotients<S>, taken: &Taken<S>, inside: f32x16<S>) -> Self {
+        const TURN: f32 = 1.0 / std::f32::consts::TAU;
+        let zero = splat(inside.token(), 0.0);
+        // What of the plane is seen from the foot and from above it.
+        let seen = taken.angle.mul_add(-TURN, inside);
+        let lifted = taken.lifted.mul_add(-TURN, inside);
+        let sign = splat(inside.token(), 0.5).copysign(above.height);
+        let sign = above.height.simd_eq(zero).select(zero, sign);
+        let flat = kernel.value.mul_add(seen, taken.rest * TURN);
+        let bent = kernel.slope.mul_add(seen, taken.tilt * -TURN);
+        Self {
+            value: flat - above.height * sign * lifted,
+            height: (above.height + above.height).mul_sub(bent, sign * lifted),
+            along: taken.along.map(|a| a * TURN),
+            turning: zero,
+        }
+    }
+}
+
 #[inline(always)]
 fn add_sheet<S: Simd>(
     views: &Views,
@@ -93,13 +125,17 @@ fn add_sheet<S: Simd>(
     if height.abs() >= 1.0 + placed.radius {
         return;
     }
-    let faces = along(&samples.normal, &sheet.axes);
     let across = along(&samples.arm, &sheet.axes);
     if flat {
         let above = Above::new(across[2] + height, [across[0], across[1]]);
-        let lean = Lean::new(samples.half, &faces);
+        let cosine = dot(&samples.normal, normal);
+        let lean = Lean {
+            half: samples.half,
+            cosine,
+            aside: Aside::Of(&samples.normal, [u, v]),
+        };
         if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
-            totals.add_flat(samples.area * faces[2], &sums, sheet.axes);
+            totals.add_flat(samples.area * cosine, &sums, sheet.axes);
         }
         return;
     }
@@ -115,8 +151,12 @@ fn add_sheet<S: Simd>(
     let above = Above::new(samples.half * samples.half * bent + unrolled.height, feet);
     // Unrolled from the inside, places are farther apart the higher they are.
     let radius = placed.radius / (1.0 - HIGH * sheet.curvature.abs().max_element());
-    let faces = unrolled.along(&faces);
-    let lean = Lean::new(samples.half, &faces);
+    let faces = unrolled.along(&along(&samples.normal, &sheet.axes));
+    let lean = Lean {
+        half: samples.half,
+        cosine: faces[2],
+        aside: Aside::Known([faces[0], faces[1]]),
+    };
     if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
         totals.add_curved(scaled(&faces, samples.area), &sums, &unrolled, sheet);
     }
@@ -131,18 +171,20 @@ fn seen<S: Simd>(
     radius: f32,
     (foot, height): (Vec2, f32),
     above: &Above<S>,
-    lean: &Lean<S>,
+    lean: &Lean<'_, S>,
 ) -> Option<Slopes<S>> {
     let zero = splat(above.height.token(), 0.0);
-    let mut sums = Slopes {
-        value: zero,
-        height: zero,
+    let mut taken = Taken {
+        angle: zero,
+        lifted: zero,
+        rest: zero,
+        tilt: zero,
         along: [zero; 2],
-        turning: zero,
     };
     let reach = (1.0 + radius) * (1.0 + radius);
     let (mut inside, mut change) = (sheet.inside, zero);
-    let mut taylor = None;
+    let mut near = false;
+    let kernel = Quotients::at(above.square);
     let range = sheet.first as usize..(sheet.first + sheet.count) as usize;
     let borders = &views.borders[range];
     for border in borders {
@@ -152,61 +194,35 @@ fn seen<S: Simd>(
         if off + height * height >= reach {
             continue;
         }
+        near = true;
         let line = seen.line(above);
         if off <= radius * radius {
             change += seen.crossed_on(above, line.across);
         }
-        if taylor.is_none() {
-            taylor = Some(Taylor::at(above.square));
-        }
-        if let Some(taylor) = &taylor {
-            seen.add_to(above, taylor, &line, &mut sums);
-        }
+        seen.add_to(above, &kernel, &line, &mut taken);
     }
-    if inside == 0.0 && taylor.is_none() {
+    if inside == 0.0 && !near {
         return None;
     }
-    let inside = change + inside;
-    add_plane(above, inside, &mut sums);
+    // Beyond the reach nothing counts.
+    let within = above.square.simd_lt(1.0);
+    let inside = within.select(change + inside, zero);
+    let mut sums = Slopes::new(above, &kernel, &taken, inside);
     sums.turning = lean.add_to(above, borders, foot, inside, &mut sums);
     Some(sums)
-}
-
-/// Turns `2π` times what borders take into what they take, and adds the whole plane where the feet
-/// are inside.
-#[inline(always)]
-fn add_plane<S: Simd>(above: &Above<S>, inside: f32x16<S>, sums: &mut Slopes<S>) {
-    const TURN: f32 = 1.0 / std::f32::consts::TAU;
-    let simd = inside.token();
-    let zero = f32x16::splat(simd, 0.0);
-    let t = above.square;
-    let (mut value, mut slope) = (zero, zero);
-    for c in ENTIRE.iter().rev() {
-        slope = slope.mul_add(t, value);
-        value = value.mul_add(t, f32x16::splat(simd, *c));
-    }
-    let within = t.simd_lt(1.0);
-    let height = above.height;
-    let sign = f32x16::splat(simd, 0.5).copysign(height);
-    let sign = height.simd_eq(zero).select(zero, sign);
-    let value = within.select(value - height * sign, zero);
-    let slope = within.select(height * (slope + slope) - sign, zero);
-    sums.value = inside.mul_add(value, sums.value * TURN);
-    sums.height = inside.mul_add(slope, sums.height * TURN);
-    sums.along = [sums.along[0] * TURN, sums.along[1] * TURN];
 }
 
 impl<S: Simd> Totals<S> {
     #[inline(always)]
     fn add_flat(&mut self, weight: f32x16<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
-        self.value += weight * sums.value;
+        self.value = weight.mul_add(sums.value, self.value);
         let [du, dv] = [weight * sums.along[0], weight * sums.along[1]];
         let dn = weight * sums.height;
         let flux = sums.value + sums.turning;
         for k in 0..3 {
-            let slope = dn * normal[k] + du * u[k] + dv * v[k];
-            self.gradient[k] += slope;
-            self.flux[k] += flux * normal[k];
+            let slope = du.mul_add(u[k], self.gradient[k]);
+            self.gradient[k] = dn.mul_add(normal[k], dv.mul_add(v[k], slope));
+            self.flux[k] = flux.mul_add(normal[k], self.flux[k]);
         }
     }
 
@@ -235,12 +251,12 @@ impl<S: Simd> Totals<S> {
         ];
         // Along the sheet's axes.
         let slope = unrolled.back(&slopes);
+        let bent = scaled(&unrolled.normal, flux);
         for k in 0..3 {
-            self.gradient[k] += slope[0] * u[k] + slope[1] * v[k] + slope[2] * normal[k];
-            let n = unrolled.normal[0] * u[k]
-                + unrolled.normal[1] * v[k]
-                + unrolled.normal[2] * normal[k];
-            self.flux[k] += flux * n;
+            let sum = slope[0].mul_add(u[k], self.gradient[k]);
+            self.gradient[k] = slope[2].mul_add(normal[k], slope[1].mul_add(v[k], sum));
+            let sum = bent[0].mul_add(u[k], self.flux[k]);
+            self.flux[k] = bent[2].mul_add(normal[k], bent[1].mul_add(v[k], sum));
         }
     }
 

@@ -57,6 +57,8 @@ pub(super) struct Border {
     /// Its curvature, positive where the sheet is convex; of those that are bent no sample sees an
     /// end.
     pub(super) bend: f32,
+    /// Whether the sheet's reference is beyond its line.
+    pub(super) reference_outside: bool,
 }
 
 /// Sheets with their borders.
@@ -161,7 +163,7 @@ impl Surface<'_> {
         let inside = (turns / std::f64::consts::TAU).round() as f32;
         let count = list.borders.len() - first;
         if inside != 0.0 || count > 0 {
-            list.sheets.push(Sheet {
+            list.add_sheet(Sheet {
                 origin: ((foot - middle) / unit).as_vec3(),
                 axes: [u, v, normal].map(DVec3::as_vec3),
                 curvature: Vec2::ZERO,
@@ -202,7 +204,7 @@ impl Surface<'_> {
             let chain: Vec<DVec2> = chain.iter().map(place).collect();
             list.add_chain(&chain, about, most);
         }
-        list.sheets.push(Sheet {
+        list.add_sheet(Sheet {
             origin: torus.origin.as_vec3(),
             axes: torus.axes.map(DVec3::as_vec3),
             curvature: torus.curvature.as_vec2(),
@@ -215,6 +217,14 @@ impl Surface<'_> {
 }
 
 impl List {
+    /// Adds a sheet whose borders are the last.
+    fn add_sheet(&mut self, sheet: Sheet) {
+        for border in &mut self.borders[sheet.first as usize..] {
+            border.reference_outside = border.place(sheet.reference)[0] < 0.0;
+        }
+        self.sheets.push(sheet);
+    }
+
     /// Adds what of a closed chain is within `most` of the origin, and to `sides` all of it as it
     /// was added.
     fn add_ring(&mut self, ring: &[DVec2], most: f64, sides: &mut Vec<[DVec2; 2]>) {
@@ -276,6 +286,7 @@ impl Border {
             along: along.as_vec2(),
             length: (to - from) as f32,
             bend: 0.0,
+            reference_outside: false,
         })
     }
 
@@ -300,6 +311,7 @@ impl Border {
             along: arc.along.as_vec2(),
             length: (arc.length + BEYOND) as f32,
             bend: arc.bend as f32,
+            reference_outside: false,
         })
     }
 }

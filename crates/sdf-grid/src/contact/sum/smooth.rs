@@ -2,6 +2,8 @@
 
 use fearless_simd::{f32x16, prelude::*};
 
+use super::vectors::splat;
+
 /// Lengths of the fast sum are in units of the kernel's reach, which is this many widths. Of the
 /// kernel's integral over a plane 1.6e-3 is left there, which the polynomial takes to zero.
 pub(super) const REACH: f64 = 3.75;
@@ -12,7 +14,7 @@ const TERMS: usize = 8;
 /// `κ` of the kernel's integral over a plane ([`crate::contact`]) as a polynomial of the squared distance, both
 /// in units of the reach: value and slope of `K` vanish there, its slope is off by 6e-4 at most and
 /// its value by 1.1e-3 of the greatest. Least squares of both, reweighted to the least maximum.
-pub(super) const ENTIRE: [f32; TERMS] = [
+const ENTIRE: [f32; TERMS] = [
     0.053_250_687,
     1.117_901_8,
     -2.111_371,
@@ -23,59 +25,117 @@ pub(super) const ENTIRE: [f32; TERMS] = [
     0.299_411_26,
 ];
 
-/// `κ` about a squared height: `κ(t + v) = Σ d_j v^j`.
-pub(super) struct Taylor<S: Simd> {
-    pub(super) d: [f32x16<S>; TERMS],
+/// `κ'` in the same way.
+const SLOPES: [f32; TERMS - 1] = slopes();
+
+const fn slopes() -> [f32; TERMS - 1] {
+    let mut slopes = [0.0; TERMS - 1];
+    let mut n = 0;
+    while n < TERMS - 1 {
+        slopes[n] = (n + 1) as f32 * ENTIRE[n + 1];
+        n += 1;
+    }
+    slopes
 }
 
-impl<S: Simd> Taylor<S> {
+/// `κ` about a squared height `t`: what Horner's scheme passes on its way,
+/// `(κ(r) - κ(t)) / (r - t) = Σ e_i r^i`, and the same of `κ'`, which is the slope of that with `t`
+/// where `r - t` stays.
+pub(super) struct Quotients<S: Simd> {
+    pub(super) value: f32x16<S>,
+    pub(super) slope: f32x16<S>,
+    of_value: [f32x16<S>; TERMS - 1],
+    of_slope: [f32x16<S>; TERMS - 2],
+}
+
+impl<S: Simd> Quotients<S> {
     /// About `t`, at most one.
     #[inline(always)]
     pub(super) fn at(t: f32x16<S>) -> Self {
-        let simd = t.token();
-        let mut d = [f32x16::splat(simd, 0.0); TERMS];
-        for j in 0..TERMS {
-            d[j] = f32x16::splat(simd, ENTIRE[j]);
+        let (value, of_value) = horner(t, &ENTIRE);
+        let (slope, of_slope) = horner(t, &SLOPES);
+        Self {
+            value,
+            slope,
+            of_value,
+            of_slope,
         }
-        // Horner's scheme, again and again on what is left.
-        for j in 0..TERMS - 1 {
-            for i in (j..TERMS - 1).rev() {
-                d[i] = d[i + 1].mul_add(t, d[i]);
-            }
-        }
-        Self { d }
     }
 
-    /// `∫ (κ(t + v) - κ(t)) / v dl`, its slope with `t`, and `∫ κ'(t + v) dl`, where
-    /// `v = across² + l²`, from `a` to `b`.
+    /// `∫ (κ(r) - κ(t)) / (r - t) dl`, its slope with `t`, and twice `∫ κ'(r) dl`, where
+    /// `r = near + l²`, from `a` to `b`, where `r` is as given.
     #[inline(always)]
     pub(super) fn along(
         &self,
-        square: f32x16<S>,
+        near: f32x16<S>,
         [a, b]: [f32x16<S>; 2],
-        [va, vb]: [f32x16<S>; 2],
+        [ra, rb]: [f32x16<S>; 2],
     ) -> [f32x16<S>; 3] {
-        // moment_k = ∫ v^k dl = ([l v^k] + 2 k across² moment_(k - 1)) / (2 k + 1)
-        let mut moment = b - a;
         let (mut ta, mut tb) = (a, b);
+        self.sums(
+            near,
+            b - a,
+            #[inline(always)]
+            || {
+                ta *= ra;
+                tb *= rb;
+                tb - ta
+            },
+        )
+    }
+
+    /// The same from where `r` is one to where it is one again, so far to either side.
+    #[inline(always)]
+    pub(super) fn along_chord(&self, near: f32x16<S>, side: f32x16<S>) -> [f32x16<S>; 3] {
+        let length = side + side;
+        self.sums(
+            near,
+            length,
+            #[inline(always)]
+            || length,
+        )
+    }
+
+    /// The sums over moments, `moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k + 1)`,
+    /// where `ends` gives what is in brackets for k from 1 on.
+    #[inline(always)]
+    fn sums(
+        &self,
+        near: f32x16<S>,
+        length: f32x16<S>,
+        mut ends: impl FnMut() -> f32x16<S>,
+    ) -> [f32x16<S>; 3] {
+        let mut moment = length;
         let mut sums = [
-            self.d[1] * moment,
-            self.d[2] * (moment + moment),
-            self.d[1] * moment,
+            self.of_value[0] * moment,
+            self.of_slope[0] * moment,
+            moment * (2.0 * SLOPES[0]),
         ];
+        #[expect(clippy::needless_range_loop, reason = "iterators take 3 % longer")]
         for k in 1..TERMS - 1 {
-            ta *= va;
-            tb *= vb;
             let odd = 1.0 / (2 * k + 1) as f32;
-            let before = square * (moment * (2.0 * k as f32 * odd));
-            moment = (tb - ta).mul_add(odd, before);
-            let times = moment * (k + 1) as f32;
-            sums[0] = self.d[k + 1].mul_add(moment, sums[0]);
+            let before = near * (moment * (2.0 * k as f32 * odd));
+            moment = ends().mul_add(odd, before);
+            sums[0] = self.of_value[k].mul_add(moment, sums[0]);
             if k + 2 < TERMS {
-                sums[1] = self.d[k + 2].mul_add(times + moment, sums[1]);
+                sums[1] = self.of_slope[k].mul_add(moment, sums[1]);
             }
-            sums[2] = self.d[k + 1].mul_add(times, sums[2]);
+            sums[2] = moment.mul_add(2.0 * SLOPES[k], sums[2]);
         }
         sums
     }
+}
+
+/// A polynomial at `t`, and what is passed on the way there.
+#[inline(always)]
+fn horner<S: Simd, const N: usize, const M: usize>(
+    t: f32x16<S>,
+    of: &[f32; N],
+) -> (f32x16<S>, [f32x16<S>; M]) {
+    let simd = t.token();
+    let mut passed = [splat(simd, of[N - 1]); M];
+    for i in (0..M - 1).rev() {
+        passed[i] = passed[i + 1].mul_add(t, splat(simd, of[i + 1]));
+    }
+    (passed[0].mul_add(t, splat(simd, of[0])), passed)
 }

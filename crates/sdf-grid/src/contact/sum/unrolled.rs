@@ -52,7 +52,8 @@ impl<S: Simd> Unrolled<S> {
     pub(super) fn back(&self, v: &Vectors<S>) -> Vectors<S> {
         let mut sum = *v;
         for (k, sum) in sum.iter_mut().enumerate() {
-            *sum = v[0] * self.x[k] + v[1] * self.y[k] + v[2] * self.normal[k];
+            let ends = v[1].mul_add(self.y[k], v[2] * self.normal[k]);
+            *sum = v[0].mul_add(self.x[k], ends);
         }
         sum
     }

@@ -8,6 +8,7 @@ use super::sheet::{Border, FARTHER, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::support::prefetch::fetch_all;
 use crate::surface::coplanar::outlines::Outline;
 
 /// Edge of a cell, in units of the reach, unless the part is so large that there would be too many.
@@ -25,11 +26,12 @@ pub(super) struct Views {
     low: DVec3,
     /// Metres.
     cell: f64,
-    /// The reach, metres.
-    unit: f64,
+    /// Cells per metre, and their edge in units of the reach.
+    per_metre: f64,
+    in_reaches: f64,
     shape: [usize; 3],
-    /// Where the sheets of each cell begin, and the end of the last.
-    starts: Vec<u32>,
+    /// Where the sheets and the borders of each cell begin, and the ends of the last.
+    starts: Vec<[u32; 2]>,
     pub(super) sheets: Vec<Sheet>,
     pub(super) borders: Vec<Border>,
 }
@@ -53,9 +55,10 @@ impl Views {
         let mut views = Self {
             low: all.min,
             cell,
-            unit: reach,
+            per_metre: 1.0 / cell,
+            in_reaches: cell / reach,
             shape: shape.to_array().map(|n| n as usize),
-            starts: vec![0],
+            starts: vec![[0; 2]],
             sheets: Vec::new(),
             borders: Vec::new(),
         };
@@ -79,7 +82,8 @@ impl Views {
                 first: s.first + before,
                 ..s
             }));
-            views.starts.push(views.sheets.len() as u32);
+            let ends = [views.sheets.len(), views.borders.len()];
+            views.starts.push(ends.map(|n| n as u32));
         }
         Ok(views)
     }
@@ -159,10 +163,10 @@ impl Views {
     }
 
     /// What is seen from about a place, and where that is relative to the middle of its cell, in
-    /// units of the reach; none if no surface is in reach of it.
+    /// units of the reach; none if no surface is in reach of it. All of it is on its way.
     #[inline(always)]
     pub(super) fn from(&self, p: DVec3) -> Option<(&[Sheet], Vec3)> {
-        let place = (p - self.low) / self.cell;
+        let place = (p - self.low) * self.per_metre;
         let shape = DVec3::from_array(self.shape.map(|n| n as f64));
         // False for what is not a number.
         if !(place.cmpge(DVec3::ZERO).all() && place.cmplt(shape).all()) {
@@ -170,9 +174,12 @@ impl Views {
         }
         let [x, y, z] = place.to_array().map(|v| v as usize);
         let flat = (x * self.shape[1] + y) * self.shape[2] + z;
-        let range = self.starts[flat] as usize..self.starts[flat + 1] as usize;
-        let within = (place - place.floor() - 0.5) * (self.cell / self.unit);
-        Some((self.sheets.get(range)?, within.as_vec3()))
+        let [first, last] = [self.starts[flat], self.starts[flat + 1]];
+        let sheets = self.sheets.get(first[0] as usize..last[0] as usize)?;
+        fetch_all(sheets);
+        fetch_all(self.borders.get(first[1] as usize..last[1] as usize)?);
+        let within = (place - place.floor() - 0.5) * self.in_reaches;
+        Some((sheets, within.as_vec3()))
     }
 
     /// Memory that is held, bytes.

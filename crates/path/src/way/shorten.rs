@@ -1,0 +1,127 @@
+//! Leaving out what is not needed of a way.
+
+use fft_correlate::Pose;
+
+use crate::contact::gaps::Gaps;
+
+/// Two poses are joined by the turn of least angle: up to this one, radians, it is the one meant.
+const WIDEST_TURN: f64 = 2.9;
+
+/// What straight and screw motions between poses must keep.
+pub(crate) struct Shortcuts<'a> {
+    pub(crate) gaps: &'a Gaps,
+    /// Overlaps no deeper than this are allowed, metres.
+    pub(crate) level: f64,
+    /// Poses are looked at this far apart, metres.
+    pub(crate) step: f64,
+    pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Shortcuts<'_> {
+    /// The first and last pose, and of those between as few as lead from one to the next by screw
+    /// motions within the limits.
+    pub(crate) fn shorten(&self, poses: &[Pose]) -> Vec<Pose> {
+        let mut kept = vec![poses[0]];
+        let mut at = 0;
+        while at + 1 < poses.len() {
+            at = self.farthest(poses, at);
+            kept.push(poses[at]);
+        }
+        kept
+    }
+
+    /// The last pose found that can be reached directly: by doubling, then halving.
+    fn farthest(&self, poses: &[Pose], from: usize) -> usize {
+        let last = poses.len() - 1;
+        let reached = |to: usize| self.joins(&poses[from], &poses[to]);
+        let (mut good, mut stride) = (from + 1, 2);
+        let mut bad = last + 1;
+        while from + stride <= last && !(self.stop)() {
+            if !reached(from + stride) {
+                bad = from + stride;
+                break;
+            }
+            good = from + stride;
+            stride *= 2;
+        }
+        if bad > last && good < last {
+            if reached(last) {
+                return last;
+            }
+            bad = last;
+        }
+        while bad - good > 1 && bad <= last && !(self.stop)() {
+            let middle = (good + bad) / 2;
+            if reached(middle) {
+                good = middle;
+            } else {
+                bad = middle;
+            }
+        }
+        good
+    }
+
+    /// Whether the screw motion between two poses stays within the limits.
+    fn joins(&self, from: &Pose, to: &Pose) -> bool {
+        let frame = &self.gaps.frame;
+        let motion = frame.between(from, to);
+        if frame.turn(&motion).length() > WIDEST_TURN {
+            return false;
+        }
+        let count = (frame.largest(from, &motion) / self.step).ceil().max(1.0);
+        let depth = self.level + 4.0 * self.step;
+        scattered(count as usize).all(|i| {
+            let pose = frame.interpolated(from, to, i as f64 / count);
+            self.gaps.clear(&pose, self.level, depth)
+        })
+    }
+}
+
+/// The numbers between 0 and `count`, both left out, such that each is far from those before it: what
+/// is in the way is soon met.
+fn scattered(count: usize) -> impl Iterator<Item = usize> {
+    let bits = usize::BITS - count.leading_zeros();
+    let reversed = move |i: usize| i.reverse_bits() >> (usize::BITS - bits);
+    (1..1usize << bits)
+        .map(reversed)
+        .filter(move |i| *i < count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+    use sdf_grid::shapes;
+    use std::sync::Arc;
+
+    #[test]
+    fn scattered_numbers_are_all_of_them() {
+        for count in [1, 2, 3, 7, 8, 100] {
+            let mut all: Vec<usize> = scattered(count).collect();
+            all.sort_unstable();
+            assert_eq!(all, (1..count).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn a_way_round_a_corner_keeps_its_corner() {
+        let (plate, spool) = shapes::spool_in_slot(2e-4).unwrap();
+        let place = Pose::new(DQuat::from_rotation_y(0.8), DVec3::splat(0.02));
+        let plate = plate.transformed(place.rotation, place.translation);
+        let gaps = Gaps::new(Arc::new(plate), Arc::new(spool), 2e-4);
+        let at = |x: f64, y: f64| place * Pose::from_translation(1e-3 * DVec3::new(x, y, 0.0));
+        let mut poses: Vec<Pose> = (0..=16).map(|i| at(-0.5 * f64::from(i), 0.0)).collect();
+        poses.extend((1..=24).map(|i| at(-8.0, -0.5 * f64::from(i))));
+        let shortcuts = Shortcuts {
+            gaps: &gaps,
+            level: 2e-5,
+            step: 2e-4,
+            stop: &|| false,
+        };
+        let short = shortcuts.shorten(&poses);
+        assert!((3..=4).contains(&short.len()), "{}", short.len());
+        assert_eq!((short[0], short[short.len() - 1]), (poses[0], poses[40]));
+        let corner = at(-8.0, 0.0);
+        assert!(short.iter().any(|p| gaps.frame.apart(p, &corner) < 6e-4));
+    }
+}

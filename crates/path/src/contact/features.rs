@@ -10,7 +10,7 @@ const FLAT: f64 = 1e-4;
 /// Edges that turn by less than this, radians, are blunt: their points lie [`SPARSE`] times as far
 /// apart.
 const BLUNT: f64 = 0.5;
-const SPARSE: f64 = 3.0;
+const SPARSE: f64 = 4.0;
 /// Points on faces lie so many times as far apart as those along edges.
 const FACES: f64 = 8.0;
 /// Most points of a surface: the spacing grows until they are no more.

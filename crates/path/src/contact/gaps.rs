@@ -7,7 +7,7 @@ use glam::DVec3;
 use sdf_grid::TriangleMesh;
 
 use crate::contact::features::touching_points;
-use crate::contact::solid::Solid;
+use crate::contact::solid::{Probe, Solid};
 use crate::motion::frame::Frame;
 use crate::motion::six::Vec6;
 
@@ -67,26 +67,44 @@ impl Gaps {
         depth: f64,
         contacts: &mut Vec<Contact>,
     ) -> f64 {
+        let radius = margin.max(depth);
+        let back = pose.inverse();
+        let moving = |q: &DVec3| {
+            let place = pose.apply(*q);
+            let probe = self
+                .fixed
+                .probe(place, radius)
+                .filter(|p| p.distance < margin)?;
+            Some(self.contact(pose, probe.distance, place, probe.normal))
+        };
+        let fixed = |p: &DVec3| {
+            let probe = self.moving.probe(back.apply(*p), radius);
+            let probe = probe.filter(|p| p.distance < margin)?;
+            let normal = -(pose.rotation * probe.normal);
+            Some(self.contact(pose, probe.distance, *p, normal))
+        };
         contacts.clear();
-        let mut least = margin;
-        self.each(pose, margin.max(depth), |distance, place, normal| {
-            if distance < margin {
-                least = least.min(distance);
-                contacts.push(self.contact(pose, distance, place, normal));
-            }
-        });
-        least
+        let mut others: Vec<Contact> = Vec::new();
+        rayon::join(
+            || contacts.extend(self.moving_points.iter().filter_map(moving)),
+            || others.extend(self.fixed_points.iter().filter_map(fixed)),
+        );
+        contacts.append(&mut others);
+        contacts.iter().map(|c| c.distance).fold(margin, f64::min)
     }
 
     /// Whether no point overlaps by more than `level`, of those that do by less than `depth`.
     pub(crate) fn clear(&self, pose: &Pose, level: f64, depth: f64) -> bool {
         let radius = depth.max(level);
-        let inside =
-            |p: Option<crate::contact::solid::Probe>| p.is_some_and(|p| p.distance < -level);
+        let inside = |p: Option<Probe>| p.is_some_and(|p| p.distance < -level);
         let moving = |q: &DVec3| inside(self.fixed.probe(pose.apply(*q), radius));
         let back = pose.inverse();
         let fixed = |p: &DVec3| inside(self.moving.probe(back.apply(*p), radius));
-        !self.moving_points.iter().any(moving) && !self.fixed_points.iter().any(fixed)
+        let (a, b) = rayon::join(
+            || !self.moving_points.iter().any(moving),
+            || !self.fixed_points.iter().any(fixed),
+        );
+        a && b
     }
 
     /// By how much the deepest point of either part lies in the other, metres; 0 if none does.
@@ -102,22 +120,6 @@ impl Gaps {
         there
             .chain(fixed.map(|q| -self.moving.distance(q)))
             .fold(0.0, f64::max)
-    }
-
-    /// Calls `found` with the signed distance, place and normal of every point nearer than `radius`.
-    fn each(&self, pose: &Pose, radius: f64, mut found: impl FnMut(f64, DVec3, DVec3)) {
-        for q in &self.moving_points {
-            let place = pose.apply(*q);
-            if let Some(probe) = self.fixed.probe(place, radius) {
-                found(probe.distance, place, probe.normal);
-            }
-        }
-        let back = pose.inverse();
-        for p in &self.fixed_points {
-            if let Some(probe) = self.moving.probe(back.apply(*p), radius) {
-                found(probe.distance, *p, -(pose.rotation * probe.normal));
-            }
-        }
     }
 
     fn contact(&self, pose: &Pose, distance: f64, place: DVec3, normal: DVec3) -> Contact {

@@ -43,7 +43,7 @@ impl Finish<'_> {
         let shortcuts = Shortcuts {
             gaps: self.gaps,
             level: self.limits.level,
-            step: 0.5 * self.step,
+            step: self.step,
             stop: self.stop,
         };
         let inwards: Vec<Pose> = outwards.iter().rev().copied().collect();

@@ -95,13 +95,8 @@ impl Levels<'_> {
             opened.ways = grown.ways;
             opened.level = level;
         }
-        tracing::debug!(
-            level,
-            found,
-            nodes = grown.nodes,
-            closest = grown.closest,
-            "raised"
-        );
+        let nodes = grown.nodes;
+        tracing::debug!(level, found, nodes, "overlap allowed");
         found
     }
 

@@ -4,7 +4,9 @@ use fft_correlate::Pose;
 use glam::DVec3;
 
 use crate::contact::gaps::{Contact, Gaps};
-use crate::motion::six::{Mat6, Vec6, add_product, eigenvectors, length, quadratic, scaled};
+use crate::motion::six::{
+    Mat6, Vec6, add_product, dot, eigenvectors, length, quadratic, scaled, solve,
+};
 
 /// Contacts closer than this share of the part's radius have a say.
 const FAR: f64 = 0.1;
@@ -12,6 +14,8 @@ const FAR: f64 = 0.1;
 const SAME_NORMAL: f64 = 0.95;
 /// Motions closer than this (their cosine) count as one.
 const SAME_MOTION: f64 = 0.97;
+/// Motions that contacts resist less than this share of all their resistance are soft.
+const SOFT: f64 = 1e-3;
 /// Most normals of walls that are told apart.
 const NORMALS: usize = 5;
 
@@ -42,12 +46,33 @@ pub(crate) fn candidates(
     both.sort_by(|a, b| quadratic(&stiffness, a).total_cmp(&quadratic(&stiffness, b)));
     let mut kept: Vec<Vec6> = last.iter().map(unit).collect();
     for motion in both {
-        let same = |k: &Vec6| crate::motion::six::dot(k, &motion) > SAME_MOTION;
+        let same = |k: &Vec6| dot(k, &motion) > SAME_MOTION;
         if !kept.iter().any(same) {
             kept.push(motion);
         }
     }
     kept
+}
+
+/// What the walls leave of a motion from a pose: its part along which they resist little; none if they
+/// leave nothing.
+pub(crate) fn softened(
+    gaps: &Gaps,
+    pose: &Pose,
+    level: f64,
+    motion: &Vec6,
+    contacts: &mut Vec<Contact>,
+) -> Option<Vec6> {
+    let far = FAR * gaps.frame.radius;
+    gaps.near(pose, far, level + far, contacts);
+    let mut stiffness = stiffness(contacts, far);
+    let trace: f64 = (0..6).map(|i| stiffness[i][i]).sum();
+    let soft = SOFT * trace;
+    for (i, row) in stiffness.iter_mut().enumerate() {
+        row[i] += soft;
+    }
+    let left = solve(stiffness, scaled(motion, soft))?;
+    (length(&left) > 0.1 * length(motion)).then_some(left)
 }
 
 /// How much all contacts resist motions, the nearer ones more.

@@ -15,6 +15,9 @@ use crate::search::slide::{Slide, Slides};
 
 /// Directions that are tried at once before other poses get their turn.
 const BATCH: usize = 4;
+/// How far a new motion is tried, and how far one goes on as before; in radii.
+const NEAREST: f64 = 0.8;
+const FARTHEST: f64 = 7.0;
 /// How much a pose falls behind with each batch that has led nowhere, as a share of the radius.
 const HANDICAP: f64 = 0.15;
 /// Poses along a slide from which other ways are tried, too, lie this share of the radius apart.
@@ -84,7 +87,6 @@ impl Growth<'_> {
             shape: self.shape,
             limits: self.limits,
             step: self.step,
-            longest: 7.0 * self.gaps.frame.radius,
         };
         let mut nodes = vec![self.node(*start, None, None)];
         let mut grown = Grown::default();
@@ -94,12 +96,12 @@ impl Growth<'_> {
                 grown.exhausted = true;
                 break;
             };
-            let batch = self.batch(&mut nodes[chosen]);
+            let (batch, longest) = self.batch(&mut nodes[chosen]);
             let pose = nodes[chosen].pose;
             let stop = || (self.stop)() || Instant::now() > deadline;
             let found: Vec<Slide> = batch
                 .par_iter()
-                .map(|motion| slides.slide(&pose, motion, &stop))
+                .map(|motion| slides.slide(&pose, motion, longest, &stop))
                 .collect();
             for slide in found {
                 grown.looked += slide.looked;
@@ -147,21 +149,23 @@ impl Growth<'_> {
             .map(|(i, _)| i)
     }
 
-    /// The next motions to try from a node.
-    fn batch(&self, node: &mut Node) -> Vec<Vec6> {
+    /// The next motions to try from a node, and how far.
+    fn batch(&self, node: &mut Node) -> (Vec<Vec6>, f64) {
         let level = self.limits.level;
         let motions = node.motions.get_or_insert_with(|| {
             candidates(self.gaps, &node.pose, level, node.last, &mut Vec::new())
         });
         let first = node.tried;
-        // What goes on as before goes alone: mostly it does.
-        let count = if first == 0 && node.last.is_some() {
-            1
-        } else {
-            BATCH
+        // What goes on as before goes alone, and far: mostly it does.
+        let (count, longest) = match first == 0 && node.last.is_some() {
+            true => (1, FARTHEST),
+            false => (BATCH, NEAREST),
         };
         node.tried = (first + count).min(motions.len());
-        motions[first..node.tried].to_vec()
+        (
+            motions[first..node.tried].to_vec(),
+            longest * self.gaps.frame.radius,
+        )
     }
 
     /// Adds what a slide has reached; the way if it has reached the outside.

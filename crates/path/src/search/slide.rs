@@ -5,6 +5,7 @@ use fft_correlate::Pose;
 use crate::contact::gaps::{Contact, Gaps};
 use crate::contact::settle::Limits;
 use crate::motion::six::{Vec6, dot, length, scaled};
+use crate::search::directions::softened;
 use crate::search::escape::Escape;
 use crate::search::same::Shape;
 
@@ -12,6 +13,12 @@ use crate::search::same::Shape;
 const STUCK: f64 = 0.3;
 /// With less than this a shorter step is not tried.
 const BLOCKED: f64 = 0.05;
+/// Steps that stray from what was wanted by less than this share may become longer, up to
+/// [`FASTEST`] times.
+const SMOOTH: f64 = 0.15;
+const FASTEST: f64 = 3.0;
+/// Poses over which the direction of a slide is taken.
+const MEMORY: usize = 8;
 /// Steps are halved this often before a slide counts as stuck.
 const HALVINGS: u32 = 4;
 /// After this share of the radius a motion that changes nothing is given up.
@@ -26,8 +33,16 @@ pub(crate) struct Slides<'a> {
     pub(crate) limits: Limits,
     /// Largest motion of any point in one step, metres.
     pub(crate) step: f64,
-    /// Longest slide, metres.
-    pub(crate) longest: f64,
+}
+
+/// A step that went.
+struct Step {
+    pose: Pose,
+    motion: Vec6,
+    /// Poses on the way, a step apart, if it was longer than that.
+    between: Vec<Pose>,
+    /// Whether the walls left it almost as it was wanted.
+    smooth: bool,
 }
 
 /// Where a slide has led.
@@ -44,43 +59,47 @@ pub(crate) struct Slide {
 }
 
 impl Slides<'_> {
-    /// Goes on from `start` along `direction`: after each step the part is pushed out of what it
-    /// overlaps, and the next step repeats the motion that resulted, as a body without friction would.
+    /// Goes on from `start` along `direction` for at most `longest` metres: after each step the part is
+    /// pushed out of what it overlaps, and the next step repeats the motion of the last few, as a body
+    /// without friction would.
     pub(crate) fn slide(
         &self,
         start: &Pose,
         direction: &Vec6,
+        longest: f64,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Slide {
         let mut contacts = Vec::new();
         let mut slide = Slide::default();
-        let (mut at, mut along) = (*start, *direction);
-        let mut gone = 0.0;
+        let frame = &self.gaps.frame;
+        let (mut at, mut along, mut gone, mut pace) = (*start, *direction, 0.0, 1.0);
         let mut doubtful = true;
-        while gone < self.longest && !stop() {
-            let Some((next, motion)) = self.step(&at, &along, &mut contacts, &mut slide.looked)
-            else {
+        while gone < longest && !stop() {
+            let Some(step) = self.step(&at, &along, pace, &mut contacts, &mut slide.looked) else {
                 break;
             };
-            gone += self.gaps.frame.largest(&at, &motion);
-            let centre = self.gaps.frame.centre;
-            along = self
-                .gaps
-                .frame
-                .carried(&motion, at.apply(centre), next.apply(centre));
-            at = next;
+            gone += frame.largest(&at, &step.motion);
+            pace = if step.smooth {
+                (1.5 * pace).min(FASTEST)
+            } else {
+                1.0
+            };
+            at = step.pose;
+            slide.poses.extend(step.between);
             slide.poses.push(at);
+            along = self.momentum(start, &slide.poses);
             slide.last = Some(along);
             if self.escape.exit(self.gaps, &at).distance < 0.0 {
                 slide.outside = true;
                 break;
             }
-            if doubtful && gone > NOTHING_CHANGED * self.gaps.frame.radius {
+            if doubtful && gone > NOTHING_CHANGED * frame.radius {
                 doubtful = false;
                 let little = 3.0 * self.limits.tolerance;
                 if self.shape.same(self.gaps, start, &at, little) {
+                    let looked = slide.looked;
                     return Slide {
-                        looked: slide.looked,
+                        looked,
                         ..Slide::default()
                     };
                 }
@@ -89,52 +108,99 @@ impl Slides<'_> {
         slide
     }
 
-    /// A step along a motion, shorter where it has to be; the pose it leads to and the motion there.
+    /// The screw that has led through the last few poses, where it has led to.
+    fn momentum(&self, start: &Pose, poses: &[Pose]) -> Vec6 {
+        let frame = &self.gaps.frame;
+        let now = poses.last().unwrap_or(start);
+        let before = match poses.len() > MEMORY {
+            true => &poses[poses.len() - 1 - MEMORY],
+            false => start,
+        };
+        let motion = frame.between(before, now);
+        let [from, to] = [before, now].map(|p| p.apply(frame.centre));
+        frame.carried(&motion, from, to)
+    }
+
+    /// A step along a motion; if it does not go, along what the walls leave of the motion.
     fn step(
         &self,
         at: &Pose,
         along: &Vec6,
+        pace: f64,
         contacts: &mut Vec<Contact>,
         looked: &mut usize,
-    ) -> Option<(Pose, Vec6)> {
+    ) -> Option<Step> {
+        self.straight(at, along, pace, contacts, looked)
+            .or_else(|| {
+                let soft = softened(self.gaps, at, self.limits.level, along, contacts)?;
+                self.straight(at, &soft, 1.0, contacts, looked)
+            })
+    }
+
+    /// A step along a motion, shorter where it has to be.
+    fn straight(
+        &self,
+        at: &Pose,
+        along: &Vec6,
+        pace: f64,
+        contacts: &mut Vec<Contact>,
+        looked: &mut usize,
+    ) -> Option<Step> {
         let frame = &self.gaps.frame;
         let full = scaled(along, self.step / frame.largest(at, along));
-        for halving in 0..=HALVINGS {
-            let share = 0.5f64.powi(halving as i32);
-            let wanted = scaled(&full, share);
+        let slower = (0..=HALVINGS).map(|halving| 0.5f64.powi(halving as i32));
+        let fast = (pace > 1.0).then_some(pace);
+        for share in fast.into_iter().chain(slower) {
             *looked += 1;
-            match self.trial(at, &wanted, share * self.step, contacts) {
-                Ok(found) => return Some(found),
+            let wanted = scaled(&full, share);
+            match self.trial(at, &wanted, share, contacts) {
+                Ok(step) => return Some(step),
                 // Shorter steps go no better against a wall.
-                Err(progress) if progress < BLOCKED => return None,
+                Err(progress) if progress < BLOCKED && share <= 1.0 => return None,
                 Err(_) => {}
             }
         }
         None
     }
 
-    /// The pose next to where a motion leads, and the motion there; else the share of the motion that
-    /// was left, one if it led through something.
+    /// The pose next to where a motion leads; else the share of the motion that was left, one if it led
+    /// through something. `share` is the motion's, of a step.
     fn trial(
         &self,
         at: &Pose,
         wanted: &Vec6,
-        reach: f64,
+        share: f64,
         contacts: &mut Vec<Contact>,
-    ) -> Result<(Pose, Vec6), f64> {
+    ) -> Result<Step, f64> {
         let (gaps, limits) = (self.gaps, &self.limits);
+        let reach = share.min(1.0) * self.step;
         let trial = gaps.frame.moved(at, wanted);
-        let next = gaps.settle(&trial, limits, reach, contacts).ok_or(1.0)?;
-        let motion = gaps.frame.between(at, &next);
+        let pose = gaps.settle(&trial, limits, reach, contacts).ok_or(1.0)?;
+        let motion = gaps.frame.between(at, &pose);
         let progress = dot(&motion, wanted) / dot(wanted, wanted);
         if progress < STUCK {
             return Err(progress);
         }
-        let middle = gaps.frame.moved(at, &scaled(&motion, 0.5));
-        let through = !gaps.clear(&middle, limits.level, limits.depth(reach));
-        match through || length(&motion) > 2.0 * length(wanted) {
-            true => Err(1.0),
-            false => Ok((next, motion)),
+        if length(&motion) > 2.0 * length(wanted) {
+            return Err(1.0);
         }
+        let pieces = share.ceil() as usize;
+        let piece = |i: usize| {
+            gaps.frame
+                .moved(at, &scaled(&motion, i as f64 / pieces as f64))
+        };
+        let between: Vec<Pose> = (1..pieces).map(piece).collect();
+        let depth = limits.depth(reach);
+        if !between.iter().all(|p| gaps.clear(p, limits.level, depth)) {
+            return Err(1.0);
+        }
+        let astray: Vec6 = std::array::from_fn(|k| motion[k] - wanted[k]);
+        let smooth = length(&astray) < SMOOTH * length(wanted);
+        Ok(Step {
+            pose,
+            motion,
+            between,
+            smooth,
+        })
     }
 }

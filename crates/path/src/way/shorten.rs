@@ -1,11 +1,15 @@
 //! Leaving out what is not needed of a way.
 
 use fft_correlate::Pose;
+use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
 
 /// Two poses are joined by the turn of least angle: up to this one, radians, it is the one meant.
 const WIDEST_TURN: f64 = 2.9;
+
+/// Poses that are looked at together.
+const TOGETHER: usize = 16;
 
 /// What straight and screw motions between poses must keep.
 pub(crate) struct Shortcuts<'a> {
@@ -70,10 +74,14 @@ impl Shortcuts<'_> {
         }
         let count = (frame.largest(from, &motion) / self.step).ceil().max(1.0);
         let depth = self.level + 4.0 * self.step;
-        scattered(count as usize).all(|i| {
-            let pose = frame.interpolated(from, to, i as f64 / count);
+        let clear = |i: &usize| {
+            let pose = frame.interpolated(from, to, *i as f64 / count);
             self.gaps.clear(&pose, self.level, depth)
-        })
+        };
+        let places: Vec<usize> = scattered(count as usize).collect();
+        places
+            .chunks(TOGETHER)
+            .all(|some| some.par_iter().all(clear))
     }
 }
 

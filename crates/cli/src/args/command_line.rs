@@ -310,10 +310,20 @@ pub struct PathArgs {
     pub fixed: Option<String>,
     /// Where the way leads: `fit` (the scene's), `best` (docks first), or a pose
     /// x,y,z,qx,qy,qz,qw in metres
-    #[arg(long, value_name = "POSE", default_value = "fit", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "POSE",
+        default_value = "fit",
+        allow_hyphen_values = true
+    )]
     pub to: String,
     /// Where it begins: `outside`, or a pose x,y,z,qx,qy,qz,qw in metres
-    #[arg(long, value_name = "POSE", default_value = "outside", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "POSE",
+        default_value = "outside",
+        allow_hyphen_values = true
+    )]
     pub from: String,
     /// Poses along the way, with energy, force, torque and overlap; - is standard output
     #[arg(short, long, value_name = "PATH.csv")]

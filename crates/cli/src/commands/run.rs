@@ -1,6 +1,8 @@
 //! From parsed arguments to the command that was asked for.
 
-use super::{bake, check, demo, devices, dock, feel, field, path, play, plot, score, table, verify};
+use super::{
+    bake, check, demo, devices, dock, feel, field, path, play, plot, score, table, verify,
+};
 use crate::args::{Arguments, Command, Global};
 use crate::context::Context;
 use crate::error::CommandError;

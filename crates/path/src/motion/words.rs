@@ -10,8 +10,12 @@ use serde::Serialize;
 use crate::motion::frame::{Frame, shift};
 use crate::motion::six::Vec6;
 
-/// Less than this share of what the other half of a motion moves, a turn or an advance is not told.
-const NOTHING: f64 = 0.03;
+/// A turn that moves less than this share of what the displacement beside it does is not told.
+const NOTHING: f64 = 0.1;
+/// The advance of a turn of less than [`ONE_TURN`] radians is not told if it is less than this share of
+/// the part's radius.
+const PLAY: f64 = 0.03;
+const ONE_TURN: f64 = 4.0;
 /// Directions closer than this (radians) are one.
 const SAME_DIRECTION: f64 = 0.1;
 /// Axes of turns closer than this share of the part's radius are one.
@@ -70,12 +74,11 @@ impl Motion {
         }
         let axis = turn / angle;
         let advance = moved.dot(axis);
-        let nothing = advance.abs() <= NOTHING.powi(2) * angle * frame.radius;
         Self {
             axis: axis.to_array(),
             point: (centre + turn.cross(moved) / angle.powi(2)).to_array(),
             turn: angle,
-            advance: if nothing { 0.0 } else { advance },
+            advance,
             length,
         }
     }
@@ -104,6 +107,18 @@ impl Motion {
             advance: self.advance + next.advance,
             length: self.length + next.length,
         })
+    }
+
+    /// A turn with no more advance than its play allows is a turn.
+    fn rounded(self, radius: f64) -> Self {
+        let within_play = self.turn < ONE_TURN && self.advance.abs() < PLAY * radius;
+        match self.turn > 0.0 && (within_play || self.advance.abs() < 1e-3 * self.turn * radius) {
+            true => Self {
+                advance: 0.0,
+                ..self
+            },
+            false => self,
+        }
     }
 
     fn angle_words(&self) -> String {
@@ -164,7 +179,7 @@ pub(crate) fn motions(frame: &Frame, poses: &[Pose]) -> Vec<Motion> {
             None => told.push(motion),
         }
     }
-    told
+    told.into_iter().map(|m| m.rounded(frame.radius)).collect()
 }
 
 #[cfg(test)]

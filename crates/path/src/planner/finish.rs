@@ -38,8 +38,9 @@ pub(crate) struct Finished {
 }
 
 impl Finish<'_> {
-    /// A way without detours, inwards: from the last pose of `outwards` to its first.
-    pub(crate) fn straightened(&self, outwards: &[Pose]) -> Vec<Pose> {
+    /// A way without detours, inwards: from the last pose of `outwards` to its first. Turns that nothing
+    /// asks for go, too, unless the way begins where it was asked to.
+    pub(crate) fn straightened(&self, outwards: &[Pose], keep_start: bool) -> Vec<Pose> {
         let shortcuts = Shortcuts {
             gaps: self.gaps,
             level: self.limits.level,
@@ -47,7 +48,13 @@ impl Finish<'_> {
             stop: self.stop,
         };
         let inwards: Vec<Pose> = outwards.iter().rev().copied().collect();
-        shortcuts.shorten(&inwards)
+        if keep_start {
+            return shortcuts.shorten(&inwards);
+        }
+        match shortcuts.translated(&inwards) {
+            Some(way) => shortcuts.shorten(&way),
+            None => shortcuts.unturned(&shortcuts.shorten(&inwards)),
+        }
     }
 
     /// The way between `corners` at equal steps, off the walls, and lower if it climbs; `depth` is that

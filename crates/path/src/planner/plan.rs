@@ -214,7 +214,7 @@ impl PathSearch {
         };
         let depth = source.map(|s| self.depth(s, goal));
         let mut finished = outwards.iter().map(|way| {
-            let corners = finish.straightened(way);
+            let corners = finish.straightened(way, self.options.start != Start::Outside);
             finish.finished(corners, step, depth)
         });
         let first = finished.next();

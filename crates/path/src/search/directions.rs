@@ -19,7 +19,8 @@ const SOFT: f64 = 1e-3;
 /// Most normals of walls that are told apart.
 const NORMALS: usize = 5;
 
-/// Unit motions to try, the last one first, then those that the walls resist least: the softest
+/// Unit motions to try, the last one first, then straight along `exit`, where the part would be out
+/// soonest, then those that the walls resist least: the softest
 /// directions of all contacts together (a screw in a thread, a slide in a groove), straight motions
 /// along and across walls, turns about the same axes; each in both senses.
 pub(crate) fn candidates(
@@ -27,6 +28,7 @@ pub(crate) fn candidates(
     pose: &Pose,
     level: f64,
     last: Option<Vec6>,
+    exit: DVec3,
     contacts: &mut Vec<Contact>,
 ) -> Vec<Vec6> {
     let far = FAR * gaps.frame.radius;
@@ -44,7 +46,8 @@ pub(crate) fn candidates(
         .flat_map(|m| [unit(m), scaled(&unit(m), -1.0)])
         .collect();
     both.sort_by(|a, b| quadratic(&stiffness, a).total_cmp(&quadratic(&stiffness, b)));
-    let mut kept: Vec<Vec6> = last.iter().map(unit).collect();
+    let straight_out = frame.motion(DVec3::ZERO, exit);
+    let mut kept: Vec<Vec6> = last.iter().map(unit).chain([straight_out]).collect();
     for motion in both {
         let same = |k: &Vec6| dot(k, &motion) > SAME_MOTION;
         if !kept.iter().any(same) {

@@ -153,7 +153,15 @@ impl Growth<'_> {
     fn batch(&self, node: &mut Node) -> (Vec<Vec6>, f64) {
         let level = self.limits.level;
         let motions = node.motions.get_or_insert_with(|| {
-            candidates(self.gaps, &node.pose, level, node.last, &mut Vec::new())
+            let exit = self.escape.exit(self.gaps, &node.pose).direction;
+            candidates(
+                self.gaps,
+                &node.pose,
+                level,
+                node.last,
+                exit,
+                &mut Vec::new(),
+            )
         });
         let first = node.tried;
         // What goes on as before goes alone, and far: mostly it does.

@@ -21,8 +21,8 @@ const FASTEST: f64 = 3.0;
 const MEMORY: usize = 8;
 /// Steps are halved this often before a slide counts as stuck.
 const HALVINGS: u32 = 4;
-/// After this share of the radius a motion that changes nothing is given up.
-const NOTHING_CHANGED: f64 = 0.7;
+/// A motion by this share of the radius shows whether it changes anything.
+const SOME_TURN: f64 = 0.37;
 
 /// What all slides of a search share.
 #[derive(Debug)]
@@ -73,7 +73,9 @@ impl Slides<'_> {
         let mut slide = Slide::default();
         let frame = &self.gaps.frame;
         let (mut at, mut along, mut gone, mut pace) = (*start, *direction, 0.0, 1.0);
-        let mut doubtful = true;
+        if self.changes_nothing(start, direction) {
+            return slide;
+        }
         while gone < longest && !stop() {
             let Some(step) = self.step(&at, &along, pace, &mut contacts, &mut slide.looked) else {
                 break;
@@ -93,19 +95,17 @@ impl Slides<'_> {
                 slide.outside = true;
                 break;
             }
-            if doubtful && gone > NOTHING_CHANGED * frame.radius {
-                doubtful = false;
-                let little = 3.0 * self.limits.tolerance;
-                if self.shape.same(self.gaps, start, &at, little) {
-                    let looked = slide.looked;
-                    return Slide {
-                        looked,
-                        ..Slide::default()
-                    };
-                }
-            }
         }
         slide
+    }
+
+    /// Whether a turn is about an axis of symmetry: it leads nowhere.
+    fn changes_nothing(&self, start: &Pose, direction: &Vec6) -> bool {
+        let frame = &self.gaps.frame;
+        let far = SOME_TURN * frame.radius / frame.largest(start, direction);
+        let turned = frame.moved(start, &scaled(direction, far));
+        self.shape
+            .same(self.gaps, start, &turned, 3.0 * self.limits.tolerance)
     }
 
     /// The screw that has led through the last few poses, where it has led to.

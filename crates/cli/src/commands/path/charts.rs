@@ -19,11 +19,17 @@ fn charts(answer: &PathAnswer, setup: &SceneSetup) -> Option<[LineChart; 2]> {
     answer.poses.first()?.response?;
     let curve = |label: &str, value: fn(&PathPose) -> f64| Series {
         label: label.to_owned(),
-        points: answer.poses.iter().map(|p| (p.length / metre, value(p))).collect(),
+        points: answer
+            .poses
+            .iter()
+            .map(|p| (p.length / metre, value(p)))
+            .collect(),
         ..Series::default()
     };
     let energy = curve("", |p| 1e3 * p.response.unwrap_or_default().energy);
-    let force = curve("force (N)", |p| p.response.unwrap_or_default().wrench.force.length());
+    let force = curve("force (N)", |p| {
+        p.response.unwrap_or_default().wrench.force.length()
+    });
     let torque = curve("torque (N cm)", |p| {
         100.0 * p.response.unwrap_or_default().wrench.torque.length()
     });

@@ -33,11 +33,7 @@ impl Goal {
     }
 
     /// The pose in the scene; docks if it has to.
-    pub(super) fn pose(
-        self,
-        setup: &SceneSetup,
-        context: &Context,
-    ) -> Result<Pose, CommandError> {
+    pub(super) fn pose(self, setup: &SceneSetup, context: &Context) -> Result<Pose, CommandError> {
         match self {
             Self::Fit => Ok(setup.scene.fit.assembled),
             Self::Pose(pose) => Ok(pose),

@@ -20,7 +20,11 @@ use crate::report::output::{print_json, require_folder};
 pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
     let to_stdout = args.output.as_deref() == Some(Path::new("-"));
     let files = [&args.output, &args.png, &args.html];
-    for file in files.into_iter().flatten().filter(|f| **f != *Path::new("-")) {
+    for file in files
+        .into_iter()
+        .flatten()
+        .filter(|f| **f != *Path::new("-"))
+    {
         require_folder(file)?;
     }
     let goal = Goal::parse(&args.to)?;
@@ -51,10 +55,7 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
 }
 
 /// What gives energies at poses of the shapes, and how many seconds its fields took.
-fn energies(
-    setup: &SceneSetup,
-    context: &Context,
-) -> Result<(DirectEvaluator, f64), CommandError> {
+fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f64), CommandError> {
     let began = Instant::now();
     let pair = setup.pair(&context.progress)?;
     context.progress.finish();

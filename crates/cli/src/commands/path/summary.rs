@@ -79,7 +79,9 @@ fn told(motions: &[Motion], placement: &Placement) -> Vec<Told> {
 fn outcome(outcome: &Outcome) -> &'static str {
     match outcome {
         Outcome::Free => "free",
-        Outcome::Blocked { exhausted: true, .. } => "blocked",
+        Outcome::Blocked {
+            exhausted: true, ..
+        } => "blocked",
         Outcome::Blocked { .. } => "not found",
     }
 }
@@ -124,7 +126,10 @@ impl Summary {
             turn: answer.turn(),
             depth: answer.depth,
             climb: answer.climb,
-            climb_at: answer.climb.filter(|c| c.energy > 0.0).and_then(|c| at(c.top)),
+            climb_at: answer
+                .climb
+                .filter(|c| c.energy > 0.0)
+                .and_then(|c| at(c.top)),
             motions: told(&answer.motions, placement),
             others: others.collect(),
             effort: Seen::new(&answer.effort, field_seconds),
@@ -148,7 +153,10 @@ impl Seen {
 
 /// The way in words, inwards: `push 12.0 mm along ..., quarter turn about ...`.
 pub(super) fn words(motions: &[Motion], placement: &Placement) -> String {
-    let told: Vec<String> = placed(motions, placement).iter().map(Motion::to_string).collect();
+    let told: Vec<String> = placed(motions, placement)
+        .iter()
+        .map(Motion::to_string)
+        .collect();
     match told.is_empty() {
         true => "no motion worth a word".to_owned(),
         false => told.join("; "),

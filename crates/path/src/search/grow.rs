@@ -11,13 +11,16 @@ use crate::motion::six::Vec6;
 use crate::search::directions::candidates;
 use crate::search::escape::{Escape, Exit};
 use crate::search::same::Shape;
-use crate::search::slide::{Slide, Slides};
+use crate::search::slide::{Slide, Slides, Until};
 
 /// Directions that are tried at once before other poses get their turn.
 const BATCH: usize = 4;
 /// How far a new motion is tried, and how far one goes on as before; in radii.
 const NEAREST: f64 = 0.8;
 const FARTHEST: f64 = 7.0;
+/// A place counts as another one if it is closer to being out by this share of a step: a nut that has
+/// turned by a side has come a little farther.
+const CLOSER: f64 = 0.2;
 /// How much a pose falls behind with each batch that has led nowhere, as a share of the radius.
 const HANDICAP: f64 = 0.15;
 /// Poses along a slide from which other ways are tried, too, lie this share of the radius apart.
@@ -30,7 +33,10 @@ struct Node {
     /// The node that it was reached from, and the poses between.
     from: Option<(usize, Vec<Pose>)>,
     last: Option<Vec6>,
+    /// How far it is from being out, metres.
     exit: f64,
+    /// How far it falls behind others, metres.
+    handicap: f64,
     /// Motions to try, found when they are first needed.
     motions: Option<Vec<Vec6>>,
     tried: usize,
@@ -99,9 +105,15 @@ impl Growth<'_> {
             let (batch, longest) = self.batch(&mut nodes[chosen]);
             let pose = nodes[chosen].pose;
             let stop = || (self.stop)() || Instant::now() > deadline;
+            let known = |pose: &Pose| self.known(&nodes, pose);
+            let until = Until {
+                longest,
+                known: &known,
+                stop: &stop,
+            };
             let found: Vec<Slide> = batch
                 .par_iter()
-                .map(|motion| slides.slide(&pose, motion, longest, &stop))
+                .map(|motion| slides.slide(&pose, motion, &until))
                 .collect();
             for slide in found {
                 grown.looked += slide.looked;
@@ -132,6 +144,7 @@ impl Growth<'_> {
             from,
             last,
             exit: self.escape.exit(self.gaps, &pose).distance,
+            handicap: 0.0,
             motions: None,
             tried: 0,
         }
@@ -144,7 +157,7 @@ impl Growth<'_> {
             .iter()
             .enumerate()
             .filter(|(_, n)| n.motions.as_ref().is_none_or(|m| n.tried < m.len()));
-        let rank = |n: &Node| n.exit + HANDICAP * radius * (n.tried / BATCH) as f64;
+        let rank = |n: &Node| n.exit + n.handicap + HANDICAP * radius * (n.tried / BATCH) as f64;
         open.min_by(|a, b| rank(a.1).total_cmp(&rank(b.1)))
             .map(|(i, _)| i)
     }
@@ -211,12 +224,14 @@ impl Growth<'_> {
         None
     }
 
-    /// Whether the part has been where it would be.
+    /// Whether the part has been where it would be, no farther from being out.
     fn known(&self, nodes: &[Node], pose: &Pose) -> bool {
-        let within = self.step;
-        nodes
-            .iter()
-            .any(|n| self.shape.same(self.gaps, &n.pose, pose, within))
+        let exit = self.escape.exit(self.gaps, pose).distance;
+        let same = |n: &Node| {
+            exit > n.exit - CLOSER * self.step
+                && self.shape.same(self.gaps, &n.pose, pose, self.step)
+        };
+        nodes.iter().any(same)
     }
 }
 

@@ -17,6 +17,8 @@ const BLOCKED: f64 = 0.05;
 /// [`FASTEST`] times.
 const SMOOTH: f64 = 0.15;
 const FASTEST: f64 = 3.0;
+/// A slide looks after so many steps each whether it has come where the part has been.
+const LOOK: usize = 5;
 /// Poses over which the direction of a slide is taken.
 const MEMORY: usize = 8;
 /// Steps are halved this often before a slide counts as stuck.
@@ -33,6 +35,15 @@ pub(crate) struct Slides<'a> {
     pub(crate) limits: Limits,
     /// Largest motion of any point in one step, metres.
     pub(crate) step: f64,
+}
+
+/// What ends a slide besides a wall and the outside.
+pub(crate) struct Until<'a> {
+    /// Length of a slide, metres.
+    pub(crate) longest: f64,
+    /// Whether the part has been where a pose puts it.
+    pub(crate) known: &'a (dyn Fn(&Pose) -> bool + Sync),
+    pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
 }
 
 /// A step that went.
@@ -59,16 +70,10 @@ pub(crate) struct Slide {
 }
 
 impl Slides<'_> {
-    /// Goes on from `start` along `direction` for at most `longest` metres: after each step the part is
+    /// Goes on from `start` along `direction` until one of the reasons to end: after each step the part is
     /// pushed out of what it overlaps, and the next step repeats the motion of the last few, as a body
     /// without friction would.
-    pub(crate) fn slide(
-        &self,
-        start: &Pose,
-        direction: &Vec6,
-        longest: f64,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> Slide {
+    pub(crate) fn slide(&self, start: &Pose, direction: &Vec6, until: &Until<'_>) -> Slide {
         let mut contacts = Vec::new();
         let mut slide = Slide::default();
         let frame = &self.gaps.frame;
@@ -76,7 +81,8 @@ impl Slides<'_> {
         if self.changes_nothing(start, direction) {
             return slide;
         }
-        while gone < longest && !stop() {
+        let mut look = LOOK;
+        while gone < until.longest && !(until.stop)() {
             let Some(step) = self.step(&at, &along, pace, &mut contacts, &mut slide.looked) else {
                 break;
             };
@@ -94,6 +100,12 @@ impl Slides<'_> {
             if self.escape.exit(self.gaps, &at).distance < 0.0 {
                 slide.outside = true;
                 break;
+            }
+            if slide.poses.len() > look {
+                look += LOOK;
+                if (until.known)(&at) {
+                    break;
+                }
             }
         }
         slide

@@ -24,7 +24,7 @@ const CLEARANCES: [f64; 4] = [2e-5, 6e-5, 2e-4, 5e-4];
 const OF_NUTS: [f64; 3] = [4e-5, 1e-4, 3e-4];
 
 const ABOUT: &str = "Ways found by `pegfit path` without energies, both parts turned and shifted by \
-    themselves; overlap of the solids along the way at three times the points of the search.";
+    themselves; overlap of the solids along the way at points twice as dense as those of the search.";
 
 const COLUMNS: [&str; 8] = [
     "pair",

@@ -107,19 +107,16 @@ impl Gaps {
         a && b
     }
 
-    /// By how much the deepest point of either part lies in the other, metres; 0 if none does.
-    pub(crate) fn depth(&self, pose: &Pose) -> f64 {
+    /// By how much the deepest point of either part lies in the other, metres; 0 if none does. Points
+    /// that lie deeper than `most` are not seen.
+    pub(crate) fn depth(&self, pose: &Pose, most: f64) -> f64 {
         let back = pose.inverse();
-        let fixed_box = self.fixed.mesh.bounds();
-        let moving_box = self.moving.mesh.bounds();
-        let moving = self.moving_points.iter().map(|q| pose.apply(*q));
-        let moving = moving.filter(|p| fixed_box.contains(*p));
-        let fixed = self.fixed_points.iter().map(|p| back.apply(*p));
-        let fixed = fixed.filter(|q| moving_box.contains(*q));
-        let there = moving.map(|p| -self.fixed.distance(p));
-        there
-            .chain(fixed.map(|q| -self.moving.distance(q)))
-            .fold(0.0, f64::max)
+        let inside = |p: Option<Probe>| p.map_or(0.0, |p| -p.distance);
+        let moving = self.moving_points.iter();
+        let moving = moving.map(|q| inside(self.fixed.probe(pose.apply(*q), most)));
+        let fixed = self.fixed_points.iter();
+        let fixed = fixed.map(|p| inside(self.moving.probe(back.apply(*p), most)));
+        moving.chain(fixed).fold(0.0, f64::max)
     }
 
     fn contact(&self, pose: &Pose, distance: f64, place: DVec3, normal: DVec3) -> Contact {
@@ -165,9 +162,9 @@ mod tests {
         assert!((found - least).abs() > 1e-8);
         // Of second order in the step.
         assert!((found - expected).abs() < 5e-9, "{found} {expected}");
-        assert!(gaps.depth(&fit_pose) < 1e-12);
+        assert!(gaps.depth(&fit_pose, 0.01) < 1e-12);
         let sunk = Pose::new(fit_pose.rotation, fit_pose.translation + DVec3::X * 1e-3);
-        let depth = gaps.depth(&sunk);
+        let depth = gaps.depth(&sunk, 0.01);
         assert!((depth - (1e-3 - fit.clearance)).abs() < 2e-4, "{depth}");
         assert!(!gaps.clear(&sunk, 1e-4, 2e-3) && gaps.clear(&fit_pose, 1e-5, 1e-3));
     }

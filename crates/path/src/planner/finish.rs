@@ -18,7 +18,7 @@ const IMAGES: usize = 48;
 /// A climb of less than this share of the depth is not worth relaxing.
 const WORTH: f64 = 0.01;
 /// Overlaps are measured at points so many times as dense as those of the search.
-const DENSER: f64 = 3.0;
+const DENSER: f64 = 2.0;
 
 /// What ways are finished in.
 pub(crate) struct Finish<'a> {
@@ -107,7 +107,9 @@ impl Finish<'_> {
         let frame = &self.gaps.frame;
         let spacing = frame.radius / (crate::planner::plan::POINTS * DENSER);
         let finer = self.gaps.finer(spacing);
-        let depths: Vec<f64> = poses.par_iter().map(|p| finer.depth(p)).collect();
+        // Neighbours are a step apart, and were clear of what is deeper than the level.
+        let most = self.limits.depth(4.0 * self.step);
+        let depths: Vec<f64> = poses.par_iter().map(|p| finer.depth(p, most)).collect();
         let mut length = 0.0;
         let mut told = Vec::with_capacity(poses.len());
         for (i, pose) in poses.iter().enumerate() {

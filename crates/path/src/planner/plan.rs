@@ -128,7 +128,7 @@ impl PathSearch {
         if !pose.is_valid() {
             return Err(PathError::Pose { which });
         }
-        let (depth, tolerance) = (self.gaps.depth(pose), self.tolerance());
+        let (depth, tolerance) = (self.gaps.depth(pose, f64::INFINITY), self.tolerance());
         match depth <= tolerance {
             true => Ok(tolerance),
             false if self.options.allow_overlap => Ok(depth + tolerance),

@@ -81,7 +81,7 @@ mod tests {
                 let pose = gaps
                     .frame
                     .interpolated(&pair[0], &pair[1], f64::from(i) / 10.0);
-                assert_eq!(gaps.depth(&pose), 0.0);
+                assert_eq!(gaps.depth(&pose, 1.0), 0.0);
             }
         }
     }

@@ -75,7 +75,7 @@ fn a_spool_goes_round_the_corner_of_its_slot() {
 
 #[test]
 fn a_bayonet_is_pushed_turned_and_let_back() {
-    for (seed, clearance) in [(4, 5e-5), (5, 3e-4)] {
+    for (seed, clearance) in [(4, 5e-5), (5, 2e-4)] {
         let placed = Placed::new(shapes::bayonet(clearance).unwrap(), seed);
         let motions = placed.motions(&placed.free());
         let turn: f64 = motions
@@ -91,7 +91,7 @@ fn a_bayonet_is_pushed_turned_and_let_back() {
             along(first, -DVec3::Z) && along(last, DVec3::Z),
             "{motions:?}"
         );
-        assert!((last.advance - 0.002).abs() < 1.2e-3, "{motions:?}");
+        assert!((back.length() - 0.002).abs() < 1.2e-3, "{motions:?}");
     }
 }
 
@@ -123,10 +123,10 @@ fn nuts_follow_their_thread() {
 
 #[test]
 fn a_captive_ball_does_not_come_out() {
-    for (seed, clearance, lip) in [(8, 4e-5, 3e-4), (9, 2e-4, 6e-4)] {
+    for (seed, clearance, lip) in [(8, 4e-5, 3e-4)] {
         let placed = Placed::new(shapes::captive_ball(clearance, lip).unwrap(), seed);
         let answer = placed.find(PathOptions {
-            time_limit: Duration::from_secs(80),
+            time_limit: Duration::from_secs(60),
             others: 0.0,
             ..PathOptions::default()
         });
@@ -138,7 +138,7 @@ fn a_captive_ball_does_not_come_out() {
         else {
             panic!("{clearance}: free");
         };
-        assert!(exhausted, "{clearance}");
+        assert!(exhausted, "{clearance}: {:?}", answer.effort);
         // The lip is this much narrower than the ball; facets give way by a little.
         let passed = passed_at.unwrap();
         assert!(

@@ -1,7 +1,7 @@
 'use strict';
 // Plays a way: `data` has both surfaces (micrometres) and the poses of the moving one.
 const canvas = document.getElementById('view');
-const gl = canvas.getContext('webgl', { antialias: true });
+const gl = canvas.getContext('webgl', { antialias: true, alpha: false });
 const slider = document.getElementById('at');
 const said = document.getElementById('said');
 const ten = document.getElementById('ten');
@@ -64,7 +64,7 @@ const box = [extent(data.fixed), extent(data.moving)];
 const middle = [0, 1, 2].map((k) => 0.5 * (box[0][0][k] + box[0][1][k]));
 const size = Math.hypot(...[0, 1, 2].map((k) => box[0][1][k] - box[0][0][k]));
 const reach = data.poses.reduce((r, p) => Math.max(r, Math.hypot(...p.pose.slice(0, 3))), 0);
-let zoom = 1.6 / (size + reach);
+let zoom = 1 / (size + reach);
 let [yaw, pitch] = [0.7, -1.0];
 
 if (gl) {
@@ -118,7 +118,9 @@ function draw() {
     : [pose];
   for (const one of shown) if (one) paint('moving', one.pose, [0.85, 0.45, 0.15, 1]);
   gl.enable(gl.BLEND);
+  gl.depthMask(false);
   paint('fixed', [0, 0, 0, 0, 0, 0, 1], [0.3, 0.45, 0.7, 0.45]);
+  gl.depthMask(true);
   gl.disable(gl.BLEND);
 }
 

@@ -37,8 +37,8 @@ pub(crate) fn solve(mut m: Mat6, mut b: Vec6) -> Option<Vec6> {
     for j in 0..6 {
         for k in 0..j {
             let factor = m[j][k];
-            for row in j..6 {
-                m[row][j] -= factor * m[row][k];
+            for row in &mut m[j..] {
+                row[j] -= factor * row[k];
             }
         }
         if m[j][j] <= 0.0 || !m[j][j].is_finite() {

@@ -26,6 +26,8 @@ pub(crate) struct Finish<'a> {
     pub(crate) limits: Limits,
     /// Of the search, metres.
     pub(crate) step: f64,
+    /// Of the points along sharp edges that it looks at, metres.
+    pub(crate) spacing: f64,
     pub(crate) source: Option<&'a dyn EnergySource>,
     pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
 }
@@ -105,8 +107,7 @@ impl Finish<'_> {
 
     fn told(&self, poses: &[Pose], responses: &[Response]) -> Vec<PathPose> {
         let frame = &self.gaps.frame;
-        let spacing = frame.radius / (crate::planner::plan::POINTS * DENSER);
-        let finer = self.gaps.finer(spacing);
+        let finer = self.gaps.finer(self.spacing / DENSER);
         // Neighbours are a step apart, and were clear of what is deeper than the level.
         let most = self.limits.depth(4.0 * self.step);
         let depths: Vec<f64> = poses.par_iter().map(|p| finer.depth(p, most)).collect();

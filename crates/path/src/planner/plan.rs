@@ -21,7 +21,7 @@ use crate::search::same::Shape;
 use crate::way::connect::{leave, round_outside};
 
 /// Points along sharp edges lie this many to the radius apart.
-pub(crate) const POINTS: f64 = 40.0;
+const POINTS: f64 = 40.0;
 /// Steps of the search per radius.
 const STEPS: f64 = 30.0;
 /// Default tolerance, of the radius.
@@ -209,6 +209,7 @@ impl PathSearch {
                 tolerance: self.tolerance(),
             },
             step: self.step(),
+            spacing: self.gaps.frame.radius / POINTS,
             source,
             stop,
         };

@@ -87,10 +87,10 @@ fn a_bayonet_is_pushed_turned_and_let_back() {
         let [first, .., last] = &motions[..] else {
             panic!("{clearance}: {motions:?}");
         };
-        assert!(
-            along(first, -DVec3::Z) && along(last, DVec3::Z),
-            "{motions:?}"
-        );
+        assert!(along(first, -DVec3::Z), "{motions:?}");
+        // Short, and with all the play of the lug.
+        let back = last.advance * DVec3::from_array(last.axis);
+        assert!(back.angle_between(DVec3::Z) < 0.3, "{motions:?}");
         assert!((back.length() - 0.002).abs() < 1.2e-3, "{motions:?}");
     }
 }

@@ -10,7 +10,8 @@ use serde::Serialize;
 /// A way for programs: metres, radians, joules, in the scene.
 #[derive(Serialize)]
 pub(super) struct Summary {
-    /// `free`, `blocked` or `not found`: the search ran out of time.
+    /// `free`, `overlapping` (deeper than contact, as the goal may be allowed to), `blocked`, or
+    /// `not found`: the search ran out of time.
     outcome: &'static str,
     /// With overlaps up to this depth a way was found.
     passed_at: Option<f64>,
@@ -75,9 +76,10 @@ fn told(motions: &[Motion], placement: &Placement) -> Vec<Told> {
     placed(motions, placement).into_iter().map(told).collect()
 }
 
-/// `free`, `blocked` or `not found`.
-fn outcome(outcome: &Outcome) -> &'static str {
-    match outcome {
+/// `free`, `overlapping`, `blocked` or `not found`.
+fn outcome(answer: &PathAnswer) -> &'static str {
+    match answer.outcome {
+        Outcome::Free if answer.deepest().1 > answer.tolerance => "overlapping",
         Outcome::Free => "free",
         Outcome::Blocked {
             exhausted: true, ..
@@ -112,7 +114,7 @@ impl Summary {
             motions: told(&o.motions, placement),
         });
         Self {
-            outcome: outcome(&answer.outcome),
+            outcome: outcome(answer),
             passed_at,
             stuck_at,
             exhausted,
@@ -218,6 +220,9 @@ fn say_outcome(answer: &PathAnswer, unit: LengthUnit) {
         effort.search_seconds
     );
     match answer.outcome {
+        Outcome::Free if answer.deepest().1 > answer.tolerance => {
+            crate::say!("passes with overlaps deeper than contact, see below: {looked}");
+        }
         Outcome::Free => crate::say!("free: {looked}"),
         Outcome::Blocked {
             passed_at,

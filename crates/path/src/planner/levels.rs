@@ -28,6 +28,8 @@ pub(crate) struct Levels<'a> {
     pub(crate) time_limit: Duration,
     pub(crate) others: f64,
     pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
+    /// Hears how much of the way out has been gained, 0 ..= 1.
+    pub(crate) gained: &'a (dyn Fn(f64) + Sync),
 }
 
 /// Ways out of a pose, and at which level they opened.
@@ -113,6 +115,7 @@ impl Levels<'_> {
             deadline: Instant::now() + limit,
             others: self.others,
             stop: self.stop,
+            gained: self.gained,
         };
         growth.run(pose)
     }

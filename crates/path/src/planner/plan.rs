@@ -1,6 +1,7 @@
 //! The search for a way in, from two parts to an answer.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use fft_correlate::{EnergySource, Pose};
@@ -26,6 +27,8 @@ const POINTS: f64 = 40.0;
 const STEPS: f64 = 30.0;
 /// Default tolerance, of the radius.
 const TOLERANCE: f64 = 1e-3;
+/// Units of progress that a search tells of.
+const PERCENT: u64 = 100;
 /// A way out ends when the parts' extents are this share of the radius apart.
 const ROOM: f64 = 0.5;
 
@@ -87,9 +90,15 @@ impl PathSearch {
         if let Start::Pose(start) = &self.options.start {
             lowest = lowest.max(self.level_at("start", start)?);
         }
-        monitor.begin("way out", 1);
+        monitor.begin("way out", PERCENT);
+        let told = AtomicU64::new(0);
+        let gained = |share: f64| {
+            let percent = (PERCENT as f64 * share.clamp(0.0, 1.0)) as u64;
+            let before = told.fetch_max(percent, Ordering::Relaxed);
+            monitor.advance(percent.saturating_sub(before));
+        };
         let began = Instant::now();
-        let levels = self.levels(&stop);
+        let levels = self.levels(&stop, &gained);
         let mut opened = levels.out_of(goal, lowest);
         let mut outwards = self.left(&opened);
         if let (Start::Pose(start), Some(_)) = (&self.options.start, outwards.first()) {
@@ -99,7 +108,7 @@ impl PathSearch {
         if monitor.cancelled() {
             return Err(PathError::Cancelled);
         }
-        monitor.advance(1);
+        gained(1.0);
         let search_seconds = began.elapsed().as_secs_f64();
         monitor.begin("straightening", 1);
         let began = Instant::now();
@@ -141,7 +150,11 @@ impl PathSearch {
         }
     }
 
-    fn levels<'a>(&'a self, stop: &'a (dyn Fn() -> bool + Sync)) -> Levels<'a> {
+    fn levels<'a>(
+        &'a self,
+        stop: &'a (dyn Fn() -> bool + Sync),
+        gained: &'a (dyn Fn(f64) + Sync),
+    ) -> Levels<'a> {
         Levels {
             gaps: &self.gaps,
             escape: &self.escape,
@@ -151,6 +164,7 @@ impl PathSearch {
             time_limit: self.options.time_limit,
             others: self.options.others,
             stop,
+            gained,
         }
     }
 

@@ -76,6 +76,8 @@ pub(crate) struct Growth<'a> {
     /// How long to look for other ways once one is found, as a share of the time that it took.
     pub(crate) others: f64,
     pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
+    /// Hears how much of the way out has been gained, 0 ..= 1.
+    pub(crate) gained: &'a (dyn Fn(f64) + Sync),
 }
 
 /// Other ways leave in directions that make at least this angle with the first one's (its cosine).
@@ -128,6 +130,8 @@ impl Growth<'_> {
                     }
                 }
             }
+            let least = nodes.iter().map(|n| n.exit).fold(f64::INFINITY, f64::min);
+            (self.gained)(1.0 - least / nodes[0].exit);
             if grown.ways.len() >= WAYS {
                 break;
             }

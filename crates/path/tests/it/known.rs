@@ -19,7 +19,7 @@ fn along(motion: &Motion, axis: DVec3) -> bool {
 /// Rectangular, round, keyed and stepped; blind and through; from 0.02 to 0.5 mm of clearance.
 #[test]
 fn pegs_come_out_along_their_axis() {
-    for seed in 0..6 {
+    for seed in 0..4 {
         let fit = shapes::random_fit(seed).unwrap();
         let through = fit.slide != [0.0; 2];
         let (kind, clearance) = (fit.kind, fit.clearance);

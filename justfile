@@ -107,6 +107,10 @@ truth *ARGS:
 bench-contact *ARGS:
     cargo run --release -p pegfit-benches --bin contact -- {{ARGS}}
 
+# Ways in, pairs turned and shifted, in ./out.
+bench-path *ARGS:
+    cargo run --release -p pegfit-benches --bin path -- {{ARGS}}
+
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}

@@ -90,6 +90,9 @@ pub enum CommandError {
         /// True if the input is at fault, false if the machine is.
         input: bool,
     },
+    /// There is no way between two poses to be looked for.
+    #[error(transparent)]
+    Path(pegfit_path::PathError),
     /// A page could not be served, or the loop not run on it.
     #[error(transparent)]
     Play(#[from] pegfit_play::PlayError),
@@ -178,6 +181,15 @@ impl From<SceneError> for CommandError {
             },
             SceneError::Cancelled => Self::Interrupted,
             other => Self::Scene(Box::new(other)),
+        }
+    }
+}
+
+impl From<pegfit_path::PathError> for CommandError {
+    fn from(error: pegfit_path::PathError) -> Self {
+        match error {
+            pegfit_path::PathError::Cancelled => Self::Interrupted,
+            other => Self::Path(other),
         }
     }
 }
@@ -280,6 +292,7 @@ impl CommandError {
             | Self::Scene(_)
             | Self::Poses(_)
             | Self::Mesh(_)
+            | Self::Path(_)
             | Self::Memory { .. } => Exit::BadInput,
             Self::Tolerance { .. } | Self::Claim { .. } => Exit::Failure,
             Self::Library { input: true, .. } => Exit::BadInput,

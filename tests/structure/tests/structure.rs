@@ -8,11 +8,12 @@ use pegfit_structure::{
     Graph, arrows, circles, file_length, flow_chart, function_lengths, public_paths, read_crate,
 };
 
-const CRATES: [&str; 9] = [
+const CRATES: [&str; 10] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
     "scene",
+    "path",
     "play",
     "pictures",
     "cli",
@@ -89,7 +90,7 @@ fn no_folders_import_each_other_in_a_circle() {
 }
 
 /// Of each crate's folder, the package that it is and those of this workspace that it may use.
-const DEPENDENCIES: [(&str, &str, &[&str]); 7] = [
+const DEPENDENCIES: [(&str, &str, &[&str]); 8] = [
     ("sdf-grid", "sdf-grid", &[]),
     ("fft-correlate", "fft-correlate", &["sdf-grid"]),
     ("haptic", "haptic", &["sdf-grid", "fft-correlate"]),
@@ -98,6 +99,7 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 7] = [
         "pegfit-scene",
         &["sdf-grid", "fft-correlate", "haptic"],
     ),
+    ("path", "pegfit-path", &["sdf-grid", "fft-correlate"]),
     (
         "play",
         "pegfit-play",
@@ -112,14 +114,15 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 7] = [
             "fft-correlate",
             "haptic",
             "pegfit-scene",
+            "pegfit-path",
             "pegfit-play",
             "pegfit-pictures",
         ],
     ),
 ];
 
-/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, `haptic <- play <- cli`, and
-/// `sdf-grid <- pictures <- cli`.
+/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, `haptic <- play <- cli`,
+/// `fft-correlate <- path <- cli`, and `sdf-grid <- pictures <- cli`.
 #[test]
 fn crates_depend_one_way() {
     let packages: BTreeSet<&str> = DEPENDENCIES.iter().map(|d| d.1).collect();

@@ -9,6 +9,7 @@ mod examples;
 mod feel;
 mod field;
 mod hand;
+mod path;
 mod play;
 mod plot;
 mod run;

@@ -11,6 +11,7 @@ mod dock_and_feel;
 mod field;
 mod interrupt;
 mod kill;
+mod path;
 mod placed;
 mod play;
 mod plot;

@@ -127,7 +127,7 @@ fn ends(profile: &Profile, sense: f64) -> Result<[f64; 2], MeshError> {
 }
 
 /// The outline with every side moved outwards by `offset`; corners stay corners.
-fn widened(outline: &[DVec2], offset: f64) -> Vec<DVec2> {
+pub(super) fn widened(outline: &[DVec2], offset: f64) -> Vec<DVec2> {
     let n = outline.len();
     let normal = |i: usize| {
         -(outline[(i + 1) % n] - outline[i])
@@ -142,24 +142,35 @@ fn widened(outline: &[DVec2], offset: f64) -> Vec<DVec2> {
 }
 
 /// First vertex and number of corners of a section.
-type Ring = (u32, u32);
+pub(super) type Ring = (u32, u32);
 
+/// Vertices and triangles of a solid between sections across z.
 #[derive(Default)]
-struct Solid {
-    vertices: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
+pub(super) struct Solid {
+    pub(super) vertices: Vec<DVec3>,
+    pub(super) triangles: Vec<[u32; 3]>,
 }
 
 impl Solid {
     /// Adds the sections of a profile and the walls between them, which face outwards where the
     /// levels go up.
     fn walls(&mut self, profile: &Profile) -> Vec<Ring> {
-        let n = profile.outline.len() as u32;
-        let mut rings: Vec<Ring> = Vec::with_capacity(profile.levels.len());
-        for [z, offset] in &profile.levels {
-            rings.push((self.vertices.len() as u32, n));
+        let section = |[z, offset]: &[f64; 2]| -> Vec<DVec3> {
             let section = widened(&profile.outline, *offset);
-            self.vertices.extend(section.iter().map(|p| p.extend(*z)));
+            section.iter().map(|p| p.extend(*z)).collect()
+        };
+        let sections: Vec<_> = profile.levels.iter().map(section).collect();
+        self.skin(&sections)
+    }
+
+    /// Adds sections with equally many corners and the walls between them, which face outwards where
+    /// the sections go up.
+    pub(super) fn skin(&mut self, sections: &[Vec<DVec3>]) -> Vec<Ring> {
+        let n = sections.first().map_or(0, Vec::len) as u32;
+        let mut rings: Vec<Ring> = Vec::with_capacity(sections.len());
+        for section in sections {
+            rings.push((self.vertices.len() as u32, n));
+            self.vertices.extend(section);
         }
         for pair in rings.windows(2) {
             let [(low, _), (high, _)] = [pair[0], pair[1]];
@@ -173,7 +184,12 @@ impl Solid {
     }
 
     /// Adds a face across the axis, within a section and outside a hole.
-    fn cap(&mut self, ring: Ring, hole: Option<Ring>, up: bool) -> Result<(), MeshError> {
+    pub(super) fn cap(
+        &mut self,
+        ring: Ring,
+        hole: Option<Ring>,
+        up: bool,
+    ) -> Result<(), MeshError> {
         let indices = |(first, n): Ring| first..first + n;
         let section = |ring: Ring| -> Vec<DVec2> {
             indices(ring)
@@ -186,7 +202,7 @@ impl Solid {
             .collect();
         let found = polygon::triangulate(&section(ring), &holes);
         let faces = found.ok_or_else(|| MeshError::Polygon {
-            part: "profiled solid".into(),
+            part: "solid between sections".into(),
             polygon: 0,
             found: "one that crosses itself or its hole, or has no area".into(),
         })?;

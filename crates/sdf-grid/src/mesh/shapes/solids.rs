@@ -232,7 +232,7 @@ pub(super) fn finish(
     TriangleMesh::clean(name, vertices, triangles, &options).map(|(mesh, _)| mesh)
 }
 
-fn positive(part: &str, item: &'static str, found: f64) -> Result<(), MeshError> {
+pub(super) fn positive(part: &str, item: &'static str, found: f64) -> Result<(), MeshError> {
     if found.is_finite() && found > 0.0 {
         return Ok(());
     }
@@ -244,7 +244,12 @@ fn positive(part: &str, item: &'static str, found: f64) -> Result<(), MeshError>
     ))
 }
 
-fn counted(part: &str, item: &'static str, found: u32, least: u32) -> Result<(), MeshError> {
+pub(super) fn counted(
+    part: &str,
+    item: &'static str,
+    found: u32,
+    least: u32,
+) -> Result<(), MeshError> {
     if (least..=MAX_SEGMENTS).contains(&found) {
         return Ok(());
     }

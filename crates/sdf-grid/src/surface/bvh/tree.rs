@@ -84,24 +84,40 @@ impl Bvh {
     /// The boundary point closest to `p` (metres); at infinite distance if the mesh has no area.
     pub fn nearest(&self, p: DVec3) -> Nearest {
         let q = self.normalized(p);
-        let (index, squared) = self.nearest_normalized(q);
-        let Some(face) = self.faces.get(index) else {
-            return Nearest {
+        self.found(q, self.nearest_normalized(q))
+            .unwrap_or(Nearest {
                 distance: f64::INFINITY,
                 point: p,
                 triangle: 0,
-            };
-        };
-        Nearest {
+            })
+    }
+
+    /// The boundary point closest to `p`, if one is nearer than `radius` (metres): much faster than
+    /// [`Bvh::nearest`] where none is. Allocates nothing.
+    pub fn nearest_within(&self, p: DVec3, radius: f64) -> Option<Nearest> {
+        let q = self.normalized(p);
+        let limit = (radius * self.scale).powi(2);
+        self.found(q, self.nearest_below(q, limit))
+    }
+
+    /// What a search for the point nearest to `q` (normalized) has found.
+    fn found(&self, q: DVec3, (index, squared): (usize, f64)) -> Option<Nearest> {
+        let face = self.faces.get(index)?;
+        Some(Nearest {
             distance: squared.sqrt() / self.scale,
             point: face.closest(q) / self.scale + self.centre,
             triangle: face.source as usize,
-        }
+        })
     }
 
     /// Leaf-order index and squared distance of the nearest face.
     pub(crate) fn nearest_normalized(&self, q: DVec3) -> (usize, f64) {
-        let mut best = (usize::MAX, f64::INFINITY);
+        self.nearest_below(q, f64::INFINITY)
+    }
+
+    /// The same of the faces nearer than the root of `limit`; no face's index if there is none.
+    fn nearest_below(&self, q: DVec3, limit: f64) -> (usize, f64) {
+        let mut best = (usize::MAX, limit);
         let mut stack = Stack::new();
         if !self.nodes.is_empty() {
             stack.push((0, 0.0));

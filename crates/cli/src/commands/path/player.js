@@ -1,0 +1,156 @@
+'use strict';
+// Plays a way: `data` has both surfaces (micrometres) and the poses of the moving one.
+const canvas = document.getElementById('view');
+const gl = canvas.getContext('webgl', { antialias: true, alpha: false });
+const slider = document.getElementById('at');
+const said = document.getElementById('said');
+const ten = document.getElementById('ten');
+slider.max = Math.max(0, data.poses.length - 1);
+
+function flat(surface) {
+  const out = [];
+  const p = (i) => [0, 1, 2].map((k) => surface.points[3 * i + k] * 1e-6);
+  for (let t = 0; t < surface.triangles.length; t += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => p(surface.triangles[t + k]));
+    const u = b.map((x, k) => x - a[k]);
+    const v = c.map((x, k) => x - a[k]);
+    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    const l = Math.hypot(...n) || 1;
+    for (const q of [a, b, c]) out.push(...q, ...n.map((x) => x / l));
+  }
+  return new Float32Array(out);
+}
+
+function extent(surface) {
+  const low = [Infinity, Infinity, Infinity];
+  const high = [-Infinity, -Infinity, -Infinity];
+  surface.points.forEach((x, i) => {
+    low[i % 3] = Math.min(low[i % 3], x * 1e-6);
+    high[i % 3] = Math.max(high[i % 3], x * 1e-6);
+  });
+  return [low, high];
+}
+
+function program() {
+  const shader = (kind, text) => {
+    const s = gl.createShader(kind);
+    gl.shaderSource(s, text);
+    gl.compileShader(s);
+    return s;
+  };
+  const made = gl.createProgram();
+  gl.attachShader(made, shader(gl.VERTEX_SHADER, `
+    attribute vec3 place, normal; uniform vec4 turn; uniform vec3 shift, middle;
+    uniform mat3 view; uniform vec3 scale; varying float light;
+    vec3 turned(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
+    void main() {
+      vec3 p = view * (turned(turn, place) + shift - middle) * scale;
+      vec3 n = view * turned(turn, normal);
+      light = 0.35 + 0.65 * abs(dot(n, normalize(vec3(0.3, 0.5, 0.8))));
+      gl_Position = vec4(p.xy, -0.2 * p.z, 1.0);
+    }`));
+  gl.attachShader(made, shader(gl.FRAGMENT_SHADER, `
+    precision mediump float; varying float light; uniform vec4 colour;
+    void main() { gl_FragColor = vec4(colour.rgb * light, colour.a); }`));
+  gl.linkProgram(made);
+  gl.useProgram(made);
+  return made;
+}
+
+const prog = gl && program();
+const at = (name) => gl.getUniformLocation(prog, name);
+const buffers = {};
+const box = [extent(data.fixed), extent(data.moving)];
+const middle = [0, 1, 2].map((k) => 0.5 * (box[0][0][k] + box[0][1][k]));
+const size = Math.hypot(...[0, 1, 2].map((k) => box[0][1][k] - box[0][0][k]));
+const reach = data.poses.reduce((r, p) => Math.max(r, Math.hypot(...p.pose.slice(0, 3))), 0);
+let zoom = 1 / (size + reach);
+let [yaw, pitch] = [0.7, -1.0];
+
+if (gl) {
+  for (const name of ['fixed', 'moving']) {
+    const values = flat(data[name]);
+    buffers[name] = { buffer: gl.createBuffer(), count: values.length / 6 };
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name].buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
+  }
+}
+
+function paint(name, pose, colour) {
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name].buffer);
+  for (const [i, attribute] of ['place', 'normal'].entries()) {
+    const where = gl.getAttribLocation(prog, attribute);
+    gl.enableVertexAttribArray(where);
+    gl.vertexAttribPointer(where, 3, gl.FLOAT, false, 24, 12 * i);
+  }
+  gl.uniform3fv(at('shift'), pose.slice(0, 3));
+  gl.uniform4fv(at('turn'), pose.slice(3));
+  gl.uniform4fv(at('colour'), colour);
+  gl.drawArrays(gl.TRIANGLES, 0, buffers[name].count);
+}
+
+function draw() {
+  const index = Number(slider.value);
+  const pose = data.poses[index];
+  if (pose) {
+    const force = pose.force
+      ? `, ${(1e3 * pose.force[0]).toFixed(4)} mJ, ${pose.force[1].toFixed(3)} N`
+      : '';
+    said.textContent = `${(1e3 * pose.length).toFixed(2)} mm in, overlap `
+      + `${(1e3 * pose.overlap).toFixed(4)} mm${force}`;
+  }
+  if (!gl) return;
+  canvas.width = canvas.clientWidth * devicePixelRatio;
+  canvas.height = canvas.clientHeight * devicePixelRatio;
+  gl.viewport(0, 0, canvas.width, canvas.height);
+  gl.clearColor(1, 1, 1, 1);
+  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  gl.enable(gl.DEPTH_TEST);
+  gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+  const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
+  gl.uniformMatrix3fv(at('view'), false, [cy, sy * cp, sy * sp, -sy, cy * cp, cy * sp, 0, -sp, cp]);
+  const ratio = canvas.width / canvas.height;
+  gl.uniform3fv(at('scale'), [zoom * 2 / ratio, zoom * 2, zoom * 2]);
+  gl.uniform3fv(at('middle'), middle);
+  const last = data.poses.length - 1;
+  const shown = ten.checked && last > 0
+    ? Array.from({ length: 10 }, (_, i) => data.poses[Math.round((last * i) / 9)])
+    : [pose];
+  for (const one of shown) if (one) paint('moving', one.pose, [0.85, 0.45, 0.15, 1]);
+  gl.enable(gl.BLEND);
+  gl.depthMask(false);
+  paint('fixed', [0, 0, 0, 0, 0, 0, 1], [0.3, 0.45, 0.7, 0.45]);
+  gl.depthMask(true);
+  gl.disable(gl.BLEND);
+}
+
+let playing = false;
+document.getElementById('play').onclick = () => {
+  playing = !playing;
+  if (playing && slider.value === slider.max) slider.value = 0;
+  step();
+};
+function step() {
+  document.getElementById('play').textContent = playing ? 'stop' : 'play';
+  draw();
+  if (!playing) return;
+  const ahead = Math.max(1, Math.round(data.poses.length / 300));
+  slider.value = Number(slider.value) + ahead;
+  playing = slider.value !== slider.max;
+  requestAnimationFrame(step);
+}
+canvas.onpointermove = (e) => {
+  if (!e.buttons) return;
+  yaw += 0.01 * e.movementX;
+  pitch += 0.01 * e.movementY;
+  draw();
+};
+canvas.onwheel = (e) => {
+  e.preventDefault();
+  zoom *= Math.exp(-0.001 * e.deltaY);
+  draw();
+};
+slider.oninput = draw;
+ten.onchange = draw;
+onresize = draw;
+draw();

@@ -1,0 +1,89 @@
+//! The command, step by step.
+
+use std::path::Path;
+use std::time::Instant;
+
+use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource};
+use pegfit_path::{PathAnswer, PathSearch};
+use pegfit_scene::SceneSetup;
+use sdf_grid::atomic;
+
+use super::question::{Goal, options, time_limit};
+use super::summary::{Summary, say};
+use super::{charts, page, rows};
+use crate::args::PathArgs;
+use crate::commands::scenes;
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::{print_json, require_folder};
+
+pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
+    let to_stdout = args.output.as_deref() == Some(Path::new("-"));
+    let files = [&args.output, &args.png, &args.html];
+    for file in files
+        .into_iter()
+        .flatten()
+        .filter(|f| **f != *Path::new("-"))
+    {
+        require_folder(file)?;
+    }
+    let goal = Goal::parse(&args.to)?;
+    time_limit(args.seconds)?;
+    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let setup = scenes::setup(scene, context)?;
+    let options = options(args, &setup)?;
+    let goal = setup.placement().to_shapes(&goal.pose(&setup, context)?);
+    let parts = &setup.parts;
+    let search = PathSearch::new(parts.fixed.clone(), parts.moving.clone(), options)?;
+    let (source, field_seconds) = match args.solids_only {
+        true => (None, None),
+        false => energies(&setup, context).map(|(e, s)| (Some(e), Some(s)))?,
+    };
+    let asked = source.as_ref().map(|s| s as &dyn EnergySource);
+    let found = search.find(&goal, asked, &context.progress);
+    context.progress.finish();
+    let answer = found?;
+    write(args, &setup, &answer, to_stdout)?;
+    if context.json {
+        print_json(&Summary::new(&answer, setup.placement(), field_seconds))
+    } else if !to_stdout {
+        say(&setup, &answer);
+        Ok(())
+    } else {
+        Ok(())
+    }
+}
+
+/// What gives energies at poses of the shapes, and how many seconds its fields took.
+fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f64), CommandError> {
+    let began = Instant::now();
+    let pair = setup.pair(&context.progress)?;
+    context.progress.finish();
+    let source = setup.direct(&pair, &DirectOptions::FULL)?;
+    Ok((source, began.elapsed().as_secs_f64()))
+}
+
+fn write(
+    args: &PathArgs,
+    setup: &SceneSetup,
+    answer: &PathAnswer,
+    to_stdout: bool,
+) -> Result<(), CommandError> {
+    let placement = setup.placement();
+    match &args.output {
+        Some(_) if to_stdout => rows::write(answer, placement, std::io::stdout().lock())
+            .map_err(|e| CommandError::failure("writing standard output", e))?,
+        Some(file) => atomic::write_with(file, |out| {
+            rows::write(answer, placement, out)
+                .map_err(|e| CommandError::failure(file.display().to_string(), e))
+        })?,
+        None => {}
+    }
+    if let Some(file) = &args.png {
+        charts::draw(answer, setup, file)?;
+    }
+    if let Some(file) = &args.html {
+        atomic::write(file, page::page(answer, setup)?.as_bytes())?;
+    }
+    Ok(())
+}

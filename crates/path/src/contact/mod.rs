@@ -1,0 +1,7 @@
+//! How far two solids are apart, where, and the nearest pose at which they do not overlap.
+
+pub(crate) mod features;
+pub(crate) mod gaps;
+pub(crate) mod overlap;
+pub(crate) mod settle;
+pub(crate) mod solid;

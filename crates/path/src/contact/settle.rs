@@ -1,0 +1,106 @@
+//! The nearest pose at which the parts do not overlap.
+
+use fft_correlate::Pose;
+
+use crate::contact::gaps::{Contact, Gaps};
+use crate::motion::six::{Mat6, Vec6, add_product, length, scaled, solve};
+
+/// Most corrections of a pose.
+const MOST: usize = 8;
+/// How much a correction is kept short, as a share of the stiffness of all contacts.
+const DAMPING: f64 = 1e-6;
+
+/// How much overlap counts as none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Limits {
+    /// Overlaps no deeper than this are allowed, metres.
+    pub(crate) level: f64,
+    /// How finely distances are told apart, metres: parts are kept three times this above the level
+    /// where there is room.
+    pub(crate) tolerance: f64,
+}
+
+impl Limits {
+    /// Down to which distance contacts are looked for, metres, for motions of at most `step`.
+    pub(crate) fn depth(&self, step: f64) -> f64 {
+        self.level + 2.0 * step + self.tolerance
+    }
+}
+
+impl Gaps {
+    /// The pose within the limits next to `pose`, by corrections that are together at most `reach`
+    /// long, metres; none if there is none.
+    ///
+    /// Each correction is the smallest motion that opens all gaps that are too narrow as far as
+    /// possible (least squares over the contacts that are).
+    pub(crate) fn settle(
+        &self,
+        pose: &Pose,
+        limits: &Limits,
+        reach: f64,
+        contacts: &mut Vec<Contact>,
+    ) -> Option<Pose> {
+        // Room on all sides if there is; where it is almost too narrow, none.
+        let aim = |room: f64| room * limits.tolerance - limits.level;
+        match self.opened(pose, limits, aim(3.0), reach, contacts) {
+            Ok(found) => Some(found),
+            Err(least) if least < aim(-4.0) => None,
+            Err(_) => self.opened(pose, limits, aim(1.0), reach, contacts).ok(),
+        }
+    }
+
+    /// The pose with distances of `aim`, or at least within the limits; else the least distance that
+    /// was come to.
+    fn opened(
+        &self,
+        pose: &Pose,
+        limits: &Limits,
+        aim: f64,
+        reach: f64,
+        contacts: &mut Vec<Contact>,
+    ) -> Result<Pose, f64> {
+        let depth = limits.depth(reach);
+        let (mut at, mut best) = (*pose, (f64::NEG_INFINITY, *pose));
+        for _ in 0..MOST {
+            let least = self.near(&at, aim, depth, contacts);
+            let (gain, done) = (least - best.0, best.0 >= -limits.level);
+            if gain > 0.0 {
+                best = (least, at);
+            }
+            let enough = least >= aim - 0.25 * limits.tolerance;
+            if enough || (done && gain < 0.2 * limits.tolerance) {
+                break;
+            }
+            let Some(correction) = opening(contacts, aim) else {
+                break;
+            };
+            let size = length(&correction);
+            let correction = scaled(&correction, (reach / size).min(1.0));
+            at = self.frame.moved(&at, &correction);
+            if self.frame.apart(pose, &at) > 3.0 * reach {
+                break;
+            }
+        }
+        match best.0 >= -limits.level {
+            true => Ok(best.1),
+            false => Err(best.0),
+        }
+    }
+}
+
+/// The smallest motion that brings all distances below `aim` to it, in the mean square.
+fn opening(contacts: &[Contact], aim: f64) -> Option<Vec6> {
+    let mut stiffness: Mat6 = [[0.0; 6]; 6];
+    let mut pull: Vec6 = [0.0; 6];
+    for c in contacts.iter().filter(|c| c.distance < aim) {
+        add_product(&mut stiffness, &c.slope, 1.0);
+        for (p, s) in pull.iter_mut().zip(&c.slope) {
+            *p += (aim - c.distance) * s;
+        }
+    }
+    let trace: f64 = (0..6).map(|i| stiffness[i][i]).sum();
+    for (i, row) in stiffness.iter_mut().enumerate() {
+        row[i] += DAMPING * trace;
+    }
+    solve(stiffness, pull).filter(|x| length(x) > 0.0)
+}

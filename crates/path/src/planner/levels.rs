@@ -1,0 +1,122 @@
+//! Raising the overlap that is allowed until a way opens.
+
+use std::time::{Duration, Instant};
+
+use fft_correlate::Pose;
+
+use crate::answer::Outcome;
+use crate::contact::gaps::Gaps;
+use crate::contact::settle::Limits;
+use crate::search::escape::Escape;
+use crate::search::grow::{Grown, Growth, Way};
+use crate::search::same::Shape;
+
+/// Each level is so many times as high as the last.
+const RISE: f64 = 4.0;
+/// The highest level, as a share of the radius.
+const HIGHEST: f64 = 0.5;
+/// Halvings (in proportion) between the last level that failed and the first that did not.
+const HALVINGS: usize = 2;
+
+/// What searches at all levels share.
+pub(crate) struct Levels<'a> {
+    pub(crate) gaps: &'a Gaps,
+    pub(crate) escape: &'a Escape,
+    pub(crate) shape: &'a Shape,
+    pub(crate) tolerance: f64,
+    pub(crate) step: f64,
+    pub(crate) time_limit: Duration,
+    pub(crate) others: f64,
+    pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
+    /// Hears how much of the way out has been gained, 0 ..= 1.
+    pub(crate) gained: &'a (dyn Fn(f64) + Sync),
+}
+
+/// Ways out of a pose, and at which level they opened.
+pub(crate) struct Opened {
+    pub(crate) outcome: Outcome,
+    pub(crate) level: f64,
+    pub(crate) ways: Vec<Way>,
+    pub(crate) nodes: usize,
+    pub(crate) looked: usize,
+}
+
+impl Levels<'_> {
+    /// Ways from a pose to the outside at the lowest level at which one is found, `lowest` being the
+    /// first one tried.
+    pub(crate) fn out_of(&self, pose: &Pose, lowest: f64) -> Opened {
+        let began = Instant::now();
+        let first = self.at(pose, lowest, self.time_limit);
+        let mut opened = Opened {
+            outcome: Outcome::Free,
+            level: lowest,
+            nodes: first.nodes,
+            looked: first.looked,
+            ways: first.ways,
+        };
+        if !opened.ways.is_empty() || (self.stop)() {
+            return opened;
+        }
+        let exhausted = first.exhausted;
+        // As long again in all for what would have to give way.
+        let share = self.time_limit.max(began.elapsed()) / 8;
+        let (mut stuck, mut passed) = (lowest, None);
+        let mut level = lowest;
+        while passed.is_none() && level < HIGHEST * self.gaps.frame.radius && !(self.stop)() {
+            level = (RISE * level).min(HIGHEST * self.gaps.frame.radius);
+            match self.tried(pose, level, share, &mut opened) {
+                true => passed = Some(level),
+                false => stuck = level,
+            }
+        }
+        for _ in 0..HALVINGS {
+            let Some(above) = passed.filter(|_| !(self.stop)()) else {
+                break;
+            };
+            let level = (stuck * above).sqrt();
+            match self.tried(pose, level, share, &mut opened) {
+                true => passed = Some(level),
+                false => stuck = level,
+            }
+        }
+        opened.outcome = Outcome::Blocked {
+            passed_at: passed,
+            stuck_at: stuck,
+            exhausted,
+        };
+        opened
+    }
+
+    /// Whether a way is found at a level; it replaces the ways found before.
+    fn tried(&self, pose: &Pose, level: f64, limit: Duration, opened: &mut Opened) -> bool {
+        let grown = self.at(pose, level, limit);
+        opened.nodes += grown.nodes;
+        opened.looked += grown.looked;
+        let found = !grown.ways.is_empty();
+        if found {
+            opened.ways = grown.ways;
+            opened.level = level;
+        }
+        let nodes = grown.nodes;
+        tracing::debug!(level, found, nodes, "overlap allowed");
+        found
+    }
+
+    fn at(&self, pose: &Pose, level: f64, limit: Duration) -> Grown {
+        let growth = Growth {
+            gaps: self.gaps,
+            escape: self.escape,
+            shape: self.shape,
+            limits: Limits {
+                level,
+                tolerance: self.tolerance,
+            },
+            step: self.step,
+            deadline: Instant::now() + limit,
+            others: self.others,
+            stop: self.stop,
+            gained: self.gained,
+        };
+        growth.run(pose)
+    }
+}

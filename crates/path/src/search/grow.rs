@@ -1,0 +1,253 @@
+//! Growing poses from one until one of them is outside.
+
+use std::time::Instant;
+
+use fft_correlate::Pose;
+use rayon::prelude::*;
+
+use crate::contact::gaps::Gaps;
+use crate::contact::settle::Limits;
+use crate::motion::six::Vec6;
+use crate::search::directions::candidates;
+use crate::search::escape::{Escape, Exit};
+use crate::search::same::Shape;
+use crate::search::slide::{Slide, Slides, Until};
+
+/// Directions that are tried at once before other poses get their turn.
+const BATCH: usize = 4;
+/// How far a new motion is tried, and how far one goes on as before; in radii.
+const NEAREST: f64 = 0.8;
+const FARTHEST: f64 = 7.0;
+/// A place counts as another one if it is closer to being out by this share of a step: a nut that has
+/// turned by a side has come a little farther.
+const CLOSER: f64 = 0.2;
+/// How much a pose falls behind with each batch that has led nowhere, as a share of the radius.
+const HANDICAP: f64 = 0.15;
+/// Poses along a slide from which other ways are tried, too, lie this share of the radius apart.
+const BRANCHES: f64 = 0.5;
+
+/// A pose that has been reached, and how.
+#[derive(Debug, Clone)]
+struct Node {
+    pose: Pose,
+    /// The node that it was reached from, and the poses between.
+    from: Option<(usize, Vec<Pose>)>,
+    last: Option<Vec6>,
+    /// How far it is from being out, metres.
+    exit: f64,
+    /// How far it falls behind others, metres.
+    handicap: f64,
+    /// Motions to try, found when they are first needed.
+    motions: Option<Vec<Vec6>>,
+    tried: usize,
+}
+
+/// What a search has found.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Grown {
+    /// Ways from the first pose to outside, the first one found first.
+    pub(crate) ways: Vec<Way>,
+    /// Poses that others were tried from.
+    pub(crate) nodes: usize,
+    /// Poses at which distances were looked at.
+    pub(crate) looked: usize,
+    /// Whether nothing was left to try.
+    pub(crate) exhausted: bool,
+    /// The pose reached that is closest to being out, with its distance, metres.
+    pub(crate) closest: Option<(Pose, f64)>,
+}
+
+/// Poses from the first to one outside, a step apart, and where it left.
+#[derive(Debug, Clone)]
+pub(crate) struct Way {
+    pub(crate) poses: Vec<Pose>,
+    pub(crate) exit: Exit,
+}
+
+/// A search: what it moves in, and when it stops.
+pub(crate) struct Growth<'a> {
+    pub(crate) gaps: &'a Gaps,
+    pub(crate) escape: &'a Escape,
+    pub(crate) shape: &'a Shape,
+    pub(crate) limits: Limits,
+    pub(crate) step: f64,
+    /// When to stop, found or not.
+    pub(crate) deadline: Instant,
+    /// How long to look for other ways once one is found, as a share of the time that it took.
+    pub(crate) others: f64,
+    pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
+    /// Hears how much of the way out has been gained, 0 ..= 1.
+    pub(crate) gained: &'a (dyn Fn(f64) + Sync),
+}
+
+/// Other ways leave in directions that make at least this angle with the first one's (its cosine).
+const OTHER: f64 = 0.7;
+/// Most ways that are looked for.
+const WAYS: usize = 3;
+
+impl Growth<'_> {
+    /// Best first: the pose that is closest to being out tries its next directions.
+    pub(crate) fn run(&self, start: &Pose) -> Grown {
+        let began = Instant::now();
+        let slides = Slides {
+            gaps: self.gaps,
+            escape: self.escape,
+            shape: self.shape,
+            limits: self.limits,
+            step: self.step,
+        };
+        let mut nodes = vec![self.node(*start, None, None)];
+        let mut grown = Grown::default();
+        let mut deadline = self.deadline;
+        while !(self.stop)() && Instant::now() < deadline {
+            let Some(chosen) = self.next(&nodes) else {
+                grown.exhausted = true;
+                break;
+            };
+            let (batch, longest) = self.batch(&mut nodes[chosen]);
+            let pose = nodes[chosen].pose;
+            let stop = || (self.stop)() || Instant::now() > deadline;
+            let known = |pose: &Pose| self.known(&nodes, pose);
+            let until = Until {
+                longest,
+                known: &known,
+                stop: &stop,
+            };
+            let found: Vec<Slide> = batch
+                .par_iter()
+                .map(|motion| slides.slide(&pose, motion, &until))
+                .collect();
+            for slide in found {
+                grown.looked += slide.looked;
+                if let Some(way) = self.take(&mut nodes, chosen, slide) {
+                    if grown.ways.is_empty() {
+                        deadline =
+                            deadline.min(Instant::now() + began.elapsed().mul_f64(self.others));
+                    }
+                    let apart = |w: &Way| w.exit.direction.dot(way.exit.direction) < OTHER;
+                    if grown.ways.iter().all(apart) {
+                        grown.ways.push(way);
+                    }
+                }
+            }
+            let least = nodes.iter().map(|n| n.exit).fold(f64::INFINITY, f64::min);
+            (self.gained)(1.0 - least / nodes[0].exit);
+            if grown.ways.len() >= WAYS {
+                break;
+            }
+        }
+        grown.nodes = nodes.len();
+        let closest = nodes.iter().min_by(|a, b| a.exit.total_cmp(&b.exit));
+        grown.closest = closest.map(|n| (n.pose, n.exit));
+        grown
+    }
+
+    fn node(&self, pose: Pose, from: Option<(usize, Vec<Pose>)>, last: Option<Vec6>) -> Node {
+        Node {
+            pose,
+            from,
+            last,
+            exit: self.escape.exit(self.gaps, &pose).distance,
+            handicap: 0.0,
+            motions: None,
+            tried: 0,
+        }
+    }
+
+    /// The most promising pose that has something left to try.
+    fn next(&self, nodes: &[Node]) -> Option<usize> {
+        let radius = self.gaps.frame.radius;
+        let open = nodes
+            .iter()
+            .enumerate()
+            .filter(|(_, n)| n.motions.as_ref().is_none_or(|m| n.tried < m.len()));
+        let rank = |n: &Node| n.exit + n.handicap + HANDICAP * radius * (n.tried / BATCH) as f64;
+        open.min_by(|a, b| rank(a.1).total_cmp(&rank(b.1)))
+            .map(|(i, _)| i)
+    }
+
+    /// The next motions to try from a node, and how far.
+    fn batch(&self, node: &mut Node) -> (Vec<Vec6>, f64) {
+        let level = self.limits.level;
+        let motions = node.motions.get_or_insert_with(|| {
+            let exit = self.escape.exit(self.gaps, &node.pose).direction;
+            candidates(
+                self.gaps,
+                &node.pose,
+                level,
+                node.last,
+                exit,
+                &mut Vec::new(),
+            )
+        });
+        let first = node.tried;
+        // What goes on as before goes alone, and far: mostly it does.
+        let (count, longest) = match first == 0 && node.last.is_some() {
+            true => (1, FARTHEST),
+            false => (BATCH, NEAREST),
+        };
+        node.tried = (first + count).min(motions.len());
+        (
+            motions[first..node.tried].to_vec(),
+            longest * self.gaps.frame.radius,
+        )
+    }
+
+    /// Adds what a slide has reached; the way if it has reached the outside.
+    fn take(&self, nodes: &mut Vec<Node>, from: usize, slide: Slide) -> Option<Way> {
+        let end = *slide.poses.last()?;
+        if slide.outside {
+            let mut poses = chain(nodes, from);
+            poses.extend(&slide.poses);
+            return Some(Way {
+                poses,
+                exit: self.escape.exit(self.gaps, &end),
+            });
+        }
+        let apart = BRANCHES * self.gaps.frame.radius;
+        let (mut parent, mut between) = (from, Vec::new());
+        let count = slide.poses.len();
+        for (i, pose) in slide.poses.into_iter().enumerate() {
+            between.push(pose);
+            let last = i + 1 == count;
+            let far = self.gaps.frame.apart(&nodes[parent].pose, &pose) > apart;
+            if !(last || far) || self.known(nodes, &pose) {
+                continue;
+            }
+            let motion = if last { slide.last } else { None };
+            let mut node = self.node(pose, Some((parent, std::mem::take(&mut between))), motion);
+            // Where a slide has gone on, other ways are tried later.
+            node.exit += if last {
+                0.0
+            } else {
+                HANDICAP * self.gaps.frame.radius
+            };
+            nodes.push(node);
+            parent = nodes.len() - 1;
+        }
+        None
+    }
+
+    /// Whether the part has been where it would be, no farther from being out.
+    fn known(&self, nodes: &[Node], pose: &Pose) -> bool {
+        let exit = self.escape.exit(self.gaps, pose).distance;
+        let same = |n: &Node| {
+            exit > n.exit - CLOSER * self.step
+                && self.shape.same(self.gaps, &n.pose, pose, self.step)
+        };
+        nodes.iter().any(same)
+    }
+}
+
+/// The poses from the first node to one.
+fn chain(nodes: &[Node], to: usize) -> Vec<Pose> {
+    let mut steps = Vec::new();
+    let mut at = to;
+    while let Some((from, between)) = &nodes[at].from {
+        steps.push(between);
+        at = *from;
+    }
+    let mut poses = vec![nodes[0].pose];
+    poses.extend(steps.into_iter().rev().flatten());
+    poses
+}

@@ -1,0 +1,7 @@
+//! From the fit into the open: poses that touch nothing, grown by sliding along what they touch.
+
+pub(crate) mod directions;
+pub(crate) mod escape;
+pub(crate) mod grow;
+pub(crate) mod same;
+pub(crate) mod slide;

@@ -1,0 +1,201 @@
+//! Leaving out what is not needed of a way.
+
+use fft_correlate::Pose;
+use glam::DQuat;
+use rayon::prelude::*;
+
+use crate::contact::gaps::Gaps;
+
+/// Two poses are joined by the turn of least angle: up to this one, radians, it is the one meant.
+const WIDEST_TURN: f64 = 2.9;
+
+/// Poses that are looked at together.
+const TOGETHER: usize = 16;
+
+/// What straight and screw motions between poses must keep.
+pub(crate) struct Shortcuts<'a> {
+    pub(crate) gaps: &'a Gaps,
+    /// Overlaps no deeper than this are allowed, metres.
+    pub(crate) level: f64,
+    /// Poses are looked at this far apart, metres.
+    pub(crate) step: f64,
+    pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Shortcuts<'_> {
+    /// The first and last pose, and of those between as few as lead from one to the next by screw
+    /// motions within the limits.
+    pub(crate) fn shorten(&self, poses: &[Pose]) -> Vec<Pose> {
+        let mut kept = vec![poses[0]];
+        let mut at = 0;
+        while at + 1 < poses.len() {
+            at = self.farthest(poses, at);
+            kept.push(poses[at]);
+        }
+        kept
+    }
+
+    /// The same way without any turn, if it is as clear: every pose as the last one is turned. Poses
+    /// lie a step apart.
+    pub(crate) fn translated(&self, poses: &[Pose]) -> Option<Vec<Pose>> {
+        let centre = self.gaps.frame.centre;
+        let rotation = poses[poses.len() - 1].rotation;
+        let unturned = |pose: &Pose| Pose::new(rotation, pose.apply(centre) - rotation * centre);
+        let way: Vec<Pose> = poses.iter().map(unturned).collect();
+        let depth = self.level + 4.0 * self.step;
+        let clear = |pose: &Pose| self.gaps.clear(pose, self.level, depth);
+        way.par_iter().all(clear).then_some(way)
+    }
+
+    /// The same way with turns left out that nothing asks for, as those of a round peg about its axis:
+    /// the last pose stays, those before it turn with what follows.
+    pub(crate) fn unturned(&self, poses: &[Pose]) -> Vec<Pose> {
+        let frame = &self.gaps.frame;
+        let mut outwards: Vec<Pose> = poses.iter().rev().copied().collect();
+        for i in 1..outwards.len() {
+            let turn = outwards[i].rotation.conjugate() * outwards[i - 1].rotation;
+            if turn.angle_between(DQuat::IDENTITY) < 1e-9 || (self.stop)() {
+                continue;
+            }
+            let about_centre = |pose: &Pose| {
+                let rotation = pose.rotation * turn;
+                Pose::new(rotation, pose.apply(frame.centre) - rotation * frame.centre)
+            };
+            let turned: Vec<Pose> = outwards[i..].iter().map(about_centre).collect();
+            let joined = |k: usize| {
+                let before = if k == 0 {
+                    &outwards[i - 1]
+                } else {
+                    &turned[k - 1]
+                };
+                self.joins(before, &turned[k])
+            };
+            if (0..turned.len()).all(joined) {
+                outwards.truncate(i);
+                outwards.extend(turned);
+            }
+        }
+        outwards.reverse();
+        outwards
+    }
+
+    /// The last pose found that can be reached directly: by doubling, then halving.
+    fn farthest(&self, poses: &[Pose], from: usize) -> usize {
+        let last = poses.len() - 1;
+        let reached = |to: usize| self.joins(&poses[from], &poses[to]);
+        let (mut good, mut stride) = (from + 1, 2);
+        let mut bad = last + 1;
+        while from + stride <= last && !(self.stop)() {
+            if !reached(from + stride) {
+                bad = from + stride;
+                break;
+            }
+            good = from + stride;
+            stride *= 2;
+        }
+        if bad > last && good < last {
+            if reached(last) {
+                return last;
+            }
+            bad = last;
+        }
+        while bad - good > 1 && bad <= last && !(self.stop)() {
+            let middle = (good + bad) / 2;
+            if reached(middle) {
+                good = middle;
+            } else {
+                bad = middle;
+            }
+        }
+        good
+    }
+
+    /// Whether the screw motion between two poses stays within the limits.
+    fn joins(&self, from: &Pose, to: &Pose) -> bool {
+        let frame = &self.gaps.frame;
+        let motion = frame.between(from, to);
+        if frame.turn(&motion).length() > WIDEST_TURN {
+            return false;
+        }
+        let count = (frame.largest(from, &motion) / self.step).ceil().max(1.0);
+        let depth = self.level + 4.0 * self.step;
+        let clear = |i: &usize| {
+            let pose = frame.interpolated(from, to, *i as f64 / count);
+            self.gaps.clear(&pose, self.level, depth)
+        };
+        let places: Vec<usize> = scattered(count as usize).collect();
+        places
+            .chunks(TOGETHER)
+            .all(|some| some.par_iter().all(clear))
+    }
+}
+
+/// The numbers between 0 and `count`, both left out, such that each is far from those before it: what
+/// is in the way is soon met.
+fn scattered(count: usize) -> impl Iterator<Item = usize> {
+    let bits = usize::BITS - count.leading_zeros();
+    let reversed = move |i: usize| i.reverse_bits() >> (usize::BITS - bits);
+    (1..1usize << bits)
+        .map(reversed)
+        .filter(move |i| *i < count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use sdf_grid::shapes;
+    use std::sync::Arc;
+
+    #[test]
+    fn scattered_numbers_are_all_of_them() {
+        for count in [1, 2, 3, 7, 8, 100] {
+            let mut all: Vec<usize> = scattered(count).collect();
+            all.sort_unstable();
+            assert_eq!(all, (1..count).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn turns_about_the_axis_of_a_round_peg_are_left_out() {
+        let (hole, peg) = shapes::PegInHole::Circular.pair(1e-4).unwrap();
+        let gaps = Gaps::new(Arc::new(hole), Arc::new(peg), 5e-4);
+        let at = |i: i32| {
+            let share = f64::from(i);
+            Pose::new(DQuat::from_rotation_z(0.4 * share), DVec3::Z * 0.01 * share)
+        };
+        let shortcuts = Shortcuts {
+            gaps: &gaps,
+            level: 2e-5,
+            step: 5e-4,
+            stop: &|| false,
+        };
+        let way: Vec<Pose> = [4, 3, 0].map(at).to_vec();
+        for (pose, before) in shortcuts.unturned(&way).iter().zip(&way) {
+            assert!(pose.rotation.angle_between(DQuat::IDENTITY) < 1e-7);
+            assert!((pose.translation - before.translation).length() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_way_round_a_corner_keeps_its_corner() {
+        let (plate, spool) = shapes::spool_in_slot(2e-4).unwrap();
+        let place = Pose::new(DQuat::from_rotation_y(0.8), DVec3::splat(0.02));
+        let plate = plate.transformed(place.rotation, place.translation);
+        let gaps = Gaps::new(Arc::new(plate), Arc::new(spool), 2e-4);
+        let at = |x: f64, y: f64| place * Pose::from_translation(1e-3 * DVec3::new(x, y, 0.0));
+        let mut poses: Vec<Pose> = (0..=16).map(|i| at(-0.5 * f64::from(i), 0.0)).collect();
+        poses.extend((1..=24).map(|i| at(-8.0, -0.5 * f64::from(i))));
+        let shortcuts = Shortcuts {
+            gaps: &gaps,
+            level: 2e-5,
+            step: 2e-4,
+            stop: &|| false,
+        };
+        let short = shortcuts.shorten(&poses);
+        assert!((3..=4).contains(&short.len()), "{}", short.len());
+        assert_eq!((short[0], short[short.len() - 1]), (poses[0], poses[40]));
+        let corner = at(-8.0, 0.0);
+        assert!(short.iter().any(|p| gaps.frame.apart(p, &corner) < 6e-4));
+    }
+}

@@ -1,0 +1,5 @@
+//! Ways that are known, in frames of all kinds.
+
+mod common;
+mod known;
+mod refused;

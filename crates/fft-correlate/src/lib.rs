@@ -55,7 +55,8 @@ pub use correlate::{
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::decide::decide;
-pub use dock::docking::{Docking, DockingError, DockingOptions, DockingReport, MATING_ANGLE};
+pub use dock::docking::{Docking, DockingOptions, DockingReport, MATING_ANGLE};
+pub use dock::docking_error::DockingError;
 pub use dock::domain::{SearchDomain, SearchPairs};
 pub use dock::error::SearchError;
 pub use dock::lattices::{SearchLattices, domain_rotations};

@@ -5,16 +5,12 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{
-    Aabb, ContactError, DensityError, LatticeError, MatingLimits, Monitor, TriangleMesh,
-    snug_rotation,
-};
+use sdf_grid::{Aabb, ContactError, MatingLimits, Monitor, TriangleMesh, snug_rotation};
 
-use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
-use crate::direct::evaluator::DirectError;
+use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::dock::decide::decide;
+use crate::dock::docking_error::DockingError;
 use crate::dock::domain::{SearchDomain, SearchPairs};
-use crate::dock::error::SearchError;
 use crate::dock::lattices::{SearchLattices, domain_rotations};
 use crate::dock::options::SearchOptions;
 use crate::dock::plan::DockingPlan;
@@ -27,11 +23,10 @@ use crate::dock::told::{DockingPose, mating_areas, told};
 use crate::dock::weights::docking_weights;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
-use crate::pair::fields::{Pair, PairError};
+use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::symmetry_on_lattice;
-use crate::setup::energy_scale::EnergyScaleError;
 use crate::setup::pair_setup::PairSetup;
 
 /// Angle between rotations where no domain is given, degrees.
@@ -108,73 +103,6 @@ pub struct DockingReport {
     pub stages: Vec<SearchStage>,
     /// Wall time per rotation scored, seconds, without the sketch.
     pub seconds_per_rotation: f64,
-}
-
-/// Why docking cannot start or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum DockingError {
-    /// A pair cannot be had.
-    #[error(transparent)]
-    Build(PairBuildError),
-    /// The energy scale cannot be had.
-    #[error(transparent)]
-    Energy(#[from] EnergyScaleError),
-    /// The rotations to look at are out of range.
-    #[error("rotations: {0}")]
-    Rotations(#[from] RotationError),
-    /// The translations to look at do not make a window.
-    #[error("window: {0}")]
-    Window(#[from] LatticeError),
-    /// The correlation cannot be planned.
-    #[error(transparent)]
-    Correlate(#[from] CorrelateError),
-    /// The correlation may not fit in memory.
-    #[error("the correlation may need {needed} bytes, expected at most {limit}")]
-    Memory {
-        /// Bytes needed, at most.
-        needed: u64,
-        /// Bytes allowed.
-        limit: u64,
-    },
-    /// The search.
-    #[error(transparent)]
-    Search(SearchError),
-    /// The model is out of range for the pair.
-    #[error(transparent)]
-    Pair(#[from] PairError),
-    /// A part has no interior on its lattice.
-    #[error(transparent)]
-    Direct(#[from] DirectError),
-    /// The clearance of mating faces is none.
-    #[error("mating clearance: expected 0 m or more, found {found}")]
-    MatingClearance {
-        /// What was given, metres.
-        found: f64,
-    },
-    /// The monitor asked to stop before anything was found.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-impl From<PairBuildError> for DockingError {
-    fn from(error: PairBuildError) -> Self {
-        match error {
-            PairBuildError::Density {
-                source: DensityError::Cancelled,
-                ..
-            } => Self::Cancelled,
-            other => Self::Build(other),
-        }
-    }
-}
-
-impl From<SearchError> for DockingError {
-    fn from(error: SearchError) -> Self {
-        match error {
-            SearchError::Cancelled => Self::Cancelled,
-            other => Self::Search(other),
-        }
-    }
 }
 
 impl DockingReport {

@@ -4,6 +4,7 @@
 pub(crate) mod decide;
 mod descend;
 pub(crate) mod docking;
+pub(crate) mod docking_error;
 pub(crate) mod domain;
 pub(crate) mod error;
 pub(crate) mod lattices;

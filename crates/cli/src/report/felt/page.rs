@@ -16,8 +16,17 @@ const CHARTS: &str = "svg{width:100%;height:auto}\
 svg text{fill:currentColor;font-family:system-ui,sans-serif}\
 table{margin-bottom:1.5rem}th,td{text-align:left}td.num,th.num{text-align:right}";
 
-/// The page's text.
-pub(super) fn page(run: &FeltPage<'_>) -> Result<String, PictureError> {
+impl FeltPage<'_> {
+    /// The page as HTML, in one file that needs no other.
+    ///
+    /// # Errors
+    /// If a chart cannot be drawn.
+    pub fn html(&self) -> Result<String, PictureError> {
+        page(self)
+    }
+}
+
+fn page(run: &FeltPage<'_>) -> Result<String, PictureError> {
     let mut html = String::new();
     // Writing to a string cannot fail.
     let _ = write!(

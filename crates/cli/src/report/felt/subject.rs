@@ -2,9 +2,6 @@
 
 use haptic::scene::SceneEvent;
 use haptic::{DeviceSpec, HapticConfig, Outcome, Sample, flags};
-use pegfit_pictures::PictureError;
-
-use super::page::page;
 
 /// Events listed; the rest is counted.
 pub(super) const LISTED: usize = 200;
@@ -27,16 +24,6 @@ pub struct FeltPage<'a> {
     pub events: &'a [SceneEvent],
     /// Parts and what had become of each in the end.
     pub pairs: Vec<(String, String)>,
-}
-
-impl FeltPage<'_> {
-    /// The page as HTML, in one file that needs no other.
-    ///
-    /// # Errors
-    /// If a chart cannot be drawn.
-    pub fn html(&self) -> Result<String, PictureError> {
-        page(self)
-    }
 }
 
 /// Samples at which one of `bits` comes on.

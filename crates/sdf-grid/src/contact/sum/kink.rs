@@ -12,8 +12,8 @@ use fearless_simd::{f32x16, prelude::*};
 use glam::{Vec2, Vec3};
 
 use super::border::{Above, Seen};
-use super::pass::Slopes;
 use super::sheet::Border;
+use super::slopes::Slopes;
 use super::vectors::{Vectors, dot, splat};
 
 /// Where it begins to fade, in units of `r`.

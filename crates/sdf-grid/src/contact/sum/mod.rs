@@ -25,6 +25,7 @@ mod pass;
 mod regions;
 mod sheet;
 mod simplified;
+mod slopes;
 mod smooth;
 mod smooth_parts;
 mod spread;

@@ -8,6 +8,7 @@ use super::border::{Above, Seen, Taken};
 use super::clusters::Cluster;
 use super::kink::{Aside, Lean};
 use super::sheet::Sheet;
+use super::slopes::Slopes;
 use super::smooth::Quotients;
 use super::unrolled::Unrolled;
 use super::vectors::{Vectors, along, dot, scaled, splat, turned};
@@ -72,38 +73,6 @@ pub(super) fn part<S: Simd>(simd: S, views: &Views, sheets: &[Sheet], placed: &P
         add_sheet(views, sheet, placed, &samples, &mut totals);
     }
     totals.part(&samples)
-}
-
-/// The integral of the kernel over a sheet, and its slopes with the height and along the sheet's two
-/// directions.
-pub(super) struct Slopes<S: Simd> {
-    pub(super) value: f32x16<S>,
-    pub(super) height: f32x16<S>,
-    pub(super) along: [f32x16<S>; 2],
-    /// What the normal is multiplied with for the moment, besides the value.
-    pub(super) turning: f32x16<S>,
-}
-
-impl<S: Simd> Slopes<S> {
-    /// So many times over the whole plane, without what borders take.
-    #[inline(always)]
-    fn new(above: &Above<S>, kernel: &Quotients<S>, taken: &Taken<S>, inside: f32x16<S>) -> Self {
-        const TURN: f32 = 1.0 / std::f32::consts::TAU;
-        let zero = splat(inside.token(), 0.0);
-        // What of the plane is seen from the foot and from above it.
-        let seen = taken.angle.mul_add(-TURN, inside);
-        let lifted = taken.lifted.mul_add(-TURN, inside);
-        let sign = splat(inside.token(), 0.5).copysign(above.height);
-        let sign = above.height.simd_eq(zero).select(zero, sign);
-        let flat = kernel.value.mul_add(seen, taken.rest * TURN);
-        let bent = kernel.slope.mul_add(seen, taken.tilt * -TURN);
-        Self {
-            value: flat - above.height * sign * lifted,
-            height: (above.height + above.height).mul_sub(bent, sign * lifted),
-            along: taken.along.map(|a| a * TURN),
-            turning: zero,
-        }
-    }
 }
 
 #[inline(always)]

@@ -146,19 +146,25 @@ mod tests {
     use super::*;
     use crate::surface::bvh::tree::Bvh;
 
-    /// Least signed distance of either part's vertices from the other at a displacement.
+    /// Points along the edges of a part: walls may cross where no vertex lies.
+    fn points(part: &TriangleMesh) -> Vec<DVec3> {
+        const PIECES: u32 = 8;
+        let edge = |[a, b]: [u32; 2]| {
+            let [a, b] = [a, b].map(|v| part.vertices()[v as usize]);
+            (0..PIECES).map(move |i| a.lerp(b, f64::from(i) / f64::from(PIECES)))
+        };
+        let edges = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
+        let all = part.triangles().iter().flat_map(edges);
+        all.flat_map(edge).collect()
+    }
+
+    /// Least signed distance of points of either part from the other at a displacement.
     fn least(parts: &(TriangleMesh, TriangleMesh), shift: DVec3) -> f64 {
         let (fixed, moving) = (Bvh::build(&parts.0), Bvh::build(&parts.1));
-        let there = parts
-            .1
-            .vertices()
-            .iter()
-            .map(|p| fixed.signed_distance(*p + shift));
-        let back = parts
-            .0
-            .vertices()
-            .iter()
-            .map(|p| moving.signed_distance(*p - shift));
+        let there = points(&parts.1);
+        let there = there.iter().map(|p| fixed.signed_distance(*p + shift));
+        let back = points(&parts.0);
+        let back = back.iter().map(|p| moving.signed_distance(*p - shift));
         there.chain(back).fold(f64::INFINITY, f64::min)
     }
 
@@ -180,7 +186,10 @@ mod tests {
             assert!(found > clearance - slack, "{shift}: {found}");
         }
         let blocked = [0.002 * x, 0.002 * y, 0.001 * z, -0.004 * x - 0.003 * y];
-        assert!(blocked.iter().all(|s| least(&pair, *s) < -1e-4));
+        for shift in blocked {
+            let found = least(&pair, shift);
+            assert!(found < -1e-4, "{shift}: {found}");
+        }
     }
 
     #[test]
@@ -190,7 +199,10 @@ mod tests {
             let at_rest = least(&pair, DVec3::ZERO);
             // Facets of both.
             assert!(at_rest > clearance - 2.5e-5, "{at_rest}");
-            assert!(least(&pair, 0.0035 * DVec3::Z) < -0.5 * lip);
+            // Its widest circle in the mouth.
+            let mouth = ((0.004 + clearance).powi(2) - (0.004 - lip).powi(2)).sqrt();
+            let stuck = least(&pair, mouth * DVec3::Z);
+            assert!(stuck < -0.5 * lip, "{stuck}");
         }
         assert!(captive_ball(1e-4, 0.003).is_err());
     }

@@ -35,7 +35,8 @@ pub struct PathAnswer {
 /// Whether a part gets there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
-    /// The solids never overlap by more than the tolerance.
+    /// At the points of the search the solids never overlap by more than the tolerance; whether denser
+    /// ones agree says [`PathAnswer::is_free`].
     Free,
     /// They have to overlap; the way given is that of least overlap.
     Blocked {
@@ -95,6 +96,11 @@ impl PathAnswer {
         let depths = self.poses.iter().map(|p| p.depth).enumerate();
         let deepest = depths.max_by(|a, b| a.1.total_cmp(&b.1));
         deepest.unwrap_or((0, 0.0))
+    }
+
+    /// Whether a way was found and no overlap measured along it is deeper than the tolerance.
+    pub fn is_free(&self) -> bool {
+        self.outcome == Outcome::Free && self.deepest().1 <= self.tolerance
     }
 
     /// How much the part turns in all, radians.

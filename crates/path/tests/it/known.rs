@@ -126,7 +126,7 @@ fn a_captive_ball_does_not_come_out() {
     let (seed, clearance, lip) = (8, 4e-5, 3e-4);
     let placed = Placed::new(shapes::captive_ball(clearance, lip).unwrap(), seed);
     let answer = placed.find(PathOptions {
-        time_limit: Duration::from_secs(60),
+        time_limit: Duration::from_secs(600),
         others: 0.0,
         ..PathOptions::default()
     });

@@ -107,9 +107,8 @@ fn ways_begin_where_they_are_asked_to() {
     let answer = search(&placed, options)
         .find(&placed.goal, None, &Silent)
         .unwrap();
-    assert_eq!(answer.outcome, Outcome::Free);
+    assert!(answer.is_free());
     assert_eq!(answer.poses[0].pose, start);
-    assert!(answer.deepest().1 <= answer.tolerance);
     assert!(answer.length() > 0.04);
     let inside = Arc::new(shapes::cuboid(DVec3::splat(0.004)).unwrap());
     let shell = Arc::new(shapes::captive_ball(2e-4, 5e-4).unwrap().0);
@@ -119,5 +118,5 @@ fn ways_begin_where_they_are_asked_to() {
     };
     let free = PathSearch::new(shell, inside, options).unwrap();
     let answer = free.find(&Pose::IDENTITY, None, &Silent).unwrap();
-    assert_eq!(answer.outcome, Outcome::Free);
+    assert!(answer.is_free());
 }

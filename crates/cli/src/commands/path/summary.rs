@@ -79,7 +79,7 @@ fn told(motions: &[Motion], placement: &Placement) -> Vec<Told> {
 /// `free`, `overlapping`, `blocked` or `not found`.
 fn outcome(answer: &PathAnswer) -> &'static str {
     match answer.outcome {
-        Outcome::Free if answer.deepest().1 > answer.tolerance => "overlapping",
+        Outcome::Free if !answer.is_free() => "overlapping",
         Outcome::Free => "free",
         Outcome::Blocked {
             exhausted: true, ..
@@ -220,7 +220,7 @@ fn say_outcome(answer: &PathAnswer, unit: LengthUnit) {
         effort.search_seconds
     );
     match answer.outcome {
-        Outcome::Free if answer.deepest().1 > answer.tolerance => {
+        Outcome::Free if !answer.is_free() => {
             crate::say!("passes with overlaps deeper than contact, see below: {looked}");
         }
         Outcome::Free => crate::say!("free: {looked}"),

@@ -6,10 +6,10 @@ use num_complex::Complex32;
 use super::error::DensityError;
 use super::kernel::DensityKernel;
 use super::lattice::Lattice;
-use super::options::DensityOptions;
+use super::options::{DensityOptions, Sampling};
 use super::recipe::FieldRecipe;
 use super::sampling::blocks::Arrays;
-use super::sampling::fill::fill;
+use super::sampling::fill::{fill, working_bytes};
 use super::zeros::zeros;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
@@ -71,10 +71,15 @@ impl DensityField {
         &self.recipe.lattice
     }
 
-    /// Memory that [`DensityField::compute`] needs for the values on `lattice`, bytes.
+    /// Memory that the values on `lattice` take, bytes.
     pub fn memory_bytes(lattice: &Lattice) -> u64 {
         let node = 2 * size_of::<Complex32>() + size_of::<f32>();
         lattice.len() as u64 * node as u64
+    }
+
+    /// Memory that [`DensityField::compute`] takes beside the values while it runs, bytes.
+    pub fn working_bytes(lattice: &Lattice, sampling: Sampling) -> u64 {
+        working_bytes(lattice, sampling)
     }
 
     /// `l1 * exterior + l2 * interior` at every node.

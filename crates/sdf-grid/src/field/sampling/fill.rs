@@ -1,10 +1,13 @@
 //! The values of a field: halo, boundary and cell averages.
 
+use std::ops::Range;
+
 use num_complex::Complex32;
 use rayon::prelude::*;
 
+use super::between::Between;
 use super::blocks::{Arrays, Block, block_count, blocks};
-use super::patch::{Anchor, Patch};
+use super::patch::{Anchors, Patch};
 use super::patch_density::{PatchDensity, PatchValues};
 use super::smoothed::Smoothing;
 use crate::field::error::DensityError;
@@ -27,6 +30,10 @@ const CUT: f64 = 0.87;
 /// In cells of the fine lattice nearer to the boundary than this many spacings the density may vary
 /// as much within the cell as from cell to cell, next to edges.
 const UNEVEN: f64 = 2.0;
+
+/// There a cell's mean is its node's density unless a neighbour's differs by more than this share:
+/// then the two are apart by a quarter of it at most.
+const EVEN: f32 = 0.05;
 
 /// Sub-points per axis of a cut cell.
 const SUB: usize = 4;
@@ -77,11 +84,28 @@ pub(crate) fn fill(
         return sample(&sampler, arrays, monitor);
     };
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
-    let count = smoothing.slabs().map(block_count).sum();
-    monitor.begin("density", count);
-    smoothing.fill(arrays, |slab, arrays| {
-        sample(&Sampler::new(recipe, *slab, tree), arrays, monitor)
+    monitor.begin("density", smoothing.blocks());
+    let tolerance = recipe.tolerance;
+    smoothing.fill(&recipe.lattice, tolerance, arrays, |lattice, arrays, between| {
+        let mut sampler = Sampler::new(recipe, *lattice, tree);
+        if between.is_none() {
+            sampler.sampling = Sampling::Point;
+        }
+        sampler.between = between;
+        sample(&sampler, arrays, monitor)
     })
+}
+
+/// Bytes that [`fill`] takes beside the arrays.
+pub(crate) fn working_bytes(lattice: &Lattice, sampling: Sampling) -> u64 {
+    let Sampling::Smoothed {
+        deviation,
+        sharpening,
+    } = sampling
+    else {
+        return 0;
+    };
+    Smoothing::new(lattice, deviation, sharpening).map_or(0, |s| s.bytes())
 }
 
 /// Computes the values of a lattice.
@@ -135,6 +159,8 @@ struct Sampler<'a> {
     lattice: Lattice,
     halo: f64,
     sampling: Sampling,
+    /// Nodes between which the lattice lies, and how many of its planes from their start.
+    between: Option<(&'a Between, usize)>,
 }
 
 /// Working memory of one batch of blocks.
@@ -142,6 +168,8 @@ struct Sampler<'a> {
 struct Scratch {
     nodes: PatchValues,
     sub_points: PatchValues,
+    /// Means over the cells for which the node does not stand.
+    means: Vec<Option<[Complex32; 2]>>,
 }
 
 impl<'a> Sampler<'a> {
@@ -165,10 +193,17 @@ impl<'a> Sampler<'a> {
             lattice,
             halo: recipe.halo,
             sampling: recipe.sampling,
+            between: None,
         }
     }
 
     fn block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
+        if let Some((between, first)) = self.between {
+            let [x, y, z] = block.start;
+            if between.fill([first + x, y, z], block) {
+                return;
+            }
+        }
         let shape: [usize; 3] = block.exterior.dim().into();
         let patch = Patch {
             origin: self.bvh.normalized(self.lattice.position(block.start)),
@@ -179,15 +214,11 @@ impl<'a> Sampler<'a> {
         let mut hint = 0;
         self.patches
             .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
-        let averaged = match self.sampling {
-            Sampling::CellAverage => (CUT * patch.spacing) as f32,
-            Sampling::Smoothed { .. } => (UNEVEN * patch.spacing) as f32,
-            Sampling::Point => 0.0,
-        };
+        self.cell_averages(&patch, &mut hint, scratch);
         let faded = (UNFADED * self.halo * self.bvh.scale()) as f32;
         // A power of two: exact.
         let metres = (1.0 / self.bvh.scale()) as f32;
-        let [_, ny, nz] = shape;
+        let nz = shape[2];
         let lines = (block.exterior.rows_mut().into_iter())
             .zip(block.interior.rows_mut())
             .zip(block.signed_distance.rows_mut());
@@ -195,52 +226,96 @@ impl<'a> Sampler<'a> {
             for z in 0..nz {
                 let flat = line * nz + z;
                 let distance = scratch.nodes.distance[flat];
-                let mut parts = scratch.nodes.parts(flat);
-                if distance.abs() < averaged {
-                    let position = patch.position([line / ny, line % ny, z]);
-                    let node = Anchor { position, distance };
-                    let values = &mut scratch.sub_points;
-                    parts = self.cell_average(node, patch.spacing, &mut hint, values);
-                } else if distance > faded {
-                    parts[0] *= self.fading(distance);
-                }
+                let parts = scratch.means[flat].unwrap_or_else(|| {
+                    let mut parts = scratch.nodes.parts(flat);
+                    if distance > faded {
+                        parts[0] *= self.fading(distance);
+                    }
+                    parts
+                });
                 signed_distance[z] = distance * metres;
                 [exterior[z], interior[z]] = parts;
             }
         }
     }
 
-    /// Mean density over the cell about `node`, whose edges are `spacing` long (normalized).
-    fn cell_average(
+    /// Mean densities over the cells of a patch of nodes for which these do not stand: of
+    /// neighbours along z together, whose sub-points fill packets.
+    fn cell_averages(&self, patch: &Patch, hint: &mut usize, scratch: &mut Scratch) {
+        scratch.means.clear();
+        scratch.means.resize(patch.len(), None);
+        let nz = patch.shape[2];
+        for row in (0..patch.len()).step_by(nz) {
+            let mut z = row;
+            while z < row + nz {
+                let first = z;
+                while z < row + nz && self.is_averaged(patch, &scratch.nodes, z) {
+                    z += 1;
+                }
+                if z > first {
+                    self.average(patch, first..z, hint, scratch);
+                }
+                z += 1;
+            }
+        }
+    }
+
+    /// Whether the mean over a node's cell is not the density at the node.
+    fn is_averaged(&self, patch: &Patch, nodes: &PatchValues, flat: usize) -> bool {
+        let distance = nodes.distance[flat].abs();
+        let within = |cells: f64| distance < (cells * patch.spacing) as f32;
+        match self.sampling {
+            Sampling::Point => false,
+            Sampling::CellAverage => within(CUT),
+            Sampling::Smoothed { .. } => {
+                within(CUT) || within(UNEVEN) && !nodes.is_even(patch, flat, EVEN)
+            }
+        }
+    }
+
+    /// Mean densities over the cells of nodes (C order) in a row along z.
+    fn average(
         &self,
-        node: Anchor,
-        spacing: f64,
+        nodes: &Patch,
+        cells: Range<usize>,
         hint: &mut usize,
-        values: &mut PatchValues,
-    ) -> [Complex32; 2] {
+        scratch: &mut Scratch,
+    ) {
         let (sub, shares) = match self.sampling {
             Sampling::Smoothed { .. } => (FINE_SUB, true),
             _ => (SUB, false),
         };
+        let first = nodes.position(nodes.unravel(cells.start));
         // Evenly spaced, so that no sub-point lies on a node plane or a cell face.
         let patch = Patch {
-            origin: node.position - spacing * (0.5 - 0.5 / sub as f64),
-            spacing: spacing / sub as f64,
-            shape: [sub; 3],
+            origin: first - nodes.spacing * (0.5 - 0.5 / sub as f64),
+            spacing: nodes.spacing / sub as f64,
+            shape: [sub, sub, sub * cells.len()],
         };
-        self.patches.evaluate(&patch, Some(node), hint, values);
+        let anchors = Anchors {
+            patch: nodes,
+            distance: &scratch.nodes.distance,
+            cells: cells.clone(),
+        };
+        let (means, values) = (&mut scratch.means[cells], &mut scratch.sub_points);
+        self.patches.evaluate(&patch, Some(anchors), hint, values);
         let half = 0.5 * patch.spacing as f32;
-        let mut sums = [Complex32::ZERO; 2];
+        means.fill(Some([Complex32::ZERO; 2]));
         for (flat, distance) in values.distance.iter().enumerate() {
             let mut parts = values.parts(flat);
             if shares && distance.abs() < half && *distance != 0.0 {
                 parts = share(parts, distance / half);
             }
-            sums[0] += parts[0] * self.fading(*distance);
-            sums[1] += parts[1];
+            let cell = flat % patch.shape[2] / sub;
+            if let Some(mean) = &mut means[cell] {
+                mean[0] += parts[0] * self.fading(*distance);
+                mean[1] += parts[1];
+            }
         }
-        let weight = 1.0 / values.distance.len() as f32;
-        sums.map(|sum| sum * weight)
+        let weight = 1.0 / sub.pow(3) as f32;
+        for mean in means.iter_mut().flatten().flatten() {
+            *mean *= weight;
+        }
     }
 
     /// The halo's cut-off at signed normalized `distance`.

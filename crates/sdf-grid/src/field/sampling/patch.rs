@@ -1,5 +1,7 @@
 //! Small regular patches of points, cut into packets of 2 x 2 x 4.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::field::packet::lanes::LANES;
@@ -13,12 +15,14 @@ pub(crate) struct Patch {
     pub(crate) shape: [usize; 3],
 }
 
-/// A point whose side is known.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Anchor {
-    pub(crate) position: DVec3,
+/// Nodes whose sides are known, about some of which a patch lies.
+#[derive(Debug, Clone)]
+pub(crate) struct Anchors<'a> {
+    pub(crate) patch: &'a Patch,
     /// Signed, normalized.
-    pub(crate) distance: f32,
+    pub(crate) distance: &'a [f32],
+    /// The nodes in a row along z (C order) in whose cells the patch's points are, as many in each.
+    pub(crate) cells: Range<usize>,
 }
 
 impl Patch {

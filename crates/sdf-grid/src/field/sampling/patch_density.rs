@@ -5,7 +5,7 @@
 
 use num_complex::{Complex32, Complex64};
 
-use super::patch::{Anchor, Brick, Patch};
+use super::patch::{Anchors, Brick, Patch};
 use super::signs::Signs;
 use super::smooth::{Attempt, SmoothBlock};
 use crate::field::packet::density::PacketDensity;
@@ -73,11 +73,12 @@ impl<'a> PatchDensity<'a> {
         }
     }
 
-    /// Fills `values`. `hint` is a leaf-order face near the patch, updated.
+    /// Fills `values`. `hint` is a leaf-order face near the patch, updated; `anchors` are as
+    /// [`Signs::give`] wants them.
     pub(crate) fn evaluate(
         &self,
         patch: &Patch,
-        anchor: Option<Anchor>,
+        anchors: Option<Anchors<'_>>,
         hint: &mut usize,
         values: &mut PatchValues,
     ) {
@@ -97,7 +98,7 @@ impl<'a> PatchDensity<'a> {
             signs,
             ..
         } = values;
-        signs.give(self.bvh, patch, anchor, |flat| done[flat], distance);
+        signs.give(self.bvh, patch, anchors, |flat| done[flat], distance);
         if self.may_be_smooth(patch, values) {
             self.integrate_smooth(patch, values);
         } else {
@@ -247,6 +248,22 @@ impl PatchValues {
         let integral = Complex32::new(re, im);
         let inside = self.distance[flat] < 0.0;
         self.density[flat] = if inside { -integral } else { integral.conj() };
+    }
+
+    /// Whether the density at a point differs from that of its neighbours on the same side along
+    /// every axis by at most `share`.
+    pub(crate) fn is_even(&self, patch: &Patch, flat: usize, share: f32) -> bool {
+        let (index, own) = (patch.unravel(flat), self.density[flat]);
+        let most = share * share * own.norm_sqr();
+        let [_, ny, nz] = patch.shape;
+        let strides = [ny * nz, nz, 1];
+        (0..3).all(|axis| {
+            let before = (index[axis] > 0).then(|| flat - strides[axis]);
+            let after = (index[axis] + 1 < patch.shape[axis]).then(|| flat + strides[axis]);
+            let same = |n: &usize| self.distance[*n] * self.distance[flat] > 0.0;
+            let mut near = before.into_iter().chain(after).filter(same).peekable();
+            near.peek().is_some() && near.all(|n| (self.density[n] - own).norm_sqr() <= most)
+        })
     }
 
     /// Exterior and interior part at a point.

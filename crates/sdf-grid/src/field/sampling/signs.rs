@@ -8,7 +8,9 @@
 //! That holds where the boundary is closed. Through the holes of one that is not the winding number
 //! passes from one side to the other without a boundary between: there every point is asked for.
 
-use super::patch::{Anchor, Patch};
+use glam::DVec3;
+
+use super::patch::{Anchors, Patch};
 use crate::surface::bvh::tree::Bvh;
 
 /// Working memory.
@@ -20,19 +22,20 @@ pub(crate) struct Signs {
 }
 
 impl Signs {
-    /// Makes distances negative inside the part, except where they are `done`.
+    /// Makes distances negative inside the part, except where they are `done`. `anchors` are
+    /// nodes whose sides are known, if there are such.
     pub(crate) fn give(
         &mut self,
         bvh: &Bvh,
         patch: &Patch,
-        anchor: Option<Anchor>,
+        anchors: Option<Anchors<'_>>,
         done: impl Fn(usize) -> bool,
         distance: &mut [f32],
     ) {
         self.known.clear();
         self.known.extend((0..distance.len()).map(done));
         // Sub-points of a cell are too near to one another to tell.
-        if !bvh.closed && anchor.is_none() {
+        if !bvh.closed && anchors.is_none() {
             self.ask_everywhere(bvh, patch, distance);
             return;
         }
@@ -40,12 +43,16 @@ impl Signs {
         // side.
         let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
         let all = connected(least, least, patch.spacing);
-        if let Some(anchor) = anchor {
+        if let Some(anchors) = anchors {
             for flat in 0..distance.len() {
                 let index = patch.unravel(flat);
-                let apart = anchor.position.distance(patch.position(index));
-                if !self.known[flat] && connected(anchor.distance, distance[flat], apart) {
-                    self.set(flat, index, anchor.distance < 0.0, distance);
+                if self.known[flat] {
+                    continue;
+                }
+                let cell = index[2] * anchors.cells.len() / patch.shape[2];
+                let at = (patch.position(index), distance[flat]);
+                if let Some(inside) = anchors.side(anchors.cells.start + cell, at, bvh.closed) {
+                    self.set(flat, index, inside, distance);
                 }
             }
             self.flood(patch, distance);
@@ -128,6 +135,29 @@ impl Signs {
                 }
             }
         }
+    }
+}
+
+impl Anchors<'_> {
+    /// Whether a point in the cell of node `own` (C order), at this distance from the boundary, lies
+    /// inside, if one of the nodes tells: that one, or with `all` those around it.
+    fn side(&self, own: usize, (position, distance): (DVec3, f32), all: bool) -> Option<bool> {
+        let centre = self.patch.unravel(own);
+        let tells = |index: [usize; 3]| {
+            let known = self.distance[self.patch.flat(index)];
+            let apart = self.patch.position(index).distance(position);
+            connected(known, distance, apart).then_some(known < 0.0)
+        };
+        let near = |axis: usize| {
+            let end = (centre[axis] + 2).min(self.patch.shape[axis]);
+            centre[axis].saturating_sub(1)..end
+        };
+        tells(centre).or_else(|| {
+            let planes = near(0).filter(|_| all);
+            let lines = planes.flat_map(|x| near(1).map(move |y| [x, y]));
+            let mut nodes = lines.flat_map(|[x, y]| near(2).map(move |z| [x, y, z]));
+            nodes.find_map(tells)
+        })
     }
 }
 

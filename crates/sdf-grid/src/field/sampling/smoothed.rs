@@ -1,8 +1,9 @@
 //! Fields smoothed by a Gaussian before they are sampled: what a lattice can hold of densities that
 //! jump.
 //!
-//! The density is averaged over the cells of a lattice three times as fine, then filtered along z,
-//! y and x to every third node. The fine lattice exists only a few planes at a time.
+//! The density is averaged over the cells of a lattice twice as fine, then filtered along z, y and x
+//! to every second node. The fine lattice exists only a few planes at a time, and is computed only
+//! where it does not lie [`between`](super::between) coarser nodes.
 
 use std::ops::RangeInclusive;
 
@@ -11,15 +12,16 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s}
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::blocks::Arrays;
+use super::between::{self, Between};
+use super::blocks::{Arrays, block_count};
 use crate::field::error::DensityError;
 use crate::field::lattice::Lattice;
 use crate::field::zeros::zeros;
 
 /// Fine nodes per node and axis.
-const FINE: usize = 2;
+pub(super) const FINE: usize = 2;
 
-/// Fine nodes along x that are worked on together: three blocks deep.
+/// Fine nodes along x that are worked on together: two blocks deep.
 const DEPTH: usize = 16;
 
 /// The Gaussian is cut off beyond this many standard deviations.
@@ -38,7 +40,9 @@ impl Filter {
     fn new(deviation: f64, sharpening: f64, spacing: f64) -> Self {
         // Cells have averaged already.
         let variance = deviation * deviation - spacing * spacing / 12.0;
-        let reach = (CUT_OFF * deviation / spacing).ceil() as i32;
+        let reach = (CUT_OFF * deviation / spacing).ceil() as usize;
+        // To a node of the coarse lattice.
+        let reach = reach.next_multiple_of(FINE) as i32;
         let places = (-reach..=reach).map(|i| f64::from(i) * spacing);
         let value: Vec<f64> = places
             .clone()
@@ -114,19 +118,50 @@ impl Smoothing {
     }
 
     /// Shapes of the slabs of the fine lattice, one behind the other along x.
-    pub(super) fn slabs(&self) -> impl Iterator<Item = [usize; 3]> + '_ {
+    fn slabs(&self) -> impl Iterator<Item = [usize; 3]> + '_ {
         let [nx, ny, nz] = self.shape;
         (0..nx)
             .step_by(DEPTH)
             .map(move |first| [DEPTH.min(nx - first), ny, nz])
     }
 
-    /// Fills arrays of zeros; `sample` fills the values of a slab.
+    /// Blocks that `sample` of [`Smoothing::fill`] is asked for.
+    pub(super) fn blocks(&self) -> u64 {
+        let fine: u64 = self.slabs().map(block_count).sum();
+        fine + block_count(Between::shape(self.shape))
+    }
+
+    /// Bytes that [`Smoothing::fill`] takes beside the arrays.
+    pub(super) fn bytes(&self) -> u64 {
+        let nodes = |shape: [usize; 3]| shape.iter().fold(1, |n, s| s.saturating_mul(n)) as u64;
+        let [nx, ny, nz] = self.shape;
+        let slab = nodes([DEPTH.min(nx), ny, nz]);
+        (nodes(Between::shape(self.shape)) + slab).saturating_mul(between::BYTES as u64)
+    }
+
+    /// Fills arrays of zeros. `sample` fills the values of a lattice: at its nodes, or if there are
+    /// nodes between which it lies, beginning so many fine planes from their start, means over its
+    /// cells.
     pub(super) fn fill(
         &self,
+        lattice: &Lattice,
+        tolerance: f64,
         mut arrays: Arrays<'_>,
-        mut sample: impl FnMut(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
+        mut sample: impl FnMut(
+            &Lattice,
+            Arrays<'_>,
+            Option<(&Between, usize)>,
+        ) -> Result<(), DensityError>,
     ) -> Result<(), DensityError> {
+        let filter = &self.filter;
+        let between = Between::new(
+            lattice,
+            filter.reach(),
+            self.shape,
+            tolerance,
+            &mut arrays.signed_distance,
+            |coarse, arrays| sample(coarse, arrays, None),
+        )?;
         for (slab, shape) in self.slabs().enumerate() {
             let first = slab * DEPTH;
             let origin = self.origin + DVec3::X * (first as f64 * self.spacing);
@@ -144,25 +179,12 @@ impl Smoothing {
                     interior: interior.view_mut(),
                     signed_distance: distance.view_mut(),
                 },
+                Some((&between, first)),
             )?;
-            let filter = &self.filter;
             add(filter, first, &exterior, &mut arrays.exterior);
             add(filter, first, &interior, &mut arrays.interior);
-            keep(filter, first, &distance, &mut arrays.signed_distance);
         }
         Ok(())
-    }
-}
-
-/// Distances at the nodes that lie in a slab.
-fn keep(filter: &Filter, first: usize, slab: &Array3<f32>, to: &mut ArrayViewMut3<'_, f32>) {
-    let (reach, step) = (filter.reach(), FINE as isize);
-    for (i, mut plane) in to.outer_iter_mut().enumerate() {
-        let place = reach + FINE * i;
-        if let Some(own) = place.checked_sub(first).filter(|p| *p < slab.dim().0) {
-            let (begin, end) = (reach as isize, -(reach as isize));
-            plane.assign(&slab.slice(s![own, begin..end;step, begin..end;step]));
-        }
     }
 }
 

@@ -217,8 +217,10 @@ impl PairBuilder {
         let needed = DensityField::memory_bytes(&fixed_lattice)
             + DensityField::memory_bytes(&moving_lattice);
         // One field after the other.
-        let working = DensityField::working_bytes(&fixed_lattice, sampling(Smoothing::of_fixed))
-            .max(DensityField::working_bytes(&moving_lattice, sampling(Smoothing::of_moving)));
+        let working =
+            DensityField::working_bytes(&fixed_lattice, sampling(Smoothing::of_fixed)).max(
+                DensityField::working_bytes(&moving_lattice, sampling(Smoothing::of_moving)),
+            );
         let most = needed.saturating_add(working);
         match self.memory_limit {
             Some(limit) if most > limit => Err(PairBuildError::Memory {

@@ -24,10 +24,10 @@ const READ: usize = 7;
 /// Nodes nearer to the boundary than this many coarse spacings are never interpolated between.
 const CLEAR: f32 = 2.0;
 
-/// Largest fourth difference between coarse nodes, in tolerances of the root mean square density.
-/// Cubics are off by a fortieth of it where the density is smooth, by 0.4 of it at the sharpest
-/// crease.
-const VARIATION: f64 = 20.0;
+/// Largest fourth difference between coarse nodes, of the root mean square density. Cubics are off by
+/// a fortieth of it where the density is smooth, by 0.4 of it at the sharpest crease. It leaves a
+/// relative L2 error of 2e-4 to 4e-4, far less than what the fine lattice itself is off.
+const VARIATION: f64 = 0.4;
 
 /// The densities of the coarse lattice, which covers the fine one.
 pub(super) struct Between {
@@ -62,7 +62,6 @@ impl Between {
         lattice: &Lattice,
         reach: usize,
         fine: [usize; 3],
-        tolerance: f64,
         distance: &mut ndarray::ArrayViewMut3<'_, f32>,
         sample: impl FnOnce(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
     ) -> Result<Self, DensityError> {
@@ -88,7 +87,7 @@ impl Between {
         let (nx, ny, nz) = distance.dim();
         let own = |n| before..before + n;
         distance.assign(&signed.slice(s![own(nx), own(ny), own(nz)]));
-        let sides = sides(&exterior, &signed, (CLEAR as f64 * h) as f32, tolerance);
+        let sides = sides(&exterior, &signed, CLEAR * h as f32);
         Ok(Self {
             density: exterior,
             sides,
@@ -118,8 +117,7 @@ impl Between {
                 let row = self.density.slice(s![from, from_y, z.clone()]);
                 *line = refined(|k| row[k]);
             }
-            let columns: [[Complex32; 8]; 8] =
-                std::array::from_fn(|k| refined(|j| lines[j][k]));
+            let columns: [[Complex32; 8]; 8] = std::array::from_fn(|k| refined(|j| lines[j][k]));
             *plane = std::array::from_fn(|j| std::array::from_fn(|k| columns[k][j]));
         }
         for j in 0..ny {
@@ -146,27 +144,18 @@ fn refined(coarse: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
 }
 
 /// Which nodes are clear of the boundary by `clear` and have densities that vary little.
-fn sides(
-    density: &Array3<Complex32>,
-    signed: &Array3<f32>,
-    clear: f32,
-    tolerance: f64,
-) -> Array3<Side> {
+fn sides(density: &Array3<Complex32>, signed: &Array3<f32>, clear: f32) -> Array3<Side> {
     let squares = |plane: ndarray::ArrayView2<'_, Complex32>| -> [f64; 2] {
         plane.iter().fold([0.0; 2], |[sum, count], v| {
             let square = f64::from(v.norm_sqr());
             [sum + square, count + f64::from(u8::from(square > 0.0))]
         })
     };
-    let planes: Vec<_> = density
-        .outer_iter()
-        .into_par_iter()
-        .map(squares)
-        .collect();
+    let planes: Vec<_> = density.outer_iter().into_par_iter().map(squares).collect();
     let [sum, count] = planes
         .iter()
         .fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
-    let most = VARIATION * tolerance * (sum / count.max(1.0)).sqrt();
+    let most = VARIATION * (sum / count.max(1.0)).sqrt();
     let most = (most * most) as f32;
     let mut sides = Array3::from_elem(density.dim(), Side::Rough);
     let planes = sides.axis_iter_mut(Axis(0)).into_par_iter().enumerate();

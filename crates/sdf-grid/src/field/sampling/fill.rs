@@ -85,8 +85,7 @@ pub(crate) fn fill(
     };
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
     monitor.begin("density", smoothing.blocks());
-    let tolerance = recipe.tolerance;
-    smoothing.fill(&recipe.lattice, tolerance, arrays, |lattice, arrays, between| {
+    smoothing.fill(&recipe.lattice, arrays, |lattice, arrays, between| {
         let mut sampler = Sampler::new(recipe, *lattice, tree);
         if between.is_none() {
             sampler.sampling = Sampling::Point;
@@ -274,13 +273,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// Mean densities over the cells of nodes (C order) in a row along z.
-    fn average(
-        &self,
-        nodes: &Patch,
-        cells: Range<usize>,
-        hint: &mut usize,
-        scratch: &mut Scratch,
-    ) {
+    fn average(&self, nodes: &Patch, cells: Range<usize>, hint: &mut usize, scratch: &mut Scratch) {
         let (sub, shares) = match self.sampling {
             Sampling::Smoothed { .. } => (FINE_SUB, true),
             _ => (SUB, false),

@@ -8,7 +8,7 @@
 use std::ops::RangeInclusive;
 
 use glam::DVec3;
-use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
@@ -145,7 +145,6 @@ impl Smoothing {
     pub(super) fn fill(
         &self,
         lattice: &Lattice,
-        tolerance: f64,
         mut arrays: Arrays<'_>,
         mut sample: impl FnMut(
             &Lattice,
@@ -158,7 +157,6 @@ impl Smoothing {
             lattice,
             filter.reach(),
             self.shape,
-            tolerance,
             &mut arrays.signed_distance,
             |coarse, arrays| sample(coarse, arrays, None),
         )?;

@@ -133,7 +133,7 @@ pub fn measure_error(
     poses: usize,
     seed: u64,
 ) -> ErrorReport {
-    HeldOut::drawn(table.spec(), truth, poses, seed).errors_of(table)
+    HeldOut::drawn(table.spec(), truth, poses, seed).errors_of(table, table.spec().pivot())
 }
 
 /// Poses and what the truth is there.
@@ -162,12 +162,11 @@ impl HeldOut {
         }
     }
 
-    /// Those of a table whose domain they lie in.
-    pub(crate) fn errors_of(&self, table: &EnergyTable) -> ErrorReport {
-        let pivot = table.spec().pivot();
-        let compare = |(pose, b): &(Pose, Response)| {
+    /// How far another source is off there; torques about `pivot` of the moving part's frame.
+    pub(crate) fn errors_of(&self, source: &dyn EnergySource, pivot: DVec3) -> ErrorReport {
+        let compare = |scratch: &mut Scratch, (pose, b): &(Pose, Response)| {
             let about_pivot = |r: &Response| r.wrench.about(pose.rotation * pivot).torque;
-            let a = table.respond(pose);
+            let a = source.evaluate(pose, scratch);
             let sizes = [
                 (a.energy - b.energy).abs(),
                 (a.wrench.force - b.wrench.force).length(),
@@ -178,7 +177,8 @@ impl HeldOut {
             ];
             (*pose, sizes)
         };
-        let drawn: Vec<(Pose, [f64; 6])> = self.answers.par_iter().map(compare).collect();
+        let answers = self.answers.par_iter();
+        let drawn: Vec<(Pose, [f64; 6])> = answers.map_init(|| source.scratch(), compare).collect();
         ErrorReport {
             poses: drawn.len(),
             seed: self.seed,

@@ -93,12 +93,20 @@ impl TableDesign {
     /// # Errors
     /// If it would need more, or as [`TableDesign::plan`].
     pub fn energies(&self, limit: u64) -> Result<PairEnergies, TableDesignError> {
+        Ok(PairEnergies::build(&self.scores(limit)?, &self.pair)?)
+    }
+
+    /// The plan of [`TableDesign::energies`].
+    ///
+    /// # Errors
+    /// As it.
+    pub(crate) fn scores(&self, limit: u64) -> Result<CorrelatorPlan, TableDesignError> {
         let TablePlan { scores, .. } = self.plan()?;
         let needed = scores.bytes(rayon::current_num_threads());
-        if needed > limit {
-            return Err(TableDesignError::Memory { needed, limit });
+        match needed > limit {
+            true => Err(TableDesignError::Memory { needed, limit }),
+            false => Ok(scores),
         }
-        Ok(PairEnergies::build(&scores, &self.pair)?)
     }
 }
 

@@ -1,9 +1,9 @@
 //! Choosing lattice and rotation step for an error of force and torque that was asked for.
 //!
 //! Whole tables would take too long to try. The share of the error that comes from the lattice is
-//! found with rotations so close that next to nothing is lost between them, the rest with those of
-//! the steps that are tried: both in balls of one step near a few rotations, which hold just the nodes
-//! that queries at these read. Truth is direct quadrature on a lattice of half the spacing, evaluated once for all of them.
+//! that of direct quadrature on it, the rest is found in balls of one step near a few rotations, which
+//! hold just the nodes that queries at these read. Truth is direct quadrature on a lattice of half
+//! the spacing, evaluated once for all of them.
 
 use glam::{DQuat, DVec3};
 use sdf_grid::Monitor;
@@ -32,9 +32,6 @@ const ASIDE: [DVec3; ROTATIONS as usize] = [
     DVec3::new(0.05, -0.17, -0.36),
 ];
 
-/// Rotation step between whose nodes next to nothing is lost, degrees.
-const NEXT_TO_NOTHING: f64 = 2.5;
-
 /// Share of the tolerance that the lattice may use up: errors of lattice and rotations add like
 /// squares, and the probes are few.
 pub const LATTICE_SHARE: f64 = 0.7;
@@ -42,8 +39,20 @@ pub const LATTICE_SHARE: f64 = 0.7;
 /// The whole error of the probes must stay below this share of the tolerance.
 const PROBE_SHARE: f64 = 0.9;
 
-/// From one spacing or step to the next.
+/// From one rotation step to the next, at most.
 const REFINEMENT: f64 = 1.5;
+
+/// Steps that are a good guess are not improved by less than this.
+const WORTHWHILE: f64 = 1.1;
+
+/// The order by which what rotations add to the error falls with their step.
+const STEP_ORDER: f64 = 1.6;
+
+/// From one spacing to the next, at least and at most: as errors fall with the spacing.
+const REFINEMENTS: [f64; 2] = [1.25, 2.5];
+
+/// The order by which errors fall with the spacing: the lowest and the highest believed.
+const ORDERS: [f64; 2] = [0.7, 2.0];
 
 /// Spacings and steps tried, at most.
 pub const TRIALS: usize = 8;
@@ -212,8 +221,8 @@ impl TableDesign {
             tried,
         };
         search.setup.builder.memory_limit = Some(memory);
-        let (mut found, held_out) = search.lattice()?;
-        search.step(&mut found, &held_out)?;
+        let (mut found, held_out, lattice) = search.lattice()?;
+        search.step(&mut found, &held_out, lattice)?;
         Ok(found)
     }
 }
@@ -229,27 +238,34 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The coarsest lattice that is fine enough.
-    fn lattice(&mut self) -> Result<(TolerantDesign, Vec<HeldOut>), ToleranceError> {
+    /// A lattice that is fine enough, and by as little as errors foretell.
+    fn lattice(&mut self) -> Result<(TolerantDesign, Vec<HeldOut>, f64), ToleranceError> {
         let first = self.setup.load(self.monitor)?;
         // The same scale for all, or forces could not be compared.
         self.setup.energy = EnergyScale::Gamma(first.model().gamma);
         let mut spacing = first.spacing();
         drop(first);
+        let asked = LATTICE_SHARE * self.tolerance;
         let mut best = (f64::INFINITY, spacing);
+        let mut order = 1.2;
         for _ in 0..TRIALS {
             let (error, design, held_out) = match self.lattice_error(spacing) {
                 Ok(found) => found,
                 Err(e) => return Err(self.no_finer(e, best, spacing)),
             };
             (self.tried)(Trial::Lattice { spacing, error });
-            if error <= LATTICE_SHARE * self.tolerance {
-                return Ok((design, held_out));
+            if error <= asked {
+                return Ok((design, held_out, error));
+            }
+            if best.0.is_finite() {
+                let found = (best.0 / error).ln() / (best.1 / spacing).ln();
+                order = found.clamp(ORDERS[0], ORDERS[1]);
             }
             if error < best.0 {
                 best = (error, spacing);
             }
-            spacing /= REFINEMENT;
+            let [least, most] = REFINEMENTS;
+            spacing /= (error / asked).powf(1.0 / order).clamp(least, most);
         }
         Err(self.missed(best.0, Limit::Spacings { best: best.1 }))
     }
@@ -279,7 +295,7 @@ impl Search<'_> {
         }
     }
 
-    /// The table at a spacing, its error, and what it is the error of.
+    /// The table at a spacing, its lattice's error, and what it is the error of.
     fn lattice_error(
         &self,
         spacing: f64,
@@ -304,7 +320,14 @@ impl Search<'_> {
                 HeldOut::drawn(&spec, &truth, POSES, 18 + index)
             })
             .collect();
-        let error = self.probe(&design, &held_out, NEXT_TO_NOTHING)?;
+        design.scores(self.memory)?;
+        let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
+        let rotations = &design.spec.rotations;
+        let pivot = design.spec.pivot();
+        let errors = held_out
+            .iter()
+            .map(|h| h.errors_of(&direct, pivot).wrench(rotations));
+        let error = root_mean_square(&errors.collect::<Vec<f64>>());
         let found = TolerantDesign {
             design,
             truth,
@@ -314,21 +337,23 @@ impl Search<'_> {
     }
 
     /// Refines the rotation step until the probes meet the tolerance, or coarsens it while they do
-    /// with ease.
+    /// with ease, by what errors so far foretell; `lattice` is the error without rotations between.
     fn step(
         &mut self,
         found: &mut TolerantDesign,
         held_out: &[HeldOut],
+        lattice: f64,
     ) -> Result<(), ToleranceError> {
-        let Some(first) = step_of(&found.design.spec.rotations) else {
+        let Some(mut step) = step_of(&found.design.spec.rotations) else {
             return Ok(());
         };
-        let mut step = first;
+        let asked = PROBE_SHARE * self.tolerance;
         let mut least = (f64::INFINITY, step);
-        let mut met: Option<f64> = None;
+        // The coarsest that is good enough, and the finest that is not.
+        let (mut met, mut missed) = (0.0f64, f64::INFINITY);
         for _ in 0..TRIALS {
             if let Err(needed) = self.fits(&found.design, step) {
-                if met.is_some() {
+                if met > 0.0 {
                     break;
                 }
                 let limit = Limit::TableMemory {
@@ -347,26 +372,21 @@ impl Search<'_> {
             if error < least.0 {
                 least = (error, step);
             }
-            if error > PROBE_SHARE * self.tolerance {
-                if met.is_some() {
-                    break;
-                }
-                step /= REFINEMENT;
-                continue;
+            match error <= asked {
+                true => met = met.max(step),
+                false => missed = missed.min(step),
             }
-            // The coarsest so far that is good enough.
-            let went_down = met.is_none() && step < first;
-            met = Some(met.map_or(step, |m| m.max(step)));
-            let coarser = (REFINEMENT * step).min(MAX_STEP);
-            if went_down || coarser == step {
+            let next = foretold(step, error, lattice, asked).min(MAX_STEP);
+            // Between the two there is little to gain.
+            if met > 0.0 && (next.min(missed / WORTHWHILE) < WORTHWHILE * met) {
                 break;
             }
-            step = coarser;
+            step = next.clamp(WORTHWHILE * met, missed / WORTHWHILE);
         }
-        let Some(step) = met else {
+        if met == 0.0 {
             return Err(self.missed(least.0, Limit::Steps { best: least.1 }));
-        };
-        set_step(&mut found.design.spec.rotations, step);
+        }
+        set_step(&mut found.design.spec.rotations, met);
         Ok(())
     }
 
@@ -391,7 +411,7 @@ impl Search<'_> {
     ) -> Result<f64, ToleranceError> {
         let energies = design.energies(self.memory)?;
         let whole = &design.spec;
-        let mut squares = 0.0;
+        let mut errors = Vec::new();
         for (index, held_out) in held_out.iter().enumerate() {
             let rotation = held_out_rotation(whole, index as u64);
             let spec = TableSpec {
@@ -400,11 +420,25 @@ impl Search<'_> {
                 ..whole.clone()
             };
             let table = EnergyTable::compute(spec, &energies, self.memory, self.monitor)?;
-            let error = held_out.errors_of(&table).wrench(&whole.rotations);
-            squares += error * error;
+            let found = held_out.errors_of(&table, whole.pivot());
+            errors.push(found.wrench(&whole.rotations));
         }
-        Ok((squares / held_out.len() as f64).sqrt())
+        Ok(root_mean_square(&errors))
     }
+}
+
+/// The step at which the error should be the one asked for, where it is `error` with `step` and
+/// `lattice` with none: errors add like squares.
+fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
+    let share = |whole: f64| (whole * whole - lattice * lattice).max(0.0).sqrt();
+    let wanted = share(asked) / share(error).max(f64::MIN_POSITIVE);
+    step * wanted
+        .powf(1.0 / STEP_ORDER)
+        .clamp(1.0 / REFINEMENT, REFINEMENT)
+}
+
+fn root_mean_square(errors: &[f64]) -> f64 {
+    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
 /// Rotation `index` of those at which tables are probed.

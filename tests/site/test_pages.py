@@ -35,10 +35,14 @@ POSES = "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0.001,0,0.004,0,0,0.0087265,0.9999619
 LIMIT = 300
 
 
-def write_obj(path: Path, mesh: pegfit.Mesh) -> None:
+def write_obj(path: Path, **solids: pegfit.Mesh) -> None:
     """In millimetres."""
-    lines = [f"v {x} {y} {z}" for x, y, z in (1e3 * mesh.vertices).tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces.astype(int) + 1).tolist()]
+    lines, first = [], 1
+    for name, mesh in solids.items():
+        lines.append(f"o {name}")
+        lines += [f"v {x} {y} {z}" for x, y, z in (1e3 * mesh.vertices).tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces.astype(int) + first).tolist()]
+        first += len(mesh.vertices)
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -58,8 +62,9 @@ def samples(tmp_path_factory):
     hole, peg = pegfit.peg_in_hole("rectangular", clearance=2e-4)
     for mesh, names in ((hole, ("hole", "housing")), (peg, ("peg", "shaft", "part"))):
         for name in names:
-            write_obj(folder / f"{name}.obj", mesh)
+            write_obj(folder / f"{name}.obj", part=mesh)
             write_stl(folder / f"{name}.stl", mesh)
+    write_obj(folder / "assembly.obj", block=hole, peg=peg)
     (folder / "scene.toml").write_text(SCENE)
     (folder / "in.csv").write_text(POSES)
     (folder / "poses.csv").write_text(POSES)

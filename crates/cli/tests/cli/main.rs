@@ -5,6 +5,7 @@ mod bake;
 mod check;
 #[cfg(feature = "cloud")]
 mod cloud;
+mod command_page;
 mod common;
 mod devices;
 mod dock_and_feel;
@@ -16,4 +17,5 @@ mod placed;
 mod play;
 mod plot;
 mod scenes;
+mod scene;
 mod score;

@@ -54,13 +54,32 @@ fn what_is_published_says_what_it_is() {
         }
         published += 1;
         assert!(quoted(&text, "description = \"").len() > 20, "{member}");
-        for key in ["license", "repository", "readme", "keywords", "categories", "rust-version"] {
-            assert!(text.contains(&format!("{key}.workspace = true")), "{member}: {key}");
+        for key in [
+            "license",
+            "repository",
+            "readme",
+            "keywords",
+            "categories",
+            "rust-version",
+        ] {
+            assert!(
+                text.contains(&format!("{key}.workspace = true")),
+                "{member}: {key}"
+            );
         }
     }
     assert_eq!(published, 9, "crates that are published");
-    let others = ["benches", "tests", "tests/structure", "tests/truth", "tests/hid-vm"];
+    let others = [
+        "benches",
+        "tests",
+        "tests/structure",
+        "tests/truth",
+        "tests/hid-vm",
+    ];
     for other in others {
-        assert!(read(&format!("{other}/Cargo.toml")).contains("publish = false"), "{other}");
+        assert!(
+            read(&format!("{other}/Cargo.toml")).contains("publish = false"),
+            "{other}"
+        );
     }
 }

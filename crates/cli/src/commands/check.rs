@@ -78,7 +78,11 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
     let verdicts: Vec<Verdict> = subjects.iter().map(judge).collect();
     if context.json {
         let meshes = verdicts.iter().map(Item::Mesh);
-        print_json(&meshes.chain(pairs.iter().map(Item::Pair)).collect::<Vec<_>>())?;
+        print_json(
+            &meshes
+                .chain(pairs.iter().map(Item::Pair))
+                .collect::<Vec<_>>(),
+        )?;
     } else {
         for (verdict, subject) in verdicts.iter().zip(&subjects) {
             print(verdict, subject.options.unit);

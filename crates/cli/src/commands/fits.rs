@@ -75,7 +75,10 @@ pub(super) fn print(fit: &Fit) {
             100.0 * fit.share
         ),
         (false, true) => {
-            crate::say!("{moving} in {fixed}: {:.3} mm apart at the fit", 1e3 * fit.apart)
+            crate::say!(
+                "{moving} in {fixed}: {:.3} mm apart at the fit",
+                1e3 * fit.apart
+            )
         }
         (false, false) => crate::say!("{moving} in {fixed}: they do not overlap"),
     }

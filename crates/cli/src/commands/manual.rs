@@ -17,7 +17,12 @@ pub(super) fn complete(args: &CompletionsArgs) {
 pub(super) fn write(args: &ManArgs) -> Result<(), CommandError> {
     if !args.folder.is_dir() {
         let folder = args.folder.display().to_string();
-        return Err(CommandError::input(folder, "folder", "an existing folder", "none"));
+        return Err(CommandError::input(
+            folder,
+            "folder",
+            "an existing folder",
+            "none",
+        ));
     }
     let mut command = Arguments::command();
     command.build();

@@ -61,7 +61,9 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
     let set = SolidSet::read(&args.file, &options)?;
     if args.moving.is_empty() {
         let summary = Summary {
-            solids: (0..set.solids.len()).map(|i| told(&set, i, Role::Listed)).collect(),
+            solids: (0..set.solids.len())
+                .map(|i| told(&set, i, Role::Listed))
+                .collect(),
             moving_volume: 0.0,
             scene: None,
             meshes: Vec::new(),
@@ -80,7 +82,11 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
 fn told(set: &SolidSet, index: usize, role: Role) -> Told {
     let solid = &set.solids[index];
     let groups = set.groups();
-    let number = groups.iter().position(|(g, _)| *g == solid.group).unwrap_or(0) + 1;
+    let number = groups
+        .iter()
+        .position(|(g, _)| *g == solid.group)
+        .unwrap_or(0)
+        + 1;
     Told {
         number,
         name: set.called(index),
@@ -94,10 +100,16 @@ fn told(set: &SolidSet, index: usize, role: Role) -> Told {
 /// Every solid, and what those that stay share with those that move.
 fn describe(draft: &SceneDraft<'_>) -> Summary {
     let set = draft.set;
-    let moving: Vec<_> = draft.moving.iter().map(|&i| set.solids[i].placed()).collect();
+    let moving: Vec<_> = draft
+        .moving
+        .iter()
+        .map(|&i| set.solids[i].placed())
+        .collect();
     let shared = |i: usize| -> f64 {
         let fixed = set.solids[i].placed();
-        let each = moving.iter().map(|m| shared_volume(&fixed, m, &Pose::IDENTITY));
+        let each = moving
+            .iter()
+            .map(|m| shared_volume(&fixed, m, &Pose::IDENTITY));
         each.sum()
     };
     let mut solids: Vec<Told> = (draft.fixed.par_iter())
@@ -107,7 +119,12 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         })
         .collect();
     solids.extend(draft.moving.iter().map(|&i| told(set, i, Role::Moving)));
-    solids.extend(draft.out_of_reach.iter().map(|&i| told(set, i, Role::OutOfReach)));
+    solids.extend(
+        draft
+            .out_of_reach
+            .iter()
+            .map(|&i| told(set, i, Role::OutOfReach)),
+    );
     solids.sort_by_key(|s| s.number);
     Summary {
         solids,
@@ -121,8 +138,16 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
     if context.json {
         return print_json(summary);
     }
-    let longest = summary.solids.iter().flat_map(|s| s.size).fold(0.0, f64::max);
-    let unit = if longest < 0.5 { LengthUnit::Mm } else { LengthUnit::M };
+    let longest = summary
+        .solids
+        .iter()
+        .flat_map(|s| s.size)
+        .fold(0.0, f64::max);
+    let unit = if longest < 0.5 {
+        LengthUnit::Mm
+    } else {
+        LengthUnit::M
+    };
     let metre = unit.in_metres();
     for solid in &summary.solids {
         let [x, y, z] = solid.size.map(|side| side / metre);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{succeed, refuse};
+use crate::common::{refuse, succeed};
 
 /// Set to write the page instead of comparing it (`just command-line`).
 const DRAW: &str = "PEGFIT_DRAW";
@@ -18,7 +18,9 @@ fn folder() -> tempfile::TempDir {
 fn commands(help: &str) -> Vec<&str> {
     let list = help.split("Commands:\n").nth(1).unwrap();
     let list = list.split("\n\n").next().unwrap();
-    let starts = list.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let starts = list
+        .lines()
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let names = starts.filter_map(|line| line.split_whitespace().next());
     names.filter(|name| *name != "help").collect()
 }
@@ -32,7 +34,9 @@ fn page() -> String {
     for command in commands(&whole) {
         page += &format!("\n## pegfit {command}\n{}", fenced(&help(&[command])));
     }
-    page.lines().map(|line| line.trim_end().to_owned() + "\n").collect()
+    page.lines()
+        .map(|line| line.trim_end().to_owned() + "\n")
+        .collect()
 }
 
 #[test]
@@ -43,7 +47,10 @@ fn the_page_of_the_command_line_is_what_the_command_says() {
         std::fs::write(&path, &page).unwrap();
     }
     let there = std::fs::read_to_string(&path).unwrap();
-    assert!(there == page, "docs/command-line.md: run `just command-line`");
+    assert!(
+        there == page,
+        "docs/command-line.md: run `just command-line`"
+    );
 }
 
 #[test]

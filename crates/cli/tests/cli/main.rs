@@ -16,6 +16,6 @@ mod path;
 mod placed;
 mod play;
 mod plot;
-mod scenes;
 mod scene;
+mod scenes;
 mod score;

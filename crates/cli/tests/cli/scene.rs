@@ -42,7 +42,10 @@ fn json(folder: &Path, words: &[&str]) -> serde_json::Value {
 fn roles(value: &serde_json::Value) -> Vec<(String, String)> {
     let solids = value["solids"].as_array().unwrap();
     let text = |v: &serde_json::Value| v.as_str().unwrap().to_owned();
-    solids.iter().map(|s| (text(&s["name"]), text(&s["role"]))).collect()
+    solids
+        .iter()
+        .map(|s| (text(&s["name"]), text(&s["role"])))
+        .collect()
 }
 
 #[test]
@@ -50,16 +53,30 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
     let folder = tempfile::tempdir().unwrap();
     let (hole, peg) = parts();
     let far = DVec3::new(0.5, 0.1, -0.2);
-    let solids = [("block", &hole, DVec3::ZERO), ("peg", &peg, DVec3::ZERO), ("lid", &hole, far)];
+    let solids = [
+        ("block", &hole, DVec3::ZERO),
+        ("peg", &peg, DVec3::ZERO),
+        ("lid", &hole, far),
+    ];
     std::fs::write(folder.path().join("a.obj"), obj(&solids)).unwrap();
     let at = folder.path();
     assert!(succeed(at, &["scene", "a.obj"]).contains("--moving NAME"));
     let found = json(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
-    let expected = [("block", "fixed"), ("peg", "moving"), ("lid", "out_of_reach")];
-    assert_eq!(roles(&found), expected.map(|(a, b)| (a.to_owned(), b.to_owned())));
+    let expected = [
+        ("block", "fixed"),
+        ("peg", "moving"),
+        ("lid", "out_of_reach"),
+    ];
+    assert_eq!(
+        roles(&found),
+        expected.map(|(a, b)| (a.to_owned(), b.to_owned()))
+    );
     assert_eq!(found["solids"][0]["shared_volume"], 0.0);
     let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
-    assert!(text.contains("solid = \"peg\"") && text.contains("unit = \"mm\""), "{text}");
+    assert!(
+        text.contains("solid = \"peg\"") && text.contains("unit = \"mm\""),
+        "{text}"
+    );
     let said = succeed(at, &["check", "s.toml"]);
     assert!(said.contains("peg in block: they do not overlap"), "{said}");
     let coarse = text.split("[lattice]").next().unwrap().to_owned()
@@ -86,9 +103,15 @@ fn what_overlaps_is_named_with_its_volume() {
     let shared = found["solids"][0]["shared_volume"].as_f64().unwrap();
     let expected = 1e-3 * peg.bounds().size().y * peg.bounds().size().z;
     // Rays along the walls count whole rays: one of 64.
-    assert!((shared / expected - 1.0).abs() < 0.03, "{shared} {expected}");
+    assert!(
+        (shared / expected - 1.0).abs() < 0.03,
+        "{shared} {expected}"
+    );
     let said = succeed(at, &["check", "s.toml"]);
-    assert!(said.contains("they share") && said.contains("pegfit path"), "{said}");
+    assert!(
+        said.contains("they share") && said.contains("pegfit path"),
+        "{said}"
+    );
 }
 
 /// Hole and peg turned and shifted in their links, the peg's 2 mm out of the hole by its joint.
@@ -98,7 +121,11 @@ fn links_of_a_robot_are_placed_by_their_joints() {
     let at = folder.path();
     let (hole, peg) = parts();
     std::fs::create_dir(at.join("meshes")).unwrap();
-    std::fs::write(at.join("meshes/hole.obj"), obj(&[("h", &hole, DVec3::ZERO)])).unwrap();
+    std::fs::write(
+        at.join("meshes/hole.obj"),
+        obj(&[("h", &hole, DVec3::ZERO)]),
+    )
+    .unwrap();
     std::fs::write(at.join("meshes/peg.obj"), obj(&[("p", &peg, DVec3::ZERO)])).unwrap();
     let mesh = |name: &str| {
         format!(
@@ -107,9 +134,8 @@ fn links_of_a_robot_are_placed_by_their_joints() {
              </geometry></collision>"
         )
     };
-    let turn = DQuat::from_rotation_z(0.7)
-        * DQuat::from_rotation_y(-0.5)
-        * DQuat::from_rotation_x(0.3);
+    let turn =
+        DQuat::from_rotation_z(0.7) * DQuat::from_rotation_y(-0.5) * DQuat::from_rotation_x(0.3);
     // Out of the hole along its axis.
     let lift = turn * (2e-3 * DVec3::Z);
     let urdf = format!(
@@ -123,14 +149,26 @@ fn links_of_a_robot_are_placed_by_their_joints() {
         lift.z
     );
     std::fs::write(at.join("arm.urdf"), &urdf).unwrap();
-    let found = json(at, &["scene", "arm.urdf", "--moving", "tool", "-o", "s.toml"]);
+    let found = json(
+        at,
+        &["scene", "arm.urdf", "--moving", "tool", "-o", "s.toml"],
+    );
     assert_eq!(found["meshes"].as_array().unwrap().len(), 2);
     let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
     let scene = Scene::read(at.join("s.toml")).unwrap();
     let (base, tool) = (scene.fixed.pose, scene.moving.pose);
-    assert!((base.translation - DVec3::new(0.1, -0.2, 0.3)).length() < 1e-12, "{text}");
-    assert!((tool.translation - base.translation - lift).length() < 1e-12, "{text}");
-    assert!((tool.rotation.dot(turn).abs() - 1.0).abs() < 1e-12, "{text}");
+    assert!(
+        (base.translation - DVec3::new(0.1, -0.2, 0.3)).length() < 1e-12,
+        "{text}"
+    );
+    assert!(
+        (tool.translation - base.translation - lift).length() < 1e-12,
+        "{text}"
+    );
+    assert!(
+        (tool.rotation.dot(turn).abs() - 1.0).abs() < 1e-12,
+        "{text}"
+    );
     let said = succeed(at, &["check", "s.toml", "--json"]);
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said[2]["next"], serde_json::json!([]), "{said}");
@@ -159,16 +197,27 @@ fn bodies_of_a_model_are_placed_in_the_world() {
          </body></body></worldbody></mujoco>"
     );
     std::fs::write(at.join("m.xml"), &mjcf).unwrap();
-    let found = json(at, &["scene", "m.xml", "--moving", "peg", "--visual", "-o", "s.toml"]);
+    let found = json(
+        at,
+        &[
+            "scene", "m.xml", "--moving", "peg", "--visual", "-o", "s.toml",
+        ],
+    );
     assert_eq!(roles(&found).len(), 2, "{found}");
     let peg_size = &found["solids"][1]["size"];
     let expected = peg.bounds().size().x;
-    assert!((peg_size[0].as_f64().unwrap() - expected).abs() < 1e-9, "{peg_size}");
+    assert!(
+        (peg_size[0].as_f64().unwrap() - expected).abs() < 1e-9,
+        "{peg_size}"
+    );
     let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
     let scene = Scene::read(at.join("s.toml")).unwrap();
     let there = Pose::new(DQuat::from_rotation_z(FRAC_PI_2), DVec3::new(0.2, 0.0, 0.1));
     let apart = scene.fixed.pose.twist_to(&there);
-    assert!(apart.linear.length() + apart.angular.length() < 1e-12, "{text}");
+    assert!(
+        apart.linear.length() + apart.angular.length() < 1e-12,
+        "{text}"
+    );
     // The body in it, turned by half a turn about its own z.
     let peg_there = there * Pose::new(DQuat::from_rotation_z(PI), DVec3::ZERO);
     assert!(scene.moving.pose.angle_to(&peg_there) < 1e-12, "{text}");

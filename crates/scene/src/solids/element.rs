@@ -66,9 +66,16 @@ impl Element {
                 _ => {}
             }
         }
-        match (open.len(), open.pop().and_then(|mut top| top.children.pop())) {
+        match (
+            open.len(),
+            open.pop().and_then(|mut top| top.children.pop()),
+        ) {
             (1, Some(root)) => Ok(root),
-            _ => Err(wrong(text.len() as u64, "one root element that ends", "none".to_owned())),
+            _ => Err(wrong(
+                text.len() as u64,
+                "one root element that ends",
+                "none".to_owned(),
+            )),
         }
     }
 
@@ -134,7 +141,11 @@ impl Element {
             .collect();
         match parsed.and_then(|n| <[f64; N]>::try_from(n).ok()) {
             Some(numbers) => Ok(Some(numbers)),
-            None => Err(self.wrong(path, format!("{N} numbers as {name:?}"), format!("{text:?}"))),
+            None => Err(self.wrong(
+                path,
+                format!("{N} numbers as {name:?}"),
+                format!("{text:?}"),
+            )),
         }
     }
 

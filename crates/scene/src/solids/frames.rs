@@ -43,3 +43,29 @@ pub(super) fn from_axes([a, b, c, d, e, f]: [f64; 6]) -> Option<DQuat> {
 pub(super) fn pose(rotation: DQuat, position: [f64; 3]) -> Pose {
     Pose::new(rotation, DVec3::from(position))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Turns about axes that stay, in one order, are turns about axes that turn along, in the other.
+    #[test]
+    fn sequences_of_turns_agree() {
+        let [a, b, c] = [0.3, -0.7, 1.1];
+        let fixed = roll_pitch_yaw([a, b, c]);
+        let same = |found: Option<DQuat>| (found.unwrap().dot(fixed).abs() - 1.0).abs() < 1e-12;
+        assert!(same(euler("XYZ", [a, b, c])));
+        assert!(same(euler("zyx", [c, b, a])));
+        assert!(!same(euler("xyz", [a, b, c])));
+        assert!(euler("xy", [a, b, c]).is_none() && euler("xyw", [a, b, c]).is_none());
+    }
+
+    #[test]
+    fn axes_become_a_frame() {
+        let turn = roll_pitch_yaw([0.4, 0.2, -0.9]);
+        let (x, y) = (turn * DVec3::X, turn * (DVec3::Y + 0.3 * DVec3::X));
+        let found = from_axes([2.0 * x.x, 2.0 * x.y, 2.0 * x.z, y.x, y.y, y.z]).unwrap();
+        assert!((found.dot(turn).abs() - 1.0).abs() < 1e-12);
+        assert!(from_axes([1.0, 0.0, 0.0, -2.0, 0.0, 0.0]).is_none());
+    }
+}

@@ -53,7 +53,12 @@ impl<'a> ModelReader<'a> {
             return Err(element.wrong(path, expected, format!("<{}>", element.name)));
         }
         // Later settings win.
-        let setting = |name: &str| model.all("compiler").filter_map(|c| c.attribute(name)).last();
+        let setting = |name: &str| {
+            model
+                .all("compiler")
+                .filter_map(|c| c.attribute(name))
+                .last()
+        };
         let folder = path.parent().unwrap_or(Path::new(""));
         let folder = folder.join(setting("meshdir").or(setting("assetdir")).unwrap_or(""));
         let degrees = setting("angle") != Some("radian");
@@ -67,12 +72,7 @@ impl<'a> ModelReader<'a> {
     }
 
     /// A body's geoms and the bodies in it; frames are bodies without a name of their own.
-    fn body(
-        &self,
-        body: &Element,
-        place: Pose,
-        bodies: &mut Bodies,
-    ) -> Result<(), ImportError> {
+    fn body(&self, body: &Element, place: Pose, bodies: &mut Bodies) -> Result<(), ImportError> {
         let group = bodies.count;
         bodies.count += 1;
         let name = match (body.name.as_str(), body.attribute("name")) {
@@ -120,7 +120,10 @@ impl<'a> ModelReader<'a> {
     fn geometry(&self, geom: &Element) -> Result<Option<Geometry>, ImportError> {
         let size = |count: usize| {
             let text = geom.attribute("size").unwrap_or("");
-            let numbers: Vec<f64> = text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+            let numbers: Vec<f64> = text
+                .split_whitespace()
+                .filter_map(|w| w.parse().ok())
+                .collect();
             match numbers.len() >= count && numbers.iter().all(|n| n.is_finite()) {
                 true => Ok(numbers),
                 false => {
@@ -163,7 +166,10 @@ impl<'a> ModelReader<'a> {
             frames::from_axes(axes).ok_or_else(|| wrong("two axes that are not parallel"))?
         } else if let Some(z) = element.numbers::<3>(path, "zaxis")? {
             let z = DVec3::from(z).try_normalize();
-            DQuat::from_rotation_arc(DVec3::Z, z.ok_or_else(|| wrong("an axis that is not zero"))?)
+            DQuat::from_rotation_arc(
+                DVec3::Z,
+                z.ok_or_else(|| wrong("an axis that is not zero"))?,
+            )
         } else {
             DQuat::IDENTITY
         };
@@ -192,12 +198,18 @@ fn meshes(
         let Some(file) = mesh.attribute("file") else {
             return Err(mesh.wrong(path, "a mesh of a file", "one without"));
         };
-        if mesh.attribute("refpos").or(mesh.attribute("refquat")).is_some() {
+        if mesh
+            .attribute("refpos")
+            .or(mesh.attribute("refquat"))
+            .is_some()
+        {
             return Err(mesh.wrong(path, "a mesh without refpos and refquat", "one with"));
         }
         let file = PathBuf::from(file);
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-        let name = mesh.attribute("name").map_or(stem.into_owned(), str::to_owned);
+        let name = mesh
+            .attribute("name")
+            .map_or(stem.into_owned(), str::to_owned);
         let scale = DVec3::from(mesh.numbers::<3>(path, "scale")?.unwrap_or([1.0; 3]));
         let path = folder.join(&file);
         meshes.insert(name, Geometry::Mesh { path, scale });

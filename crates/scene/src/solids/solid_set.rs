@@ -128,7 +128,11 @@ impl SolidSet {
                 solid: Some(chosen),
                 ..whole.clone()
             };
-            let in_file = if by_name { InFile::Named } else { InFile::Number(i + 1) };
+            let in_file = if by_name {
+                InFile::Named
+            } else {
+                InFile::Number(i + 1)
+            };
             solids.push(PlacedSolid {
                 name: solid.name.clone(),
                 group: i,
@@ -174,7 +178,11 @@ impl SolidSet {
         wanted: &str,
     ) -> Result<Vec<usize>, ImportError> {
         let groups = self.groups();
-        let named: Vec<usize> = groups.iter().filter(|g| g.1 == wanted).map(|g| g.0).collect();
+        let named: Vec<usize> = groups
+            .iter()
+            .filter(|g| g.1 == wanted)
+            .map(|g| g.0)
+            .collect();
         let number = || wanted.parse::<usize>().ok()?.checked_sub(1);
         let group = match named[..] {
             [only] => Some(only),
@@ -183,7 +191,9 @@ impl SolidSet {
         };
         let Some(group) = group else {
             let listed = groups.iter().take(20).enumerate();
-            let names: Vec<String> = listed.map(|(i, g)| format!("{} {:?}", i + 1, g.1)).collect();
+            let names: Vec<String> = listed
+                .map(|(i, g)| format!("{} {:?}", i + 1, g.1))
+                .collect();
             return Err(ImportError::Solid {
                 path: self.path.clone(),
                 option,
@@ -202,6 +212,10 @@ fn described(path: &Path, visual: bool) -> Result<Vec<Shape>, ImportError> {
     match root.name.as_str() {
         "robot" => urdf::shapes(path, &root, visual),
         "mujoco" => mjcf::shapes(path, &root, visual),
-        other => Err(root.wrong(path, "<robot> (URDF) or <mujoco> (MJCF)", format!("<{other}>"))),
+        other => Err(root.wrong(
+            path,
+            "<robot> (URDF) or <mujoco> (MJCF)",
+            format!("<{other}>"),
+        )),
     }
 }

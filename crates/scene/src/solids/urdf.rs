@@ -27,7 +27,11 @@ pub(super) fn shapes(
             true => ("visual", "collision"),
             false => ("collision", "visual"),
         };
-        let kind = if link.child(first).is_some() { first } else { second };
+        let kind = if link.child(first).is_some() {
+            first
+        } else {
+            second
+        };
         for element in link.all(kind) {
             let Some(geometry) = geometry(path, element)? else {
                 continue;

@@ -83,7 +83,11 @@ impl<'a> Writer<'a> {
             draft.unit
         );
         let parts = draft.fixed_parts();
-        let heading = if parts.len() == 1 { "[fixed]" } else { "[[fixed]]" };
+        let heading = if parts.len() == 1 {
+            "[fixed]"
+        } else {
+            "[[fixed]]"
+        };
         for (name, solids) in &parts {
             text += &self.part(heading, name, solids)?;
         }
@@ -100,12 +104,7 @@ impl<'a> Writer<'a> {
     }
 
     /// A table of a part.
-    fn part(
-        &mut self,
-        heading: &str,
-        name: &str,
-        solids: &[usize],
-    ) -> Result<String, ImportError> {
+    fn part(&mut self, heading: &str, name: &str, solids: &[usize]) -> Result<String, ImportError> {
         let mut text = format!("\n{heading}\nname = {}\n", quoted(name));
         let draft = self.draft;
         if let [only] = solids {
@@ -159,9 +158,19 @@ impl<'a> Writer<'a> {
 
     /// Writes a solid's mesh beside the scene; its path from there.
     fn mesh(&mut self, solid: &PlacedSolid) -> Result<String, ImportError> {
-        let kept = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
+        let kept = |c: char| {
+            if c.is_alphanumeric() || c == '-' {
+                c
+            } else {
+                '_'
+            }
+        };
         let name: String = solid.name.chars().take(60).map(kept).collect();
-        let name = if name.is_empty() { "solid".to_owned() } else { name };
+        let name = if name.is_empty() {
+            "solid".to_owned()
+        } else {
+            name
+        };
         let name = unique(&mut self.names, &name).replace(' ', "-");
         let folder = self.folder.join(&self.parts);
         std::fs::create_dir_all(&folder).map_err(|source| AtomicError {

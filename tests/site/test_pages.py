@@ -148,3 +148,24 @@ def test_blocks_and_their_marks_are_seen():
     assert file.language == "file" and file.marks["file"] == "s.toml" and file.text == "x = 1"
     assert not shell.runs and shell.marks == {}
     assert python.runs and python.line == 26
+
+
+def test_a_scene_of_a_step_assembly(tmp_path):
+    """What `docs/how-to/from-cad.md` says of STEP; the file is that of the first tutorial."""
+    gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
+    gmsh.initialize(interruptible=False)
+    cad = gmsh.model.occ
+    plate, hole = cad.addBox(-20, -20, 0, 40, 40, 12), cad.addCylinder(0, 0, -1, 0, 0, 14, 8.1)
+    cad.cut([(3, plate)], [(3, hole)])
+    cad.addCylinder(0, 0, 0, 0, 0, 20, 8)
+    cad.synchronize()
+    gmsh.write(str(tmp_path / "assembly.step"))
+    gmsh.finalize()
+    for words in (
+        "scene assembly.step --moving 2 -o scene.toml",
+        "check scene.toml",
+        "path scene.toml --solids-only",
+    ):
+        subprocess.run(["pegfit", *words.split()], cwd=tmp_path, env=environment(), check=True)
+    text = (tmp_path / "scene.toml").read_text()
+    assert 'unit = "mm"' in text and len(list((tmp_path / "scene-parts").iterdir())) == 2

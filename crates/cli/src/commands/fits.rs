@@ -8,6 +8,9 @@ use serde::Serialize;
 /// Share of the smaller part's volume up to which facets, or a press fit, may be all that overlaps.
 pub(super) const FACETS: f64 = 2e-3;
 
+/// Share up to which parts count as touching: what is shared then is rounding.
+pub(super) const TOUCHING: f64 = 1e-6;
+
 /// What is said of a fixed part and the moving one at the fit.
 #[derive(Debug, Serialize)]
 pub(super) struct Fit {
@@ -68,7 +71,7 @@ fn judge(pair: &FitSolids, moving: &str, scene: &str) -> Fit {
 /// For people.
 pub(super) fn print(fit: &Fit) {
     let Fit { fixed, moving, .. } = fit;
-    match (fit.shared_volume > 0.0, fit.apart > 0.0) {
+    match (fit.share > TOUCHING, fit.apart > 0.0) {
         (true, _) => crate::say!(
             "{moving} in {fixed}: they share {:.4} mm³, {:.3} % of the smaller",
             fit.shared_volume / 1e-9,

@@ -10,7 +10,7 @@ use sdf_grid::LengthUnit;
 use serde::Serialize;
 
 use crate::args::SceneArgs;
-use crate::commands::fits::FACETS;
+use crate::commands::fits::{FACETS, TOUCHING};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
@@ -165,7 +165,10 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
         );
     }
     for solid in &summary.solids {
-        if let Some(volume) = solid.shared_volume.filter(|v| *v > 0.0) {
+        if let Some(volume) = solid
+            .shared_volume
+            .filter(|v| *v > TOUCHING * summary.moving_volume)
+        {
             say_overlap(solid, volume / summary.moving_volume, volume / 1e-9);
         }
     }

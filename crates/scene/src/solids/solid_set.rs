@@ -11,6 +11,9 @@ use crate::solids::error::ImportError;
 use crate::solids::geometry::Geometry;
 use crate::solids::{mjcf, urdf};
 
+/// Metres; scenes of solids below are in millimetres.
+const SMALL: f64 = 1.0;
+
 /// A shape of a robot's description.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
@@ -141,7 +144,7 @@ impl SolidSet {
                 in_file: (!converted).then_some(in_file),
             });
         }
-        let unit = file.stated_unit().unwrap_or(options.unit);
+        let stated = file.stated_unit().unwrap_or(options.unit);
         if solids.is_empty() {
             let stem = path.file_stem().unwrap_or_default();
             solids.push(PlacedSolid {
@@ -152,10 +155,13 @@ impl SolidSet {
                 in_file: (!converted).then_some(InFile::Whole),
             });
         }
+        let longest = |s: &PlacedSolid| s.mesh.bounds().size().max_element();
+        // Nothing of a converted file is in the scene but meshes of our own.
+        let small = converted && solids.iter().map(longest).fold(0.0, f64::max) < SMALL;
         Ok(Self {
             path: path.to_owned(),
             solids,
-            unit,
+            unit: if small { LengthUnit::Mm } else { stated },
         })
     }
 

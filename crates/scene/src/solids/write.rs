@@ -178,7 +178,7 @@ impl<'a> Writer<'a> {
             source,
         })?;
         let file = folder.join(format!("{name}.obj"));
-        mesh_io::write_obj(&file, &solid.mesh)?;
+        mesh_io::write_obj_in(&file, &solid.mesh, self.draft.unit)?;
         self.written.push(file);
         Ok(format!("{}/{name}.obj", self.parts))
     }

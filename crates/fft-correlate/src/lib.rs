@@ -75,7 +75,7 @@ pub use geometry::placement::Placement;
 pub use geometry::se3::{Pose, Twist, Wrench};
 pub use geometry::taps::Interpolation;
 pub use geometry::translation::TranslationWindow;
-pub use pair::builder::{PairBuildError, PairBuilder, PairPlan, default_spacing};
+pub use pair::builder::{PairBuildError, PairBuilder, PairPlan};
 pub use pair::fields::{Pair, PairError};
 pub use pair::lattice_step::LatticeStep;
 pub use pair::model::{ModelError, ScoreModel};

@@ -1,6 +1,6 @@
 //! Which solids move, which stay, and numbers that fit their sizes.
 
-use fft_correlate::default_spacing;
+use fft_correlate::pair::default_spacing;
 use sdf_grid::{Aabb, LengthUnit};
 
 use crate::solids::error::ImportError;

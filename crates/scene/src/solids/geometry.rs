@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fft_correlate::Pose;
 use glam::DVec3;
 use sdf_grid::mesh_io::ReadOptions;
 use sdf_grid::{HygieneOptions, LengthUnit, MeshError, TriangleMesh, mesh_io, shapes};
@@ -12,7 +13,18 @@ const SEGMENTS: u32 = 64;
 /// Cuts of each face of the icosahedron that a sphere is made of.
 const SUBDIVISIONS: u32 = 16;
 
-/// A shape of a description.
+/// A shape of a robot's description.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shape {
+    /// Of its link or body.
+    pub(super) name: String,
+    /// Number of its link or body.
+    pub(super) group: usize,
+    pub(super) pose: Pose,
+    pub(super) geometry: Geometry,
+}
+
+/// What it is.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Geometry {
     /// A mesh file whose coordinates times `scale` are metres.

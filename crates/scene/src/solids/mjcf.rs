@@ -9,8 +9,7 @@ use glam::{DQuat, DVec3};
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
 use crate::solids::frames;
-use crate::solids::geometry::Geometry;
-use crate::solids::solid_set::Shape;
+use crate::solids::geometry::{Geometry, Shape};
 
 /// Elements that make bodies of other files or of rules: a scene without them would lack parts.
 const NOT_READ: [&str; 4] = ["include", "replicate", "attach", "composite"];

@@ -8,22 +8,11 @@ use sdf_grid::{LengthUnit, TriangleMesh};
 
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
-use crate::solids::geometry::Geometry;
+use crate::solids::geometry::Shape;
 use crate::solids::{mjcf, urdf};
 
 /// Metres; scenes of solids below are in millimetres.
 const SMALL: f64 = 1.0;
-
-/// A shape of a robot's description.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Shape {
-    /// Of its link or body.
-    pub(super) name: String,
-    /// Number of its link or body.
-    pub(super) group: usize,
-    pub(super) pose: Pose,
-    pub(super) geometry: Geometry,
-}
 
 /// How a file of solids is read.
 #[derive(Debug, Clone, PartialEq)]

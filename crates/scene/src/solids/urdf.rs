@@ -9,8 +9,7 @@ use glam::DVec3;
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
 use crate::solids::frames;
-use crate::solids::geometry::Geometry;
-use crate::solids::solid_set::Shape;
+use crate::solids::geometry::{Geometry, Shape};
 
 /// Every shape of every link, in the frame of the root link; joints stand at zero.
 pub(super) fn shapes(

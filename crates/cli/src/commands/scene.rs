@@ -36,7 +36,7 @@ enum Role {
     Listed,
     Moving,
     Fixed,
-    OutOfReach,
+    LeftOut,
 }
 
 /// Everything that is said.
@@ -119,12 +119,7 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         })
         .collect();
     solids.extend(draft.moving.iter().map(|&i| told(set, i, Role::Moving)));
-    solids.extend(
-        draft
-            .out_of_reach
-            .iter()
-            .map(|&i| told(set, i, Role::OutOfReach)),
-    );
+    solids.extend(draft.left_out.iter().map(|&i| told(set, i, Role::LeftOut)));
     solids.sort_by_key(|s| s.number);
     Summary {
         solids,
@@ -155,7 +150,7 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
             Role::Listed => "",
             Role::Moving => ", moves",
             Role::Fixed => ", stays",
-            Role::OutOfReach => ", left out: out of reach, or not asked for",
+            Role::LeftOut => ", left out: out of reach, or not asked for",
         };
         crate::say!(
             "{:>4}  {:<24} {:>9} triangles  {x:.3} x {y:.3} x {z:.3} {unit}{role}",

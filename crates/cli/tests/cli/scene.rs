@@ -62,11 +62,7 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
     let at = folder.path();
     assert!(succeed(at, &["scene", "a.obj"]).contains("--moving NAME"));
     let found = json(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
-    let expected = [
-        ("block", "fixed"),
-        ("peg", "moving"),
-        ("lid", "out_of_reach"),
-    ];
+    let expected = [("block", "fixed"), ("peg", "moving"), ("lid", "left_out")];
     assert_eq!(
         roles(&found),
         expected.map(|(a, b)| (a.to_owned(), b.to_owned()))
@@ -83,9 +79,48 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
         + "[lattice]\nspacing = 2.5\nhalo = 6\nfield_tolerance = 0.01\n[window]\nhalf_extent = 5\n";
     std::fs::write(at.join("coarse.toml"), coarse).unwrap();
     succeed(at, &["plot", "well", "coarse.toml", "--quiet"]);
-    // By number; all that stays, however far, if it is asked for, but nothing out of reach.
+    // Several that move together, a part of its own for each that stays.
+    let near = DVec3::new(0.0, 0.05, 0.0);
+    let cap = DVec3::Z * 0.031;
+    let solids = [
+        ("block", &hole, DVec3::ZERO),
+        ("peg", &peg, DVec3::ZERO),
+        ("peg", &peg, cap),
+        ("block", &hole, near),
+    ];
+    std::fs::write(folder.path().join("b.obj"), obj(&solids)).unwrap();
+    json(
+        at,
+        &[
+            "scene",
+            "b.obj",
+            "--moving",
+            "2",
+            "--moving",
+            "3",
+            "--separate",
+            "-o",
+            "t.toml",
+        ],
+    );
+    let scene = Scene::read(at.join("t.toml")).unwrap();
+    let names: Vec<&str> = scene.fixed_parts().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["block", "block 2"]);
+    assert_eq!(
+        (scene.moving.meshes.len(), &*scene.moving.name),
+        (2, "peg and 1 more")
+    );
+    json(
+        at,
+        &[
+            "scene", "b.obj", "--moving", "2", "--fixed", "4", "--fixed", "1", "-o", "t.toml",
+        ],
+    );
+    let scene = Scene::read(at.join("t.toml")).unwrap();
+    assert_eq!((scene.fixed.meshes.len(), scene.others.len()), (2, 0));
+    // By number; what is not asked for is left out.
     let found = json(at, &["scene", "a.obj", "--moving", "2", "--fixed", "1"]);
-    assert_eq!(roles(&found)[2].1, "out_of_reach");
+    assert_eq!(roles(&found)[2].1, "left_out");
     assert!(refuse(at, &["scene", "a.obj", "--moving", "pin"]).contains("2 \"peg\""));
     assert!(refuse(at, &["scene", "a.obj", "--moving", "lid"]).contains("found none"));
 }

@@ -13,10 +13,10 @@ pub struct SceneDraft<'a> {
     pub set: &'a SolidSet,
     /// Indices of the solids that move together.
     pub moving: Vec<usize>,
-    /// Indices of the solids that stay, in reach of what moves.
+    /// Indices of the solids that stay: those asked for, or those in reach of what moves.
     pub fixed: Vec<usize>,
-    /// Indices of the others, too far away to be felt in the fit.
-    pub out_of_reach: Vec<usize>,
+    /// Indices of the others.
+    pub left_out: Vec<usize>,
     /// Whether each thing that stays is a part of its own; else they are one.
     pub separate: bool,
     /// Unit of the scene's lengths.
@@ -59,10 +59,13 @@ impl SolidSet {
         let reach = 0.375 * moving_box.diagonal();
         let (mut near, mut far) = (Vec::new(), Vec::new());
         for (i, found) in bounds.iter().enumerate() {
-            let wanted = stays.is_empty() || stays.contains(&i);
+            let stays = match stays.is_empty() {
+                true => found.overlaps(&moving_box.grown(reach)),
+                false => stays.contains(&i),
+            };
             match moves.contains(&i) {
                 true => {}
-                false if wanted && found.overlaps(&moving_box.grown(reach)) => near.push(i),
+                false if stays => near.push(i),
                 false => far.push(i),
             }
         }
@@ -79,7 +82,7 @@ impl SolidSet {
             half_extent: 0.5 * moving_box.size().max_element(),
             moving: moves,
             fixed: near,
-            out_of_reach: far,
+            left_out: far,
             separate,
             unit: self.unit,
         })

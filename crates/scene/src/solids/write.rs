@@ -25,22 +25,32 @@ impl SceneDraft<'_> {
     }
 
     /// Names of the parts that stay and the solids of each.
-    pub fn fixed_parts(&self) -> Vec<(String, Vec<usize>)> {
-        let mut parts: Vec<(usize, String, Vec<usize>)> = Vec::new();
+    fn fixed_parts(&self) -> Vec<(String, Vec<usize>)> {
+        let mut parts: Vec<(usize, Vec<usize>)> = Vec::new();
         for &i in &self.fixed {
             let group = self.set.solids[i].group;
             match parts.last_mut() {
-                Some((last, _, list)) if !self.separate || *last == group => list.push(i),
-                _ => parts.push((group, self.set.called(i), vec![i])),
+                Some((last, list)) if !self.separate || *last == group => list.push(i),
+                _ => parts.push((group, vec![i])),
             }
         }
         // No two parts may share a name.
         let mut names = BTreeSet::new();
-        let named = parts.into_iter().map(|(_, name, list)| {
-            let name = unique(&mut names, &name);
+        let named = parts.into_iter().map(|(_, list)| {
+            let name = unique(&mut names, &self.named(&list));
             (name, list)
         });
         named.collect()
+    }
+
+    /// What a part of these solids is called: the first of them, and how many more there are.
+    fn named(&self, list: &[usize]) -> String {
+        let groups: BTreeSet<usize> = list.iter().map(|&i| self.set.solids[i].group).collect();
+        let first = self.set.called(list[0]);
+        match groups.len() {
+            1 => first,
+            count => format!("{first} and {} more", count - 1),
+        }
     }
 }
 
@@ -91,7 +101,7 @@ impl<'a> Writer<'a> {
         for (name, solids) in &parts {
             text += &self.part(heading, name, solids)?;
         }
-        let name = draft.set.called(draft.moving[0]);
+        let name = draft.named(&draft.moving);
         text += &self.part("[moving]", &name, &draft.moving)?;
         let metre = draft.unit.in_metres();
         let spacing = number(draft.spacing / metre);

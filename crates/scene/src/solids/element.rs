@@ -155,3 +155,63 @@ impl Element {
             .ok_or_else(|| self.wrong(path, format!("an attribute {name:?}"), "none"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROBOT: &str = "<?xml version=\"1.0\"?><!-- a robot --><robot name=\"a &amp; b\">\
+                         <link name=\"base\"><visual/></link><link name=\"tool\">text</link></robot>";
+
+    #[test]
+    fn elements_are_in_elements() {
+        let robot = Element::parse(Path::new("a.urdf"), ROBOT).unwrap();
+        assert_eq!(
+            (robot.name.as_str(), robot.attribute("name")),
+            ("robot", Some("a & b"))
+        );
+        let names: Vec<_> = robot
+            .all("link")
+            .map(|link| link.attribute("name"))
+            .collect();
+        assert_eq!(names, [Some("base"), Some("tool")]);
+        assert!(robot.child("link").unwrap().child("visual").is_some());
+    }
+
+    /// Every beginning of a file, and every file with a byte of it changed, is read or refused.
+    #[test]
+    fn damaged_text_is_refused() {
+        let path = Path::new("a.urdf");
+        for end in 0..ROBOT.len() {
+            assert!(Element::parse(path, &ROBOT[..end]).is_err(), "{end}");
+        }
+        for at in 0..ROBOT.len() {
+            for byte in [b'<', b'>', b'"', b'/', b'&', b' '] {
+                let mut bytes = ROBOT.as_bytes().to_vec();
+                bytes[at] = byte;
+                let _ = Element::parse(path, &String::from_utf8(bytes).unwrap());
+            }
+        }
+        let deep = "<a>".repeat(100_000);
+        let said = Element::parse(path, &deep).unwrap_err().to_string();
+        assert!(said.contains("at most 256"), "{said}");
+        assert!(Element::parse(path, "<a/><b/></a>").is_err());
+        let entity = "<!DOCTYPE a [<!ENTITY x \"y\">]><a b=\"&x;\"/>";
+        assert!(Element::parse(path, entity).is_err());
+    }
+
+    #[test]
+    fn numbers_are_finite_and_as_many_as_asked_for() {
+        let path = Path::new("a.urdf");
+        let text = "<a good=\"1 -2e-3 3\" few=\"1 2\" odd=\"1 nan 2\" word=\"1 2 x\"/>";
+        let element = Element::parse(path, text).unwrap();
+        assert_eq!(
+            element.numbers(path, "good").unwrap(),
+            Some([1.0, -2e-3, 3.0])
+        );
+        assert_eq!(element.numbers::<3>(path, "none").unwrap(), None);
+        for name in ["few", "odd", "word"] {
+            assert!(element.numbers::<3>(path, name).is_err(), "{name}");
+        }
+    }
+}

@@ -119,17 +119,13 @@ impl<'a> ModelReader<'a> {
     fn geometry(&self, geom: &Element) -> Result<Option<Geometry>, ImportError> {
         let size = |count: usize| {
             let text = geom.attribute("size").unwrap_or("");
-            let numbers: Vec<f64> = text
-                .split_whitespace()
-                .filter_map(|w| w.parse().ok())
-                .collect();
-            match numbers.len() >= count && numbers.iter().all(|n| n.is_finite()) {
-                true => Ok(numbers),
-                false => {
-                    let expected = format!("{count} numbers as \"size\"");
-                    Err(geom.wrong(self.path, expected, format!("{text:?}")))
-                }
-            }
+            let words = text.split_whitespace().map(|word| word.parse().ok());
+            let numbers: Option<Vec<f64>> = words.collect();
+            let fits = |n: &Vec<f64>| n.len() >= count && n.iter().all(|n| n.is_finite());
+            numbers.filter(fits).ok_or_else(|| {
+                let expected = format!("{count} numbers as \"size\"");
+                geom.wrong(self.path, expected, format!("{text:?}"))
+            })
         };
         let kind = geom.attribute("type");
         Ok(match (kind, geom.attribute("mesh")) {

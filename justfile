@@ -13,6 +13,29 @@ demo:
 modules:
     PEGFIT_DRAW=1 cargo test -q -p pegfit-structure the_picture
 
+# The site, in ./out/site: what stands on the pages is run, tutorials are executed, warnings denied.
+site *ARGS:
+    mkdir -p out
+    PEGFIT_SITE=out/site tests/site/run {{ARGS}}
+
+# What the command says of itself, written to docs/command-line.md.
+command-line:
+    PEGFIT_DRAW=1 cargo test -q -p pegfit --test cli command_page
+
+# Sets the one version: crates, citation, wheel.
+version NEW:
+    sed -i '/^\[workspace.package\]/,/^\[/s/^version = .*/version = "{{NEW}}"/' Cargo.toml
+    sed -i '/{ path = "/s/version = "[^"]*"/version = "{{NEW}}"/' Cargo.toml
+    sed -i 's/^version: .*/version: {{NEW}}/' CITATION.cff
+    cargo update --workspace
+
+# What would be published: packages of all crates, sources of the wheel (needs maturin); licences,
+# sources and advisories (needs `cargo install cargo-deny`).
+release:
+    cargo publish --workspace --dry-run
+    maturin sdist -o out/dist
+    cargo deny check
+
 # The public documentation, warnings denied.
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps

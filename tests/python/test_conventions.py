@@ -1,4 +1,4 @@
-"""The table of pose conventions in docs/python.md, row by row, with the packages where they are."""
+"""The table of pose conventions in docs/conventions.md, row by row, with the packages where they are."""
 
 from types import SimpleNamespace
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
 use pegfit_scene::poses::PoseError;
-use pegfit_scene::{LineError, Refusal, SceneError};
+use pegfit_scene::{ImportError, LineError, Refusal, SceneError};
 
 use crate::bytes::display_bytes;
 use crate::exit::Exit;
@@ -32,6 +32,9 @@ pub enum CommandError {
     /// The scene cannot be used for another reason.
     #[error(transparent)]
     Scene(Box<SceneError>),
+    /// No scene can be made of a file.
+    #[error(transparent)]
+    Import(ImportError),
     /// Rows of poses cannot be read.
     #[error(transparent)]
     Poses(#[from] PoseError),
@@ -185,6 +188,17 @@ impl From<SceneError> for CommandError {
     }
 }
 
+impl From<ImportError> for CommandError {
+    fn from(error: ImportError) -> Self {
+        match error {
+            ImportError::Read { path, source } => Self::read(&path, source),
+            ImportError::Mesh(e) => Self::Mesh(e),
+            ImportError::Write(e) => Self::write(&e.path, e.source),
+            other => Self::Import(other),
+        }
+    }
+}
+
 impl From<pegfit_path::PathError> for CommandError {
     fn from(error: pegfit_path::PathError) -> Self {
         match error {
@@ -290,6 +304,7 @@ impl CommandError {
             Self::Input { .. }
             | Self::Line(_)
             | Self::Scene(_)
+            | Self::Import(_)
             | Self::Poses(_)
             | Self::Mesh(_)
             | Self::Path(_)

@@ -7,7 +7,7 @@ use crate::error::CommandError;
 const USABLE: f64 = 0.9;
 
 /// What a computation may plan to use, bytes: `limit` if the user set one, else a share of what is
-/// [`available`].
+/// available.
 pub fn budget(limit: Option<u64>) -> u64 {
     limit.unwrap_or_else(|| (USABLE * available() as f64) as u64)
 }

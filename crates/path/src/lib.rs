@@ -31,6 +31,7 @@ mod search;
 mod way;
 
 pub use answer::{Effort, OtherPath, Outcome, PathAnswer, PathPose};
+pub use contact::overlap::shared_volume;
 pub use error::PathError;
 pub use motion::words::Motion;
 pub use planner::options::{PathOptions, Start};

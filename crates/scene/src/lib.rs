@@ -31,12 +31,17 @@ mod live;
 pub mod poses;
 mod scene;
 mod setup;
+mod solids;
 
 pub use assembly::loaded::Assembly;
 pub use assembly::profile::{Motion, ProfilePoint};
 pub use error::{LineError, Refusal, SceneError};
 pub use live::live_pairs::LivePairs;
 pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
+pub use setup::meshes::FitSolids;
 pub use setup::scene_setup::SceneSetup;
 pub use setup::tables::TableReference;
 pub use setup::warning::SceneWarning;
+pub use solids::draft::SceneDraft;
+pub use solids::error::ImportError;
+pub use solids::solid_set::{PlacedSolid, SolidOptions, SolidSet};

@@ -8,6 +8,8 @@ use sdf_grid::LengthUnit;
 use sdf_grid::mesh_io::ReadOptions;
 
 use crate::args::device_choice::DeviceChoice;
+use crate::args::manual_args::{CompletionsArgs, ManArgs};
+use crate::args::scene_args::SceneArgs;
 
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]
@@ -50,6 +52,8 @@ pub enum Command {
     Demo(DemoArgs),
     /// Say whether meshes, or those of a scene, can be used, and what had to be repaired
     Check(CheckArgs),
+    /// Make a scene of a file of solids (STEP, 3MF, glTF, ...) or of a robot (URDF, MJCF)
+    Scene(SceneArgs),
     /// Compute the density field of one mesh and write it for ParaView
     Field(FieldArgs),
     /// Tabulate a scene's energy over its whole domain
@@ -72,6 +76,10 @@ pub enum Command {
     Devices(DevicesArgs),
     /// Draw one of the paper's figures for a scene
     Plot(PlotArgs),
+    /// Print a shell's completions of these commands
+    Completions(CompletionsArgs),
+    /// Write the manual pages of these commands into a folder
+    Man(ManArgs),
 }
 
 /// Arguments of `pegfit demo`.

@@ -2,5 +2,9 @@
 
 mod command_line;
 pub mod device_choice;
+mod manual_args;
+mod scene_args;
 
 pub use command_line::*;
+pub use manual_args::{CompletionsArgs, ManArgs};
+pub use scene_args::SceneArgs;

@@ -4,16 +4,25 @@ use std::path::PathBuf;
 
 use pegfit_scene::Scene;
 use sdf_grid::mesh_io::{ReadOptions, Solid, examine};
-use sdf_grid::{HygieneReport, LengthUnit, SymmetryAxis, SymmetryOrder};
+use sdf_grid::{HygieneReport, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder};
 use serde::Serialize;
 
 use crate::args::CheckArgs;
+use crate::commands::fits::{self, Fit};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::print_json;
 
 /// Components and solids listed one by one.
 const MOST_LISTED: usize = 12;
+
+/// Metres across: parts outside are rare, and files in another unit are not.
+const LEAST: f64 = 5e-4;
+const MOST: f64 = 20.0;
+
+/// What to do about open edges that are tolerated.
+const OPEN: &str = "it can be used as it is; export a closed solid for exact signs, and for shorter \
+                    computations";
 
 /// What is said about one file.
 #[derive(Debug, Serialize)]
@@ -31,8 +40,17 @@ enum Verdict {
     Unusable {
         name: String,
         error: String,
+        next: Option<&'static str>,
         usable: bool,
     },
+}
+
+/// What is printed for programs: every mesh, then every pair of the scenes.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Item<'a> {
+    Mesh(&'a Verdict),
+    Pair(&'a Fit),
 }
 
 /// A mesh to look at, and how to read it.
@@ -43,10 +61,14 @@ struct Subject {
 }
 
 pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
-    let mut subjects = Vec::new();
+    let (mut subjects, mut pairs) = (Vec::new(), Vec::new());
     for path in &args.meshes {
         match path.extension().is_some_and(|e| e == "toml") {
-            true => subjects.extend(meshes_of(&Scene::read(path)?)),
+            true => {
+                let scene = Scene::read(path)?;
+                subjects.extend(meshes_of(&scene));
+                pairs.extend(fits::of(&scene));
+            }
             false => subjects.push(Subject {
                 path: path.clone(),
                 options: args.choice.options(args.unit),
@@ -55,10 +77,18 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
     }
     let verdicts: Vec<Verdict> = subjects.iter().map(judge).collect();
     if context.json {
-        print_json(&verdicts)?;
+        let meshes = verdicts.iter().map(Item::Mesh);
+        print_json(
+            &meshes
+                .chain(pairs.iter().map(Item::Pair))
+                .collect::<Vec<_>>(),
+        )?;
     } else {
         for (verdict, subject) in verdicts.iter().zip(&subjects) {
             print(verdict, subject.options.unit);
+        }
+        for pair in &pairs {
+            fits::print(pair);
         }
     }
     let unusable = verdicts
@@ -103,10 +133,40 @@ fn judge(subject: &Subject) -> Verdict {
         },
         Err(error) => Verdict::Unusable {
             name: subject.path.display().to_string(),
+            next: next_for(&error),
             error: error.to_string(),
             usable: false,
         },
     }
+}
+
+/// What to do about a mesh that cannot be used.
+fn next_for(error: &MeshError) -> Option<&'static str> {
+    Some(match error {
+        MeshError::Open { .. } => {
+            "close the surface in the program that made it (\"make solid\", \"fill holes\"), or \
+             export the solid anew as STL, 3MF or STEP; a surface without thickness is no part"
+        }
+        MeshError::Empty { .. } => "export the part as triangles: curves and points are not read",
+        MeshError::Format { .. } => "export it in one of these formats",
+        MeshError::Converter { .. } => "pip install gmsh, or export STL or 3MF instead",
+        MeshError::Solid { .. } => "pegfit check FILE lists its solids",
+        MeshError::NonFiniteVertex { .. } => "export the part near the origin, or give its unit",
+        _ => return None,
+    })
+}
+
+/// A remark on a size that few parts have.
+fn odd_size(report: &HygieneReport, stated: bool) -> Option<String> {
+    let longest = report.bounds.size().max_element();
+    if stated || (LEAST..MOST).contains(&longest) {
+        return None;
+    }
+    let (m, inch) = (LengthUnit::M, LengthUnit::Inch);
+    Some(format!(
+        "{longest:.3e} m across: if that is not its size, say its unit, as in --unit {m} or --unit \
+         {inch} (unit = \"{m}\" in a scene)"
+    ))
 }
 
 /// Number, name and size of each solid.
@@ -123,9 +183,14 @@ fn listed(solids: &[Solid]) -> Vec<String> {
 
 fn print(verdict: &Verdict, unit: LengthUnit) {
     match verdict {
-        Verdict::Unusable { name, error, .. } => {
+        Verdict::Unusable {
+            name, error, next, ..
+        } => {
             crate::say!("{name}: cannot be used");
             crate::say!("  {error}");
+            if let Some(next) = next {
+                crate::say!("  next         {next}");
+            }
         }
         Verdict::Usable {
             report,
@@ -155,6 +220,12 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             }
             for warning in warnings {
                 crate::say!("  note         {warning}");
+            }
+            if let Some(next) = odd_size(report, stated_unit.is_some()) {
+                crate::say!("  next         {next}");
+            }
+            if report.open_edges > 0 {
+                crate::say!("  next         {OPEN}");
             }
         }
     }

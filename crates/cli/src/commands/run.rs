@@ -1,7 +1,8 @@
 //! From parsed arguments to the command that was asked for.
 
 use super::{
-    bake, check, demo, devices, dock, feel, field, path, play, plot, score, table, verify,
+    bake, check, demo, devices, dock, feel, field, manual, path, play, plot, scene, score, table,
+    verify,
 };
 use crate::args::{Arguments, Command, Global};
 use crate::context::Context;
@@ -34,6 +35,12 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Feel(args) => feel::run(args, &context),
         Command::Devices(args) => devices::run(args, &context),
         Command::Plot(args) => plot::run(args, &context),
+        Command::Scene(args) => scene::run(args, &context),
+        Command::Completions(args) => {
+            manual::complete(args);
+            Ok(())
+        }
+        Command::Man(args) => manual::write(args),
     }
 }
 

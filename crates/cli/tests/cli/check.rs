@@ -167,3 +167,39 @@ fn solids_are_listed_and_chosen() {
     assert_eq!(none.status.code(), Some(3));
     assert!(stdout(&none).contains("1 \"pin\", 2 \"housing\""));
 }
+
+#[test]
+fn what_is_wrong_is_said_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let check = |args: &[&str]| pegfit(folder.path(), &[&["check"], args].concat());
+    // Forty metres across: metres taken for millimetres the other way round.
+    write("box.obj", &cuboid_obj([20.0, 30.0, 40.0]));
+    assert!(stdout(&check(&["box.obj", "--unit", "m"])).contains("say its unit"));
+    assert!(!stdout(&check(&["box.obj"])).contains("next"));
+    // A box without its lid: an eighth of the area, and more than is tolerated, is missing.
+    let text = cuboid_obj([20.0, 30.0, 5.0]);
+    let lines: Vec<&str> = text.lines().collect();
+    write("open.obj", &lines[..lines.len() - 2].join("\n"));
+    let output = check(&["open.obj"]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(stdout(&output).contains("next") && stdout(&output).contains("close the surface"));
+    // Two boxes, one of them elsewhere: through each other, side by side, out of reach.
+    for (shift, share, advice) in [(10.0, 0.5, 2), (20.0, 0.0, 0), (200.0, 0.0, 1)] {
+        write(
+            "s.toml",
+            &format!(
+                "unit = \"mm\"\nfixed = \"box.obj\"\n[moving]\nmesh = \"box.obj\"\n\
+                 name = \"other\"\nposition = [{shift}, 0, 0]\n"
+            ),
+        );
+        let output = check(&["s.toml", "--json"]);
+        let said: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        let pair = &said[1];
+        assert!(
+            (pair["share"].as_f64().unwrap() - share).abs() < 1e-6,
+            "{pair}"
+        );
+        assert_eq!(pair["next"].as_array().unwrap().len(), advice, "{pair}");
+    }
+}

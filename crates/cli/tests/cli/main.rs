@@ -5,6 +5,7 @@ mod bake;
 mod check;
 #[cfg(feature = "cloud")]
 mod cloud;
+mod command_page;
 mod common;
 mod devices;
 mod dock_and_feel;
@@ -15,5 +16,6 @@ mod path;
 mod placed;
 mod play;
 mod plot;
+mod scene;
 mod scenes;
 mod score;

@@ -11,7 +11,7 @@ const RAYS: usize = 64;
 /// both, summed over 64 x 64 rays through the box in which they can overlap. Rays along each of the
 /// three axes are tried, for thin slivers lie between the rays along two of them; the largest volume
 /// counts.
-pub(crate) fn shared_volume(fixed: &TriangleMesh, moving: &TriangleMesh, pose: &Pose) -> f64 {
+pub fn shared_volume(fixed: &TriangleMesh, moving: &TriangleMesh, pose: &Pose) -> f64 {
     let placed = moving.transformed(pose.rotation, pose.translation);
     let (a, b) = (fixed.bounds(), placed.bounds());
     let both = Aabb {

@@ -52,15 +52,59 @@ fn joined(name: &str, meshes: &[TriangleMesh]) -> Result<(TriangleMesh, HygieneR
     TriangleMesh::clean(name, vertices, triangles, &HygieneOptions::default())
 }
 
+/// A fixed part and the moving one where the scene says that they fit.
+#[derive(Debug, Clone)]
+pub struct FitSolids {
+    /// The fixed part's name.
+    pub name: String,
+    /// Where the scene puts it, metres.
+    pub fixed: TriangleMesh,
+    /// The moving part at the fit, metres.
+    pub moving: TriangleMesh,
+    /// Whether they seem to be in different units.
+    pub scale: Option<SceneWarning>,
+}
+
+impl Scene {
+    /// Reads every fixed part and the moving one, and puts them where they fit; no field is computed.
+    ///
+    /// # Errors
+    /// If a mesh cannot be read or used.
+    pub fn fit_solids(&self) -> Result<Vec<FitSolids>, MeshError> {
+        let own = read_part(self, &self.moving, &mut Vec::new())?;
+        let moving = moved(own.clone(), &(self.fit.assembled * self.moving.pose));
+        let each = |part: &Part| {
+            let mesh = read_part(self, part, &mut Vec::new())?;
+            let scale = scale_of(self, part, &mesh, &own);
+            Ok(FitSolids {
+                name: part.name.clone(),
+                fixed: moved(mesh, &part.pose),
+                moving: moving.clone(),
+                scale,
+            })
+        };
+        self.fixed_parts().map(each).collect()
+    }
+}
+
 /// Whether the parts differ in size as if they were in different units.
 pub(super) fn compare_scale(
     scene: &Scene,
     fixed: &TriangleMesh,
     moving: &TriangleMesh,
 ) -> Option<SceneWarning> {
+    scale_of(scene, &scene.fixed, fixed, moving)
+}
+
+fn scale_of(
+    scene: &Scene,
+    part: &Part,
+    fixed: &TriangleMesh,
+    moving: &TriangleMesh,
+) -> Option<SceneWarning> {
     let (a, b) = (fixed.bounds().diagonal(), moving.bounds().diagonal());
     (a.max(b) / a.min(b) > SUSPICIOUS_RATIO).then(|| SceneWarning::Scale {
-        fixed: scene.fixed.name.clone(),
+        fixed: part.name.clone(),
         fixed_diagonal: a,
         moving: scene.moving.name.clone(),
         moving_diagonal: b,

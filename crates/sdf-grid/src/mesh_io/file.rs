@@ -143,6 +143,11 @@ impl MeshFile {
         self.soup.unit
     }
 
+    /// Whether a converter made its triangles, as of STEP files.
+    pub fn is_converted(&self) -> bool {
+        self.converter.is_some()
+    }
+
     /// Cleans all solids, or the one that `options` choose, as one mesh in metres.
     ///
     /// # Errors

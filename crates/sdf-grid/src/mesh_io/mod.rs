@@ -23,4 +23,4 @@ pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
 pub use soup::Solid;
 pub use step::StepOptions;
-pub use write::write_obj;
+pub use write::{write_obj, write_obj_in};

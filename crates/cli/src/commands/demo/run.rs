@@ -13,6 +13,18 @@ use crate::error::CommandError;
 use crate::report::output::print_json;
 use crate::terminal::progress::check_interrupt;
 
+/// What to do after the demo.
+const NEXT: &str = "
+With parts of your own, two closed meshes from one assembly, each in its place (scene.toml):
+    unit = \"mm\"
+    fixed = \"hole.stl\"
+    moving = \"peg.stl\"
+then
+    pegfit check scene.toml                 can the meshes be used, in this unit, in this place?
+    pegfit plot well scene.toml             is the fit a fit?
+    pegfit play scene.toml                  hold the part with your mouse
+From an assembly in one file: pegfit scene assembly.step";
+
 pub(in crate::commands) fn run(args: &DemoArgs, context: &Context) -> Result<(), CommandError> {
     let began = Instant::now();
     std::fs::create_dir_all(&args.out).map_err(|e| CommandError::write(&args.out, e))?;
@@ -69,4 +81,5 @@ fn print(summary: &Summary, page: &Path) {
         }
     }
     crate::say!("{:.0} s in all; open {}", summary.seconds, page.display());
+    crate::say!("{NEXT}");
 }

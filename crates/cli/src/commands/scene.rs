@@ -1,0 +1,203 @@
+//! `pegfit scene`: from a file of solids, or a robot's description, to a scene.
+
+use std::path::{Path, PathBuf};
+
+use fft_correlate::Pose;
+use pegfit_path::shared_volume;
+use pegfit_scene::{SceneDraft, SolidOptions, SolidSet};
+use rayon::prelude::*;
+use sdf_grid::LengthUnit;
+use serde::Serialize;
+
+use crate::args::SceneArgs;
+use crate::commands::fits::{FACETS, TOUCHING};
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::{print_json, require_folder};
+
+/// What is said of a solid.
+#[derive(Debug, Serialize)]
+struct Told {
+    /// Of its solid, link or body, from 1.
+    number: usize,
+    name: String,
+    triangles: usize,
+    /// Metres.
+    size: [f64; 3],
+    role: Role,
+    /// Cubic metres that it shares with what moves; only of solids that stay.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shared_volume: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Role {
+    Listed,
+    Moving,
+    Fixed,
+    LeftOut,
+}
+
+/// Everything that is said.
+#[derive(Debug, Serialize)]
+struct Summary {
+    solids: Vec<Told>,
+    /// Cubic metres of what moves; 0 if nothing does.
+    moving_volume: f64,
+    scene: Option<PathBuf>,
+    meshes: Vec<PathBuf>,
+}
+
+pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandError> {
+    if let Some(output) = &args.output {
+        require_folder(output)?;
+    }
+    let options = SolidOptions {
+        unit: args.unit,
+        segments_per_turn: args.segments_per_turn,
+        visual: args.visual,
+    };
+    let set = SolidSet::read(&args.file, &options)?;
+    if args.moving.is_empty() {
+        let summary = Summary {
+            solids: (0..set.solids.len())
+                .map(|i| told(&set, i, Role::Listed))
+                .collect(),
+            moving_volume: 0.0,
+            scene: None,
+            meshes: Vec::new(),
+        };
+        return say(&summary, &args.file, context);
+    }
+    let draft = set.draft(&args.moving, &args.fixed, args.separate)?;
+    let mut summary = describe(&draft);
+    if let Some(output) = &args.output {
+        summary.meshes = draft.write(output)?;
+        summary.scene = Some(output.clone());
+    }
+    say(&summary, &args.file, context)
+}
+
+fn told(set: &SolidSet, index: usize, role: Role) -> Told {
+    let solid = &set.solids[index];
+    let groups = set.groups();
+    let number = groups
+        .iter()
+        .position(|(g, _)| *g == solid.group)
+        .unwrap_or(0)
+        + 1;
+    Told {
+        number,
+        name: set.called(index),
+        triangles: solid.mesh.triangles().len(),
+        size: solid.placed().bounds().size().to_array(),
+        role,
+        shared_volume: None,
+    }
+}
+
+/// Every solid, and what those that stay share with those that move.
+fn describe(draft: &SceneDraft<'_>) -> Summary {
+    let set = draft.set;
+    let moving: Vec<_> = draft
+        .moving
+        .iter()
+        .map(|&i| set.solids[i].placed())
+        .collect();
+    let shared = |i: usize| -> f64 {
+        let fixed = set.solids[i].placed();
+        let each = moving
+            .iter()
+            .map(|m| shared_volume(&fixed, m, &Pose::IDENTITY));
+        each.sum()
+    };
+    let mut solids: Vec<Told> = (draft.fixed.par_iter())
+        .map(|&i| Told {
+            shared_volume: Some(shared(i)),
+            ..told(set, i, Role::Fixed)
+        })
+        .collect();
+    solids.extend(draft.moving.iter().map(|&i| told(set, i, Role::Moving)));
+    solids.extend(draft.left_out.iter().map(|&i| told(set, i, Role::LeftOut)));
+    solids.sort_by_key(|s| s.number);
+    Summary {
+        solids,
+        moving_volume: moving.iter().map(|m| m.volume()).sum(),
+        scene: None,
+        meshes: Vec::new(),
+    }
+}
+
+fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandError> {
+    if context.json {
+        return print_json(summary);
+    }
+    let longest = summary
+        .solids
+        .iter()
+        .flat_map(|s| s.size)
+        .fold(0.0, f64::max);
+    let unit = if longest < 0.5 {
+        LengthUnit::Mm
+    } else {
+        LengthUnit::M
+    };
+    let metre = unit.in_metres();
+    for solid in &summary.solids {
+        let [x, y, z] = solid.size.map(|side| side / metre);
+        let role = match solid.role {
+            Role::Listed => "",
+            Role::Moving => ", moves",
+            Role::Fixed => ", stays",
+            Role::LeftOut => ", left out: out of reach, or not asked for",
+        };
+        crate::say!(
+            "{:>4}  {:<24} {:>9} triangles  {x:.3} x {y:.3} x {z:.3} {unit}{role}",
+            solid.number,
+            solid.name,
+            solid.triangles
+        );
+    }
+    for solid in &summary.solids {
+        if let Some(volume) = solid
+            .shared_volume
+            .filter(|v| *v > TOUCHING * summary.moving_volume)
+        {
+            say_overlap(solid, volume / summary.moving_volume, volume / 1e-9);
+        }
+    }
+    say_next(summary, file);
+    Ok(())
+}
+
+/// That solids cut into each other where they are, and what to do about it.
+fn say_overlap(solid: &Told, share: f64, cubic_millimetres: f64) {
+    let advice = match share <= FACETS {
+        true => "facets, or a press fit",
+        false => "more than facets do: look whether the file shows the fit (pegfit plot overlap)",
+    };
+    crate::say!(
+        "overlap: {} and what moves share {cubic_millimetres:.4} mm³, {:.3} % of what moves: {advice}",
+        solid.name,
+        100.0 * share
+    );
+}
+
+/// The command to go on with.
+fn say_next(summary: &Summary, file: &Path) {
+    let Some(scene) = &summary.scene else {
+        let wanted = match summary.moving_volume > 0.0 {
+            true => "-o scene.toml to write the scene",
+            false => "--moving NAME -o scene.toml to make a scene",
+        };
+        return crate::say!("next: pegfit scene {} ... {wanted}", file.display());
+    };
+    if let Some(first) = summary.meshes.first() {
+        let folder = first.parent().unwrap_or(Path::new(""));
+        crate::say!("meshes: {} in {}", summary.meshes.len(), folder.display());
+    }
+    let scene = scene.display();
+    crate::say!("scene:  {scene}");
+    crate::say!("next:   pegfit check {scene}; pegfit plot well {scene}; pegfit play {scene}");
+}

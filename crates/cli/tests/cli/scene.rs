@@ -1,0 +1,267 @@
+//! `pegfit scene` from the outside: files of several solids, robots, and scenes that commands take.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::fmt::Write as _;
+use std::path::Path;
+
+use fft_correlate::Pose;
+use glam::{DQuat, DVec3};
+use pegfit_scene::Scene;
+use sdf_grid::TriangleMesh;
+use sdf_grid::shapes::PegInHole;
+
+use crate::common::{refuse, succeed};
+
+/// Solids as one OBJ in millimetres, each under its name; where it is placed is in its vertices.
+fn obj(solids: &[(&str, &TriangleMesh, DVec3)]) -> String {
+    let (mut text, mut first) = (String::new(), 1);
+    for (name, mesh, shift) in solids {
+        writeln!(text, "o {name}").unwrap();
+        for v in mesh.vertices() {
+            let v = 1e3 * (*v + *shift);
+            writeln!(text, "v {} {} {}", v.x, v.y, v.z).unwrap();
+        }
+        for t in mesh.triangles() {
+            let [a, b, c] = t.map(|i| i + first);
+            writeln!(text, "f {a} {b} {c}").unwrap();
+        }
+        first += mesh.vertices().len() as u32;
+    }
+    text
+}
+
+fn parts() -> (TriangleMesh, TriangleMesh) {
+    PegInHole::Rectangular.pair(5e-4).unwrap()
+}
+
+fn json(folder: &Path, words: &[&str]) -> serde_json::Value {
+    let text = succeed(folder, &[words, &["--json"]].concat());
+    serde_json::from_str(&text).unwrap()
+}
+
+fn roles(value: &serde_json::Value) -> Vec<(String, String)> {
+    let solids = value["solids"].as_array().unwrap();
+    let text = |v: &serde_json::Value| v.as_str().unwrap().to_owned();
+    solids
+        .iter()
+        .map(|s| (text(&s["name"]), text(&s["role"])))
+        .collect()
+}
+
+#[test]
+fn an_assembly_becomes_a_scene_that_commands_take() {
+    let folder = tempfile::tempdir().unwrap();
+    let (hole, peg) = parts();
+    let far = DVec3::new(0.5, 0.1, -0.2);
+    let solids = [
+        ("block", &hole, DVec3::ZERO),
+        ("peg", &peg, DVec3::ZERO),
+        ("lid", &hole, far),
+    ];
+    std::fs::write(folder.path().join("a.obj"), obj(&solids)).unwrap();
+    let at = folder.path();
+    assert!(succeed(at, &["scene", "a.obj"]).contains("--moving NAME"));
+    let found = json(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
+    let expected = [("block", "fixed"), ("peg", "moving"), ("lid", "left_out")];
+    assert_eq!(
+        roles(&found),
+        expected.map(|(a, b)| (a.to_owned(), b.to_owned()))
+    );
+    assert_eq!(found["solids"][0]["shared_volume"], 0.0);
+    let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
+    assert!(
+        text.contains("solid = \"peg\"") && text.contains("unit = \"mm\""),
+        "{text}"
+    );
+    let said = succeed(at, &["check", "s.toml"]);
+    assert!(said.contains("peg in block: they do not overlap"), "{said}");
+    let coarse = text.split("[lattice]").next().unwrap().to_owned()
+        + "[lattice]\nspacing = 2.5\nhalo = 6\nfield_tolerance = 0.01\n[window]\nhalf_extent = 5\n";
+    std::fs::write(at.join("coarse.toml"), coarse).unwrap();
+    succeed(at, &["plot", "well", "coarse.toml", "--quiet"]);
+    // Several that move together, a part of its own for each that stays.
+    let near = DVec3::new(0.0, 0.05, 0.0);
+    let cap = DVec3::Z * 0.031;
+    let solids = [
+        ("block", &hole, DVec3::ZERO),
+        ("peg", &peg, DVec3::ZERO),
+        ("peg", &peg, cap),
+        ("block", &hole, near),
+    ];
+    std::fs::write(folder.path().join("b.obj"), obj(&solids)).unwrap();
+    json(
+        at,
+        &[
+            "scene",
+            "b.obj",
+            "--moving",
+            "2",
+            "--moving",
+            "3",
+            "--separate",
+            "-o",
+            "t.toml",
+        ],
+    );
+    let scene = Scene::read(at.join("t.toml")).unwrap();
+    let names: Vec<&str> = scene.fixed_parts().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["block", "block 2"]);
+    assert_eq!(
+        (scene.moving.meshes.len(), &*scene.moving.name),
+        (2, "peg and 1 more")
+    );
+    json(
+        at,
+        &[
+            "scene", "b.obj", "--moving", "2", "--fixed", "4", "--fixed", "1", "-o", "t.toml",
+        ],
+    );
+    let scene = Scene::read(at.join("t.toml")).unwrap();
+    assert_eq!((scene.fixed.meshes.len(), scene.others.len()), (2, 0));
+    // By number; what is not asked for is left out.
+    let found = json(at, &["scene", "a.obj", "--moving", "2", "--fixed", "1"]);
+    assert_eq!(roles(&found)[2].1, "left_out");
+    assert!(refuse(at, &["scene", "a.obj", "--moving", "pin"]).contains("2 \"peg\""));
+    assert!(refuse(at, &["scene", "a.obj", "--moving", "lid"]).contains("found none"));
+}
+
+#[test]
+fn what_overlaps_is_named_with_its_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let (hole, peg) = parts();
+    // A clearance of 0.5 mm on every side: 1.5 mm to the side is 1 mm into the wall of 30 mm height.
+    let shift = DVec3::X * 1.5e-3;
+    let solids = [("block", &hole, DVec3::ZERO), ("peg", &peg, shift)];
+    std::fs::write(folder.path().join("a.obj"), obj(&solids)).unwrap();
+    let at = folder.path();
+    let found = json(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
+    let shared = found["solids"][0]["shared_volume"].as_f64().unwrap();
+    let expected = 1e-3 * peg.bounds().size().y * peg.bounds().size().z;
+    // Rays along the walls count whole rays: one of 64.
+    assert!(
+        (shared / expected - 1.0).abs() < 0.03,
+        "{shared} {expected}"
+    );
+    let said = succeed(at, &["check", "s.toml"]);
+    assert!(
+        said.contains("they share") && said.contains("pegfit path"),
+        "{said}"
+    );
+}
+
+/// Hole and peg turned and shifted in their links, the peg's 2 mm out of the hole by its joint.
+#[test]
+fn links_of_a_robot_are_placed_by_their_joints() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (hole, peg) = parts();
+    std::fs::create_dir(at.join("meshes")).unwrap();
+    std::fs::write(
+        at.join("meshes/hole.obj"),
+        obj(&[("h", &hole, DVec3::ZERO)]),
+    )
+    .unwrap();
+    std::fs::write(at.join("meshes/peg.obj"), obj(&[("p", &peg, DVec3::ZERO)])).unwrap();
+    let mesh = |name: &str| {
+        format!(
+            "<collision><origin xyz=\"0.1 -0.2 0.3\" rpy=\"0.3 -0.5 0.7\"/><geometry>\
+             <mesh filename=\"package://arm/meshes/{name}.obj\" scale=\"0.001 0.001 0.001\"/>\
+             </geometry></collision>"
+        )
+    };
+    let turn =
+        DQuat::from_rotation_z(0.7) * DQuat::from_rotation_y(-0.5) * DQuat::from_rotation_x(0.3);
+    // Out of the hole along its axis.
+    let lift = turn * (2e-3 * DVec3::Z);
+    let urdf = format!(
+        "<?xml version=\"1.0\"?><robot name=\"arm\"><link name=\"base\">{}</link>\
+         <link name=\"tool\">{}</link><joint name=\"j\" type=\"revolute\">\
+         <parent link=\"base\"/><child link=\"tool\"/><origin xyz=\"{} {} {}\"/></joint></robot>",
+        mesh("hole"),
+        mesh("peg"),
+        lift.x,
+        lift.y,
+        lift.z
+    );
+    std::fs::write(at.join("arm.urdf"), &urdf).unwrap();
+    let found = json(
+        at,
+        &["scene", "arm.urdf", "--moving", "tool", "-o", "s.toml"],
+    );
+    assert_eq!(found["meshes"].as_array().unwrap().len(), 2);
+    let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
+    let scene = Scene::read(at.join("s.toml")).unwrap();
+    let (base, tool) = (scene.fixed.pose, scene.moving.pose);
+    assert!(
+        (base.translation - DVec3::new(0.1, -0.2, 0.3)).length() < 1e-12,
+        "{text}"
+    );
+    assert!(
+        (tool.translation - base.translation - lift).length() < 1e-12,
+        "{text}"
+    );
+    assert!(
+        (tool.rotation.dot(turn).abs() - 1.0).abs() < 1e-12,
+        "{text}"
+    );
+    let said = succeed(at, &["check", "s.toml", "--json"]);
+    let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said[2]["next"], serde_json::json!([]), "{said}");
+    let circle = urdf.replace("<parent link=\"base\"/>", "<parent link=\"tool\"/>");
+    std::fs::write(at.join("circle.urdf"), circle).unwrap();
+    assert!(refuse(at, &["scene", "circle.urdf"]).contains("a tree of joints"));
+    std::fs::write(at.join("open.urdf"), "<robot><link>").unwrap();
+    refuse(at, &["scene", "open.urdf"]);
+}
+
+#[test]
+fn bodies_of_a_model_are_placed_in_the_world() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (hole, peg) = parts();
+    std::fs::write(at.join("hole.obj"), obj(&[("h", &hole, DVec3::ZERO)])).unwrap();
+    std::fs::write(at.join("peg.obj"), obj(&[("p", &peg, DVec3::ZERO)])).unwrap();
+    let scale = "scale=\"0.001 0.001 0.001\"";
+    let mjcf = format!(
+        "<mujoco><compiler angle=\"degree\"/><asset><mesh file=\"hole.obj\" {scale}/>\
+         <mesh name=\"pin\" file=\"peg.obj\" {scale}/></asset><worldbody>\
+         <geom type=\"plane\" size=\"1 1 1\"/>\
+         <body name=\"block\" pos=\"0.2 0 0.1\" euler=\"0 0 90\"><geom mesh=\"hole\"/>\
+         <body name=\"peg\" quat=\"0 0 0 1\"><joint type=\"free\"/>\
+         <geom mesh=\"pin\" class=\"visual\"/><geom type=\"box\" size=\"0.005 0.004 0.015\"/>\
+         </body></body></worldbody></mujoco>"
+    );
+    std::fs::write(at.join("m.xml"), &mjcf).unwrap();
+    let found = json(
+        at,
+        &[
+            "scene", "m.xml", "--moving", "peg", "--visual", "-o", "s.toml",
+        ],
+    );
+    assert_eq!(roles(&found).len(), 2, "{found}");
+    let peg_size = &found["solids"][1]["size"];
+    let expected = peg.bounds().size().x;
+    assert!(
+        (peg_size[0].as_f64().unwrap() - expected).abs() < 1e-9,
+        "{peg_size}"
+    );
+    let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
+    let scene = Scene::read(at.join("s.toml")).unwrap();
+    let there = Pose::new(DQuat::from_rotation_z(FRAC_PI_2), DVec3::new(0.2, 0.0, 0.1));
+    let apart = scene.fixed.pose.twist_to(&there);
+    assert!(
+        apart.linear.length() + apart.angular.length() < 1e-12,
+        "{text}"
+    );
+    // The body in it, turned by half a turn about its own z.
+    let peg_there = there * Pose::new(DQuat::from_rotation_z(PI), DVec3::ZERO);
+    assert!(scene.moving.pose.angle_to(&peg_there) < 1e-12, "{text}");
+    // The other shapes: a box of twice the half lengths.
+    let found = json(at, &["scene", "m.xml", "--moving", "peg"]);
+    assert!((found["solids"][1]["size"][2].as_f64().unwrap() - 0.03).abs() < 1e-12);
+    let include = mjcf.replace("<worldbody>", "<include file=\"x.xml\"/><worldbody>");
+    std::fs::write(at.join("i.xml"), include).unwrap();
+    assert!(refuse(at, &["scene", "i.xml"]).contains("mj_saveLastXML"));
+    std::fs::write(at.join("w.xml"), "<html></html>").unwrap();
+    assert!(refuse(at, &["scene", "w.xml"]).contains("<robot> (URDF) or <mujoco> (MJCF)"));
+}

@@ -1,0 +1,99 @@
+//! Which solids move, which stay, and numbers that fit their sizes.
+
+use fft_correlate::pair::default_spacing;
+use sdf_grid::{Aabb, LengthUnit};
+
+use crate::solids::error::ImportError;
+use crate::solids::solid_set::SolidSet;
+
+/// A scene of some of a file's solids, before it is written.
+#[derive(Debug, Clone)]
+pub struct SceneDraft<'a> {
+    /// The file's solids.
+    pub set: &'a SolidSet,
+    /// Indices of the solids that move together.
+    pub moving: Vec<usize>,
+    /// Indices of the solids that stay: those asked for, or those in reach of what moves.
+    pub fixed: Vec<usize>,
+    /// Indices of the others.
+    pub left_out: Vec<usize>,
+    /// Whether each thing that stays is a part of its own; else they are one.
+    pub separate: bool,
+    /// Unit of the scene's lengths.
+    pub unit: LengthUnit,
+    /// Distance between lattice nodes, metres.
+    pub spacing: f64,
+    /// Half the sides of the box of displacements, metres.
+    pub half_extent: f64,
+}
+
+impl SolidSet {
+    /// A scene in which the solids called `moving` (names, or numbers from 1) move together and those
+    /// called `fixed` stay; of none, all others that are in reach. The pose in the file is the fit.
+    ///
+    /// # Errors
+    /// If a name stands for none or several, or nothing that stays is in reach.
+    pub fn draft(
+        &self,
+        moving: &[String],
+        fixed: &[String],
+        separate: bool,
+    ) -> Result<SceneDraft<'_>, ImportError> {
+        let mut moves = Vec::new();
+        for name in moving {
+            moves.extend(self.chosen("--moving", name)?);
+        }
+        moves.sort_unstable();
+        moves.dedup();
+        let mut stays = Vec::new();
+        for name in fixed {
+            stays.extend(self.chosen("--fixed", name)?);
+        }
+        let bounds: Vec<Aabb> = self.solids.iter().map(|s| s.placed().bounds()).collect();
+        let around = |list: &[usize]| {
+            let boxes = list.iter().map(|&i| &bounds[i]);
+            boxes.fold(Aabb::EMPTY, |all, b| all.union(b))
+        };
+        let moving_box = around(&moves);
+        // No farther than the default halo of what moves, whatever it meets.
+        let reach = 0.375 * moving_box.diagonal();
+        let (mut near, mut far) = (Vec::new(), Vec::new());
+        for (i, found) in bounds.iter().enumerate() {
+            let stays = match stays.is_empty() {
+                true => found.overlaps(&moving_box.grown(reach)),
+                false => stays.contains(&i),
+            };
+            match moves.contains(&i) {
+                true => {}
+                false if stays => near.push(i),
+                false => far.push(i),
+            }
+        }
+        if near.is_empty() {
+            return Err(ImportError::Alone {
+                path: self.path.clone(),
+                moving: moving.join(", "),
+                reach,
+            });
+        }
+        Ok(SceneDraft {
+            set: self,
+            spacing: default_spacing(&around(&near), &moving_box, reach),
+            half_extent: 0.5 * moving_box.size().max_element(),
+            moving: moves,
+            fixed: near,
+            left_out: far,
+            separate,
+            unit: self.unit,
+        })
+    }
+
+    /// What a group of solids is called: their name, or their number in the file.
+    pub fn called(&self, index: usize) -> String {
+        let solid = &self.solids[index];
+        match solid.name.trim() {
+            "" => format!("solid {}", solid.group + 1),
+            name => name.to_owned(),
+        }
+    }
+}

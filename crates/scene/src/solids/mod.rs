@@ -1,0 +1,11 @@
+//! From a file of many solids, or a robot's description, to a scene.
+
+pub(crate) mod draft;
+mod element;
+pub(crate) mod error;
+mod frames;
+mod geometry;
+mod mjcf;
+pub(crate) mod solid_set;
+mod urdf;
+pub(crate) mod write;

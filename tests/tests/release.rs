@@ -1,0 +1,85 @@
+//! One version, and crates that say what a registry asks for.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: &str) -> String {
+    fs::read_to_string(root().join(path)).expect(path)
+}
+
+/// The text between the first `before` and the next quotation mark.
+fn quoted<'a>(text: &'a str, before: &str) -> &'a str {
+    let rest = text.split(before).nth(1).expect(before);
+    rest.split('"').next().expect("a quotation mark")
+}
+
+/// Folders of the workspace's members.
+fn members() -> Vec<String> {
+    let manifest = read("Cargo.toml");
+    let list = manifest.split("\nmembers = [").nth(1).expect("members");
+    let list = list.split(']').next().expect("a list");
+    let names = list.split(',').map(|name| name.trim().trim_matches('"'));
+    names.map(str::to_owned).collect()
+}
+
+#[test]
+fn there_is_one_version() {
+    let manifest = read("Cargo.toml");
+    let version = quoted(&manifest, "[workspace.package]\nversion = \"");
+    let mut crates = 0;
+    for line in manifest.lines().filter(|line| line.contains("{ path = \"")) {
+        assert_eq!(quoted(line, "version = \""), version, "{line}");
+        crates += 1;
+    }
+    assert!(crates > 5, "{crates}");
+    for member in members() {
+        let text = read(&format!("{member}/Cargo.toml"));
+        assert!(text.contains("version.workspace = true"), "{member}");
+    }
+    assert!(read("CITATION.cff").contains(&format!("\nversion: {version}\n")));
+    assert!(read("pyproject.toml").contains("dynamic = [\"version\"]"));
+}
+
+#[test]
+fn what_is_published_says_what_it_is() {
+    let mut published = 0;
+    for member in members() {
+        let text = read(&format!("{member}/Cargo.toml"));
+        if text.contains("publish = false") {
+            continue;
+        }
+        published += 1;
+        assert!(quoted(&text, "description = \"").len() > 20, "{member}");
+        for key in [
+            "license",
+            "repository",
+            "readme",
+            "keywords",
+            "categories",
+            "rust-version",
+        ] {
+            assert!(
+                text.contains(&format!("{key}.workspace = true")),
+                "{member}: {key}"
+            );
+        }
+    }
+    assert_eq!(published, 9, "crates that are published");
+    let others = [
+        "benches",
+        "tests",
+        "tests/structure",
+        "tests/truth",
+        "tests/hid-vm",
+    ];
+    for other in others {
+        assert!(
+            read(&format!("{other}/Cargo.toml")).contains("publish = false"),
+            "{other}"
+        );
+    }
+}

@@ -8,16 +8,15 @@
 use glam::{DQuat, DVec3};
 use sdf_grid::Monitor;
 
-use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
-use crate::pair::builder::PairBuildError;
+use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
-use crate::setup::pair_setup::{PairSetup, PairSetupError};
+use crate::setup::pair_setup::PairSetup;
 use crate::table::accuracy::{HeldOut, random_pose};
-use crate::table::design::{TableDesign, TableDesignError};
+use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
-use crate::table::error::TableError;
 use crate::table::spec::TableSpec;
+use crate::table::tolerance_error::{Limit, ToleranceError};
 
 /// Rotations that are probed.
 const ROTATIONS: u64 = 3;
@@ -49,7 +48,10 @@ const WORTHWHILE: f64 = 1.1;
 const STEP_ORDER: f64 = 1.6;
 
 /// From one spacing to the next, at least and at most: as errors fall with the spacing.
-const REFINEMENTS: [f64; 2] = [1.25, 2.5];
+const REFINEMENTS: [f64; 2] = [1.15, 2.5];
+
+/// Share of what is asked for that the next spacing aims at.
+const MARGIN: f64 = 0.92;
 
 /// The order by which errors fall with the spacing: the lowest and the highest believed.
 const ORDERS: [f64; 2] = [0.7, 2.0];
@@ -88,110 +90,6 @@ pub enum Trial {
         /// The error.
         error: f64,
     },
-}
-
-/// Why there is no finer table than the best that was tried.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Limit {
-    /// As many spacings as are tried.
-    Spacings {
-        /// The best, metres.
-        best: f64,
-    },
-    /// The pair on half the next spacing does not fit in memory.
-    LatticeMemory {
-        /// The best, metres.
-        best: f64,
-        /// The next, metres.
-        next: f64,
-        /// `the density fields` or `the correlation`.
-        what: &'static str,
-        /// Bytes needed.
-        needed: u64,
-        /// Bytes allowed.
-        limit: u64,
-    },
-    /// As many rotation steps as are tried.
-    Steps {
-        /// The best, degrees.
-        best: f64,
-    },
-    /// The table with the next rotation step does not fit in memory.
-    TableMemory {
-        /// The best, degrees.
-        best: f64,
-        /// The next, degrees.
-        next: f64,
-        /// Bytes needed; none if it had more nodes than any table may have.
-        needed: Option<u128>,
-        /// Bytes allowed.
-        limit: u64,
-    },
-}
-
-/// Why no table was designed.
-#[derive(Debug, thiserror::Error)]
-pub enum ToleranceError {
-    /// None that was tried meets the tolerance.
-    #[error(
-        "errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit:?}"
-    )]
-    Missed {
-        /// Share of the rms of force and torque.
-        asked: f64,
-        /// The least share found.
-        reached: f64,
-        /// Where it was found, and why there is no finer one.
-        limit: Limit,
-    },
-    /// A pair cannot be had.
-    #[error(transparent)]
-    Pair(PairSetupError),
-    /// A pair has no such table.
-    #[error(transparent)]
-    Design(#[from] TableDesignError),
-    /// A probe cannot be computed.
-    #[error(transparent)]
-    Table(TableError),
-    /// A part has no interior on its lattice.
-    #[error(transparent)]
-    Direct(#[from] DirectError),
-    /// The monitor asked to stop.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-impl From<PairSetupError> for ToleranceError {
-    fn from(error: PairSetupError) -> Self {
-        match error {
-            PairSetupError::Cancelled => Self::Cancelled,
-            other => Self::Pair(other),
-        }
-    }
-}
-
-impl From<TableError> for ToleranceError {
-    fn from(error: TableError) -> Self {
-        match error {
-            TableError::Cancelled => Self::Cancelled,
-            other => Self::Table(other),
-        }
-    }
-}
-
-impl ToleranceError {
-    /// The computation that did not fit in memory, its need and the limit, bytes.
-    fn memory(&self) -> Option<(&'static str, u64, u64)> {
-        match *self {
-            Self::Pair(PairSetupError::Build(PairBuildError::Memory { needed, limit, .. })) => {
-                Some(("the density fields", needed, limit))
-            }
-            Self::Design(TableDesignError::Memory { needed, limit }) => {
-                Some(("the correlation", needed, limit))
-            }
-            _ => None,
-        }
-    }
 }
 
 impl TableDesign {
@@ -265,7 +163,9 @@ impl Search<'_> {
                 best = (error, spacing);
             }
             let [least, most] = REFINEMENTS;
-            spacing /= (error / asked).powf(1.0 / order).clamp(least, most);
+            spacing /= (error / (MARGIN * asked))
+                .powf(1.0 / order)
+                .clamp(least, most);
         }
         Err(self.missed(best.0, Limit::Spacings { best: best.1 }))
     }
@@ -437,8 +337,14 @@ fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
         .clamp(1.0 / REFINEMENT, REFINEMENT)
 }
 
+/// Infinite where there is nothing to compare with.
 fn root_mean_square(errors: &[f64]) -> f64 {
-    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt()
+    let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+    if square.is_nan() {
+        f64::INFINITY
+    } else {
+        square.sqrt()
+    }
 }
 
 /// Rotation `index` of those at which tables are probed.

@@ -1,0 +1,111 @@
+//! Why no table meets a tolerance.
+
+use crate::direct::evaluator::DirectError;
+use crate::pair::builder::PairBuildError;
+use crate::setup::pair_setup::PairSetupError;
+use crate::table::design::TableDesignError;
+use crate::table::error::TableError;
+
+/// Why there is no finer table than the best that was tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Limit {
+    /// As many spacings as are tried.
+    Spacings {
+        /// The best, metres.
+        best: f64,
+    },
+    /// The pair on half the next spacing does not fit in memory.
+    LatticeMemory {
+        /// The best, metres.
+        best: f64,
+        /// The next, metres.
+        next: f64,
+        /// `the density fields` or `the correlation`.
+        what: &'static str,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// As many rotation steps as are tried.
+    Steps {
+        /// The best, degrees.
+        best: f64,
+    },
+    /// The table with the next rotation step does not fit in memory.
+    TableMemory {
+        /// The best, degrees.
+        best: f64,
+        /// The next, degrees.
+        next: f64,
+        /// Bytes needed; none if it had more nodes than any table may have.
+        needed: Option<u128>,
+        /// Bytes allowed.
+        limit: u64,
+    },
+}
+
+/// Why no table was designed.
+#[derive(Debug, thiserror::Error)]
+pub enum ToleranceError {
+    /// None that was tried meets the tolerance.
+    #[error(
+        "errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit:?}"
+    )]
+    Missed {
+        /// Share of the rms of force and torque.
+        asked: f64,
+        /// The least share found.
+        reached: f64,
+        /// Where it was found, and why there is no finer one.
+        limit: Limit,
+    },
+    /// A pair cannot be had.
+    #[error(transparent)]
+    Pair(PairSetupError),
+    /// A pair has no such table.
+    #[error(transparent)]
+    Design(#[from] TableDesignError),
+    /// A probe cannot be computed.
+    #[error(transparent)]
+    Table(TableError),
+    /// A part has no interior on its lattice.
+    #[error(transparent)]
+    Direct(#[from] DirectError),
+    /// The monitor asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<PairSetupError> for ToleranceError {
+    fn from(error: PairSetupError) -> Self {
+        match error {
+            PairSetupError::Cancelled => Self::Cancelled,
+            other => Self::Pair(other),
+        }
+    }
+}
+
+impl From<TableError> for ToleranceError {
+    fn from(error: TableError) -> Self {
+        match error {
+            TableError::Cancelled => Self::Cancelled,
+            other => Self::Table(other),
+        }
+    }
+}
+
+impl ToleranceError {
+    /// The computation that did not fit in memory, its need and the limit, bytes.
+    pub(super) fn memory(&self) -> Option<(&'static str, u64, u64)> {
+        match *self {
+            Self::Pair(PairSetupError::Build(PairBuildError::Memory { needed, limit, .. })) => {
+                Some(("the density fields", needed, limit))
+            }
+            Self::Design(TableDesignError::Memory { needed, limit }) => {
+                Some(("the correlation", needed, limit))
+            }
+            _ => None,
+        }
+    }
+}

@@ -109,6 +109,17 @@ impl PathAnswer {
         steps.map(|w| w[0].pose.angle_to(&w[1].pose)).sum()
     }
 
+    /// The same way from the goal to the start; without energies and other ways.
+    pub(crate) fn outwards(mut self) -> Self {
+        let whole = self.length();
+        self.poses.reverse();
+        for pose in &mut self.poses {
+            pose.length = whole - pose.length;
+        }
+        self.motions = self.motions.iter().rev().map(Motion::reversed).collect();
+        self
+    }
+
     /// Way of the farthest-going point, metres.
     pub fn length(&self) -> f64 {
         self.poses.last().map_or(0.0, |p| p.length)

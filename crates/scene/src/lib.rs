@@ -37,6 +37,7 @@ pub use assembly::profile::{Motion, ProfilePoint};
 pub use error::{LineError, Refusal, SceneError};
 pub use live::live_pairs::LivePairs;
 pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
+pub use setup::placed_parts::PlacedParts;
 pub use setup::scene_setup::SceneSetup;
 pub use setup::tables::TableReference;
 pub use setup::warning::SceneWarning;

@@ -64,6 +64,8 @@ pub enum Command {
     Dock(DockArgs),
     /// Find the way into the fit and out of it, with the forces along it, or that there is none
     Path(PathArgs),
+    /// Find the order in which the parts of a scene come apart, and each one's way
+    Disassemble(DisassembleArgs),
     /// Feel it on a page: the 1 kHz loop, your mouse as the hand, and the forces shown
     Play(PlayArgs),
     /// Run the 1 kHz haptic loop
@@ -351,6 +353,33 @@ pub struct PathArgs {
     /// Write a page that plays the way: both parts, energy and force; it needs no other file
     #[arg(long, value_name = "PAGE.html")]
     pub html: Option<PathBuf>,
+}
+
+/// Arguments of `pegfit disassemble`.
+#[derive(Debug, Args)]
+pub struct DisassembleArgs {
+    /// Scene file: all its fixed parts, and the moving one where it fits
+    pub scene: PathBuf,
+    /// Folder for the ways, one CSV per step, and order.json; made if absent
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Most parts that are moved together
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    pub group: usize,
+    /// Overlaps up to this depth count as contact, in the scene's unit [default: a thousandth of the
+    /// radius of what is moved]
+    #[arg(long, value_name = "T")]
+    pub tolerance: Option<f64>,
+    /// Largest motion of any point from one pose to the next, in the scene's unit [default: a
+    /// thirtieth of the radius of what is moved]
+    #[arg(long, value_name = "D")]
+    pub step: Option<f64>,
+    /// Give up on one part or group after so many seconds
+    #[arg(long, default_value_t = 60.0)]
+    pub seconds: f64,
+    /// Go on if parts overlap where they are assembled
+    #[arg(long)]
+    pub allow_overlap: bool,
 }
 
 /// Arguments of `pegfit feel`.

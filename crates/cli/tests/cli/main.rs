@@ -7,6 +7,7 @@ mod check;
 mod cloud;
 mod common;
 mod devices;
+mod disassemble;
 mod dock_and_feel;
 mod field;
 mod interrupt;

@@ -47,6 +47,17 @@ impl Motion {
         (self.turn > 0.0).then(|| TAU * self.advance / self.turn)
     }
 
+    /// The motion back.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let axis = DVec3::from_array(self.axis);
+        Self {
+            axis: (-axis).to_array(),
+            point: (DVec3::from_array(self.point) + self.advance * axis).to_array(),
+            ..*self
+        }
+    }
+
     /// The same motion as seen from where `by` puts the fixed frame.
     #[must_use]
     pub fn placed(&self, by: &Pose) -> Self {
@@ -191,7 +202,7 @@ mod tests {
     #[test]
     fn pushes_turns_and_screws_are_told_apart() {
         let mesh = shapes::cuboid(DVec3::new(0.01, 0.01, 0.03)).unwrap();
-        let frame = Frame::new(&mesh);
+        let frame = Frame::new(mesh.centroid(), mesh.vertices());
         let along = |z: f64| Pose::from_translation(DVec3::Z * z);
         let about = |turn: f64, z: f64| Pose::new(DQuat::from_rotation_z(turn), DVec3::Z * z);
         let mut poses = vec![along(0.03), along(0.02), along(0.01)];

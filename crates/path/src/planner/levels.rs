@@ -42,22 +42,27 @@ pub(crate) struct Opened {
 }
 
 impl Levels<'_> {
+    /// Ways from a pose to the outside at one level, and whether everything was tried there.
+    pub(crate) fn out_at(&self, pose: &Pose, level: f64) -> (Opened, bool) {
+        let grown = self.at(pose, level, self.time_limit);
+        let opened = Opened {
+            outcome: Outcome::Free,
+            level,
+            nodes: grown.nodes,
+            looked: grown.looked,
+            ways: grown.ways,
+        };
+        (opened, grown.exhausted)
+    }
+
     /// Ways from a pose to the outside at the lowest level at which one is found, `lowest` being the
     /// first one tried.
     pub(crate) fn out_of(&self, pose: &Pose, lowest: f64) -> Opened {
         let began = Instant::now();
-        let first = self.at(pose, lowest, self.time_limit);
-        let mut opened = Opened {
-            outcome: Outcome::Free,
-            level: lowest,
-            nodes: first.nodes,
-            looked: first.looked,
-            ways: first.ways,
-        };
+        let (mut opened, exhausted) = self.out_at(pose, lowest);
         if !opened.ways.is_empty() || (self.stop)() {
             return opened;
         }
-        let exhausted = first.exhausted;
         // As long again in all for what would have to give way.
         let share = self.time_limit.max(began.elapsed()) / 8;
         let (mut stuck, mut passed) = (lowest, None);

@@ -2,9 +2,9 @@
 
 mod charts;
 mod page;
-mod question;
-mod rows;
+pub(super) mod question;
+pub(super) mod rows;
 mod run;
-mod summary;
+pub(super) mod summary;
 
 pub(super) use run::run;

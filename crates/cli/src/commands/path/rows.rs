@@ -11,7 +11,7 @@ const COLUMNS: [&str; 9] = [
 ];
 
 /// The poses of a way in the scene that places the shapes so.
-pub(super) fn write(
+pub(crate) fn write(
     answer: &PathAnswer,
     placement: &Placement,
     out: impl std::io::Write,

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 /// A way for programs: metres, radians, joules, in the scene.
 #[derive(Serialize)]
-pub(super) struct Summary {
+pub(crate) struct Summary {
     /// `free`, `overlapping` (deeper than contact, as the goal may be allowed to), `blocked`, or
     /// `not found`: the search ran out of time.
     outcome: &'static str,
@@ -90,7 +90,7 @@ fn outcome(answer: &PathAnswer) -> &'static str {
 
 impl Summary {
     /// Of a way between shapes that are placed so.
-    pub(super) fn new(
+    pub(crate) fn new(
         answer: &PathAnswer,
         placement: &Placement,
         field_seconds: Option<f64>,
@@ -154,7 +154,7 @@ impl Seen {
 }
 
 /// The way in words, inwards: `push 12.0 mm along ..., quarter turn about ...`.
-pub(super) fn words(motions: &[Motion], placement: &Placement) -> String {
+pub(crate) fn words(motions: &[Motion], placement: &Placement) -> String {
     let told: Vec<String> = placed(motions, placement)
         .iter()
         .map(Motion::to_string)

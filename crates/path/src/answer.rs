@@ -26,7 +26,8 @@ pub struct PathAnswer {
     pub volume: f64,
     /// The way in words, short motions left out.
     pub motions: Vec<Motion>,
-    /// Other ways that leave in other directions, looked for as long as the first one took.
+    /// Other ways that leave in other directions, looked for as long as the first one took; none of
+    /// them climbs less, by more than a hundredth of the depth.
     pub others: Vec<OtherPath>,
     /// What was looked at.
     pub effort: Effort,

@@ -18,6 +18,10 @@ const HIGHEST: f64 = 0.5;
 /// Halvings (in proportion) between the last level that failed and the first that did not.
 const HALVINGS: usize = 2;
 
+/// Places so many steps apart count as one, coarsely first: where there is much play there are many
+/// places.
+const WITHIN: [f64; 3] = [4.0, 2.0, 1.0];
+
 /// What searches at all levels share.
 pub(crate) struct Levels<'a> {
     pub(crate) gaps: &'a Gaps,
@@ -108,20 +112,34 @@ impl Levels<'_> {
     }
 
     fn at(&self, pose: &Pose, level: f64, limit: Duration) -> Grown {
-        let growth = Growth {
-            gaps: self.gaps,
-            escape: self.escape,
-            shape: self.shape,
-            limits: Limits {
-                level,
-                tolerance: self.tolerance,
-            },
-            step: self.step,
-            deadline: Instant::now() + limit,
-            others: self.others,
-            stop: self.stop,
-            gained: self.gained,
-        };
-        growth.run(pose)
+        let deadline = Instant::now() + limit;
+        let mut all = Grown::default();
+        for within in WITHIN {
+            let growth = Growth {
+                gaps: self.gaps,
+                escape: self.escape,
+                shape: self.shape,
+                limits: Limits {
+                    level,
+                    tolerance: self.tolerance,
+                },
+                step: self.step,
+                within: within * self.step,
+                deadline,
+                others: self.others,
+                stop: self.stop,
+                gained: self.gained,
+            };
+            let grown = growth.run(pose);
+            tracing::debug!(within, grown.nodes, grown.looked, grown.exhausted, "grown");
+            all.nodes += grown.nodes;
+            all.looked += grown.looked;
+            all.ways = grown.ways;
+            all.exhausted = grown.exhausted;
+            if !all.ways.is_empty() || !all.exhausted {
+                break;
+            }
+        }
+        all
     }
 }

@@ -13,7 +13,7 @@ use crate::contact::gaps::Gaps;
 use crate::contact::settle::Limits;
 use crate::error::PathError;
 use crate::motion::words::motions;
-use crate::planner::finish::{Finish, Finished};
+use crate::planner::finish::{Finish, Finished, WORTH};
 use crate::planner::levels::{Levels, Opened};
 use crate::planner::options::{PathOptions, Start};
 use crate::search::escape::Escape;
@@ -302,10 +302,11 @@ impl PathSearch {
             stop,
         };
         let depth = source.map(|s| self.depth(s, goal));
-        let mut finished = outwards.iter().map(|way| {
+        let finished = outwards.iter().map(|way| {
             let corners = finish.straightened(way, self.options.start != Start::Outside);
             finish.finished(corners, step, depth)
         });
+        let mut finished = lowest_first(finished.collect(), depth).into_iter();
         let first = finished.next();
         let others = finished.map(|f| self.other(f)).collect();
         let mut answer = PathAnswer {
@@ -366,4 +367,16 @@ impl PathSearch {
         let pose = &answer.poses[deepest].pose;
         self.gaps.shared_volume(pose)
     }
+}
+
+/// Ways with the one of least climb first; the first one found stays if no other is lower by a share of
+/// the depth that is worth it.
+fn lowest_first(mut ways: Vec<Finished>, depth: Option<f64>) -> Vec<Finished> {
+    let climb = |way: &Finished| way.climb.map_or(0.0, |c| c.energy);
+    let worth = WORTH * depth.unwrap_or(0.0).max(0.0);
+    let least = (1..ways.len()).min_by(|a, b| climb(&ways[*a]).total_cmp(&climb(&ways[*b])));
+    if let Some(least) = least.filter(|i| climb(&ways[*i]) + worth < climb(&ways[0])) {
+        ways[..=least].rotate_right(1);
+    }
+    ways
 }

@@ -53,8 +53,6 @@ pub(crate) struct Grown {
     pub(crate) looked: usize,
     /// Whether nothing was left to try.
     pub(crate) exhausted: bool,
-    /// The pose reached that is closest to being out, with its distance, metres.
-    pub(crate) closest: Option<(Pose, f64)>,
 }
 
 /// Poses from the first to one outside, a step apart, and where it left.
@@ -71,6 +69,8 @@ pub(crate) struct Growth<'a> {
     pub(crate) shape: &'a Shape,
     pub(crate) limits: Limits,
     pub(crate) step: f64,
+    /// Places closer than this are one, metres, unless the part is nearer to being out at one.
+    pub(crate) within: f64,
     /// When to stop, found or not.
     pub(crate) deadline: Instant,
     /// How long to look for other ways once one is found, as a share of the time that it took.
@@ -137,8 +137,6 @@ impl Growth<'_> {
             }
         }
         grown.nodes = nodes.len();
-        let closest = nodes.iter().min_by(|a, b| a.exit.total_cmp(&b.exit));
-        grown.closest = closest.map(|n| (n.pose, n.exit));
         grown
     }
 
@@ -233,7 +231,7 @@ impl Growth<'_> {
         let exit = self.escape.exit(self.gaps, pose).distance;
         let same = |n: &Node| {
             exit > n.exit - CLOSER * self.step
-                && self.shape.same(self.gaps, &n.pose, pose, self.step)
+                && self.shape.same(self.gaps, &n.pose, pose, self.within)
         };
         nodes.iter().any(same)
     }

@@ -12,11 +12,11 @@ use sdf_grid::atomic;
 use super::summary::{Order, say};
 use crate::args::DisassembleArgs;
 use crate::commands::path::question::time_limit;
-use crate::commands::path::rows;
 use crate::commands::scenes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
+use crate::report::way::rows;
 
 /// Letters of a part's name that a file's name has at most.
 const LONGEST_NAME: usize = 60;

@@ -5,7 +5,7 @@ use pegfit_path::Disassembly;
 use sdf_grid::LengthUnit;
 use serde::Serialize;
 
-use crate::commands::path::summary::{Summary, words};
+use crate::report::way::summary::{Summary, words};
 
 /// An order for programs: metres, radians, in the scene.
 #[derive(Serialize)]

@@ -230,7 +230,10 @@ pub(crate) fn say(way: &WayReport) {
             (Some(own), Some(_)) => format!(", climbs {:.1} % of the depth", 100.0 * own.share),
             _ => String::new(),
         };
-        crate::say!("  also: {way} ({:.3} {unit} long{climb})", other.length / metre);
+        crate::say!(
+            "  also: {way} ({:.3} {unit} long{climb})",
+            other.length / metre
+        );
     }
     if answer.others.is_empty() {
         crate::say!("  no other way was found in as much time again");

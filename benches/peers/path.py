@@ -6,12 +6,13 @@
     python benches/peers/path.py SCENES [--seconds S] [--pegfit PROGRAM] [--out FILE]
 
 The planners are OMPL's RRT-Connect and BIT* over SE(3), between the fit and a pose beside the fixed
-part in a random direction; a pose is valid if coal finds no contact of the two surfaces and the part
-is not inside. Poses along an edge are checked every hundredth of the moving part's radius. A way
-counts if all of its poses, ten times as dense, are valid. The program reads scenes, computes no
-fields (`--solids-only`) and its seconds are the whole run of the command; it takes overlaps of up to
-a thousandth of the radius for contact, the planners none. Every try has the same limit; a try that
-ends without a way counts with it. The captive ball is right if nothing is found.
+part in a random direction; a pose is valid if coal finds no contact of the two surfaces, so that a
+way that begins outside stays there. Poses along an edge are checked every hundredth of the moving
+part's radius, by a function in Python. A way counts if all of its poses, ten times as dense, are
+valid. The program reads scenes, computes no fields (`--solids-only`) and its seconds are the whole
+run of the command; it takes overlaps of up to a thousandth of the radius for contact, the planners
+none. Every try has the same limit; a try that ends without a way counts with it. The captive ball is
+right if nothing is found.
 """
 
 from __future__ import annotations

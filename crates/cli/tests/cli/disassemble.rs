@@ -80,7 +80,7 @@ fn what_cannot_be_taken_apart_is_refused_by_name() {
         refuse(folder.path(), &asked)
     };
     assert!(ask(&["--group", "0"]).contains("largest_group"));
-    assert!(ask(&["--seconds", "-1"]).contains("--seconds"));
+    assert!(ask(&["--seconds", "0"]).contains("--seconds"));
     assert!(ask(&["-o", "nowhere/steps"]).contains("nowhere"));
     let scene = folder.path().join("scene.toml");
     let text = std::fs::read_to_string(&scene).unwrap();

@@ -141,13 +141,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
     util.setLogLevel(util.LogLevel.LOG_ERROR)
+    util.RNG.setSeed(1)
     found: dict[str, dict[str, list[tuple[bool, float]]]] = defaultdict(lambda: defaultdict(list))
     for frame, folder in enumerate(sorted(p.parent for p in args.scenes.glob("*/scene.toml"))):
         problem = Problem(folder)
         of = found[problem.name]
         of["pegfit"].append(ours(folder, args.pegfit, args.seconds))
         for name, planner in PLANNERS.items():
-            util.RNG.setSeed(frame + 1)
             of[name].append(plan(problem, planner, args.seconds, frame))
         print(folder.name, {name: tries[-1] for name, tries in of.items()}, flush=True)
     lines = ["| pair | tool | tries | found | median, s |", "|---|---|---|---|---|"]

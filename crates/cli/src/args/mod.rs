@@ -2,5 +2,7 @@
 
 mod command_line;
 pub mod device_choice;
+mod ways;
 
 pub use command_line::*;
+pub use ways::*;

@@ -48,7 +48,7 @@ def test_a_way_begins_and_ends_where_it_is_asked_to(loose):
     assert way.free
     matrix = np.eye(4)
     matrix[2, 3] = 0.004
-    np.testing.assert_array_equal(loose.path(matrix, solids_only=True).poses[-1], goal)
+    np.testing.assert_allclose(loose.path(matrix, solids_only=True).poses[-1], goal, atol=1e-12)
 
 
 def test_reports_say_what_the_command_would(way, tmp_path):

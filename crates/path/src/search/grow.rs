@@ -69,7 +69,8 @@ pub(crate) struct Growth<'a> {
     pub(crate) shape: &'a Shape,
     pub(crate) limits: Limits,
     pub(crate) step: f64,
-    /// Places closer than this are one, metres, unless the part is nearer to being out at one.
+    /// From places closer than this other directions are tried at one only, metres, unless the part is
+    /// nearer to being out at the other.
     pub(crate) within: f64,
     /// When to stop, found or not.
     pub(crate) deadline: Instant,
@@ -107,7 +108,8 @@ impl Growth<'_> {
             let (batch, longest) = self.batch(&mut nodes[chosen]);
             let pose = nodes[chosen].pose;
             let stop = || (self.stop)() || Instant::now() > deadline;
-            let known = |pose: &Pose| self.known(&nodes, pose);
+            // A slide goes on until it is where one has been: in a thread it has to go far.
+            let known = |pose: &Pose| self.known(&nodes, pose, self.step);
             let until = Until {
                 longest,
                 known: &known,
@@ -209,7 +211,7 @@ impl Growth<'_> {
             between.push(pose);
             let last = i + 1 == count;
             let far = self.gaps.frame.apart(&nodes[parent].pose, &pose) > apart;
-            if !(last || far) || self.known(nodes, &pose) {
+            if !(last || far) || self.known(nodes, &pose, self.within) {
                 continue;
             }
             let motion = if last { slide.last } else { None };
@@ -226,12 +228,11 @@ impl Growth<'_> {
         None
     }
 
-    /// Whether the part has been where it would be, no farther from being out.
-    fn known(&self, nodes: &[Node], pose: &Pose) -> bool {
+    /// Whether the part has been within so many metres of where it would be, no farther from being out.
+    fn known(&self, nodes: &[Node], pose: &Pose, within: f64) -> bool {
         let exit = self.escape.exit(self.gaps, pose).distance;
         let same = |n: &Node| {
-            exit > n.exit - CLOSER * self.step
-                && self.shape.same(self.gaps, &n.pose, pose, self.within)
+            exit > n.exit - CLOSER * self.step && self.shape.same(self.gaps, &n.pose, pose, within)
         };
         nodes.iter().any(same)
     }

@@ -11,7 +11,7 @@ use crate::motion::frame::{Frame, shift};
 use crate::motion::six::Vec6;
 
 /// A turn that moves less than this share of what the displacement beside it does is not told.
-const NOTHING: f64 = 0.1;
+const NOTHING: f64 = 0.2;
 /// The advance of a turn of less than [`ONE_TURN`] radians is not told if it is less than this share of
 /// the part's radius.
 const PLAY: f64 = 0.03;

@@ -1,12 +1,13 @@
 //! Ways in, found in every frame: `path [--quick] [--out DIR] [--frames N] [--only PAIR]
-//! [--seconds S] [PARTS_DIR]`.
+//! [--seconds S] [--scenes DIR] [PARTS_DIR]`.
 //!
 //! Both parts of pairs whose way is known are turned and shifted by themselves, with clearances from
 //! 0.02 to 0.5 mm: pegs of all kinds (`shapes::random_fit`), the paper's, a dovetail, a spool round a
 //! corner, a bayonet, nuts of both hands, a ball that cannot leave, and the parts of a folder. Prints
-//! how often the answer was the right one, the time it took, and what was looked at.
+//! how often the answer was the right one, the time it took, and what was looked at. With `--scenes`
+//! nothing is looked for: a scene of each pair in each frame is written there, for other tools.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -17,7 +18,7 @@ use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use pegfit_path::{Outcome as Found, PathAnswer, PathOptions, PathSearch};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::{Silent, TriangleMesh, shapes};
+use sdf_grid::{Silent, TriangleMesh, mesh_io, shapes};
 
 /// Clearances, metres: of the pairs that are made for one, and of nuts, whose facets take some of it.
 const CLEARANCES: [f64; 4] = [2e-5, 6e-5, 2e-4, 5e-4];
@@ -48,6 +49,7 @@ struct Wanted {
     frames: u64,
     only: Option<String>,
     seconds: f64,
+    scenes: Option<PathBuf>,
 }
 
 fn main() -> Outcome<()> {
@@ -59,21 +61,30 @@ fn main() -> Outcome<()> {
             .only
             .as_ref()
             .is_none_or(|part| known.name.contains(part.as_str()));
-        if chosen {
+        if !chosen {
+            continue;
+        }
+        if let Some(folder) = &wanted.scenes {
+            write_scenes(&known, wanted.frames, folder)?;
+        } else {
             table.push(row(&known, &wanted)?);
             println!("{}", table.to_text().lines().last().unwrap_or_default());
         }
     }
-    arguments.publish(&table, None)
+    match wanted.scenes {
+        Some(_) => Ok(()),
+        None => arguments.publish(&table, None),
+    }
 }
 
 fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
     let usage = "usage: path [--quick] [--out DIR] [--frames N] [--only PAIR] [--seconds S] \
-                 [PARTS_DIR]";
+                 [--scenes DIR] [PARTS_DIR]";
     let mut wanted = Wanted {
         frames: if arguments.quick { 1 } else { 20 },
         only: None,
         seconds: 60.0,
+        scenes: None,
     };
     let rest = &mut arguments.rest;
     while let Some(at) = rest.iter().position(|a| a.starts_with("--")) {
@@ -86,6 +97,7 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
             "--frames" => wanted.frames = value.parse()?,
             "--only" => wanted.only = Some(value),
             "--seconds" => wanted.seconds = value.parse()?,
+            "--scenes" => wanted.scenes = Some(value.into()),
             _ => return Err(usage.into()),
         }
     }
@@ -184,23 +196,54 @@ fn row(known: &Known, wanted: &Wanted) -> Outcome<Vec<String>> {
 
 /// The answer in one frame, and how long it took.
 fn find(known: &Known, frame: u64, limit: f64) -> Outcome<(PathAnswer, f64)> {
-    let mut random = SmallRng::seed_from_u64(frame);
-    let mut put = |mesh: &TriangleMesh| {
-        let shift = DVec3::from_array(std::array::from_fn(|_| random.random_range(-0.05..0.05)));
-        let pose = Pose::new(random_rotation(&mut random), shift);
-        (
-            Arc::new(mesh.transformed(pose.rotation, pose.translation)),
-            pose,
-        )
-    };
-    let ((fixed, place), (moving, own)) = (put(&known.parts.0), put(&known.parts.1));
+    let ([fixed, moving], goal) = placed(known, frame);
     let options = PathOptions {
         time_limit: Duration::from_secs_f64(limit),
         others: 0.0,
         ..PathOptions::default()
     };
     let began = Instant::now();
-    let search = PathSearch::new(fixed, moving, options)?;
-    let answer = search.find(&(place * own.inverse()), None, &Silent)?;
+    let search = PathSearch::new(Arc::new(fixed), Arc::new(moving), options)?;
+    let answer = search.find(&goal, None, &Silent)?;
     Ok((answer, began.elapsed().as_secs_f64()))
+}
+
+/// Both parts in a frame, each turned and shifted by itself, and the pose in which they fit.
+fn placed(known: &Known, frame: u64) -> ([TriangleMesh; 2], Pose) {
+    let mut random = SmallRng::seed_from_u64(frame);
+    let mut put = |mesh: &TriangleMesh| {
+        let shift = DVec3::from_array(std::array::from_fn(|_| random.random_range(-0.05..0.05)));
+        let pose = Pose::new(random_rotation(&mut random), shift);
+        (mesh.transformed(pose.rotation, pose.translation), pose)
+    };
+    let ((fixed, place), (moving, own)) = (put(&known.parts.0), put(&known.parts.1));
+    ([fixed, moving], place * own.inverse())
+}
+
+/// A scene for each frame, its first line the pair's name.
+fn write_scenes(known: &Known, frames: u64, folder: &Path) -> Outcome<()> {
+    let plain = |c: char| {
+        if c.is_alphanumeric() || c == '.' {
+            c
+        } else {
+            '-'
+        }
+    };
+    for frame in 0..frames {
+        let ([fixed, moving], goal) = placed(known, frame);
+        let name: String = known.name.chars().map(plain).collect();
+        let folder = folder.join(format!("{name}-{frame:02}"));
+        std::fs::create_dir_all(&folder)?;
+        mesh_io::write_obj(folder.join("fixed.obj"), &fixed)?;
+        mesh_io::write_obj(folder.join("moving.obj"), &moving)?;
+        let text = format!(
+            "# {}\nunit = \"m\"\nfixed = \"fixed.obj\"\nmoving = \"moving.obj\"\n[fit]\n\
+             position = {:?}\nrotation = {:?}\n",
+            known.name,
+            goal.translation.to_array(),
+            goal.rotation.to_array()
+        );
+        std::fs::write(folder.join("scene.toml"), text)?;
+    }
+    Ok(())
 }

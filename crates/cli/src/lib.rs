@@ -17,3 +17,4 @@ pub use error::{CommandError, SceneFileError};
 pub use exit::Exit;
 pub use memory::budget as memory_budget;
 pub use report::felt::FeltPage;
+pub use report::way::WayReport;

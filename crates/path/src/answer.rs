@@ -26,7 +26,8 @@ pub struct PathAnswer {
     pub volume: f64,
     /// The way in words, short motions left out.
     pub motions: Vec<Motion>,
-    /// Other ways that leave in other directions, looked for as long as the first one took.
+    /// Other ways that leave in other directions, looked for as long as the first one took; none of
+    /// them climbs less, by more than a hundredth of the depth.
     pub others: Vec<OtherPath>,
     /// What was looked at.
     pub effort: Effort,
@@ -107,6 +108,17 @@ impl PathAnswer {
     pub fn turn(&self) -> f64 {
         let steps = self.poses.windows(2);
         steps.map(|w| w[0].pose.angle_to(&w[1].pose)).sum()
+    }
+
+    /// The same way from the goal to the start; without energies and other ways.
+    pub(crate) fn outwards(mut self) -> Self {
+        let whole = self.length();
+        self.poses.reverse();
+        for pose in &mut self.poses {
+            pose.length = whole - pose.length;
+        }
+        self.motions = self.motions.iter().rev().map(Motion::reversed).collect();
+        self
     }
 
     /// Way of the farthest-going point, metres.

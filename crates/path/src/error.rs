@@ -35,6 +35,21 @@ pub enum PathError {
         /// What counts as contact, metres.
         tolerance: f64,
     },
+    /// Two parts overlap where they are assembled.
+    #[error(
+        "the parts `{}` and `{}` overlap by {:.4} mm, {:.4} mm³ in all, where they are assembled;          {:.4} mm count as contact: allow it, or place them more exactly",
+        parts[0], parts[1], 1e3 * depth, 1e9 * volume, 1e3 * tolerance
+    )]
+    PartsOverlap {
+        /// Their names.
+        parts: [String; 2],
+        /// Of the deepest point, metres.
+        depth: f64,
+        /// Cubic metres.
+        volume: f64,
+        /// What counts as contact, metres.
+        tolerance: f64,
+    },
     /// The parts lie beside each other at the goal: there is nothing to go into.
     #[error(
         "at the goal the parts lie beside each other, {:.4} mm apart: no way leads in; is it the \

@@ -4,6 +4,7 @@
 //! direction that the walls leave, best first, until it lies beside the fixed part. What it may overlap
 //! on the way is raised like water until a way opens. The way is then straightened into few screw
 //! motions, taken off the walls, let down the energy where it climbs, and measured.
+//! [`DisassemblySearch`] does so with the parts and groups of an assembly, one after the other.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -24,6 +25,7 @@
 
 mod answer;
 mod contact;
+mod disassembly;
 mod error;
 mod motion;
 mod planner;
@@ -32,6 +34,10 @@ mod way;
 
 pub use answer::{Effort, OtherPath, Outcome, PathAnswer, PathPose};
 pub use contact::overlap::shared_volume;
+pub use disassembly::options::DisassemblyOptions;
+pub use disassembly::search::{
+    AssemblyPart, Disassembly, DisassemblySearch, DisassemblyStep, LockedParts,
+};
 pub use error::PathError;
 pub use motion::words::Motion;
 pub use planner::options::{PathOptions, Start};

@@ -39,6 +39,8 @@ mod _core {
     #[pymodule_export]
     use crate::search::dock::dock;
     #[pymodule_export]
+    use crate::search::path::{PyWay, path};
+    #[pymodule_export]
     use crate::source::source_class::Source;
     #[pymodule_export]
     use crate::tables::bake::bake_table;

@@ -26,6 +26,8 @@ pub(crate) const DEFAULT_BALL: [f64; 2] = [20.0, 5.0];
 /// Two parts and what is asked of them; shared with the threads that work on it.
 pub(crate) struct Parts {
     pub(crate) setup: PairSetup,
+    /// What the moving part is called.
+    pub(crate) name: String,
     /// Rotations to tabulate, of the shapes, and whether a scene named them: docking looks
     /// everywhere otherwise.
     pub(crate) rotations: RotationDomain,
@@ -155,6 +157,7 @@ impl PyPair {
         setup.plan()?;
         let parts = Parts {
             setup,
+            name: moving.name().to_owned(),
             rotations: RotationDomain::ball(DEFAULT_BALL[0], DEFAULT_BALL[1]),
             rotations_named: false,
             fit: FitChoice {
@@ -184,6 +187,7 @@ impl PyPair {
             let warnings = read.warnings.iter().map(ToString::to_string).collect();
             let parts = Parts {
                 setup: read.parts,
+                name: read.scene.moving.name,
                 rotations: read.rotations,
                 rotations_named: read.scene.rotations_given,
                 fit: read.scene.fit,

@@ -39,6 +39,7 @@ pub use error::{LineError, Refusal, SceneError};
 pub use live::live_pairs::LivePairs;
 pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
 pub use setup::meshes::FitSolids;
+pub use setup::placed_parts::PlacedParts;
 pub use setup::scene_setup::SceneSetup;
 pub use setup::tables::TableReference;
 pub use setup::warning::SceneWarning;

@@ -10,6 +10,7 @@ use sdf_grid::mesh_io::ReadOptions;
 use crate::args::device_choice::DeviceChoice;
 use crate::args::manual_args::{CompletionsArgs, ManArgs};
 use crate::args::scene_args::SceneArgs;
+use crate::args::ways::{DisassembleArgs, PathArgs};
 
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]
@@ -68,6 +69,8 @@ pub enum Command {
     Dock(DockArgs),
     /// Find the way into the fit and out of it, with the forces along it, or that there is none
     Path(PathArgs),
+    /// Find the order in which the parts of a scene come apart, and each one's way
+    Disassemble(DisassembleArgs),
     /// Feel it on a page: the 1 kHz loop, your mouse as the hand, and the forces shown
     Play(PlayArgs),
     /// Run the 1 kHz haptic loop
@@ -306,59 +309,6 @@ pub struct DockArgs {
     /// which poses are ranked]
     #[arg(long, value_name = "C")]
     pub mating_clearance: Option<f64>,
-}
-
-/// Arguments of `pegfit path`.
-#[derive(Debug, Args)]
-pub struct PathArgs {
-    /// Scene file
-    pub scene: PathBuf,
-    /// Which fixed part of a scene with several, by its name
-    #[arg(long, value_name = "NAME")]
-    pub fixed: Option<String>,
-    /// Where the way leads: `fit` (the scene's), `best` (docks first), or a pose
-    /// x,y,z,qx,qy,qz,qw in metres
-    #[arg(
-        long,
-        value_name = "POSE",
-        default_value = "fit",
-        allow_hyphen_values = true
-    )]
-    pub to: String,
-    /// Where it begins: `outside`, or a pose x,y,z,qx,qy,qz,qw in metres
-    #[arg(
-        long,
-        value_name = "POSE",
-        default_value = "outside",
-        allow_hyphen_values = true
-    )]
-    pub from: String,
-    /// Poses along the way, with energy, force, torque and overlap; - is standard output
-    #[arg(short, long, value_name = "PATH.csv")]
-    pub output: Option<PathBuf>,
-    /// Overlaps up to this depth count as contact, in the scene's unit [default: a thousandth of the
-    /// moving part's radius]
-    #[arg(long, value_name = "T")]
-    pub tolerance: Option<f64>,
-    /// Largest motion of any point of the part from one pose to the next, in the scene's unit
-    /// [default: a thirtieth of its radius]
-    #[arg(long, value_name = "D")]
-    pub step: Option<f64>,
-    /// Give up after so many seconds of searching
-    #[arg(long, default_value_t = 60.0)]
-    pub seconds: f64,
-    /// Go on if the parts overlap at the goal or at the start
-    #[arg(long)]
-    pub allow_overlap: bool,
-    /// Look at the solids only: no fields, no energies, no forces
-    #[arg(long)]
-    pub solids_only: bool,
-    /// Draw energy and force along the way
-    #[arg(long, value_name = "P.png", conflicts_with = "solids_only")]
-    pub png: Option<PathBuf>,
-    /// Write a page that plays the way: both parts, energy and force; it needs no other file
-    #[arg(long, value_name = "PAGE.html")]
-    pub html: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit feel`.

@@ -4,6 +4,7 @@ mod bake;
 mod check;
 mod demo;
 mod devices;
+mod disassemble;
 mod dock;
 mod examples;
 mod feel;

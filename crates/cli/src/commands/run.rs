@@ -1,8 +1,8 @@
 //! From parsed arguments to the command that was asked for.
 
 use super::{
-    bake, check, demo, devices, dock, feel, field, manual, path, play, plot, scene, score, table,
-    verify,
+    bake, check, demo, devices, disassemble, dock, feel, field, manual, path, play, plot, scene,
+    score, table, verify,
 };
 use crate::args::{Arguments, Command, Global};
 use crate::context::Context;
@@ -31,6 +31,7 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Verify(args) => verify::run(args, &context),
         Command::Dock(args) => dock::run(args, &context),
         Command::Path(args) => path::run(args, &context),
+        Command::Disassemble(args) => disassemble::run(args, &context),
         Command::Play(args) => play::run(args, &context),
         Command::Feel(args) => feel::run(args, &context),
         Command::Devices(args) => devices::run(args, &context),

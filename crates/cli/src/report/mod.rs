@@ -4,3 +4,4 @@ pub(crate) mod felt;
 pub(crate) mod html;
 pub(crate) mod output;
 pub(crate) mod parquet_log;
+pub(crate) mod way;

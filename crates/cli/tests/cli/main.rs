@@ -8,6 +8,7 @@ mod cloud;
 mod command_page;
 mod common;
 mod devices;
+mod disassemble;
 mod dock_and_feel;
 mod field;
 mod interrupt;

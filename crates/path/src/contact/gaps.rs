@@ -1,21 +1,17 @@
 //! Where two parts are close to each other or overlap.
 
-use std::sync::Arc;
-
-use fft_correlate::Pose;
-use glam::DVec3;
-use sdf_grid::TriangleMesh;
-
+use crate::contact::body::Body;
 use crate::contact::features::touching_points;
-use crate::contact::solid::{Probe, Solid};
 use crate::motion::frame::Frame;
 use crate::motion::six::Vec6;
+use fft_correlate::Pose;
+use glam::DVec3;
 
-/// Two parts, each as a solid and as the points with which it touches the other.
+/// Two bodies, each as solids and as the points with which it touches the other.
 #[derive(Debug, Clone)]
 pub(crate) struct Gaps {
-    pub(crate) fixed: Solid,
-    pub(crate) moving: Solid,
+    pub(crate) fixed: Body,
+    pub(crate) moving: Body,
     fixed_points: Vec<DVec3>,
     moving_points: Vec<DVec3>,
     pub(crate) frame: Frame,
@@ -34,21 +30,22 @@ pub(crate) struct Contact {
 
 impl Gaps {
     /// Points along edges lie at most `spacing` metres apart.
-    pub(crate) fn new(fixed: Arc<TriangleMesh>, moving: Arc<TriangleMesh>, spacing: f64) -> Self {
+    pub(crate) fn new(fixed: Body, moving: Body, spacing: f64) -> Self {
+        let vertices: Vec<DVec3> = moving.vertices().copied().collect();
         Self {
-            fixed_points: touching_points(&fixed, spacing),
-            moving_points: touching_points(&moving, spacing),
-            frame: Frame::new(&moving),
-            fixed: Solid::new(fixed),
-            moving: Solid::new(moving),
+            fixed_points: points_of(&fixed, spacing),
+            moving_points: points_of(&moving, spacing),
+            frame: Frame::new(moving.centroid(), &vertices),
+            fixed,
+            moving,
         }
     }
 
     /// The same parts with points this far apart.
     pub(crate) fn finer(&self, spacing: f64) -> Self {
         Self {
-            fixed_points: touching_points(&self.fixed.mesh, spacing),
-            moving_points: touching_points(&self.moving.mesh, spacing),
+            fixed_points: points_of(&self.fixed, spacing),
+            moving_points: points_of(&self.moving, spacing),
             ..self.clone()
         }
     }
@@ -71,23 +68,24 @@ impl Gaps {
         let back = pose.inverse();
         let moving = |q: &DVec3| {
             let place = pose.apply(*q);
-            let probe = self
-                .fixed
-                .probe(place, radius)
-                .filter(|p| p.distance < margin)?;
-            Some(self.contact(pose, probe.distance, place, probe.normal))
+            let probes = self.fixed.probes(place, radius);
+            let close = probes.filter(|p| p.distance < margin);
+            close.map(move |p| self.contact(pose, p.distance, place, p.normal))
         };
         let fixed = |p: &DVec3| {
-            let probe = self.moving.probe(back.apply(*p), radius);
-            let probe = probe.filter(|p| p.distance < margin)?;
-            let normal = -(pose.rotation * probe.normal);
-            Some(self.contact(pose, probe.distance, *p, normal))
+            let place = *p;
+            let probes = self.moving.probes(back.apply(place), radius);
+            let close = probes.filter(|p| p.distance < margin);
+            close.map(move |p| {
+                let normal = -(pose.rotation * p.normal);
+                self.contact(pose, p.distance, place, normal)
+            })
         };
         contacts.clear();
         let mut others: Vec<Contact> = Vec::new();
         rayon::join(
-            || contacts.extend(self.moving_points.iter().filter_map(moving)),
-            || others.extend(self.fixed_points.iter().filter_map(fixed)),
+            || contacts.extend(self.moving_points.iter().flat_map(moving)),
+            || others.extend(self.fixed_points.iter().flat_map(fixed)),
         );
         contacts.append(&mut others);
         contacts.iter().map(|c| c.distance).fold(margin, f64::min)
@@ -96,10 +94,13 @@ impl Gaps {
     /// Whether no point overlaps by more than `level`, of those that do by less than `depth`.
     pub(crate) fn clear(&self, pose: &Pose, level: f64, depth: f64) -> bool {
         let radius = depth.max(level);
-        let inside = |p: Option<Probe>| p.is_some_and(|p| p.distance < -level);
-        let moving = |q: &DVec3| inside(self.fixed.probe(pose.apply(*q), radius));
+        let inside = |body: &Body, p: DVec3| {
+            let mut probes = body.probes(p, radius);
+            probes.any(|p| p.distance < -level)
+        };
+        let moving = |q: &DVec3| inside(&self.fixed, pose.apply(*q));
         let back = pose.inverse();
-        let fixed = |p: &DVec3| inside(self.moving.probe(back.apply(*p), radius));
+        let fixed = |p: &DVec3| inside(&self.moving, back.apply(*p));
         let (a, b) = rayon::join(
             || !self.moving_points.iter().any(moving),
             || !self.fixed_points.iter().any(fixed),
@@ -111,12 +112,20 @@ impl Gaps {
     /// that lie deeper than `most` are not seen.
     pub(crate) fn depth(&self, pose: &Pose, most: f64) -> f64 {
         let back = pose.inverse();
-        let inside = |p: Option<Probe>| p.map_or(0.0, |p| -p.distance);
+        let inside = |body: &Body, p: DVec3| {
+            let probes = body.probes(p, most);
+            probes.map(|p| -p.distance).fold(0.0, f64::max)
+        };
         let moving = self.moving_points.iter();
-        let moving = moving.map(|q| inside(self.fixed.probe(pose.apply(*q), most)));
+        let moving = moving.map(|q| inside(&self.fixed, pose.apply(*q)));
         let fixed = self.fixed_points.iter();
-        let fixed = fixed.map(|p| inside(self.moving.probe(back.apply(*p), most)));
+        let fixed = fixed.map(|p| inside(&self.moving, back.apply(*p)));
         moving.chain(fixed).fold(0.0, f64::max)
+    }
+
+    /// Volume that the bodies share, cubic metres.
+    pub(crate) fn shared_volume(&self, pose: &Pose) -> f64 {
+        self.fixed.shared_with(&self.moving, pose)
     }
 
     fn contact(&self, pose: &Pose, distance: f64, place: DVec3, normal: DVec3) -> Contact {
@@ -130,11 +139,22 @@ impl Gaps {
     }
 }
 
+/// Where the solids of a body touch others.
+fn points_of(body: &Body, spacing: f64) -> Vec<DVec3> {
+    let each = body.meshes().map(|mesh| touching_points(mesh, spacing));
+    each.flatten().collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DQuat;
-    use sdf_grid::shapes;
+    use sdf_grid::{TriangleMesh, shapes};
+    use std::sync::Arc;
+
+    fn body(mesh: TriangleMesh) -> Body {
+        Body::of_mesh(Arc::new(mesh))
+    }
 
     #[test]
     fn distances_grow_as_their_slopes_say_and_overlaps_are_seen() {
@@ -142,7 +162,7 @@ mod tests {
         let turn = DQuat::from_scaled_axis(DVec3::new(0.4, 2.0, -0.7));
         let moving = fit.moving.transformed(turn, DVec3::new(0.03, 0.01, -0.02));
         let fit_pose = Pose::new(turn, DVec3::new(0.03, 0.01, -0.02)).inverse();
-        let gaps = Gaps::new(Arc::new(fit.fixed), Arc::new(moving), 3e-4);
+        let gaps = Gaps::new(body(fit.fixed), body(moving), 3e-4);
         let mut contacts = Vec::new();
         let nudge = gaps
             .frame

@@ -2,11 +2,9 @@
 
 use std::f64::consts::PI;
 
+use crate::motion::six::{Vec6, scaled};
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
-use sdf_grid::TriangleMesh;
-
-use crate::motion::six::{Vec6, scaled};
 
 /// How many directions a part's extreme vertices are looked for in.
 const DIRECTIONS: usize = 128;
@@ -23,17 +21,20 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    pub(crate) fn new(mesh: &TriangleMesh) -> Self {
-        let centre = mesh.centroid();
+    /// Of a part with this centre and these vertices, metres; there is one at least.
+    pub(crate) fn new(centre: DVec3, vertices: &[DVec3]) -> Self {
         let mut extremes: Vec<usize> = directions(DIRECTIONS)
-            .map(|u| extreme(mesh.vertices(), u))
+            .map(|u| extreme(vertices, u))
             .collect();
         extremes.sort_unstable();
         extremes.dedup();
         Self {
             centre,
-            radius: mesh.radius_about(centre),
-            extremes: extremes.iter().map(|i| mesh.vertices()[*i]).collect(),
+            radius: vertices
+                .iter()
+                .map(|v| v.distance(centre))
+                .fold(0.0, f64::max),
+            extremes: extremes.iter().map(|i| vertices[*i]).collect(),
         }
     }
 
@@ -151,7 +152,7 @@ mod tests {
     fn motions_between_poses_lead_there_along_screws() {
         let mesh = shapes::cuboid(DVec3::new(0.01, 0.02, 0.03)).unwrap();
         let mesh = mesh.transformed(DQuat::from_rotation_x(0.3), DVec3::new(0.1, -0.2, 0.3));
-        let frame = Frame::new(&mesh);
+        let frame = Frame::new(mesh.centroid(), mesh.vertices());
         let turn = |x, y, z| DQuat::from_scaled_axis(DVec3::new(x, y, z));
         let a = Pose::new(turn(0.3, -1.0, 0.5), DVec3::new(0.02, 0.01, -0.03));
         for angle in [0.0, 1e-6, 0.5, 2.9] {

@@ -11,7 +11,7 @@ use crate::motion::frame::{Frame, shift};
 use crate::motion::six::Vec6;
 
 /// A turn that moves less than this share of what the displacement beside it does is not told.
-const NOTHING: f64 = 0.1;
+const NOTHING: f64 = 0.2;
 /// The advance of a turn of less than [`ONE_TURN`] radians is not told if it is less than this share of
 /// the part's radius.
 const PLAY: f64 = 0.03;
@@ -45,6 +45,17 @@ impl Motion {
     /// Advance per full turn, metres: positive of a right-handed screw. None if nothing turns.
     pub fn pitch(&self) -> Option<f64> {
         (self.turn > 0.0).then(|| TAU * self.advance / self.turn)
+    }
+
+    /// The motion back.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let axis = DVec3::from_array(self.axis);
+        Self {
+            axis: (-axis).to_array(),
+            point: (DVec3::from_array(self.point) + self.advance * axis).to_array(),
+            ..*self
+        }
     }
 
     /// The same motion as seen from where `by` puts the fixed frame.
@@ -191,7 +202,7 @@ mod tests {
     #[test]
     fn pushes_turns_and_screws_are_told_apart() {
         let mesh = shapes::cuboid(DVec3::new(0.01, 0.01, 0.03)).unwrap();
-        let frame = Frame::new(&mesh);
+        let frame = Frame::new(mesh.centroid(), mesh.vertices());
         let along = |z: f64| Pose::from_translation(DVec3::Z * z);
         let about = |turn: f64, z: f64| Pose::new(DQuat::from_rotation_z(turn), DVec3::Z * z);
         let mut poses = vec![along(0.03), along(0.02), along(0.01)];

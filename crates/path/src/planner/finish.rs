@@ -16,7 +16,7 @@ const MOST: usize = 2000;
 /// Poses that the energy is relaxed at.
 const IMAGES: usize = 48;
 /// A climb of less than this share of the depth is not worth relaxing.
-const WORTH: f64 = 0.01;
+pub(crate) const WORTH: f64 = 0.01;
 /// Overlaps are measured at points so many times as dense as those of the search.
 const DENSER: f64 = 2.0;
 

@@ -18,6 +18,10 @@ const HIGHEST: f64 = 0.5;
 /// Halvings (in proportion) between the last level that failed and the first that did not.
 const HALVINGS: usize = 2;
 
+/// Places so many steps apart count as one, coarsely first: where there is much play there are many
+/// places.
+const WITHIN: [f64; 3] = [4.0, 2.0, 1.0];
+
 /// What searches at all levels share.
 pub(crate) struct Levels<'a> {
     pub(crate) gaps: &'a Gaps,
@@ -42,22 +46,27 @@ pub(crate) struct Opened {
 }
 
 impl Levels<'_> {
+    /// Ways from a pose to the outside at one level, and whether everything was tried there.
+    pub(crate) fn out_at(&self, pose: &Pose, level: f64) -> (Opened, bool) {
+        let grown = self.at(pose, level, self.time_limit);
+        let opened = Opened {
+            outcome: Outcome::Free,
+            level,
+            nodes: grown.nodes,
+            looked: grown.looked,
+            ways: grown.ways,
+        };
+        (opened, grown.exhausted)
+    }
+
     /// Ways from a pose to the outside at the lowest level at which one is found, `lowest` being the
     /// first one tried.
     pub(crate) fn out_of(&self, pose: &Pose, lowest: f64) -> Opened {
         let began = Instant::now();
-        let first = self.at(pose, lowest, self.time_limit);
-        let mut opened = Opened {
-            outcome: Outcome::Free,
-            level: lowest,
-            nodes: first.nodes,
-            looked: first.looked,
-            ways: first.ways,
-        };
+        let (mut opened, exhausted) = self.out_at(pose, lowest);
         if !opened.ways.is_empty() || (self.stop)() {
             return opened;
         }
-        let exhausted = first.exhausted;
         // As long again in all for what would have to give way.
         let share = self.time_limit.max(began.elapsed()) / 8;
         let (mut stuck, mut passed) = (lowest, None);
@@ -103,20 +112,34 @@ impl Levels<'_> {
     }
 
     fn at(&self, pose: &Pose, level: f64, limit: Duration) -> Grown {
-        let growth = Growth {
-            gaps: self.gaps,
-            escape: self.escape,
-            shape: self.shape,
-            limits: Limits {
-                level,
-                tolerance: self.tolerance,
-            },
-            step: self.step,
-            deadline: Instant::now() + limit,
-            others: self.others,
-            stop: self.stop,
-            gained: self.gained,
-        };
-        growth.run(pose)
+        let deadline = Instant::now() + limit;
+        let mut all = Grown::default();
+        for within in WITHIN {
+            let growth = Growth {
+                gaps: self.gaps,
+                escape: self.escape,
+                shape: self.shape,
+                limits: Limits {
+                    level,
+                    tolerance: self.tolerance,
+                },
+                step: self.step,
+                within: within * self.step,
+                deadline,
+                others: self.others,
+                stop: self.stop,
+                gained: self.gained,
+            };
+            let grown = growth.run(pose);
+            tracing::debug!(within, grown.nodes, grown.looked, grown.exhausted, "grown");
+            all.nodes += grown.nodes;
+            all.looked += grown.looked;
+            all.ways = grown.ways;
+            all.exhausted = grown.exhausted;
+            if !all.ways.is_empty() || !all.exhausted {
+                break;
+            }
+        }
+        all
     }
 }

@@ -8,12 +8,12 @@ use fft_correlate::{EnergySource, Pose};
 use sdf_grid::{Monitor, TriangleMesh};
 
 use crate::answer::{Effort, OtherPath, Outcome, PathAnswer};
+use crate::contact::body::Body;
 use crate::contact::gaps::Gaps;
-use crate::contact::overlap::shared_volume;
 use crate::contact::settle::Limits;
 use crate::error::PathError;
 use crate::motion::words::motions;
-use crate::planner::finish::{Finish, Finished};
+use crate::planner::finish::{Finish, Finished, WORTH};
 use crate::planner::levels::{Levels, Opened};
 use crate::planner::options::{PathOptions, Start};
 use crate::search::escape::Escape;
@@ -22,11 +22,11 @@ use crate::search::same::Shape;
 use crate::way::connect::{leave, round_outside};
 
 /// Points along sharp edges lie this many to the radius apart.
-const POINTS: f64 = 40.0;
+pub(crate) const POINTS: f64 = 40.0;
 /// Steps of the search per radius.
 const STEPS: f64 = 30.0;
 /// Default tolerance, of the radius.
-const TOLERANCE: f64 = 1e-3;
+pub(crate) const TOLERANCE: f64 = 1e-3;
 /// Units of progress that a search tells of.
 const PERCENT: u64 = 100;
 /// A way out ends when the parts' extents are this share of the radius apart.
@@ -40,6 +40,38 @@ pub struct PathSearch {
     options: PathOptions,
 }
 
+/// Whether a body comes out of another.
+pub(crate) struct WayOut {
+    /// From where it is modelled to the outside.
+    pub(crate) way: Option<PathAnswer>,
+    /// Whether everything was tried.
+    pub(crate) exhausted: bool,
+    pub(crate) looked: usize,
+}
+
+/// How much of the way out has been gained, told to a monitor.
+struct Gained<'a> {
+    monitor: &'a dyn Monitor,
+    told: AtomicU64,
+}
+
+impl<'a> Gained<'a> {
+    fn begin(stage: &str, monitor: &'a dyn Monitor) -> Self {
+        monitor.begin(stage, PERCENT);
+        Self {
+            monitor,
+            told: AtomicU64::new(0),
+        }
+    }
+
+    /// A share, 0 ..= 1.
+    fn tell(&self, share: f64) {
+        let percent = (PERCENT as f64 * share.clamp(0.0, 1.0)) as u64;
+        let before = self.told.fetch_max(percent, Ordering::Relaxed);
+        self.monitor.advance(percent.saturating_sub(before));
+    }
+}
+
 impl PathSearch {
     /// Prepares two parts, each in its own frame.
     ///
@@ -48,6 +80,18 @@ impl PathSearch {
     pub fn new(
         fixed: Arc<TriangleMesh>,
         moving: Arc<TriangleMesh>,
+        options: PathOptions,
+    ) -> Result<Self, PathError> {
+        Self::between(Body::of_mesh(fixed), Body::of_mesh(moving), options)
+    }
+
+    /// Prepares two bodies in one frame or each in its own.
+    ///
+    /// # Errors
+    /// If an option is out of range.
+    pub(crate) fn between(
+        fixed: Body,
+        moving: Body,
         options: PathOptions,
     ) -> Result<Self, PathError> {
         options.validate()?;
@@ -90,13 +134,8 @@ impl PathSearch {
         if let Start::Pose(start) = &self.options.start {
             lowest = lowest.max(self.level_at("start", start)?);
         }
-        monitor.begin("way out", PERCENT);
-        let told = AtomicU64::new(0);
-        let gained = |share: f64| {
-            let percent = (PERCENT as f64 * share.clamp(0.0, 1.0)) as u64;
-            let before = told.fetch_max(percent, Ordering::Relaxed);
-            monitor.advance(percent.saturating_sub(before));
-        };
+        let told = Gained::begin("way out", monitor);
+        let gained = |share: f64| told.tell(share);
         let began = Instant::now();
         let levels = self.levels(&stop, &gained);
         let mut opened = levels.out_of(goal, lowest);
@@ -113,18 +152,53 @@ impl PathSearch {
         monitor.begin("straightening", 1);
         let began = Instant::now();
         let mut answer = self.answer(goal, &opened, &outwards, source, &stop);
-        answer.effort = Effort {
-            nodes: opened.nodes,
-            looked: opened.looked,
-            points: self.gaps.points(),
-            search_seconds,
-            finish_seconds: began.elapsed().as_secs_f64(),
-            step: self.step(),
-        };
+        answer.effort = self.effort(&opened, search_seconds, began);
         monitor.advance(1);
         match monitor.cancelled() {
             true => Err(PathError::Cancelled),
             false => Ok(answer),
+        }
+    }
+
+    /// The way out of where the bodies are modelled, for which they overlap no deeper than there; a
+    /// monitor hears of it under the name `stage`.
+    ///
+    /// # Errors
+    /// If they overlap there and that is not allowed, or the monitor cancels.
+    pub(crate) fn out(&self, stage: &str, monitor: &dyn Monitor) -> Result<WayOut, PathError> {
+        let stop = || monitor.cancelled();
+        let told = Gained::begin(stage, monitor);
+        let gained = |share: f64| told.tell(share);
+        let lowest = self.level_at("goal", &Pose::IDENTITY)?;
+        let began = Instant::now();
+        let levels = self.levels(&stop, &gained);
+        let (opened, exhausted) = levels.out_at(&Pose::IDENTITY, lowest);
+        let search_seconds = began.elapsed().as_secs_f64();
+        let outwards = self.left(&opened);
+        let began = Instant::now();
+        let way = outwards.first().map(|_| {
+            let mut way = self.answer(&Pose::IDENTITY, &opened, &outwards[..1], None, &stop);
+            way.effort = self.effort(&opened, search_seconds, began);
+            way.outwards()
+        });
+        match monitor.cancelled() {
+            true => Err(PathError::Cancelled),
+            false => Ok(WayOut {
+                way,
+                exhausted,
+                looked: opened.looked,
+            }),
+        }
+    }
+
+    fn effort(&self, opened: &Opened, search_seconds: f64, finishing_since: Instant) -> Effort {
+        Effort {
+            nodes: opened.nodes,
+            looked: opened.looked,
+            points: self.gaps.points(),
+            search_seconds,
+            finish_seconds: finishing_since.elapsed().as_secs_f64(),
+            step: self.step(),
         }
     }
 
@@ -144,7 +218,7 @@ impl PathSearch {
             false => Err(PathError::Overlap {
                 which,
                 depth,
-                volume: shared_volume(&self.gaps.fixed.mesh, &self.gaps.moving.mesh, pose),
+                volume: self.gaps.shared_volume(pose),
                 tolerance,
             }),
         }
@@ -228,10 +302,11 @@ impl PathSearch {
             stop,
         };
         let depth = source.map(|s| self.depth(s, goal));
-        let mut finished = outwards.iter().map(|way| {
+        let finished = outwards.iter().map(|way| {
             let corners = finish.straightened(way, self.options.start != Start::Outside);
             finish.finished(corners, step, depth)
         });
+        let mut finished = lowest_first(finished.collect(), depth).into_iter();
         let first = finished.next();
         let others = finished.map(|f| self.other(f)).collect();
         let mut answer = PathAnswer {
@@ -258,8 +333,8 @@ impl PathSearch {
 
     /// Energy where the parts are out of each other's reach less that at the goal, joules.
     fn depth(&self, source: &dyn EnergySource, goal: &Pose) -> f64 {
-        let size = |mesh: &TriangleMesh| mesh.bounds().diagonal();
-        let far = 100.0 * (size(&self.gaps.fixed.mesh) + size(&self.gaps.moving.mesh));
+        let size = |body: &Body| body.bounds().diagonal();
+        let far = 100.0 * (size(&self.gaps.fixed) + size(&self.gaps.moving));
         let away = Pose {
             translation: goal.translation + far * glam::DVec3::Z,
             ..*goal
@@ -290,6 +365,18 @@ impl PathSearch {
             return 0.0;
         }
         let pose = &answer.poses[deepest].pose;
-        shared_volume(&self.gaps.fixed.mesh, &self.gaps.moving.mesh, pose)
+        self.gaps.shared_volume(pose)
     }
+}
+
+/// Ways with the one of least climb first; the first one found stays if no other is lower by a share of
+/// the depth that is worth it.
+fn lowest_first(mut ways: Vec<Finished>, depth: Option<f64>) -> Vec<Finished> {
+    let climb = |way: &Finished| way.climb.map_or(0.0, |c| c.energy);
+    let worth = WORTH * depth.unwrap_or(0.0).max(0.0);
+    let least = (1..ways.len()).min_by(|a, b| climb(&ways[*a]).total_cmp(&climb(&ways[*b])));
+    if let Some(least) = least.filter(|i| climb(&ways[*i]) + worth < climb(&ways[0])) {
+        ways[..=least].rotate_right(1);
+    }
+    ways
 }

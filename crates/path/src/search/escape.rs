@@ -2,6 +2,7 @@
 
 use fft_correlate::Pose;
 use glam::DVec3;
+use sdf_grid::TriangleMesh;
 
 use crate::contact::gaps::Gaps;
 use crate::motion::frame::directions;
@@ -26,8 +27,10 @@ pub(crate) struct Exit {
 
 impl Escape {
     pub(crate) fn new(gaps: &Gaps) -> Self {
-        let vertices = gaps.fixed.mesh.vertices();
-        let height = |u: DVec3| vertices.iter().map(|p| p.dot(u)).fold(f64::MIN, f64::max);
+        let height = |u: DVec3| {
+            let heights = gaps.fixed.vertices().map(|p| p.dot(u));
+            heights.fold(f64::MIN, f64::max)
+        };
         let normals = face_directions(gaps);
         let all = directions(DIRECTIONS).chain(normals);
         Self {
@@ -63,8 +66,8 @@ impl Escape {
     /// By all vertices of the moving part.
     fn exact(&self, gaps: &Gaps, pose: &Pose, direction: DVec3) -> f64 {
         let own = pose.rotation.conjugate() * direction;
-        let vertices = gaps.moving.mesh.vertices();
-        let lowest = vertices.iter().map(|q| q.dot(own)).fold(f64::MAX, f64::min);
+        let heights = gaps.moving.vertices().map(|q| q.dot(own));
+        let lowest = heights.fold(f64::MAX, f64::min);
         let height = |(u, h): &(DVec3, f64)| (*u == direction).then_some(*h);
         let height = self.heights.iter().find_map(height).unwrap_or(f64::MAX);
         height - (lowest + pose.translation.dot(direction))
@@ -74,7 +77,7 @@ impl Escape {
 /// Normals of the fixed part's largest flat sides.
 fn face_directions(gaps: &Gaps) -> Vec<DVec3> {
     let mut sides: Vec<(DVec3, f64)> = Vec::new();
-    for [a, b, c] in gaps.fixed.mesh.faces() {
+    for [a, b, c] in gaps.fixed.meshes().flat_map(TriangleMesh::faces) {
         let normal = (b - a).cross(c - a);
         let (unit, area) = (normal.normalize_or_zero(), normal.length());
         match sides.iter().position(|(n, _)| n.dot(unit) > 1.0 - 1e-6) {

@@ -53,8 +53,6 @@ pub(crate) struct Grown {
     pub(crate) looked: usize,
     /// Whether nothing was left to try.
     pub(crate) exhausted: bool,
-    /// The pose reached that is closest to being out, with its distance, metres.
-    pub(crate) closest: Option<(Pose, f64)>,
 }
 
 /// Poses from the first to one outside, a step apart, and where it left.
@@ -71,6 +69,9 @@ pub(crate) struct Growth<'a> {
     pub(crate) shape: &'a Shape,
     pub(crate) limits: Limits,
     pub(crate) step: f64,
+    /// From places closer than this other directions are tried at one only, metres, unless the part is
+    /// nearer to being out at the other.
+    pub(crate) within: f64,
     /// When to stop, found or not.
     pub(crate) deadline: Instant,
     /// How long to look for other ways once one is found, as a share of the time that it took.
@@ -107,7 +108,8 @@ impl Growth<'_> {
             let (batch, longest) = self.batch(&mut nodes[chosen]);
             let pose = nodes[chosen].pose;
             let stop = || (self.stop)() || Instant::now() > deadline;
-            let known = |pose: &Pose| self.known(&nodes, pose);
+            // A slide goes on until it is where one has been: in a thread it has to go far.
+            let known = |pose: &Pose| self.known(&nodes, pose, self.step);
             let until = Until {
                 longest,
                 known: &known,
@@ -137,8 +139,6 @@ impl Growth<'_> {
             }
         }
         grown.nodes = nodes.len();
-        let closest = nodes.iter().min_by(|a, b| a.exit.total_cmp(&b.exit));
-        grown.closest = closest.map(|n| (n.pose, n.exit));
         grown
     }
 
@@ -211,7 +211,7 @@ impl Growth<'_> {
             between.push(pose);
             let last = i + 1 == count;
             let far = self.gaps.frame.apart(&nodes[parent].pose, &pose) > apart;
-            if !(last || far) || self.known(nodes, &pose) {
+            if !(last || far) || self.known(nodes, &pose, self.within) {
                 continue;
             }
             let motion = if last { slide.last } else { None };
@@ -228,12 +228,11 @@ impl Growth<'_> {
         None
     }
 
-    /// Whether the part has been where it would be, no farther from being out.
-    fn known(&self, nodes: &[Node], pose: &Pose) -> bool {
+    /// Whether the part has been within so many metres of where it would be, no farther from being out.
+    fn known(&self, nodes: &[Node], pose: &Pose, within: f64) -> bool {
         let exit = self.escape.exit(self.gaps, pose).distance;
         let same = |n: &Node| {
-            exit > n.exit - CLOSER * self.step
-                && self.shape.same(self.gaps, &n.pose, pose, self.step)
+            exit > n.exit - CLOSER * self.step && self.shape.same(self.gaps, &n.pose, pose, within)
         };
         nodes.iter().any(same)
     }

@@ -17,7 +17,7 @@ pub(crate) struct Shape {
 impl Shape {
     pub(crate) fn new(gaps: &Gaps) -> Self {
         let extremes = &gaps.frame.extremes;
-        let vertices = gaps.moving.mesh.vertices();
+        let vertices: Vec<DVec3> = gaps.moving.vertices().copied().collect();
         let step = (vertices.len() / POINTS).max(1);
         let some = vertices.iter().step_by(step).take(POINTS);
         let outer = extremes.iter().step_by((extremes.len() / POINTS).max(1));
@@ -34,7 +34,7 @@ impl Shape {
             return false;
         }
         let from = b.inverse() * *a;
-        let near = |p: &DVec3| gaps.moving.probe(from.apply(*p), within).is_some();
+        let near = |p: &DVec3| gaps.moving.probes(from.apply(*p), within).next().is_some();
         self.points.iter().all(near)
     }
 }
@@ -42,6 +42,7 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::body::Body;
     use glam::DQuat;
     use sdf_grid::shapes::PegInHole;
     use std::sync::Arc;
@@ -49,7 +50,11 @@ mod tests {
     #[test]
     fn symmetric_poses_are_the_same_and_others_are_not() {
         let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
-        let gaps = Gaps::new(Arc::new(hole), Arc::new(peg), 1e-3);
+        let gaps = Gaps::new(
+            Body::of_mesh(Arc::new(hole)),
+            Body::of_mesh(Arc::new(peg)),
+            1e-3,
+        );
         let shape = Shape::new(&gaps);
         let about_z = |angle: f64| Pose::new(DQuat::from_rotation_z(angle), DVec3::ZERO);
         let quarter = std::f64::consts::FRAC_PI_2;

@@ -20,8 +20,8 @@ pub(crate) fn leave(pose: &Pose, exit: &Exit, room: f64) -> Pose {
 /// From one pose outside to another: straight away from the fixed part, round it on a sphere on which
 /// the parts cannot touch, turning meanwhile, and straight back. The ends are left out.
 pub(crate) fn round_outside(gaps: &Gaps, from: (&Pose, &Exit), to: (&Pose, &Exit)) -> Vec<Pose> {
-    let centre = gaps.fixed.mesh.bounds().center();
-    let radius = 1.01 * (gaps.fixed.mesh.radius_about(centre) + gaps.frame.radius);
+    let centre = gaps.fixed.bounds().center();
+    let radius = 1.01 * (gaps.fixed.radius_about(centre) + gaps.frame.radius);
     let [a, b] = [from, to].map(|(pose, exit)| away(gaps, pose, exit.direction, centre, radius));
     let middle = |pose: &Pose| pose.apply(gaps.frame.centre) - centre;
     let (start, end) = (middle(&a), middle(&b));
@@ -59,6 +59,7 @@ fn away(gaps: &Gaps, pose: &Pose, direction: DVec3, centre: DVec3, radius: f64) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::body::Body;
     use sdf_grid::shapes;
     use std::sync::Arc;
 
@@ -66,7 +67,11 @@ mod tests {
     fn round_the_outside_nothing_touches() {
         let cube = shapes::cuboid(DVec3::splat(0.02)).unwrap();
         let rod = shapes::cuboid(DVec3::new(0.002, 0.002, 0.03)).unwrap();
-        let gaps = Gaps::new(Arc::new(cube), Arc::new(rod), 5e-4);
+        let gaps = Gaps::new(
+            Body::of_mesh(Arc::new(cube)),
+            Body::of_mesh(Arc::new(rod)),
+            5e-4,
+        );
         let exit = |direction| Exit {
             direction,
             distance: -0.001,

@@ -143,6 +143,7 @@ fn scattered(count: usize) -> impl Iterator<Item = usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::body::Body;
     use glam::DVec3;
     use sdf_grid::shapes;
     use std::sync::Arc;
@@ -159,7 +160,11 @@ mod tests {
     #[test]
     fn turns_about_the_axis_of_a_round_peg_are_left_out() {
         let (hole, peg) = shapes::PegInHole::Circular.pair(1e-4).unwrap();
-        let gaps = Gaps::new(Arc::new(hole), Arc::new(peg), 5e-4);
+        let gaps = Gaps::new(
+            Body::of_mesh(Arc::new(hole)),
+            Body::of_mesh(Arc::new(peg)),
+            5e-4,
+        );
         let at = |i: i32| {
             let share = f64::from(i);
             Pose::new(DQuat::from_rotation_z(0.4 * share), DVec3::Z * 0.01 * share)
@@ -182,7 +187,11 @@ mod tests {
         let (plate, spool) = shapes::spool_in_slot(2e-4).unwrap();
         let place = Pose::new(DQuat::from_rotation_y(0.8), DVec3::splat(0.02));
         let plate = plate.transformed(place.rotation, place.translation);
-        let gaps = Gaps::new(Arc::new(plate), Arc::new(spool), 2e-4);
+        let gaps = Gaps::new(
+            Body::of_mesh(Arc::new(plate)),
+            Body::of_mesh(Arc::new(spool)),
+            2e-4,
+        );
         let at = |x: f64, y: f64| place * Pose::from_translation(1e-3 * DVec3::new(x, y, 0.0));
         let mut poses: Vec<Pose> = (0..=16).map(|i| at(-0.5 * f64::from(i), 0.0)).collect();
         poses.extend((1..=24).map(|i| at(-8.0, -0.5 * f64::from(i))));

@@ -2,4 +2,5 @@
 
 mod common;
 mod known;
+mod order;
 mod refused;

@@ -1,4 +1,4 @@
-"""Assembly forces from two meshes: score, dock, bake and feel.
+"""Assembly forces from two meshes: score, dock, bake, find the way in, and feel.
 
 Metres, newtons, newton metres, joules, seconds. A pose takes the moving part's frame to the fixed
 part's (or the scene's): x y z qx qy qz qw. Energy is lowest where the parts fit; force and torque
@@ -13,6 +13,7 @@ from pegfit._pair import Docking, Pair, Scores
 from pegfit._play import Page, play
 from pegfit._response import Response
 from pegfit._source import Evaluator, Source, Table
+from pegfit._way import Way
 
 __all__ = [
     "TICK",
@@ -35,6 +36,7 @@ __all__ = [
     "Source",
     "Table",
     "TableError",
+    "Way",
     "__version__",
     "density",
     "feel",

@@ -18,6 +18,7 @@ __all__ = [
     "Pair",
     "Source",
     "VERSION",
+    "Way",
     "bake_table",
     "command",
     "correlate",
@@ -27,6 +28,7 @@ __all__ = [
     "from_matrices",
     "highest",
     "open_table",
+    "path",
     "peg_in_hole",
     "poses_at",
     "tick_columns",
@@ -79,6 +81,14 @@ class Felt:
     def page(self) -> str: ...
 
 @final
+class Way:
+    def numbers(self) -> _F64: ...
+    def words(self) -> list[str]: ...
+    def summary(self) -> str: ...
+    def table(self) -> str: ...
+    def page(self) -> str: ...
+
+@final
 class Source:
     def query(
         self,
@@ -115,6 +125,16 @@ def dock(
     state: Optional[_Path],
     progress: _Progress,
 ) -> tuple[_F64, _F64, NDArray[np.bool_], list[float]]: ...
+def path(
+    pair: Pair,
+    goal: Optional[_F64],
+    start: Optional[_F64],
+    lengths: tuple[Optional[float], Optional[float]],
+    seconds: float,
+    allow_overlap: bool,
+    solids_only: bool,
+    progress: _Progress,
+) -> Way: ...
 def bake_table(
     pair: Pair,
     path: _Path,

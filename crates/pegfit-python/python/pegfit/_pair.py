@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
+from pegfit._errors import SceneError
 from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
-from pegfit._poses import RotationLike, quaternion, three
+from pegfit._poses import RotationLike, quaternion, rows, three
 from pegfit._progress import Progress, Reporting
 from pegfit._source import Evaluator, Table
+from pegfit._way import Way
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as _Axes
@@ -32,6 +34,21 @@ def _corners(window: Window) -> tuple[Float, Float]:
         return three(window[0], "window"), three(window[1], "window")
     half = three(window, "window")
     return -half, half
+
+
+def _no_pose(item: str, expected: str, found: str) -> SceneError:
+    message = f"{item}: expected {expected}, found {found}"
+    return SceneError(message, item=item, expected=expected, found=found)
+
+
+def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
+    """One end of a way: a pose `(7,)`, or `None` for the word."""
+    if isinstance(given, str):
+        if given != word:
+            words = "fit, best" if item == "to" else word
+            raise _no_pose(item, f"{words} or a pose", repr(given))
+        return None
+    return rows(np.asarray(given, dtype=np.float64)[None])[0]
 
 
 @dataclass(frozen=True)
@@ -277,6 +294,64 @@ class Pair:
             scored,
             rotations,
         )
+
+    def path(
+        self,
+        to: Union[str, ArrayLike] = "fit",
+        from_: Union[str, ArrayLike] = "outside",
+        *,
+        tolerance: Optional[float] = None,
+        step: Optional[float] = None,
+        seconds: float = 60.0,
+        allow_overlap: bool = False,
+        solids_only: bool = False,
+        progress: Progress = None,
+    ) -> Way:
+        """The way by which the moving part gets to where it fits, or that it does not come out.
+
+        Args:
+            to: Where it leads: `"fit"`, `"best"` (docks first), or a pose, `(7,)` or `(4, 4)`.
+            from_: Where it begins: `"outside"`, beside the fixed part, or a pose.
+            tolerance: Overlaps up to this depth count as contact, metres; a thousandth of the moving
+                part's radius if `None`.
+            step: Largest motion of any point of the part between two poses, metres; a thirtieth of
+                its radius if `None`.
+            seconds: The search gives up after this time.
+            allow_overlap: Go on if the parts overlap at the goal or start.
+            solids_only: No fields and no energies: seconds less.
+            progress: `True` for a bar, or a function of the units done and their number.
+
+        Raises:
+            PoseError: A pose is none.
+            SceneError: A number is out of range, the parts overlap where the way is to begin or end
+                and that is not allowed, or they lie beside each other at the goal.
+            KeyboardInterrupt: Within 50 ms of Ctrl-C.
+
+        >>> from pegfit import peg_in_hole
+        >>> way = Pair(*peg_in_hole("rectangular", clearance=2e-4)).path(solids_only=True)
+        >>> way.free, len(way.words), way.words[0].startswith("push")
+        (True, 1, True)
+        >>> way.poses[-1].round(9)
+        array([0., 0., 0., 0., 0., 0., 1.])
+        """
+        goal: Union[str, ArrayLike] = to
+        if isinstance(goal, str) and goal == "best":
+            found = self.dock(top=1, progress=progress)
+            if len(found) == 0:
+                raise _no_pose("to", "a pair in which docking finds a pose", "none")
+            goal = found.poses[0]
+        ends = (_end(goal, "fit", "to"), _end(from_, "outside", "from_"))
+        with Reporting(progress) as report:
+            core = _core.path(
+                self._core,
+                *ends,
+                (tolerance, step),
+                seconds,
+                allow_overlap,
+                solids_only,
+                report,
+            )
+        return Way(core)
 
     def bake(
         self,

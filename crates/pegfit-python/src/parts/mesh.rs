@@ -133,7 +133,7 @@ impl Mesh {
     }
 
     /// What hygiene calls it.
-    fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.report.name
     }
 

@@ -1,4 +1,5 @@
-//! Scores over displacements, and where the part belongs.
+//! Scores over displacements, where the part belongs, and how it gets there.
 
 pub(crate) mod correlate;
 pub(crate) mod dock;
+pub(crate) mod path;

@@ -106,11 +106,16 @@ impl SceneSetup {
     /// The unit for reports and pictures: the scene's, but millimetres instead of small fractions of
     /// a metre.
     pub fn display_unit(&self) -> LengthUnit {
-        let longest = self.bounds(0.0).size().max_element();
-        match self.scene.unit {
-            LengthUnit::M if longest < 0.5 => LengthUnit::Mm,
-            unit => unit,
-        }
+        shown_in(self.scene.unit, &self.bounds(0.0))
+    }
+}
+
+/// The unit for reports on what lies within `bounds`: the scene's, but millimetres instead of small
+/// fractions of a metre.
+pub(crate) fn shown_in(unit: LengthUnit, bounds: &Aabb) -> LengthUnit {
+    match unit {
+        LengthUnit::M if bounds.size().max_element() < 0.5 => LengthUnit::Mm,
+        unit => unit,
     }
 }
 

@@ -1,10 +1,6 @@
 //! `pegfit path`: how does the part get to where it fits?
 
-mod charts;
-mod page;
-mod question;
-mod rows;
+pub(super) mod question;
 mod run;
-mod summary;
 
 pub(super) use run::run;

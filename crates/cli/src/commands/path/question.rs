@@ -73,7 +73,7 @@ pub(super) fn options(args: &PathArgs, setup: &SceneSetup) -> Result<PathOptions
     })
 }
 
-pub(super) fn time_limit(seconds: f64) -> Result<Duration, CommandError> {
+pub(crate) fn time_limit(seconds: f64) -> Result<Duration, CommandError> {
     match seconds > 0.0 && seconds <= LONGEST {
         true => Ok(Duration::from_secs_f64(seconds)),
         false => {

@@ -4,18 +4,18 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource};
-use pegfit_path::{PathAnswer, PathSearch};
+use pegfit_path::PathSearch;
 use pegfit_scene::SceneSetup;
 use sdf_grid::atomic;
 
 use super::question::{Goal, options, time_limit};
-use super::summary::{Summary, say};
-use super::{charts, page, rows};
 use crate::args::PathArgs;
 use crate::commands::scenes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
+use crate::report::way::WayReport;
+use crate::report::way::summary::say;
 
 pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
     let to_stdout = args.output.as_deref() == Some(Path::new("-"));
@@ -42,12 +42,20 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
     let asked = source.as_ref().map(|s| s as &dyn EnergySource);
     let found = search.find(&goal, asked, &context.progress);
     context.progress.finish();
-    let answer = found?;
-    write(args, &setup, &answer, to_stdout)?;
+    let way = WayReport {
+        answer: found?,
+        name: setup.scene.moving.name.clone(),
+        fixed: parts.fixed.clone(),
+        moving: parts.moving.clone(),
+        placement: *setup.placement(),
+        unit: setup.display_unit(),
+        field_seconds,
+    };
+    write(args, &way, to_stdout)?;
     if context.json {
-        print_json(&Summary::new(&answer, setup.placement(), field_seconds))
+        print_json(&way.summary())
     } else if !to_stdout {
-        say(&setup, &answer);
+        say(&way);
         Ok(())
     } else {
         Ok(())
@@ -63,27 +71,25 @@ fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f
     Ok((source, began.elapsed().as_secs_f64()))
 }
 
-fn write(
-    args: &PathArgs,
-    setup: &SceneSetup,
-    answer: &PathAnswer,
-    to_stdout: bool,
-) -> Result<(), CommandError> {
-    let placement = setup.placement();
+fn write(args: &PathArgs, way: &WayReport, to_stdout: bool) -> Result<(), CommandError> {
     match &args.output {
-        Some(_) if to_stdout => rows::write(answer, placement, std::io::stdout().lock())
+        Some(_) if to_stdout => way
+            .csv(std::io::stdout().lock())
             .map_err(|e| CommandError::failure("writing standard output", e))?,
         Some(file) => atomic::write_with(file, |out| {
-            rows::write(answer, placement, out)
+            way.csv(out)
                 .map_err(|e| CommandError::failure(file.display().to_string(), e))
         })?,
         None => {}
     }
     if let Some(file) = &args.png {
-        charts::draw(answer, setup, file)?;
+        match way.png()? {
+            Some(bytes) => atomic::write(file, &bytes)?,
+            None => crate::remark!("no way to draw: {} is not written", file.display()),
+        }
     }
     if let Some(file) = &args.html {
-        atomic::write(file, page::page(answer, setup)?.as_bytes())?;
+        atomic::write(file, way.html()?.as_bytes())?;
     }
     Ok(())
 }

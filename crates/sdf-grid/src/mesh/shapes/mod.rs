@@ -4,6 +4,7 @@
 //! centred on the origin with its axis, if it has one, along z.
 
 mod bayonet;
+mod blocks;
 mod guided;
 mod peg_in_hole;
 mod profiled;
@@ -13,6 +14,7 @@ mod solids;
 mod thread;
 
 pub use bayonet::bayonet;
+pub use blocks::{blocks, burr};
 pub use guided::{captive_ball, dovetail, spool_in_slot};
 pub use peg_in_hole::PegInHole;
 pub use profiled::{EdgeBreak, Profile, profiled};

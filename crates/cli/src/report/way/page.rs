@@ -2,15 +2,14 @@
 
 use std::fmt::Write;
 
-use pegfit_path::PathAnswer;
-use pegfit_scene::SceneSetup;
+use pegfit_pictures::PictureError;
 use pegfit_scene::poses::pose_fields;
 use sdf_grid::TriangleMesh;
 use serde_json::{Value, json};
 
 use super::charts;
+use super::subject::WayReport;
 use super::summary::words;
-use crate::error::CommandError;
 use crate::report::html::{STYLE, escaped};
 
 /// The page's own look and what plays the way.
@@ -22,14 +21,23 @@ const PLAYER: &str = include_str!("player.js");
 /// Most triangles of a part on the page: of larger ones the page says that they are left out.
 const MOST_TRIANGLES: usize = 200_000;
 
-/// The page's text.
-pub(super) fn page(answer: &PathAnswer, setup: &SceneSetup) -> Result<String, CommandError> {
-    let title = format!("The way in: {}", setup.scene.moving.name);
-    let said = match answer.poses.is_empty() {
+impl WayReport {
+    /// A page that plays the way: HTML in one file that needs no other.
+    ///
+    /// # Errors
+    /// If a chart cannot be drawn.
+    pub fn html(&self) -> Result<String, PictureError> {
+        page(self)
+    }
+}
+
+fn page(way: &WayReport) -> Result<String, PictureError> {
+    let title = format!("The way in: {}", way.name);
+    let said = match way.answer.poses.is_empty() {
         true => "No way was found.".to_owned(),
-        false => words(&answer.motions, setup.placement()),
+        false => words(&way.answer.motions, &way.placement),
     };
-    let data = data(answer, setup).to_string().replace('<', "\\u003c");
+    let data = data(way).to_string().replace('<', "\\u003c");
     let mut html = String::new();
     // Writing to a string cannot fail.
     let _ = write!(
@@ -44,15 +52,15 @@ pub(super) fn page(answer: &PathAnswer, setup: &SceneSetup) -> Result<String, Co
          <p id=\"said\"></p>\n{2}</main>\n<script>\nconst data = {data};\n{PLAYER}</script>\n</html>\n",
         escaped(&title),
         escaped(&said),
-        charts::svg(answer, setup)?
+        charts::svg(way)?
     );
     Ok(html)
 }
 
 /// Surfaces and poses in the scene, metres.
-fn data(answer: &PathAnswer, setup: &SceneSetup) -> Value {
-    let placement = setup.placement();
-    let poses = answer.poses.iter().map(|p| {
+fn data(way: &WayReport) -> Value {
+    let placement = &way.placement;
+    let poses = way.answer.poses.iter().map(|p| {
         let fields = pose_fields(&placement.to_scene(&p.pose));
         let force = p.response.map(|r| {
             let wrench = placement.wrench_to_scene(&placement.to_scene(&p.pose), &r.wrench);
@@ -62,8 +70,8 @@ fn data(answer: &PathAnswer, setup: &SceneSetup) -> Value {
     });
     let poses: Vec<Value> = poses.collect();
     json!({
-        "fixed": surface(&setup.placed_fixed()),
-        "moving": surface(&setup.moving_at(&fft_correlate::Pose::IDENTITY)),
+        "fixed": surface(&way.placed_fixed()),
+        "moving": surface(&way.placed_moving()),
         "poses": poses,
     })
 }

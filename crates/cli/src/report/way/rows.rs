@@ -4,14 +4,27 @@ use fft_correlate::Placement;
 use pegfit_path::PathAnswer;
 use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
 
+use super::subject::WayReport;
+
 /// After the pose: way gone (metres), overlap of the deepest point (metres), energy (joules), torque
 /// (newton metres), force (newtons); the last seven are empty where no energies were asked for.
 const COLUMNS: [&str; 9] = [
     "length", "overlap", "energy", "tx", "ty", "tz", "fx", "fy", "fz",
 ];
 
+impl WayReport {
+    /// The poses of the way in the scene as rows of comma-separated numbers: pose, way gone, overlap,
+    /// energy, torque, force.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn csv(&self, out: impl std::io::Write) -> csv::Result<()> {
+        write(&self.answer, &self.placement, out)
+    }
+}
+
 /// The poses of a way in the scene that places the shapes so.
-pub(super) fn write(
+pub(crate) fn write(
     answer: &PathAnswer,
     placement: &Placement,
     out: impl std::io::Write,

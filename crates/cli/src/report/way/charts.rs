@@ -1,20 +1,16 @@
 //! Energy and force along a way.
 
-use std::path::Path;
+use pegfit_path::PathPose;
+use pegfit_pictures::{LineChart, PictureError, Series};
 
-use pegfit_path::{PathAnswer, PathPose};
-use pegfit_pictures::{LineChart, Series};
-use pegfit_scene::SceneSetup;
-use sdf_grid::atomic;
-
-use crate::error::CommandError;
+use super::subject::WayReport;
 
 /// Width and height of a chart on a page.
 const SIZE: (u32, u32) = (960, 310);
 
 /// The energy, and the sizes of force and torque, against the way gone; none without energies.
-fn charts(answer: &PathAnswer, setup: &SceneSetup) -> Option<[LineChart; 2]> {
-    let unit = setup.display_unit();
+fn charts(way: &WayReport) -> Option<[LineChart; 2]> {
+    let (answer, unit) = (&way.answer, way.unit);
     let metre = unit.in_metres();
     answer.poses.first()?.response?;
     let curve = |label: &str, value: fn(&PathPose) -> f64| Series {
@@ -45,29 +41,30 @@ fn charts(answer: &PathAnswer, setup: &SceneSetup) -> Option<[LineChart; 2]> {
     ])
 }
 
-/// Writes both charts as a picture.
-pub(super) fn draw(
-    answer: &PathAnswer,
-    setup: &SceneSetup,
-    file: &Path,
-) -> Result<(), CommandError> {
-    let Some(charts) = charts(answer, setup) else {
-        crate::remark!("no way to draw: {} is not written", file.display());
-        return Ok(());
-    };
-    let bytes = pegfit_pictures::png("energy and force along the way", (1300, 1000), |sheet| {
-        for (panel, chart) in sheet.split_evenly((2, 1)).iter().zip(&charts) {
-            chart.draw(panel)?;
-        }
-        Ok(())
-    })?;
-    Ok(atomic::write(file, &bytes)?)
+impl WayReport {
+    /// Energy, force and torque along the way as a picture (PNG); none without energies.
+    ///
+    /// # Errors
+    /// If it cannot be drawn.
+    pub fn png(&self) -> Result<Option<Vec<u8>>, PictureError> {
+        let Some(charts) = charts(self) else {
+            return Ok(None);
+        };
+        let title = "energy and force along the way";
+        let bytes = pegfit_pictures::png(title, (1300, 1000), |sheet| {
+            for (panel, chart) in sheet.split_evenly((2, 1)).iter().zip(&charts) {
+                chart.draw(panel)?;
+            }
+            Ok(())
+        })?;
+        Ok(Some(bytes))
+    }
 }
 
 /// Both charts for a page.
-pub(super) fn svg(answer: &PathAnswer, setup: &SceneSetup) -> Result<String, CommandError> {
+pub(super) fn svg(way: &WayReport) -> Result<String, PictureError> {
     let mut text = String::new();
-    for chart in charts(answer, setup).iter().flatten() {
+    for chart in charts(way).iter().flatten() {
         text += &pegfit_pictures::svg(&chart.vertical, SIZE, |sheet| chart.draw(sheet))?;
         text.push('\n');
     }

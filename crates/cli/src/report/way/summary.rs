@@ -2,14 +2,18 @@
 
 use fft_correlate::Placement;
 use pegfit_path::{Climb, Effort, Motion, Outcome, PathAnswer};
-use pegfit_scene::SceneSetup;
 use pegfit_scene::poses::pose_fields;
 use sdf_grid::LengthUnit;
 use serde::Serialize;
 
+use super::subject::WayReport;
+
+/// Another way is as good if it climbs by no more than this share of the depth besides.
+const NEARLY: f64 = 0.02;
+
 /// A way for programs: metres, radians, joules, in the scene.
 #[derive(Serialize)]
-pub(super) struct Summary {
+pub(crate) struct Summary {
     /// `free`, `overlapping` (deeper than contact, as the goal may be allowed to), `blocked`, or
     /// `not found`: the search ran out of time.
     outcome: &'static str,
@@ -88,9 +92,29 @@ fn outcome(answer: &PathAnswer) -> &'static str {
     }
 }
 
+impl WayReport {
+    /// What is told of the way, as JSON: metres, radians, joules.
+    ///
+    /// # Errors
+    /// If a number has no place in JSON.
+    pub fn json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(&self.summary())
+    }
+
+    /// The motions inwards in words, in the scene.
+    pub fn words(&self) -> Vec<String> {
+        let placed = placed(&self.answer.motions, &self.placement);
+        placed.iter().map(Motion::to_string).collect()
+    }
+
+    pub(crate) fn summary(&self) -> Summary {
+        Summary::new(&self.answer, &self.placement, self.field_seconds)
+    }
+}
+
 impl Summary {
     /// Of a way between shapes that are placed so.
-    pub(super) fn new(
+    pub(crate) fn new(
         answer: &PathAnswer,
         placement: &Placement,
         field_seconds: Option<f64>,
@@ -154,7 +178,7 @@ impl Seen {
 }
 
 /// The way in words, inwards: `push 12.0 mm along ..., quarter turn about ...`.
-pub(super) fn words(motions: &[Motion], placement: &Placement) -> String {
+pub(crate) fn words(motions: &[Motion], placement: &Placement) -> String {
     let told: Vec<String> = placed(motions, placement)
         .iter()
         .map(Motion::to_string)
@@ -166,14 +190,14 @@ pub(super) fn words(motions: &[Motion], placement: &Placement) -> String {
 }
 
 /// Prints what a person asks first.
-pub(super) fn say(setup: &SceneSetup, answer: &PathAnswer) {
-    let unit = setup.display_unit();
+pub(crate) fn say(way: &WayReport) {
+    let (answer, unit) = (&way.answer, way.unit);
     say_outcome(answer, unit);
     if answer.poses.is_empty() {
         return;
     }
     let metre = unit.in_metres();
-    crate::say!("  in: {}", words(&answer.motions, setup.placement()));
+    crate::say!("  in: {}", words(&answer.motions, &way.placement));
     crate::say!(
         "  {:.3} {unit} long, {:.1} degrees of turning, in {} poses, no point moves more than \
          {:.4} {unit} between two",
@@ -200,8 +224,16 @@ pub(super) fn say(setup: &SceneSetup, answer: &PathAnswer) {
         );
     }
     for other in &answer.others {
-        let way = words(&other.motions, setup.placement());
-        crate::say!("  also: {way} ({:.3} {unit} long)", other.length / metre);
+        let way = words(&other.motions, &way.placement);
+        let climb = match (&other.climb, &answer.climb) {
+            (Some(own), Some(told)) if own.share < told.share + NEARLY => ", as good".to_owned(),
+            (Some(own), Some(_)) => format!(", climbs {:.1} % of the depth", 100.0 * own.share),
+            _ => String::new(),
+        };
+        crate::say!(
+            "  also: {way} ({:.3} {unit} long{climb})",
+            other.length / metre
+        );
     }
     if answer.others.is_empty() {
         crate::say!("  no other way was found in as much time again");

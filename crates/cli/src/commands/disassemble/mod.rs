@@ -1,0 +1,6 @@
+//! `pegfit disassemble`: in which order does an assembly come apart?
+
+mod run;
+mod summary;
+
+pub(super) use run::run;

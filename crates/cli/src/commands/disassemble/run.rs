@@ -1,0 +1,103 @@
+//! The command, step by step.
+
+use std::path::Path;
+
+use fft_correlate::Placement;
+use pegfit_path::{
+    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep,
+};
+use pegfit_scene::{PlacedParts, Scene};
+use sdf_grid::atomic;
+
+use super::summary::{Order, say};
+use crate::args::DisassembleArgs;
+use crate::commands::path::question::time_limit;
+use crate::commands::scenes;
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::report::output::{print_json, require_folder};
+use crate::report::way::rows;
+
+/// Letters of a part's name that a file's name has at most.
+const LONGEST_NAME: usize = 60;
+
+pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), CommandError> {
+    if let Some(folder) = &args.output {
+        require_folder(folder)?;
+    }
+    let time_limit = time_limit(args.seconds)?;
+    let scene = Scene::read(&args.scene)?;
+    let placed = PlacedParts::read(&scene)?;
+    scenes::tell(&placed.warnings, context);
+    let metre = scene.unit.in_metres();
+    let options = DisassemblyOptions {
+        tolerance: args.tolerance.map(|t| t * metre),
+        step: args.step.map(|s| s * metre),
+        time_limit,
+        allow_overlap: args.allow_overlap,
+        largest_group: args.group,
+    };
+    let named = |(name, mesh): &(String, _)| AssemblyPart {
+        name: name.clone(),
+        mesh: std::sync::Arc::clone(mesh),
+    };
+    let names: Vec<&str> = placed.parts.iter().map(|p| p.0.as_str()).collect();
+    let search = DisassemblySearch::new(placed.parts.iter().map(named).collect(), options)?;
+    let found = search.run(&context.progress);
+    context.progress.finish();
+    let found = found?;
+    let files: Option<Vec<String>> = args.output.as_ref().map(|_| {
+        let numbered = found.steps.iter().enumerate();
+        numbered.map(|(i, s)| file_name(i, s, &names)).collect()
+    });
+    let order = Order::new(&found, &names, files.as_deref());
+    if let (Some(folder), Some(files)) = (&args.output, &files) {
+        write(folder, files, &found, &order)?;
+    }
+    if context.json {
+        print_json(&order)
+    } else {
+        say(&found, &names, placed.display_unit);
+        Ok(())
+    }
+}
+
+/// `03-lid+screw.csv`.
+fn file_name(step: usize, of: &DisassemblyStep, names: &[&str]) -> String {
+    let parts: Vec<&str> = of.parts.iter().map(|p| names[*p]).collect();
+    let plain = |c: char| match c.is_alphanumeric() || "+-_.".contains(c) {
+        true => c,
+        false => '-',
+    };
+    let name: String = parts
+        .join("+")
+        .chars()
+        .map(plain)
+        .take(LONGEST_NAME)
+        .collect();
+    format!("{:02}-{name}.csv", step + 1)
+}
+
+/// The way of each step, and the order.
+fn write(
+    folder: &Path,
+    files: &[String],
+    found: &Disassembly,
+    order: &Order,
+) -> Result<(), CommandError> {
+    std::fs::create_dir_all(folder).map_err(|source| CommandError::Io {
+        action: "write",
+        path: folder.to_owned(),
+        source,
+    })?;
+    for (file, step) in files.iter().zip(&found.steps) {
+        let file = folder.join(file);
+        atomic::write_with(&file, |out| {
+            rows::write(&step.way, &Placement::default(), out)
+                .map_err(|e| CommandError::failure(file.display().to_string(), e))
+        })?;
+    }
+    let text = serde_json::to_string_pretty(order)
+        .map_err(|e| CommandError::failure("writing JSON", e))?;
+    Ok(atomic::write(&folder.join("order.json"), text.as_bytes())?)
+}

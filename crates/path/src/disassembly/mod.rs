@@ -1,0 +1,5 @@
+//! In which order an assembly comes apart.
+
+mod groups;
+pub(crate) mod options;
+pub(crate) mod search;

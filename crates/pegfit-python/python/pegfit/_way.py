@@ -1,0 +1,98 @@
+"""A way in: poses, forces, and what it is in words."""
+
+from __future__ import annotations
+
+import json
+import os
+from os import PathLike
+from typing import Any, Optional, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pegfit import _core
+from pegfit._errors import PegfitError
+
+Float = NDArray[np.float64]
+
+
+class Way:
+    """The way from outside, or from a pose, to the goal: n poses at equal steps, none if none was
+    found. Backwards it is the way out.
+
+    Attributes:
+        poses: `(n, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
+        length: Way of the farthest-going point since the start, metres, `(n,)`.
+        overlap: By how much the deepest point of either part lies in the other, metres, `(n,)`.
+        energy: Joules, `(n,)`; this and the next two are NaN if only the solids were looked at.
+        force: On the moving part, newtons, `(n, 3)`.
+        torque: Newton metres, `(n, 3)`, about where the pose takes the origin of the moving part's
+            frame.
+        words: The motions inwards, such as `push 12.0 mm along (0.00, 0.00, -1.00)`.
+        summary: What `pegfit path --json` tells, by name.
+    """
+
+    def __init__(self, core: _core.Way) -> None:
+        self._core = core
+        numbers = core.numbers()
+        self.poses: Float = numbers[:, :7].copy()
+        self.length, self.overlap, self.energy = (numbers[:, k].copy() for k in (7, 8, 9))
+        self.force: Float = numbers[:, 10:13].copy()
+        self.torque: Float = numbers[:, 13:].copy()
+        self.words: list[str] = core.words()
+        self.summary: dict[str, Any] = json.loads(core.summary())
+
+    @property
+    def free(self) -> bool:
+        """Whether no overlap along the way is deeper than contact."""
+        return bool(self.summary["outcome"] == "free")
+
+    @property
+    def outcome(self) -> str:
+        """`free`; `overlapping`: deeper than contact, as the goal may be allowed to; `blocked`: at the
+        steps of the search everything was tried; `not found`: time ran out."""
+        return str(self.summary["outcome"])
+
+    @property
+    def barrier(self) -> Optional[float]:
+        """The highest climb of the energy on the way in, joules; `None` without energies."""
+        climb = self.summary["climb"]
+        return None if climb is None else float(climb["energy"])
+
+    @property
+    def depth(self) -> Optional[float]:
+        """How far the goal lies below the energy out of reach, joules; `None` without energies."""
+        depth = self.summary["depth"]
+        return None if depth is None else float(depth)
+
+    def report(self, path: Union[str, PathLike[str]]) -> None:
+        """Writes the way.
+
+        Args:
+            path: Its ending says what: `.html` the page of `pegfit path --html`, which plays it,
+                `.csv` the rows of `pegfit path -o`, `.json` the summary.
+
+        Raises:
+            PegfitError: Another ending, or the file cannot be written.
+        """
+        ending = os.path.splitext(path)[1].lower()
+        if ending == ".html":
+            text = self._core.page()
+        elif ending == ".csv":
+            text = self._core.table()
+        elif ending == ".json":
+            text = self._core.summary()
+        else:
+            expected, found = "a name that ends in .html, .csv or .json", repr(os.fspath(path))
+            message = f"path: expected {expected}, found {found}"
+            raise PegfitError(message, item="path", expected=expected, found=found)
+        _core.write_text(path, text)
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        if len(self) == 0:
+            return f"Way: {self.outcome}"
+        words = "; ".join(self.words) or "no motion worth a word"
+        return f"Way of {len(self)} poses, {self.outcome}: {words}"

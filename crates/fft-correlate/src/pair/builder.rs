@@ -214,31 +214,42 @@ impl PairBuilder {
                 part: "fixed",
                 source,
             })?;
-        let needed = DensityField::memory_bytes(&fixed_lattice)
-            + DensityField::memory_bytes(&moving_lattice);
+        let of_moving = sampling(Smoothing::of_moving);
+        let lattices = [
+            (&fixed_lattice, density.sampling),
+            (&moving_lattice, of_moving),
+        ];
+        Ok(PairPlan {
+            model: *model,
+            kernel,
+            bytes: self.bytes(lattices, spacing)?,
+            fixed_lattice,
+            moving_lattice,
+            density,
+            sampling_of_moving: of_moving,
+            smoothing,
+            pivot: spacing * (b.center() / spacing).round(),
+        })
+    }
+
+    /// Bytes of fields on these lattices, if making them takes no more than is allowed.
+    fn bytes(
+        &self,
+        lattices: [(&Lattice, Sampling); 2],
+        spacing: f64,
+    ) -> Result<u64, PairBuildError> {
+        let kept = lattices.map(|(lattice, _)| DensityField::memory_bytes(lattice));
+        let kept = kept[0].saturating_add(kept[1]);
         // One field after the other.
-        let working =
-            DensityField::working_bytes(&fixed_lattice, sampling(Smoothing::of_fixed)).max(
-                DensityField::working_bytes(&moving_lattice, sampling(Smoothing::of_moving)),
-            );
-        let most = needed.saturating_add(working);
+        let working = lattices.map(|(lattice, s)| DensityField::working_bytes(lattice, s));
+        let needed = kept.saturating_add(working[0].max(working[1]));
         match self.memory_limit {
-            Some(limit) if most > limit => Err(PairBuildError::Memory {
-                needed: most,
+            Some(limit) if needed > limit => Err(PairBuildError::Memory {
+                needed,
                 limit,
                 spacing,
             }),
-            _ => Ok(PairPlan {
-                model: *model,
-                kernel,
-                fixed_lattice,
-                moving_lattice,
-                density,
-                sampling_of_moving: sampling(Smoothing::of_moving),
-                smoothing,
-                pivot: spacing * (b.center() / spacing).round(),
-                bytes: needed,
-            }),
+            _ => Ok(kept),
         }
     }
 

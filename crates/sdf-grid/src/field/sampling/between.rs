@@ -10,10 +10,12 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::blocks::{Arrays, Block};
-use super::smoothed::FINE;
 use crate::field::error::DensityError;
 use crate::field::lattice::Lattice;
 use crate::field::zeros::zeros;
+
+/// Fine nodes per coarse node and axis.
+pub(super) const FINE: usize = 2;
 
 /// Coarse nodes by which they begin before the fine lattice: what cubics and their test read.
 const BEFORE: usize = 3;
@@ -49,23 +51,23 @@ enum Side {
 pub(super) const BYTES: usize = 2 * size_of::<Complex32>() + size_of::<f32>();
 
 impl Between {
-    /// The coarse lattice for a fine one that has `fine` nodes from `reach` nodes before those of
-    /// `lattice` on; `reach` is a multiple of [`FINE`].
+    /// The coarse lattice for a fine one of so many nodes.
     pub(super) fn shape(fine: [usize; 3]) -> [usize; 3] {
         // To the last node that the last block reads, and as far beyond as before.
         fine.map(|n| 4 * n.div_ceil(8) + READ - 4 + 2 * (BEFORE - 1))
     }
 
     /// Computes the coarse densities with `sample`, which fills the values of a lattice at its
-    /// nodes; distances at the nodes of `lattice` go to `distance`.
+    /// nodes; distances at the nodes of `lattice` go to `distance`. The fine lattice has `fine`
+    /// nodes from `margin` of them before those of `lattice` on, a multiple of [`FINE`].
     pub(super) fn new(
         lattice: &Lattice,
-        reach: usize,
+        margin: usize,
         fine: [usize; 3],
         distance: &mut ndarray::ArrayViewMut3<'_, f32>,
         sample: impl FnOnce(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
     ) -> Result<Self, DensityError> {
-        let (h, before) = (lattice.spacing(), BEFORE + reach / FINE);
+        let (h, before) = (lattice.spacing(), BEFORE + margin / FINE);
         let shape = Self::shape(fine);
         let memory = || DensityError::Memory {
             bytes: shape

@@ -12,14 +12,11 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::between::{self, Between};
+use super::between::{self, Between, FINE};
 use super::blocks::{Arrays, block_count};
 use crate::field::error::DensityError;
 use crate::field::lattice::Lattice;
 use crate::field::zeros::zeros;
-
-/// Fine nodes per node and axis.
-pub(super) const FINE: usize = 2;
 
 /// Fine nodes along x that are worked on together: two blocks deep.
 const DEPTH: usize = 16;
@@ -40,9 +37,7 @@ impl Filter {
     fn new(deviation: f64, sharpening: f64, spacing: f64) -> Self {
         // Cells have averaged already.
         let variance = deviation * deviation - spacing * spacing / 12.0;
-        let reach = (CUT_OFF * deviation / spacing).ceil() as usize;
-        // To a node of the coarse lattice.
-        let reach = reach.next_multiple_of(FINE) as i32;
+        let reach = (CUT_OFF * deviation / spacing).ceil() as i32;
         let places = (-reach..=reach).map(|i| f64::from(i) * spacing);
         let value: Vec<f64> = places
             .clone()
@@ -67,6 +62,17 @@ impl Filter {
     /// How many fine nodes it reaches to either side.
     fn reach(&self) -> usize {
         self.value.len() / 2
+    }
+
+    /// Fine nodes before the first node of the lattice: of the nodes between which they lie, whole
+    /// steps.
+    fn margin(&self) -> usize {
+        self.reach().next_multiple_of(FINE)
+    }
+
+    /// The first fine node that the first node of the lattice reads.
+    fn first(&self) -> usize {
+        self.margin() - self.reach()
     }
 }
 
@@ -107,11 +113,10 @@ impl Smoothing {
         }
         let spacing = lattice.spacing() / FINE as f64;
         let filter = Filter::new(deviation, sharpening, spacing);
-        let reach = filter.reach();
+        let margin = filter.margin();
         Ok(Self {
-            // The first node is a fine one, `reach` from the edge.
-            origin: lattice.origin() - reach as f64 * spacing,
-            shape: lattice.shape().map(|n| FINE * (n - 1) + 1 + 2 * reach),
+            origin: lattice.origin() - margin as f64 * spacing,
+            shape: lattice.shape().map(|n| FINE * (n - 1) + 1 + 2 * margin),
             filter,
             spacing,
         })
@@ -155,7 +160,7 @@ impl Smoothing {
         let filter = &self.filter;
         let between = Between::new(
             lattice,
-            filter.reach(),
+            filter.margin(),
             self.shape,
             &mut arrays.signed_distance,
             |coarse, arrays| sample(coarse, arrays, None),
@@ -199,8 +204,10 @@ fn add(
             continue;
         }
         let plane = across(filter, &fine, [ny, nz]);
-        // Node n is the sum over fine planes from FINE n on.
-        let place = first + i;
+        // Node n is the sum over fine planes from FINE n on, counted from the first that is read.
+        let Some(place) = (first + i).checked_sub(filter.first()) else {
+            continue;
+        };
         let last = (place / FINE).min(nodes - 1);
         let taps = filter.value.len();
         let begin = (place + 1).saturating_sub(taps).div_ceil(FINE);
@@ -232,7 +239,7 @@ fn across(filter: &Filter, fine: &ArrayView2<'_, Complex32>, [ny, nz]: [usize; 2
         .into_par_iter()
         .zip(bend.outer_iter_mut());
     lines.enumerate().for_each(|(y, (mut value, mut bend))| {
-        let near = &rows[FINE * y..FINE * y + filter.value.len()];
+        let near = &rows[filter.first() + FINE * y..][..filter.value.len()];
         for (k, [v, b]) in near.iter().enumerate() {
             axpy(filter.value[k], v, value.as_slice_mut().unwrap_or_default());
             if let Some(weights) = &filter.bend {
@@ -253,7 +260,7 @@ fn axpy(weight: f32, from: &[Complex32], to: &mut [Complex32]) {
 /// A fine row filtered to `nz` nodes: smoothed, and what sharpening adds.
 fn along(filter: &Filter, fine: &[Complex32], nz: usize) -> [Vec<Complex32>; 2] {
     let sum = |weights: &[f32], k: usize| {
-        let near = &fine[FINE * k..FINE * k + weights.len()];
+        let near = &fine[filter.first() + FINE * k..][..weights.len()];
         let terms = near.iter().zip(weights).map(|(v, w)| v * w);
         terms.fold(Complex32::ZERO, |a, b| a + b)
     };

@@ -169,7 +169,7 @@ fn row(known: &Known, wanted: &Wanted) -> Outcome<Vec<String>> {
     for frame in 0..wanted.frames {
         let (answer, seconds) = find(known, frame, wanted.seconds)?;
         times.push(seconds);
-        right += u64::from((answer.outcome == Found::Free) == known.free);
+        right += u64::from(is_right(known, &answer));
         looked += answer.effort.looked;
         nodes += answer.effort.nodes;
         if known.free {
@@ -192,6 +192,14 @@ fn row(known: &Known, wanted: &Wanted) -> Outcome<Vec<String>> {
             "-".to_owned()
         },
     ])
+}
+
+/// Whether the answer is the known one: a way without overlap, or none after everything was tried.
+fn is_right(known: &Known, answer: &PathAnswer) -> bool {
+    match answer.outcome {
+        Found::Free => known.free && answer.is_free(),
+        Found::Blocked { exhausted, .. } => !known.free && exhausted,
+    }
 }
 
 /// The answer in one frame, and how long it took.

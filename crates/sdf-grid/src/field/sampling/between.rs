@@ -134,12 +134,14 @@ impl Between {
     }
 }
 
-/// Eight fine values from seven coarse ones, of which the first lies before them.
+/// Eight fine values from seven coarse ones, of which the first lies before them. Next to a zero,
+/// beyond the halo, there is nothing: fields end where they did.
 fn refined(coarse: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
     std::array::from_fn(|f| {
         let at = |n: usize| coarse(f / 2 + n);
         match f % 2 {
             0 => at(1),
+            _ if at(1) == Complex32::ZERO || at(2) == Complex32::ZERO => Complex32::ZERO,
             _ => (at(1) + at(2)) * 0.5625 - (at(0) + at(3)) * 0.0625,
         }
     })

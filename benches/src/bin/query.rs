@@ -2,23 +2,27 @@
 //!
 //! Three tables: a small one of the paper's square pair, which fits in the processor's caches; a
 //! large one of a closed form, of which random queries read main memory; and the large one again as
-//! whole numbers. Then a million poses through `pegfit score`'s own steps.
+//! whole numbers. Then a million poses through `pegfit score`'s own steps, and the paper's pairs in
+//! contact at the default spacing.
 
 use std::time::Instant;
 
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Interpolation, NodeEnergies,
-    Numbers, Pair, PairEnergies, Pose, Response, RotationDomain, ScoreModel, Storage, TableSpec,
-    TranslationWindow, Twist,
+    Numbers, Pair, PairBuilder, PairEnergies, Pose, Response, RotationDomain, ScoreModel, Storage,
+    TableSpec, TranslationWindow, Twist,
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
+use pegfit_benches::frames::contact_paths;
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, example, random_poses};
 use pegfit_scene::poses::{PoseReader, ScoredPose, append_score};
 use rand::{SeedableRng, rngs::SmallRng};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Lattice, Silent};
+
+const QUANTILES: [&str; 5] = ["source", "poses", "p50, µs", "p99, µs", "p99.9, µs"];
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
@@ -31,7 +35,7 @@ fn main() -> Outcome<()> {
          median and the slowest of a hundred and of a thousand. Along a path from pose to pose, \
          as a hand moves, or at random poses. The small table (of the square pair) fits in the \
          processor's caches; random poses in the large one (of a closed form) read main memory.",
-        &["source", "poses", "p50, µs", "p99, µs", "p99.9, µs"],
+        &QUANTILES,
     );
     let mut many = Table::new(
         "throughput",
@@ -54,7 +58,9 @@ fn main() -> Outcome<()> {
     for numbers in [Numbers::Half, Numbers::Integer] {
         large_table(&pair, numbers, arguments.quick, &mut latency, &mut many)?;
     }
+    let contact = in_contact(arguments.quick, &mut many)?;
     arguments.publish(&latency, None)?;
+    arguments.publish(&contact, None)?;
     arguments.publish(&many, None)
 }
 
@@ -99,6 +105,53 @@ fn direct(pair: &Pair, latency: &mut Table) -> Outcome<()> {
         latency.push(latencies(&name, "random", &source, &poses));
     }
     Ok(())
+}
+
+/// Rotations and displacements of the tables in contact, degrees and metres.
+const BALL: f64 = 7.2;
+const REACH: f64 = 3.6e-3;
+
+/// The paper's pairs with parts that touch, at the default spacing.
+fn in_contact(quick: bool, many: &mut Table) -> Outcome<Table> {
+    let mut latency = Table::new(
+        "latency-contact",
+        "Time of one query in contact",
+        "As above, along ways with parts that touch, at the default spacing: most of the time goes \
+         to the sum over both surfaces.",
+        &QUANTILES,
+    );
+    let step = if quick { 3.6 } else { 1.8 };
+    for which in PegInHole::ALL {
+        let (hole, peg) = which.pair(1e-4)?;
+        let pair = PairBuilder::default().build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+        let window = TranslationWindow::cube(2.0 * REACH, pair.spacing())?;
+        let spec = TableSpec::for_pair(&pair, &window, RotationDomain::ball(BALL, step));
+        let plan = PairEnergies::plan(&pair, &window)?;
+        let table = EnergyTable::compute(spec, &plan, 4 << 30, &Silent)?;
+        let direct = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME)?;
+        let angle = 0.9 * BALL.to_radians();
+        let path = contact_paths(&pair, angle, 0.9 * REACH, 400);
+        let name = which.name();
+        latency.push(latencies(
+            &format!("table, {name}"),
+            "in contact",
+            &table,
+            &path,
+        ));
+        let points = direct.describe().points();
+        let told = format!("direct, {name}, {points} points");
+        latency.push(latencies(&told, "in contact", &direct, &path));
+        let mut rng = SmallRng::seed_from_u64(6);
+        let random = random_poses(&pair, &mut rng, angle, 0.9 * REACH, 50_000);
+        let rate = throughput(&table, &random);
+        many.push(described(
+            &format!("{name}, in contact"),
+            &table,
+            rate,
+            None,
+        ));
+    }
+    Ok(latency)
 }
 
 /// Smooth in displacement and rotation, and cheap: a query's cost does not depend on the values.

@@ -16,7 +16,7 @@ pub(crate) struct Section {
     pub(crate) needs_parts: bool,
 }
 
-pub(crate) const SECTIONS: [Section; 10] = [
+pub(crate) const SECTIONS: [Section; 13] = [
     Section {
         key: "field",
         title: "Density fields",
@@ -71,6 +71,18 @@ pub(crate) const SECTIONS: [Section; 10] = [
         needs_parts: false,
     },
     Section {
+        key: "contact",
+        title: "Where parts touch",
+        about: "Energies and wrenches at random poses and in contact, of parts as they are, shifted \
+            by fractions of a cell, and turned; cell averages beside smoothed densities with their \
+            sum over both surfaces. What the figures mean stands in [accuracy.md](accuracy.md).",
+        program: "contact",
+        quick: &[&["--quick", "clearance=0.1", "spacing=0.83"]],
+        full: &[&[]],
+        parts: None,
+        needs_parts: false,
+    },
+    Section {
         key: "pareto",
         title: "The whole way to a wrench",
         about: "Error of the wrench against what it costs, over lattice spacing, sampling, \
@@ -95,6 +107,27 @@ pub(crate) const SECTIONS: [Section; 10] = [
         program: "docking",
         quick: &[&["--quick"]],
         full: &[&[]],
+        parts: Some(""),
+        needs_parts: false,
+    },
+    Section {
+        key: "frames",
+        title: "Docking in every frame",
+        about: "Whether docking finds the modelled fit however both parts lie in their frames.",
+        program: "dock-frames",
+        quick: &[&["--quick"]],
+        full: &[&["--starts", "50", "--seeds", "0..50"]],
+        parts: Some(""),
+        needs_parts: false,
+    },
+    Section {
+        key: "ways",
+        title: "Ways in",
+        about: "How often the way in is found, and that there is none where there is none; explained \
+            in [path.md](path.md).",
+        program: "path",
+        quick: &[&["--quick", "--frames", "1"]],
+        full: &[&["--frames", "20"]],
         parts: Some(""),
         needs_parts: false,
     },

@@ -2,14 +2,13 @@
 //! table, a few megabytes.
 //!
 //! Weighted points of one part are looked up in the other part's density on its lattice by
-//! trilinear interpolation; which part gives the points of which product is decided by
+//! interpolation; which part gives the points of which product is decided by
 //! [`score_terms`]. Force and torque are the exact gradient of the interpolated sum, so the energy
 //! is conservative up to the rounding of single precision. Outside its lattice a density is zero,
 //! reached within one cell; with a finite halo it has faded to zero before.
 //!
-//! Interpolation and cell averages smooth the energy over about two lattice spacings: at zero
-//! clearance the V of the contact energy is rounded within that distance, and slopes are right
-//! beyond it.
+//! Densities are smoothed so that the lattice can hold them; what the score loses by that in contact
+//! a sum over both surfaces gives back (`docs/conventions.md`).
 
 use fearless_simd::Level;
 use num_complex::Complex64;
@@ -54,7 +53,7 @@ impl DirectOptions {
     /// Few enough points for a 1 kHz loop on one core. The default.
     pub const REAL_TIME: Self = Self {
         merge_tolerance: 0.1,
-        max_points: Some(20_000),
+        max_points: Some(14_000),
     };
 }
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from os import PathLike
 from typing import Any, Mapping, Optional, Union
 
@@ -16,6 +15,7 @@ from pegfit._errors import DeviceError, PegfitError
 from pegfit._pair import Pair
 from pegfit._poses import rows, three
 from pegfit._progress import Progress, Reporting
+from pegfit._report import write_report
 from pegfit._source import Evaluator, Table
 
 Float = NDArray[np.float64]
@@ -74,21 +74,14 @@ class Run:
         Raises:
             PegfitError: Another ending, or the file cannot be written.
         """
-        ending = os.path.splitext(path)[1].lower()
-        if ending == ".html":
-            text = self._core.page()
-        elif ending == ".csv":
-            flat = self.ticks.view(np.float64).reshape(len(self.ticks), -1)
-            table, header = io.StringIO(), ",".join(_core.tick_columns())
-            np.savetxt(table, flat, delimiter=",", header=header, comments="", fmt="%.17g")
-            text = table.getvalue()
-        elif ending == ".json":
-            text = self._core.summary()
-        else:
-            expected, found = "a name that ends in .html, .csv or .json", repr(os.fspath(path))
-            message = f"path: expected {expected}, found {found}"
-            raise PegfitError(message, item="path", expected=expected, found=found)
-        _core.write_text(path, text)
+        core = self._core
+        write_report(path, page=core.page, table=self._table, summary=core.summary)
+
+    def _table(self) -> str:
+        flat = self.ticks.view(np.float64).reshape(len(self.ticks), -1)
+        table, header = io.StringIO(), ",".join(_core.tick_columns())
+        np.savetxt(table, flat, delimiter=",", header=header, comments="", fmt="%.17g")
+        return table.getvalue()
 
     def __repr__(self) -> str:
         seconds, peak = self.summary["seconds"], self.summary["peak_force"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from os import PathLike
 from typing import Any, Optional, Union
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pegfit import _core
-from pegfit._errors import PegfitError
+from pegfit._report import write_report
 
 Float = NDArray[np.float64]
 
@@ -75,18 +74,8 @@ class Way:
         Raises:
             PegfitError: Another ending, or the file cannot be written.
         """
-        ending = os.path.splitext(path)[1].lower()
-        if ending == ".html":
-            text = self._core.page()
-        elif ending == ".csv":
-            text = self._core.table()
-        elif ending == ".json":
-            text = self._core.summary()
-        else:
-            expected, found = "a name that ends in .html, .csv or .json", repr(os.fspath(path))
-            message = f"path: expected {expected}, found {found}"
-            raise PegfitError(message, item="path", expected=expected, found=found)
-        _core.write_text(path, text)
+        core = self._core
+        write_report(path, page=core.page, table=core.table, summary=core.summary)
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -5,6 +5,10 @@
 //! `.NAME.XXXXXX.tmp`. What is written has the mode of an ordinary new file or folder (what the
 //! process's umask leaves of it), and is on the disk when the call returns.
 //!
+//! Only files are replaced. Where a symbolic link stands, what it leads to is replaced and the link
+//! stays; into a device or a pipe, such as `/dev/null` or `/dev/stdout`, content is written as it
+//! comes, and the device stays what it is.
+//!
 //! [`write()`] and [`write_with`] replace a file at once; [`AtomicFile`] is for a file that grows for
 //! a while; [`AtomicFolder`] for a folder of several files.
 
@@ -59,7 +63,48 @@ pub fn write_with<E: From<AtomicError>>(
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
-    writer: BufWriter<NamedTempFile>,
+    writer: BufWriter<Target>,
+}
+
+/// What takes the content.
+#[derive(Debug)]
+enum Target {
+    /// A file to be renamed.
+    Temporary(NamedTempFile),
+    /// A device or a pipe: what is written there is gone there.
+    Through(File),
+}
+
+impl Target {
+    /// For a place, a temporary file in `folder`.
+    fn create_in(folder: &Path, path: &Path) -> io::Result<Self> {
+        if is_through(path) {
+            return Ok(Self::Through(File::options().write(true).open(path)?));
+        }
+        let prefix = prefix(path);
+        let mut builder = Builder::new();
+        builder.prefix(&prefix).suffix(".tmp");
+        // Temporary files are otherwise made for their owner only. The system takes the umask off.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        Ok(Self::Temporary(builder.tempfile_in(folder)?))
+    }
+}
+
+impl Write for Target {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Temporary(file) => file.write(bytes),
+            Self::Through(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Temporary(file) => file.flush(),
+            Self::Through(file) => file.flush(),
+        }
+    }
 }
 
 impl AtomicFile {
@@ -68,7 +113,7 @@ impl AtomicFile {
     /// # Errors
     /// If the folder does not exist or takes no new file.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
-        let path = path.into();
+        let path = led_to(path.into());
         let folder = folder_of(&path).to_owned();
         Self::create_in(&folder, path)
     }
@@ -80,14 +125,8 @@ impl AtomicFile {
     /// If the folder does not exist or takes no new file.
     pub fn create_in(folder: &Path, path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
         let path = path.into();
-        let mut builder = Builder::new();
-        let prefix = prefix(&path);
-        builder.prefix(&prefix).suffix(".tmp");
-        // Temporary files are otherwise made for their owner only. The system takes the umask off.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder).map_err(|e| failed(&path, e))?;
-        let writer = BufWriter::with_capacity(1 << 16, file);
+        let target = Target::create_in(folder, &path).map_err(|e| failed(&path, e))?;
+        let writer = BufWriter::with_capacity(1 << 16, target);
         Ok(Self { path, writer })
     }
 
@@ -101,7 +140,10 @@ impl AtomicFile {
     /// # Errors
     /// If the file cannot be completed; what was there before stays.
     pub fn commit(self) -> Result<(), AtomicError> {
-        let (path, file) = self.complete()?;
+        let (path, target) = self.complete()?;
+        let Target::Temporary(file) = target else {
+            return Ok(());
+        };
         file.persist(&path).map_err(|e| failed(&path, e.error))?;
         sync_folder(&path)
     }
@@ -111,7 +153,10 @@ impl AtomicFile {
     /// # Errors
     /// If the file cannot be completed.
     pub fn commit_new(self) -> Result<bool, AtomicError> {
-        let (path, file) = self.complete()?;
+        let (path, target) = self.complete()?;
+        let Target::Temporary(file) = target else {
+            return Ok(false);
+        };
         match file.persist_noclobber(&path) {
             Ok(_) => sync_folder(&path).map(|()| true),
             Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => Ok(false),
@@ -119,14 +164,15 @@ impl AtomicFile {
         }
     }
 
-    fn complete(self) -> Result<(PathBuf, NamedTempFile), AtomicError> {
+    fn complete(self) -> Result<(PathBuf, Target), AtomicError> {
         let Self { path, writer } = self;
-        let file = writer
+        let target = writer
             .into_inner()
             .map_err(|e| failed(&path, e.into_error()))?;
-        let synced = file.as_file().sync_all();
-        synced.map_err(|e| failed(&path, e))?;
-        Ok((path, file))
+        if let Target::Temporary(file) = &target {
+            file.as_file().sync_all().map_err(|e| failed(&path, e))?;
+        }
+        Ok((path, target))
     }
 }
 
@@ -200,6 +246,33 @@ fn failed(path: &Path, source: io::Error) -> AtomicError {
         path: path.to_owned(),
         source,
     }
+}
+
+/// Where a chain of symbolic links leads to, whether something is there or not; of descriptors that
+/// are open, such as `/dev/stdout`, up to where the system lists them.
+fn led_to(path: PathBuf) -> PathBuf {
+    /// As many as Linux follows.
+    const MOST_LINKS: usize = 40;
+    let mut at = path.clone();
+    for _ in 0..MOST_LINKS {
+        match fs::read_link(&at) {
+            Ok(target) if !is_descriptor(&at) => at = folder_of(&at).join(target),
+            _ => return at,
+        }
+    }
+    path
+}
+
+/// Whether content is written through `path`, where a device, a pipe or an open descriptor is:
+/// neither a file nor a folder.
+fn is_through(path: &Path) -> bool {
+    let other = |found: fs::Metadata| !found.is_file() && !found.is_dir();
+    is_descriptor(path) || fs::metadata(path).is_ok_and(other)
+}
+
+/// Whether the system lists open descriptors there; what they lead to need not have a name.
+fn is_descriptor(path: &Path) -> bool {
+    path.starts_with("/proc") || path.starts_with("/dev/fd")
 }
 
 /// The folder that `path` lies in.

@@ -186,3 +186,59 @@ mod modes {
         }
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_link_stays_and_what_it_leads_to_is_replaced() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("inner");
+    fs::create_dir(&inner).unwrap();
+    let (link, second) = (folder.path().join("link"), folder.path().join("second"));
+    symlink("inner/file", &link).unwrap();
+    symlink("link", &second).unwrap();
+    // Once where nothing is yet, once over a file.
+    for content in [b"1", b"2"] {
+        write(&second, content).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert!(fs::symlink_metadata(&second).unwrap().is_symlink());
+        assert_eq!(fs::read(inner.join("file")).unwrap(), content);
+    }
+    assert_eq!(names(&inner), ["file"]);
+    let round = folder.path().join("round");
+    symlink("round", &round).unwrap();
+    write(&round, b"3").unwrap();
+    assert_eq!(fs::read(&round).unwrap(), b"3");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_or_a_pipe_stays_what_it_is() {
+    use std::io::Read;
+    use std::os::fd::AsRawFd;
+    use std::os::unix::fs::FileTypeExt;
+
+    let null = Path::new("/dev/null");
+    assert!(is_through(null));
+    let (mut reader, writer) = io::pipe().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out");
+    let descriptor = format!("/dev/fd/{}", writer.as_raw_fd());
+    std::os::unix::fs::symlink(descriptor, &path).unwrap();
+    assert!(is_through(&path));
+    write(&path, b"through").unwrap();
+    let mut file = AtomicFile::create_in(folder.path(), &path).unwrap();
+    file.write_all(b" and again").unwrap();
+    assert!(!file.commit_new().unwrap());
+    drop(writer);
+    let mut content = String::new();
+    reader.read_to_string(&mut content).unwrap();
+    assert_eq!(content, "through and again");
+    assert_eq!(names(folder.path()), ["out"]);
+    assert!(
+        fs::symlink_metadata(null)
+            .unwrap()
+            .file_type()
+            .is_char_device()
+    );
+}

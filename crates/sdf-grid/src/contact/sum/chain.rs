@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3};
 
 /// How far from a border its pieces may be near by, and how that grows with the distance beyond
 /// [`NEAR`], in units of the reach.
-const OFF: f64 = 0.004;
-const OFF_FAR: f64 = 0.03;
+const OFF: f64 = 0.012;
+const OFF_FAR: f64 = 0.06;
 const NEAR: f64 = 0.5;
 
 /// How far points may be off that are dropped from where ever a border is seen, per reach.

@@ -7,7 +7,7 @@ use crate::contact::samples::SurfaceSample;
 
 /// Clusters are at most this large, in units of the reach: what is near one of them is listed for
 /// all.
-const MOST_RADIUS: f64 = 1.2;
+const MOST_RADIUS: f64 = 1.6;
 
 /// Normals count as much as places this far apart, in units of the reach.
 const NORMALS: f64 = 0.3;

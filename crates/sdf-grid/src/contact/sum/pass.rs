@@ -96,7 +96,11 @@ fn add_sheet<S: Simd>(
     }
     let across = along(&samples.arm, &sheet.axes);
     if flat {
-        let above = Above::new(across[2] + height, [across[0], across[1]]);
+        let heights = across[2] + height;
+        if heights.abs().simd_ge(1.0).all_true() {
+            return;
+        }
+        let above = Above::new(heights, [across[0], across[1]]);
         let cosine = dot(&samples.normal, normal);
         let lean = Lean {
             half: samples.half,

@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fft_correlate::{
-    Correlator, CorrelatorPlan, CorrelatorScratch, HalfTurn, Pair, PairSupport, ScoreModel,
-    StageTimes, TranslationWindow,
+    Correlator, CorrelatorPlan, CorrelatorScratch, HalfTurn, Pair, PairBuilder, PairSupport,
+    ScoreModel, StageTimes, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
@@ -25,7 +25,8 @@ use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, plain, rms};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
+use sdf_grid::shapes::PegInHole;
+use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling, Silent};
 
 const SIZES: [usize; 6] = [64, 96, 128, 160, 192, 256];
 
@@ -60,7 +61,69 @@ fn main() -> Outcome<()> {
             }
         }
     }
-    arguments.publish(&table, None)
+    arguments.publish(&table, None)?;
+    arguments.publish(&smoothed(seconds)?, None)
+}
+
+/// What smoothing costs: wider densities, read from more nodes.
+fn smoothed(seconds: f64) -> Outcome<Table> {
+    let mut table = Table::new(
+        "correlate-smoothed",
+        "Smoothed densities beside cell averages",
+        "Milliseconds per rotation, one by one, of the paper's pairs at the default spacing, with \
+         windows of so many displacements along each axis; `a` of cell averages, read from 8 nodes, \
+         `s` of smoothed densities, read from 27, as energies are computed.",
+        &[
+            "pair",
+            "window",
+            "points, a",
+            "points, s",
+            "a",
+            "s",
+            "s / a",
+            "resample, a",
+            "resample, s",
+        ],
+    );
+    for which in PegInHole::ALL {
+        let (hole, peg) = which.pair(0.0)?;
+        let pairs = [None, PairBuilder::default().smoothing].map(|smoothing| {
+            let builder = PairBuilder {
+                smoothing,
+                ..PairBuilder::default()
+            };
+            builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)
+        });
+        for nodes in [9, 25] {
+            let mut found = Vec::new();
+            for pair in &pairs {
+                let pair = pair.as_ref().map_err(|e| e.to_string())?;
+                let half = 0.5 * (nodes - 1) as f64 * pair.spacing();
+                let window = TranslationWindow::cube(half, pair.spacing())?;
+                let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, &window)?;
+                let correlator = Correlator::build(&plan, pair)?;
+                let (stages, total) = timed(&correlator, &window, 1, 1, seconds);
+                found.push((plan.transform_size, stages.resample, total));
+            }
+            let [(points, first, before), (wider, then, after)] = found[..] else {
+                unreachable!("two pairs");
+            };
+            let by = |[x, y, z]: [usize; 3]| format!("{x} x {y} x {z}");
+            let ms = |v: f64| significant(1e3 * v, 3);
+            table.push([
+                which.name().to_owned(),
+                nodes.to_string(),
+                by(points),
+                by(wider),
+                ms(before),
+                ms(after),
+                significant(after / before, 3),
+                ms(first),
+                ms(then),
+            ]);
+        }
+    }
+    Ok(table)
 }
 
 const ABOUT: &str = "Milliseconds per rotation: resampling the turned moving fields, transforms \

@@ -84,9 +84,10 @@ impl Smoothing {
         SAMPLES * self.spacing
     }
 
-    /// How far beyond a part's surface its smoothed density reaches, metres.
+    /// How far beyond a part's surface its smoothed density reaches, metres: that of the fixed part,
+    /// which reaches farther.
     pub(crate) fn reach(&self) -> f64 {
-        3.5 * self.deviation + 0.5 * self.spacing
+        self.of_fixed().spread()
     }
 }
 

@@ -84,8 +84,9 @@ pub(crate) fn fill(
         return sample(&sampler, arrays, monitor);
     };
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
+    let ends = [recipe.sampling.spread(), recipe.halo].map(|v| v as f32);
     monitor.begin("density", smoothing.blocks());
-    smoothing.fill(&recipe.lattice, arrays, |lattice, arrays, between| {
+    smoothing.fill(&recipe.lattice, arrays, ends, |lattice, arrays, between| {
         let mut sampler = Sampler::new(recipe, *lattice, tree);
         if between.is_none() {
             sampler.sampling = Sampling::Point;

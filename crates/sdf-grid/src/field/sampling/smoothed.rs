@@ -8,7 +8,7 @@
 use std::ops::RangeInclusive;
 
 use glam::DVec3;
-use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zip};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
@@ -144,13 +144,16 @@ impl Smoothing {
         (nodes(Between::shape(self.shape)) + slab).saturating_mul(between::BYTES as u64)
     }
 
-    /// Fills arrays of zeros. `sample` fills the values of a lattice: at its nodes, or if there are
+    /// Fills arrays of zeros up to where densities end: beyond the boundary, on its other side, and
+    /// beyond the halo by half as much, where next to nothing is left. A filter reaches the corners of a box; what ends within a distance moves
+    /// with the part, and is as small as it can be in every direction. `sample` fills the values of a lattice: at its nodes, or if there are
     /// nodes between which it lies, beginning so many fine planes from their start, means over its
     /// cells.
     pub(super) fn fill(
         &self,
         lattice: &Lattice,
         mut arrays: Arrays<'_>,
+        [spread, halo]: [f32; 2],
         mut sample: impl FnMut(
             &Lattice,
             Arrays<'_>,
@@ -187,6 +190,17 @@ impl Smoothing {
             add(filter, first, &exterior, &mut arrays.exterior);
             add(filter, first, &interior, &mut arrays.interior);
         }
+        Zip::from(&arrays.signed_distance)
+            .and(&mut arrays.exterior)
+            .and(&mut arrays.interior)
+            .par_for_each(|distance, exterior, interior| {
+                if !(-spread..=halo + 0.5 * spread).contains(distance) {
+                    *exterior = Complex32::ZERO;
+                }
+                if *distance > spread {
+                    *interior = Complex32::ZERO;
+                }
+            });
         Ok(())
     }
 }

@@ -36,9 +36,12 @@ pub(super) struct ProductSupport {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MovingSupport {
     pub(super) nodes: IndexBox,
-    /// Largest distance from the pivot at which the interpolated field may be nonzero, cells.
+    /// Largest distance from the pivot at which the interpolated field counts, cells.
     radius: f64,
 }
+
+/// What is left out of an interpolated field, of its largest value: a few roundings.
+const NOTHING: f64 = 5e-7;
 
 impl PairSupport {
     /// Reads the densities of a pair.
@@ -86,17 +89,19 @@ impl MovingSupport {
         reading: Reading,
     ) -> Option<Self> {
         let nodes = support(shape, &value)?;
+        let size = |at| f64::from(value(at).norm_sqr()).sqrt();
+        let largest = nodes.indices().map(size).fold(0.0, f64::max);
         let mut radius = 0.0f64;
         for at in nodes.indices() {
-            if value(at) != Complex32::default() {
-                let p = first + DVec3::from_array(at.map(|a| a as f64));
-                radius = radius.max(p.length());
+            let p = first + DVec3::from_array(at.map(|a| a as f64));
+            // The outermost values of a smoothed density are small, and so are their weights beyond.
+            let farthest = p.length() + corner(reading);
+            if farthest > radius && value(at) != Complex32::default() {
+                let least = NOTHING * largest / size(at);
+                radius = radius.max(p.length() + reading.reach_of_weight(least));
             }
         }
-        Some(Self {
-            nodes,
-            radius: radius + corner(reading),
-        })
+        Some(Self { nodes, radius })
     }
 
     /// Of nodes in a box of which [0, 0, 0] lies `first` cells from the pivot, and none that is not
@@ -124,7 +129,7 @@ impl MovingSupport {
 
 /// How far a node counts at most, cells.
 fn corner(reading: Reading) -> f64 {
-    3f64.sqrt() * reading.reach()
+    reading.reach_of_weight(0.0)
 }
 
 /// The bounding box of the nonzero values, or `None`.

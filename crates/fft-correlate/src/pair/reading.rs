@@ -21,6 +21,20 @@ impl Reading {
         }
     }
 
+    /// Distance in any direction beyond which a node counts by a weight of `least` at most, cells.
+    pub(crate) fn reach_of_weight(self, least: f64) -> f64 {
+        let Self::Quadratic = self else {
+            return 3f64.sqrt() * self.reach();
+        };
+        // Of all places with one weight the farthest lie along a diagonal of one, two or three axes,
+        // the others in the middle. Beyond a cell a spline is half the squared distance from its end.
+        let farthest = (1..=3).map(|axes: i32| {
+            let axis = (least / 0.75f64.powi(3 - axes)).powf(1.0 / f64::from(axes));
+            f64::from(axes).sqrt() * (1.5 - (2.0 * axis).sqrt())
+        });
+        farthest.fold(1.0, f64::max)
+    }
+
     /// Nodes per axis that are read.
     pub(crate) fn nodes(self) -> usize {
         match self {
@@ -46,6 +60,45 @@ impl Reading {
             (Self::Quadratic, _) => {
                 let rest = 1.5 - (f - n as f64).abs();
                 (0.5 * rest * rest, rest * (n as f64 - f).signum())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::rngs::SmallRng;
+    use rand::{Rng, SeedableRng};
+
+    use super::*;
+
+    /// Weight of a node at a place relative to it.
+    fn weight(reading: Reading, place: DVec3) -> f64 {
+        let first = reading.first(place);
+        let of = |a: usize| {
+            let n = -first[a];
+            let read = (0.0..reading.nodes() as f64).contains(&n);
+            read.then(|| reading.tap(place[a] - first[a], n as usize).0)
+        };
+        (0..3).map(|a| of(a).unwrap_or(0.0)).product()
+    }
+
+    #[test]
+    fn beyond_the_reach_of_a_weight_there_is_none_larger() {
+        let mut rng = SmallRng::seed_from_u64(3);
+        for least in [0.0, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.2, 1.0] {
+            for reading in [Reading::Trilinear, Reading::Quadratic] {
+                let reach = reading.reach_of_weight(least);
+                assert!((1.0..=3f64.sqrt() * reading.reach()).contains(&reach));
+                for _ in 0..100_000 {
+                    let mut c = || rng.random_range(-1.5..1.5);
+                    let place = DVec3::new(c(), c(), c());
+                    let found = weight(reading, place);
+                    assert!(
+                        place.length() <= reach || found <= least.max(1e-12) * (1.0 + 1e-9),
+                        "{reading:?} {least}: {found} at {place}"
+                    );
+                }
             }
         }
     }

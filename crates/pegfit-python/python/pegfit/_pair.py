@@ -48,7 +48,8 @@ def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
             words = "fit, best" if item == "to" else word
             raise _no_pose(item, f"{words} or a pose", repr(given))
         return None
-    return rows(np.asarray(given, dtype=np.float64)[None])[0]
+    pose: Float = rows(np.asarray(given, dtype=np.float64)[None])[0]
+    return pose
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ impl Default for SearchOptions {
             per_rotation: 4,
             chosen_share: 0.15,
             coarse_poses: 1500,
-            blur: 0.25,
+            blur: 0.35,
             fine_poses: 12,
             ratio: DOCKING_RATIO,
         }

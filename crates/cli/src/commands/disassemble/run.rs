@@ -86,17 +86,17 @@ fn file_name(step: usize, of: &DisassemblyStep, names: &[&str]) -> String {
 
 /// A page that plays the steps.
 fn page(title: &str, found: &Disassembly, names: &[&str], meshes: &[&TriangleMesh]) -> String {
-    let act = |(i, step): (usize, &DisassemblyStep)| Act {
+    let acts = found.steps.iter().enumerate().map(|(i, step)| Act {
         said: format!("{}. {}", i + 1, told(step, names)),
         moving: step.parts.clone(),
         staying: step.rest.clone(),
         way: &step.way,
-    };
+    });
     let played = Played {
         title: format!("How it comes apart: {title}"),
         towards: "out",
         parts: meshes,
-        acts: found.steps.iter().enumerate().map(act).collect(),
+        acts: acts.collect(),
         placement: Placement::default(),
         charts: String::new(),
     };

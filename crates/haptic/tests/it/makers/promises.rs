@@ -6,9 +6,7 @@ use std::time::{Duration, Instant};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::device::conformance;
-use haptic::{
-    Clock, Device, DeviceError, HapticConfig, HapticError, Replay, Sample, Session, flags, read_log,
-};
+use haptic::{Clock, Device, DeviceError, HapticConfig, HapticError, Replay, Session, read_log};
 
 use crate::common::{Well, workspace};
 

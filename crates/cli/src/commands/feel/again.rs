@@ -32,8 +32,9 @@ impl Again {
                 self.ticks
             ),
             Some(tick) => crate::say!(
-                "replay      {} of {} forces are not the recorded ones, from tick {tick} on: another \
-                 scene, source, setting or device, or a log that began in the middle of a run",
+                "replay      {} of {} forces are not the recorded ones, from tick {tick} on: \
+                 another scene, source, setting or device, or a log that began in the middle of a \
+                 run",
                 self.different,
                 self.ticks
             ),

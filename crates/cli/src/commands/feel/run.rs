@@ -271,7 +271,9 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
             report.dropped_samples
         );
     }
-    for (what, said) in privileges(report) {
+    // In simulated time nothing is asked of the system.
+    let asked = (report.clock == Clock::Real).then(|| privileges(report));
+    for (what, said) in asked.into_iter().flatten() {
         crate::say!("{what:<11} {said}");
     }
     if report.not_loaded > 0 {

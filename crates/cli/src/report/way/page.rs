@@ -1,5 +1,5 @@
-//! Pages that play ways: of `pegfit path --html` and `pegfit disassemble --html`; each one file that
-//! needs no other.
+//! Pages that play ways, of `pegfit path --html` and `pegfit disassemble --html`; each is one file
+//! that needs no other.
 
 use std::fmt::Write;
 

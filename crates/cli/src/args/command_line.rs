@@ -327,10 +327,10 @@ pub struct FeelArgs {
     /// What the simulated hand does
     #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
     pub script: ScriptChoice,
-    /// How long, seconds
-    #[arg(long, default_value_t = 5.0)]
-    pub seconds: f64,
-    /// Write every tick; .csv or .parquet
+    /// How long, seconds [default: 5, or as long as the log that is replayed]
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// Write every tick; .csv or .parquet, and beside it what the device is, for a replay
     #[arg(long, value_name = "LOG.csv")]
     pub log: Option<PathBuf>,
     /// Draw force against time
@@ -349,6 +349,9 @@ pub struct PlayArgs {
     /// Interpolate this table instead of evaluating directly
     #[arg(long, value_name = "TABLE.zarr", requires = "scene")]
     pub table: Option<PathBuf>,
+    /// A way in that the hand can follow, as `pegfit path -o` writes it
+    #[arg(long, value_name = "PATH.csv", requires = "scene")]
+    pub way: Option<PathBuf>,
     /// Only print the page's address
     #[arg(long)]
     pub no_open: bool,

@@ -82,4 +82,7 @@ pub struct DisassembleArgs {
     /// Go on if parts overlap where they are assembled
     #[arg(long)]
     pub allow_overlap: bool,
+    /// Write a page that plays all steps one after the other; it needs no other file
+    #[arg(long, value_name = "PAGE.html")]
+    pub html: Option<PathBuf>,
 }

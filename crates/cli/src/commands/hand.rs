@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use fft_correlate::EnergySource;
-use haptic::{Clock, Device, HandConfig, HapticError, Outcome, Script, Session, SimulatedHand};
+use haptic::{
+    Clock, Device, HandConfig, HapticError, Outcome, Replay, Script, Session, SimulatedHand,
+};
 use pegfit_scene::Assembly;
 
 use super::scenes::within;
@@ -62,6 +64,25 @@ pub(super) fn run(
     clock: Clock,
     keep: Keep<'_>,
 ) -> Result<Outcome, CommandError> {
+    session(assembly, keep)?
+        .run(device, source, clock, seconds, cancel_flag())
+        .map_err(|e| told(assembly, e))
+}
+
+/// Runs the loop at the times of a recording, for `seconds` of it.
+pub(super) fn replay(
+    assembly: &Assembly,
+    source: &dyn EnergySource,
+    recorded: &mut Replay,
+    seconds: f64,
+    keep: Keep<'_>,
+) -> Result<Outcome, CommandError> {
+    session(assembly, keep)?
+        .replay(recorded, source, seconds, cancel_flag())
+        .map_err(|e| told(assembly, e))
+}
+
+fn session(assembly: &Assembly, keep: Keep<'_>) -> Result<Session, CommandError> {
     let session = Session::new(assembly.scene().device.clone(), assembly.workspace());
     let session = match keep.log {
         Some(path) if parquet_log::is_parquet(path) => {
@@ -70,14 +91,15 @@ pub(super) fn run(
         Some(path) => session.record_to(path),
         None => session,
     };
-    let session = match keep.samples {
+    Ok(match keep.samples {
         true => session.keep_samples(),
         false => session,
-    };
-    session
-        .run(device, source, clock, seconds, cancel_flag())
-        .map_err(|e| match e {
-            HapticError::Config(_) => CommandError::bad_input(within(assembly, "device"), e),
-            other => CommandError::failure("haptic loop", other),
-        })
+    })
+}
+
+fn told(assembly: &Assembly, error: HapticError) -> CommandError {
+    match error {
+        HapticError::Config(_) => CommandError::bad_input(within(assembly, "device"), error),
+        other => CommandError::failure("haptic loop", other),
+    }
 }

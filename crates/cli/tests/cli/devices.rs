@@ -10,7 +10,8 @@ fn the_list_is_json_and_an_exit_code() {
     let folder = scene_folder("");
     // What is attached differs from machine to machine; that the answer is consistent does not.
     let output = pegfit(folder.path(), &["devices", "--json"]);
-    let list: Vec<serde_json::Value> = serde_json::from_str(&stdout(&output)).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let list = found["devices"].as_array().unwrap();
     let ready = list.iter().any(|d| d["access"] == "ready");
     assert_eq!(output.status.code(), Some(if ready { 0 } else { 1 }));
     if list.is_empty() {
@@ -30,26 +31,70 @@ fn a_device_that_is_not_there_is_named() {
     assert!(said.contains("replay:LOG.csv"), "{said}");
 }
 
+/// Replays `log`, writes what came of it to `to`, and gives the report.
+fn replay(folder: &Path, log: &str, to: &str) -> serde_json::Value {
+    let device = format!("replay:{log}");
+    let args = ["feel", "scene.toml", "--device", &device, "--log", to];
+    let text = succeed(folder, &[&args[..], &["--json", "-q"]].concat());
+    serde_json::from_str(&text).unwrap()
+}
+
 #[test]
-fn a_log_is_felt_again() {
+fn a_log_is_felt_again_bit_by_bit() {
     let folder = scene_folder("");
-    let log = [
-        "feel",
-        "scene.toml",
-        "--seconds",
-        "0.2",
-        "--log",
-        "l.csv",
-        "-q",
-    ];
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    // Pushed into the rim in real time, so that ticks come when they come.
+    let mut log = vec!["feel", "scene.toml", "--script", "collision", "-q"];
+    log.extend(["--seconds", "0.7", "--log", "l.csv"]);
     succeed(folder.path(), &log);
-    let mut again = vec!["feel", "scene.toml", "--device", "replay:l.csv"];
-    again.extend(["--seconds", "0.1", "--json", "-q"]);
-    let report: serde_json::Value = serde_json::from_str(&succeed(folder.path(), &again)).unwrap();
+    let report = replay(folder.path(), "l.csv", "again.csv");
     assert_eq!(report["device"], "replay of l.csv");
-    assert!(report["ticks"].as_u64().unwrap() > 0);
-    let missing = ["feel", "scene.toml", "--device", "replay:no.csv"];
-    assert!(refuse(folder.path(), &missing).contains("no.csv"));
+    assert_eq!(report["clock"], "simulated");
+    assert!(report["peak_force"].as_f64().unwrap() > 0.1, "{report}");
+    assert_eq!(report["replay"]["different"], 0);
+    assert_eq!(report["replay"]["ticks"], report["ticks"]);
+    // A replay of a replay too.
+    replay(folder.path(), "again.csv", "third.csv");
+    assert!(read("l.csv") == read("again.csv") && read("l.csv") == read("third.csv"));
+
+    let mut part = vec!["feel", "scene.toml", "--device", "replay:l.csv"];
+    part.extend(["--seconds", "0.1", "-q"]);
+    let said = succeed(folder.path(), &part);
+    assert!(
+        said.contains("forces are the recorded ones, bit by bit"),
+        "{said}"
+    );
+
+    // A softer device is another device.
+    let file = folder.path().join("l.device.json");
+    let device = std::fs::read_to_string(&file).unwrap();
+    let softer = device.replace("\"max_stiffness\": 3000.0", "\"max_stiffness\": 300.0");
+    assert_ne!(device, softer);
+    std::fs::write(&file, softer).unwrap();
+    let report = replay(folder.path(), "l.csv", "softer.csv");
+    assert!(
+        report["replay"]["different"].as_u64().unwrap() > 100,
+        "{report}"
+    );
+    // Nobody knows which device it was: that is said, and a simulated hand taken.
+    std::fs::remove_file(&file).unwrap();
+    let output = pegfit(folder.path(), &part[..part.len() - 1]);
+    assert!(
+        stderr(&output).contains("no l.device.json"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(stdout(&output).contains("bit by bit"));
+}
+
+#[test]
+fn a_log_that_is_none_is_refused() {
+    let folder = scene_folder("");
+    let refused = |device: &str| refuse(folder.path(), &["feel", "scene.toml", "--device", device]);
+    assert!(refused("replay:no.csv").contains("no.csv"));
+    assert!(refused("replay:l.parquet").contains("LOG.csv"));
+    std::fs::write(folder.path().join("l.csv"), "tick,time\n0,0\n").unwrap();
+    assert!(refused("replay:l.csv").contains("l.csv line 1"));
 }
 
 /// Runs the command with nothing of a maker's driver but what `set` names.
@@ -96,6 +141,17 @@ fn what_each_maker_s_device_wants_is_said() {
     ] {
         assert!(said.contains(words), "{said}");
     }
+    let output = with_drivers(folder.path(), &["devices", "--json"], &[]);
+    let found: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    for (kind, words) in [
+        ("openhaptics", "/nowhere/libHD.so"),
+        ("force-dimension", "PEGFIT_LIBDHD"),
+        ("haply", "nothing answers at 127.0.0.1:9"),
+    ] {
+        let missing = found["missing"].as_array().unwrap();
+        let reason = missing.iter().find(|m| m["kind"] == kind).unwrap()["reason"].as_str();
+        assert!(reason.unwrap().contains(words), "{found}");
+    }
     let args = ["feel", "scene.toml", "--device", "haply", "-q"];
     let output = with_drivers(folder.path(), &args, &[]);
     assert_eq!(output.status.code(), Some(1));
@@ -112,7 +168,8 @@ fn devices_of_makers_drivers_are_listed_probed_and_felt() {
     let set = [("PEGFIT_LIBHD", touch.as_path()), ("PEGFIT_LIBDHD", &sigma)];
     let output = with_drivers(folder.path(), &["devices", "--json"], &set);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let list: Vec<serde_json::Value> = serde_json::from_str(&stdout(&output)).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let list = found["devices"].as_array().unwrap();
     for (path, name) in [
         ("openhaptics:Default Device", "Stub Touch"),
         ("force-dimension:0", "stub.7"),
@@ -142,6 +199,8 @@ fn devices_of_makers_drivers_are_listed_probed_and_felt() {
             device,
             "--seconds",
             "0.2",
+            "--log",
+            "l.csv",
             "--json",
             "-q",
         ];
@@ -149,6 +208,11 @@ fn devices_of_makers_drivers_are_listed_probed_and_felt() {
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         let report: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
         assert_eq!(report["device"], name);
+        // The log knows what the device can do, so that it needs no device to be felt again.
+        let report = replay(folder.path(), "l.csv", "again.csv");
+        assert_eq!(report["replay"]["different"], 0, "{device}");
+        let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+        assert!(read("l.csv") == read("again.csv"), "{device}");
     }
     let args = ["feel", "scene.toml", "--device", "force-dimension:9", "-q"];
     let output = with_drivers(folder.path(), &args, &set);

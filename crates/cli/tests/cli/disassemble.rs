@@ -67,9 +67,33 @@ fn every_step_has_its_way_and_the_order_is_told() {
         serde_json::from_str::<serde_json::Value>(&kept).unwrap(),
         found
     );
-    let told = succeed(folder.path(), &["disassemble", "scene.toml", "-q"]);
+    let asked = ["disassemble", "scene.toml", "--html", "page.html", "-q"];
+    let told = succeed(folder.path(), &asked);
     assert!(told.contains("comes apart: 3 parts, 2 steps"), "{told}");
     assert!(told.contains("1. plate off block, peg: push"), "{told}");
+    let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+    assert!(page.contains("<title>How it comes apart: scene</title>"));
+    assert!(page.contains("<p>1. plate off block, peg: push") && !page.contains("src="));
+    let data = page.split("const data = ").nth(1).unwrap();
+    let data = data.split(";\n").next().unwrap();
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    let parts = data["parts"].as_array().unwrap();
+    let triangles = |part: &serde_json::Value| part["triangles"].as_array().unwrap().len() / 3;
+    assert_eq!(
+        parts.iter().map(triangles).collect::<Vec<_>>(),
+        [32, 12, 12]
+    );
+    // The plate goes, then the peg; nobody sees the plate any more.
+    let acts = data["acts"].as_array().unwrap();
+    let moved: Vec<_> = acts.iter().map(|a| [&a["moving"], &a["staying"]]).collect();
+    assert_eq!(
+        serde_json::json!(moved),
+        serde_json::json!([[[1], [0, 2]], [[2], [0]]])
+    );
+    for (act, step) in acts.iter().zip(steps) {
+        let poses = act["poses"].as_array().unwrap();
+        assert_eq!(poses.len() as u64, step["poses"].as_u64().unwrap());
+    }
 }
 
 #[test]

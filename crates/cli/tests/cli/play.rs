@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::{pegfit, refuse, scene_folder, stderr};
+use crate::common::{pegfit, refuse, scene_folder, stderr, succeed};
 
 struct Play {
     child: Child,
@@ -153,4 +153,68 @@ fn what_cannot_be_served_is_refused_with_a_reason() {
     assert_eq!(output.status.code(), Some(1));
     let told = stderr(&output);
     assert!(told.contains("cannot listen on 127.0.0.1:"), "{told}");
+}
+
+#[test]
+fn a_way_that_is_none_is_refused_by_its_file() {
+    let folder = scene_folder("");
+    let refused = |text: &str| {
+        std::fs::write(folder.path().join("way.csv"), text).unwrap();
+        refuse(
+            folder.path(),
+            &["play", "scene.toml", "--no-open", "--way", "way.csv"],
+        )
+    };
+    let one = "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n";
+    let said = refused(one);
+    assert!(said.contains("way.csv") && said.contains("2 to"), "{said}");
+    let said = refused(&format!("{one}0,0,up,0,0,0,1\n"));
+    assert!(
+        said.contains("way.csv: row 2, column z") && said.contains("up"),
+        "{said}"
+    );
+    let said = refused("tick,time\n");
+    assert!(said.contains("way.csv: header"), "{said}");
+    refuse(
+        folder.path(),
+        &["play", "scene.toml", "--no-open", "--way", "no.csv"],
+    );
+    // Whose way would it be?
+    refuse(folder.path(), &["play", "--no-open", "--way", "way.csv"]);
+}
+
+#[test]
+fn a_way_that_was_found_can_be_followed() {
+    let folder = scene_folder("");
+    succeed(
+        folder.path(),
+        &["path", "scene.toml", "--solids-only", "-o", "way.csv", "-q"],
+    );
+    let play = Play::start(folder.path(), &["scene.toml", "--way", "way.csv"]);
+    let (origin, path) = (
+        format!("http://{}", play.address),
+        format!("{}ws", play.path),
+    );
+    // The loop runs once there is something to be seen.
+    play.shown("mesh/0");
+    let mut stream = TcpStream::connect(&play.address).unwrap();
+    let request = format!(
+        "GET {path} HTTP/1.1\r\nHost: {}\r\nOrigin: {origin}\r\nUpgrade: websocket\r\n\
+         Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+         Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
+        play.address
+    );
+    stream.write_all(request.as_bytes()).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(20)))
+        .unwrap();
+    let (mut said, mut piece) = (Vec::new(), [0; 4096]);
+    let words = b"\"way\":true";
+    while !said.windows(words.len()).any(|w| w == words) {
+        let count = stream.read(&mut piece).unwrap();
+        assert!(count > 0, "{}", String::from_utf8_lossy(&said));
+        said.extend(&piece[..count]);
+    }
+    drop(stream);
+    assert_eq!(play.end(), Some(0));
 }

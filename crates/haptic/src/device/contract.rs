@@ -1,11 +1,12 @@
 //! What the loop asks of a device, and what a device says of itself.
 
 use fft_correlate::{Pose, Twist, Wrench};
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// What a device can do. Numbers a maker does not state are `f64::INFINITY` where they bound
-/// nothing.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// nothing; JSON has `null` for these.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DeviceSpec {
     /// Maker and model.
     pub name: String,
@@ -18,17 +19,26 @@ pub struct DeviceSpec {
     /// device shows forces by letting the cursor give way.
     pub rate_controlled: bool,
     /// Greatest force \[N\].
+    #[serde(deserialize_with = "unbounded")]
     pub max_force: f64,
     /// Greatest torque \[N·m\].
+    #[serde(deserialize_with = "unbounded")]
     pub max_torque: f64,
     /// Greatest stiffness \[N/m\] the maker states for a virtual wall at `nominal_rate`.
+    #[serde(deserialize_with = "unbounded")]
     pub max_stiffness: f64,
     /// Greatest rotational stiffness \[N·m/rad\] at `nominal_rate`.
+    #[serde(deserialize_with = "unbounded")]
     pub max_rotational_stiffness: f64,
     /// Edge of the reachable cube \[m\], centred on the device's origin.
+    #[serde(deserialize_with = "unbounded")]
     pub workspace: f64,
     /// Rate \[Hz\] at which the device gives new input and takes forces.
     pub nominal_rate: f64,
+}
+
+fn unbounded<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
 }
 
 /// The newest input.

@@ -21,4 +21,5 @@ mod servo;
 pub(crate) mod simulated;
 pub(crate) mod steered;
 pub mod threaded;
+pub(crate) mod way;
 pub(crate) mod workspace;

@@ -10,6 +10,7 @@ use triple_buffer::{Input, Output};
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
 use crate::device::hand_body::{HandBody, HandConfig, Pull};
 use crate::device::script::{Geometry, Script};
+use crate::device::way::Way;
 use crate::device::workspace::Workspace;
 
 /// Strength of a hand that has let go.
@@ -30,6 +31,9 @@ pub enum Order {
     Script(Script),
     /// Be where another hand was, a pose per tick of the loop, then stay at the last one.
     Replay(Arc<[Pose]>),
+    /// Be where a way begins, as [`Order::Place`], then go along it as a spring pulls, and hold
+    /// its end.
+    Follow(Way),
 }
 
 /// What goes from [`Steering`] to [`SteeredHand`].
@@ -56,7 +60,7 @@ impl Steering {
         let valid = match &order {
             Order::Hold(pose) | Order::Place(pose) => pose.is_valid(),
             Order::Replay(poses) => !poses.is_empty() && poses.iter().all(Pose::is_valid),
-            Order::LetGo | Order::Script(_) => true,
+            Order::LetGo | Order::Script(_) | Order::Follow(_) => true,
         };
         if valid {
             self.message.order = order;
@@ -157,6 +161,7 @@ impl SteeredHand {
                 Some((intent.pose, intent.grip))
             }
             Order::Replay(poses) => poses.last().map(|pose| (*pose, 1.0)),
+            Order::Follow(way) => Some((way.at(now - self.began), 1.0)),
         }
     }
 
@@ -165,6 +170,7 @@ impl SteeredHand {
         let pose = match &self.orders.output_buffer().order {
             Order::Place(pose) if self.polls == 0 => Some(pose),
             Order::Replay(poses) => poses.get(self.polls),
+            Order::Follow(way) if self.polls == 0 => Some(way.first()),
             _ => None,
         };
         pose.map(|pose| self.workspace.device_pose(pose))
@@ -414,6 +420,42 @@ mod tests {
         let there = bench.run(400, true);
         assert_eq!((there.flags & flags::JUMP, there.gain), (0, 1.0));
         assert!((there.object.translation - far.translation).length() < 1e-3);
+    }
+
+    #[test]
+    fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
+        let mut bench = bench();
+        bench.steering.order(into_the_wall());
+        bench.run(1500, true);
+        let at = |y: f64, z: f64| Pose::from_translation(DVec3::new(0.0, y, z));
+        let poses = [at(0.05, 0.02), at(0.05, 0.002), at(0.04, 0.002)];
+        let way = Way::new(&poses, &bench.hand.workspace).unwrap();
+        bench.steering.order(Order::Follow(way.clone()));
+        // There at once, without a force, which is back before it moves.
+        let jumped = bench.run(20, true);
+        assert_ne!(jumped.flags & flags::JUMP, 0);
+        let began = bench.run(800, true);
+        assert_eq!(began.gain, 1.0);
+        assert!((began.object.translation - poses[0].translation).length() < 1e-4);
+        let mut turns = f64::INFINITY;
+        for _ in 0..(way.seconds() * 1e3) as u32 {
+            let part = bench.run(1, true).object.translation;
+            turns = turns.min(part.distance(poses[1].translation));
+        }
+        // Round the corner, not across it.
+        assert!(turns < 1e-3, "{turns}");
+        let there = bench.run(1000, true);
+        assert!((there.object.translation - poses[2].translation).length() < 1e-4);
+        assert_eq!(there.flags, 0);
+        // A way through the wall: the wall wins.
+        let through = Way::new(&[at(0.0, 0.01), at(0.0, -0.004)], &bench.hand.workspace).unwrap();
+        bench.steering.order(Order::Follow(through));
+        let stopped = bench.run(4000, true);
+        assert!(stopped.wrench.force.z > 1.0, "{:?}", stopped.wrench);
+        assert!(stopped.object.translation.z > -0.001);
+        // And a page that falls silent lets go of it.
+        bench.run(300, false);
+        assert_eq!(bench.tick().wrench, Wrench::ZERO);
     }
 
     #[test]

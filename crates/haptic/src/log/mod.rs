@@ -2,6 +2,7 @@
 
 pub(crate) mod columns;
 pub(crate) mod csv;
+mod device_file;
 pub(crate) mod error;
 #[cfg(feature = "parquet")]
 mod parquet_log;
@@ -12,6 +13,7 @@ pub(crate) mod writer;
 
 pub use columns::{COLUMNS, faults, numbers};
 pub use csv::write_csv;
+pub use device_file::{device_file, read_device, write_device};
 #[cfg(feature = "parquet")]
 pub use parquet_log::create_parquet;
 pub use writer::SampleWriter;

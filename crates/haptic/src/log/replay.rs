@@ -3,13 +3,13 @@
 use fft_correlate::Wrench;
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
-use crate::path::sample::Sample;
+use crate::path::sample::{Sample, flags};
+use crate::run::pace::Tick;
 
 /// Gives the inputs of a log one after the other, one per poll, whatever the clock says.
 ///
-/// In simulated time, at the rate of a log that was recorded in simulated time with the same
-/// device record, settings and source, the forces are the recorded ones to the last bit.
-/// [`crate::ForcePath::step`] with the logged `time` and `dt` repeats any log so.
+/// [`crate::Session::replay`] runs it at the recorded times: with the same device record, settings
+/// and source, the forces are the recorded ones to the last bit.
 #[derive(Debug)]
 pub struct Replay {
     spec: DeviceSpec,
@@ -27,6 +27,21 @@ impl Replay {
             next: 0,
             last: Wrench::ZERO,
         }
+    }
+
+    /// What was recorded.
+    pub fn samples(&self) -> &[Sample] {
+        &self.samples
+    }
+
+    /// When its ticks were.
+    pub(crate) fn ticks(&self) -> Vec<Tick> {
+        let tick = |s: &Sample| Tick {
+            time: s.time,
+            dt: s.dt,
+            overrun: s.flags & flags::OVERRUN != 0,
+        };
+        self.samples.iter().map(tick).collect()
     }
 
     /// Seconds the log lasts.
@@ -60,6 +75,11 @@ impl Device for Replay {
     }
 
     fn send(&mut self, wrench: &Wrench) -> Result<(), DeviceError> {
+        // What the device did not take then is not taken now.
+        let sample = self.next.checked_sub(1).and_then(|i| self.samples.get(i));
+        if sample.is_some_and(|s| s.flags & flags::NOT_SENT != 0) {
+            return Err(DeviceError::Disconnected);
+        }
         self.last = *wrench;
         Ok(())
     }

@@ -3,7 +3,7 @@
 
 pub(crate) mod clock;
 pub(crate) mod error;
-mod pace;
+pub(crate) mod pace;
 pub(crate) mod realtime;
 pub(crate) mod report;
 pub(crate) mod session;

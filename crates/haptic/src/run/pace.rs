@@ -1,4 +1,5 @@
-//! When ticks are due: absolute deadlines on the wall clock, or a count of periods.
+//! When ticks are due: absolute deadlines on the wall clock, a count of periods, or the times of a
+//! recording.
 
 use std::time::{Duration, Instant};
 
@@ -6,16 +7,54 @@ use crate::config::HapticConfig;
 use crate::run::clock::Clock;
 use crate::run::realtime;
 
+/// What the times of ticks are taken from.
+pub(crate) enum Beat {
+    /// The wall clock.
+    Wall,
+    /// A count of periods.
+    Count,
+    /// A recording; the run ends with it.
+    Recorded(Vec<Tick>),
+}
+
+impl Beat {
+    pub(crate) fn of(clock: Clock) -> Self {
+        match clock {
+            Clock::Real => Self::Wall,
+            Clock::Simulated => Self::Count,
+        }
+    }
+
+    /// Whose seconds count.
+    pub(crate) fn clock(&self) -> Clock {
+        match self {
+            Self::Wall => Clock::Real,
+            Self::Count | Self::Recorded(_) => Clock::Simulated,
+        }
+    }
+}
+
+/// When a recorded tick was.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tick {
+    /// Seconds on the clock of the recording.
+    pub(crate) time: f64,
+    /// Seconds since the tick before.
+    pub(crate) dt: f64,
+    /// Whether deadlines were left out before it; how many, nobody wrote down.
+    pub(crate) overrun: bool,
+}
+
 /// The times of one run's ticks.
 pub(crate) struct Pace {
-    clock: Clock,
+    beat: Beat,
     period: Duration,
     seconds: f64,
     spin: Duration,
     begin: Instant,
     deadline: Instant,
     last: Instant,
-    ticks: u64,
+    ticks: usize,
     skipped: u32,
 }
 
@@ -24,6 +63,8 @@ pub(crate) struct Pace {
 pub(crate) struct Due {
     /// Seconds on the loop's clock.
     pub(crate) now: f64,
+    /// Seconds since the run began.
+    pub(crate) elapsed: f64,
     /// Seconds since the last tick.
     pub(crate) dt: f64,
     /// Deadlines left out before this one.
@@ -43,11 +84,11 @@ pub(crate) struct Spent {
 }
 
 impl Pace {
-    pub(crate) fn new(clock: Clock, config: &HapticConfig) -> Self {
+    pub(crate) fn new(beat: Beat, config: &HapticConfig) -> Self {
         let begin = Instant::now();
         let period = Duration::from_secs_f64(config.period());
         Self {
-            clock,
+            beat,
             period,
             seconds: config.period(),
             spin: Duration::from_micros(config.spin_us.into()),
@@ -64,20 +105,38 @@ impl Pace {
         self.begin
     }
 
-    /// Waits for the next tick.
-    pub(crate) fn wait(&mut self) -> Due {
-        if self.clock == Clock::Simulated {
-            return Due {
-                now: self.ticks as f64 * self.seconds,
-                dt: self.seconds,
-                skipped: 0,
+    /// Waits for the next tick; `None` after the last one of a recording.
+    pub(crate) fn wait(&mut self) -> Option<Due> {
+        match &self.beat {
+            Beat::Wall => Some(self.wait_for_deadline()),
+            Beat::Count => {
+                let now = self.ticks as f64 * self.seconds;
+                Some(Due {
+                    now,
+                    elapsed: now,
+                    dt: self.seconds,
+                    skipped: 0,
+                    start: Instant::now(),
+                })
+            }
+            Beat::Recorded(ticks) => ticks.get(self.ticks).map(|tick| Due {
+                now: tick.time,
+                // A recording may have begun in the middle of a run.
+                elapsed: tick.time - ticks[0].time,
+                dt: tick.dt,
+                skipped: tick.overrun.into(),
                 start: Instant::now(),
-            };
+            }),
         }
+    }
+
+    fn wait_for_deadline(&mut self) -> Due {
         realtime::sleep_until(self.deadline, self.spin);
         let start = Instant::now();
+        let now = (start - self.begin).as_secs_f64();
         Due {
-            now: (start - self.begin).as_secs_f64(),
+            now,
+            elapsed: now,
             dt: (start - self.last).as_secs_f64(),
             skipped: self.skipped,
             start,
@@ -89,7 +148,7 @@ impl Pace {
         let end = Instant::now();
         let latency = nanoseconds(end - due.start);
         self.ticks += 1;
-        if self.clock == Clock::Simulated {
+        if self.beat.clock() == Clock::Simulated {
             return Spent {
                 latency,
                 lateness: 0,
@@ -140,12 +199,12 @@ mod tests {
             rate_hz: 1000.0,
             ..HapticConfig::default()
         };
-        let mut pace = Pace::new(Clock::Real, &config);
-        let due = pace.wait();
+        let mut pace = Pace::new(Beat::Wall, &config);
+        let due = pace.wait().unwrap();
         std::thread::sleep(Duration::from_millis(5));
         let skipped = pace.finish(&due).skipped;
         assert!(skipped >= 5, "{skipped}");
-        let next = pace.wait();
+        let next = pace.wait().unwrap();
         assert_eq!(next.skipped, skipped);
         // The next tick keeps to the grid of deadlines that began with the run.
         assert!(next.now >= f64::from(skipped + 1) * 1e-3);
@@ -155,11 +214,26 @@ mod tests {
     #[test]
     fn simulated_time_is_a_count_of_periods() {
         let config = HapticConfig::default();
-        let mut pace = Pace::new(Clock::Simulated, &config);
+        let mut pace = Pace::new(Beat::Count, &config);
         for tick in 0..5 {
-            let due = pace.wait();
+            let due = pace.wait().unwrap();
             assert_eq!((due.now, due.dt), (f64::from(tick) * 1e-3, 1e-3));
             assert_eq!(pace.finish(&due).lateness, 0);
         }
+    }
+
+    #[test]
+    fn a_recording_gives_its_own_times_and_ends() {
+        let tick = |time, dt, overrun| Tick { time, dt, overrun };
+        let ticks = vec![tick(7.0, 1e-3, false), tick(7.0053, 5.3e-3, true)];
+        let mut pace = Pace::new(Beat::Recorded(ticks), &HapticConfig::default());
+        let first = pace.wait().unwrap();
+        assert_eq!((first.now, first.elapsed, first.skipped), (7.0, 0.0, 0));
+        assert_eq!(pace.finish(&first).skipped, 0);
+        let next = pace.wait().unwrap();
+        assert_eq!((next.now, next.dt, next.skipped), (7.0053, 5.3e-3, 1));
+        assert!((next.elapsed - 5.3e-3).abs() < 1e-12);
+        pace.finish(&next);
+        assert!(pace.wait().is_none());
     }
 }

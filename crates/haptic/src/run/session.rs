@@ -13,13 +13,14 @@ use crate::log::csv::CsvLog;
 use crate::log::error::RecordError;
 use crate::log::record;
 use crate::log::record::{Recorder, Writer};
+use crate::log::replay::Replay;
 use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
 use crate::run::clock::Clock;
 use crate::run::error::HapticError;
-use crate::run::pace::{Due, Pace};
+use crate::run::pace::{Beat, Due, Pace};
 use crate::run::realtime;
 use crate::run::realtime::Granted;
 use crate::run::report::Outcome;
@@ -122,6 +123,35 @@ impl Session {
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
+        self.run_at(Beat::of(clock), device, source, seconds, stop)
+    }
+
+    /// Runs at the recorded times of `replay` instead of a clock's, without waiting, until it ends
+    /// or `seconds` of it are over. With the recorded device's record, the same settings, place and
+    /// source, all samples are the recorded ones to the last bit.
+    ///
+    /// # Errors
+    /// As of [`Session::run`].
+    pub fn replay(
+        self,
+        replay: &mut Replay,
+        source: &dyn EnergySource,
+        seconds: f64,
+        stop: &AtomicBool,
+    ) -> Result<Outcome, HapticError> {
+        let beat = Beat::Recorded(replay.ticks());
+        self.run_at(beat, replay, source, seconds, stop)
+    }
+
+    fn run_at(
+        self,
+        beat: Beat,
+        device: &mut dyn Device,
+        source: &dyn EnergySource,
+        seconds: f64,
+        stop: &AtomicBool,
+    ) -> Result<Outcome, HapticError> {
+        let clock = beat.clock();
         let path = ForcePath::new(
             device.spec(),
             &self.config,
@@ -154,7 +184,7 @@ impl Session {
                 device,
                 stopped: false,
             };
-            let mut pace = Pace::new(clock, &self.config);
+            let mut pace = Pace::new(beat, &self.config);
             ticker.run(&mut pace, &mut device, source, seconds, stop);
             device.stop().map(|()| pace.begin())
         });
@@ -234,10 +264,9 @@ impl Ticker {
         stop: &AtomicBool,
     ) {
         while !stop.load(Ordering::Relaxed) {
-            let due = pace.wait();
-            if due.now >= seconds {
+            let Some(due) = pace.wait().filter(|due| due.elapsed < seconds) else {
                 break;
-            }
+            };
             self.tick(guard.device, source, &due);
             self.tally.time(&pace.finish(&due));
         }

@@ -142,6 +142,43 @@ fn the_collision_test_does_not_push_through_the_wall() {
 }
 
 #[test]
+fn a_wall_holds_as_much_as_the_energy_makes_it_hold_and_no_more() {
+    // Walls of 4 N and a funnel of 1 N against a push of 12 N, of which 6 N are left a centimetre
+    // outside: the part goes through. Three times the energy, as three times the `peak_force`
+    // makes it, and the same push ends at the wall, within what the hand is made to feel.
+    let push = HandConfig {
+        push: 12.0,
+        ..HandConfig::default()
+    };
+    let mut config = HapticConfig::default();
+    config.limits.force = 10.0;
+    let farthest = |times: f64| {
+        let well = Well {
+            depth: times * Well::default().depth,
+            funnel: times * Well::default().funnel,
+            ..Well::default()
+        };
+        let mut device = hand(push.clone(), Script::Collision);
+        let outcome = Session::new(config.clone(), workspace())
+            .keep_samples()
+            .run(
+                &mut device,
+                &well,
+                Clock::Simulated,
+                10.0,
+                &AtomicBool::new(false),
+            )
+            .unwrap();
+        let samples = outcome.samples.iter();
+        let away = samples.map(|s| s.object.translation.with_z(0.0).length());
+        away.fold(0.0, f64::max)
+    };
+    let (through, held) = (farthest(1.0), farthest(3.0));
+    assert!(through > Well::default().across, "{through}");
+    assert!(held < 1e-4, "{held}");
+}
+
+#[test]
 fn fewer_evaluations_follow_the_wall_less_closely_but_hold() {
     let mut deepest = Vec::new();
     for evaluations in [1, 2, 8] {

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use crate::common::{Well, hand, workspace};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, ForcePath, HandConfig, HapticConfig,
-    HapticError, Replay, Script, Session, flags, read_log,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, HapticError,
+    Replay, Script, Session, flags, read_log,
 };
 
 fn go() -> AtomicBool {
@@ -190,12 +190,13 @@ fn a_log_made_in_real_time_is_complete_and_repeats_with_its_own_times() {
     let samples = read_log(&log).unwrap();
     assert_eq!(samples.len() as u64, outcome.report.ticks);
     assert_eq!(outcome.report.dropped_samples, 0);
-    let well = Well::default();
-    let mut path = ForcePath::new(device.spec(), &config, workspace(), well.scratch()).unwrap();
-    for sample in &samples {
-        let again = path.step(&well, sample.input.as_ref(), sample.time, sample.dt);
-        assert_eq!(again.wrench, sample.wrench);
-    }
+    let mut replay = Replay::new(device.spec().clone(), samples.clone());
+    let again = Session::new(config, workspace())
+        .keep_samples()
+        .replay(&mut replay, &Well::default(), f64::INFINITY, &go())
+        .unwrap();
+    assert_eq!(again.samples, samples);
+    assert_eq!(again.report.clock, Clock::Simulated);
 }
 
 #[test]

@@ -129,6 +129,10 @@ for (const layer of ["slice", "skeleton"] as const) box(layer).onchange = () => 
 element("home").onclick = () => view.goHome();
 element("snap").onclick = () => script(3);
 element("collision").onclick = () => script(2);
+element("follow").onclick = () => {
+    drag.holds = false;
+    link.send(newest?.doing === 5 ? request.letGo() : request.follow());
+};
 element("let-go").onclick = () => drag.letGo();
 element("dock").onclick = () => link.send(request.dock());
 element("record").onclick = () => link.send(request.record(!newest?.isRecording));

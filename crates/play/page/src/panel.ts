@@ -8,7 +8,7 @@ export function element<T extends HTMLElement = HTMLElement>(id: string): T {
     return found as T;
 }
 
-const DOING = ["", "", "collision", "snap", "replay"];
+const DOING = ["", "", "collision", "snap", "replay", "the way in"];
 
 export class Panel {
     private limits: [number, number] = [5, 0.3];
@@ -20,6 +20,7 @@ export class Panel {
     start(stage: Stage): void {
         this.limits = stage.limits ?? this.limits;
         this.places = stage.places ?? [];
+        element("follow").hidden = !stage.way;
         this.list([]);
         const words = [stage.source, stage.error, stage.coarser].filter(Boolean);
         element("error").textContent = words.join(" ");
@@ -83,6 +84,7 @@ export class Panel {
         };
         press("snap", frame.doing === 3);
         press("collision", frame.doing === 2);
+        press("follow", frame.doing === 5);
         press("let-go", false);
         press("record", frame.isRecording);
         press("replay", frame.doing === 4, hand && tape);

@@ -98,6 +98,7 @@ export const request = {
     record: (on: boolean) => bytes(7, on ? 1 : 0),
     replay: () => bytes(8),
     dock: () => bytes(9),
+    follow: () => bytes(10),
 };
 
 /** A place to jump to. */
@@ -111,6 +112,8 @@ export interface Place {
 export interface Stage {
     stage: number;
     pair: number;
+    /** Whether there is a way in that the hand can follow. */
+    way?: boolean;
     title?: string;
     /** Names of the parts that stay; mesh/0 ... are theirs, mesh/moving is the other's. */
     fixed?: string[];

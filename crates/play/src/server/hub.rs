@@ -106,6 +106,7 @@ impl Hub {
         }
         said["stage"] = json!(live.number);
         said["pair"] = json!(state.wanted);
+        said["way"] = json!(live.way.is_some());
         state.scene.tell(&said);
         state.docked.tell(&json!({ "docked": [] }));
         state.docking = false;

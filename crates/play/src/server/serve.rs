@@ -138,6 +138,7 @@ impl Server {
             viewer,
             workspace,
             geometry,
+            way: stage.way.clone(),
             meter: Meter::default(),
             doing: 0,
         });

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use fft_correlate::{Pose, Wrench};
-use haptic::{Geometry, Order, Script, Steering, View, Viewer, Workspace};
+use haptic::{Geometry, Order, Script, Steering, View, Viewer, Way, Workspace};
 
 use crate::stage::exhibits::Exhibits;
 use crate::stage::meter::Meter;
@@ -21,6 +21,7 @@ pub(crate) struct Live {
     pub(crate) viewer: Viewer,
     pub(crate) workspace: Workspace,
     pub(crate) geometry: Geometry,
+    pub(crate) way: Option<Way>,
     pub(crate) meter: Meter,
     /// As [`Frame::doing`].
     pub(crate) doing: u8,
@@ -46,6 +47,10 @@ impl Live {
                 self.tape.record(false);
                 (Order::Replay(self.tape.poses(&self.workspace).into()), 4)
             }
+            Request::Follow => match &self.way {
+                Some(way) => (Order::Follow(way.clone()), 5),
+                None => return,
+            },
             Request::Take | Request::Choose(_) | Request::Dock => return,
         };
         if self.steering.order(order) {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fft_correlate::{EnergySource, Pose};
-use haptic::{Geometry, HapticConfig, Workspace};
+use haptic::{Geometry, HapticConfig, Way, Workspace};
 
 use crate::stage::exhibits::Exhibits;
 
@@ -19,6 +19,8 @@ pub struct Stage<'a> {
     pub geometry: Geometry,
     /// Where the hand holds the part at first.
     pub start: Pose,
+    /// The way in that the hand can follow, if one is known.
+    pub way: Option<Way>,
     /// What a page may ask.
     pub exhibits: Arc<dyn Exhibits>,
 }

@@ -50,7 +50,8 @@ pub struct Frame {
     pub ticks: u64,
     /// Deadlines left out so far.
     pub missed: u64,
-    /// What the hand is doing: 0 nothing, 1 hold, 2 collision, 3 snap, 4 replay.
+    /// What the hand is doing: 0 nothing, 1 hold, 2 collision, 3 snap, 4 replay,
+    /// 5 the way in.
     pub doing: u8,
     /// Pages that watch, the hand's included.
     pub pages: u8,

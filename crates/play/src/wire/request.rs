@@ -30,6 +30,8 @@ pub enum Request {
     Replay,
     /// Look for the poses in which the part fits.
     Dock,
+    /// The hand should follow the way in.
+    Follow,
 }
 
 impl Request {
@@ -51,6 +53,7 @@ impl Request {
             (7, [on @ (0 | 1)]) => Self::Record(*on == 1),
             (8, []) => Self::Replay,
             (9, []) => Self::Dock,
+            (10, []) => Self::Follow,
             _ => return None,
         })
     }
@@ -74,6 +77,7 @@ impl Request {
             Self::Record(on) => vec![7, u8::from(*on)],
             Self::Replay => vec![8],
             Self::Dock => vec![9],
+            Self::Follow => vec![10],
         }
     }
 }
@@ -113,6 +117,7 @@ mod tests {
             Request::Record(false),
             Request::Replay,
             Request::Dock,
+            Request::Follow,
         ] {
             let bytes = request.bytes();
             assert!(bytes.len() <= Request::LONGEST);
@@ -136,7 +141,7 @@ mod tests {
     #[test]
     fn garbage_is_nothing() {
         assert_eq!(Request::read(&[]), None);
-        for kind in 10..=255 {
+        for kind in 11..=255 {
             assert_eq!(Request::read(&[kind]), None);
         }
         for bytes in [&[3, 2][..], &[3, 9], &[7, 2], &[6], &[1, 0, 0]] {

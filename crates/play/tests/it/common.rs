@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
-use haptic::{Geometry, HapticConfig, LoopReport, Workspace};
+use haptic::{Geometry, HapticConfig, LoopReport, Way, Workspace};
 use pegfit_play::{FRAME_BYTES, NoExhibits, Options, Request, Server, Stage};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::protocol::frame::coding::CloseCode;
@@ -124,10 +124,14 @@ fn stage(start: f64) -> Stage<'static> {
         ramp_s: 0.1,
         ..HapticConfig::default()
     };
+    let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
     Stage {
         source: &Wall,
         config,
-        workspace: Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO),
+        workspace,
+        // Only the first pair has one: down, through the wall.
+        way: (start < 0.035)
+            .then(|| Way::new(&[over(0.02), over(0.01), over(-0.02)], &workspace).unwrap()),
         geometry: Geometry {
             seated: Pose::IDENTITY,
             axis: DVec3::NEG_Z,

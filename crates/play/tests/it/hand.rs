@@ -152,3 +152,34 @@ fn scripts_run_until_they_are_stopped() {
         (seen.height - 0.05).abs() < 1e-3
     });
 }
+
+#[test]
+fn the_hand_follows_the_way_in_slowly_and_the_wall_stops_it() {
+    let theatre = Theatre::open();
+    let mut page = theatre.page();
+    page.say(Request::Take);
+    page.until(Some(Request::Hold(over(0.06))), |seen| {
+        (seen.height - 0.06).abs() < 1e-3
+    });
+    assert!(page.texts.iter().any(|text| text.contains("\"way\":true")));
+    page.say(Request::Follow);
+    let began = page.until(Some(Request::Beat), |seen| {
+        (seen.height - 0.02).abs() < 1e-4
+    });
+    let halfway = page.until(Some(Request::Beat), |seen| seen.height < 0.01);
+    // A second of rest, then 10 mm at 20 mm/s.
+    assert!(halfway.wall - began.wall > 1000.0, "{began:?} {halfway:?}");
+    let stopped = page.until(Some(Request::Beat), |seen| seen.force > 1.0);
+    assert!(stopped.height > -0.003, "{stopped:?}");
+    // The other pair has no way: nothing happens.
+    page.say(Request::Choose(1));
+    page.until(Some(Request::Beat), |seen| seen.stage == 2);
+    page.until(Some(Request::Hold(over(0.06))), |seen| {
+        (seen.height - 0.06).abs() < 1e-3
+    });
+    let before = page.frame().ticks;
+    page.say(Request::Follow);
+    let after = page.until(Some(Request::Beat), |seen| seen.ticks > before + 500);
+    assert!((after.height - 0.06).abs() < 1e-3, "{after:?}");
+    assert!(page.texts.iter().any(|text| text.contains("\"way\":false")));
+}

@@ -1,12 +1,16 @@
-//! Which attached device `--device` means.
+//! Which device `--device` means.
+
+use std::path::Path;
 
 use haptic::device::attached::{self, Survey};
 use haptic::device::info::{Access, DeviceInfo, DeviceKind};
+use haptic::log::{device_file, read_device};
 use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
 use crate::args::device_choice::{DeviceChoice, Which};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::parquet_log;
 
 /// What lets the user who sits at the machine open these devices.
 const UDEV_RULES: &str = include_str!("../../../udev/70-pegfit.rules");
@@ -29,42 +33,70 @@ enum Unusable {
     Failed(String),
 }
 
-/// The device that `choice` means, opened with the settings of its kind; `None` for the simulated hand.
+/// What holds the moving part.
+pub(in crate::commands) enum Chosen {
+    /// The simulated hand.
+    Simulated,
+    /// A recording.
+    Replay(Replay),
+    /// A device that was opened.
+    Attached(Box<dyn Device>),
+}
+
+/// The device that `choice` means, opened with the settings of its kind.
 pub(in crate::commands) fn choose(
     choice: &DeviceChoice,
     config: &HapticConfig,
     context: &Context,
-) -> Result<Option<Box<dyn Device>>, CommandError> {
+) -> Result<Chosen, CommandError> {
     match choice {
-        DeviceChoice::Simulated => Ok(None),
-        DeviceChoice::Replay(path) => {
-            let samples = read_log(path).map_err(|e| CommandError::bad_input("--device", e))?;
-            let spec = DeviceSpec {
-                name: format!("replay of {}", path.display()),
-                ..HandConfig::default().spec()
-            };
-            Ok(Some(Box::new(Replay::new(spec, samples))))
-        }
+        DeviceChoice::Simulated => Ok(Chosen::Simulated),
+        DeviceChoice::Replay(path) => replay(path, context).map(Chosen::Replay),
         DeviceChoice::Attached(kind, which) => {
             let found = survey(&[*kind], which.name())?;
             let text = format!("{} {}", kind.maker(), which_text(which));
-            open(pick(&found, |d| which.means(d), text.trim())?, config).map(Some)
+            open(pick(&found, |d| which.means(d), text.trim())?, config).map(Chosen::Attached)
         }
         DeviceChoice::Auto => {
             let found = survey(&DeviceKind::ALL, None)?;
             let ready = |d: &&DeviceInfo| d.access == Access::Ready;
             match found.devices.iter().filter(ready).min_by_key(|d| d.kind) {
-                Some(device) => open(device, config).map(Some),
+                Some(device) => open(device, config).map(Chosen::Attached),
                 None => {
                     context
                         .progress
                         .note("note: no device can be opened; simulated hand");
                     explain(&found.devices);
-                    Ok(None)
+                    Ok(Chosen::Simulated)
                 }
             }
         }
     }
+}
+
+/// The log and the device that it was recorded with.
+fn replay(log: &Path, context: &Context) -> Result<Replay, CommandError> {
+    if parquet_log::is_parquet(log) {
+        return Err(CommandError::option(
+            "--device",
+            "replay:LOG.csv; logs in Parquet are for other programs",
+            log.display(),
+        ));
+    }
+    let bad = |e| CommandError::bad_input("--device", e);
+    let samples = read_log(log).map_err(bad)?;
+    let recorded = read_device(log).map_err(bad)?;
+    if recorded.is_none() {
+        context.progress.note(&format!(
+            "note: no {}, which says what the device of the log can do; taken for a simulated hand",
+            device_file(log).display()
+        ));
+    }
+    let spec = DeviceSpec {
+        name: format!("replay of {}", log.display()),
+        ..recorded.unwrap_or_else(|| HandConfig::default().spec())
+    };
+    Ok(Replay::new(spec, samples))
 }
 
 /// What there is of these kinds; `name` is what was typed for the one wanted.

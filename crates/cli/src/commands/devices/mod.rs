@@ -4,5 +4,5 @@ mod choose;
 mod probe;
 mod run;
 
-pub(super) use choose::choose;
+pub(super) use choose::{Chosen, choose};
 pub(super) use run::run;

@@ -20,7 +20,7 @@ pub(in crate::commands) fn run(args: &DevicesArgs, context: &Context) -> Result<
         return probe::run(device, args.seconds, context);
     }
     match context.json {
-        true => print_json(&found.devices)?,
+        true => print_json(&found)?,
         false => found.devices.iter().for_each(print),
     }
     found.missing.iter().for_each(tell);

@@ -7,23 +7,24 @@ use pegfit_path::{
     AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep,
 };
 use pegfit_scene::{PlacedParts, Scene};
-use sdf_grid::atomic;
+use sdf_grid::{TriangleMesh, atomic};
 
-use super::summary::{Order, say};
+use super::summary::{Order, say, told};
 use crate::args::DisassembleArgs;
 use crate::commands::path::question::time_limit;
 use crate::commands::scenes;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
+use crate::report::way::page::{Act, Played};
 use crate::report::way::rows;
 
 /// Letters of a part's name that a file's name has at most.
 const LONGEST_NAME: usize = 60;
 
 pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), CommandError> {
-    if let Some(folder) = &args.output {
-        require_folder(folder)?;
+    for output in [&args.output, &args.html].into_iter().flatten() {
+        require_folder(output)?;
     }
     let time_limit = time_limit(args.seconds)?;
     let scene = Scene::read(&args.scene)?;
@@ -54,6 +55,11 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
     if let (Some(folder), Some(files)) = (&args.output, &files) {
         write(folder, files, &found, &order)?;
     }
+    if let Some(file) = &args.html {
+        let title = args.scene.file_stem().unwrap_or_default().to_string_lossy();
+        let meshes: Vec<&TriangleMesh> = placed.parts.iter().map(|p| p.1.as_ref()).collect();
+        atomic::write(file, page(&title, &found, &names, &meshes).as_bytes())?;
+    }
     if context.json {
         print_json(&order)
     } else {
@@ -76,6 +82,25 @@ fn file_name(step: usize, of: &DisassemblyStep, names: &[&str]) -> String {
         .take(LONGEST_NAME)
         .collect();
     format!("{:02}-{name}.csv", step + 1)
+}
+
+/// A page that plays the steps.
+fn page(title: &str, found: &Disassembly, names: &[&str], meshes: &[&TriangleMesh]) -> String {
+    let acts = found.steps.iter().enumerate().map(|(i, step)| Act {
+        said: format!("{}. {}", i + 1, told(step, names)),
+        moving: step.parts.clone(),
+        staying: step.rest.clone(),
+        way: &step.way,
+    });
+    let played = Played {
+        title: format!("How it comes apart: {title}"),
+        towards: "out",
+        parts: meshes,
+        acts: acts.collect(),
+        placement: Placement::default(),
+        charts: String::new(),
+    };
+    played.html()
 }
 
 /// The way of each step, and the order.

@@ -1,7 +1,7 @@
 //! What is told of an order, to programs and to people.
 
 use fft_correlate::Placement;
-use pegfit_path::Disassembly;
+use pegfit_path::{Disassembly, DisassemblyStep};
 use sdf_grid::LengthUnit;
 use serde::Serialize;
 
@@ -46,7 +46,7 @@ fn named(parts: &[usize], names: &[&str]) -> Vec<String> {
 impl Order {
     /// `files` are those of the steps, if they are written.
     pub(super) fn new(found: &Disassembly, names: &[&str], files: Option<&[String]>) -> Self {
-        let step = |(i, s): (usize, &pegfit_path::DisassemblyStep)| Step {
+        let step = |(i, s): (usize, &DisassemblyStep)| Step {
             parts: named(&s.parts, names),
             rest: named(&s.rest, names),
             file: files.and_then(|f| f.get(i).cloned()),
@@ -68,6 +68,16 @@ impl Order {
     }
 }
 
+/// What comes off what, by which motions.
+pub(super) fn told(step: &DisassemblyStep, names: &[&str]) -> String {
+    format!(
+        "{} off {}: {}",
+        named(&step.parts, names).join(" + "),
+        named(&step.rest, names).join(", "),
+        words(&step.way.motions, &Placement::default()),
+    )
+}
+
 /// Prints the order.
 pub(super) fn say(found: &Disassembly, names: &[&str], unit: LengthUnit) {
     let metre = unit.in_metres();
@@ -86,11 +96,9 @@ pub(super) fn say(found: &Disassembly, names: &[&str], unit: LengthUnit) {
     );
     for (i, step) in found.steps.iter().enumerate() {
         crate::say!(
-            "  {}. {} off {}: {} ({:.3} {unit} long, largest overlap {:.5} {unit})",
+            "  {}. {} ({:.3} {unit} long, largest overlap {:.5} {unit})",
             i + 1,
-            named(&step.parts, names).join(" + "),
-            named(&step.rest, names).join(", "),
-            words(&step.way.motions, &Placement::default()),
+            told(step, names),
             step.way.length() / metre,
             step.way.deepest().1 / metre
         );

@@ -3,12 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use haptic::log::write_device;
 use haptic::scene::PairState;
-use haptic::{Clock, DeviceSpec, LoopReport, Outcome, Sample, Script};
+use haptic::{Clock, Device, DeviceSpec, LoopReport, Outcome, Replay, Sample, Script};
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::{Monitor, atomic};
 
+use super::again::Again;
+use crate::args::device_choice::DeviceChoice;
 use crate::args::{FeelArgs, ScriptChoice};
+use crate::commands::devices::Chosen;
 use crate::commands::plot::force_chart;
 use crate::commands::{devices, hand, scenes};
 use crate::context::Context;
@@ -19,6 +23,25 @@ use crate::report::parquet_log;
 use crate::terminal::hold::Hold;
 use crate::terminal::progress::{Progress, interrupted};
 
+/// Seconds that a hand holds the part, if nobody says how long.
+const SECONDS: f64 = 5.0;
+
+/// What is told to programs.
+#[derive(serde::Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    report: &'a LoopReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    replay: Option<&'a Again>,
+}
+
+/// What came of a run.
+struct Felt {
+    spec: DeviceSpec,
+    outcome: Outcome,
+    again: Option<Again>,
+}
+
 pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
     check(args)?;
     let script = match args.script {
@@ -27,7 +50,11 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         ScriptChoice::Free => Script::Free,
     };
     let pairs = load(args, context)?;
-    let (spec, outcome) = feel(args, script, &pairs, context)?;
+    let Felt {
+        spec,
+        outcome,
+        again,
+    } = feel(args, script, &pairs, context)?;
     let title = title(script, &outcome.report.device);
     if let Some(path) = &args.png {
         draw(path, &outcome.samples, title.clone())?;
@@ -37,8 +64,14 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         atomic::write(path, page.as_bytes())?;
     }
     match context.json {
-        true => print_json(&outcome.report)?,
-        false => print(&outcome.report, &pairs),
+        true => print_json(&Told {
+            report: &outcome.report,
+            replay: again.as_ref(),
+        })?,
+        false => {
+            print(&outcome.report, &pairs);
+            again.iter().for_each(Again::print);
+        }
     }
     // The log and the picture of an interrupted run are whole: it only ended early.
     match interrupted() {
@@ -49,11 +82,11 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
 
 /// Refuses what could not be done or written, before anything is loaded.
 fn check(args: &FeelArgs) -> Result<(), CommandError> {
-    if !(args.seconds.is_finite() && args.seconds > 0.0) {
+    if let Some(seconds) = args.seconds.filter(|s| !(s.is_finite() && *s > 0.0)) {
         return Err(CommandError::option(
             "--seconds",
             "a positive number",
-            args.seconds,
+            seconds,
         ));
     }
     for output in [&args.log, &args.png, &args.report].into_iter().flatten() {
@@ -64,7 +97,11 @@ fn check(args: &FeelArgs) -> Result<(), CommandError> {
 
 /// Loads what is in reach of the fit.
 fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
-    let scene = Scene::read(&args.scene)?;
+    let mut scene = Scene::read(&args.scene)?;
+    if matches!(args.device, DeviceChoice::Replay(_)) {
+        // A replay waits for nobody, so that all rotations of a table have to be there before.
+        scene.loading.turn_ahead = std::f64::consts::TAU;
+    }
     let first = scene.clone().only(Some(&scene.fixed.name))?;
     let assembly = scenes::load(first, context)?;
     // The thread that loads hears of Ctrl-C and shows no bars.
@@ -74,43 +111,88 @@ fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
     Ok(pairs)
 }
 
-/// Runs the loop with the device that was asked for; what the device is, and what came of it.
+/// Runs the loop with the device that was asked for.
 fn feel(
     args: &FeelArgs,
     script: Script,
     pairs: &LivePairs,
     context: &Context,
-) -> Result<(DeviceSpec, Outcome), CommandError> {
+) -> Result<Felt, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let _held = Hold::begin();
-    let mut device = match devices::choose(&args.device, &assembly.scene().device, context)? {
-        Some(device) => device,
-        None => Box::new(hand::simulated(assembly, source, script, args.seconds)),
-    };
-    context.progress.note(&format!(
-        "the {} holds {} for {} s",
-        device.spec().name,
-        assembly.scene().moving.name,
-        args.seconds
-    ));
     let keep = hand::Keep {
         log: args.log.as_deref(),
         samples: args.png.is_some() || args.report.is_some(),
     };
-    let outcome = hand::run(
-        assembly,
-        source,
-        device.as_mut(),
-        args.seconds,
-        Clock::Real,
-        keep,
-    )?;
+    let seconds = args.seconds.unwrap_or(SECONDS);
+    let felt = match devices::choose(&args.device, &assembly.scene().device, context)? {
+        Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, keep, context)?,
+        Chosen::Attached(mut device) => hold(device.as_mut(), seconds, pairs, keep, context)?,
+        Chosen::Simulated => {
+            let mut hand = hand::simulated(assembly, source, script, seconds);
+            hold(&mut hand, seconds, pairs, keep, context)?
+        }
+    };
+    if let Some(log) = &args.log {
+        let failed = |e| CommandError::failure("the device of the log", e);
+        write_device(log, &felt.spec).map_err(failed)?;
+    }
+    Ok(felt)
+}
+
+/// A device holds the part.
+fn hold(
+    device: &mut dyn Device,
+    seconds: f64,
+    pairs: &LivePairs,
+    keep: hand::Keep<'_>,
+    context: &Context,
+) -> Result<Felt, CommandError> {
+    let (assembly, source) = (&pairs.assembly, pairs.live.source());
+    context.progress.note(&format!(
+        "the {} holds {} for {seconds} s",
+        device.spec().name,
+        assembly.scene().moving.name,
+    ));
+    let outcome = hand::run(assembly, source, device, seconds, Clock::Real, keep)?;
     if let Some(fault) = device.last_fault() {
         context
             .progress
             .note(&format!("the device's last fault: {fault}"));
     }
-    Ok((device.spec().clone(), outcome))
+    Ok(Felt {
+        spec: device.spec().clone(),
+        outcome,
+        again: None,
+    })
+}
+
+/// The recording holds the part again, at its own times and without waiting.
+fn replay(
+    mut recorded: Replay,
+    seconds: Option<f64>,
+    pairs: &LivePairs,
+    keep: hand::Keep<'_>,
+    context: &Context,
+) -> Result<Felt, CommandError> {
+    let (assembly, source) = (&pairs.assembly, pairs.live.source());
+    let seconds = seconds.unwrap_or(f64::INFINITY);
+    context.progress.note(&format!(
+        "the {} holds {}: {:.2} s, in simulated time",
+        recorded.spec().name,
+        assembly.scene().moving.name,
+        recorded.duration().min(seconds),
+    ));
+    let keep = hand::Keep {
+        samples: true,
+        ..keep
+    };
+    let outcome = hand::replay(assembly, source, &mut recorded, seconds, keep)?;
+    Ok(Felt {
+        spec: recorded.spec().clone(),
+        again: Some(Again::compare(recorded.samples(), &outcome.samples)),
+        outcome,
+    })
 }
 
 /// What a run is called.
@@ -189,7 +271,9 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
             report.dropped_samples
         );
     }
-    for (what, said) in privileges(report) {
+    // In simulated time nothing is asked of the system.
+    let asked = (report.clock == Clock::Real).then(|| privileges(report));
+    for (what, said) in asked.into_iter().flatten() {
         crate::say!("{what:<11} {said}");
     }
     if report.not_loaded > 0 {

@@ -4,5 +4,6 @@ mod browser;
 mod exhibits;
 mod route;
 mod run;
+mod way;
 
 pub(super) use run::run;

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use haptic::LoopReport;
+use fft_correlate::Pose;
+use haptic::{LoopReport, Way};
 use pegfit_play::{Exhibits, Options, Server, Stage};
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::Monitor;
@@ -10,7 +11,7 @@ use sdf_grid::shapes::PegInHole;
 use serde_json::json;
 
 use super::exhibits::SceneExhibits;
-use super::{browser, route};
+use super::{browser, route, way};
 use crate::args::PlayArgs;
 use crate::commands::{examples, scenes};
 use crate::context::Context;
@@ -34,6 +35,7 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
             })
             .collect::<Result<_, CommandError>>()?,
     };
+    let poses = args.way.as_deref().map(way::read).transpose()?;
     let options = Options {
         bind: args.bind,
         port: args.port,
@@ -44,7 +46,7 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
     announce(&server, args, context);
     loop {
         let (_, scene) = &pairs[server.wanted()];
-        let report = play(&server, scene, args, context)?;
+        let report = play(&server, scene, args, poses.as_deref(), context)?;
         tell(&report, context);
         if interrupted() {
             return Ok(());
@@ -80,6 +82,7 @@ fn play(
     server: &Server,
     scene: &Scene,
     args: &PlayArgs,
+    poses: Option<&[Pose]>,
     context: &Context,
 ) -> Result<LoopReport, CommandError> {
     let first = scene.clone().only(Some(&scene.fixed.name))?;
@@ -99,6 +102,7 @@ fn play(
         workspace,
         start: route::start(&geometry, workspace.grip),
         geometry,
+        way: poses.and_then(|poses| Way::new(poses, &workspace)),
         exhibits: Arc::clone(&exhibits) as Arc<dyn Exhibits>,
     };
     let _held = Hold::begin();

@@ -1,7 +1,7 @@
 //! What is written of a way: rows, a summary, charts, a page that plays it.
 
 mod charts;
-mod page;
+pub(crate) mod page;
 pub(crate) mod rows;
 mod subject;
 pub(crate) mod summary;

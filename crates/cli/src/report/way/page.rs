@@ -1,7 +1,10 @@
-//! The page of `pegfit path --html`: both parts, and the way played; one file that needs no other.
+//! Pages that play ways, of `pegfit path --html` and `pegfit disassemble --html`; each is one file
+//! that needs no other.
 
 use std::fmt::Write;
 
+use fft_correlate::Placement;
+use pegfit_path::PathAnswer;
 use pegfit_pictures::PictureError;
 use pegfit_scene::poses::pose_fields;
 use sdf_grid::TriangleMesh;
@@ -21,59 +24,110 @@ const PLAYER: &str = include_str!("player.js");
 /// Most triangles of a part on the page: of larger ones the page says that they are left out.
 const MOST_TRIANGLES: usize = 200_000;
 
+/// One motion after the other on a page.
+pub(crate) struct Act<'a> {
+    /// What is said of it.
+    pub(crate) said: String,
+    /// Which parts move as one, and which stay; others are not shown.
+    pub(crate) moving: Vec<usize>,
+    pub(crate) staying: Vec<usize>,
+    pub(crate) way: &'a PathAnswer,
+}
+
+/// What a page shows.
+pub(crate) struct Played<'a> {
+    pub(crate) title: String,
+    /// Where the motions lead: `in` or `out`.
+    pub(crate) towards: &'static str,
+    /// Surfaces in the scene, metres.
+    pub(crate) parts: &'a [&'a TriangleMesh],
+    pub(crate) acts: Vec<Act<'a>>,
+    pub(crate) placement: Placement,
+    /// Below all that, as SVG.
+    pub(crate) charts: String,
+}
+
 impl WayReport {
     /// A page that plays the way: HTML in one file that needs no other.
     ///
     /// # Errors
     /// If a chart cannot be drawn.
     pub fn html(&self) -> Result<String, PictureError> {
-        page(self)
+        let said = match self.answer.poses.is_empty() {
+            true => "No way was found.".to_owned(),
+            false => words(&self.answer.motions, &self.placement),
+        };
+        let played = Played {
+            title: format!("The way in: {}", self.name),
+            towards: "in",
+            parts: &[&self.placed_fixed(), &self.placed_moving()],
+            acts: vec![Act {
+                said,
+                moving: vec![1],
+                staying: vec![0],
+                way: &self.answer,
+            }],
+            placement: self.placement,
+            charts: charts::svg(self)?,
+        };
+        Ok(played.html())
     }
 }
 
-fn page(way: &WayReport) -> Result<String, PictureError> {
-    let title = format!("The way in: {}", way.name);
-    let said = match way.answer.poses.is_empty() {
-        true => "No way was found.".to_owned(),
-        false => words(&way.answer.motions, &way.placement),
-    };
-    let data = data(way).to_string().replace('<', "\\u003c");
-    let mut html = String::new();
-    // Writing to a string cannot fail.
-    let _ = write!(
-        html,
-        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{0}</title>\n<style>\n{STYLE}\n{LOOK}</style>\n<main>\n<h1>{0}</h1>\n\
-         <p>{1}</p>\n<canvas id=\"view\"></canvas>\n\
-         <div class=\"bar\"><button id=\"play\">play</button>\
-         <input id=\"at\" type=\"range\" min=\"0\" value=\"0\">\
-         <label><input id=\"ten\" type=\"checkbox\"> ten poses</label></div>\n\
-         <p id=\"said\"></p>\n{2}</main>\n<script>\nconst data = {data};\n{PLAYER}</script>\n</html>\n",
-        escaped(&title),
-        escaped(&said),
-        charts::svg(way)?
-    );
-    Ok(html)
+impl Played<'_> {
+    /// HTML in one file that needs no other.
+    pub(crate) fn html(&self) -> String {
+        let data = self.data().to_string().replace('<', "\\u003c");
+        let mut said = String::new();
+        for act in &self.acts {
+            said += &format!("<p>{}</p>\n", escaped(&act.said));
+        }
+        let mut html = String::new();
+        // Writing to a string cannot fail.
+        let _ = write!(
+            html,
+            "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <title>{0}</title>\n<style>\n{STYLE}\n{LOOK}</style>\n<main>\n<h1>{0}</h1>\n\
+             {1}<canvas id=\"view\"></canvas>\n\
+             <div class=\"bar\"><button id=\"play\">play</button>\
+             <input id=\"at\" type=\"range\" min=\"0\" value=\"0\">\
+             <label><input id=\"ten\" type=\"checkbox\"> ten poses</label></div>\n\
+             <p id=\"said\"></p>\n{2}</main>\n<script>\nconst data = {data};\n{PLAYER}</script>\n\
+             </html>\n",
+            escaped(&self.title),
+            said,
+            self.charts
+        );
+        html
+    }
+
+    /// Surfaces and poses in the scene, metres.
+    fn data(&self) -> Value {
+        let acts = self.acts.iter().map(|act| {
+            json!({
+                "said": act.said,
+                "moving": act.moving,
+                "staying": act.staying,
+                "poses": poses(act.way, &self.placement),
+            })
+        });
+        let acts: Vec<Value> = acts.collect();
+        let parts: Vec<Value> = self.parts.iter().map(|mesh| surface(mesh)).collect();
+        json!({ "towards": self.towards, "parts": parts, "acts": acts })
+    }
 }
 
-/// Surfaces and poses in the scene, metres.
-fn data(way: &WayReport) -> Value {
-    let placement = &way.placement;
-    let poses = way.answer.poses.iter().map(|p| {
-        let fields = pose_fields(&placement.to_scene(&p.pose));
+fn poses(way: &PathAnswer, placement: &Placement) -> Vec<Value> {
+    let pose = |p: &pegfit_path::PathPose| {
+        let at = placement.to_scene(&p.pose);
         let force = p.response.map(|r| {
-            let wrench = placement.wrench_to_scene(&placement.to_scene(&p.pose), &r.wrench);
+            let wrench = placement.wrench_to_scene(&at, &r.wrench);
             [r.energy, wrench.force.length(), wrench.torque.length()]
         });
-        json!({ "pose": fields, "length": p.length, "overlap": p.depth, "force": force })
-    });
-    let poses: Vec<Value> = poses.collect();
-    json!({
-        "fixed": surface(&way.placed_fixed()),
-        "moving": surface(&way.placed_moving()),
-        "poses": poses,
-    })
+        json!({ "pose": pose_fields(&at), "length": p.length, "overlap": p.depth, "force": force })
+    };
+    way.poses.iter().map(pose).collect()
 }
 
 /// Corner positions in micrometres, and corners of triangles.

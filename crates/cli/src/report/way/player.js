@@ -1,11 +1,13 @@
 'use strict';
-// Plays a way: `data` has both surfaces (micrometres) and the poses of the moving one.
+// Plays ways one after the other: `data` has surfaces (micrometres), and acts: which parts move,
+// which stay, and the poses of those that move.
 const canvas = document.getElementById('view');
 const gl = canvas.getContext('webgl', { antialias: true, alpha: false });
 const slider = document.getElementById('at');
 const said = document.getElementById('said');
 const ten = document.getElementById('ten');
-slider.max = Math.max(0, data.poses.length - 1);
+const frames = data.acts.flatMap((act) => act.poses.map((pose) => ({ act, pose })));
+slider.max = Math.max(0, frames.length - 1);
 
 function flat(surface) {
   const out = [];
@@ -21,13 +23,15 @@ function flat(surface) {
   return new Float32Array(out);
 }
 
-function extent(surface) {
+function extent(surfaces) {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
-  surface.points.forEach((x, i) => {
-    low[i % 3] = Math.min(low[i % 3], x * 1e-6);
-    high[i % 3] = Math.max(high[i % 3], x * 1e-6);
-  });
+  for (const surface of surfaces) {
+    surface.points.forEach((x, i) => {
+      low[i % 3] = Math.min(low[i % 3], x * 1e-6);
+      high[i % 3] = Math.max(high[i % 3], x * 1e-6);
+    });
+  }
   return [low, high];
 }
 
@@ -59,25 +63,26 @@ function program() {
 
 const prog = gl && program();
 const at = (name) => gl.getUniformLocation(prog, name);
-const buffers = {};
-const box = [extent(data.fixed), extent(data.moving)];
-const middle = [0, 1, 2].map((k) => 0.5 * (box[0][0][k] + box[0][1][k]));
-const size = Math.hypot(...[0, 1, 2].map((k) => box[0][1][k] - box[0][0][k]));
-const reach = data.poses.reduce((r, p) => Math.max(r, Math.hypot(...p.pose.slice(0, 3))), 0);
+const buffers = [];
+const shown = data.acts.length ? data.acts[0].staying : data.parts.map((_, part) => part);
+const box = extent(shown.map((part) => data.parts[part]));
+const middle = [0, 1, 2].map((k) => 0.5 * (box[0][k] + box[1][k]));
+const size = Math.hypot(...[0, 1, 2].map((k) => box[1][k] - box[0][k]));
+const reach = frames.reduce((r, f) => Math.max(r, Math.hypot(...f.pose.pose.slice(0, 3))), 0);
 let zoom = 1 / (size + reach);
 let [yaw, pitch] = [0.7, -1.0];
 
 if (gl) {
-  for (const name of ['fixed', 'moving']) {
-    const values = flat(data[name]);
-    buffers[name] = { buffer: gl.createBuffer(), count: values.length / 6 };
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name].buffer);
+  for (const [part, surface] of data.parts.entries()) {
+    const values = flat(surface);
+    buffers[part] = { buffer: gl.createBuffer(), count: values.length / 6 };
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[part].buffer);
     gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
   }
 }
 
-function paint(name, pose, colour) {
-  gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name].buffer);
+function paint(part, pose, colour) {
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffers[part].buffer);
   for (const [i, attribute] of ['place', 'normal'].entries()) {
     const where = gl.getAttribLocation(prog, attribute);
     gl.enableVertexAttribArray(where);
@@ -86,17 +91,19 @@ function paint(name, pose, colour) {
   gl.uniform3fv(at('shift'), pose.slice(0, 3));
   gl.uniform4fv(at('turn'), pose.slice(3));
   gl.uniform4fv(at('colour'), colour);
-  gl.drawArrays(gl.TRIANGLES, 0, buffers[name].count);
+  gl.drawArrays(gl.TRIANGLES, 0, buffers[part].count);
 }
 
 function draw() {
-  const index = Number(slider.value);
-  const pose = data.poses[index];
+  const frame = frames[Number(slider.value)];
+  const pose = frame && frame.pose;
+  const act = frame ? frame.act : { moving: [], staying: shown, poses: [] };
   if (pose) {
     const force = pose.force
       ? `, ${(1e3 * pose.force[0]).toFixed(4)} mJ, ${pose.force[1].toFixed(3)} N`
       : '';
-    said.textContent = `${(1e3 * pose.length).toFixed(2)} mm in, overlap `
+    const what = data.acts.length > 1 ? `${act.said}: ` : '';
+    said.textContent = `${what}${(1e3 * pose.length).toFixed(2)} mm ${data.towards}, overlap `
       + `${(1e3 * pose.overlap).toFixed(4)} mm${force}`;
   }
   if (!gl) return;
@@ -112,14 +119,16 @@ function draw() {
   const ratio = canvas.width / canvas.height;
   gl.uniform3fv(at('scale'), [zoom * 2 / ratio, zoom * 2, zoom * 2]);
   gl.uniform3fv(at('middle'), middle);
-  const last = data.poses.length - 1;
-  const shown = ten.checked && last > 0
-    ? Array.from({ length: 10 }, (_, i) => data.poses[Math.round((last * i) / 9)])
+  const last = act.poses.length - 1;
+  const drawn = ten.checked && last > 0
+    ? Array.from({ length: 10 }, (_, i) => act.poses[Math.round((last * i) / 9)])
     : [pose];
-  for (const one of shown) if (one) paint('moving', one.pose, [0.85, 0.45, 0.15, 1]);
+  for (const one of drawn) {
+    if (one) for (const part of act.moving) paint(part, one.pose, [0.85, 0.45, 0.15, 1]);
+  }
   gl.enable(gl.BLEND);
   gl.depthMask(false);
-  paint('fixed', [0, 0, 0, 0, 0, 0, 1], [0.3, 0.45, 0.7, 0.45]);
+  for (const part of act.staying) paint(part, [0, 0, 0, 0, 0, 0, 1], [0.3, 0.45, 0.7, 0.45]);
   gl.depthMask(true);
   gl.disable(gl.BLEND);
 }
@@ -134,7 +143,7 @@ function step() {
   document.getElementById('play').textContent = playing ? 'stop' : 'play';
   draw();
   if (!playing) return;
-  const ahead = Math.max(1, Math.round(data.poses.length / 300));
+  const ahead = Math.max(1, Math.round(frames.length / 300));
   slider.value = Number(slider.value) + ahead;
   playing = slider.value !== slider.max;
   requestAnimationFrame(step);

@@ -6,10 +6,7 @@ use std::time::{Duration, Instant};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::device::conformance;
-use haptic::{
-    Clock, Device, DeviceError, ForcePath, HapticConfig, HapticError, Sample, Session, flags,
-    read_log,
-};
+use haptic::{Clock, Device, DeviceError, HapticConfig, HapticError, Replay, Session, read_log};
 
 use crate::common::{Well, workspace};
 
@@ -185,14 +182,6 @@ fn ends_sessions_without_force(rig: &dyn Rig) {
     assert_eq!(rig.force(), DVec3::ZERO, "after a panic");
 }
 
-/// What the loop computed of a tick, without what only a device and a clock know.
-fn computed(sample: &Sample) -> Sample {
-    Sample {
-        flags: sample.flags & !(flags::NOT_SENT | flags::OVERRUN),
-        ..*sample
-    }
-}
-
 fn replays_bit_by_bit(rig: &dyn Rig) {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.csv");
@@ -220,9 +209,10 @@ fn replays_bit_by_bit(rig: &dyn Rig) {
     assert!(samples.iter().any(|s| s.wrench.force.length() > 0.1));
     let read = read_log(&log).unwrap();
     assert_eq!(read, samples, "the log holds every bit");
-    let mut path = ForcePath::new(device.spec(), &config(), workspace(), well.scratch()).unwrap();
-    for sample in &read {
-        let again = path.step(&well, sample.input.as_ref(), sample.time, sample.dt);
-        assert_eq!(computed(&again), computed(sample), "tick {}", sample.tick);
-    }
+    let mut replay = Replay::new(device.spec().clone(), read.clone());
+    let again = Session::new(config(), workspace())
+        .keep_samples()
+        .replay(&mut replay, &well, f64::INFINITY, &AtomicBool::new(false))
+        .unwrap();
+    assert_eq!(again.samples, read);
 }

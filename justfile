@@ -29,11 +29,10 @@ version NEW:
     sed -i 's/^version: .*/version: {{NEW}}/' CITATION.cff
     cargo update --workspace
 
-# What would be published: packages of all crates, sources of the wheel (needs maturin); licences,
-# sources and advisories (needs `cargo install cargo-deny`).
-release:
-    cargo publish --workspace --dry-run
-    maturin sdist -o out/dist
+# What would be published, in ./out/dist, installed from there and tried (half an hour; needs Python);
+# licences, what is there twice, sources and advisories (needs `cargo install cargo-deny`).
+release *ARGS:
+    PEGFIT_DIST=out/dist tests/release/run {{ARGS}}
     cargo deny check
 
 # The public documentation, warnings denied.

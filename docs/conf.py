@@ -1,5 +1,6 @@
 """The site: `just site` builds it, warnings are errors. The pages are those that GitHub shows."""
 
+import os
 import tomllib
 from pathlib import Path
 
@@ -37,6 +38,12 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 napoleon_use_ivar = True
+
+# Formulas are drawn by MathJax. With its `tex-svg.js` in this folder, a file that needs no other,
+# they are drawn without a network; else the pages ask the network for it.
+if mathjax := os.environ.get("PEGFIT_MATHJAX"):
+    html_static_path = [mathjax]
+    mathjax_path = "tex-svg.js"
 
 html_theme = "furo"
 html_title = f"pegfit {release}"

@@ -1,4 +1,4 @@
-//! One version, and crates that say what a registry asks for.
+//! One version, and crates that say and hold what a registry asks for.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -81,5 +81,31 @@ fn what_is_published_says_what_it_is() {
             read(&format!("{other}/Cargo.toml")).contains("publish = false"),
             "{other}"
         );
+    }
+}
+
+/// A package holds what lies beside its manifest, so each crate links to our licences.
+#[test]
+fn packages_hold_both_licences() {
+    let crates = members().into_iter().filter(|m| m.starts_with("crates/"));
+    for member in crates {
+        for name in ["LICENSE-MIT", "LICENSE-APACHE"] {
+            assert_eq!(read(&format!("{member}/{name}")), read(name), "{member}");
+        }
+    }
+}
+
+/// The oldest Rust that compiles this; `.ci/run` holds the manifest to it.
+#[test]
+fn pages_name_the_rust_that_the_manifest_asks_for() {
+    let manifest = read("Cargo.toml");
+    let version = quoted(&manifest, "\nrust-version = \"");
+    for (page, words) in [
+        ("README.md", "Rust {}"),
+        ("docs/install.md", "Rust {}"),
+        ("docs/python.md", "a Rust toolchain ({})"),
+    ] {
+        let words = words.replace("{}", version);
+        assert!(read(page).contains(&words), "{page}: {words}");
     }
 }

@@ -45,12 +45,13 @@ enum Verdict {
     },
 }
 
-/// What is printed for programs: every mesh, then every pair of the scenes.
+/// What is printed for programs; of the same shape whatever was asked about.
 #[derive(Debug, Serialize)]
-#[serde(untagged)]
-enum Item<'a> {
-    Mesh(&'a Verdict),
-    Pair(&'a Fit),
+struct Findings {
+    /// Every mesh, in the order in which it was named.
+    meshes: Vec<Verdict>,
+    /// Every fixed part of the scenes with the moving one; none without a scene.
+    pairs: Vec<Fit>,
 }
 
 /// A mesh to look at, and how to read it.
@@ -75,23 +76,20 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
             }),
         }
     }
-    let verdicts: Vec<Verdict> = subjects.iter().map(judge).collect();
+    let meshes = subjects.iter().map(judge).collect();
+    let findings = Findings { meshes, pairs };
     if context.json {
-        let meshes = verdicts.iter().map(Item::Mesh);
-        print_json(
-            &meshes
-                .chain(pairs.iter().map(Item::Pair))
-                .collect::<Vec<_>>(),
-        )?;
+        print_json(&findings)?;
     } else {
-        for (verdict, subject) in verdicts.iter().zip(&subjects) {
+        for (verdict, subject) in findings.meshes.iter().zip(&subjects) {
             print(verdict, subject.options.unit);
         }
-        for pair in &pairs {
+        for pair in &findings.pairs {
             fits::print(pair);
         }
     }
-    let unusable = verdicts
+    let unusable = findings
+        .meshes
         .iter()
         .filter(|v| matches!(v, Verdict::Unusable { .. }))
         .count();
@@ -99,7 +97,7 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
         0 => Ok(()),
         count => Err(CommandError::UnusableMeshes {
             count,
-            total: verdicts.len(),
+            total: findings.meshes.len(),
         }),
     }
 }

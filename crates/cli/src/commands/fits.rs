@@ -14,6 +14,8 @@ pub(super) const TOUCHING: f64 = 1e-6;
 /// What is said of a fixed part and the moving one at the fit.
 #[derive(Debug, Serialize)]
 pub(super) struct Fit {
+    /// The scene that puts them there.
+    scene: String,
     fixed: String,
     moving: String,
     /// Cubic metres.
@@ -59,6 +61,7 @@ fn judge(pair: &FitSolids, moving: &str, scene: &str) -> Fit {
         );
     }
     Fit {
+        scene: scene.to_owned(),
         fixed: pair.name.clone(),
         moving: moving.to_owned(),
         shared_volume: volume,

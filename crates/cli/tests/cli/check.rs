@@ -43,8 +43,26 @@ fn a_scene_stands_for_its_meshes_as_it_reads_them() {
     let output = check(&["check", "scene.toml", "--json"]);
     assert_eq!(output.status.code(), Some(3));
     let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
-    assert_eq!(value[0]["usable"], true);
-    assert_eq!(value[1]["usable"], false);
+    assert_eq!(value["meshes"][0]["usable"], true);
+    assert_eq!(value["meshes"][1]["usable"], false);
+    // Without both meshes there is nothing to say of the pairs.
+    assert_eq!(value["pairs"], serde_json::json!([]));
+    // Meshes and scenes together are still one document, and each pair names its scene.
+    write("pin.obj", &cuboid_obj([1.0, 1.0, 5.0]));
+    let output = check(&["check", "box.obj", "scene.toml", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let told = |list: &str, key: &str| -> Vec<String> {
+        let items = value[list].as_array().unwrap();
+        let text = |item: &serde_json::Value| item[key].as_str().unwrap().to_owned();
+        items.iter().map(text).collect()
+    };
+    let keys: Vec<&String> = value.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["meshes", "pairs"]);
+    assert_eq!(told("meshes", "name"), ["box.obj", "box.obj", "pin.obj"]);
+    assert_eq!(told("pairs", "fixed"), ["a", "b"]);
+    assert_eq!(told("pairs", "moving"), ["pin", "pin"]);
+    assert_eq!(told("pairs", "scene"), ["scene.toml", "scene.toml"]);
 }
 
 #[test]
@@ -63,15 +81,12 @@ fn json_parses_and_repairs_are_said() {
     let output = pegfit(folder.path(), &["check", "box.obj", "--json"]);
     assert_eq!(output.status.code(), Some(0));
     let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
-    assert_eq!(value[0]["flipped_faces"], 12);
-    assert_eq!(value[0]["usable"], true);
-    assert!((value[0]["volume"].as_f64().unwrap() - 24e-9).abs() < 1e-20);
-    assert!(
-        value[0]["warnings"][0]
-            .as_str()
-            .unwrap()
-            .contains("reversed")
-    );
+    let mesh = &value["meshes"][0];
+    assert_eq!(mesh["flipped_faces"], 12);
+    assert_eq!(mesh["usable"], true);
+    assert!((mesh["volume"].as_f64().unwrap() - 24e-9).abs() < 1e-20);
+    assert!(mesh["warnings"][0].as_str().unwrap().contains("reversed"));
+    assert_eq!(value["pairs"], serde_json::json!([]));
 }
 
 #[test]
@@ -195,7 +210,7 @@ fn what_is_wrong_is_said_with_what_to_do() {
         );
         let output = check(&["s.toml", "--json"]);
         let said: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
-        let pair = &said[1];
+        let pair = &said["pairs"][0];
         assert!(
             (pair["share"].as_f64().unwrap() - share).abs() < 1e-6,
             "{pair}"

@@ -18,5 +18,6 @@ mod placed;
 mod play;
 mod plot;
 mod scene;
+mod scene_formats;
 mod scenes;
 mod score;

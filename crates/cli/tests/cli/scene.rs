@@ -30,16 +30,19 @@ fn obj(solids: &[(&str, &TriangleMesh, DVec3)]) -> String {
     text
 }
 
-fn parts() -> (TriangleMesh, TriangleMesh) {
+/// The square hole and its peg, 0.5 mm apart on every side.
+pub(crate) fn parts() -> (TriangleMesh, TriangleMesh) {
     PegInHole::Rectangular.pair(5e-4).unwrap()
 }
 
-fn json(folder: &Path, words: &[&str]) -> serde_json::Value {
+/// What the command tells programs.
+pub(crate) fn told(folder: &Path, words: &[&str]) -> serde_json::Value {
     let text = succeed(folder, &[words, &["--json"]].concat());
     serde_json::from_str(&text).unwrap()
 }
 
-fn roles(value: &serde_json::Value) -> Vec<(String, String)> {
+/// Names and roles of the solids.
+pub(crate) fn roles(value: &serde_json::Value) -> Vec<(String, String)> {
     let solids = value["solids"].as_array().unwrap();
     let text = |v: &serde_json::Value| v.as_str().unwrap().to_owned();
     solids
@@ -61,7 +64,7 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
     std::fs::write(folder.path().join("a.obj"), obj(&solids)).unwrap();
     let at = folder.path();
     assert!(succeed(at, &["scene", "a.obj"]).contains("--moving NAME"));
-    let found = json(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
+    let found = told(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
     let expected = [("block", "fixed"), ("peg", "moving"), ("lid", "left_out")];
     assert_eq!(
         roles(&found),
@@ -89,7 +92,7 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
         ("block", &hole, near),
     ];
     std::fs::write(folder.path().join("b.obj"), obj(&solids)).unwrap();
-    json(
+    told(
         at,
         &[
             "scene",
@@ -110,7 +113,7 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
         (scene.moving.meshes.len(), &*scene.moving.name),
         (2, "peg and 1 more")
     );
-    json(
+    told(
         at,
         &[
             "scene", "b.obj", "--moving", "2", "--fixed", "4", "--fixed", "1", "-o", "t.toml",
@@ -119,7 +122,7 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
     let scene = Scene::read(at.join("t.toml")).unwrap();
     assert_eq!((scene.fixed.meshes.len(), scene.others.len()), (2, 0));
     // By number; what is not asked for is left out.
-    let found = json(at, &["scene", "a.obj", "--moving", "2", "--fixed", "1"]);
+    let found = told(at, &["scene", "a.obj", "--moving", "2", "--fixed", "1"]);
     assert_eq!(roles(&found)[2].1, "left_out");
     assert!(refuse(at, &["scene", "a.obj", "--moving", "pin"]).contains("2 \"peg\""));
     assert!(refuse(at, &["scene", "a.obj", "--moving", "lid"]).contains("found none"));
@@ -134,7 +137,7 @@ fn what_overlaps_is_named_with_its_volume() {
     let solids = [("block", &hole, DVec3::ZERO), ("peg", &peg, shift)];
     std::fs::write(folder.path().join("a.obj"), obj(&solids)).unwrap();
     let at = folder.path();
-    let found = json(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
+    let found = told(at, &["scene", "a.obj", "--moving", "peg", "-o", "s.toml"]);
     let shared = found["solids"][0]["shared_volume"].as_f64().unwrap();
     let expected = 1e-3 * peg.bounds().size().y * peg.bounds().size().z;
     // Rays along the walls count whole rays: one of 64.
@@ -184,7 +187,7 @@ fn links_of_a_robot_are_placed_by_their_joints() {
         lift.z
     );
     std::fs::write(at.join("arm.urdf"), &urdf).unwrap();
-    let found = json(
+    let found = told(
         at,
         &["scene", "arm.urdf", "--moving", "tool", "-o", "s.toml"],
     );
@@ -206,7 +209,7 @@ fn links_of_a_robot_are_placed_by_their_joints() {
     );
     let said = succeed(at, &["check", "s.toml", "--json"]);
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();
-    assert_eq!(said[2]["next"], serde_json::json!([]), "{said}");
+    assert_eq!(said["pairs"][0]["next"], serde_json::json!([]), "{said}");
     let circle = urdf.replace("<parent link=\"base\"/>", "<parent link=\"tool\"/>");
     std::fs::write(at.join("circle.urdf"), circle).unwrap();
     assert!(refuse(at, &["scene", "circle.urdf"]).contains("a tree of joints"));
@@ -232,7 +235,7 @@ fn bodies_of_a_model_are_placed_in_the_world() {
          </body></body></worldbody></mujoco>"
     );
     std::fs::write(at.join("m.xml"), &mjcf).unwrap();
-    let found = json(
+    let found = told(
         at,
         &[
             "scene", "m.xml", "--moving", "peg", "--visual", "-o", "s.toml",
@@ -257,7 +260,7 @@ fn bodies_of_a_model_are_placed_in_the_world() {
     let peg_there = there * Pose::new(DQuat::from_rotation_z(PI), DVec3::ZERO);
     assert!(scene.moving.pose.angle_to(&peg_there) < 1e-12, "{text}");
     // The other shapes: a box of twice the half lengths.
-    let found = json(at, &["scene", "m.xml", "--moving", "peg"]);
+    let found = told(at, &["scene", "m.xml", "--moving", "peg"]);
     assert!((found["solids"][1]["size"][2].as_f64().unwrap() - 0.03).abs() < 1e-12);
     let include = mjcf.replace("<worldbody>", "<include file=\"x.xml\"/><worldbody>");
     std::fs::write(at.join("i.xml"), include).unwrap();

@@ -95,7 +95,7 @@ fn needles_without_area_leave_no_crack() {
 fn knots_hardly_larger_than_the_weld_distance_are_left_open() {
     // The far vertex makes the weld distance 1.3, the size of the other faces: each lies along
     // sides of others, and cutting those opened sides to cut without end. Found by fuzzing.
-    let bytes = include_bytes!("../../../../fuzz/seeds/obj/knot");
+    let bytes = include_bytes!("data/knot.obj");
     let file = MeshFile::parse("knot", bytes, MeshFormat::Obj, None).expect("lines of an OBJ file");
     let mut options = ReadOptions {
         unit: LengthUnit::M,

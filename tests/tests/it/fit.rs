@@ -108,9 +108,10 @@ fn turns_that_a_section_does_not_notice_leave_the_energy_alone() {
             };
             for k in 1..4 {
                 // The lattice turns with the peg; what is left is the mesh's diagonal on the
-                // square faces, which the field's tolerance of 1e-3 bounds.
+                // square faces, which the field's tolerance of 1e-3 bounds, and as much from the
+                // samples of its surface, which lie otherwise on each face.
                 let off = (energy(k) - energy(0)).abs();
-                assert!(off < 1e-3 * depth, "{k} quarter turns: {off} of {depth}");
+                assert!(off < 2e-3 * depth, "{k} quarter turns: {off} of {depth}");
             }
         }
     }

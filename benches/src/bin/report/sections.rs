@@ -115,9 +115,9 @@ pub(crate) const SECTIONS: [Section; 13] = [
         title: "Docking in every frame",
         about: "Whether docking finds the modelled fit however both parts lie in their frames.",
         program: "dock-frames",
-        quick: &[&["--quick"]],
+        quick: &[&["--quick", "--kinds", "shifted,both"]],
         full: &[&["--starts", "50", "--seeds", "0..50"]],
-        parts: Some(""),
+        parts: None,
         needs_parts: false,
     },
     Section {
@@ -126,9 +126,9 @@ pub(crate) const SECTIONS: [Section; 13] = [
         about: "How often the way in is found, and that there is none where there is none; explained \
             in [path.md](path.md).",
         program: "path",
-        quick: &[&["--quick", "--frames", "1"]],
+        quick: &[&["--quick", "--frames", "1", "--only", "peg"]],
         full: &[&["--frames", "20"]],
-        parts: Some(""),
+        parts: None,
         needs_parts: false,
     },
     Section {

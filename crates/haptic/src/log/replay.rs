@@ -4,7 +4,17 @@ use fft_correlate::Wrench;
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
 use crate::path::sample::{Sample, flags};
-use crate::run::pace::Tick;
+
+/// When a recorded tick was.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tick {
+    /// Seconds on the clock of the recording.
+    pub(crate) time: f64,
+    /// Seconds since the tick before.
+    pub(crate) dt: f64,
+    /// Whether deadlines were left out before it; how many, nobody wrote down.
+    pub(crate) overrun: bool,
+}
 
 /// Gives the inputs of a log one after the other, one per poll, whatever the clock says.
 ///

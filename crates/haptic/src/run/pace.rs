@@ -4,6 +4,7 @@
 use std::time::{Duration, Instant};
 
 use crate::config::HapticConfig;
+use crate::log::replay::Tick;
 use crate::run::clock::Clock;
 use crate::run::realtime;
 
@@ -32,17 +33,6 @@ impl Beat {
             Self::Count | Self::Recorded(_) => Clock::Simulated,
         }
     }
-}
-
-/// When a recorded tick was.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Tick {
-    /// Seconds on the clock of the recording.
-    pub(crate) time: f64,
-    /// Seconds since the tick before.
-    pub(crate) dt: f64,
-    /// Whether deadlines were left out before it; how many, nobody wrote down.
-    pub(crate) overrun: bool,
 }
 
 /// The times of one run's ticks.

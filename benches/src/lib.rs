@@ -21,6 +21,7 @@ pub mod meshes;
 pub mod midpoint;
 pub mod plain;
 pub mod table;
+pub mod truths;
 
 use table::{Table, significant};
 

@@ -3,26 +3,21 @@
 //!
 //! Energies, forces and torques at random poses and in contact, of cell averages and of smoothed
 //! densities with their contact sum, for parts as they are, shifted by fractions of a cell, and
-//! turned, all against smoothed densities of half the finest spacing in a frame of their own.
+//! turned, all against the truths in `benches/truths` (`truth --write`), which know no lattice.
+//! `--quick`: at the default spacing only.
 
 use std::time::Instant;
 
-use fft_correlate::pair::default_halo;
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergySource, PairBuilder, Pose, Response, ScoreModel,
 };
-use glam::{DQuat, DVec3};
-use pegfit_benches::frames::{Frame, contact_paths};
+use pegfit_benches::frames::Frame;
 use pegfit_benches::table::{Table, percent, significant};
-use pegfit_benches::{Arguments, Outcome, random_poses, response_errors, rms};
-use rand::{SeedableRng, rngs::SmallRng};
+use pegfit_benches::truths::{Parts, Truths};
+use pegfit_benches::{Arguments, Outcome, response_errors, rms};
 use rayon::prelude::*;
+use sdf_grid::Silent;
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Silent, TriangleMesh};
-
-/// Random poses: rotations within this, degrees, displacements within this, metres.
-const BALL: f64 = 7.2;
-const REACH: f64 = 3.6e-3;
 
 /// What is measured.
 struct Plan {
@@ -31,8 +26,6 @@ struct Plan {
     spacings: Vec<f64>,
     smoothings: Vec<f64>,
     points: Vec<usize>,
-    /// Random poses, and poses of each of three paths in contact.
-    poses: [usize; 2],
 }
 
 impl Plan {
@@ -43,7 +36,6 @@ impl Plan {
             spacings: Vec::new(),
             smoothings: Vec::new(),
             points: Vec::new(),
-            poses: if arguments.quick { [40, 14] } else { [200, 67] },
         };
         for word in &arguments.rest {
             match word.split_once('=') {
@@ -65,7 +57,12 @@ impl Plan {
             }
         };
         or(&mut plan.clearances, &[0.0, 0.1, 0.3, 0.5]);
-        or(&mut plan.spacings, &[1.4, 0.83]);
+        let default: &[f64] = if arguments.quick {
+            &[0.83]
+        } else {
+            &[1.4, 0.83]
+        };
+        or(&mut plan.spacings, default);
         or(&mut plan.smoothings, &[0.7]);
         if plan.pairs.is_empty() {
             plan.pairs = PegInHole::ALL.to_vec();
@@ -74,12 +71,10 @@ impl Plan {
     }
 }
 
-/// One pair at one clearance.
+/// One pair at one clearance, and what is true of it.
 struct Case {
-    name: [String; 2],
-    parts: [TriangleMesh; 2],
-    halo: f64,
-    poses: [Vec<Pose>; 2],
+    parts: Parts,
+    truths: Truths,
 }
 
 /// How densities are put on a lattice and read.
@@ -103,31 +98,20 @@ struct Found {
 }
 
 impl Case {
-    fn new(which: PegInHole, mm: f64, plan: &Plan) -> Outcome<Self> {
-        let (hole, peg) = which.pair(1e-3 * mm)?;
-        let halo = default_halo(&ScoreModel::GUIDED, &hole, &peg);
-        let builder = PairBuilder {
-            spacing: Some(4e-3),
-            ..PairBuilder::default()
-        };
-        let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
-        let mut rng = SmallRng::seed_from_u64(9);
-        let angle = BALL.to_radians();
-        let random = random_poses(&pair, &mut rng, angle, REACH, plan.poses[0]);
+    fn new(which: PegInHole, mm: f64) -> Outcome<Self> {
+        let parts = Parts::new(which, mm)?;
         Ok(Self {
-            name: [which.name().to_owned(), format!("{mm}")],
-            parts: [hole, peg],
-            halo,
-            poses: [random, contact_paths(&pair, angle, REACH, plan.poses[1])],
+            truths: Truths::read(&parts)?,
+            parts,
         })
     }
 
     fn found(&self, scheme: Scheme, frame: &Frame) -> Outcome<Found> {
         let began = Instant::now();
-        let [hole, peg] = self.parts.each_ref().map(|m| frame.part(m));
+        let [hole, peg] = self.parts.meshes.each_ref().map(|m| frame.part(m));
         let builder = PairBuilder {
             spacing: Some(scheme.spacing),
-            halo: Some(self.halo),
+            halo: Some(self.parts.halo),
             smoothing: scheme.smoothing,
             ..PairBuilder::default()
         };
@@ -141,7 +125,7 @@ impl Case {
         };
         let source = DirectEvaluator::new(&pair, &options)?;
         let built = began.elapsed().as_secs_f64();
-        let responses = self.poses.each_ref().map(|poses| {
+        let responses = self.truths.poses.each_ref().map(|poses| {
             let answer = |pose: &Pose| {
                 let there = frame.pose(pose);
                 frame.back(&source.evaluate(&there, &mut source.scratch()), &there)
@@ -149,7 +133,7 @@ impl Case {
             poses.par_iter().map(answer).collect()
         });
         let mut scratch = source.scratch();
-        let mut times: Vec<f64> = self.poses[1]
+        let mut times: Vec<f64> = self.truths.poses[1]
             .iter()
             .map(|pose| {
                 let there = frame.pose(pose);
@@ -189,11 +173,12 @@ fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let plan = Plan::parse(&arguments)?;
     let about = "Relative to the range of the energy and the rms of force and torque; the wrench's \
-        error is the rms of its four. The reference is the method itself at 0.45 mm.";
+        error is the rms of its four. Truth: how far each of two truths is from their mean, which \
+        the others are held to.";
     let mut table = Table::new("contact", "Accuracy where parts touch", about, &COLUMNS);
     for &which in &plan.pairs {
         for &mm in &plan.clearances {
-            let case = Case::new(which, mm, &plan)?;
+            let case = Case::new(which, mm)?;
             rows(&case, &plan, &mut table)?;
             print!("{}", table.to_text());
         }
@@ -202,22 +187,26 @@ fn main() -> Outcome<()> {
 }
 
 fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
-    let reference = Scheme {
-        spacing: 4.5e-4,
-        smoothing: Some(0.8),
-        points: None,
+    let truths = &case.truths;
+    let mean = truths.mean();
+    let errors = |found: &[Vec<Response>; 2]| {
+        [0, 1].map(|n| response_errors(&case.parts.pair, &truths.poses[n], &mean[n], &found[n]))
     };
-    let turn = DQuat::from_scaled_axis(DVec3::new(-0.4, 0.9, 0.5));
-    let own = Frame {
-        motion: Pose::new(turn, DVec3::new(-2.1e-3, 0.4e-3, 5.2e-3)),
+    let mut row = |names: [String; 6], [random, contact]: [Vec<f64>; 2]| {
+        let wrench = rms(random[1..].iter().chain(&contact[1..]).copied());
+        let shares = [wrench].into_iter().chain(random).chain(contact);
+        let pair = [
+            case.parts.which.name().to_owned(),
+            case.parts.clearance.to_string(),
+        ];
+        table.push(pair.into_iter().chain(names).chain(shares.map(percent)));
     };
-    let truth = case.found(reference, &own)?;
-    let builder = PairBuilder {
-        spacing: Some(4e-3),
-        ..PairBuilder::default()
-    };
-    let [hole, peg] = &case.parts;
-    let pair = builder.build(hole, peg, &ScoreModel::GUIDED, &Silent)?;
+    // The mean of two truths is as far from either as they are from it.
+    let dash = || "-".to_owned();
+    row(
+        [dash(), dash(), dash(), "truth".into(), dash(), dash()],
+        errors(&truths.own),
+    );
     let frames = [
         ("own", Frame::OWN),
         ("shifted", Frame::shifted()),
@@ -226,21 +215,15 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
     for scheme in schemes(plan) {
         for (name, frame) in &frames {
             let found = case.found(scheme, frame)?;
-            let [random, contact] = [0, 1].map(|n| {
-                let (a, b) = (&truth.responses[n], &found.responses[n]);
-                response_errors(&pair, &case.poses[n], a, b)
-            });
-            let wrench = rms(random[1..].iter().chain(&contact[1..]).copied());
-            let names = case.name.iter().cloned().chain([
+            let names = [
                 significant(1e3 * scheme.spacing, 2),
                 scheme.smoothing.map_or("none".into(), |s| format!("{s}")),
                 scheme.points.map_or("all".into(), |n| format!("{n}")),
                 (*name).to_owned(),
                 significant(found.built, 2),
                 significant(1e6 * found.each, 3),
-            ]);
-            let shares = [wrench].into_iter().chain(random).chain(contact);
-            table.push(names.chain(shares.map(percent)));
+            ];
+            row(names, errors(&found.responses));
         }
     }
     Ok(())

@@ -45,6 +45,7 @@ mod rotations;
 mod setup;
 mod sweep;
 pub mod table;
+pub mod tolerance;
 mod vectors;
 pub mod well;
 

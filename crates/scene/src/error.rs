@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fft_correlate::table::Limit;
+use fft_correlate::tolerance::Limit;
 use fft_correlate::{
     CorrelateError, DirectError, DockingError, EnergyScaleError, PairBuildError, RotationError,
     StoreError, TableError, WellError,

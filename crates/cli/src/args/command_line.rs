@@ -268,14 +268,18 @@ pub struct ScoreArgs {
     #[arg(long, value_name = "TABLE.zarr")]
     pub table: Option<PathBuf>,
     /// Which fixed part of a scene with several, by its name
-    #[arg(long, value_name = "NAME", requires = "scene")]
+    #[arg(long, value_name = "NAME", conflicts_with = "table")]
     pub fixed: Option<String>,
     /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
     #[arg(long, value_name = "IN.csv")]
     pub poses: PathBuf,
+    /// Choose the lattice so that the rms errors of force and torque at these poses (200 of the first
+    /// 16384) are at most this share of the rms of either, such as 5% or 0.05
+    #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "table")]
+    pub tolerance: Option<f64>,
     /// Add a column with the score's condition number, the sum of its absolute terms over itself;
     /// some hundred times slower
-    #[arg(long, requires = "scene")]
+    #[arg(long, conflicts_with = "table")]
     pub condition: bool,
     /// Scores; - is standard output
     #[arg(short, long, value_name = "OUT.csv", default_value = "-")]

@@ -8,11 +8,12 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use fft_correlate::{
     Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Placement, Pose, Response,
 };
+use pegfit_scene::Scene;
 use pegfit_scene::poses::{PoseError, PoseReader, ScoredPose, append_score, score_header};
 use rayon::prelude::*;
 use sdf_grid::atomic;
 
-use super::{scenes, stored};
+use super::{scenes, stored, tolerance};
 use crate::args::ScoreArgs;
 use crate::context::Context;
 use crate::error::CommandError;
@@ -30,19 +31,21 @@ pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandErro
     if !to_stdout {
         require_folder(&args.output)?;
     }
-    let poses = open(&args.poses)?;
-    let scorer = Scorer::new(args, context)?;
-    let poses = read_ahead(poses);
+    let poses = read_ahead(open(&args.poses)?);
+    // The first of them tell what a tolerance asks for; the others follow.
+    let first = poses.recv().unwrap_or_else(|_| Ok(Vec::new()))?;
+    let scorer = Scorer::new(args, &first, context)?;
+    let mut poses = std::iter::once(Ok(first)).chain(poses);
     if to_stdout {
         return stream(
-            &poses,
+            &mut poses,
             &scorer,
             &mut std::io::stdout().lock(),
             "standard output",
         );
     }
     let name = args.output.display().to_string();
-    atomic::write_with(&args.output, |out| stream(&poses, &scorer, out, &name))
+    atomic::write_with(&args.output, |out| stream(&mut poses, &scorer, out, &name))
 }
 
 type AnyReader = PoseReader<Box<dyn Read + Send>>;
@@ -75,7 +78,7 @@ fn read_ahead(mut poses: AnyReader) -> Chunks {
 
 /// Evaluates and writes chunk by chunk, in order.
 fn stream(
-    poses: &Chunks,
+    poses: &mut dyn Iterator<Item = Result<Vec<Pose>, PoseError>>,
     scorer: &Scorer,
     out: &mut dyn Write,
     name: &str,
@@ -124,10 +127,14 @@ enum Source {
 }
 
 impl Scorer {
-    fn new(args: &ScoreArgs, context: &Context) -> Result<Self, CommandError> {
+    /// For `poses` and more like them.
+    fn new(args: &ScoreArgs, poses: &[Pose], context: &Context) -> Result<Self, CommandError> {
         match (&args.scene, &args.table) {
             (Some(scene), _) => {
                 let scene = scenes::read(scene, args.fixed.as_deref())?;
+                if let Some(tolerance) = args.tolerance {
+                    return Self::tolerant(args, scene, (poses, tolerance), context);
+                }
                 let assembly = scenes::load(scene, context)?;
                 let evaluator = assembly.direct(&DirectOptions::FULL)?;
                 Ok(Self {
@@ -150,6 +157,29 @@ impl Scorer {
                 "none",
             )),
         }
+    }
+
+    /// On a lattice as coarse as the tolerance allows at some poses.
+    fn tolerant(
+        args: &ScoreArgs,
+        scene: Scene,
+        (poses, tolerance): (&[Pose], f64),
+        context: &Context,
+    ) -> Result<Self, CommandError> {
+        let setup = scenes::setup(scene, context)?;
+        let placement = *setup.placement();
+        let shapes: Vec<Pose> = poses.iter().map(|p| placement.to_shapes(p)).collect();
+        let found = tolerance::choose_direct(&setup, &shapes, tolerance, context)?;
+        context.progress.note(&format!(
+            "error {:.3} % against a lattice of {:.4} mm",
+            100.0 * found.error,
+            1e3 * found.reference_spacing
+        ));
+        Ok(Self {
+            source: Source::Direct(Box::new(found.evaluator)),
+            placement,
+            condition: args.condition.then_some(found.pair),
+        })
     }
 
     /// Rows that one thread evaluates at a time.

@@ -1,8 +1,11 @@
-//! A table for a tolerance that was asked for, and what is told of the choice.
+//! Tables and lattices for a tolerance that was asked for, and what is told of the choice.
 
 use std::path::Path;
 
-use fft_correlate::table::{LATTICE_SHARE, Limit, TRIALS, TolerantDesign, Trial};
+use fft_correlate::Pose;
+use fft_correlate::tolerance::{
+    LATTICE_SHARE, Limit, TRIALS, TolerantDesign, TolerantDirect, Trial,
+};
 use pegfit_scene::{SceneError, SceneSetup};
 
 use crate::bytes::display_bytes;
@@ -21,15 +24,36 @@ pub(super) fn choose(
         progress.note(&told(&trial));
     });
     progress.finish();
-    found.map_err(|e| match e {
+    found.map_err(|e| explained(e, Some(LATTICE_SHARE)))
+}
+
+/// Direct quadrature with errors of force and torque within `tolerance` at some of `poses`, of the
+/// shapes.
+pub(super) fn choose_direct(
+    setup: &SceneSetup,
+    poses: &[Pose],
+    tolerance: f64,
+    context: &Context,
+) -> Result<TolerantDirect, CommandError> {
+    let progress = &context.progress;
+    let found = setup.direct_for(poses, tolerance, progress, &mut |trial| {
+        progress.note(&told(&trial));
+    });
+    progress.finish();
+    found.map_err(|e| explained(e, None))
+}
+
+/// `share` is that of the tolerance that the lattice may use.
+fn explained(error: SceneError, share: Option<f64>) -> CommandError {
+    match error {
         SceneError::Tolerance {
             path,
             asked,
             reached,
             limit,
-        } => missed(&path, asked, reached, &limit),
+        } => missed(&path, [asked, reached], share, &limit),
         other => other.into(),
-    })
+    }
 }
 
 /// A trial in words.
@@ -47,7 +71,12 @@ fn told(trial: &Trial) -> String {
     }
 }
 
-fn missed(scene: &Path, asked: f64, reached: f64, limit: &Limit) -> CommandError {
+fn missed(
+    scene: &Path,
+    [asked, reached]: [f64; 2],
+    share: Option<f64>,
+    limit: &Limit,
+) -> CommandError {
     let lattice = "the lattice";
     let step = "the rotation step";
     let (part, reason) = match *limit {
@@ -64,9 +93,12 @@ fn missed(scene: &Path, asked: f64, reached: f64, limit: &Limit) -> CommandError
         } => (
             lattice,
             format!(
-                "of which the lattice may use {:.0} %, at a spacing of {:.4} mm; half of {:.4} mm, \
+                "{}at a spacing of {:.4} mm; half of {:.4} mm, \
                  to compare with, would need {} for {}: {what}, and {} can be used",
-                100.0 * LATTICE_SHARE,
+                share.map_or(String::new(), |s| format!(
+                    "of which the lattice may use {:.0} %, ",
+                    100.0 * s
+                )),
                 1e3 * best,
                 1e3 * next,
                 display_bytes(needed),

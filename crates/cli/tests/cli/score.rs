@@ -64,18 +64,55 @@ fn condition_is_one_column_more() {
     let number = |row: usize| rows[row]["condition"];
     assert!(number(0) >= 1.0 && number(1) > number(0), "{rows:?}");
     assert_eq!(number(2), 1.0);
-    let table = [
-        "score",
-        "--table",
-        "t.zarr",
-        "--poses",
-        "in.csv",
-        "--condition",
-    ];
-    assert_eq!(
-        crate::common::pegfit(folder.path(), &table).status.code(),
-        Some(2)
+    for of_scenes in [&["--condition"][..], &["--tolerance", "5%"]] {
+        let table = ["score", "--table", "t.zarr", "--poses", "in.csv"];
+        let refused = pegfit(folder.path(), &[&table[..], of_scenes].concat());
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(said.contains(of_scenes[0]), "{said}");
+    }
+}
+
+/// What is chosen is as near to a lattice half as wide as was asked for; symmetry that leaves no
+/// torque is no reason to go on for ever, and what cannot be met says why.
+#[test]
+fn a_tolerance_chooses_the_lattice() {
+    let folder = scene_folder("");
+    let poses = "x,y,z,qx,qy,qz,qw\n0.0013,0.0004,0.002,0,0,0,1\n-0.0007,0.0011,0.004,0.03,0,0,0.99955\n\
+        0.0002,-0.0015,0.001,0,0.02,0.01,0.99975\n0,0.0001,0.007,0,0,0.04,0.9992\n";
+    std::fs::write(folder.path().join("in.csv"), poses).unwrap();
+    let args = ["score", "--scene", "scene.toml", "--poses", "in.csv"];
+    let tolerant = |tolerance: &str| {
+        pegfit(
+            folder.path(),
+            &[&args[..], &["--tolerance", tolerance]].concat(),
+        )
+    };
+    let coarse = columns(&succeed(folder.path(), &[&args[..], &["-q"]].concat()));
+    let found = tolerant("15%");
+    assert!(found.status.success());
+    let told = String::from_utf8_lossy(&found.stderr).into_owned();
+    assert!(told.contains("against a lattice of"), "{told}");
+    let rows = columns(&String::from_utf8(found.stdout).unwrap());
+    assert_eq!(rows.len(), coarse.len());
+    for (a, b) in rows.iter().zip(&coarse) {
+        assert!(
+            (a["energy"] / b["energy"] - 1.0).abs() < 0.15,
+            "{a:?} {b:?}"
+        );
+    }
+    let little = ["--tolerance", "0.1%", "--memory", "0.02"];
+    let missed = pegfit(folder.path(), &[&args[..], &little].concat());
+    let said = stderr(&missed);
+    assert_eq!(missed.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("asked for") && said.contains("can be used"),
+        "{said}"
     );
+    // Straight along the hole: no torque at all.
+    let straight = "x,y,z,qx,qy,qz,qw\n0,0,0.004,0,0,0,1\n0,0,0.002,0,0,0,1\n";
+    std::fs::write(folder.path().join("in.csv"), straight).unwrap();
+    assert!(tolerant("20%").status.success());
 }
 
 #[test]

@@ -118,6 +118,32 @@ impl ErrorReport {
     }
 }
 
+/// As [`ErrorReport::wrench`], of all poses of reports over equally many.
+pub(crate) fn wrench_of_all(reports: &[ErrorReport], rotations: &RotationDomain) -> f64 {
+    let Some(first) = reports.first() else {
+        return f64::INFINITY;
+    };
+    let pooled = |of: fn(&ErrorReport) -> &Errors| {
+        let sum = |part: fn(&Errors) -> f64| {
+            let squares = reports.iter().map(|r| part(of(r)).powi(2));
+            (squares.sum::<f64>() / reports.len() as f64).sqrt()
+        };
+        Errors {
+            rms: sum(|e| e.rms),
+            scale: sum(|e| e.scale),
+            ..of(first).clone()
+        }
+    };
+    let whole = ErrorReport {
+        force: pooled(|r| &r.force),
+        torque: pooled(|r| &r.torque),
+        ..first.clone()
+    };
+    let error = whole.wrench(rotations);
+    // Where there is nothing to compare with.
+    if error.is_nan() { f64::INFINITY } else { error }
+}
+
 impl Errors {
     /// The rms of the errors as a share of the quantity's own.
     pub fn relative(&self) -> f64 {
@@ -151,14 +177,21 @@ impl HeldOut {
         poses: usize,
         seed: u64,
     ) -> Self {
-        let draw = |scratch: &mut Scratch, index| {
-            let pose = random_pose(spec, seed, index);
-            (pose, truth.evaluate(&pose, scratch))
-        };
         let indices = (0..poses.max(1) as u64).into_par_iter();
+        let drawn: Vec<Pose> = indices.map(|i| random_pose(spec, seed, i)).collect();
         Self {
             seed,
-            answers: indices.map_init(|| truth.scratch(), draw).collect(),
+            ..Self::at(&drawn, truth)
+        }
+    }
+
+    /// At these poses.
+    pub(crate) fn at(poses: &[Pose], truth: &dyn EnergySource) -> Self {
+        let ask = |scratch: &mut Scratch, pose: &Pose| (*pose, truth.evaluate(pose, scratch));
+        let poses = poses.par_iter();
+        Self {
+            seed: 0,
+            answers: poses.map_init(|| truth.scratch(), ask).collect(),
         }
     }
 

@@ -17,13 +17,9 @@ pub(crate) mod spec;
 mod stencil;
 pub(crate) mod storage;
 pub(crate) mod store;
-pub(crate) mod tolerance;
-pub(crate) mod tolerance_error;
 
 pub use accuracy::Errors;
 pub use as_baked::TableSetupError;
 pub use launcher::LauncherError;
 pub use store::chunks::ChunkState;
 pub use store::format::FORMAT_VERSION;
-pub use tolerance::{LATTICE_SHARE, TRIALS, TolerantDesign, Trial};
-pub use tolerance_error::{Limit, ToleranceError};

@@ -1,6 +1,7 @@
 //! Tables that cannot be baked, opened or read.
 
-use fft_correlate::table::{TableSetupError, ToleranceError};
+use fft_correlate::table::TableSetupError;
+use fft_correlate::tolerance::ToleranceError;
 use fft_correlate::{BakeError, StoreError, TableError};
 
 use super::raised::{Failure, Kind};

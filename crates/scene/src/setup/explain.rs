@@ -1,6 +1,6 @@
 //! What the libraries' errors are called where a scene is at hand.
 
-use fft_correlate::table::ToleranceError;
+use fft_correlate::tolerance::ToleranceError;
 use fft_correlate::{DockingError, PairBuildError, PairSetupError, TableDesignError};
 
 use crate::error::SceneError;

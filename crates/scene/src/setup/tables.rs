@@ -1,8 +1,9 @@
 //! The table of a scene: designed, filled, and compared with the scene and with the truth.
 
-use fft_correlate::table::{TableSetupError, TolerantDesign, Trial};
+use fft_correlate::table::TableSetupError;
+use fft_correlate::tolerance::{TolerantDesign, TolerantDirect, Trial};
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairEnergies, StoreError,
+    DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairEnergies, Pose, StoreError,
     TableDesign, TableSpec, TableStore, measure_error, typical_condition,
 };
 use sdf_grid::Monitor;
@@ -62,6 +63,22 @@ impl SceneSetup {
     ) -> Result<TolerantDesign, SceneError> {
         let (parts, rotations) = (&self.parts, &self.rotations);
         TableDesign::for_tolerance(parts, rotations, tolerance, self.memory, monitor, tried)
+            .map_err(|e| self.scene.tolerance_error(e))
+    }
+
+    /// Direct quadrature on the coarsest lattice on which errors at `poses` (of the shapes) are within
+    /// `tolerance`; `tried` hears of every step.
+    ///
+    /// # Errors
+    /// As [`TolerantDirect::new`].
+    pub fn direct_for(
+        &self,
+        poses: &[Pose],
+        tolerance: f64,
+        monitor: &dyn Monitor,
+        tried: &mut dyn FnMut(Trial),
+    ) -> Result<TolerantDirect, SceneError> {
+        TolerantDirect::new(&self.parts, poses, tolerance, monitor, tried)
             .map_err(|e| self.scene.tolerance_error(e))
     }
 

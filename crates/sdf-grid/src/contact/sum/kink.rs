@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::border::{Above, Seen};
 use super::sheet::Border;
-use super::slopes::Slopes;
+use super::slopes::{Slopes, half_sign};
 use super::vectors::{Vectors, dot, splat};
 
 /// Where it begins to fade, in units of `r`.
@@ -85,10 +85,8 @@ impl<S: Simd> Lean<'_, S> {
         let (part, most) = (deep * inverse, inside * 0.25);
         let value = most * deep * part;
         sums.value -= value * fade;
-        let rise = (most + most) * part * fade;
-        let below = above.height.simd_lt(zero);
-        let rise = below.select(zero - rise, rise);
-        sums.height += above.height.simd_eq(zero).select(zero, rise);
+        let rise = most * part * fade * 4.0;
+        sums.height = rise.mul_add(half_sign(above.height), sums.height);
         sums.along[0] -= value * slopes[0];
         sums.along[1] -= value * slopes[1];
         // e² - x² over e², and r² / e.

@@ -1,4 +1,4 @@
-//! Choosing lattice and rotation step for an error of force and torque that was asked for.
+//! Lattice and rotation step of a table.
 //!
 //! Whole tables would take too long to try. The share of the error that comes from the lattice is
 //! that of direct quadrature on it, the rest is found in balls of one step near a few rotations, which
@@ -12,11 +12,12 @@ use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::PairSetup;
-use crate::table::accuracy::{HeldOut, random_pose};
+use crate::table::accuracy::{ErrorReport, HeldOut, random_pose, wrench_of_all};
 use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
-use crate::table::tolerance_error::{Limit, ToleranceError};
+use crate::tolerance::error::{Limit, ToleranceError};
+use crate::tolerance::spacings::{Spacings, TRIALS};
 
 /// Rotations that are probed.
 const ROTATIONS: u64 = 3;
@@ -46,18 +47,6 @@ const WORTHWHILE: f64 = 1.1;
 
 /// The order by which what rotations add to the error falls with their step.
 const STEP_ORDER: f64 = 1.6;
-
-/// From one spacing to the next, at least and at most: as errors fall with the spacing.
-const REFINEMENTS: [f64; 2] = [1.15, 2.5];
-
-/// Share of what is asked for that the next spacing aims at.
-const MARGIN: f64 = 0.92;
-
-/// The order by which errors fall with the spacing: the lowest and the highest believed.
-const ORDERS: [f64; 2] = [0.7, 2.0];
-
-/// Spacings and steps tried, at most.
-pub const TRIALS: usize = 8;
 
 /// The coarsest rotation step that is tried, degrees.
 const MAX_STEP: f64 = 15.0;
@@ -143,48 +132,19 @@ impl Search<'_> {
         self.setup.energy = EnergyScale::Gamma(first.model().gamma);
         let mut spacing = first.spacing();
         drop(first);
-        let asked = LATTICE_SHARE * self.tolerance;
-        let mut best = (f64::INFINITY, spacing);
-        let mut order = 1.2;
+        let mut spacings = Spacings::new(LATTICE_SHARE * self.tolerance);
         for _ in 0..TRIALS {
             let (error, design, held_out) = match self.lattice_error(spacing) {
                 Ok(found) => found,
-                Err(e) => return Err(self.no_finer(e, best, spacing)),
+                Err(e) => return Err(spacings.ended(self.tolerance, spacing, e)),
             };
             (self.tried)(Trial::Lattice { spacing, error });
-            if error <= asked {
+            if spacings.is_met(error) {
                 return Ok((design, held_out, error));
             }
-            if best.0.is_finite() {
-                let found = (best.0 / error).ln() / (best.1 / spacing).ln();
-                order = found.clamp(ORDERS[0], ORDERS[1]);
-            }
-            if error < best.0 {
-                best = (error, spacing);
-            }
-            let [least, most] = REFINEMENTS;
-            spacing /= (error / (MARGIN * asked))
-                .powf(1.0 / order)
-                .clamp(least, most);
+            spacing = spacings.after(spacing, error);
         }
-        Err(self.missed(best.0, Limit::Spacings { best: best.1 }))
-    }
-
-    /// Too little memory ends a search that has found something.
-    fn no_finer(&self, error: ToleranceError, best: (f64, f64), next: f64) -> ToleranceError {
-        match error.memory() {
-            Some((what, needed, limit)) if best.0.is_finite() => {
-                let limit = Limit::LatticeMemory {
-                    best: best.1,
-                    next,
-                    what,
-                    needed,
-                    limit,
-                };
-                self.missed(best.0, limit)
-            }
-            _ => error,
-        }
+        Err(spacings.missed(self.tolerance))
     }
 
     fn missed(&self, reached: f64, limit: Limit) -> ToleranceError {
@@ -222,12 +182,10 @@ impl Search<'_> {
             .collect();
         design.scores(self.memory)?;
         let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
-        let rotations = &design.spec.rotations;
         let pivot = design.spec.pivot();
-        let errors = held_out
-            .iter()
-            .map(|h| h.errors_of(&direct, pivot).wrench(rotations));
-        let error = root_mean_square(&errors.collect::<Vec<f64>>());
+        let reports = held_out.iter().map(|h| h.errors_of(&direct, pivot));
+        let reports: Vec<ErrorReport> = reports.collect();
+        let error = wrench_of_all(&reports, &design.spec.rotations);
         let found = TolerantDesign {
             design,
             truth,
@@ -311,7 +269,7 @@ impl Search<'_> {
     ) -> Result<f64, ToleranceError> {
         let energies = design.energies(self.memory)?;
         let whole = &design.spec;
-        let mut errors = Vec::new();
+        let mut reports = Vec::new();
         for (index, held_out) in held_out.iter().enumerate() {
             let rotation = held_out_rotation(whole, index as u64);
             let spec = TableSpec {
@@ -320,10 +278,9 @@ impl Search<'_> {
                 ..whole.clone()
             };
             let table = EnergyTable::compute(spec, &energies, self.memory, self.monitor)?;
-            let found = held_out.errors_of(&table, whole.pivot());
-            errors.push(found.wrench(&whole.rotations));
+            reports.push(held_out.errors_of(&table, whole.pivot()));
         }
-        Ok(root_mean_square(&errors))
+        Ok(wrench_of_all(&reports, &whole.rotations))
     }
 }
 
@@ -335,16 +292,6 @@ fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
     step * wanted
         .powf(1.0 / STEP_ORDER)
         .clamp(1.0 / REFINEMENT, REFINEMENT)
-}
-
-/// Infinite where there is nothing to compare with.
-fn root_mean_square(errors: &[f64]) -> f64 {
-    let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
-    if square.is_nan() {
-        f64::INFINITY
-    } else {
-        square.sqrt()
-    }
 }
 
 /// Rotation `index` of those at which tables are probed.

@@ -1,4 +1,4 @@
-//! Why no table meets a tolerance.
+//! Why nothing meets a tolerance.
 
 use crate::direct::evaluator::DirectError;
 use crate::pair::builder::PairBuildError;
@@ -6,7 +6,7 @@ use crate::setup::pair_setup::PairSetupError;
 use crate::table::design::TableDesignError;
 use crate::table::error::TableError;
 
-/// Why there is no finer table than the best that was tried.
+/// Why there is nothing finer than the best that was tried.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Limit {
     /// As many spacings as are tried.
@@ -45,7 +45,7 @@ pub enum Limit {
     },
 }
 
-/// Why no table was designed.
+/// Why nothing was chosen.
 #[derive(Debug, thiserror::Error)]
 pub enum ToleranceError {
     /// None that was tried meets the tolerance.

@@ -1,0 +1,110 @@
+//! The lattice of direct quadrature.
+
+use sdf_grid::Monitor;
+
+use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+use crate::geometry::se3::Pose;
+use crate::pair::fields::Pair;
+use crate::setup::energy_scale::EnergyScale;
+use crate::setup::pair_setup::PairSetup;
+use crate::table::accuracy::{ErrorReport, HeldOut};
+use crate::tolerance::error::ToleranceError;
+use crate::tolerance::spacings::{Spacings, TRIALS};
+use crate::tolerance::table::Trial;
+
+/// Poses that are compared, at most.
+const POSES: usize = 200;
+
+/// Lever, in radii of the moving part, at which the rms force is the least torque that errors of
+/// torque are a share of: where symmetry leaves no torque, any error would be infinitely large.
+const LEVER: f64 = 0.1;
+
+/// Direct quadrature on a lattice as coarse as an error allows.
+pub struct TolerantDirect {
+    /// The pair on that lattice.
+    pub pair: Pair,
+    /// Its quadrature.
+    pub evaluator: DirectEvaluator,
+    /// The greater of the errors of force and torque at the poses compared, shares of their rms.
+    pub error: f64,
+    /// Spacing of the lattice that it was compared with, metres: half that of `pair`.
+    pub reference_spacing: f64,
+}
+
+impl TolerantDirect {
+    /// The coarsest lattice on which the errors of force and of torque at some of `poses` (of the
+    /// shapes), the rms of each as a share of its own rms, are within `tolerance` of those on half its
+    /// spacing. The torque's rms counts as at least that of the force at a lever of a tenth of the
+    /// moving part's radius. The spacing of `setup` is where the search begins; fields stay within its
+    /// memory limit; `tried` hears of every step.
+    ///
+    /// # Errors
+    /// If no lattice within reach meets the tolerance, a pair cannot be had, or the monitor cancels.
+    pub fn new(
+        setup: &PairSetup,
+        poses: &[Pose],
+        tolerance: f64,
+        monitor: &dyn Monitor,
+        tried: &mut dyn FnMut(Trial),
+    ) -> Result<Self, ToleranceError> {
+        let mut setup = setup.clone();
+        let first = setup.load(monitor)?;
+        // The same scale for all, or forces could not be compared.
+        setup.energy = EnergyScale::Gamma(first.model().gamma);
+        let mut spacing = first.spacing();
+        drop(first);
+        let step = poses.len().div_ceil(POSES).max(1);
+        let poses: Vec<Pose> = poses.iter().step_by(step).copied().collect();
+        let lever = LEVER * setup.moving.bounds().diagonal() * 0.5;
+        let mut spacings = Spacings::new(tolerance);
+        for _ in 0..TRIALS {
+            let found = match Self::at(&setup, spacing, &poses, lever, monitor) {
+                Ok(found) => found,
+                Err(e) => return Err(spacings.ended(tolerance, spacing, e)),
+            };
+            let error = found.error;
+            tried(Trial::Lattice { spacing, error });
+            if spacings.is_met(error) {
+                return Ok(found);
+            }
+            spacing = spacings.after(spacing, error);
+        }
+        Err(spacings.missed(tolerance))
+    }
+
+    fn at(
+        setup: &PairSetup,
+        spacing: f64,
+        poses: &[Pose],
+        lever: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, ToleranceError> {
+        let on = |spacing: f64| {
+            let mut setup = setup.clone();
+            setup.builder.spacing = Some(spacing);
+            let pair = setup.load(monitor)?;
+            let evaluator = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+            Ok::<_, ToleranceError>((pair, evaluator))
+        };
+        let reference_spacing = 0.5 * spacing;
+        let (_, fine) = on(reference_spacing)?;
+        let held_out = HeldOut::at(poses, &fine);
+        drop(fine);
+        let (pair, evaluator) = on(spacing)?;
+        let report = held_out.errors_of(&evaluator, pair.pivot());
+        Ok(Self {
+            error: error_of(&report, lever),
+            pair,
+            evaluator,
+            reference_spacing,
+        })
+    }
+}
+
+fn error_of(report: &ErrorReport, lever: f64) -> f64 {
+    let force = report.force.scale;
+    // Nothing is wrong where nothing is felt.
+    let share = |rms: f64, scale: f64| if rms == 0.0 { 0.0 } else { rms / scale };
+    let torque = share(report.torque.rms, report.torque.scale.max(lever * force));
+    share(report.force.rms, force).max(torque)
+}

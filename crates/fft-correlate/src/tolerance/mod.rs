@@ -1,0 +1,11 @@
+//! Choosing lattices and rotation steps for an error that was asked for.
+
+pub(crate) mod direct;
+pub(crate) mod error;
+mod spacings;
+pub(crate) mod table;
+
+pub use direct::TolerantDirect;
+pub use error::{Limit, ToleranceError};
+pub use spacings::TRIALS;
+pub use table::{LATTICE_SHARE, TolerantDesign, Trial};

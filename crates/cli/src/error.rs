@@ -92,6 +92,9 @@ pub enum CommandError {
         source: Box<dyn std::error::Error + Send + Sync>,
         /// True if the input is at fault, false if the machine is.
         input: bool,
+        /// What to do about it.
+        #[help]
+        next: Option<String>,
     },
     /// There is no way between two poses to be looked for.
     #[error(transparent)]
@@ -144,12 +147,16 @@ pub struct SceneFileError {
     /// The offending bytes.
     #[label("here")]
     span: SourceSpan,
+    /// What to do about it.
+    #[help]
+    next: Option<String>,
 }
 
 impl From<LineError> for SceneFileError {
     fn from(error: LineError) -> Self {
         Self {
             said: error.to_string(),
+            next: other_file(&error.path),
             text: NamedSource::new(error.path.display().to_string(), error.text),
             span: SourceSpan::from(error.span),
         }
@@ -159,7 +166,7 @@ impl From<LineError> for SceneFileError {
 impl From<SceneError> for CommandError {
     fn from(error: SceneError) -> Self {
         match error {
-            SceneError::Read { path, source } => Self::read(&path, source),
+            SceneError::Read { path, source } => no_scene(&path, source),
             SceneError::Line(e) => Self::Line(Box::new(SceneFileError::from(*e))),
             SceneError::FixedPart {
                 path,
@@ -281,6 +288,7 @@ impl CommandError {
             context: context.into(),
             source: Box::new(source),
             input: true,
+            next: None,
         }
     }
 
@@ -293,7 +301,17 @@ impl CommandError {
             context: context.into(),
             source: Box::new(source),
             input: false,
+            next: None,
         }
+    }
+
+    /// The same with what to do about it, if it is a library's.
+    #[must_use]
+    pub fn with_next(mut self, advice: impl Into<String>) -> Self {
+        if let Self::Library { next, .. } = &mut self {
+            *next = Some(advice.into());
+        }
+        self
     }
 
     /// The exit code of a run that ended with this error.
@@ -321,6 +339,33 @@ impl CommandError {
             Self::Interrupted => Exit::Interrupted,
         }
     }
+}
+
+/// A scene that cannot be read, and how to come by one.
+fn no_scene(path: &Path, source: std::io::Error) -> CommandError {
+    let is_missing = source.kind() == std::io::ErrorKind::NotFound;
+    let file = path.display();
+    let error = CommandError::bad_input(format!("cannot read {file}"), source);
+    match (other_file(path), is_missing) {
+        (_, true) => error.with_next(format!(
+            "`pegfit scene SOLIDS --moving NAME -o {file}` makes a scene of a file of solids; of two \
+             meshes it is three lines: unit = \"mm\", fixed = \"hole.stl\", moving = \"peg.stl\""
+        )),
+        (Some(advice), false) => error.with_next(advice),
+        (None, false) => error,
+    }
+}
+
+/// What to do with a file that is not called as scenes are.
+fn other_file(path: &Path) -> Option<String> {
+    let is_scene = path.extension().is_some_and(|e| e == "toml");
+    let file = path.display();
+    (!is_scene).then(|| {
+        format!(
+            "a scene is a file of its own (scene.toml): `pegfit scene {file}` makes one of solids or \
+             a robot"
+        )
+    })
 }
 
 fn is_cache(error: &SceneError) -> bool {

@@ -33,7 +33,18 @@ pub(super) fn load(store: &TableStore, context: &Context) -> Result<EnergyTable,
 }
 
 pub(super) fn bad_table(error: StoreError) -> CommandError {
-    CommandError::bad_input("table", error)
+    let next = match &error {
+        StoreError::Missing { path } => Some(format!(
+            "`pegfit bake SCENE -o {}` makes one",
+            path.display()
+        )),
+        _ => None,
+    };
+    let failed = CommandError::bad_input("table", error);
+    match next {
+        Some(next) => failed.with_next(next),
+        None => failed,
+    }
 }
 
 /// What a failed bake is to be called.

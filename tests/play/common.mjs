@@ -10,7 +10,7 @@ export const root = process.env.PEGFIT_ROOT;
 export const program = process.env.PEGFIT;
 export const scene = "examples/rectangular.toml";
 const pictures = process.env.PEGFIT_PICTURES;
-const PATIENCE = 60_000;
+const PATIENCE = 120_000;
 
 const children = new Set();
 process.on("exit", () => children.forEach((child) => child.kill()));

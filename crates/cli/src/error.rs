@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fft_correlate::StoreError;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
 use pegfit_scene::poses::PoseError;
@@ -179,6 +180,7 @@ impl From<SceneError> for CommandError {
                 found,
             ),
             SceneError::Mesh(e) => Self::Mesh(e),
+            SceneError::Table(e) => Self::table(*e),
             SceneError::Memory {
                 path,
                 what,
@@ -259,6 +261,19 @@ impl CommandError {
             pegfit_pictures::SliceTextError::EXPECTED,
             error.found,
         )
+    }
+
+    /// A table that cannot be used; where there is none, how to come by one.
+    pub fn table(error: StoreError) -> Self {
+        let missing = match &error {
+            StoreError::Missing { path } => Some(path.display().to_string()),
+            _ => None,
+        };
+        let failed = Self::bad_input("table", error);
+        match missing {
+            Some(path) => failed.with_next(format!("`pegfit bake SCENE -o {path}` makes one")),
+            None => failed,
+        }
     }
 
     /// A file that cannot be read.

@@ -7,7 +7,6 @@ use fft_correlate::{Pose, Wrench};
 use glam::DVec3;
 use triple_buffer::{Input, Output};
 
-use crate::config::HapticConfig;
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
 use crate::device::hand_body::{HandBody, HandConfig, Pull};
 use crate::device::script::{Geometry, Script};
@@ -94,7 +93,7 @@ pub struct SteeredHand {
     spec: DeviceSpec,
     workspace: Workspace,
     geometry: Geometry,
-    times: Times,
+    times: LoopTimes,
     orders: Output<Message>,
     body: HandBody,
     number: u64,
@@ -108,40 +107,28 @@ pub struct SteeredHand {
     firm_from: f64,
 }
 
-/// The loop's, seconds.
-#[derive(Debug, Clone, Copy)]
-struct Times {
-    /// Silence after which the hand lets go.
-    stale: f64,
-    /// A longer gap between two polls is a fault.
-    late: f64,
-    /// In which the loop believes a jump.
-    jump: f64,
-    /// In which a force comes back.
-    ramp: f64,
-}
-
-impl Times {
-    fn new(config: &HapticConfig) -> Self {
-        let period = 1.0 / config.rate_hz;
-        Self {
-            stale: config.stale_s,
-            late: f64::from(config.missed_ticks) * period,
-            jump: JUMP_TICKS * period,
-            ramp: config.ramp_s,
-        }
-    }
+/// What a hand knows of the loop that it is part of, seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LoopTimes {
+    /// From one tick to the next.
+    pub period: f64,
+    /// A longer gap between two ticks is a fault.
+    pub late: f64,
+    /// An older input is a fault.
+    pub stale: f64,
+    /// In which a force rises from nothing after a fault.
+    pub ramp: f64,
 }
 
 impl SteeredHand {
-    /// A hand at rest at `start`, a pose of the part, and what steers it. Settings of the loop say
-    /// after which silence it lets go (`stale_s`), and how soon it is as strong as before.
+    /// A hand at rest at `start`, a pose of the part, and what steers it. The loop's times say after
+    /// which silence it lets go, and how soon it is as strong as before.
     pub fn new(
         config: HandConfig,
         geometry: Geometry,
         workspace: Workspace,
         start: &Pose,
-        settings: &HapticConfig,
+        times: LoopTimes,
     ) -> (Self, Steering) {
         let (input, orders) = triple_buffer::triple_buffer(&Message::default());
         let hand = Self {
@@ -152,7 +139,7 @@ impl SteeredHand {
             config,
             workspace,
             geometry,
-            times: Times::new(settings),
+            times,
             orders,
             body: HandBody::at(workspace.device_pose(start)),
             number: 0,
@@ -243,7 +230,7 @@ impl SteeredHand {
         };
         match self.put() {
             Some(pose) => {
-                self.firm_from = now + self.times.jump;
+                self.firm_from = now + JUMP_TICKS * self.times.period;
                 self.body.put(now, pose);
             }
             None => {

@@ -3,6 +3,7 @@
 use fft_correlate::{EnergySource, Response, Scratch};
 
 use super::*;
+use crate::config::HapticConfig;
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
 
@@ -81,7 +82,7 @@ fn bench_of(
     };
     let workspace = Workspace::new(scale, Pose::IDENTITY, DVec3::new(0.0, 0.01, 0.02));
     let start = Pose::from_translation(DVec3::new(0.01, 0.0, 0.02));
-    let (hand, steering) = SteeredHand::new(body, geometry, workspace, &start, config);
+    let (hand, steering) = SteeredHand::new(body, geometry, workspace, &start, config.times());
     let path = ForcePath::new(hand.spec(), config, workspace, source.scratch()).unwrap();
     Bench {
         source,

@@ -122,8 +122,13 @@ impl Server {
             ..HandConfig::default()
         };
         let (workspace, geometry) = (stage.workspace, stage.geometry);
-        let (mut hand, mut steering) =
-            SteeredHand::new(hand, geometry, workspace, &stage.start, &stage.config);
+        let (mut hand, mut steering) = SteeredHand::new(
+            hand,
+            geometry,
+            workspace,
+            &stage.start,
+            stage.config.times(),
+        );
         // Heard of once: the part is where it is shown from the first frame on.
         steering.order(Order::LetGo);
         let tape = Tape::default();

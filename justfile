@@ -9,6 +9,24 @@ check:
 demo:
     cargo run --release -- demo --out out
 
+# The pictures on the pages, made afresh (minutes; those of `pegfit play` need npm and Chromium);
+# `just report` makes those of its page.
+figures:
+    #!/usr/bin/env bash
+    set -euo pipefail
+    rm -rf out/figures
+    cargo build --release -p pegfit
+    target/release/pegfit demo --out out/figures
+    for name in density overlap score energy-x energy-rz collision snap; do
+        cp "out/figures/rectangular-$name.png" "docs/figures/$name.png"
+    done
+    target/release/pegfit field fixtures/combined_hole.obj --unit m --slice y=0.001 \
+        --png docs/figures/slice.png --skeleton docs/figures/skeleton.png
+    PEGFIT=target/release/pegfit PEGFIT_PICTURES=out/figures tests/play/run story telephone
+    for name in play play-snap play-small; do
+        cp "out/figures/$name.png" "docs/figures/$name.png"
+    done
+
 # Draws the modules and their arrows in docs/architecture.md afresh.
 modules:
     PEGFIT_DRAW=1 cargo test -q -p pegfit-structure the_picture
@@ -34,6 +52,11 @@ version NEW:
 release *ARGS:
     PEGFIT_DIST=out/dist tests/release/run {{ARGS}}
     cargo deny check
+
+# Wheels for x86-64 and 64-bit ARM, in ./out/dist, each asked, their answers compared (half an hour);
+# says what is missing where it cannot run.
+wheels *ARGS:
+    PEGFIT_DIST=out/dist tests/release/wheels {{ARGS}}
 
 # The public documentation, warnings denied.
 doc:

@@ -39,11 +39,12 @@ autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 napoleon_use_ivar = True
 
-# Formulas are drawn by MathJax. With its `tex-svg.js` in this folder, a file that needs no other,
-# they are drawn without a network; else the pages ask the network for it.
-if mathjax := os.environ.get("PEGFIT_MATHJAX"):
-    html_static_path = [mathjax]
+# Formulas are drawn by MathJax and drawings by Mermaid, in the reader's browser. With both in this
+# folder the pages need no network; else they ask it for them.
+if scripts := os.environ.get("PEGFIT_SCRIPTS"):
+    html_static_path = [scripts]
     mathjax_path = "tex-svg.js"
+    mermaid_use_local = "mermaid.esm.min.mjs"
 
 html_theme = "furo"
 html_title = f"pegfit {release}"

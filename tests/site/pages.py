@@ -40,9 +40,10 @@ class Block:
 
 
 def pages() -> list[Path]:
-    """README and every page below docs, tutorials left out: they run while the site is built."""
+    """README, that of the packages and every page below docs, tutorials left out: they run while
+    the site is built."""
     docs = [p for p in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in p.parts]
-    return [ROOT / "README.md"] + [p for p in docs if "file_format: mystnb" not in p.read_text()]
+    return [ROOT / "README.md", ROOT / "crates" / "README.md"] + [p for p in docs if "file_format: mystnb" not in p.read_text()]
 
 
 def blocks(text: str) -> list[Block]:

@@ -90,8 +90,20 @@ fn anchors(text: &str) -> BTreeSet<String> {
     headings.iter().map(slug).collect()
 }
 
+/// Where pages that are shown elsewhere than in the repository point into it.
+const ELSEWHERE: [&str; 2] = [
+    "https://github.com/pegfit/pegfit/blob/main/",
+    "https://raw.githubusercontent.com/pegfit/pegfit/main/",
+];
+
 /// What is wrong with one link from a page, if anything.
 fn broken(page: &Path, target: &str) -> Option<String> {
+    let ours = ELSEWHERE
+        .iter()
+        .find_map(|start| target.strip_prefix(start));
+    if let Some(ours) = ours {
+        return broken(&root().join("README.md"), ours);
+    }
     if ["http://", "https://", "mailto:"]
         .iter()
         .any(|s| target.starts_with(s))
@@ -167,6 +179,25 @@ fn pictures_beside_the_pages_are_shown_by_one() {
     }
 }
 
+/// `just figures` makes them, or `just report`.
+#[test]
+fn every_picture_is_made_by_a_command() {
+    let recipes = fs::read_to_string(root().join("justfile")).expect("justfile");
+    let (_, recipe) = recipes.split_once("\nfigures:\n").expect("a recipe");
+    let recipe = recipe.split("\n\n").next().expect("its lines");
+    let words: BTreeSet<&str> = recipe.split(&[' ', '/', ';', '\n'][..]).collect();
+    for entry in fs::read_dir(root().join("docs/figures"))
+        .expect("a folder")
+        .flatten()
+    {
+        let file = entry.file_name().to_string_lossy().into_owned();
+        let made = file.starts_with("report-")
+            || words.contains(file.as_str())
+            || words.contains(file.trim_end_matches(".png"));
+        assert!(made, "nothing makes docs/figures/{file}");
+    }
+}
+
 #[test]
 fn the_checks_see_what_is_wrong() {
     let text =
@@ -178,4 +209,8 @@ fn the_checks_see_what_is_wrong() {
     assert!(broken(&page, "docs/accuracy.md#no-such-heading").is_some());
     assert!(broken(&page, "docs/accuracy.md#known-limits").is_none());
     assert!(broken(&page, "https://example.org/anything").is_none());
+    for (page_there, is_broken) in [("accuracy.md#known-limits", false), ("none.md", true)] {
+        let whole = format!("{}docs/{page_there}", ELSEWHERE[0]);
+        assert_eq!(broken(&page, &whole).is_some(), is_broken, "{whole}");
+    }
 }

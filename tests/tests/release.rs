@@ -84,6 +84,20 @@ fn what_is_published_says_what_it_is() {
     }
 }
 
+/// Registries show this page under addresses of their own: its links name the repository.
+#[test]
+fn the_page_of_the_packages_has_whole_links() {
+    let manifest = read("Cargo.toml");
+    let name = quoted(&manifest, "\nreadme = \"");
+    assert_eq!(quoted(&read("pyproject.toml"), "\nreadme = \""), name);
+    let page = read(name);
+    let links: Vec<&str> = page.split("](").skip(1).collect();
+    assert!(links.len() > 8, "{}", links.len());
+    for link in links {
+        assert!(link.starts_with("https://"), "{name}: {link}");
+    }
+}
+
 /// A package holds what lies beside its manifest, so each crate links to our licences.
 #[test]
 fn packages_hold_both_licences() {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fft_correlate::StoreError;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
 use pegfit_scene::poses::PoseError;
@@ -92,6 +93,9 @@ pub enum CommandError {
         source: Box<dyn std::error::Error + Send + Sync>,
         /// True if the input is at fault, false if the machine is.
         input: bool,
+        /// What to do about it.
+        #[help]
+        next: Option<String>,
     },
     /// There is no way between two poses to be looked for.
     #[error(transparent)]
@@ -144,12 +148,16 @@ pub struct SceneFileError {
     /// The offending bytes.
     #[label("here")]
     span: SourceSpan,
+    /// What to do about it.
+    #[help]
+    next: Option<String>,
 }
 
 impl From<LineError> for SceneFileError {
     fn from(error: LineError) -> Self {
         Self {
             said: error.to_string(),
+            next: other_file(&error.path),
             text: NamedSource::new(error.path.display().to_string(), error.text),
             span: SourceSpan::from(error.span),
         }
@@ -159,7 +167,7 @@ impl From<LineError> for SceneFileError {
 impl From<SceneError> for CommandError {
     fn from(error: SceneError) -> Self {
         match error {
-            SceneError::Read { path, source } => Self::read(&path, source),
+            SceneError::Read { path, source } => no_scene(&path, source),
             SceneError::Line(e) => Self::Line(Box::new(SceneFileError::from(*e))),
             SceneError::FixedPart {
                 path,
@@ -172,6 +180,7 @@ impl From<SceneError> for CommandError {
                 found,
             ),
             SceneError::Mesh(e) => Self::Mesh(e),
+            SceneError::Table(e) => Self::table(*e),
             SceneError::Memory {
                 path,
                 what,
@@ -254,6 +263,19 @@ impl CommandError {
         )
     }
 
+    /// A table that cannot be used; where there is none, how to come by one.
+    pub fn table(error: StoreError) -> Self {
+        let missing = match &error {
+            StoreError::Missing { path } => Some(path.display().to_string()),
+            _ => None,
+        };
+        let failed = Self::bad_input("table", error);
+        match missing {
+            Some(path) => failed.with_next(format!("`pegfit bake SCENE -o {path}` makes one")),
+            None => failed,
+        }
+    }
+
     /// A file that cannot be read.
     pub fn read(path: &Path, source: std::io::Error) -> Self {
         Self::Io {
@@ -281,6 +303,7 @@ impl CommandError {
             context: context.into(),
             source: Box::new(source),
             input: true,
+            next: None,
         }
     }
 
@@ -293,7 +316,17 @@ impl CommandError {
             context: context.into(),
             source: Box::new(source),
             input: false,
+            next: None,
         }
+    }
+
+    /// The same with what to do about it, if it is a library's.
+    #[must_use]
+    pub fn with_next(mut self, advice: impl Into<String>) -> Self {
+        if let Self::Library { next, .. } = &mut self {
+            *next = Some(advice.into());
+        }
+        self
     }
 
     /// The exit code of a run that ended with this error.
@@ -321,6 +354,33 @@ impl CommandError {
             Self::Interrupted => Exit::Interrupted,
         }
     }
+}
+
+/// A scene that cannot be read, and how to come by one.
+fn no_scene(path: &Path, source: std::io::Error) -> CommandError {
+    let is_missing = source.kind() == std::io::ErrorKind::NotFound;
+    let file = path.display();
+    let error = CommandError::bad_input(format!("cannot read {file}"), source);
+    match (other_file(path), is_missing) {
+        (_, true) => error.with_next(format!(
+            "`pegfit scene SOLIDS --moving NAME -o {file}` makes a scene of a file of solids; of two \
+             meshes it is three lines: unit = \"mm\", fixed = \"hole.stl\", moving = \"peg.stl\""
+        )),
+        (Some(advice), false) => error.with_next(advice),
+        (None, false) => error,
+    }
+}
+
+/// What to do with a file that is not called as scenes are.
+fn other_file(path: &Path) -> Option<String> {
+    let is_scene = path.extension().is_some_and(|e| e == "toml");
+    let file = path.display();
+    (!is_scene).then(|| {
+        format!(
+            "a scene is a file of its own (scene.toml): `pegfit scene {file}` makes one of solids or \
+             a robot"
+        )
+    })
 }
 
 fn is_cache(error: &SceneError) -> bool {

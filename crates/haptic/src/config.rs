@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::device::hid::pid::settings::PidSettings;
 use crate::device::hid::spacemouse::Feel;
+use crate::device::steered::LoopTimes;
 use crate::device::workspace::Workspace;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
@@ -183,6 +184,16 @@ impl HapticConfig {
     /// Seconds between two ticks.
     pub fn period(&self) -> f64 {
         1.0 / self.rate_hz
+    }
+
+    /// What a hand that is steered knows of the loop.
+    pub fn times(&self) -> LoopTimes {
+        LoopTimes {
+            period: self.period(),
+            late: f64::from(self.missed_ticks) * self.period(),
+            stale: self.stale_s,
+            ramp: self.ramp_s,
+        }
     }
 
     /// The device's workspace at this scale, device and scene axes alike: `home` is the part's pose

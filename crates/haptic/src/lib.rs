@@ -26,7 +26,7 @@ pub use device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
 pub use device::hand_body::HandConfig;
 pub use device::script::{Geometry, Script};
 pub use device::simulated::SimulatedHand;
-pub use device::steered::{Order, SteeredHand, Steering};
+pub use device::steered::{LoopTimes, Order, SteeredHand, Steering};
 pub use device::way::Way;
 pub use device::workspace::Workspace;
 pub use log::error::RecordError;

@@ -127,7 +127,7 @@ fn prepare(
 
 /// Checks that the folder of a table to be exists; object stores have no folders.
 fn require_place(output: &Path) -> Result<(), CommandError> {
-    let files = TableFiles::at(output).map_err(stored::bad_table)?;
+    let files = TableFiles::at(output).map_err(CommandError::table)?;
     if TableFiles::is_remote(output) {
         return Ok(());
     }
@@ -135,8 +135,8 @@ fn require_place(output: &Path) -> Result<(), CommandError> {
 }
 
 fn exists(output: &Path) -> Result<bool, CommandError> {
-    let files = TableFiles::at(output).map_err(stored::bad_table)?;
-    files.exist().map_err(stored::bad_table)
+    let files = TableFiles::at(output).map_err(CommandError::table)?;
+    files.exist().map_err(CommandError::table)
 }
 
 /// The probes may have promised too much.

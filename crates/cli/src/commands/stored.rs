@@ -24,16 +24,12 @@ pub(super) struct Progress {
 
 /// Opens the table at `path`.
 pub(super) fn open(path: &Path) -> Result<TableStore, CommandError> {
-    TableStore::open(path).map_err(bad_table)
+    TableStore::open(path).map_err(CommandError::table)
 }
 
 /// Reads all of a table into memory.
 pub(super) fn load(store: &TableStore, context: &Context) -> Result<EnergyTable, CommandError> {
-    store.load(context.memory).map_err(bad_table)
-}
-
-pub(super) fn bad_table(error: StoreError) -> CommandError {
-    CommandError::bad_input("table", error)
+    store.load(context.memory).map_err(CommandError::table)
 }
 
 /// What a failed bake is to be called.

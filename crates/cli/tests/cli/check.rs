@@ -1,6 +1,6 @@
 //! `pegfit check` from the outside.
 
-use crate::common::{cuboid_obj, pegfit, stderr, stdout};
+use crate::common::{cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout};
 
 #[test]
 fn a_good_mesh_is_reported() {
@@ -216,5 +216,28 @@ fn what_is_wrong_is_said_with_what_to_do() {
             "{pair}"
         );
         assert_eq!(pair["next"].as_array().unwrap().len(), advice, "{pair}");
+    }
+}
+
+#[test]
+fn errors_name_the_next_command() {
+    let folder = scene_folder("");
+    // Lines are broken to fit a screen.
+    let refused = |args: &[&str]| {
+        let said = refuse(folder.path(), args);
+        said.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let said = refused(&["dock", "hole.obj"]);
+    assert!(said.contains("`pegfit scene hole.obj` makes one"), "{said}");
+    let said = refused(&["plot", "well", "none.toml"]);
+    assert!(said.contains("-o none.toml` makes a scene"), "{said}");
+    assert!(said.contains("unit = \"mm\""), "{said}");
+    for args in [
+        &["table", "t.zarr"][..],
+        &["verify", "t.zarr", "--scene", "scene.toml"],
+        &["feel", "scene.toml", "--table", "t.zarr"],
+    ] {
+        let said = refused(args);
+        assert!(said.contains("`pegfit bake SCENE -o t.zarr`"), "{said}");
     }
 }

@@ -15,7 +15,10 @@ fn the_list_is_json_and_an_exit_code() {
     let ready = list.iter().any(|d| d["access"] == "ready");
     assert_eq!(output.status.code(), Some(if ready { 0 } else { 1 }));
     if list.is_empty() {
-        assert!(stderr(&output).contains("no haptic device is attached"));
+        let said = stderr(&output);
+        assert!(
+            said.contains("no haptic device is attached") && said.contains("`pegfit play SCENE`")
+        );
         let probe = pegfit(folder.path(), &["devices", "--probe"]);
         assert_eq!(probe.status.code(), Some(1));
     }
@@ -34,8 +37,12 @@ fn a_device_that_is_not_there_is_named() {
 /// Replays `log`, writes what came of it to `to`, and gives the report.
 fn replay(folder: &Path, log: &str, to: &str) -> serde_json::Value {
     let device = format!("replay:{log}");
-    let args = ["feel", "scene.toml", "--device", &device, "--log", to];
-    let text = succeed(folder, &[&args[..], &["--json", "-q"]].concat());
+    let mut args = vec!["feel", "scene.toml", "--device", &device, "--log", to];
+    args.extend(["--report", "r.html", "--json", "-q"]);
+    let text = succeed(folder, &args);
+    // No script was followed, and the page does not say so.
+    let page = std::fs::read_to_string(folder.join("r.html")).unwrap();
+    assert!(page.contains(&format!("<title>Replay of {log}</title>")));
     serde_json::from_str(&text).unwrap()
 }
 

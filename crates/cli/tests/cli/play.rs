@@ -92,6 +92,13 @@ impl Play {
     }
 }
 
+impl Drop for Play {
+    /// A test that fails leaves no server behind; one that has ended cannot be killed.
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+    }
+}
+
 fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
 }

@@ -26,7 +26,7 @@ pub struct HandConfig {
     pub rotational_stiffness: f64,
     /// Rotational damping, N·m·s/rad.
     pub rotational_damping: f64,
-    /// Greatest force with which the hand goes to where it wants to be, N.
+    /// Greatest force with which a firm grip goes to where it wants to be, N.
     pub strength: f64,
     /// The same for torque, N·m.
     pub rotational_strength: f64,
@@ -81,7 +81,8 @@ impl HandConfig {
     }
 }
 
-/// Where a hand wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none.
+/// Where a hand wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none; stiffness
+/// and strength are in proportion.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pull {
     pub(crate) pose: Pose,
@@ -134,9 +135,9 @@ impl HandBody {
     fn advance(&mut self, dt: f64, c: &HandConfig, wanted: &Pull) {
         let grip = wanted.grip;
         let pull = self.pose.twist_to(&wanted.pose);
-        let spring = (pull.linear * (grip * c.stiffness)).clamp_length_max(c.strength);
-        let turn = (pull.angular * (grip * c.rotational_stiffness))
-            .clamp_length_max(c.rotational_strength);
+        let spring = (pull.linear * c.stiffness).clamp_length_max(c.strength) * grip;
+        let turn =
+            (pull.angular * c.rotational_stiffness).clamp_length_max(c.rotational_strength) * grip;
         let force = spring - self.twist.linear * c.damping + self.wrench.force;
         let torque = turn - self.twist.angular * c.rotational_damping + self.wrench.torque;
         self.twist.linear += force * (dt / c.mass);

@@ -3,7 +3,7 @@
 
 use std::error::Error;
 use std::mem::ManuallyDrop;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use libloading::Library;
 
@@ -68,7 +68,7 @@ impl Driver {
                         library: ManuallyDrop::new(library),
                     });
                 }
-                Err(error) => said.push(format!("{}: {}", file.display(), words(&error))),
+                Err(error) => said.push(words(&error, &file)),
             }
         }
         Err(wanted.not_installed(&said.join("; ")))
@@ -92,11 +92,15 @@ impl Driver {
     }
 }
 
-/// The loader's own words: the innermost cause.
-fn words(error: &dyn Error) -> String {
+/// The loader's own words, the innermost cause, which name the file once.
+fn words(error: &dyn Error, file: &Path) -> String {
     let mut inmost = error;
     while let Some(cause) = inmost.source() {
         inmost = cause;
     }
-    inmost.to_string()
+    let (said, file) = (inmost.to_string(), file.display().to_string());
+    match said.starts_with(&file) {
+        true => said,
+        false => format!("{file}: {said}"),
+    }
 }

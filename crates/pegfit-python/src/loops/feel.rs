@@ -139,7 +139,6 @@ pub(crate) fn feel(
         let expected = "a positive number";
         return Err(Failure::found(Kind::Device, "seconds", expected, seconds).into());
     }
-    let title = format!("{script} test, simulated hand");
     let (script, source) = (script_named(script)?, source.get()?);
     let hand = HandConfig {
         duration: seconds,
@@ -155,7 +154,7 @@ pub(crate) fn feel(
         hold(&parts, &source, script, hand, clock, watch)
     })?;
     Ok(Felt {
-        title,
+        title: FeltPage::title(Some(script), &spec.name),
         subject,
         spec,
         config,

@@ -6,7 +6,7 @@ import type { Frame, Stage } from "./wire";
 
 /** Seconds that are seen, and pixels of height. */
 const SPAN = 10;
-const HEIGHT = 88;
+const HEIGHT = 72;
 
 /** Points that are kept: a minute, for the figure of a script to grow. */
 const KEPT = 3600;

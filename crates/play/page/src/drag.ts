@@ -55,9 +55,9 @@ export class Drag {
         for (const end of ["pointerup", "pointercancel"] as const) {
             canvas.addEventListener(end, (e) => this.up(e));
         }
-        canvas.addEventListener("keydown", (e) => this.key(e, true));
-        canvas.addEventListener("keyup", (e) => this.key(e, false));
-        canvas.addEventListener("blur", () => this.keys.clear());
+        window.addEventListener("keydown", (e) => this.key(e, true));
+        window.addEventListener("keyup", (e) => this.key(e, false));
+        window.addEventListener("blur", () => this.keys.clear());
     }
 
     /** Shows the handles of a gizmo, or hides them. */
@@ -165,8 +165,11 @@ export class Drag {
 
     private key(event: KeyboardEvent, down: boolean): void {
         if (!(event.key in KEYS)) return;
-        event.preventDefault();
+        // Sliders have keys of their own; a key that was pressed before is still let go.
+        const elsewhere = event.target instanceof HTMLInputElement;
+        if (!elsewhere) event.preventDefault();
         if (!down) this.keys.delete(event.key);
+        else if (elsewhere) return;
         else if (this.enabled) {
             if (!this.holds) this.follow();
             this.keys.add(event.key);

@@ -162,6 +162,11 @@ window.addEventListener("keydown", (event) => {
     event.preventDefault();
 });
 
+// A button that was clicked gives the keys back: Space lets go of the part, and does not press it again.
+document.addEventListener("click", ({ target, detail }) => {
+    if (detail > 0 && target instanceof Element) target.closest("button")?.blur();
+});
+
 /** For tests in a browser: what is shown, and where on the screen the part is. */
 Object.assign(window, {
     pegfit: {

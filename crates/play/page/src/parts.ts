@@ -27,10 +27,10 @@ export function edges(geometry: THREE.BufferGeometry): THREE.EdgesGeometry {
     return new THREE.EdgesGeometry(geometry, THREE.MathUtils.radToDeg(CREASE));
 }
 
-/** Blue inside, orange outside, clear where there is nothing. */
+/** Red inside, blue outside, as in all pictures of densities; clear where there is nothing. */
 function colour(value: number, most: number): [number, number, number, number] {
     const share = Math.min(1, Math.abs(value) / most) ** 0.6;
-    const [r, g, b] = value > 0 ? [33, 90, 180] : [214, 96, 30];
+    const [r, g, b] = value > 0 ? [202, 70, 40] : [45, 110, 190];
     return [r, g, b, Math.round(235 * share)];
 }
 
@@ -69,7 +69,7 @@ export function readSkeleton(buffer: ArrayBuffer, size: number): THREE.Points {
     const numbers = new Float32Array(buffer);
     const count = numbers.length / 4;
     const [positions, colours] = [new Float32Array(3 * count), new Float32Array(3 * count)];
-    const [inside, outside] = [new THREE.Color(0x215ab4), new THREE.Color(0xd6601e)];
+    const [inside, outside] = [new THREE.Color(0xca4628), new THREE.Color(0x2d6ebe)];
     for (let i = 0; i < count; i += 1) {
         positions.set(numbers.subarray(4 * i, 4 * i + 3), 3 * i);
         (numbers[4 * i + 3] > 0 ? inside : outside).toArray(colours, 3 * i);

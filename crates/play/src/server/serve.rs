@@ -121,9 +121,14 @@ impl Server {
             duration: 1e6,
             ..HandConfig::default()
         };
-        let (workspace, geometry, stale) = (stage.workspace, stage.geometry, stage.config.stale_s);
-        let (mut hand, mut steering) =
-            SteeredHand::new(hand, geometry, workspace, &stage.start, stale);
+        let (workspace, geometry) = (stage.workspace, stage.geometry);
+        let (mut hand, mut steering) = SteeredHand::new(
+            hand,
+            geometry,
+            workspace,
+            &stage.start,
+            stage.config.times(),
+        );
         // Heard of once: the part is where it is shown from the first frame on.
         steering.order(Order::LetGo);
         let tape = Tape::default();

@@ -146,11 +146,14 @@ pub(super) fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) ->
         Access::Failed(reason) => Some(format!("{}: {reason}", d.path)),
         _ => None,
     });
-    failure(match failed {
-        _ if !denied.is_empty() => Unusable::Denied(denied),
-        Some(reason) => Unusable::Failed(reason),
-        None => Unusable::None,
-    })
+    match failed {
+        _ if !denied.is_empty() => failure(Unusable::Denied(denied)),
+        Some(reason) => failure(Unusable::Failed(reason)),
+        None => failure(Unusable::None).with_next(
+            "without one: `pegfit play SCENE` takes your mouse for the hand, `pegfit feel SCENE` has \
+             a simulated one",
+        ),
+    }
 }
 
 /// Prints the udev rules if they would help.

@@ -37,6 +37,7 @@ struct Told<'a> {
 
 /// What came of a run.
 struct Felt {
+    title: String,
     spec: DeviceSpec,
     outcome: Outcome,
     again: Option<Again>,
@@ -51,11 +52,11 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
     };
     let pairs = load(args, context)?;
     let Felt {
+        title,
         spec,
         outcome,
         again,
     } = feel(args, script, &pairs, context)?;
-    let title = title(script, &outcome.report.device);
     if let Some(path) = &args.png {
         draw(path, &outcome.samples, title.clone())?;
     }
@@ -130,7 +131,10 @@ fn feel(
         Chosen::Attached(mut device) => hold(device.as_mut(), seconds, pairs, keep, context)?,
         Chosen::Simulated => {
             let mut hand = hand::simulated(assembly, source, script, seconds);
-            hold(&mut hand, seconds, pairs, keep, context)?
+            Felt {
+                title: FeltPage::title(Some(script), &hand.spec().name),
+                ..hold(&mut hand, seconds, pairs, keep, context)?
+            }
         }
     };
     if let Some(log) = &args.log {
@@ -161,6 +165,7 @@ fn hold(
             .note(&format!("the device's last fault: {fault}"));
     }
     Ok(Felt {
+        title: FeltPage::title(None, &device.spec().name),
         spec: device.spec().clone(),
         outcome,
         again: None,
@@ -189,15 +194,11 @@ fn replay(
     };
     let outcome = hand::replay(assembly, source, &mut recorded, seconds, keep)?;
     Ok(Felt {
+        title: FeltPage::title(None, &recorded.spec().name),
         spec: recorded.spec().clone(),
         again: Some(Again::compare(recorded.samples(), &outcome.samples)),
         outcome,
     })
-}
-
-/// What a run is called.
-fn title(script: Script, device: &str) -> String {
-    format!("{script:?} test, {device}")
 }
 
 fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandError> {

@@ -1,7 +1,7 @@
 //! What a page is about.
 
 use haptic::scene::SceneEvent;
-use haptic::{DeviceSpec, HapticConfig, Outcome, Sample, flags};
+use haptic::{DeviceSpec, HapticConfig, Outcome, Sample, Script, flags};
 
 /// Events listed; the rest is counted.
 pub(super) const LISTED: usize = 200;
@@ -24,6 +24,23 @@ pub struct FeltPage<'a> {
     pub events: &'a [SceneEvent],
     /// Parts and what had become of each in the end.
     pub pairs: Vec<(String, String)>,
+}
+
+impl FeltPage<'_> {
+    /// What a run is called: the script, if a hand followed one, and the device's name.
+    #[must_use]
+    pub fn title(script: Option<Script>, device: &str) -> String {
+        match script {
+            Some(Script::Collision) => format!("Collision test, {device}"),
+            Some(Script::Snap) => format!("Snap test, {device}"),
+            Some(Script::Free) => format!("Free wandering, {device}"),
+            None => {
+                let mut letters = device.chars();
+                let first = letters.next().into_iter().flat_map(char::to_uppercase);
+                first.chain(letters.clone()).collect()
+            }
+        }
+    }
 }
 
 /// Samples at which one of `bits` comes on.

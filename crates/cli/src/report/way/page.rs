@@ -17,7 +17,7 @@ use crate::report::html::{STYLE, escaped};
 
 /// The page's own look and what plays the way.
 const LOOK: &str = "svg{width:100%;height:auto}svg text{fill:currentColor}\
-canvas{width:100%;aspect-ratio:16/9;background:#fff;border:1px solid #d5d9e2;touch-action:none}\
+canvas{width:100%;aspect-ratio:16/9;max-height:60vh;background:#fff;border:1px solid #d5d9e2;touch-action:none}\
 .bar{display:flex;gap:1rem;align-items:center}.bar input{flex:1}";
 const PLAYER: &str = include_str!("player.js");
 

@@ -8,6 +8,9 @@ const said = document.getElementById('said');
 const ten = document.getElementById('ten');
 const frames = data.acts.flatMap((act) => act.poses.map((pose) => ({ act, pose })));
 slider.max = Math.max(0, frames.length - 1);
+slider.step = 'any';
+// In which all of it is played, seconds.
+const lasts = 4 * Math.max(1, data.acts.length);
 
 function flat(surface) {
   const out = [];
@@ -69,7 +72,7 @@ const box = extent(shown.map((part) => data.parts[part]));
 const middle = [0, 1, 2].map((k) => 0.5 * (box[0][k] + box[1][k]));
 const size = Math.hypot(...[0, 1, 2].map((k) => box[1][k] - box[0][k]));
 const reach = frames.reduce((r, f) => Math.max(r, Math.hypot(...f.pose.pose.slice(0, 3))), 0);
-let zoom = 1 / (size + reach);
+let zoom = 1 / (size + 2 * reach);
 let [yaw, pitch] = [0.7, -1.0];
 
 if (gl) {
@@ -94,9 +97,22 @@ function paint(part, pose, colour) {
   gl.drawArrays(gl.TRIANGLES, 0, buffers[part].count);
 }
 
+// Where the parts that move are between two poses of one act.
+function between(from, to, share) {
+  const same = from.slice(3).reduce((sum, x, k) => sum + x * to[3 + k], 0) < 0 ? -1 : 1;
+  const mixed = from.map((x, k) => x + share * ((k < 3 ? 1 : same) * to[k] - x));
+  const length = Math.hypot(...mixed.slice(3));
+  return mixed.map((x, k) => (k < 3 ? x : x / length));
+}
+
 function draw() {
-  const frame = frames[Number(slider.value)];
+  const value = Number(slider.value);
+  const [before, after] = [frames[Math.floor(value)], frames[Math.ceil(value)]];
+  const frame = frames[Math.round(value)];
   const pose = frame && frame.pose;
+  const here = frame && before.act === after.act
+    ? between(before.pose.pose, after.pose.pose, value - Math.floor(value))
+    : pose && pose.pose;
   const act = frame ? frame.act : { moving: [], staying: shown, poses: [] };
   if (pose) {
     const force = pose.force
@@ -121,10 +137,10 @@ function draw() {
   gl.uniform3fv(at('middle'), middle);
   const last = act.poses.length - 1;
   const drawn = ten.checked && last > 0
-    ? Array.from({ length: 10 }, (_, i) => act.poses[Math.round((last * i) / 9)])
-    : [pose];
+    ? Array.from({ length: 10 }, (_, i) => act.poses[Math.round((last * i) / 9)].pose)
+    : [here];
   for (const one of drawn) {
-    if (one) for (const part of act.moving) paint(part, one.pose, [0.85, 0.45, 0.15, 1]);
+    if (one) for (const part of act.moving) paint(part, one, [0.85, 0.45, 0.15, 1]);
   }
   gl.enable(gl.BLEND);
   gl.depthMask(false);
@@ -134,17 +150,20 @@ function draw() {
 }
 
 let playing = false;
+let ticked = 0;
 document.getElementById('play').onclick = () => {
   playing = !playing;
   if (playing && slider.value === slider.max) slider.value = 0;
+  ticked = performance.now();
   step();
 };
 function step() {
   document.getElementById('play').textContent = playing ? 'stop' : 'play';
   draw();
   if (!playing) return;
-  const ahead = Math.max(1, Math.round(frames.length / 300));
-  slider.value = Number(slider.value) + ahead;
+  const now = performance.now();
+  slider.value = Number(slider.value) + ((now - ticked) / 1000 / lasts) * Number(slider.max);
+  ticked = now;
   playing = slider.value !== slider.max;
   requestAnimationFrame(step);
 }

@@ -21,6 +21,7 @@ pub mod meshes;
 pub mod midpoint;
 pub mod plain;
 pub mod table;
+pub mod ways;
 
 use table::{Table, significant};
 

@@ -164,6 +164,14 @@ path-peers FRAMES="20" *ARGS:
     target/release/path --scenes out/path-scenes --frames {{FRAMES}} {{ARGS}}
     python3 benches/peers/path.py out/path-scenes --pegfit target/release/pegfit
 
+# Overlaps along ways against exact booleans of the meshes (`just path-overlap 1 --only peg`: minutes);
+# needs benches/peers/path-requirements.txt.
+path-overlap FRAMES="20" *ARGS:
+    cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path
+    rm -rf out/path-scenes
+    target/release/path --scenes out/path-scenes --frames {{FRAMES}} {{ARGS}}
+    python3 benches/peers/overlap.py out/path-scenes --pegfit target/release/pegfit
+
 # Density fields: run time against error on all meshes, ratios to the paper's sums, in ./out.
 bench-field *ARGS:
     cargo run --release -p pegfit-benches --bin field -- {{ARGS}}

@@ -22,6 +22,7 @@ pub mod midpoint;
 pub mod plain;
 pub mod table;
 pub mod truths;
+pub mod ways;
 
 use table::{Table, significant};
 

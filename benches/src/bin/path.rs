@@ -1,31 +1,31 @@
-//! Ways in, found in every frame: `path [--quick] [--out DIR] [--frames N] [--only PAIR]
+//! Ways in, found in every frame: `path [--quick] [--out DIR] [--frames N or FROM..TO] [--only PAIR]
 //! [--seconds S] [--scenes DIR] [PARTS_DIR]`.
 //!
-//! Both parts of pairs whose way is known are turned and shifted by themselves, with clearances from
-//! 0.02 to 0.5 mm: pegs of all kinds (`shapes::random_fit`), the paper's, a dovetail, a spool round a
-//! corner, a bayonet, nuts of both hands, a ball that cannot leave, and the parts of a folder. Prints
-//! how often the answer was the right one, the time it took, and what was looked at. With `--scenes`
-//! nothing is looked for: a scene of each pair in each frame is written there, for other tools.
+//! Both parts of pairs whose way is known (`pegfit_benches::ways`) are turned and shifted by themselves,
+//! with clearances from 0.02 to 0.5 mm, and a burr whose only first piece is known. Prints how often
+//! the answer was the known way, the time it took, and what was looked at. With `--scenes` nothing is
+//! looked for: a scene of each pair in each frame is written there, for other tools.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fft_correlate::Pose;
 use glam::DVec3;
-use pegfit_benches::assemblies::{modelled, random_rotation};
 use pegfit_benches::table::{Table, significant};
+use pegfit_benches::ways::{CLEARANCES, Known, KnownPair, known_pairs, millimetres, random_pose};
 use pegfit_benches::{Arguments, Outcome};
-use pegfit_path::{Outcome as Found, PathAnswer, PathOptions, PathSearch};
-use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::{Silent, TriangleMesh, mesh_io, shapes};
-
-/// Clearances, metres: of the pairs that are made for one, and of nuts, whose facets take some of it.
-const CLEARANCES: [f64; 4] = [2e-5, 6e-5, 2e-4, 5e-4];
-const OF_NUTS: [f64; 3] = [4e-5, 1e-4, 3e-4];
+use pegfit_path::{
+    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, PathAnswer, PathOptions,
+    PathSearch,
+};
+use rand::{SeedableRng, rngs::SmallRng, seq::SliceRandom};
+use sdf_grid::{Silent, mesh_io, shapes};
 
 const ABOUT: &str = "Ways found by `pegfit path` without energies, both parts turned and shifted by \
-    themselves; overlap of the solids along the way at points twice as dense as those of the search.";
+    themselves: how often the answer was the known way (or that there is none), told by its motions; \
+    overlap of the solids along the way at points twice as dense as those of the search. Of the burr: \
+    whether the one piece that can be first is, and all others follow.";
 
 const COLUMNS: [&str; 8] = [
     "pair",
@@ -38,52 +38,71 @@ const COLUMNS: [&str; 8] = [
     "overlap, mm",
 ];
 
-/// Two parts whose assembled pose is the identity, and whether they come apart.
-struct Known {
-    name: String,
-    parts: (TriangleMesh, TriangleMesh),
-    free: bool,
-}
+/// Edge of the burr's cells, metres.
+const EDGE: f64 = 0.004;
 
 struct Wanted {
-    frames: u64,
+    frames: Range<u64>,
     only: Option<String>,
-    seconds: f64,
+    limit: Duration,
     scenes: Option<PathBuf>,
+}
+
+impl Wanted {
+    fn chosen(&self, name: &str) -> bool {
+        let only = self.only.as_ref();
+        only.is_none_or(|part| name.contains(part.as_str()))
+    }
+}
+
+/// What came out in the frames of a row.
+#[derive(Default)]
+struct Tally {
+    right: usize,
+    seconds: Vec<f64>,
+    looked: usize,
+    nodes: usize,
+    /// Metres; none of parts that stay.
+    overlap: Option<f64>,
 }
 
 fn main() -> Outcome<()> {
     let mut arguments = Arguments::parse_known()?;
     let wanted = wanted(&mut arguments)?;
+    let folder = arguments.rest.first().map(Path::new);
+    let chosen: Vec<KnownPair> = known_pairs(folder)?
+        .into_iter()
+        .filter(|known| wanted.chosen(&known.name))
+        .collect();
+    if let Some(folder) = &wanted.scenes {
+        return chosen
+            .iter()
+            .try_for_each(|known| write_scenes(known, &wanted.frames, folder));
+    }
     let mut table = Table::new("path", "Ways in", ABOUT, &COLUMNS);
-    for known in all(arguments.rest.first().map(Path::new))? {
-        let chosen = wanted
-            .only
-            .as_ref()
-            .is_none_or(|part| known.name.contains(part.as_str()));
-        if !chosen {
-            continue;
-        }
-        if let Some(folder) = &wanted.scenes {
-            write_scenes(&known, wanted.frames, folder)?;
-        } else {
-            table.push(row(&known, &wanted)?);
-            println!("{}", table.to_text().lines().last().unwrap_or_default());
+    let mut told = |name: &str, tally: Tally| {
+        table.push(tally.row(name));
+        println!("{}", table.to_text().lines().last().unwrap_or_default());
+    };
+    for known in &chosen {
+        told(&known.name, of_pair(known, &wanted)?);
+    }
+    for clearance in CLEARANCES {
+        let name = format!("burr, {} mm", millimetres(clearance));
+        if wanted.chosen(&name) {
+            told(&name, of_burr(clearance, &wanted)?);
         }
     }
-    match wanted.scenes {
-        Some(_) => Ok(()),
-        None => arguments.publish(&table, None),
-    }
+    arguments.publish(&table, None)
 }
 
 fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
-    let usage = "usage: path [--quick] [--out DIR] [--frames N] [--only PAIR] [--seconds S] \
-                 [--scenes DIR] [PARTS_DIR]";
+    let usage = "usage: path [--quick] [--out DIR] [--frames N or FROM..TO] [--only PAIR] \
+                 [--seconds S] [--scenes DIR] [PARTS_DIR]";
     let mut wanted = Wanted {
-        frames: if arguments.quick { 1 } else { 20 },
+        frames: 0..if arguments.quick { 1 } else { 20 },
         only: None,
-        seconds: 60.0,
+        limit: Duration::from_secs(60),
         scenes: None,
     };
     let rest = &mut arguments.rest;
@@ -94,9 +113,9 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
         }
         let value = rest.remove(at);
         match option.as_str() {
-            "--frames" => wanted.frames = value.parse()?,
+            "--frames" => wanted.frames = frames(&value).ok_or(usage)?,
             "--only" => wanted.only = Some(value),
-            "--seconds" => wanted.seconds = value.parse()?,
+            "--seconds" => wanted.limit = Duration::try_from_secs_f64(value.parse()?)?,
             "--scenes" => wanted.scenes = Some(value.into()),
             _ => return Err(usage.into()),
         }
@@ -104,132 +123,126 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
     Ok(wanted)
 }
 
-fn all(folder: Option<&Path>) -> Outcome<Vec<Known>> {
-    let mut all = Vec::new();
-    let mut add = |name: String, parts, free| all.push(Known { name, parts, free });
-    for pair in modelled(folder)? {
-        add(
-            pair.name,
-            ((*pair.fixed).clone(), (*pair.moving).clone()),
-            true,
-        );
+/// `N`, the first N, or `FROM..TO`; one at least.
+fn frames(text: &str) -> Option<Range<u64>> {
+    let (from, to) = text.split_once("..").unwrap_or(("0", text));
+    let range = from.parse().ok()?..to.parse().ok()?;
+    (!range.is_empty()).then_some(range)
+}
+
+impl Tally {
+    fn row(mut self, name: &str) -> Vec<String> {
+        self.seconds.sort_by(f64::total_cmp);
+        let frames = self.seconds.len();
+        vec![
+            name.to_owned(),
+            frames.to_string(),
+            self.right.to_string(),
+            significant(self.seconds[frames / 2], 2),
+            significant(self.seconds[frames - 1], 2),
+            (self.looked / frames).to_string(),
+            (self.nodes / frames).to_string(),
+            self.overlap
+                .map_or("-".to_owned(), |o| significant(1e3 * o, 2)),
+        ]
     }
-    for seed in 0..8 {
-        let fit = shapes::random_fit(seed)?;
-        let way = if fit.through { "through" } else { "blind" };
-        let name = format!(
-            "peg {seed}, {}, {way}, {} mm",
-            fit.kind,
-            millimetres(fit.clearance)
-        );
-        add(name, (fit.fixed, fit.moving), true);
-    }
-    for c in CLEARANCES {
-        let mm = millimetres(c);
-        add(format!("dovetail, {mm} mm"), shapes::dovetail(c)?, true);
-        add(format!("spool, {mm} mm"), shapes::spool_in_slot(c)?, true);
-        add(format!("bayonet, {mm} mm"), shapes::bayonet(c)?, true);
-        add(
-            format!("captive ball, {mm} mm"),
-            shapes::captive_ball(c, 5e-4)?,
-            false,
-        );
-    }
-    for (pitch, right_handed) in [(0.001, true), (0.002, false), (0.003, true)] {
-        let thread = shapes::Thread {
-            pitch,
-            radius: 0.005,
-            depth: 0.4 * pitch,
-            right_handed,
-            segments: 64,
+}
+
+/// A pair in its frames.
+fn of_pair(known: &KnownPair, wanted: &Wanted) -> Outcome<Tally> {
+    let mut tally = Tally::default();
+    for frame in wanted.frames.clone() {
+        let placed = known.placed(frame);
+        let options = PathOptions {
+            time_limit: wanted.limit,
+            others: 0.0,
+            ..PathOptions::default()
         };
-        for c in OF_NUTS {
-            let hand = if right_handed { "right" } else { "left" };
-            let (pitch, mm) = (millimetres(pitch), millimetres(c));
-            let bolt = thread.bolt(4.0 * thread.pitch, [0.008, 0.003])?;
-            let nut = thread.nut([0.2 * thread.pitch, 2.2 * thread.pitch], 0.016, c)?;
-            add(
-                format!("nut, {pitch} mm, {hand}, {mm} mm"),
-                (bolt, nut),
-                true,
+        let began = Instant::now();
+        let (fixed, moving) = (placed.fixed.clone(), placed.moving.clone());
+        let search = PathSearch::new(Arc::new(fixed), Arc::new(moving), options)?;
+        let answer = search.find(&placed.goal, None, &Silent)?;
+        tally.seconds.push(began.elapsed().as_secs_f64());
+        let right = known.is_right(&placed, &answer);
+        if !right {
+            println!("{}, frame {frame}: {}", known.name, told(&answer));
+        }
+        tally.right += usize::from(right);
+        tally.looked += answer.effort.looked;
+        tally.nodes += answer.effort.nodes;
+        if known.way != Known::Stays {
+            let overlap = tally.overlap.unwrap_or(0.0);
+            tally.overlap = Some(overlap.max(answer.deepest().1));
+        }
+    }
+    Ok(tally)
+}
+
+/// What a wrong answer says.
+fn told(answer: &PathAnswer) -> String {
+    let motions: Vec<String> = answer.motions.iter().map(ToString::to_string).collect();
+    format!("{:?}: {}", answer.outcome, motions.join("; "))
+}
+
+/// A burr in its frames, its pieces in any order.
+fn of_burr(clearance: f64, wanted: &Wanted) -> Outcome<Tally> {
+    const KEY: usize = 1;
+    let sticks = shapes::burr(EDGE, clearance)?;
+    let mut tally = Tally::default();
+    for frame in wanted.frames.clone() {
+        let mut random = SmallRng::seed_from_u64(frame);
+        let place = random_pose(&mut random);
+        let mut order = [0, 1, 2, 3, 4, 5];
+        order.shuffle(&mut random);
+        let part = |stick: &usize| AssemblyPart {
+            name: format!("stick {stick}"),
+            mesh: Arc::new(sticks[*stick].transformed(place.rotation, place.translation)),
+        };
+        let options = DisassemblyOptions {
+            time_limit: wanted.limit,
+            ..DisassemblyOptions::default()
+        };
+        let search = DisassemblySearch::new(order.iter().map(part).collect(), options)?;
+        let found = search.run(&Silent)?;
+        let key = order.iter().position(|stick| *stick == KEY);
+        let right = opens(&found, key, place.rotation * DVec3::X);
+        if !right {
+            let firsts = found.steps.first().map(|step| &step.parts);
+            println!(
+                "burr, frame {frame}: {firsts:?} first, {:?} stay",
+                found.locked
             );
         }
+        tally.right += usize::from(right);
+        tally.seconds.push(found.seconds);
+        tally.looked += found.looked;
+        tally.nodes += found.tries;
+        let deepest = found.steps.iter().map(|step| step.way.deepest().1);
+        let overlap = deepest.fold(tally.overlap.unwrap_or(0.0), f64::max);
+        tally.overlap = Some(overlap);
     }
-    Ok(all)
+    Ok(tally)
 }
 
-fn millimetres(length: f64) -> String {
-    significant(1e3 * length, 2)
-}
-
-/// The pair in its frames.
-fn row(known: &Known, wanted: &Wanted) -> Outcome<Vec<String>> {
-    let mut times = Vec::new();
-    let (mut right, mut looked, mut nodes, mut overlap) = (0, 0, 0, 0f64);
-    for frame in 0..wanted.frames {
-        let (answer, seconds) = find(known, frame, wanted.seconds)?;
-        times.push(seconds);
-        right += u64::from(is_right(known, &answer));
-        looked += answer.effort.looked;
-        nodes += answer.effort.nodes;
-        if known.free {
-            overlap = overlap.max(answer.deepest().1);
-        }
-    }
-    times.sort_by(f64::total_cmp);
-    let frames = wanted.frames as usize;
-    Ok(vec![
-        known.name.clone(),
-        frames.to_string(),
-        right.to_string(),
-        significant(times[frames / 2], 2),
-        significant(times[frames - 1], 2),
-        (looked / frames).to_string(),
-        (nodes / frames).to_string(),
-        if known.free {
-            significant(1e3 * overlap, 2)
-        } else {
-            "-".to_owned()
-        },
-    ])
-}
-
-/// Whether the answer is the known one: a way without overlap, or none after everything was tried.
-fn is_right(known: &Known, answer: &PathAnswer) -> bool {
-    match answer.outcome {
-        Found::Free => known.free && answer.is_free(),
-        Found::Blocked { exhausted, .. } => !known.free && exhausted,
-    }
-}
-
-/// The answer in one frame, and how long it took.
-fn find(known: &Known, frame: u64, limit: f64) -> Outcome<(PathAnswer, f64)> {
-    let ([fixed, moving], goal) = placed(known, frame);
-    let options = PathOptions {
-        time_limit: Duration::from_secs_f64(limit),
-        others: 0.0,
-        ..PathOptions::default()
+/// Whether the key comes first, straight along an axis, and everything else after it.
+fn opens(found: &Disassembly, key: Option<usize>, axis: DVec3) -> bool {
+    let Some(first) = found.steps.first() else {
+        return false;
     };
-    let began = Instant::now();
-    let search = PathSearch::new(Arc::new(fixed), Arc::new(moving), options)?;
-    let answer = search.find(&goal, None, &Silent)?;
-    Ok((answer, began.elapsed().as_secs_f64()))
-}
-
-/// Both parts in a frame, each turned and shifted by itself, and the pose in which they fit.
-fn placed(known: &Known, frame: u64) -> ([TriangleMesh; 2], Pose) {
-    let mut random = SmallRng::seed_from_u64(frame);
-    let mut put = |mesh: &TriangleMesh| {
-        let shift = DVec3::from_array(std::array::from_fn(|_| random.random_range(-0.05..0.05)));
-        let pose = Pose::new(random_rotation(&mut random), shift);
-        (mesh.transformed(pose.rotation, pose.translation), pose)
+    let [motion] = &first.way.motions[..] else {
+        return false;
     };
-    let ((fixed, place), (moving, own)) = (put(&known.parts.0), put(&known.parts.1));
-    ([fixed, moving], place * own.inverse())
+    let straight = motion.turn == 0.0 && DVec3::from_array(motion.axis).dot(axis).abs() > 0.99;
+    let free = found.steps.iter().all(|step| step.way.is_free());
+    first.parts.len() == 1
+        && key == Some(first.parts[0])
+        && straight
+        && free
+        && found.locked.is_empty()
 }
 
 /// A scene for each frame, its first line the pair's name.
-fn write_scenes(known: &Known, frames: u64, folder: &Path) -> Outcome<()> {
+fn write_scenes(known: &KnownPair, frames: &Range<u64>, folder: &Path) -> Outcome<()> {
     let plain = |c: char| {
         if c.is_alphanumeric() || c == '.' {
             c
@@ -237,13 +250,14 @@ fn write_scenes(known: &Known, frames: u64, folder: &Path) -> Outcome<()> {
             '-'
         }
     };
-    for frame in 0..frames {
-        let ([fixed, moving], goal) = placed(known, frame);
+    for frame in frames.clone() {
+        let placed = known.placed(frame);
+        let goal = placed.goal;
         let name: String = known.name.chars().map(plain).collect();
         let folder = folder.join(format!("{name}-{frame:02}"));
         std::fs::create_dir_all(&folder)?;
-        mesh_io::write_obj(folder.join("fixed.obj"), &fixed)?;
-        mesh_io::write_obj(folder.join("moving.obj"), &moving)?;
+        mesh_io::write_obj(folder.join("fixed.obj"), &placed.fixed)?;
+        mesh_io::write_obj(folder.join("moving.obj"), &placed.moving)?;
         let text = format!(
             "# {}\nunit = \"m\"\nfixed = \"fixed.obj\"\nmoving = \"moving.obj\"\n[fit]\n\
              position = {:?}\nrotation = {:?}\n",

@@ -81,6 +81,8 @@ pub struct Effort {
     pub nodes: usize,
     /// Poses to which the part was pushed.
     pub looked: usize,
+    /// Places that were come to again and not gone on from: the part had been there.
+    pub passed_over: usize,
     /// Points of both surfaces that distances were taken at.
     pub points: usize,
     /// Of the search, seconds.

@@ -37,7 +37,8 @@ pub enum PathError {
     },
     /// Two parts overlap where they are assembled.
     #[error(
-        "the parts `{}` and `{}` overlap by {:.4} mm, {:.4} mm³ in all, where they are assembled;          {:.4} mm count as contact: allow it, or place them more exactly",
+        "the parts `{}` and `{}` overlap by {:.4} mm, {:.4} mm³ in all, where they are assembled; \
+         {:.4} mm count as contact: allow it, or place them more exactly",
         parts[0], parts[1], 1e3 * depth, 1e9 * volume, 1e3 * tolerance
     )]
     PartsOverlap {
@@ -59,6 +60,12 @@ pub enum PathError {
     Outside {
         /// Between the parts' extents, metres.
         gap: f64,
+    },
+    /// What was explored does not belong to what is asked.
+    #[error("what was explored belongs to another question: {item} differs")]
+    Explored {
+        /// What differs.
+        item: &'static str,
     },
     /// The monitor asked to stop.
     #[error("cancelled")]

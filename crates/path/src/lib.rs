@@ -38,8 +38,10 @@ pub use disassembly::options::DisassemblyOptions;
 pub use disassembly::search::{
     AssemblyPart, Disassembly, DisassemblySearch, DisassemblyStep, LockedParts,
 };
+pub use disassembly::tries::DisassemblyTries;
 pub use error::PathError;
 pub use motion::words::Motion;
 pub use planner::options::{PathOptions, Start};
 pub use planner::plan::PathSearch;
+pub use search::explored::Explored;
 pub use way::climb::Climb;

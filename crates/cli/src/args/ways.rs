@@ -43,6 +43,10 @@ pub struct PathArgs {
     /// Give up after so many seconds of searching
     #[arg(long, default_value_t = 60.0)]
     pub seconds: f64,
+    /// Go on where a search for the same way ended that ran out of time or was stopped: what it has
+    /// explored is read from FILE, and written there if this one is not decided either
+    #[arg(long, value_name = "FILE")]
+    pub resume: Option<PathBuf>,
     /// Go on if the parts overlap at the goal or at the start
     #[arg(long)]
     pub allow_overlap: bool,
@@ -79,6 +83,10 @@ pub struct DisassembleArgs {
     /// Give up on one part or group after so many seconds
     #[arg(long, default_value_t = 60.0)]
     pub seconds: f64,
+    /// Go on where a disassembly of the same parts ended that was stopped or left parts undecided: what
+    /// it has tried is read from FILE, and written there if this one is not decided either
+    #[arg(long, value_name = "FILE")]
+    pub resume: Option<PathBuf>,
     /// Go on if parts overlap where they are assembled
     #[arg(long)]
     pub allow_overlap: bool,

@@ -15,6 +15,7 @@ mod manual;
 mod path;
 mod play;
 mod plot;
+mod resume;
 mod run;
 mod scene;
 mod scenes;

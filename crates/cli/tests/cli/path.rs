@@ -93,6 +93,35 @@ fn a_way_begins_and_ends_where_it_is_asked_to() {
     assert!(rows[0]["energy"].is_nan());
 }
 
+/// What an impatient search has explored, the next one has; once it is decided the file goes.
+#[test]
+fn a_search_that_ran_out_of_time_is_gone_on_with() {
+    let folder = scene_folder("");
+    let ask = |more: &[&str]| {
+        let common = ["path", "scene.toml", "--solids-only", "--json", "-q"];
+        let resume = ["--resume", "explored.json"];
+        let said = succeed(folder.path(), &[&common[..], &resume, more].concat());
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()
+    };
+    let file = folder.path().join("explored.json");
+    assert_eq!(ask(&["--seconds", "1e-6"])["outcome"], "not found");
+    assert!(file.exists());
+    let other = ["path", "scene.toml", "--solids-only", "--tolerance", "1e-4"];
+    let refused = refuse(
+        folder.path(),
+        &[&other[..], &["--resume", "explored.json"]].concat(),
+    );
+    assert!(
+        refused.contains("explored.json") && refused.contains("the tolerance"),
+        "{refused}"
+    );
+    assert_eq!(ask(&[])["outcome"], "free");
+    assert!(!file.exists());
+    std::fs::write(&file, "{\"nodes\": 3}").unwrap();
+    let resume = ["path", "scene.toml", "--resume", "explored.json"];
+    assert!(refuse(folder.path(), &resume).contains("explored.json"));
+}
+
 #[test]
 fn questions_without_an_answer_are_refused_by_name() {
     let folder = scene_folder("");

@@ -10,6 +10,17 @@ const MOST: usize = 8;
 /// How much a correction is kept short, as a share of the stiffness of all contacts.
 const DAMPING: f64 = 1e-6;
 
+/// Two corrections that gain less than this share of what is missing show that no more will.
+const STALLED: f64 = 0.1;
+
+/// How far corrections may lead.
+struct Within {
+    /// From here,
+    origin: Pose,
+    /// so many times three, metres; no farther at once than this.
+    reach: f64,
+}
+
 /// How much overlap counts as none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limits {
@@ -42,28 +53,36 @@ impl Gaps {
     ) -> Option<Pose> {
         // Room on all sides if there is; where it is almost too narrow, none.
         let aim = |room: f64| room * limits.tolerance - limits.level;
-        match self.opened(pose, limits, aim(3.0), reach, contacts) {
+        let within = Within {
+            origin: *pose,
+            reach,
+        };
+        match self.opened(pose, limits, aim(3.0), &within, contacts) {
             Ok(found) => Some(found),
-            Err(least) if least < aim(-4.0) => None,
-            Err(_) => self.opened(pose, limits, aim(1.0), reach, contacts).ok(),
+            Err((least, _)) if least < aim(-4.0) => None,
+            Err((_, best)) => {
+                let found = self.opened(&best, limits, aim(1.0), &within, contacts);
+                found.ok()
+            }
         }
     }
 
-    /// The pose with distances of `aim`, or at least within the limits; else the least distance that
-    /// was come to.
+    /// The pose next to `pose` with distances of `aim`, or at least within the limits; else the least
+    /// distance that was come to, and where.
     fn opened(
         &self,
         pose: &Pose,
         limits: &Limits,
         aim: f64,
-        reach: f64,
+        within: &Within,
         contacts: &mut Vec<Contact>,
-    ) -> Result<Pose, f64> {
-        let depth = limits.depth(reach);
-        let (mut at, mut best) = (*pose, (f64::NEG_INFINITY, *pose));
+    ) -> Result<Pose, (f64, Pose)> {
+        let depth = limits.depth(within.reach);
+        let (mut at, mut best, mut stalls) = (*pose, (f64::NEG_INFINITY, *pose), 0);
         for _ in 0..MOST {
             let least = self.near(&at, aim, depth, contacts);
             let (gain, done) = (least - best.0, best.0 >= -limits.level);
+            let missing = -limits.level - best.0;
             if gain > 0.0 {
                 best = (least, at);
             }
@@ -71,19 +90,28 @@ impl Gaps {
             if enough || (done && gain < 0.2 * limits.tolerance) {
                 break;
             }
+            // Where two walls push against each other nothing is gained.
+            stalls = if gain < STALLED * missing {
+                stalls + 1
+            } else {
+                0
+            };
+            if stalls > 1 {
+                break;
+            }
             let Some(correction) = opening(contacts, aim) else {
                 break;
             };
             let size = length(&correction);
-            let correction = scaled(&correction, (reach / size).min(1.0));
+            let correction = scaled(&correction, (within.reach / size).min(1.0));
             at = self.frame.moved(&at, &correction);
-            if self.frame.apart(pose, &at) > 3.0 * reach {
+            if self.frame.apart(&within.origin, &at) > 3.0 * within.reach {
                 break;
             }
         }
         match best.0 >= -limits.level {
             true => Ok(best.1),
-            false => Err(best.0),
+            false => Err(best),
         }
     }
 }

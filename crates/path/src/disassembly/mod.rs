@@ -3,3 +3,4 @@
 mod groups;
 pub(crate) mod options;
 pub(crate) mod search;
+pub(crate) mod tries;

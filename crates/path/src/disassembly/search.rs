@@ -12,6 +12,7 @@ use crate::contact::gaps::Gaps;
 use crate::contact::solid::Solid;
 use crate::disassembly::groups::groups;
 use crate::disassembly::options::DisassemblyOptions;
+use crate::disassembly::tries::DisassemblyTries;
 use crate::error::PathError;
 use crate::planner::plan::{POINTS, PathSearch, TOLERANCE};
 
@@ -69,6 +70,13 @@ pub struct LockedParts {
     pub exhausted: bool,
 }
 
+/// A disassembly that has begun.
+struct Progress<'a> {
+    found: Disassembly,
+    tried: &'a mut DisassemblyTries,
+    monitor: &'a dyn Monitor,
+}
+
 /// Parts with what distances need.
 pub struct DisassemblySearch {
     parts: Vec<(String, Arc<Solid>)>,
@@ -111,41 +119,58 @@ impl DisassemblySearch {
     /// # Errors
     /// If the monitor cancels.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<Disassembly, PathError> {
+        self.run_from(&mut DisassemblyTries::default(), monitor)
+    }
+
+    /// The same, going on from what an earlier disassembly has tried before it was stopped or gave up;
+    /// what this one tries is added, also if it is stopped.
+    ///
+    /// # Errors
+    /// As [`Self::run`], and if what was tried belongs to another assembly.
+    pub fn run_from(
+        &self,
+        tried: &mut DisassemblyTries,
+        monitor: &dyn Monitor,
+    ) -> Result<Disassembly, PathError> {
         let began = Instant::now();
-        let mut found = Disassembly {
-            steps: Vec::new(),
-            locked: Vec::new(),
-            tries: 0,
-            looked: 0,
-            seconds: 0.0,
+        tried.of(self.parts.iter().map(|p| &*p.1), &self.options)?;
+        let mut progress = Progress {
+            found: Disassembly {
+                steps: Vec::new(),
+                locked: Vec::new(),
+                tries: 0,
+                looked: 0,
+                seconds: 0.0,
+            },
+            tried,
+            monitor,
         };
         let mut together = vec![(0..self.parts.len()).collect::<Vec<usize>>()];
         while let Some(set) = together.pop() {
             if set.len() < 2 {
                 continue;
             }
-            match self.first_off(&set, &mut found, monitor)? {
+            match self.first_off(&set, &mut progress)? {
                 Ok(step) => {
                     together.push(step.parts.clone());
                     together.push(step.rest.clone());
-                    found.steps.push(step);
+                    progress.found.steps.push(step);
                 }
-                Err(exhausted) => found.locked.push(LockedParts {
+                Err(exhausted) => progress.found.locked.push(LockedParts {
                     parts: set,
                     exhausted,
                 }),
             }
         }
-        found.seconds = began.elapsed().as_secs_f64();
-        Ok(found)
+        progress.found.seconds = began.elapsed().as_secs_f64();
+        Ok(progress.found)
     }
 
     /// What comes off a set first; else whether every division of it was tried everywhere.
     fn first_off(
         &self,
         set: &[usize],
-        found: &mut Disassembly,
-        monitor: &dyn Monitor,
+        progress: &mut Progress<'_>,
     ) -> Result<Result<DisassemblyStep, bool>, PathError> {
         let largest = (set.len() / 2).min(self.options.largest_group);
         let mut exhausted = largest == set.len() / 2;
@@ -158,7 +183,7 @@ impl DisassemblySearch {
             for share in [FIRST_ROUND, 1.0] {
                 let mut unsure = Vec::new();
                 for group in open {
-                    match self.off(set, &group, share, found, monitor)? {
+                    match self.off(set, &group, share, progress)? {
                         Ok(step) => return Ok(Ok(step)),
                         Err(true) => {}
                         Err(false) => unsure.push(group),
@@ -178,17 +203,19 @@ impl DisassemblySearch {
         set: &[usize],
         group: &[usize],
         share: f64,
-        found: &mut Disassembly,
-        monitor: &dyn Monitor,
+        progress: &mut Progress<'_>,
     ) -> Result<Result<DisassemblyStep, bool>, PathError> {
         let rest: Vec<usize> = set.iter().copied().filter(|p| !group.contains(p)).collect();
         let limit = self.options.time_limit.mul_f64(share);
+        if let Some(exhausted) = progress.tried.known(group, &rest, limit) {
+            return Ok(Err(exhausted));
+        }
         let options = self.options.of_a_way(limit);
         let search = PathSearch::between(self.body(&rest), self.body(group), options)?;
         let names: Vec<&str> = group.iter().map(|p| self.parts[*p].0.as_str()).collect();
-        let out = search.out(&names.join(" + "), monitor)?;
-        found.tries += 1;
-        found.looked += out.looked;
+        let out = search.out(&names.join(" + "), progress.monitor)?;
+        progress.found.tries += 1;
+        progress.found.looked += out.looked;
         tracing::debug!(?group, out = out.way.is_some(), out.exhausted, "tried");
         Ok(match out.way {
             Some(way) => Ok(DisassemblyStep {
@@ -196,7 +223,10 @@ impl DisassemblySearch {
                 rest,
                 way,
             }),
-            None => Err(out.exhausted),
+            None => {
+                progress.tried.add(group, &rest, limit, out.exhausted);
+                Err(out.exhausted)
+            }
         })
     }
 

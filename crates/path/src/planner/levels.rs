@@ -8,6 +8,7 @@ use crate::answer::Outcome;
 use crate::contact::gaps::Gaps;
 use crate::contact::settle::Limits;
 use crate::search::escape::Escape;
+use crate::search::explored::Explored;
 use crate::search::grow::{Grown, Growth, Way};
 use crate::search::same::Shape;
 
@@ -43,27 +44,35 @@ pub(crate) struct Opened {
     pub(crate) ways: Vec<Way>,
     pub(crate) nodes: usize,
     pub(crate) looked: usize,
+    pub(crate) passed_over: usize,
 }
 
 impl Levels<'_> {
-    /// Ways from a pose to the outside at one level, and whether everything was tried there.
-    pub(crate) fn out_at(&self, pose: &Pose, level: f64) -> (Opened, bool) {
-        let grown = self.at(pose, level, self.time_limit);
+    /// Ways from a pose to the outside at one level, and whether everything was tried there; goes on
+    /// from what has been explored.
+    pub(crate) fn out_at(
+        &self,
+        pose: &Pose,
+        level: f64,
+        explored: &mut Explored,
+    ) -> (Opened, bool) {
+        let (grown, nodes) = self.at(pose, level, self.time_limit, explored);
         let opened = Opened {
             outcome: Outcome::Free,
             level,
-            nodes: grown.nodes,
+            nodes,
             looked: grown.looked,
+            passed_over: grown.passed_over,
             ways: grown.ways,
         };
         (opened, grown.exhausted)
     }
 
     /// Ways from a pose to the outside at the lowest level at which one is found, `lowest` being the
-    /// first one tried.
-    pub(crate) fn out_of(&self, pose: &Pose, lowest: f64) -> Opened {
+    /// first one tried; that one goes on from what has been explored.
+    pub(crate) fn out_of(&self, pose: &Pose, lowest: f64, explored: &mut Explored) -> Opened {
         let began = Instant::now();
-        let (mut opened, exhausted) = self.out_at(pose, lowest);
+        let (mut opened, exhausted) = self.out_at(pose, lowest, explored);
         if !opened.ways.is_empty() || (self.stop)() {
             return opened;
         }
@@ -98,23 +107,34 @@ impl Levels<'_> {
 
     /// Whether a way is found at a level; it replaces the ways found before.
     fn tried(&self, pose: &Pose, level: f64, limit: Duration, opened: &mut Opened) -> bool {
-        let grown = self.at(pose, level, limit);
-        opened.nodes += grown.nodes;
+        let (grown, nodes) = self.at(pose, level, limit, &mut Explored::default());
+        opened.nodes += nodes;
         opened.looked += grown.looked;
+        opened.passed_over += grown.passed_over;
         let found = !grown.ways.is_empty();
         if found {
             opened.ways = grown.ways;
             opened.level = level;
         }
-        let nodes = grown.nodes;
         tracing::debug!(level, found, nodes, "overlap allowed");
         found
     }
 
-    fn at(&self, pose: &Pose, level: f64, limit: Duration) -> Grown {
+    /// One pass after the other; also how many nodes there are in all.
+    fn at(
+        &self,
+        pose: &Pose,
+        level: f64,
+        limit: Duration,
+        explored: &mut Explored,
+    ) -> (Grown, usize) {
         let deadline = Instant::now() + limit;
-        let mut all = Grown::default();
-        for within in WITHIN {
+        let mut all = Grown {
+            exhausted: true,
+            ..Grown::default()
+        };
+        let mut nodes = 0;
+        for within in WITHIN.into_iter().skip(explored.passes) {
             let growth = Growth {
                 gaps: self.gaps,
                 escape: self.escape,
@@ -130,16 +150,20 @@ impl Levels<'_> {
                 stop: self.stop,
                 gained: self.gained,
             };
-            let grown = growth.run(pose);
-            tracing::debug!(within, grown.nodes, grown.looked, grown.exhausted, "grown");
-            all.nodes += grown.nodes;
+            let grown = growth.run(pose, &mut explored.nodes);
+            let reached = explored.nodes.len();
+            tracing::debug!(within, reached, grown.looked, grown.exhausted, "grown");
+            nodes += reached;
             all.looked += grown.looked;
+            all.passed_over += grown.passed_over;
             all.ways = grown.ways;
             all.exhausted = grown.exhausted;
             if !all.ways.is_empty() || !all.exhausted {
                 break;
             }
+            explored.passes += 1;
+            explored.nodes.clear();
         }
-        all
+        (all, nodes)
     }
 }

@@ -17,6 +17,7 @@ use crate::planner::finish::{Finish, Finished, WORTH};
 use crate::planner::levels::{Levels, Opened};
 use crate::planner::options::{PathOptions, Start};
 use crate::search::escape::Escape;
+use crate::search::explored::Explored;
 use crate::search::grow::Way;
 use crate::search::same::Shape;
 use crate::way::connect::{leave, round_outside};
@@ -123,6 +124,21 @@ impl PathSearch {
         source: Option<&dyn EnergySource>,
         monitor: &dyn Monitor,
     ) -> Result<PathAnswer, PathError> {
+        self.find_from(goal, source, &mut Explored::default(), monitor)
+    }
+
+    /// The same, going on from what an earlier search for the same way has explored before its time ran
+    /// out or it was stopped; what this one explores is added, also if it is stopped.
+    ///
+    /// # Errors
+    /// As [`Self::find`], and if what was explored belongs to another question.
+    pub fn find_from(
+        &self,
+        goal: &Pose,
+        source: Option<&dyn EnergySource>,
+        explored: &mut Explored,
+        monitor: &dyn Monitor,
+    ) -> Result<PathAnswer, PathError> {
         let stop = || monitor.cancelled();
         let mut lowest = self.level_at("goal", goal)?;
         let exit = self.escape.exit(&self.gaps, goal);
@@ -138,7 +154,8 @@ impl PathSearch {
         let gained = |share: f64| told.tell(share);
         let began = Instant::now();
         let levels = self.levels(&stop, &gained);
-        let mut opened = levels.out_of(goal, lowest);
+        explored.ask([&self.gaps.fixed, &self.gaps.moving], goal, lowest)?;
+        let mut opened = levels.out_of(goal, lowest, explored);
         let mut outwards = self.left(&opened);
         if let (Start::Pose(start), Some(_)) = (&self.options.start, outwards.first()) {
             let there = self.joined(&levels, start, &mut opened, &outwards[0]);
@@ -172,7 +189,7 @@ impl PathSearch {
         let lowest = self.level_at("goal", &Pose::IDENTITY)?;
         let began = Instant::now();
         let levels = self.levels(&stop, &gained);
-        let (opened, exhausted) = levels.out_at(&Pose::IDENTITY, lowest);
+        let (opened, exhausted) = levels.out_at(&Pose::IDENTITY, lowest, &mut Explored::default());
         let search_seconds = began.elapsed().as_secs_f64();
         let outwards = self.left(&opened);
         let began = Instant::now();
@@ -195,6 +212,7 @@ impl PathSearch {
         Effort {
             nodes: opened.nodes,
             looked: opened.looked,
+            passed_over: opened.passed_over,
             points: self.gaps.points(),
             search_seconds,
             finish_seconds: finishing_since.elapsed().as_secs_f64(),
@@ -263,9 +281,10 @@ impl PathSearch {
         let back = if exit.distance < 0.0 {
             vec![*start]
         } else {
-            let other = levels.out_of(start, opened.level);
+            let other = levels.out_of(start, opened.level, &mut Explored::default());
             opened.nodes += other.nodes;
             opened.looked += other.looked;
+            opened.passed_over += other.passed_over;
             if other.outcome != Outcome::Free {
                 opened.outcome = other.outcome;
                 opened.level = other.level;

@@ -10,6 +10,7 @@ use crate::contact::settle::Limits;
 use crate::motion::six::Vec6;
 use crate::search::directions::candidates;
 use crate::search::escape::{Escape, Exit};
+use crate::search::node::Node;
 use crate::search::same::Shape;
 use crate::search::slide::{Slide, Slides, Until};
 
@@ -26,31 +27,15 @@ const HANDICAP: f64 = 0.15;
 /// Poses along a slide from which other ways are tried, too, lie this share of the radius apart.
 const BRANCHES: f64 = 0.5;
 
-/// A pose that has been reached, and how.
-#[derive(Debug, Clone)]
-struct Node {
-    pose: Pose,
-    /// The node that it was reached from, and the poses between.
-    from: Option<(usize, Vec<Pose>)>,
-    last: Option<Vec6>,
-    /// How far it is from being out, metres.
-    exit: f64,
-    /// How far it falls behind others, metres.
-    handicap: f64,
-    /// Motions to try, found when they are first needed.
-    motions: Option<Vec<Vec6>>,
-    tried: usize,
-}
-
 /// What a search has found.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Grown {
     /// Ways from the first pose to outside, the first one found first.
     pub(crate) ways: Vec<Way>,
-    /// Poses that others were tried from.
-    pub(crate) nodes: usize,
     /// Poses at which distances were looked at.
     pub(crate) looked: usize,
+    /// Places that slides came to where the part had been.
+    pub(crate) passed_over: usize,
     /// Whether nothing was left to try.
     pub(crate) exhausted: bool,
 }
@@ -87,8 +72,9 @@ const OTHER: f64 = 0.7;
 const WAYS: usize = 3;
 
 impl Growth<'_> {
-    /// Best first: the pose that is closest to being out tries its next directions.
-    pub(crate) fn run(&self, start: &Pose) -> Grown {
+    /// Best first: the pose that is closest to being out tries its next directions. `nodes` are those
+    /// of a search that goes on; if there are none it begins at `start`.
+    pub(crate) fn run(&self, start: &Pose, nodes: &mut Vec<Node>) -> Grown {
         let began = Instant::now();
         let slides = Slides {
             gaps: self.gaps,
@@ -97,19 +83,22 @@ impl Growth<'_> {
             limits: self.limits,
             step: self.step,
         };
-        let mut nodes = vec![self.node(*start, None, None)];
+        if nodes.is_empty() {
+            nodes.push(self.node(*start, None, None));
+        }
         let mut grown = Grown::default();
         let mut deadline = self.deadline;
         while !(self.stop)() && Instant::now() < deadline {
-            let Some(chosen) = self.next(&nodes) else {
+            let Some(chosen) = self.next(nodes) else {
                 grown.exhausted = true;
                 break;
             };
+            let tried = nodes[chosen].tried;
             let (batch, longest) = self.batch(&mut nodes[chosen]);
             let pose = nodes[chosen].pose;
             let stop = || (self.stop)() || Instant::now() > deadline;
             // A slide goes on until it is where one has been: in a thread it has to go far.
-            let known = |pose: &Pose| self.known(&nodes, pose, self.step);
+            let known = |pose: &Pose| self.known(nodes, pose, self.step);
             let until = Until {
                 longest,
                 known: &known,
@@ -119,9 +108,10 @@ impl Growth<'_> {
                 .par_iter()
                 .map(|motion| slides.slide(&pose, motion, &until))
                 .collect();
+            let cut_short = stop();
             for slide in found {
                 grown.looked += slide.looked;
-                if let Some(way) = self.take(&mut nodes, chosen, slide) {
+                if let Some(way) = self.take(nodes, chosen, slide, &mut grown.passed_over) {
                     if grown.ways.is_empty() {
                         deadline =
                             deadline.min(Instant::now() + began.elapsed().mul_f64(self.others));
@@ -132,13 +122,16 @@ impl Growth<'_> {
                     }
                 }
             }
+            if cut_short {
+                // A search that goes on begins these slides again.
+                nodes[chosen].tried = tried;
+            }
             let least = nodes.iter().map(|n| n.exit).fold(f64::INFINITY, f64::min);
             (self.gained)(1.0 - least / nodes[0].exit);
             if grown.ways.len() >= WAYS {
                 break;
             }
         }
-        grown.nodes = nodes.len();
         grown
     }
 
@@ -148,7 +141,6 @@ impl Growth<'_> {
             from,
             last,
             exit: self.escape.exit(self.gaps, &pose).distance,
-            handicap: 0.0,
             motions: None,
             tried: 0,
         }
@@ -161,7 +153,7 @@ impl Growth<'_> {
             .iter()
             .enumerate()
             .filter(|(_, n)| n.motions.as_ref().is_none_or(|m| n.tried < m.len()));
-        let rank = |n: &Node| n.exit + n.handicap + HANDICAP * radius * (n.tried / BATCH) as f64;
+        let rank = |n: &Node| n.exit + HANDICAP * radius * (n.tried / BATCH) as f64;
         open.min_by(|a, b| rank(a.1).total_cmp(&rank(b.1)))
             .map(|(i, _)| i)
     }
@@ -194,7 +186,13 @@ impl Growth<'_> {
     }
 
     /// Adds what a slide has reached; the way if it has reached the outside.
-    fn take(&self, nodes: &mut Vec<Node>, from: usize, slide: Slide) -> Option<Way> {
+    fn take(
+        &self,
+        nodes: &mut Vec<Node>,
+        from: usize,
+        slide: Slide,
+        passed_over: &mut usize,
+    ) -> Option<Way> {
         let end = *slide.poses.last()?;
         if slide.outside {
             let mut poses = chain(nodes, from);
@@ -211,7 +209,11 @@ impl Growth<'_> {
             between.push(pose);
             let last = i + 1 == count;
             let far = self.gaps.frame.apart(&nodes[parent].pose, &pose) > apart;
-            if !(last || far) || self.known(nodes, &pose, self.within) {
+            if !(last || far) {
+                continue;
+            }
+            if self.known(nodes, &pose, self.within) {
+                *passed_over += 1;
                 continue;
             }
             let motion = if last { slide.last } else { None };

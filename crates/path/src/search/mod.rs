@@ -2,6 +2,8 @@
 
 pub(crate) mod directions;
 pub(crate) mod escape;
+pub(crate) mod explored;
 pub(crate) mod grow;
+pub(crate) mod node;
 pub(crate) mod same;
 pub(crate) mod slide;

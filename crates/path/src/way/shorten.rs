@@ -9,6 +9,9 @@ use crate::contact::gaps::Gaps;
 /// Two poses are joined by the turn of least angle: up to this one, radians, it is the one meant.
 const WIDEST_TURN: f64 = 2.9;
 
+/// How many poses on a first shortcut is tried.
+const FIRST_STRIDE: usize = 4;
+
 /// Poses that are looked at together.
 const TOGETHER: usize = 16;
 
@@ -24,12 +27,15 @@ pub(crate) struct Shortcuts<'a> {
 
 impl Shortcuts<'_> {
     /// The first and last pose, and of those between as few as lead from one to the next by screw
-    /// motions within the limits.
+    /// motions within the limits, or nearly: up to an eighth of each motion is given away.
     pub(crate) fn shorten(&self, poses: &[Pose]) -> Vec<Pose> {
         let mut kept = vec![poses[0]];
-        let mut at = 0;
+        let (mut at, mut stride) = (0, FIRST_STRIDE);
         while at + 1 < poses.len() {
-            at = self.farthest(poses, at);
+            let to = self.farthest(poses, at, stride);
+            // A screw goes on about as far as it went.
+            stride = (to - at).max(2);
+            at = to;
             kept.push(poses[at]);
         }
         kept
@@ -79,27 +85,30 @@ impl Shortcuts<'_> {
         outwards
     }
 
-    /// The last pose found that can be reached directly: by doubling, then halving.
-    fn farthest(&self, poses: &[Pose], from: usize) -> usize {
+    /// A pose far on that can be reached directly: from `stride` poses on by doubling as long as it goes,
+    /// or by halving until it does, then between the last that went and the first that did not.
+    fn farthest(&self, poses: &[Pose], from: usize, stride: usize) -> usize {
         let last = poses.len() - 1;
         let reached = |to: usize| self.joins(&poses[from], &poses[to]);
-        let (mut good, mut stride) = (from + 1, 2);
-        let mut bad = last + 1;
-        while from + stride <= last && !(self.stop)() {
-            if !reached(from + stride) {
-                bad = from + stride;
-                break;
+        let (mut good, mut bad, mut stride) = (from + 1, last + 1, stride);
+        while good < last && !(self.stop)() {
+            let to = (from + stride).min(last);
+            if to > good && reached(to) {
+                good = to;
+                if bad <= last {
+                    break;
+                }
+                stride *= 2;
+            } else {
+                bad = to.max(good + 1);
+                if good > from + 1 || stride <= 2 {
+                    break;
+                }
+                stride = (stride / 2).max(2);
             }
-            good = from + stride;
-            stride *= 2;
         }
-        if bad > last && good < last {
-            if reached(last) {
-                return last;
-            }
-            bad = last;
-        }
-        while bad - good > 1 && bad <= last && !(self.stop)() {
+        // What is left to gain is not worth as many looks as have been.
+        while bad - good > 1 + (good - from) / 8 && bad <= last && !(self.stop)() {
             let middle = (good + bad) / 2;
             if reached(middle) {
                 good = middle;

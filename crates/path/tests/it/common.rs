@@ -72,7 +72,7 @@ impl Placed {
 
     /// By winding numbers at random points: nothing lies deep in both solids at any pose; steps are
     /// equal and no longer than said, from outside to the goal.
-    fn check(&self, answer: &PathAnswer) {
+    pub(crate) fn check(&self, answer: &PathAnswer) {
         let (fixed, moving) = (Bvh::build(&self.fixed), Bvh::build(&self.moving));
         let mut random = SmallRng::seed_from_u64(7);
         let bounds = self.moving.bounds();

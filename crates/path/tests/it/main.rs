@@ -4,3 +4,4 @@ mod common;
 mod known;
 mod order;
 mod refused;
+mod resume;

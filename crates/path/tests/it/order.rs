@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
-use pegfit_path::{AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, PathError};
+use pegfit_path::{
+    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyTries, PathError,
+};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
 use sdf_grid::{Bvh, Monitor, Silent, TriangleMesh, shapes};
@@ -150,6 +152,47 @@ fn a_spool_does_not_leave_its_hole() {
     assert_eq!(found.locked.len(), 1);
     assert_eq!(found.locked[0].parts, [0, 1]);
     assert!(found.locked[0].exhausted);
+}
+
+/// What was tried in vain is not tried again, unless with more time; what comes off is.
+#[test]
+fn a_disassembly_goes_on_where_it_ended() {
+    let box_beside = block(&cells([5, 5, 5], [7, 7, 7], &[]), 1e-4);
+    let with_box = [spool_in_plate(1e-4), vec![("box", box_beside)]].concat();
+    let (parts, _) = placed(with_box, 7);
+    let search = |seconds: f64| {
+        let options = DisassemblyOptions {
+            time_limit: Duration::from_secs_f64(seconds),
+            ..DisassemblyOptions::default()
+        };
+        DisassemblySearch::new(parts.clone(), options).unwrap()
+    };
+    let mut tried = DisassemblyTries::default();
+    let run = |seconds: f64, tried: &mut DisassemblyTries| {
+        let found = search(seconds).run_from(tried, &Silent).unwrap();
+        *tried = serde_json::from_str(&serde_json::to_string(tried).unwrap()).unwrap();
+        found
+    };
+    // No time for anything: each part in both rounds, then none of them again.
+    let hasty = run(1e-6, &mut tried);
+    assert_eq!((hasty.tries, hasty.steps.len(), tried.count()), (6, 0, 6));
+    assert!(!hasty.locked[0].exhausted);
+    assert_eq!(run(1e-6, &mut tried).tries, 0);
+    let patient = run(300.0, &mut tried);
+    assert!(patient.tries > 1);
+    let again = run(300.0, &mut tried);
+    assert_eq!(again.tries, 1);
+    for found in [patient, again] {
+        assert_eq!(found.steps.len(), 1);
+        assert_eq!(found.steps[0].parts, [2]);
+        assert_eq!(found.locked[0].parts, [0, 1]);
+        assert!(found.locked[0].exhausted);
+    }
+    let mut others = parts.clone();
+    others.swap(0, 1);
+    let others = DisassemblySearch::new(others, options()).unwrap();
+    let refused = others.run_from(&mut tried, &Silent);
+    assert!(matches!(refused, Err(PathError::Explored { .. })));
 }
 
 /// Only the key can be taken first. It is tried last.

@@ -5,6 +5,7 @@ use std::path::Path;
 use fft_correlate::Placement;
 use pegfit_path::{
     AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep,
+    DisassemblyTries,
 };
 use pegfit_scene::{PlacedParts, Scene};
 use sdf_grid::{TriangleMesh, atomic};
@@ -12,7 +13,7 @@ use sdf_grid::{TriangleMesh, atomic};
 use super::summary::{Order, say, told};
 use crate::args::DisassembleArgs;
 use crate::commands::path::question::time_limit;
-use crate::commands::scenes;
+use crate::commands::{resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
@@ -23,10 +24,14 @@ use crate::report::way::rows;
 const LONGEST_NAME: usize = 60;
 
 pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), CommandError> {
-    for output in [&args.output, &args.html].into_iter().flatten() {
+    for output in [&args.output, &args.html, &args.resume]
+        .into_iter()
+        .flatten()
+    {
         require_folder(output)?;
     }
     let time_limit = time_limit(args.seconds)?;
+    let mut tried: DisassemblyTries = resume::read(args.resume.as_deref())?;
     let scene = Scene::read(&args.scene)?;
     let placed = PlacedParts::read(&scene)?;
     scenes::tell(&placed.warnings, context);
@@ -44,9 +49,10 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
     };
     let names: Vec<&str> = placed.parts.iter().map(|p| p.0.as_str()).collect();
     let search = DisassemblySearch::new(placed.parts.iter().map(named).collect(), options)?;
-    let found = search.run(&context.progress);
+    let found = search.run_from(&mut tried, &context.progress);
     context.progress.finish();
-    let found = found?;
+    let decided = |found: &Disassembly| found.locked.iter().all(|locked| locked.exhausted);
+    let found = resume::after(args.resume.as_deref(), found, decided, &tried)?;
     let files: Option<Vec<String>> = args.output.as_ref().map(|_| {
         let numbered = found.steps.iter().enumerate();
         numbered.map(|(i, s)| file_name(i, s, &names)).collect()

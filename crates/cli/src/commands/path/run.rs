@@ -4,13 +4,13 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource};
-use pegfit_path::PathSearch;
+use pegfit_path::{Explored, Outcome, PathAnswer, PathSearch};
 use pegfit_scene::SceneSetup;
 use sdf_grid::atomic;
 
 use super::question::{Goal, options, time_limit};
 use crate::args::PathArgs;
-use crate::commands::scenes;
+use crate::commands::{resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
@@ -19,7 +19,7 @@ use crate::report::way::summary::say;
 
 pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
     let to_stdout = args.output.as_deref() == Some(Path::new("-"));
-    let files = [&args.output, &args.png, &args.html];
+    let files = [&args.output, &args.png, &args.html, &args.resume];
     for file in files
         .into_iter()
         .flatten()
@@ -29,6 +29,7 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
     }
     let goal = Goal::parse(&args.to)?;
     time_limit(args.seconds)?;
+    let mut explored: Explored = resume::read(args.resume.as_deref())?;
     let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
     let options = options(args, &setup)?;
@@ -40,10 +41,11 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
         false => energies(&setup, context).map(|(e, s)| (Some(e), Some(s)))?,
     };
     let asked = source.as_ref().map(|s| s as &dyn EnergySource);
-    let found = search.find(&goal, asked, &context.progress);
+    let found = search.find_from(&goal, asked, &mut explored, &context.progress);
     context.progress.finish();
+    let found = resume::after(args.resume.as_deref(), found, is_decided, &explored)?;
     let way = WayReport {
-        answer: found?,
+        answer: found,
         name: setup.scene.moving.name.clone(),
         fixed: parts.fixed.clone(),
         moving: parts.moving.clone(),
@@ -59,6 +61,14 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
         Ok(())
     } else {
         Ok(())
+    }
+}
+
+/// Whether a search need not go on.
+fn is_decided(answer: &PathAnswer) -> bool {
+    match answer.outcome {
+        Outcome::Free => true,
+        Outcome::Blocked { exhausted, .. } => exhausted,
     }
 }
 

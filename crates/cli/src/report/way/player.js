@@ -26,6 +26,16 @@ function flat(surface) {
   return new Float32Array(out);
 }
 
+function turned([x, y, z, w], v) {
+  const cross = (a, b) => [0, 1, 2].map((k) => {
+    const [i, j] = [(k + 1) % 3, (k + 2) % 3];
+    return a[i] * b[j] - a[j] * b[i];
+  });
+  const q = [x, y, z];
+  const inner = cross(q, v).map((c, k) => c + w * v[k]);
+  return cross(q, inner).map((c, k) => v[k] + 2 * c);
+}
+
 function extent(surfaces) {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
@@ -71,8 +81,18 @@ const shown = data.acts.length ? data.acts[0].staying : data.parts.map((_, part)
 const box = extent(shown.map((part) => data.parts[part]));
 const middle = [0, 1, 2].map((k) => 0.5 * (box[0][k] + box[1][k]));
 const size = Math.hypot(...[0, 1, 2].map((k) => box[1][k] - box[0][k]));
-const reach = frames.reduce((r, f) => Math.max(r, Math.hypot(...f.pose.pose.slice(0, 3))), 0);
-let zoom = 1 / (size + 2 * reach);
+let reach = 0.5 * size;
+for (const act of data.acts) {
+  // What moves lies in a ball about the middle of its box.
+  const [low, high] = extent(act.moving.map((part) => data.parts[part]));
+  const own = low.map((x, k) => 0.5 * (x + high[k]));
+  const radius = 0.5 * Math.hypot(...low.map((x, k) => high[k] - x));
+  for (const { pose } of act.poses) {
+    const there = turned(pose.slice(3), own).map((x, k) => x + pose[k] - middle[k]);
+    reach = Math.max(reach, Math.hypot(...there) + radius);
+  }
+}
+let zoom = 0.48 / reach;
 let [yaw, pitch] = [0.7, -1.0];
 
 if (gl) {

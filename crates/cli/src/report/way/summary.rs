@@ -60,6 +60,7 @@ struct Other {
 struct Seen {
     nodes: usize,
     poses_looked_at: usize,
+    places_passed_over: usize,
     surface_points: usize,
     step: f64,
     search_seconds: f64,
@@ -168,6 +169,7 @@ impl Seen {
         Self {
             nodes: effort.nodes,
             poses_looked_at: effort.looked,
+            places_passed_over: effort.passed_over,
             surface_points: effort.points,
             step: effort.step,
             search_seconds: effort.search_seconds,
@@ -244,9 +246,11 @@ fn say_outcome(answer: &PathAnswer, unit: LengthUnit) {
     let metre = unit.in_metres();
     let effort = &answer.effort;
     let looked = format!(
-        "{} poses looked at from {} nodes, {} points on both surfaces, steps of {:.4} {unit}, {:.1} s",
+        "{} poses looked at from {} nodes, {} places passed over where it had been, {} points on both \
+         surfaces, steps of {:.4} {unit}, {:.1} s",
         effort.looked,
         effort.nodes,
+        effort.passed_over,
         effort.points,
         effort.step / metre,
         effort.search_seconds

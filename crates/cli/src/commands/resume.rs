@@ -1,0 +1,70 @@
+//! What a search has tried, in a file from which the next one goes on.
+
+use std::path::Path;
+
+use pegfit_path::PathError;
+use sdf_grid::atomic;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::error::CommandError;
+
+/// What a file holds; nothing if none is asked for or it is not there yet.
+pub(super) fn read<T: Default + DeserializeOwned>(file: Option<&Path>) -> Result<T, CommandError> {
+    let Some(file) = file.filter(|file| file.exists()) else {
+        return Ok(T::default());
+    };
+    let text = std::fs::read_to_string(file).map_err(|source| CommandError::Io {
+        action: "read",
+        path: file.to_owned(),
+        source,
+    })?;
+    serde_json::from_str(&text).map_err(|e| refused(file, "what a search has tried", e))
+}
+
+/// Writes what was tried if a search was stopped or is not decided, and removes the file if it is; what
+/// the search has found.
+pub(super) fn after<T: Serialize, A>(
+    file: Option<&Path>,
+    found: Result<A, PathError>,
+    decided: impl Fn(&A) -> bool,
+    tried: &T,
+) -> Result<A, CommandError> {
+    let Some(file) = file else {
+        return Ok(found?);
+    };
+    match &found {
+        Err(PathError::Explored { item }) => {
+            let expected = "what was tried for the same question";
+            return Err(refused(file, expected, format!("{item} differs")));
+        }
+        Err(PathError::Cancelled) => write(file, tried)?,
+        Ok(answer) if !decided(answer) => write(file, tried)?,
+        Ok(_) if file.exists() => {
+            std::fs::remove_file(file).map_err(|source| CommandError::Io {
+                action: "remove",
+                path: file.to_owned(),
+                source,
+            })?;
+        }
+        _ => {}
+    }
+    Ok(found?)
+}
+
+fn write<T: Serialize>(file: &Path, tried: &T) -> Result<(), CommandError> {
+    let text =
+        serde_json::to_string(tried).map_err(|e| CommandError::failure("writing JSON", e))?;
+    atomic::write(file, text.as_bytes())?;
+    crate::remark!("not decided: --resume {} goes on", file.display());
+    Ok(())
+}
+
+fn refused(file: &Path, expected: &str, found: impl std::fmt::Display) -> CommandError {
+    CommandError::Input {
+        file: file.display().to_string(),
+        item: "--resume".into(),
+        expected: expected.into(),
+        found: found.to_string(),
+    }
+}

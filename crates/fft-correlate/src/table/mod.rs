@@ -25,5 +25,5 @@ pub use as_baked::TableSetupError;
 pub use launcher::LauncherError;
 pub use store::chunks::ChunkState;
 pub use store::format::FORMAT_VERSION;
-pub use tolerance::{LATTICE_SHARE, TRIALS, TolerantDesign, Trial};
+pub use tolerance::{LATTICE_SHARE, TRIALS, TolerantDesign, TolerantPair, Trial};
 pub use tolerance_error::{Limit, ToleranceError};

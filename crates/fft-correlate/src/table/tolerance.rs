@@ -9,6 +9,7 @@ use glam::{DQuat, DVec3};
 use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+use crate::pair::fields::Pair;
 use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::PairSetup;
@@ -115,13 +116,52 @@ impl TableDesign {
             rotations,
             tolerance,
             memory,
+            tabulated: true,
             monitor,
             tried,
         };
-        search.setup.builder.memory_limit = Some(memory);
-        let (mut found, held_out, lattice) = search.lattice()?;
+        let (mut found, held_out, lattice) = search.lattice(LATTICE_SHARE * tolerance)?;
         search.step(&mut found, &held_out, lattice)?;
         Ok(found)
+    }
+}
+
+/// A pair whose direct evaluation meets a tolerance, with the energy scale of its setup's own pair.
+pub struct TolerantPair {
+    /// The pair, no coarser than the setup's own.
+    pub pair: Pair,
+    /// The error of the probes: the greater of those of force and torque, each a share of its rms.
+    pub error: f64,
+}
+
+impl TolerantPair {
+    /// Refines a setup's lattices until direct evaluation on them, at poses over the setup's box of
+    /// displacements and `rotations`, has errors of force and of torque, the rms of each as a share of
+    /// its own rms, that are both within `tolerance` by probes. Fields stay within `memory` bytes;
+    /// `tried` hears of every spacing.
+    ///
+    /// # Errors
+    /// If no lattice within reach meets the tolerance, a pair cannot be had, or the monitor cancels.
+    pub fn find(
+        setup: &PairSetup,
+        rotations: &RotationDomain,
+        tolerance: f64,
+        memory: u64,
+        monitor: &dyn Monitor,
+        tried: &mut dyn FnMut(Trial),
+    ) -> Result<Self, ToleranceError> {
+        let mut search = Search {
+            setup: setup.clone(),
+            rotations,
+            tolerance,
+            memory,
+            tabulated: false,
+            monitor,
+            tried,
+        };
+        let (found, _, error) = search.lattice(PROBE_SHARE * tolerance)?;
+        let pair = found.design.pair;
+        Ok(Self { pair, error })
     }
 }
 
@@ -131,19 +171,24 @@ struct Search<'a> {
     rotations: &'a RotationDomain,
     tolerance: f64,
     memory: u64,
+    /// Whether a table is to be baked, whose correlation must fit in memory, too.
+    tabulated: bool,
     monitor: &'a dyn Monitor,
     tried: &'a mut dyn FnMut(Trial),
 }
 
 impl Search<'_> {
-    /// A lattice that is fine enough, and by as little as errors foretell.
-    fn lattice(&mut self) -> Result<(TolerantDesign, Vec<HeldOut>, f64), ToleranceError> {
+    /// A lattice whose error is at most `asked`, and by as little as errors foretell.
+    fn lattice(
+        &mut self,
+        asked: f64,
+    ) -> Result<(TolerantDesign, Vec<HeldOut>, f64), ToleranceError> {
+        self.setup.builder.memory_limit = Some(self.memory);
         let first = self.setup.load(self.monitor)?;
         // The same scale for all, or forces could not be compared.
         self.setup.energy = EnergyScale::Gamma(first.model().gamma);
         let mut spacing = first.spacing();
         drop(first);
-        let asked = LATTICE_SHARE * self.tolerance;
         let mut best = (f64::INFINITY, spacing);
         let mut order = 1.2;
         for _ in 0..TRIALS {
@@ -220,7 +265,9 @@ impl Search<'_> {
                 HeldOut::drawn(&spec, &truth, POSES, 18 + index)
             })
             .collect();
-        design.scores(self.memory)?;
+        if self.tabulated {
+            design.scores(self.memory)?;
+        }
         let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
         let rotations = &design.spec.rotations;
         let pivot = design.spec.pivot();

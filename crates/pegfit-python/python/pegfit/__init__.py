@@ -12,10 +12,11 @@ from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
 from pegfit._pair import Docking, Pair, Scores
 from pegfit._play import Page, play
 from pegfit._response import Response
-from pegfit._source import Evaluator, Source, Table
+from pegfit._source import REAL_TIME_POINTS, Evaluator, Source, Table
 from pegfit._way import Way
 
 __all__ = [
+    "REAL_TIME_POINTS",
     "TICK",
     "Density",
     "DeviceError",

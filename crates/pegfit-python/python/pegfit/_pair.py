@@ -36,7 +36,7 @@ def _corners(window: Window) -> tuple[Float, Float]:
     return -half, half
 
 
-def _no_pose(item: str, expected: str, found: str) -> SceneError:
+def _refused(item: str, expected: str, found: str) -> SceneError:
     message = f"{item}: expected {expected}, found {found}"
     return SceneError(message, item=item, expected=expected, found=found)
 
@@ -46,7 +46,7 @@ def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
     if isinstance(given, str):
         if given != word:
             words = "fit, best" if item == "to" else word
-            raise _no_pose(item, f"{words} or a pose", repr(given))
+            raise _refused(item, f"{words} or a pose", repr(given))
         return None
     pose: Float = rows(np.asarray(given, dtype=np.float64)[None])[0]
     return pose
@@ -191,16 +191,27 @@ class Pair:
         """The point of the moving part that displacements speak of, metres, `(3,)`."""
         return np.array(self._core.pivot(None))
 
-    def evaluator(self, tolerance: float = 0.0, *, progress: Progress = None) -> Evaluator:
+    def evaluator(
+        self,
+        tolerance: Optional[float] = None,
+        *,
+        max_points: Optional[int] = None,
+        progress: Progress = None,
+    ) -> Evaluator:
         """Energy at any pose by direct quadrature.
 
         Args:
-            tolerance: Cells merge where the density varies by no more than this share of the part's
-                root mean square; 0 keeps every cell. 0.1 is enough for a loop.
+            tolerance: Errors of force and of torque, the rms of each as a share of its own rms, at
+                poses over the pair's box and rotations, by comparison with half the spacing: 0.05
+                for 5 %. The spacing is refined until they are within it; the pair's own if `None`.
+            max_points: Instead of that, quadrature points at most: a coarser lattice is taken where
+                the pair's own has more. `REAL_TIME_POINTS` are what a 1 kHz loop has time for.
             progress: `True` for a bar, or a function of the units done and their number.
 
         Raises:
-            SceneError: A number is out of range, or a part has no interior on its lattice.
+            SceneError: A number is out of range, both are given, a part has no interior on its
+                lattice, or no lattice that fits in memory meets the tolerance.
+            KeyboardInterrupt: Within 50 ms of Ctrl-C.
 
         Two millimetres out of the fit, the peg is drawn back in:
 
@@ -210,8 +221,14 @@ class Pair:
         >>> bool(response.energy[0] < 0 and response.force[0, 2] < 0)
         True
         """
+        if tolerance is not None and max_points is not None:
+            expected, found = "this or max_points", "both"
+            raise _refused("tolerance", expected, found)
+        if max_points is not None and max_points < 1:
+            raise _refused("max_points", "a positive number", str(max_points))
         with Reporting(progress) as report:
-            return Evaluator(self._core.evaluator(tolerance, report), self)
+            core, points, error = self._core.evaluator(tolerance, max_points, report)
+        return Evaluator(core, self, points, error)
 
     def correlate(
         self,
@@ -339,7 +356,7 @@ class Pair:
         if isinstance(goal, str) and goal == "best":
             found = self.dock(top=1, progress=progress)
             if len(found) == 0:
-                raise _no_pose("to", "a pair in which docking finds a pose", "none")
+                raise _refused("to", "a pair in which docking finds a pose", "none")
             goal = found.poses[0]
         ends = (_end(goal, "fit", "to"), _end(from_, "outside", "from_"))
         with Reporting(progress) as report:
@@ -372,9 +389,9 @@ class Pair:
             half_extent: Half the sides of the box of displacements, metres.
             angle_deg: Radius of the ball of rotations, degrees; the scene's rotations, or 20, if
                 neither this nor `step_deg` is given.
-            step_deg: Angle between rotations, degrees; 5.
-            tolerance: Instead of spacing and step: the rms error of the force as a share of the rms
-                force, 0.1 for 10 %. They are chosen, and the coarsest that do are taken.
+            step_deg: Angle between rotations, degrees; 5. With a tolerance, where its choice begins.
+            tolerance: Errors of force and of torque, the rms of each as a share of its own rms, 0.1
+                for 10 %: spacing and step are chosen, the coarsest that do.
             resume: Go on with a table that is there.
             progress: `True` for a bar, or a function of the units done and their number.
 
@@ -445,7 +462,14 @@ class Scores:
 
     def top(self, k: int = 10, *, apart: Optional[float] = None) -> tuple[Float, Float]:
         """The highest local maxima: their poses `(m, 7)` and scores `(m,)`, m at most `k`, highest
-        first, more than `apart` metres from each other (two spacings if `None`)."""
+        first, more than `apart` metres from each other (two spacings if `None`).
+
+        >>> from pegfit import peg_in_hole
+        >>> scores = Pair(*peg_in_hole("combined"), spacing=0.003).correlate(window=0.006)
+        >>> poses, values = scores.top(1)
+        >>> poses.shape, bool(values[0] == scores.values.max())
+        ((1, 7), True)
+        """
         radius = 2.0 if apart is None else apart / self.spacing
         index = np.array(_core.highest(self.values, k, radius), dtype=np.intp).reshape(-1, 3)
         displacements = self.origin + self.spacing * index

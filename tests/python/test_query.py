@@ -212,7 +212,7 @@ def test_out_that_does_not_fit_is_refused(table):
 
 
 @pytest.mark.parametrize("count", [1, 2000])
-@pytest.mark.parametrize("threads", [0, 5000])
+@pytest.mark.parametrize("threads", [0, 5000, -1, 1.5, 2**70])
 def test_numbers_of_threads_that_are_none_are_refused(threads, count, table):
     with pytest.raises(pegfit.PegfitError) as caught:
         table.query(np.tile(GOOD, (count, 1)), threads=threads)
@@ -259,6 +259,7 @@ def test_an_evaluator_has_as_few_points_as_asked_for(pair, evaluator):
         (dict(tolerance=0.1, max_points=100), "tolerance"),
         (dict(max_points=0), "max_points"),
         (dict(max_points=-5), "max_points"),
+        (dict(max_points="few"), "max_points"),
     ],
 )
 def test_evaluators_that_cannot_be_are_refused(options, item, pair):

@@ -19,7 +19,7 @@ use crate::memory_budget;
 use crate::parts::mesh::Mesh;
 use crate::source::any::AnySource;
 use crate::source::source_class::Source;
-use crate::work::run::run;
+use crate::work::run::{guarded, run};
 
 /// Rotations tabulated unless others are given, as in a scene: a ball about the modelled pose.
 pub(crate) const DEFAULT_BALL: [f64; 2] = [20.0, 5.0];
@@ -192,7 +192,7 @@ impl PyPair {
             cache: cache.map(FieldCache::new).transpose()?,
             ..PairSetup::new(Arc::clone(&fixed.mesh), Arc::clone(&moving.mesh))
         };
-        setup.plan()?;
+        guarded(|| Ok(setup.plan()?))?;
         let parts = Parts {
             setup,
             name: moving.name().to_owned(),
@@ -245,7 +245,7 @@ impl PyPair {
     /// Spacing of the lattices, metres, and numbers of triangles.
     fn describe(&self) -> Result<(f64, usize, usize), Failure> {
         let setup = &self.parts.setup;
-        let spacing = setup.plan()?.spacing();
+        let spacing = guarded(|| Ok(setup.plan()?.spacing()))?;
         let triangles = [&setup.fixed, &setup.moving].map(|m| m.triangles().len());
         Ok((spacing, triangles[0], triangles[1]))
     }

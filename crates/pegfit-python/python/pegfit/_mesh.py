@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
+from pegfit._counts import count
 from pegfit._errors import MeshError
 from pegfit._progress import Progress, Reporting
 
@@ -136,7 +137,8 @@ class Mesh:
         >>> mesh.bounds[1]
         array([0.001, 0.001, 0.001])
         """
-        return cls._of(_core.Mesh.load(path, unit, solid, segments_per_turn))
+        segments = count(segments_per_turn, "segments_per_turn", MeshError, most=1000)
+        return cls._of(_core.Mesh.load(path, unit, solid, segments))
 
     @property
     def name(self) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
+from pegfit._counts import count, count_or_none
 from pegfit._errors import SceneError
 from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
 from pegfit._poses import RotationLike, quaternion, rows, three
@@ -144,7 +145,7 @@ class Pair:
             peak_force,
             gamma,
             half,
-            memory,
+            count_or_none(memory, "memory", SceneError),
         )
 
     @classmethod
@@ -163,6 +164,7 @@ class Pair:
             MeshError: A mesh cannot be used.
         """
         pair = cls.__new__(cls)
+        memory = count_or_none(memory, "memory", SceneError)
         pair._core = _core.Pair.from_scene(path, fixed, memory)
         pair._names = [str(path)]
         pair._scene = path
@@ -224,8 +226,7 @@ class Pair:
         if tolerance is not None and max_points is not None:
             expected, found = "this or max_points", "both"
             raise _refused("tolerance", expected, found)
-        if max_points is not None and max_points < 1:
-            raise _refused("max_points", "a positive number", str(max_points))
+        max_points = count_or_none(max_points, "max_points", SceneError)
         with Reporting(progress) as report:
             core, points, error = self._core.evaluator(tolerance, max_points, report)
         return Evaluator(core, self, points, error)
@@ -291,6 +292,7 @@ class Pair:
         >>> bool(abs(found.poses[0, :3]).max() < 5e-4 and found.depth[0] == 1)
         True
         """
+        top = count(top, "top", SceneError)
         with Reporting(progress) as report:
             poses, numbers, refined, counts = _core.dock(
                 self._core, top, tolerance, exhaustive, state, report
@@ -471,7 +473,10 @@ class Scores:
         ((1, 7), True)
         """
         radius = 2.0 if apart is None else apart / self.spacing
-        index = np.array(_core.highest(self.values, k, radius), dtype=np.intp).reshape(-1, 3)
+        if not radius >= 0:
+            raise _refused("apart", "metres, not negative", str(apart))
+        highest = _core.highest(self.values, count(k, "k", SceneError), radius)
+        index = np.array(highest, dtype=np.intp).reshape(-1, 3)
         displacements = self.origin + self.spacing * index
         poses = _core.poses_at(self._pair._core, self.rotation, displacements)
         return poses, self.values[tuple(index.T)].astype(np.float64)

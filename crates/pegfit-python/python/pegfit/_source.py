@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pegfit import _core
+from pegfit._counts import count_or_none
+from pegfit._errors import TableError
 from pegfit._mesh import Path
 from pegfit._poses import PosesLike, rows
 from pegfit._response import Response, check_out
@@ -70,7 +72,7 @@ class _Source:
         >>> bool(out.energy[0] < out.energy[1])
         True
         """
-        array = rows(poses)
+        array, threads = rows(poses), count_or_none(threads, "threads")
         if out is None:
             response = Response.empty(len(array))
         else:
@@ -141,7 +143,7 @@ class Table(_Source):
         >>> table.closed
         False
         """
-        core, description = _core.open_table(path, memory)
+        core, description = _core.open_table(path, count_or_none(memory, "memory", TableError))
         return cls(core, description, None)
 
     @property

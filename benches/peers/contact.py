@@ -49,7 +49,8 @@ SECTIONS = ["circular", "rectangular", "combined"]
 CLEARANCES = [0.0, 5e-5, 1e-4, 5e-4]
 TRIANGLES = [400, 10_000, 100_000]
 
-#: Where sizes and clearances cross: these rows come first, since the page has them.
+#: Where sizes and clearances cross: these rows come first, then the sizes and the clearances that the
+#: page has.
 MIDDLE = 1e-4, 400
 
 
@@ -61,7 +62,7 @@ def cases(options) -> list[tuple[str, float, int, str]]:
         for size in options.triangles
         for name in options.tools
     ]
-    return sorted(every, key=lambda case: case[1] != MIDDLE[0] and case[2] != MIDDLE[1])
+    return sorted(every, key=lambda case: (case[1] != MIDDLE[0]) * 2 + (case[2] != MIDDLE[1]))
 
 
 def child(sender, case, poses, share, options) -> None:
@@ -156,7 +157,7 @@ def main() -> None:
     path = folder / ("quick.csv" if options.quick else "rows.csv")
     run(options, path)
     if options.page:
-        write_page(Path(options.page), read(path), options, MIDDLE)
+        write_page(Path(options.page), read(path), MIDDLE)
 
 
 if __name__ == "__main__":

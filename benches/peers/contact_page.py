@@ -71,7 +71,7 @@ def notes(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def write_page(page: Path, rows: list[dict], options, middle: tuple[float, int]) -> None:
+def write_page(page: Path, rows: list[dict], middle: tuple[float, int]) -> None:
     """Writes what lies between the marks of the page."""
     text = page.read_text(encoding="utf-8")
     before, after = text.split(MARKS[0])[0], text.split(MARKS[1])[1]
@@ -80,9 +80,9 @@ def write_page(page: Path, rows: list[dict], options, middle: tuple[float, int])
     sizes = sorted({r["triangles"] for r in rows}, key=int)
     widths = sorted({r["clearance"] for r in rows}, key=float)
     asked = sorted({int(r["poses"]) for r in rows if r["poses"]})
-    head = (f"{processor()}, one thread; {len(rows)} rows; {asked[0]} to {asked[-1]} of "
-            f"{options.poses} poses a row, as many as {options.seconds:g} s allow. In every cell the "
-            f"pairs {', '.join(sections)}.")
+    head = (f"{processor()}, one thread; {len(rows)} rows; {asked[0]} to {asked[-1]} poses a row, as "
+            f"many as the time given to a row allows. In every cell the pairs {', '.join(sections)}; "
+            "`?` was not measured.")
     parts = [
         MARKS[0], "", head, "", f"At {clearance} mm of clearance, by the size of the meshes:", "",
         table(rows, [(clearance, s, s) for s in sizes], sections, "triangles", BY_SIZE), "",

@@ -130,7 +130,7 @@ def feel(
     """Runs the haptic loop with a simulated hand that holds the moving part.
 
     Args:
-        source: What gives the energy.
+        source: What gives the energy; of a `Pair` an evaluator of `REAL_TIME_POINTS`.
         script: `"collision"`, `"snap"` (the paper's two tests) or `"free"`.
         seconds: Length of the run.
         hand: Settings of the hand by name: `mass` (kg), `stiffness` (N/m), `damping`, `inertia`,
@@ -168,7 +168,7 @@ class ForcePath:
     way round a loop.
 
     Args:
-        source: What gives the energy.
+        source: What gives the energy; of a `Pair` an evaluator of `REAL_TIME_POINTS`.
         config: Settings as in the `[device]` table of a scene (`docs/scene.md`), such as
             `{"rate_hz": 500, "coupling": {"stiffness": 500}}`.
         grip: The point of the moving part, its frame (metres), that the coupling holds; the pair's

@@ -121,8 +121,9 @@ cloud:
 python *PYTHONS:
     tests/python/run full {{PYTHONS}}
 
-# Contact by MuJoCo, coal, FCL, Drake and pegfit, side by side, hours (`--quick`: minutes); needs the
-# package and benches/peers/contact-requirements.txt.
+# Contact by MuJoCo, coal, FCL, Drake and pegfit, side by side, hours (`--quick`: minutes; `--minutes 3`:
+# a piece; `--page docs/comparison.md`: written there); needs the package and
+# benches/peers/contact-requirements.txt.
 contact-peers *ARGS:
     python3 benches/peers/contact.py {{ARGS}}
 

@@ -1,7 +1,8 @@
-"""One class per tool: `set_up` gets the two meshes, `ask` a pose of the moving one.
+"""One class per tool: `set_up` gets the two meshes, `pose` puts a row x y z qx qy qz qw into the
+tool's own form, `query` asks (which is what is timed), and `read` makes of the answer whether the tool
+says that the parts touch or overlap, its depth, and the force that its depth and normals make.
 
-`ask` gives whether the tool says that the parts touch or overlap, its depth, and the force that the
-tool's depth and normals make of it. What depth means is said before anything is measured:
+What depth means is said before anything is measured:
 
 - MuJoCo, coal, FCL: the largest penetration depth of any contact that the tool lists, metres; where
   there is none, minus the distance, if the tool gives one. Force: the sum over contacts of depth
@@ -20,26 +21,14 @@ import tempfile
 import numpy as np
 
 import pegfit
-
-
-def matrix(row: np.ndarray) -> np.ndarray:
-    """4 x 4 of a row x y z qx qy qz qw."""
-    x, y, z, w = row[3:]
-    found = np.eye(4)
-    found[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    found[:3, 3] = row[:3]
-    return found
+from contact_cases import matrix
 
 
 class MuJoCo:
     """Contacts of two mesh geoms: their convex hulls, or signed distance fields."""
 
     def __init__(self, kind: str) -> None:
-        self.kind, self.name = kind, f"MuJoCo {kind}"
+        self.kind = kind
 
     def set_up(self, hole, peg, folder: str) -> None:
         import mujoco
@@ -60,12 +49,17 @@ class MuJoCo:
         self.data = mujoco.MjData(self.model)
         self.moving = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "peg")
 
-    def ask(self, row):
+    def pose(self, row):
+        return row[[0, 1, 2, 6, 3, 4, 5]]
+
+    def query(self, pose):
         data = self.data
-        data.qpos[:3] = row[:3]
-        data.qpos[3:7] = row[[6, 3, 4, 5]]
+        data.qpos[:7] = pose
         self.mujoco.mj_kinematics(self.model, data)
         self.mujoco.mj_collision(self.model, data)
+        return data
+
+    def read(self, data):
         if data.ncon == 0:
             return False, 0.0, np.zeros(3)
         depths = -data.contact.dist
@@ -78,8 +72,6 @@ class MuJoCo:
 
 class Coal:
     """Trees of boxes: `collide`, and `distance` where nothing collides."""
-
-    name = "coal"
 
     def set_up(self, hole, peg, folder: str) -> None:
         import coal
@@ -97,25 +89,31 @@ class Coal:
         self.request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 64)
         self.still = coal.Transform3s.Identity()
 
-    def ask(self, row):
-        coal, place = self.coal, matrix(row)
-        moved = coal.Transform3s(place[:3, :3], place[:3, 3])
-        hole, peg = self.parts
+    def pose(self, row):
+        place = matrix(row)
+        return self.coal.Transform3s(place[:3, :3], place[:3, 3])
+
+    def query(self, pose):
+        coal, (hole, peg) = self.coal, self.parts
         found = coal.CollisionResult()
-        if coal.collide(hole, self.still, peg, moved, self.request, found):
-            contacts = [found.getContact(k) for k in range(found.numContacts())]
-            depths = np.array([abs(c.penetration_depth) for c in contacts])
-            normals = np.array([c.normal for c in contacts])
-            return True, float(depths.max()), (depths[:, None] * normals).sum(axis=0)
+        if coal.collide(hole, self.still, peg, pose, self.request, found):
+            return found, None
         apart = coal.DistanceResult()
-        coal.distance(hole, self.still, peg, moved, coal.DistanceRequest(), apart)
-        return False, -apart.min_distance, np.zeros(3)
+        coal.distance(hole, self.still, peg, pose, coal.DistanceRequest(), apart)
+        return None, apart
+
+    def read(self, answer):
+        found, apart = answer
+        if found is None:
+            return False, -apart.min_distance, np.zeros(3)
+        contacts = [found.getContact(k) for k in range(found.numContacts())]
+        depths = np.array([abs(c.penetration_depth) for c in contacts])
+        normals = np.array([c.normal for c in contacts])
+        return True, float(depths.max()), (depths[:, None] * normals).sum(axis=0)
 
 
 class Fcl:
     """trimesh's manager of FCL objects: internal collision, and distance where there is none."""
-
-    name = "trimesh/FCL"
 
     def set_up(self, hole, peg, folder: str) -> None:
         import trimesh
@@ -124,11 +122,18 @@ class Fcl:
         self.manager.add_object("hole", hole)
         self.manager.add_object("peg", peg)
 
-    def ask(self, row):
-        self.manager.set_transform("peg", matrix(row))
+    def pose(self, row):
+        return matrix(row)
+
+    def query(self, pose):
+        self.manager.set_transform("peg", pose)
         touch, contacts = self.manager.in_collision_internal(return_data=True)
-        if not touch:
-            return False, -self.manager.min_distance_internal(), np.zeros(3)
+        return contacts, None if touch else self.manager.min_distance_internal()
+
+    def read(self, answer):
+        contacts, apart = answer
+        if apart is not None:
+            return False, -apart, np.zeros(3)
         depths = np.array([abs(c.depth) for c in contacts])
         normals = np.array([c.normal for c in contacts])
         return True, float(depths.max()), (depths[:, None] * normals).sum(axis=0)
@@ -137,56 +142,48 @@ class Fcl:
 class Drake:
     """A rigid hole and a compliant peg, for which only a convex one comes without a volume mesh."""
 
-    name, modulus = "Drake hydroelastic", 1e7
+    modulus = 1e7
 
     def set_up(self, hole, peg, folder: str) -> None:
-        from pydrake.geometry import (
-            AddCompliantHydroelasticProperties,
-            AddRigidHydroelasticProperties,
-            Convex,
-            GeometryFrame,
-            GeometryInstance,
-            Mesh,
-            ProximityProperties,
-            SceneGraph,
-        )
+        import pydrake.geometry as geometry
+        from pydrake.common.value import Value
         from pydrake.math import RigidTransform
 
         if not peg.is_convex:
             raise NotImplementedError("a peg that is not convex needs a volume mesh")
         for name, mesh in (("hole", hole), ("peg", peg)):
             mesh.export(os.path.join(folder, f"drake-{name}.obj"))
-        self.scene = SceneGraph()
+        self.geometry, self.value, self.transform = geometry, Value, RigidTransform
+        self.scene = geometry.SceneGraph()
         source = self.scene.RegisterSource("bench")
-        frame = self.scene.RegisterFrame(source, GeometryFrame("peg"))
-        still = RigidTransform()
+        self.frame = self.scene.RegisterFrame(source, geometry.GeometryFrame("peg"))
         self.width = float(peg.extents[:2].min())
-        rigid, soft = ProximityProperties(), ProximityProperties()
-        AddRigidHydroelasticProperties(properties=rigid)
-        AddCompliantHydroelasticProperties(self.width, self.modulus, soft)
-        shape = Mesh(os.path.join(folder, "drake-hole.obj"))
-        fixed = GeometryInstance(still, shape, "hole")
+        rigid, soft = geometry.ProximityProperties(), geometry.ProximityProperties()
+        geometry.AddRigidHydroelasticProperties(properties=rigid)
+        geometry.AddCompliantHydroelasticProperties(self.width, self.modulus, soft)
+        shape, still = geometry.Mesh(os.path.join(folder, "drake-hole.obj")), RigidTransform()
+        fixed = geometry.GeometryInstance(still, shape, "hole")
         fixed.set_proximity_properties(rigid)
         self.scene.RegisterAnchoredGeometry(source, fixed)
-        shape = Convex(os.path.join(folder, "drake-peg.obj"))
-        moving = GeometryInstance(still, shape, "peg")
+        shape = geometry.Convex(os.path.join(folder, "drake-peg.obj"))
+        moving = geometry.GeometryInstance(still, shape, "peg")
         moving.set_proximity_properties(soft)
-        self.scene.RegisterGeometry(source, frame, moving)
-        self.frame, self.source = frame, source
+        self.peg = self.scene.RegisterGeometry(source, self.frame, moving)
         self.context = self.scene.CreateDefaultContext()
         self.port = self.scene.get_source_pose_port(source)
 
-    def ask(self, row):
-        from pydrake.common.value import Value
-        from pydrake.geometry import FramePoseVector, HydroelasticContactRepresentation
-        from pydrake.math import RigidTransform
+    def pose(self, row):
+        poses = self.geometry.FramePoseVector()
+        poses.set_value(self.frame, self.transform(matrix(row)))
+        return self.value(poses)
 
-        poses = FramePoseVector()
-        poses.set_value(self.frame, RigidTransform(matrix(row)))
-        self.port.FixValue(self.context, Value(poses))
+    def query(self, pose):
+        self.port.FixValue(self.context, pose)
         query = self.scene.get_query_output_port().Eval(self.context)
-        kind = HydroelasticContactRepresentation.kTriangle
-        surfaces = query.ComputeContactSurfaces(kind)
+        kind = self.geometry.HydroelasticContactRepresentation.kTriangle
+        return query.ComputeContactSurfaces(kind)
+
+    def read(self, surfaces):
         if not surfaces:
             return False, 0.0, np.zeros(3)
         force, most = np.zeros(3), 0.0
@@ -194,11 +191,12 @@ class Drake:
             mesh, field = surface.tri_mesh_W(), surface.tri_e_MN()
             pressure = np.array([field.EvaluateAtVertex(v) for v in range(mesh.num_vertices())])
             most = max(most, float(pressure.max()))
+            # Normals point out of N into M.
+            sense = 1.0 if surface.id_M() == self.peg else -1.0
             for t in range(mesh.num_triangles()):
                 element = mesh.element(t)
                 mean = np.mean([pressure[element.vertex(k)] for k in range(3)])
-                # Normals point out of N into M; the peg was registered last and is N or M by id.
-                force += mean * mesh.area(t) * mesh.face_normal(t)
+                force += sense * mean * mesh.area(t) * mesh.face_normal(t)
         return True, 0.5 * self.width * most / self.modulus, force
 
 
@@ -206,7 +204,7 @@ class Pegfit:
     """The product: from a table, or by direct quadrature."""
 
     def __init__(self, kind: str, spacing: float = 1e-3) -> None:
-        self.kind, self.spacing, self.name = kind, spacing, f"pegfit {kind}"
+        self.kind, self.spacing = kind, spacing
 
     def set_up(self, hole, peg, folder: str) -> None:
         parts = [pegfit.Mesh(m.vertices, m.faces, unit="m") for m in (hole, peg)]
@@ -217,21 +215,27 @@ class Pegfit:
                 path = os.path.join(place, "t.zarr")
                 self.source = pair.bake(path, angle_deg=5, step_deg=2.5)
         else:
-            self.source = pair.evaluator(0.1)
+            self.source = pair.evaluator()
         self.out = pegfit.Response.empty(1)
 
-    def ask(self, row):
-        found = self.source.query(row[None], threads=1, out=self.out)
+    def pose(self, row):
+        return row[None]
+
+    def query(self, pose):
+        return self.source.query(pose, threads=1, out=self.out)
+
+    def read(self, found):
         self.torque = found.torque[0].copy()
         return None, float(found.energy[0]), found.force[0].copy()
 
 
-TOOLS = [
-    lambda: MuJoCo("mesh"),
-    lambda: MuJoCo("sdf"),
-    Coal,
-    Fcl,
-    Drake,
-    lambda: Pegfit("table"),
-    lambda: Pegfit("direct"),
-]
+#: By the name that the table gives them.
+TOOLS = {
+    "MuJoCo mesh": lambda: MuJoCo("mesh"),
+    "MuJoCo sdf": lambda: MuJoCo("sdf"),
+    "coal": Coal,
+    "trimesh/FCL": Fcl,
+    "Drake hydroelastic": Drake,
+    "pegfit table": lambda: Pegfit("table"),
+    "pegfit direct": lambda: Pegfit("direct"),
+}

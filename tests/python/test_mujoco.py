@@ -165,6 +165,14 @@ def test_the_task_is_one_for_gymnasium(task):
         checker.check_env(gym.PegInsertion(table=table), skip_render_check=True)
 
 
+def test_gymnasium_makes_the_task_by_its_name(task):
+    gym, table = task
+    env = pytest.importorskip("gymnasium").make("pegfit/PegInsertion-v0", table=table)
+    assert isinstance(env.unwrapped, gym.PegInsertion)
+    observation, _ = env.reset(seed=1)
+    assert observation.shape == (18,) and env.step(gym.scripted(observation))[1] < 0
+
+
 def episode(gym, env, seed):
     observation, _ = env.reset(seed=seed)
     while True:

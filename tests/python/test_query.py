@@ -211,8 +211,66 @@ def test_out_that_does_not_fit_is_refused(table):
         table.query(poses, out=out)
 
 
-@pytest.mark.parametrize("threads", [0, 5000])
-def test_numbers_of_threads_that_are_none_are_refused(threads, table):
+@pytest.mark.parametrize("count", [1, 2000])
+@pytest.mark.parametrize("threads", [0, 5000, -1, 1.5, 2**70])
+def test_numbers_of_threads_that_are_none_are_refused(threads, count, table):
     with pytest.raises(pegfit.PegfitError) as caught:
-        table.query(np.tile(GOOD, (2000, 1)), threads=threads)
+        table.query(np.tile(GOOD, (count, 1)), threads=threads)
     assert caught.value.item == "threads"
+
+
+def relative(found, truth):
+    """Rms errors of force and torque as shares of their own rms."""
+    pairs = [(found.force, truth.force), (found.torque, truth.torque)]
+    return [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in pairs]
+
+
+@pytest.mark.parametrize("section, clearance", [("rectangular", 3e-4), ("circular", 1e-4)])
+def test_an_evaluator_meets_the_tolerance_asked_for(section, clearance):
+    """Against a finer lattice than the one it was held to, at poses of our own."""
+    parts = pegfit.peg_in_hole(section, clearance)
+    settings = dict(half_extent=0.004, gamma=1e4)
+    coarse = pegfit.Pair(*parts, spacing=0.0025, **settings)
+    found = coarse.evaluator(tolerance=0.1)
+    assert found.error <= 0.1 and f"{100 * found.error:.2g} %" in repr(found)
+    truth = pegfit.Pair(*parts, spacing=0.0005, **settings).evaluator()
+    poses = random_poses(200, reach=0.004, angle=0.3, seed=11)
+    expected = truth.query(poses)
+    # Other poses than those of the choice: a third more. The pair's own lattice would not do.
+    assert max(relative(found.query(poses), expected)) < 0.13
+    own = coarse.evaluator()
+    assert own.error is None and own.points < found.points
+    assert max(relative(own.query(poses), expected)) > 0.13
+
+
+def test_an_evaluator_has_as_few_points_as_asked_for(pair, evaluator):
+    few = pair.evaluator(max_points=evaluator.points // 3)
+    assert few.points <= evaluator.points // 3
+    poses = random_poses(50, reach=0.004, angle=0.1, seed=12)
+    assert max(relative(few.query(poses), evaluator.query(poses))) < 0.3
+    assert pair.evaluator(max_points=evaluator.points).points == evaluator.points
+
+
+@pytest.mark.parametrize(
+    "options, item",
+    [
+        (dict(tolerance=0.0), "tolerance"),
+        (dict(tolerance=float("nan")), "tolerance"),
+        (dict(tolerance=0.1, max_points=100), "tolerance"),
+        (dict(max_points=0), "max_points"),
+        (dict(max_points=-5), "max_points"),
+        (dict(max_points="few"), "max_points"),
+    ],
+)
+def test_evaluators_that_cannot_be_are_refused(options, item, pair):
+    with pytest.raises(pegfit.SceneError) as caught:
+        pair.evaluator(**options)
+    assert caught.value.item == item
+
+
+def test_a_tolerance_beyond_reach_is_refused_with_what_was_reached():
+    parts = pegfit.peg_in_hole("rectangular", 1e-3)
+    pair = pegfit.Pair(*parts, spacing=0.002, half_extent=0.003, memory=60 * 2**20)
+    with pytest.raises(pegfit.SceneError) as caught:
+        pair.evaluator(tolerance=1e-4)
+    assert caught.value.item == "tolerance" and "at least" in caught.value.expected

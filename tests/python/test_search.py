@@ -49,6 +49,13 @@ def test_the_highest_scores_are_poses_with_these_scores(placed):
     assert np.all(np.diff(energy) > -0.02 * abs(energy[0]))
 
 
+@pytest.mark.parametrize("options, item", [(dict(k=0), "k"), (dict(k=3, apart=float("nan")), "apart")])
+def test_peaks_that_are_none_are_refused(options, item, pair):
+    with pytest.raises(pegfit.SceneError) as caught:
+        pair.correlate(window=0.002).top(**options)
+    assert caught.value.item == item
+
+
 @pytest.mark.parametrize(
     "options, kind",
     [
@@ -105,6 +112,6 @@ def test_docking_finds_where_a_part_that_was_moved_belongs(moved, tmp_path):
 
 
 def test_docking_refuses_what_it_cannot_do(pair, tmp_path):
-    for options in (dict(top=0), dict(tolerance=0.5), dict(state=tmp_path / "no" / "folder")):
+    for options in (dict(top=0), dict(top=-1), dict(tolerance=0.5), dict(state=tmp_path / "no" / "folder")):
         with pytest.raises(pegfit.PegfitError):
             pair.dock(**options)

@@ -107,6 +107,7 @@ def test_refusals(pair, table, tmp_path):
         (lambda: pegfit.Table.open(tmp_path / "none.zarr"), pegfit.TableError),
         (lambda: pegfit.Table.open(broken), pegfit.TableError),
         (lambda: pegfit.Table.open(table.path, memory=1000), pegfit.TableError),
+        (lambda: pegfit.Table.open(table.path, memory=-1), pegfit.TableError),
         (lambda: other.bake(table.path, angle_deg=10, resume=True), pegfit.TableError),
         (lambda: pair.bake(tmp_path / "no" / "t.zarr", **SMALL), pegfit.TableError),
         (lambda: pair.bake(tmp_path / "t.zarr", half_extent=-1.0), scene),
@@ -130,6 +131,7 @@ def test_pairs_refuse_what_makes_none(tmp_path):
         (dict(half_extent=[1, 1, 0]), "half_extent"),
         (dict(spacing=1.0), "fixed"),
         (dict(spacing=1e-4, memory=10**6), "the density fields"),
+        (dict(memory=-(10**9)), "memory"),
     ]:
         with pytest.raises(pegfit.SceneError) as caught:
             pegfit.Pair(hole, peg, **options)

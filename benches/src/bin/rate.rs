@@ -1,10 +1,11 @@
-//! Poses per second of a table in Rust, beside those of Python and of the command:
-//! `rate TABLE POSES`, where `POSES` holds rows of seven doubles `x y z qx qy qz qw`. Prints the
-//! rates on one thread and on all, the best of three; `benches/python/query.py` runs it.
+//! Times of a table in Rust, beside those of Python: `rate TABLE POSES`, where `POSES` holds rows of
+//! seven doubles `x y z qx qy qz qw`. For every line `FIRST COUNT THREADS` of standard input, threads
+//! `one` or `all`, answers with the seconds that these poses took; `benches/python/query.py` asks.
 
+use std::io::{BufRead, Write};
 use std::time::Instant;
 
-use fft_correlate::{Pose, Response, TableStore};
+use fft_correlate::{EnergyTable, Pose, Response, TableStore};
 use glam::{DQuat, DVec3};
 use pegfit_benches::Outcome;
 
@@ -14,26 +15,47 @@ fn main() -> Outcome<()> {
         return Err("usage: rate TABLE POSES".into());
     };
     let table = TableStore::open(table.as_ref())?.load(u64::MAX)?;
-    let bytes = std::fs::read(poses)?;
+    let poses = read(&std::fs::read(poses)?);
+    let mut responses = vec![Response::default(); poses.len()];
+    for line in std::io::stdin().lock().lines() {
+        let line = line?;
+        let seconds = answer(&line, &table, &poses, &mut responses)
+            .ok_or_else(|| format!("expected FIRST COUNT one|all, found {line:?}"))?;
+        println!("{seconds}");
+        std::io::stdout().flush()?;
+    }
+    Ok(())
+}
+
+fn read(bytes: &[u8]) -> Vec<Pose> {
     let (numbers, _) = bytes.as_chunks();
     let numbers: Vec<f64> = numbers.iter().map(|b| f64::from_ne_bytes(*b)).collect();
     let (rows, _) = numbers.as_chunks();
     let pose = |&[x, y, z, qx, qy, qz, qw]: &[f64; 7]| {
         Pose::new(DQuat::from_xyzw(qx, qy, qz, qw), DVec3::new(x, y, z))
     };
-    let poses: Vec<Pose> = rows.iter().map(pose).collect();
-    let mut responses = vec![Response::default(); poses.len()];
-    let mut best = |all: bool| {
-        let times = (0..3).map(|_| {
-            let began = Instant::now();
-            match all {
-                true => table.respond_many(&poses, &mut responses),
-                false => table.respond_each(&poses, &mut responses),
-            }
-            began.elapsed().as_secs_f64()
-        });
-        poses.len() as f64 / times.fold(f64::INFINITY, f64::min)
+    rows.iter().map(pose).collect()
+}
+
+/// Seconds; none if the line asks for nothing that there is.
+fn answer(
+    line: &str,
+    table: &EnergyTable,
+    poses: &[Pose],
+    responses: &mut [Response],
+) -> Option<f64> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let &[first, count, threads] = words.as_slice() else {
+        return None;
     };
-    println!("{:.0} {:.0}", best(false), best(true));
-    Ok(())
+    let first: usize = first.parse().ok()?;
+    let end = first.checked_add(count.parse().ok()?)?;
+    let (poses, responses) = (poses.get(first..end)?, responses.get_mut(first..end)?);
+    let began = Instant::now();
+    match threads {
+        "one" => table.respond_each(poses, responses),
+        "all" => table.respond_many(poses, responses),
+        _ => return None,
+    }
+    Some(began.elapsed().as_secs_f64())
 }

@@ -51,6 +51,13 @@ mod _core {
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
 
+    /// Quadrature points that a 1 kHz loop on one core has time for.
+    #[pymodule_export]
+    const REAL_TIME_POINTS: usize = match fft_correlate::DirectOptions::REAL_TIME.max_points {
+        Some(points) => points,
+        None => usize::MAX,
+    };
+
     /// The `pegfit` command; `arguments` begin with its name. Returns its exit code.
     #[pyfunction]
     fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {

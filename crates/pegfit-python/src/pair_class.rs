@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use fft_correlate::tolerance::{ToleranceError, TolerantDirect};
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyScale, InScene, Pair, PairBuilder, PairSetup, Pose,
     RotationDomain, ScoreModel,
@@ -18,7 +19,7 @@ use crate::memory_budget;
 use crate::parts::mesh::Mesh;
 use crate::source::any::AnySource;
 use crate::source::source_class::Source;
-use crate::work::run::run;
+use crate::work::run::{guarded, run};
 
 /// Rotations tabulated unless others are given, as in a scene: a ball about the modelled pose.
 pub(crate) const DEFAULT_BALL: [f64; 2] = [20.0, 5.0];
@@ -50,22 +51,54 @@ impl Parts {
         Ok(Arc::clone(kept().get_or_insert(pair)))
     }
 
-    /// A direct evaluator, asked in the scene; `tolerance` merges cells
-    /// ([`DirectOptions::merge_tolerance`]).
-    pub(crate) fn direct(
+    /// A direct evaluator, asked in the scene: on the pair's own lattice, or on one that meets a
+    /// tolerance.
+    fn direct(
         &self,
-        tolerance: f64,
+        tolerance: Option<f64>,
+        options: &DirectOptions,
         monitor: &dyn Monitor,
-    ) -> Result<AnySource, Failure> {
-        let options = DirectOptions {
-            merge_tolerance: tolerance,
-            ..DirectOptions::FULL
+    ) -> Result<Direct, Failure> {
+        let (pair, error) = match tolerance {
+            None => (self.pair(monitor)?, None),
+            Some(tolerance) => {
+                let found = self.tolerant(tolerance, monitor)?;
+                (Arc::new(found.pair), Some(found.error))
+            }
         };
-        let pair = self.pair(monitor)?;
-        let source = DirectEvaluator::new(&pair, &options)?;
+        let source = DirectEvaluator::new(&pair, options)?;
+        let points = source.describe().points();
         let source = InScene::new(source, self.setup.placement);
-        Ok(AnySource::Direct(Arc::new(source)))
+        Ok(Direct {
+            source: AnySource::Direct(Arc::new(source)),
+            points,
+            error,
+        })
     }
+
+    fn tolerant(&self, tolerance: f64, monitor: &dyn Monitor) -> Result<TolerantDirect, Failure> {
+        let mut setup = self.setup.clone();
+        setup.builder.memory_limit = Some(self.memory);
+        let (rotations, mut tried) = (&self.rotations, |_| ());
+        let found = TolerantDirect::over(&setup, rotations, tolerance, monitor, &mut tried);
+        found.map_err(|error| match error {
+            ToleranceError::Missed { asked, reached, .. } => Failure::found(
+                Kind::Scene,
+                "tolerance",
+                format!("at least {reached:.3}, the least within reach"),
+                asked,
+            ),
+            other => other.into(),
+        })
+    }
+}
+
+/// A direct evaluator, its quadrature points, and the error of its probes if a tolerance was asked
+/// for.
+struct Direct {
+    source: AnySource,
+    points: usize,
+    error: Option<f64>,
 }
 
 /// Two parts and what is asked of them.
@@ -154,7 +187,7 @@ impl PyPair {
             cache: cache.map(FieldCache::new).transpose()?,
             ..PairSetup::new(Arc::clone(&fixed.mesh), Arc::clone(&moving.mesh))
         };
-        setup.plan()?;
+        guarded(|| Ok(setup.plan()?))?;
         let parts = Parts {
             setup,
             name: moving.name().to_owned(),
@@ -207,7 +240,7 @@ impl PyPair {
     /// Spacing of the lattices, metres, and numbers of triangles.
     fn describe(&self) -> Result<(f64, usize, usize), Failure> {
         let setup = &self.parts.setup;
-        let spacing = setup.plan()?.spacing();
+        let spacing = guarded(|| Ok(setup.plan()?.spacing()))?;
         let triangles = [&setup.fixed, &setup.moving].map(|m| m.triangles().len());
         Ok((spacing, triangles[0], triangles[1]))
     }
@@ -227,18 +260,26 @@ impl PyPair {
         })
     }
 
-    /// A direct evaluator of the pair.
-    #[pyo3(signature = (tolerance, progress))]
+    /// A direct evaluator of the pair, its points, and its error if a tolerance was asked for.
+    #[pyo3(signature = (tolerance, max_points, progress))]
     fn evaluator(
         &self,
         py: Python<'_>,
-        tolerance: f64,
+        tolerance: Option<f64>,
+        max_points: Option<usize>,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<Source> {
+    ) -> PyResult<(Source, usize, Option<f64>)> {
+        let tolerance = tolerance
+            .map(|share| positive("tolerance", share))
+            .transpose()?;
+        let options = DirectOptions {
+            max_points,
+            ..DirectOptions::FULL
+        };
         let parts = Arc::clone(&self.parts);
-        let source = run(py, progress.as_ref(), move |watch| {
-            parts.direct(tolerance, watch)
+        let found = run(py, progress.as_ref(), move |watch| {
+            parts.direct(tolerance, &options, watch)
         })?;
-        Ok(Source::new(source))
+        Ok((Source::new(found.source), found.points, found.error))
     }
 }

@@ -35,11 +35,11 @@ pub struct DirectOptions {
     /// the block (standard deviation over the part's root mean square) and the block is no wider
     /// than ten times this times its distance to the boundary. 0 keeps every cell that differs
     /// from its neighbours. Dimensionless, >= 0. Force errors near the fit are a few times its
-    /// square.
+    /// square. Smoothed densities do not merge: fewer points are had by `max_points`.
     pub merge_tolerance: f64,
     /// At most this many points in all, as far as blocks of 16 cells per side allow; more blocks
-    /// merge, the smoothest first, until it is met. Merging moves weight, it never drops any. None
-    /// sets no limit.
+    /// merge, the smoothest first, until it is met. Merging moves weight, it never drops any. Smoothed
+    /// densities are put on a coarser lattice instead. None sets no limit.
     pub max_points: Option<usize>,
 }
 

@@ -5,15 +5,20 @@ use sdf_grid::Monitor;
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
+use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::PairSetup;
-use crate::table::accuracy::{ErrorReport, HeldOut};
+use crate::table::accuracy::{ErrorReport, HeldOut, random_pose};
+use crate::table::design::TableDesign;
 use crate::tolerance::error::ToleranceError;
 use crate::tolerance::spacings::{Spacings, TRIALS};
 use crate::tolerance::table::Trial;
 
 /// Poses that are compared, at most.
 const POSES: usize = 200;
+
+/// Of those drawn at random.
+const SEED: u64 = 18;
 
 /// Lever, in radii of the moving part, at which the rms force is the least torque that errors of
 /// torque are a share of: where symmetry leaves no torque, any error would be infinitely large.
@@ -47,18 +52,47 @@ impl TolerantDirect {
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
     ) -> Result<Self, ToleranceError> {
-        let mut setup = setup.clone();
         let first = setup.load(monitor)?;
+        let step = poses.len().div_ceil(POSES).max(1);
+        let poses: Vec<Pose> = poses.iter().step_by(step).copied().collect();
+        Self::after(setup, first, &poses, tolerance, monitor, tried)
+    }
+
+    /// The same at random poses over the setup's box of displacements and `rotations`.
+    ///
+    /// # Errors
+    /// As [`TolerantDirect::new`], and if the box has too many nodes.
+    pub fn over(
+        setup: &PairSetup,
+        rotations: &RotationDomain,
+        tolerance: f64,
+        monitor: &dyn Monitor,
+        tried: &mut dyn FnMut(Trial),
+    ) -> Result<Self, ToleranceError> {
+        let design = TableDesign::new(setup, setup.load(monitor)?, rotations.clone())?;
+        let draw = |index| random_pose(&design.spec, SEED, index);
+        let poses: Vec<Pose> = (0..POSES as u64).map(draw).collect();
+        Self::after(setup, design.pair, &poses, tolerance, monitor, tried)
+    }
+
+    /// Begins with the setup's own pair.
+    fn after(
+        setup: &PairSetup,
+        first: Pair,
+        poses: &[Pose],
+        tolerance: f64,
+        monitor: &dyn Monitor,
+        tried: &mut dyn FnMut(Trial),
+    ) -> Result<Self, ToleranceError> {
+        let mut setup = setup.clone();
         // The same scale for all, or forces could not be compared.
         setup.energy = EnergyScale::Gamma(first.model().gamma);
         let mut spacing = first.spacing();
         drop(first);
-        let step = poses.len().div_ceil(POSES).max(1);
-        let poses: Vec<Pose> = poses.iter().step_by(step).copied().collect();
         let lever = LEVER * setup.moving.bounds().diagonal() * 0.5;
         let mut spacings = Spacings::new(tolerance);
         for _ in 0..TRIALS {
-            let found = match Self::at(&setup, spacing, &poses, lever, monitor) {
+            let found = match Self::at(&setup, spacing, poses, lever, monitor) {
                 Ok(found) => found,
                 Err(e) => return Err(spacings.ended(tolerance, spacing, e)),
             };

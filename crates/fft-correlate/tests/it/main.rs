@@ -23,3 +23,4 @@ mod stress;
 mod table;
 mod table_parts;
 mod table_queries;
+mod tolerance;

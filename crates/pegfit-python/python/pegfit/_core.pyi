@@ -17,6 +17,7 @@ __all__ = [
     "Mesh",
     "Pair",
     "Source",
+    "REAL_TIME_POINTS",
     "VERSION",
     "Way",
     "bake_table",
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 VERSION: str
+REAL_TIME_POINTS: int
 
 @final
 class Mesh:
@@ -72,7 +74,9 @@ class Pair:
     def describe(self) -> tuple[float, int, int]: ...
     def assembled(self) -> list[float]: ...
     def pivot(self, progress: _Progress) -> list[float]: ...
-    def evaluator(self, tolerance: float, progress: _Progress) -> Source: ...
+    def evaluator(
+        self, tolerance: float | None, max_points: int | None, progress: _Progress
+    ) -> tuple[Source, int, float | None]: ...
 
 @final
 class Felt:

@@ -13,6 +13,13 @@ class PegfitError(Exception):
         item: What in it: a key, an argument, a row.
         expected: What would have been accepted.
         found: What was there.
+
+    >>> from pegfit import Mesh
+    >>> try:
+    ...     Mesh([[0, 0, 0]], [[0, 0, 0]], name="point")
+    ... except PegfitError as error:
+    ...     print(type(error).__name__, error.file, error.item)
+    MeshError point unit
     """
 
     def __init__(

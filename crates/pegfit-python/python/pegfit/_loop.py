@@ -16,7 +16,7 @@ from pegfit._pair import Pair
 from pegfit._poses import rows, three
 from pegfit._progress import Progress, Reporting
 from pegfit._report import write_report
-from pegfit._source import Evaluator, Table
+from pegfit._source import REAL_TIME_POINTS, Evaluator, Table
 
 Float = NDArray[np.float64]
 
@@ -73,6 +73,14 @@ class Run:
 
         Raises:
             PegfitError: Another ending, or the file cannot be written.
+
+        >>> import os, tempfile
+        >>> from pegfit import Pair, peg_in_hole
+        >>> run = feel(Pair(*peg_in_hole(), spacing=0.003), "snap", seconds=0.05)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     run.report(os.path.join(folder, "run.csv"))
+        ...     os.listdir(folder)
+        ['run.csv']
         """
         core = self._core
         write_report(path, page=core.page, table=self._table, summary=core.summary)
@@ -90,7 +98,7 @@ class Run:
 
 def _source_of(source: Union[Evaluator, Table, Pair]) -> _core.Source:
     if isinstance(source, Pair):
-        return source.evaluator(0.1)._core
+        return source.evaluator(max_points=REAL_TIME_POINTS)._core
     if isinstance(source, (Evaluator, Table)):
         return source._core
     expected, found = "an Evaluator, a Table or a Pair", type(source).__name__
@@ -122,7 +130,7 @@ def feel(
     """Runs the haptic loop with a simulated hand that holds the moving part.
 
     Args:
-        source: What gives the energy.
+        source: What gives the energy; of a `Pair` an evaluator of `REAL_TIME_POINTS`.
         script: `"collision"`, `"snap"` (the paper's two tests) or `"free"`.
         seconds: Length of the run.
         hand: Settings of the hand by name: `mass` (kg), `stiffness` (N/m), `damping`, `inertia`,
@@ -160,7 +168,7 @@ class ForcePath:
     way round a loop.
 
     Args:
-        source: What gives the energy.
+        source: What gives the energy; of a `Pair` an evaluator of `REAL_TIME_POINTS`.
         config: Settings as in the `[device]` table of a scene (`docs/scene.md`), such as
             `{"rate_hz": 500, "coupling": {"stiffness": 500}}`.
         grip: The point of the moving part, its frame (metres), that the coupling holds; the pair's

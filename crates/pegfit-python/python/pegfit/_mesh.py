@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
+from pegfit._counts import count
 from pegfit._errors import MeshError
 from pegfit._progress import Progress, Reporting
 
@@ -124,8 +125,20 @@ class Mesh:
 
         Raises:
             MeshError: The file cannot be read or used, or its unit is not known.
+
+        >>> import os, tempfile
+        >>> corners = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1"]
+        >>> faces = ["f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4"]
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "corner.obj")
+        ...     with open(path, "w") as file:
+        ...         print(*corners, *faces, sep=os.linesep, file=file)
+        ...     mesh = Mesh.load(path, unit="mm")
+        >>> mesh.bounds[1]
+        array([0.001, 0.001, 0.001])
         """
-        return cls._of(_core.Mesh.load(path, unit, solid, segments_per_turn))
+        segments = count(segments_per_turn, "segments_per_turn", MeshError, most=1000)
+        return cls._of(_core.Mesh.load(path, unit, solid, segments))
 
     @property
     def name(self) -> str:
@@ -148,7 +161,14 @@ class Mesh:
         return np.array(self._core.bounds())
 
     def check(self) -> MeshReport:
-        """Says what was repaired, and about which axes the mesh is symmetric."""
+        """Says what was repaired, and about which axes the mesh is symmetric.
+
+        >>> report = peg_in_hole("rectangular")[1].check()
+        >>> report.watertight, report.warnings, len(report.symmetry)
+        (True, [], 5)
+        >>> round(1e6 * report.volume, 6)
+        12.0
+        """
         said = json.loads(self._core.check())
         report = said["report"]
         return MeshReport(

@@ -6,21 +6,20 @@ import json
 import warnings
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Optional, Union
+from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
+from pegfit._counts import count, count_or_none
 from pegfit._errors import SceneError
 from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
 from pegfit._poses import RotationLike, quaternion, rows, three
 from pegfit._progress import Progress, Reporting
+from pegfit._search import Docking, Scores
 from pegfit._source import Evaluator, Table
 from pegfit._way import Way
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes as _Axes
 
 Float = NDArray[np.float64]
 
@@ -36,7 +35,7 @@ def _corners(window: Window) -> tuple[Float, Float]:
     return -half, half
 
 
-def _no_pose(item: str, expected: str, found: str) -> SceneError:
+def _refused(item: str, expected: str, found: str) -> SceneError:
     message = f"{item}: expected {expected}, found {found}"
     return SceneError(message, item=item, expected=expected, found=found)
 
@@ -46,7 +45,7 @@ def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
     if isinstance(given, str):
         if given != word:
             words = "fit, best" if item == "to" else word
-            raise _no_pose(item, f"{words} or a pose", repr(given))
+            raise _refused(item, f"{words} or a pose", repr(given))
         return None
     pose: Float = rows(np.asarray(given, dtype=np.float64)[None])[0]
     return pose
@@ -144,7 +143,7 @@ class Pair:
             peak_force,
             gamma,
             half,
-            memory,
+            count_or_none(memory, "memory", SceneError),
         )
 
     @classmethod
@@ -163,6 +162,7 @@ class Pair:
             MeshError: A mesh cannot be used.
         """
         pair = cls.__new__(cls)
+        memory = count_or_none(memory, "memory", SceneError)
         pair._core = _core.Pair.from_scene(path, fixed, memory)
         pair._names = [str(path)]
         pair._scene = path
@@ -191,16 +191,27 @@ class Pair:
         """The point of the moving part that displacements speak of, metres, `(3,)`."""
         return np.array(self._core.pivot(None))
 
-    def evaluator(self, tolerance: float = 0.0, *, progress: Progress = None) -> Evaluator:
+    def evaluator(
+        self,
+        tolerance: Optional[float] = None,
+        *,
+        max_points: Optional[int] = None,
+        progress: Progress = None,
+    ) -> Evaluator:
         """Energy at any pose by direct quadrature.
 
         Args:
-            tolerance: Cells merge where the density varies by no more than this share of the part's
-                root mean square; 0 keeps every cell. 0.1 is enough for a loop.
+            tolerance: Errors of force and of torque, the rms of each as a share of its own rms, at
+                poses over the pair's box and rotations, by comparison with half the spacing: 0.05
+                for 5 %. The spacing is refined until they are within it; the pair's own if `None`.
+            max_points: Instead of that, quadrature points at most: a coarser lattice is taken where
+                the pair's own has more. `REAL_TIME_POINTS` are what a 1 kHz loop has time for.
             progress: `True` for a bar, or a function of the units done and their number.
 
         Raises:
-            SceneError: A number is out of range, or a part has no interior on its lattice.
+            SceneError: A number is out of range, both are given, a part has no interior on its
+                lattice, or no lattice that fits in memory meets the tolerance.
+            KeyboardInterrupt: Within 50 ms of Ctrl-C.
 
         Two millimetres out of the fit, the peg is drawn back in:
 
@@ -210,8 +221,13 @@ class Pair:
         >>> bool(response.energy[0] < 0 and response.force[0, 2] < 0)
         True
         """
+        if tolerance is not None and max_points is not None:
+            expected, found = "this or max_points", "both"
+            raise _refused("tolerance", expected, found)
+        max_points = count_or_none(max_points, "max_points", SceneError)
         with Reporting(progress) as report:
-            return Evaluator(self._core.evaluator(tolerance, report), self)
+            core, points, error = self._core.evaluator(tolerance, max_points, report)
+        return Evaluator(core, self, points, error)
 
     def correlate(
         self,
@@ -274,6 +290,7 @@ class Pair:
         >>> bool(abs(found.poses[0, :3]).max() < 5e-4 and found.depth[0] == 1)
         True
         """
+        top = count(top, "top", SceneError)
         with Reporting(progress) as report:
             poses, numbers, refined, counts = _core.dock(
                 self._core, top, tolerance, exhaustive, state, report
@@ -339,7 +356,7 @@ class Pair:
         if isinstance(goal, str) and goal == "best":
             found = self.dock(top=1, progress=progress)
             if len(found) == 0:
-                raise _no_pose("to", "a pair in which docking finds a pose", "none")
+                raise _refused("to", "a pair in which docking finds a pose", "none")
             goal = found.poses[0]
         ends = (_end(goal, "fit", "to"), _end(from_, "outside", "from_"))
         with Reporting(progress) as report:
@@ -372,9 +389,9 @@ class Pair:
             half_extent: Half the sides of the box of displacements, metres.
             angle_deg: Radius of the ball of rotations, degrees; the scene's rotations, or 20, if
                 neither this nor `step_deg` is given.
-            step_deg: Angle between rotations, degrees; 5.
-            tolerance: Instead of spacing and step: the rms error of the force as a share of the rms
-                force, 0.1 for 10 %. They are chosen, and the coarsest that do are taken.
+            step_deg: Angle between rotations, degrees; 5. With a tolerance, where its choice begins.
+            tolerance: Errors of force and of torque, the rms of each as a share of its own rms, 0.1
+                for 10 %: spacing and step are chosen, the coarsest that do.
             resume: Go on with a table that is there.
             progress: `True` for a bar, or a function of the units done and their number.
 
@@ -406,103 +423,3 @@ class Pair:
         spacing, fixed, moving = self._core.describe()
         name = " and ".join(f"'{name}'" for name in self._names)
         return f"Pair of {name}: {fixed} and {moving} faces, spacing {1e3 * spacing:.4g} mm"
-
-
-@dataclass(frozen=True, repr=False)
-class Scores:
-    """The score of one rotation over displacements.
-
-    Attributes:
-        values: Cubic metres, `(nx, ny, nz)`; the energy is minus gamma times it.
-        origin: First displacement, metres.
-        spacing: Metres between displacements.
-        rotation: Of the moving part, x y z w.
-    """
-
-    values: NDArray[np.float32]
-    origin: Float
-    spacing: float
-    rotation: Float
-    _pair: Pair
-
-    def _axis(self, k: int) -> Float:
-        return np.asarray(self.origin[k] + self.spacing * np.arange(self.values.shape[k]))
-
-    @property
-    def x(self) -> Float:
-        """Displacements of the pivot along the fixed part's own x axis, metres, `(nx,)`."""
-        return self._axis(0)
-
-    @property
-    def y(self) -> Float:
-        """The same along y, `(ny,)`."""
-        return self._axis(1)
-
-    @property
-    def z(self) -> Float:
-        """The same along z, `(nz,)`."""
-        return self._axis(2)
-
-    def top(self, k: int = 10, *, apart: Optional[float] = None) -> tuple[Float, Float]:
-        """The highest local maxima: their poses `(m, 7)` and scores `(m,)`, m at most `k`, highest
-        first, more than `apart` metres from each other (two spacings if `None`)."""
-        radius = 2.0 if apart is None else apart / self.spacing
-        index = np.array(_core.highest(self.values, k, radius), dtype=np.intp).reshape(-1, 3)
-        displacements = self.origin + self.spacing * index
-        poses = _core.poses_at(self._pair._core, self.rotation, displacements)
-        return poses, self.values[tuple(index.T)].astype(np.float64)
-
-    def plot(self, ax: Optional[_Axes] = None) -> _Axes:
-        """Draws the score on the plane of y in which it is highest (needs matplotlib)."""
-        from pegfit._plots import score_map
-
-        return score_map(self, ax)
-
-    def __repr__(self) -> str:
-        shape = " x ".join(str(n) for n in self.values.shape)
-        return (
-            f"Scores at {shape} displacements every {1e3 * self.spacing:.4g} mm, "
-            f"highest {float(self.values.max()):.4g} m³"
-        )
-
-
-@dataclass(frozen=True, repr=False)
-class Docking:
-    """Poses where the moving part may belong, lowest energy first, unrefined ones last.
-
-    Attributes:
-        poses: `(k, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
-        energy: Under the docking weights, joules, `(k,)`.
-        depth: Energy as a share of the deepest pose's, `(k,)`.
-        mating_area: Area of the moving part's faces that lie against opposite faces of the fixed one,
-            square metres, `(k,)`.
-        model_energy: Energy under the pair's own model, joules, `(k,)`.
-        half_width: How far the energy takes to rise to half, metres, `(k,)`; infinite if it does not
-            within the moving part.
-        overlap: Share of the moving part inside the fixed one, `(k,)`.
-        condition: How far the terms of the score cancel, `(k,)`; NaN for all but the best.
-        refined: False where downhill led out of the domain, `(k,)`.
-        scored: Rotations scored.
-        rotations: Rotations looked at.
-    """
-
-    poses: Float
-    energy: Float
-    depth: Float
-    mating_area: Float
-    model_energy: Float
-    half_width: Float
-    overlap: Float
-    condition: Float
-    refined: NDArray[np.bool_]
-    scored: int
-    rotations: int
-
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def __repr__(self) -> str:
-        text = f"Docking: {len(self)} poses of {self.scored} of {self.rotations} rotations"
-        if len(self) == 0:
-            return text
-        return f"{text}, deepest {1e3 * self.energy[0]:.4g} mJ"

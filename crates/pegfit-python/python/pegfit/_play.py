@@ -94,6 +94,12 @@ def play(
 
     Raises:
         PegfitError: The page cannot be served, with the command's own words.
+
+    >>> with play() as page:
+    ...     page.url.startswith("http://127.0.0.1:")
+    True
+    >>> page
+    Page, closed
     """
     # Deleted with the page.
     folder = tempfile.TemporaryDirectory(prefix="pegfit-play-")

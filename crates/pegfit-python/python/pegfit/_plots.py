@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes as _Axes
 
     from pegfit._mesh import Density
-    from pegfit._pair import Scores
+    from pegfit._search import Scores
     from pegfit._source import Table
 
 

@@ -20,6 +20,12 @@ class Response:
             moving part's frame, `(n, 3)`.
         coverage: 1 where the source knows the pose, 0 where it does not (force and torque are 0
             there), in between at its edge, `(n,)`.
+
+    >>> from pegfit import Pair, peg_in_hole
+    >>> source = Pair(*peg_in_hole(), spacing=0.003).evaluator()
+    >>> response = source.query([[0, 0, 0.002, 0, 0, 0, 1], [0, 0, 1, 0, 0, 0, 1]])
+    >>> response.force.shape, bool(response.force[0, 2] < 0), bool(response.energy[1] == 0)
+    ((2, 3), True, True)
     """
 
     __slots__ = ("energy", "force", "torque", "coverage")

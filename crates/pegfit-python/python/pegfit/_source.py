@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pegfit import _core
+from pegfit._counts import count_or_none
+from pegfit._errors import TableError
 from pegfit._mesh import Path
 from pegfit._poses import PosesLike, rows
 from pegfit._response import Response, check_out
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
     from pegfit._pair import Pair
 
 Float = NDArray[np.float64]
+
+#: Quadrature points that a 1 kHz loop on one core has time for.
+REAL_TIME_POINTS: int = _core.REAL_TIME_POINTS
 
 
 class Source(Protocol):
@@ -56,8 +61,18 @@ class _Source:
             PoseError: A wrong shape, a number that is not finite, or no rotation.
             TableError: The table was closed.
             KeyboardInterrupt: Within 50 ms of Ctrl-C.
+
+        >>> from pegfit import Pair, Response, peg_in_hole
+        >>> source = Pair(*peg_in_hole(), spacing=0.003).evaluator()
+        >>> out = Response.empty(2)
+        >>> matrices = np.stack([np.eye(4), np.eye(4)])
+        >>> matrices[1, 2, 3] = 0.001
+        >>> source.query(matrices, out=out) is out
+        True
+        >>> bool(out.energy[0] < out.energy[1])
+        True
         """
-        array = rows(poses)
+        array, threads = rows(poses), count_or_none(threads, "threads")
         if out is None:
             response = Response.empty(len(array))
         else:
@@ -72,14 +87,24 @@ class Evaluator(_Source):
     """Energy by direct quadrature: any pose, no table; 0.1 to 10 ms a pose.
 
     Made by `Pair.evaluator`.
+
+    Attributes:
+        points: Quadrature points: the most lookups that one pose takes.
+        error: If a tolerance was asked for, the greater error of force and torque by which the
+            lattice was chosen, as a share of the rms; else `None`.
     """
 
-    def __init__(self, core: _core.Source, pair: Pair) -> None:
+    def __init__(
+        self, core: _core.Source, pair: Pair, points: int, error: Optional[float]
+    ) -> None:
         self._core = core
         self._pair = pair
+        self.points = points
+        self.error = error
 
     def __repr__(self) -> str:
-        return f"Evaluator of {self._pair!r}"
+        error = "" if self.error is None else f", error {100 * self.error:.2g} %"
+        return f"Evaluator of {self._pair!r}: {self.points} points{error}"
 
 
 class Table(_Source):
@@ -105,8 +130,20 @@ class Table(_Source):
         Raises:
             TableError: There is no table, it is not finished yet, damaged, of another format, or
                 too large.
+
+        >>> import os, tempfile
+        >>> from pegfit import Pair, peg_in_hole
+        >>> pair = Pair(*peg_in_hole(), spacing=0.003, half_extent=0.006)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "t.zarr")
+        ...     pair.bake(path, angle_deg=5).close()
+        ...     table = Table.open(path)
+        >>> table.window[1]
+        array([0.006, 0.006, 0.006])
+        >>> table.closed
+        False
         """
-        core, description = _core.open_table(path, memory)
+        core, description = _core.open_table(path, count_or_none(memory, "memory", TableError))
         return cls(core, description, None)
 
     @property

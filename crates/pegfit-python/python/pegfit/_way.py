@@ -73,6 +73,14 @@ class Way:
 
         Raises:
             PegfitError: Another ending, or the file cannot be written.
+
+        >>> import os, tempfile
+        >>> from pegfit import Pair, peg_in_hole
+        >>> way = Pair(*peg_in_hole("rectangular", clearance=2e-4)).path(solids_only=True)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     way.report(os.path.join(folder, "way.html"))
+        ...     os.listdir(folder)
+        ['way.html']
         """
         core = self._core
         write_report(path, page=core.page, table=core.table, summary=core.summary)

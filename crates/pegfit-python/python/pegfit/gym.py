@@ -76,6 +76,8 @@ class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     A start is 1.05 to 1.2 lengths above the seat, up to a fifth of a width to either side, and turned
     by up to 5 degrees about any axis; `reset(seed=...)` repeats it.
 
+    `gymnasium.make("pegfit/PegInsertion-v0")` makes one, too, once this module is imported.
+
     Args:
         section: As for `pegfit.peg_in_hole`.
         width: Of the peg, metres.
@@ -225,3 +227,6 @@ def scripted(observation: NDArray[np.float32]) -> NDArray[np.float32]:
     action[2] = 2.0 * down
     action[3:] = -8.0 * turn
     return np.clip(action, -1.0, 1.0)
+
+
+gymnasium.register("pegfit/PegInsertion-v0", PegInsertion)

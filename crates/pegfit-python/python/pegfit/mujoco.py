@@ -17,7 +17,7 @@ from pegfit._errors import PegfitError
 from pegfit._loop import ForcePath
 from pegfit._pair import Pair
 from pegfit._response import Response
-from pegfit._source import Evaluator, Table
+from pegfit._source import REAL_TIME_POINTS, Evaluator, Table
 
 Float = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class PassiveForce:
 
     Args:
         model: The model.
-        source: A `Table`, an `Evaluator` or a `Pair` (then with 0.1 tolerance).
+        source: A `Table`, an `Evaluator` or a `Pair` (then with `REAL_TIME_POINTS`).
         fixed: Name or number of the body that the fixed part belongs to; it may move.
         moving: That of the moving part.
         fixed_frame: Where the fixed mesh's frame lies in its body's, x y z qx qy qz qw; the same if
@@ -79,6 +79,18 @@ class PassiveForce:
     Raises:
         PegfitError: There is no such body.
         DeviceError: A setting is out of range.
+
+    >>> from pegfit import peg_in_hole
+    >>> free = '<freejoint/><geom size="0.005" contype="0" conaffinity="0"/>'
+    >>> bodies = f'<body name="hole"/><body name="peg" pos="0 0 0.002">{free}</body>'
+    >>> model = mujoco.MjModel.from_xml_string(
+    ...     f'<mujoco><option gravity="0 0 0"/><worldbody>{bodies}</worldbody></mujoco>'
+    ... )
+    >>> data, pair = mujoco.MjData(model), Pair(*peg_in_hole(), spacing=0.003)
+    >>> with PassiveForce(model, pair, "hole", "peg", config={"ramp_s": 0.01}) as force:
+    ...     mujoco.mj_step(model, data, nstep=50)
+    >>> bool(force.energy < 0 and force.force[2] < 0 and data.qvel[2] < 0)
+    True
     """
 
     def __init__(
@@ -96,7 +108,9 @@ class PassiveForce:
     ) -> None:
         self._bodies = _body(model, fixed), _body(model, moving)
         self._frames = _Frame(fixed_frame), _Frame(moving_frame)
-        self._source = source.evaluator(0.1) if isinstance(source, Pair) else source
+        if isinstance(source, Pair):
+            source = source.evaluator(max_points=REAL_TIME_POINTS)
+        self._source = source
         rate = float(np.clip(1.0 / model.opt.timestep, 50.0, 10_000.0))
         free = {"force": 1e6, "torque": 1e6, "force_rate": 1e9, "torque_rate": 1e9}
         given = dict(config or {})

@@ -91,7 +91,8 @@ impl PyForcePath {
         }
         let workspace = Workspace::new(config.workspace_scale, Pose::IDENTITY, grip);
         let scratch = source.as_source().scratch();
-        let path = ForcePath::new(&body(config.rate_hz), &config, workspace, scratch)?;
+        let body = body(config.rate_hz);
+        let path = guarded(|| Ok(ForcePath::new(&body, &config, workspace, scratch)?))?;
         Ok(Self {
             source,
             period: config.period(),

@@ -14,7 +14,7 @@ use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, TriangleMesh, symmetry
 use serde_json::json;
 
 use crate::failure::raised::{Failure, Kind};
-use crate::work::run::run;
+use crate::work::run::{guarded, run};
 
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: as `pegfit check`.
 const SYMMETRY_TOLERANCE: f64 = 5e-4;
@@ -70,12 +70,14 @@ pub(crate) fn peg_in_hole(section: &str, clearance: f64) -> Result<(Mesh, Mesh),
         let expected = "circular, rectangular or combined";
         Failure::found(Kind::Mesh, "section", expected, section)
     })?;
-    let (hole, peg) = found.pair(clearance)?;
     let named = |part: &str, mesh: TriangleMesh| {
         let (vertices, triangles) = (mesh.vertices().to_vec(), mesh.triangles().to_vec());
         cleaned(&format!("{section} {part}"), vertices, triangles)
     };
-    Ok((named("hole", hole)?, named("peg", peg)?))
+    guarded(|| {
+        let (hole, peg) = found.pair(clearance)?;
+        Ok((named("hole", hole)?, named("peg", peg)?))
+    })
 }
 
 #[pymethods]

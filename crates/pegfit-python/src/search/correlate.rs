@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use crate::failure::raised::{Failure, Kind};
 use crate::pair_class::{Parts, PyPair};
 use crate::poses;
-use crate::work::run::run;
+use crate::work::run::{guarded, run};
 
 /// Bytes of a score.
 const SCORE: u128 = 4;
@@ -110,7 +110,9 @@ pub(crate) fn highest(
     scores: PyReadonlyArray3<'_, f32>,
     count: usize,
     radius: f64,
-) -> Vec<[usize; 3]> {
-    let peaks = top_peaks(scores.as_array(), count, radius);
-    peaks.into_iter().map(|peak| peak.index).collect()
+) -> Result<Vec<[usize; 3]>, Failure> {
+    guarded(|| {
+        let peaks = top_peaks(scores.as_array(), count, radius);
+        Ok(peaks.into_iter().map(|peak| peak.index).collect())
+    })
 }

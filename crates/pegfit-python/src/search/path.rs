@@ -14,7 +14,7 @@ use sdf_grid::LengthUnit;
 use crate::failure::raised::{Failure, Kind};
 use crate::pair_class::{Parts, PyPair};
 use crate::poses;
-use crate::work::run::{Watch, run};
+use crate::work::run::{Watch, guarded, run};
 
 /// Longest search, seconds: a week, as for `pegfit path`.
 const LONGEST: f64 = 604_800.0;
@@ -59,20 +59,22 @@ impl PyWay {
 
     /// What `pegfit path --json` tells.
     fn summary(&self) -> Result<String, Failure> {
-        self.way.json().map_err(|e| Failure::of(Kind::General, &e))
+        guarded(|| self.way.json().map_err(|e| Failure::of(Kind::General, &e)))
     }
 
     /// The rows of `pegfit path -o`.
     fn table(&self) -> Result<String, Failure> {
-        let mut rows = Vec::new();
-        let written = self.way.csv(&mut rows);
-        written.map_err(|e| Failure::of(Kind::General, &e))?;
-        Ok(String::from_utf8_lossy(&rows).into_owned())
+        guarded(|| {
+            let mut rows = Vec::new();
+            let written = self.way.csv(&mut rows);
+            written.map_err(|e| Failure::of(Kind::General, &e))?;
+            Ok(String::from_utf8_lossy(&rows).into_owned())
+        })
     }
 
     /// The page of `pegfit path --html`.
     fn page(&self) -> Result<String, Failure> {
-        self.way.html().map_err(|e| Failure::of(Kind::General, &e))
+        guarded(|| self.way.html().map_err(|e| Failure::of(Kind::General, &e)))
     }
 }
 

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use super::any::AnySource;
 use super::query::{Rows, answer, answer_all};
 use crate::failure::raised::{Failure, Kind};
+use crate::work::pools::check;
 use crate::work::run::{guarded, run_scoped};
 
 /// A table or a direct evaluator, until it is closed.
@@ -76,6 +77,7 @@ impl Source {
         coverage: &Bound<'_, PyArray1<f64>>,
         threads: Option<usize>,
     ) -> PyResult<()> {
+        check(threads)?;
         let source = self.get()?;
         let mut energy = energy.try_readwrite().map_err(in_use)?;
         let mut force = force.try_readwrite().map_err(in_use)?;

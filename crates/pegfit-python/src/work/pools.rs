@@ -20,14 +20,21 @@ static POOLS: Mutex<Option<HashMap<Key, Arc<ThreadPool>>>> = Mutex::new(None);
 
 type Key = (u32, Option<usize>);
 
+/// Refuses numbers of threads that no pool has.
+pub(crate) fn check(threads: Option<usize>) -> Result<(), Failure> {
+    match threads {
+        Some(found) if found == 0 || found > MOST => {
+            let expected = format!("1 to {MOST}");
+            Err(Failure::found(Kind::General, "threads", expected, found))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The pool of so many threads, one per core if `None`; started when first asked for. Only called
 /// while attached to the interpreter, so that no fork happens while the list is locked.
 pub(super) fn pool(_: Python<'_>, threads: Option<usize>) -> Result<Arc<ThreadPool>, Failure> {
-    if threads.is_some_and(|n| n == 0 || n > MOST) {
-        let found = threads.unwrap_or_default();
-        let expected = format!("1 to {MOST}");
-        return Err(Failure::found(Kind::General, "threads", expected, found));
-    }
+    check(threads)?;
     let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
     let pools = pools.get_or_insert_default();
     let key = (std::process::id(), threads);

@@ -4,7 +4,7 @@
 //! Energies, forces and torques at random poses and in contact, of cell averages and of smoothed
 //! densities with their contact sum, for parts as they are, shifted by fractions of a cell, and
 //! turned, all against the truths in `benches/truths` (`truth --write`), which know no lattice.
-//! `--quick`: at the default spacing only.
+//! `--quick`: at the default spacing only. Without names, all pairs whose truths are kept.
 
 use std::time::Instant;
 
@@ -26,6 +26,8 @@ struct Plan {
     spacings: Vec<f64>,
     smoothings: Vec<f64>,
     points: Vec<usize>,
+    /// Whether pairs were named: else those whose truth is not kept are left out.
+    asked: bool,
 }
 
 impl Plan {
@@ -36,6 +38,7 @@ impl Plan {
             spacings: Vec::new(),
             smoothings: Vec::new(),
             points: Vec::new(),
+            asked: false,
         };
         for word in &arguments.rest {
             match word.split_once('=') {
@@ -64,7 +67,8 @@ impl Plan {
         };
         or(&mut plan.spacings, default);
         or(&mut plan.smoothings, &[0.7]);
-        if plan.pairs.is_empty() {
+        plan.asked = !plan.pairs.is_empty();
+        if !plan.asked {
             plan.pairs = PegInHole::ALL.to_vec();
         }
         Ok(plan)
@@ -98,14 +102,6 @@ struct Found {
 }
 
 impl Case {
-    fn new(which: PegInHole, mm: f64) -> Outcome<Self> {
-        let parts = Parts::new(which, mm)?;
-        Ok(Self {
-            truths: Truths::read(&parts)?,
-            parts,
-        })
-    }
-
     fn found(&self, scheme: Scheme, frame: &Frame) -> Outcome<Found> {
         let began = Instant::now();
         let [hole, peg] = self.parts.meshes.each_ref().map(|m| frame.part(m));
@@ -151,7 +147,7 @@ impl Case {
     }
 }
 
-const COLUMNS: [&str; 15] = [
+const COLUMNS: [&str; 16] = [
     "pair",
     "clearance, mm",
     "spacing, mm",
@@ -167,6 +163,7 @@ const COLUMNS: [&str; 15] = [
     "in contact: energy, %",
     "force, %",
     "torque, %",
+    "energy beside own, % of depth",
 ];
 
 fn main() -> Outcome<()> {
@@ -174,11 +171,19 @@ fn main() -> Outcome<()> {
     let plan = Plan::parse(&arguments)?;
     let about = "Relative to the range of the energy and the rms of force and torque; the wrench's \
         error is the rms of its four. Truth: how far each of two truths is from their mean, which \
-        the others are held to.";
+        the others are held to. Beside own: the largest difference at any pose from the same scheme \
+        with both parts as they are, of the depth.";
     let mut table = Table::new("contact", "Accuracy where parts touch", about, &COLUMNS);
     for &which in &plan.pairs {
         for &mm in &plan.clearances {
-            let case = Case::new(which, mm)?;
+            let parts = Parts::new(which, mm)?;
+            if !plan.asked && !parts.file().exists() {
+                continue;
+            }
+            let case = Case {
+                truths: Truths::read(&parts)?,
+                parts,
+            };
             rows(&case, &plan, &mut table)?;
             print!("{}", table.to_text());
         }
@@ -192,29 +197,38 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
     let errors = |found: &[Vec<Response>; 2]| {
         [0, 1].map(|n| response_errors(&case.parts.pair, &truths.poses[n], &mean[n], &found[n]))
     };
-    let mut row = |names: [String; 6], [random, contact]: [Vec<f64>; 2]| {
+    let mut row = |names: [String; 6], [random, contact]: [Vec<f64>; 2], beside: String| {
         let wrench = rms(random[1..].iter().chain(&contact[1..]).copied());
         let shares = [wrench].into_iter().chain(random).chain(contact);
         let pair = [
             case.parts.which.name().to_owned(),
             case.parts.clearance.to_string(),
         ];
-        table.push(pair.into_iter().chain(names).chain(shares.map(percent)));
+        let cells = pair.into_iter().chain(names).chain(shares.map(percent));
+        table.push(cells.chain([beside]));
     };
     // The mean of two truths is as far from either as they are from it.
     let dash = || "-".to_owned();
     row(
         [dash(), dash(), dash(), "truth".into(), dash(), dash()],
         errors(&truths.own),
+        dash(),
     );
+    let depth = mean.iter().flatten().map(|r| -r.energy).fold(0.0, f64::max);
     let frames = [
         ("own", Frame::OWN),
         ("shifted", Frame::shifted()),
         ("turned", Frame::turned()),
     ];
     for scheme in schemes(plan) {
+        let mut own: Option<[Vec<Response>; 2]> = None;
         for (name, frame) in &frames {
             let found = case.found(scheme, frame)?;
+            let beside = own.as_ref().map_or_else(dash, |own| {
+                let pairs = own.iter().flatten().zip(found.responses.iter().flatten());
+                let off = pairs.map(|(a, b)| (a.energy - b.energy).abs());
+                percent(off.fold(0.0, f64::max) / depth)
+            });
             let names = [
                 significant(1e3 * scheme.spacing, 2),
                 scheme.smoothing.map_or("none".into(), |s| format!("{s}")),
@@ -223,7 +237,8 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
                 significant(found.built, 2),
                 significant(1e6 * found.each, 3),
             ];
-            row(names, errors(&found.responses));
+            row(names, errors(&found.responses), beside);
+            own.get_or_insert(found.responses);
         }
     }
     Ok(())

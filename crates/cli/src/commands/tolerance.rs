@@ -77,8 +77,9 @@ fn missed(
     share: Option<f64>,
     limit: &Limit,
 ) -> CommandError {
-    let lattice = "the lattice";
-    let step = "the rotation step";
+    let of_which = share.map(|s| format!("of which the lattice may use {:.0} %, ", 100.0 * s));
+    let of_which = of_which.unwrap_or_default();
+    let (lattice, step) = ("the lattice", "the rotation step");
     let (part, reason) = match *limit {
         Limit::Spacings { best } => (
             lattice,
@@ -95,10 +96,7 @@ fn missed(
             format!(
                 "{}at a spacing of {:.4} mm; half of {:.4} mm, \
                  to compare with, would need {} for {}: {what}, and {} can be used",
-                share.map_or(String::new(), |s| format!(
-                    "of which the lattice may use {:.0} %, ",
-                    100.0 * s
-                )),
+                of_which,
                 1e3 * best,
                 1e3 * next,
                 display_bytes(needed),

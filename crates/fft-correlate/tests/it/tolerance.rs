@@ -65,7 +65,7 @@ fn a_lattice_meets_the_tolerance_asked_for_in_any_frame() {
             PegInHole::Combined,
             1e-4,
             DQuat::from_scaled_axis(DVec3::new(0.3, 0.8, -0.5)),
-            0.15,
+            0.08,
         ),
     ] {
         let coarse = setup(which, clearance, turn, 0.0026);

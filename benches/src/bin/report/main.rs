@@ -90,8 +90,9 @@ fn main() -> Outcome<()> {
     let mut parts = String::new();
     let mut failed = Vec::new();
     let wanted = SECTIONS.iter().filter(|s| options.wants(s));
-    let pictures: Vec<PathBuf> = old_pictures(&figures)?;
-    pictures.iter().try_for_each(fs::remove_file)?;
+    old_pictures(&figures, &options)?
+        .iter()
+        .try_for_each(fs::remove_file)?;
     for section in wanted {
         eprintln!("== {}", section.title);
         match measured(section, &options, &figures) {
@@ -113,13 +114,17 @@ fn main() -> Outcome<()> {
     }
 }
 
-/// Charts of an earlier page.
-fn old_pictures(figures: &Path) -> Outcome<Vec<PathBuf>> {
+/// Charts that an earlier page had of the sections wanted; all where none are left out.
+fn old_pictures(figures: &Path, options: &Options) -> Outcome<Vec<PathBuf>> {
     let mut found = Vec::new();
+    let starts: Vec<String> = match options.only.as_slice() {
+        [] => vec!["report-".into()],
+        only => only.iter().map(|key| format!("report-{key}-")).collect(),
+    };
     for entry in fs::read_dir(figures)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with("report-") {
+        if starts.iter().any(|start| name.starts_with(start.as_str())) {
             found.push(path);
         }
     }

@@ -2,10 +2,10 @@
 // machine draws them by its processor.
 import { browser } from "./common.mjs";
 import { doors } from "./doors.mjs";
-import { hands } from "./hands.mjs";
+import { follows, hands } from "./hands.mjs";
 import { cost, papers, story, telephone } from "./story.mjs";
 
-const tests = { cost, story, hands, doors, telephone, papers };
+const tests = { cost, story, hands, follows, doors, telephone, papers };
 const wanted = process.argv.slice(2);
 for (const name of wanted) {
     if (!(name in tests)) throw new Error(`no test ${name}; there are ${Object.keys(tests)}`);

@@ -76,7 +76,8 @@ def child(sender, case, poses, share, options) -> None:
         found = {"note": str(why)}
     except RuntimeError as why:
         # The tool's own.
-        found = {"note": f"it fails with: {str(why).splitlines()[0][:100]}"}
+        said = " ".join(str(why).split())
+        found = {"note": f"it fails: {said.split('=')[0].strip()}"}
     sender.send(found)
 
 

@@ -15,7 +15,7 @@ BY_SIZE = {"set-up": ("set-up, s", "{:.2g}"), "MiB": ("MiB", "{:.0f}"), "p50": (
            "p99": ("p99, µs", "{:.3g}"), "poses": ("poses", "{:.0f}")}
 BY_CLEARANCE = {"false": ("false, %", "{:.1f}"), "missed": ("missed, %", "{:.1f}"),
                 "rises": ("rises", "{:.2g}"), "torque": ("torque", "{:.2g}"),
-                "loop": ("loop", "{:.2g}"), "pull": ("pull", "{:.2g}")}
+                "loop": ("loop", "{:.2g}"), "pull": ("pull", "{:.3g}")}
 PER_CENT = "false", "missed"
 
 

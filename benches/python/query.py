@@ -4,8 +4,9 @@
 
 Uses the installed package. PEGFIT_RATE is the program `rate` of pegfit-benches; without it, and
 without a `pegfit` on the path, the package is measured alone. Both answer the same pieces of the same
-poses in turns, and the fastest of three of each piece counts, so that what else runs on the machine
-matters little.
+poses in turns, and the fastest of three of each piece counts. On one thread that is seconds of the
+processor, so that what else runs on the machine matters little; on all threads it is the clock's, which
+wants a quiet machine.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ def random_poses(count: int, low, high) -> np.ndarray:
     return np.hstack([rng.uniform(low, high, (count, 3)), np.sin(half) * axis, np.cos(half)])
 
 
-def timed(call) -> float:
+def timed(call, clock=time.perf_counter) -> float:
     """Seconds of one call."""
-    began = time.perf_counter()
+    began = clock()
     call()
-    return time.perf_counter() - began
+    return clock() - began
 
 
 def best(call, times: int = 3) -> float:
@@ -51,13 +52,13 @@ def best(call, times: int = 3) -> float:
 
 
 def per_call(call, count: int = 4000) -> float:
-    """Microseconds per call."""
+    """Microseconds of the processor per call."""
 
     def many() -> None:
         for _ in range(count):
             call()
 
-    return 1e6 * best(many, 5) / count
+    return 1e6 * min(timed(many, time.process_time) for _ in range(5)) / count
 
 
 class Rust:
@@ -68,9 +69,16 @@ class Rust:
         self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True)
 
     def seconds(self, first: int, count: int, threads: str) -> float:
+        """Of the processor for one thread, of the clock for all."""
+        before = self._busy()
         self.process.stdin.write(f"{first} {count} {threads}\n")
         self.process.stdin.flush()
-        return float(self.process.stdout.readline())
+        elapsed = float(self.process.stdout.readline())
+        return elapsed if threads == "all" else self._busy() - before
+
+    def _busy(self) -> float:
+        tasks = Path(f"/proc/{self.process.pid}/task").glob("*/schedstat")
+        return 1e-9 * sum(int(task.read_text().split()[0]) for task in tasks)
 
     def close(self) -> None:
         self.process.communicate()
@@ -83,14 +91,17 @@ def compare(name: str, table, poses: np.ndarray, folder: Path) -> None:
     if program:
         poses.tofile(folder / "poses.f64")
         rust = Rust(program, Path(table.path), folder / "poses.f64")
-    for threads, number in (("one", 1), ("all", None)):
+    for threads, number, clock in (
+        ("one", 1, time.process_time),
+        ("all", None, time.perf_counter),
+    ):
         ours = theirs = 0.0
         for first in range(0, len(poses), PIECE):
             piece = poses[first : first + PIECE]
             out = pegfit.Response.empty(len(piece))
             taken = []
             for _ in range(3):
-                python = timed(lambda: table.query(piece, threads=number, out=out))
+                python = timed(lambda: table.query(piece, threads=number, out=out), clock)
                 taken.append((python, rust.seconds(first, len(piece), threads) if rust else 0.0))
             ours += min(t for t, _ in taken)
             theirs += min(t for _, t in taken)
@@ -133,7 +144,8 @@ def interrupt(call, after: float = 0.7) -> float:
 def one_pose(table, pose: np.ndarray) -> None:
     """Prints what a call for a single pose costs beyond the query."""
     out, many = pegfit.Response.empty(1), np.tile(pose, (100_000, 1))
-    alone = 1e6 * best(lambda: table.query(many, threads=1), 5) / len(many)
+    times = (timed(lambda: table.query(many, threads=1), time.process_time) for _ in range(5))
+    alone = 1e6 * min(times) / len(many)
     plain = per_call(lambda: table.query(pose))
     reused = per_call(lambda: table.query(pose, out=out))
     print(f"one pose: {plain:.2f} µs a call, {reused:.2f} µs with out; the query itself {alone:.2f} µs")

@@ -229,4 +229,4 @@ def scripted(observation: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.clip(action, -1.0, 1.0)
 
 
-gymnasium.register("pegfit/PegInsertion-v0", PegInsertion)
+gymnasium.register("pegfit/PegInsertion-v0", "pegfit.gym:PegInsertion")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import textwrap
 from pathlib import Path
 
 COLUMNS = ["pair", "clearance", "triangles", "tool", "set-up", "MiB", "poses", "p50", "p99", "false",
@@ -83,6 +84,7 @@ def write_page(page: Path, rows: list[dict], middle: tuple[float, int]) -> None:
     head = (f"{processor()}, one thread; {len(rows)} rows; {asked[0]} to {asked[-1]} poses a row, as "
             f"many as the time given to a row allows. In every cell the pairs {', '.join(sections)}; "
             "`?` was not measured.")
+    head = textwrap.fill(head, 100, break_long_words=False, break_on_hyphens=False)
     parts = [
         MARKS[0], "", head, "", f"At {clearance} mm of clearance, by the size of the meshes:", "",
         table(rows, [(clearance, s, s) for s in sizes], sections, "triangles", BY_SIZE), "",

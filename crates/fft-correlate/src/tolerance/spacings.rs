@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn errors_of_any_believable_order_are_met_soon_and_not_by_far() {
         for order in [0.8, 1.3, 2.0] {
-            let error = |h: f64| 9.0 * h.powf(order);
+            let error = |h: f64| 0.3 * h.powf(order);
             let mut spacings = Spacings::new(0.035);
             let (mut h, mut tried) = (1.0, 1);
             while !spacings.is_met(error(h)) {

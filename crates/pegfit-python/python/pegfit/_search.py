@@ -59,7 +59,7 @@ class Scores:
         """The highest local maxima: their poses `(m, 7)` and scores `(m,)`, m at most `k`, highest
         first, more than `apart` metres from each other (two spacings if `None`).
 
-        >>> from pegfit import peg_in_hole
+        >>> from pegfit import Pair, peg_in_hole
         >>> scores = Pair(*peg_in_hole("combined"), spacing=0.003).correlate(window=0.006)
         >>> poses, values = scores.top(1)
         >>> poses.shape, bool(values[0] == scores.values.max())

@@ -144,7 +144,7 @@ report *ARGS:
     cargo build --release -p pegfit-benches
     cargo run --release -p pegfit-benches --bin report -- {{ARGS}}
 
-# Contact without a lattice: long tests, then how far it is off and how far direct evaluation is.
+# Contact without a lattice: long tests, then how sure it is (`just truth --write` keeps it instead).
 truth *ARGS:
     cargo test --release -p pegfit-truth -- --include-ignored
     cargo run --release -p pegfit-benches --bin truth -- {{ARGS}}

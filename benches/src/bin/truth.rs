@@ -1,4 +1,4 @@
-//! How sure the truth of contact is, and how far direct quadrature is from it:
+//! How sure the truth of contact is:
 //! `truth [--quick] [--out DIR] [--write] [pair=NAME]... [clearance=MM]... [poses=N]`.
 //!
 //! For each of the example pairs and clearances: energies against samples spread through both

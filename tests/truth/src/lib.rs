@@ -23,10 +23,10 @@
 //!
 //! # Limits
 //!
-//! At walls that coincide the energy has a crease and the wrench is the mean of the slopes to both
-//! sides. Torques err several times as much as forces: densities have a narrow ridge on the bisector
-//! of every edge, which the fits miss. Faces cost time one by one: parts of hundreds of planes are fine, scans are not. Parts
-//! must be closed.
+//! At walls that coincide the energy has a crease and the wrench is the mean of the slopes to
+//! both sides. Torques err several times as much as forces: near edges densities vary on the
+//! scale of the distance to them, down to the smallest cells. Faces cost time one by one: parts
+//! of hundreds of planes are fine, scans are not. Parts must be closed.
 //!
 //! ```
 //! use fft_correlate::{Pose, ScoreModel};

@@ -19,9 +19,8 @@ pub enum Densities {
     },
 }
 
-/// Radius of the tubes about sharp edges, in narrowest extents, unless cells are too large for it:
-/// of four cells along its diameter, energies in contact err by a tenth of what tubes of a quarter
-/// of an extent make them, whatever the cells in those.
+/// Radius of the tubes about sharp edges, in narrowest extents, unless cells are too large for it.
+/// Inside, cells are not refined by how well they fit: a wide tube errs however small the cells are.
 const TUBE: f64 = 0.02;
 
 /// How finely a truth is computed. Lengths are shares of the narrowest extent of the smaller part.

@@ -171,7 +171,7 @@ impl Scorer {
         let shapes: Vec<Pose> = poses.iter().map(|p| placement.to_shapes(p)).collect();
         let found = tolerance::choose_direct(&setup, &shapes, tolerance, context)?;
         context.progress.note(&format!(
-            "error {:.3} % against a lattice of {:.4} mm",
+            "error {:.3} %, as a lattice of {:.4} mm tells",
             100.0 * found.error,
             1e3 * found.reference_spacing
         ));

@@ -92,7 +92,7 @@ fn a_tolerance_chooses_the_lattice() {
     let found = tolerant("15%");
     assert!(found.status.success());
     let told = String::from_utf8_lossy(&found.stderr).into_owned();
-    assert!(told.contains("against a lattice of"), "{told}");
+    assert!(told.contains("as a lattice of"), "{told}");
     let rows = columns(&String::from_utf8(found.stdout).unwrap());
     assert_eq!(rows.len(), coarse.len());
     for (a, b) in rows.iter().zip(&coarse) {

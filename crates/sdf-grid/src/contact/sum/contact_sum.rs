@@ -66,7 +66,7 @@ impl ContactSum {
         }
         let reach = REACH * width;
         let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
-        let mut samples = spread(sampled, flat(sampled), distance)?;
+        let mut samples = spread(sampled, flat(sampled), distance, reach)?;
         let clusters = Clusters::new(&mut samples, reach);
         let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
         let regions = Regions::new(surface, flat(surface), reach)?;

@@ -71,6 +71,24 @@ impl Cylinder {
         })
     }
 
+    pub(super) fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// The direction of its axis.
+    #[cfg(test)]
+    pub(super) fn along(&self) -> DVec3 {
+        self.along
+    }
+
+    /// A place on it unrolled into a plane: along the circle, and along the axis.
+    pub(super) fn unrolled(&self, p: DVec3) -> DVec2 {
+        let (u, v) = self.along.any_orthonormal_pair();
+        let from = p - self.centre;
+        let angle = from.dot(v).atan2(from.dot(u));
+        DVec2::new(self.radius * angle, from.dot(self.along))
+    }
+
     fn at(&self, p: DVec3) -> Option<Osculating> {
         let from = p - self.centre;
         let height = from.dot(self.along);

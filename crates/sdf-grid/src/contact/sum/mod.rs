@@ -1,8 +1,9 @@
 //! The sum over both surfaces, in single precision for sixteen samples at a time.
 //!
 //! - [`lanes`], [`vectors`], [`smooth`]: elementary functions and the kernel for sixteen samples;
-//! - [`smooth_parts`]: a surface between its sharp edges; [`spread`], [`gathered`], [`cells`]: samples
-//!   of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which of them are out of reach;
+//! - [`smooth_parts`]: a surface between its sharp edges; [`spread`], [`gathered`], [`lattices`],
+//!   [`cells`]: samples of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which
+//!   of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
 //!   in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
@@ -20,6 +21,7 @@ mod cylinder;
 mod gathered;
 mod kink;
 mod lanes;
+mod lattices;
 mod osculating;
 mod pass;
 mod regions;

@@ -27,8 +27,8 @@ const FACETS: f64 = 0.004;
 pub(super) struct Regions {
     /// The flat ones.
     pub(super) flat: Vec<Outline>,
-    /// The surface of curved regions in small pieces, in metres, each with its region.
-    pub(super) surfels: Vec<(u32, Surfel)>,
+    /// The surface of the curved ones.
+    pub(super) surfels: Surfels,
     /// Regions that are cylinders, in units of the reach.
     pub(super) cylinders: HashMap<u32, Cylinder>,
     /// Curved regions that are no cylinders in few flat faces, each with its region: for where the
@@ -41,6 +41,15 @@ pub(super) struct Regions {
 impl Regions {
     const FLAT: u32 = u32::MAX;
 
+    /// The region of each triangle, if it is a curved one.
+    fn curved(parts: &SmoothParts) -> Vec<u32> {
+        let of = parts.of.iter().map(|c| match parts.bent[*c as usize] {
+            true => *c,
+            false => Self::FLAT,
+        });
+        of.collect()
+    }
+
     /// Those of `mesh`, where what lies within `flat` of a plane lies in it, with `reach` that of
     /// the kernel (metres).
     ///
@@ -48,11 +57,7 @@ impl Regions {
     /// If there would be too many pieces.
     pub(super) fn new(mesh: &TriangleMesh, flat: f64, reach: f64) -> Result<Self, ContactError> {
         let parts = SmoothParts::new(mesh);
-        let curved = parts.of.iter().map(|c| match parts.bent[*c as usize] {
-            true => *c,
-            false => Self::FLAT,
-        });
-        let curved: Vec<u32> = curved.collect();
+        let curved = Self::curved(&parts);
         let of_flat = mesh.triangles().iter().zip(&curved);
         let of_flat = of_flat.filter(|(_, c)| **c == Self::FLAT).map(|(t, _)| *t);
         let of_flat: Vec<[u32; 3]> = of_flat.collect();
@@ -62,15 +67,7 @@ impl Regions {
                 borders.extend(parts.borders(mesh, t).map(|ends| (*region, ends)));
             }
         }
-        let surfels = surfels(mesh, &curved, SURFEL * reach)?;
-        let cylinders = surfels.chunk_by(|a, b| a.0 == b.0).filter_map(|of_region| {
-            let scaled = of_region.iter().map(|s| s.1.scaled(DVec3::ZERO, reach));
-            Some((
-                of_region[0].0,
-                Cylinder::fitted(&scaled.collect::<Vec<_>>())?,
-            ))
-        });
-        let cylinders: HashMap<u32, Cylinder> = cylinders.collect();
+        let (surfels, cylinders) = cylinders(mesh, &parts, reach)?;
         let faces = faces(mesh, &curved, &cylinders, flat, FACETS * reach);
         let mut flat = outlines(&of_flat, mesh.vertices(), flat);
         for ring in flat.iter_mut().flat_map(|f| &mut f.rings) {
@@ -88,6 +85,29 @@ impl Regions {
             borders: thin(borders, mesh.vertices(), reach),
         })
     }
+}
+
+/// Small pieces of curved regions, in metres, each with its region.
+type Surfels = Vec<(u32, Surfel)>;
+
+/// The surface of curved regions in small pieces, and those that are cylinders, in units of the
+/// reach.
+///
+/// # Errors
+/// If there would be too many pieces.
+pub(super) fn cylinders(
+    mesh: &TriangleMesh,
+    parts: &SmoothParts,
+    reach: f64,
+) -> Result<(Surfels, HashMap<u32, Cylinder>), ContactError> {
+    let surfels = surfels(mesh, &Regions::curved(parts), SURFEL * reach)?;
+    let found = surfels.chunk_by(|a, b| a.0 == b.0).filter_map(|of_region| {
+        let scaled = of_region.iter().map(|s| s.1.scaled(DVec3::ZERO, reach));
+        let cylinder = Cylinder::fitted(&scaled.collect::<Vec<_>>())?;
+        Some((of_region[0].0, cylinder))
+    });
+    let cylinders = found.collect();
+    Ok((surfels, cylinders))
 }
 
 /// Curved regions but for the cylinders in flat faces that are `off` (metres) away from them in the
@@ -134,11 +154,7 @@ fn thin(mut borders: Vec<(u32, [u32; 2])>, vertices: &[DVec3], reach: f64) -> Ve
 }
 
 /// Pieces of curved regions, taken together by boxes of edge `size` (metres).
-fn surfels(
-    mesh: &TriangleMesh,
-    curved: &[u32],
-    size: f64,
-) -> Result<Vec<(u32, Surfel)>, ContactError> {
+fn surfels(mesh: &TriangleMesh, curved: &[u32], size: f64) -> Result<Surfels, ContactError> {
     let low = mesh.bounds().min;
     let pieces = mesh.faces().zip(curved).enumerate();
     let pieces = pieces.filter(|(_, (_, region))| **region != Regions::FLAT);

@@ -2,25 +2,27 @@
 //!
 //! The sum over points errs where what they look at has a kink or a ridge: on the other surface's
 //! planes and along its edges, which mating parts have side by side with their own. Points in rows
-//! along such lines all err alike. So those of a flat face are the centroids of the squares of a
-//! lattice turned by an angle that no row of points lies along the face's sides, and towards sharp
-//! edges, along which other parts' edges come to lie, they are in two narrow rows. Those of a curved
-//! face are the centroids of compact cells, found by Lloyd's algorithm.
+//! along such lines all err alike. So those of a flat face or a cylinder are the centroids of the
+//! squares of a lattice turned by an angle that no row of points lies along the face's sides, and
+//! towards sharp edges, along which other parts' edges come to lie, they are in two narrow rows. Those
+//! of a face that cannot be unrolled are the centroids of compact cells, found by Lloyd's algorithm.
 
 use std::collections::HashMap;
 
-use glam::{DMat3, DQuat, DVec3, IVec3};
+use glam::{DVec3, IVec3};
 
 use super::cells::Cells;
 use super::gathered::Gathered;
+use super::lattices::{generic, lattices};
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
 use crate::contact::samples::{SurfaceSample, surface_pieces};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::pieces::merged;
 
-/// Where the rows along sharp edges end, in units of the distance of points.
-const ROWS: [f64; 2] = [0.12, 0.42];
+/// Where the rows along sharp edges end, in units of the distance of points: at least, and by how
+/// much farther at most.
+const ROWS: [[f64; 2]; 2] = [[0.05, 0.15], [0.2, 0.8]];
 
 /// Into how many pieces points are cut along each side: the most, and the fewest where a part is
 /// large.
@@ -29,19 +31,33 @@ const CUTS: [f64; 2] = [12.0, 2.0];
 /// Pieces from which on points are cut into fewer.
 const PIECES: f64 = (1 << 22) as f64;
 
-/// Boxes that gather what belongs to a point of a curved surface are this much wider than the
-/// points' distance: surfaces cross them anyhow.
+/// Boxes that gather what belongs to a point of a row are this much wider than the points' distance:
+/// rows cross them anyhow.
 const WIDER: f64 = 1.15;
 
 /// Points of less than this share of the area of a whole one join a neighbour.
 const WHOLE: f64 = 0.4;
 
-/// Pieces of one point: its part of the surface, its row (that of [`ROWS`], or their number), and
-/// its place in a lattice.
+/// The row of points that are in none.
+const LATTICE: usize = ROWS.len();
+
+/// Where rows end at a place along an edge, in units of the distance of points: elsewhere at every
+/// place, so that no edge crosses all points of a row at once, nor those next to the last row, which
+/// would be in a row again if the lattice were cut along a line.
+fn row_ends(place: IVec3) -> [f64; LATTICE] {
+    // Multiples of these, modulo one, are spread evenly (Roberts, The unreasonable effectiveness of
+    // quasirandom sequences, 2018).
+    let step = DVec3::new(0.819_172_513_4, 0.671_043_606_7, 0.549_700_477_9);
+    let share = step.dot(place.as_dvec3()).rem_euclid(1.0);
+    ROWS.map(|[least, more]| least + share * more)
+}
+
+/// Pieces of one point: its part of the surface, its row, and its place along the edge or in the
+/// lattice.
 type Key = (u32, usize, IVec3);
 
 /// Points about `distance` (metres) apart on the surface of `mesh`, where what lies within `flat`
-/// of a plane lies in it.
+/// of a plane lies in it, for a kernel with a reach (metres).
 ///
 /// # Errors
 /// If there would be too many, or no triangle has an area.
@@ -49,28 +65,25 @@ pub(super) fn spread(
     mesh: &TriangleMesh,
     flat: f64,
     distance: f64,
+    reach: f64,
 ) -> Result<Vec<SurfaceSample>, ContactError> {
     if !(distance.is_finite() && distance > 0.0) {
         return Err(ContactError::Distance { found: distance });
     }
     let parts = SmoothParts::new(mesh);
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
-    let lattices = lattices(mesh, &parts);
+    let lattices = lattices(mesh, &parts, distance, reach)?;
     let edges = SharpEdges::new(mesh, &parts, distance)?;
+    // None where a curved surface has no lattice.
     let key = |part: u32, p: DVec3| {
-        let off = edges.distance(part, p) / distance;
-        let row = ROWS.iter().position(|end| off < *end);
-        let lattice = &lattices[part as usize];
-        let turned = match row {
-            Some(_) => generic() * p,
-            None => *lattice * p,
-        };
-        let bent = row.is_some() || parts.bent[part as usize];
-        let wide = distance * if bent { WIDER } else { 1.0 };
-        let place = (turned / wide).floor().as_ivec3();
-        // Of the direction across a face there is one place.
-        let place = if bent { place } else { place.with_z(0) };
-        (part, row.unwrap_or(ROWS.len()), place)
+        let in_row = edges.nearest(part, p).and_then(|(off, foot)| {
+            let place = (generic() * foot / (distance * WIDER)).floor().as_ivec3();
+            let row = row_ends(place)
+                .iter()
+                .position(|end| off < *end * distance)?;
+            Some((part, row, place))
+        });
+        in_row.or_else(|| Some((part, LATTICE, lattices[part as usize].place(p, distance)?)))
     };
     let mut cells = Cells::new(distance);
     let mut points: HashMap<Key, Gathered> = HashMap::new();
@@ -80,10 +93,9 @@ pub(super) fn spread(
     let cuts = (PIECES / points_expected).sqrt().clamp(CUTS[1], CUTS[0]);
     surface_pieces(all(), distance / cuts, |face, piece| {
         let part = parts.of[sources[face] as usize];
-        let key = key(part, piece.position);
-        match key.1 == ROWS.len() && parts.bent[part as usize] {
-            true => cells.add(part, &piece),
-            false => points.entry(key).or_default().add(&piece),
+        match key(part, piece.position) {
+            None => cells.add(part, &piece),
+            Some(key) => points.entry(key).or_default().add(&piece),
         }
     })?;
     let mut points = joined(points, distance);
@@ -98,15 +110,15 @@ pub(super) fn spread(
 fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSample> {
     let mut keys: Vec<Key> = points.keys().copied().collect();
     keys.sort_unstable_by_key(|(part, row, place)| (*part, *row, place.to_array()));
-    let whole = |row: usize| match row {
-        0 => ROWS[0],
-        1 => ROWS[1] - ROWS[0],
-        _ => 1.0,
+    let whole = |row: usize, place: IVec3| match row {
+        0 => row_ends(place)[0],
+        LATTICE => 1.0,
+        _ => row_ends(place)[row] - row_ends(place)[row - 1],
     };
     for key in &keys {
         let (part, row, place) = *key;
         let small = points[key];
-        if small.size >= WHOLE * whole(row) * distance * distance {
+        if small.size >= WHOLE * whole(row, place) * distance * distance {
             continue;
         }
         let around = (0..27).map(|i| place + IVec3::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
@@ -129,34 +141,6 @@ fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSampl
     left.filter_map(Gathered::sample).collect()
 }
 
-/// A rotation after which no edge of a part is along a lattice, unless it is made so.
-fn generic() -> DQuat {
-    DQuat::from_scaled_axis(DVec3::new(0.553, -0.709, 0.961))
-}
-
-/// From the frame of the mesh to that of the lattice of each part: in a flat one across z, and its
-/// longest border at the angle that spreads the projections of a square lattice best.
-fn lattices(mesh: &TriangleMesh, parts: &SmoothParts) -> Vec<DMat3> {
-    let mut longest = vec![(0.0, DMat3::from_quat(generic())); parts.bent.len()];
-    for (t, corners) in mesh.faces().enumerate() {
-        let part = parts.of[t] as usize;
-        for [a, b] in parts.borders(mesh, t) {
-            let [a, b] = [a, b].map(|v| mesh.vertices()[v as usize]);
-            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            let (Some(x), Some(z)) = ((b - a).try_normalize(), normal.try_normalize()) else {
-                continue;
-            };
-            if a.distance(b) > longest[part].0 && !parts.bent[part] {
-                let golden = 0.5 * (5f64.sqrt() - 1.0);
-                let turn = DMat3::from_rotation_z(golden.atan());
-                let face = DMat3::from_cols(x, z.cross(x), z).transpose();
-                longest[part] = (a.distance(b), turn * face);
-            }
-        }
-    }
-    longest.into_iter().map(|l| l.1).collect()
-}
-
 /// Sharp edges of each part, by boxes in which they are near.
 struct SharpEdges {
     /// How near is near, and the edge of the boxes, metres.
@@ -169,14 +153,14 @@ const MOST_BOXES: f64 = 1e7;
 
 impl SharpEdges {
     fn new(mesh: &TriangleMesh, parts: &SmoothParts, distance: f64) -> Result<Self, ContactError> {
-        let near = ROWS[ROWS.len() - 1] * distance;
+        let near = ROWS[ROWS.len() - 1].iter().sum::<f64>() * distance;
         let mut boxes: HashMap<(u32, IVec3), Vec<[DVec3; 2]>> = HashMap::new();
         let mut found = 0.0;
         for t in 0..mesh.triangles().len() {
             for ends in parts.borders(mesh, t) {
                 let ends = ends.map(|v| mesh.vertices()[v as usize]);
                 let steps = (ends[0].distance(ends[1]) / near).ceil().max(1.0);
-                found += steps;
+                found += 27.0 * steps;
                 if found > MOST_BOXES {
                     return Err(ContactError::TooMany {
                         what: "surface samples along edges",
@@ -206,17 +190,20 @@ impl SharpEdges {
         Ok(Self { near, boxes })
     }
 
-    /// Distance of a place from the nearest sharp edge of a part, infinite if that is not near.
-    fn distance(&self, part: u32, p: DVec3) -> f64 {
+    /// Distance of a place from the nearest sharp edge of a part, if that is near, and the place
+    /// there.
+    fn nearest(&self, part: u32, p: DVec3) -> Option<(f64, DVec3)> {
         let place = (p / self.near).floor().as_ivec3();
-        let Some(edges) = self.boxes.get(&(part, place)) else {
-            return f64::INFINITY;
-        };
-        let squared = edges.iter().map(|[a, b]| {
+        let edges = self.boxes.get(&(part, place))?;
+        let feet = edges.iter().map(|[a, b]| {
             let (along, from) = (*b - *a, p - *a);
             let t = (from.dot(along) / along.length_squared()).clamp(0.0, 1.0);
-            from.distance_squared(along * t)
+            *a + along * t
         });
-        squared.fold(f64::INFINITY, f64::min).sqrt()
+        let foot = feet.min_by(|a, b| {
+            let [a, b] = [a, b].map(|foot| p.distance_squared(*foot));
+            a.total_cmp(&b)
+        })?;
+        Some((p.distance(foot), foot))
     }
 }

@@ -88,7 +88,7 @@ fn off(pair: (TriangleMesh, TriangleMesh), clearance: f64, distance: f64, width:
     let surface = ContactSurface::new(a, width);
     let samples = surface_samples(b, 0.35e-3).unwrap();
     let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
-    for k in 0..4 {
+    for k in 0..8 {
         let at = moved.pose(contact(k, clearance));
         let (found, expected) = (fast.sum(at.0, at.1), slow(&surface, &samples, at));
         let moments = [&found, &expected].map(|s| moved.moment(at, s));
@@ -188,7 +188,7 @@ fn slopes_are_those_of_differences() {
         let [a, b] = &moved.parts;
         let sum = ContactSum::new(a, b, 1.2 * WIDTH, 2e-3).unwrap();
         let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
-        for k in 0..12 {
+        for k in 0..60 {
             let at = moved.pose(contact(k, 2e-4));
             let found = sum.sum(at.0, at.1);
             let [gradient, moment] = differences(&sum, at, 5e-7);
@@ -321,4 +321,39 @@ fn what_cannot_be_summed_is_refused() {
     }
     assert!(ContactSum::new(&cube, &cube, 1e-300, 0.3).is_ok());
     assert!(ContactSum::new(&cube, &cube, 1e300, 0.3).is_ok());
+}
+
+/// Along the way in samples pass the hole's rim. Those that do together are teeth in the force along
+/// the way, which is small beside that across: of points a default distance apart, in rows along the
+/// rim, its error is 0.6 of it on the round pair.
+#[test]
+fn the_force_along_the_way_in_has_no_teeth() {
+    let spacing = WIDTH / 0.985;
+    for section in [
+        PegInHole::Circular,
+        PegInHole::Rectangular,
+        PegInHole::Combined,
+    ] {
+        let moved = Moved::new(section.pair(0.0).unwrap());
+        let [a, b] = &moved.parts;
+        let of = |distance: f64| ContactSum::new(a, b, WIDTH, distance).unwrap();
+        let sums = [of(2.0 * spacing), of(0.4 * spacing)];
+        let along = moved.frames[0].0 * DVec3::Z;
+        for (aside, lean) in [(1e-4, 0.0), (4e-4, 0.0), (1e-4, 0.03)] {
+            let lean = DQuat::from_scaled_axis(DVec3::new(lean, 0.4 * lean, 0.3 * lean));
+            let forces = (0..200).into_par_iter().map(|i| {
+                let aside = DVec3::new(aside, 0.5 * aside, 1e-4 * f64::from(i) - 4e-3);
+                let at = moved.pose(Pose(lean, aside));
+                [0, 1].map(|k| sums[k].sum(at.0, at.1).gradient.dot(along))
+            });
+            let forces: Vec<[f64; 2]> = forces.collect();
+            let errors: Vec<f64> = forces.iter().map(|f| f[0] - f[1]).collect();
+            let square: f64 = errors.iter().map(|e| e * e).sum();
+            let all: f64 = forces.iter().map(|f| f[1] * f[1]).sum();
+            let variation: f64 = errors.windows(2).map(|e| (e[1] - e[0]).abs()).sum();
+            let total: f64 = forces.iter().map(|f| f[1].abs()).sum();
+            let [error, teeth] = [(square / all).sqrt(), variation / total];
+            assert!(error < 0.17 && teeth < 0.1, "{section:?}: {error} {teeth}");
+        }
+    }
 }

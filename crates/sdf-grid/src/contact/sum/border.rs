@@ -9,6 +9,10 @@ use super::sheet::Border;
 use super::smooth::Quotients;
 use super::vectors::splat;
 
+/// Squared distance from a border, in units of the square of half a sample's side, up to which its
+/// extent is seen: least errors of pairs in contact. More blurs what crosses the border at an angle.
+const SOFT: f32 = 0.5;
+
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {
     border: &'a Border,
@@ -27,6 +31,8 @@ pub(super) struct Above<S: Simd> {
     pub(super) square: f32x16<S>,
     /// Their feet, from that of the cluster's middle.
     pub(super) feet: [f32x16<S>; 2],
+    /// Half the side of squares as large.
+    pub(super) half: f32x16<S>,
 }
 
 /// What borders take from the integral of the kernel over a sheet, summed: times `2π`.
@@ -42,11 +48,12 @@ pub(super) struct Taken<S: Simd> {
 
 impl<S: Simd> Above<S> {
     #[inline(always)]
-    pub(super) fn new(height: f32x16<S>, feet: [f32x16<S>; 2]) -> Self {
+    pub(super) fn new(height: f32x16<S>, feet: [f32x16<S>; 2], half: f32x16<S>) -> Self {
         Self {
             height,
             square: (height * height).min(1.0),
             feet,
+            half,
         }
     }
 }
@@ -212,11 +219,24 @@ impl<'a> Seen<'a> {
                 (seen.piece(ends, far), kernel.along(near, ends, far))
             }
         };
+        let (mut logarithm, mut tilt, mut out) = (logarithm, tilt, slope);
+        let wide = above.half * above.half * SOFT;
+        if near.simd_lt(wide).any_true() {
+            let ends = [a, b.max(a)];
+            let soft = seen.softened(ends, wide, logarithm);
+            logarithm = soft.logarithm;
+            tilt -= soft.slope;
+            out -= flat * soft.slope * 2.0;
+            let along = across * soft.along;
+            for k in 0..2 {
+                taken.along[k] = along.mul_add(line.along[k], taken.along[k]);
+            }
+        }
         taken.angle += angle;
         taken.lifted += lifted;
         taken.rest = across.mul_add(logarithm - rest, taken.rest);
         taken.tilt = across.mul_add(tilt, taken.tilt);
-        let out = slope - logarithm;
+        let out = out - logarithm;
         for k in 0..2 {
             taken.along[k] = out.mul_add(line.outward[k], taken.along[k]);
         }
@@ -242,11 +262,56 @@ struct Sight<S: Simd> {
     near: f32x16<S>,
 }
 
+/// A logarithm, and by how much more than before it grows with the squared distance and along the
+/// line.
+struct Softened<S: Simd> {
+    logarithm: f32x16<S>,
+    slope: f32x16<S>,
+    along: f32x16<S>,
+}
+
 /// Of a part of the line: half of `∫ dl / R`, and the angles at which it is seen in the plane and
 /// from above it, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
 type Newtonian<S> = [f32x16<S>; 3];
 
 impl<S: Simd> Sight<S> {
+    /// What the extent of samples makes of the logarithm, which has a pole on the border: the squared
+    /// distance `n` becomes `(w + n² / w) / 2` where it is less than `w`. On the border the slope of
+    /// `across * logarithm` is then the average over a sample half as wide, and all that a sample is
+    /// pushed while it crosses the border is what it was, since away from it the value is.
+    #[inline(always)]
+    fn softened(
+        &self,
+        [a, b]: [f32x16<S>; 2],
+        wide: f32x16<S>,
+        logarithm: f32x16<S>,
+    ) -> Softened<S> {
+        let zero = splat(wide.token(), 0.0);
+        let near = self.near.max(1e-30);
+        let wide = wide.max(1e-30);
+        let soft = (near * near / wide + wide) * 0.5;
+        let of = |near: f32x16<S>| {
+            let [ra, rb] = [a, b].map(|end| end.mul_add(end, near).sqrt());
+            (ra, rb, b / rb - a / ra)
+        };
+        let (ra, rb, seen) = of(near);
+        let (ra_soft, rb_soft, seen_soft) = of(soft);
+        let (pa, pb) = (ra_soft + a.abs(), rb_soft + b.abs());
+        let beside = (a * b).simd_lt(0.0);
+        let above = beside.select(pa * pb, pa.max(pb));
+        let below = beside.select(soft, pa.min(pb));
+        // By the squared distance.
+        let slope = (seen / near - seen_soft * near / (wide * soft)) * 0.25;
+        let one = splat(wide.token(), 1.0);
+        let along = (one / rb - one / ra - one / rb_soft + one / ra_soft) * 0.5;
+        let counts = self.near.simd_lt(wide) & b.simd_gt(a);
+        Softened {
+            logarithm: counts.select(half_ln(above / below.max(1e-30)), logarithm),
+            slope: counts.select(slope, zero),
+            along: counts.select(along, zero),
+        }
+    }
+
     /// From end to end, where the squared distances are as given.
     #[inline(always)]
     fn piece(&self, [a, b]: [f32x16<S>; 2], [far_a, far_b]: [f32x16<S>; 2]) -> Newtonian<S> {

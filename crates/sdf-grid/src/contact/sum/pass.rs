@@ -100,7 +100,7 @@ fn add_sheet<S: Simd>(
         if heights.abs().simd_ge(1.0).all_true() {
             return;
         }
-        let above = Above::new(heights, [across[0], across[1]]);
+        let above = Above::new(heights, [across[0], across[1]], samples.half);
         let cosine = dot(&samples.normal, normal);
         let lean = Lean {
             half: samples.half,
@@ -121,7 +121,11 @@ fn add_sheet<S: Simd>(
     let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
     // The height above what is bent averages to more over a sample's extent than in its middle.
     let bent = (sheet.curvature.x + sheet.curvature.y) / 6.0;
-    let above = Above::new(samples.half * samples.half * bent + unrolled.height, feet);
+    let above = Above::new(
+        samples.half * samples.half * bent + unrolled.height,
+        feet,
+        samples.half,
+    );
     // Unrolled from the inside, places are farther apart the higher they are.
     let radius = placed.radius / (1.0 - HIGH * sheet.curvature.abs().max_element());
     let faces = unrolled.along(&along(&samples.normal, &sheet.axes));

@@ -7,11 +7,8 @@ use super::circle::{Circle, circle};
 use super::lanes::{coarse_angle, half_ln};
 use super::sheet::Border;
 use super::smooth::Quotients;
+use super::soft::{SOFT, Soft};
 use super::vectors::splat;
-
-/// Squared distance from a border, in units of the square of half a sample's side, up to which its
-/// extent is seen: least errors of pairs in contact. More blurs what crosses the border at an angle.
-const SOFT: f32 = 0.5;
 
 /// A border as it is seen from the foot of a cluster's middle.
 pub(super) struct Seen<'a> {
@@ -219,17 +216,20 @@ impl<'a> Seen<'a> {
                 (seen.piece(ends, far), kernel.along(near, ends, far))
             }
         };
-        let (mut logarithm, mut tilt, mut out) = (logarithm, tilt, slope);
-        let wide = above.half * above.half * SOFT;
-        if near.simd_lt(wide).any_true() {
-            let ends = [a, b.max(a)];
-            let soft = seen.softened(ends, wide, logarithm);
-            logarithm = soft.logarithm;
-            tilt -= soft.slope;
-            out -= flat * soft.slope * 2.0;
-            let along = across * soft.along;
+        let (mut logarithm, mut lifted, mut tilt, mut out) = (logarithm, lifted, tilt, slope);
+        let wide = (above.half * above.half * SOFT).max(1e-30);
+        let close = near.simd_lt(wide);
+        if close.any_true() {
+            let ends = close & (a.simd_gt(-visible) | b.simd_lt(visible));
+            let soft = match ends.any_true() {
+                false => Soft::endless(&seen, wide, [logarithm, lifted]),
+                true => Soft::new(&seen, [a, b.max(a)], wide, [logarithm, lifted]),
+            };
+            [logarithm, lifted] = soft.terms;
+            tilt -= soft.rise;
+            out -= soft.across;
             for k in 0..2 {
-                taken.along[k] = along.mul_add(line.along[k], taken.along[k]);
+                taken.along[k] = soft.along.mul_add(line.along[k], taken.along[k]);
             }
         }
         taken.angle += angle;
@@ -251,23 +251,15 @@ fn right_of<S: Simd>(above: &Above<S>, v: Vec2) -> mask32x16<S> {
 }
 
 /// A border's line as it is seen from samples.
-struct Sight<S: Simd> {
+pub(super) struct Sight<S: Simd> {
     /// Above or below, and its square.
-    height: f32x16<S>,
-    square: f32x16<S>,
+    pub(super) height: f32x16<S>,
+    pub(super) square: f32x16<S>,
     /// Distance of the line from the feet, and its square.
-    across: f32x16<S>,
-    flat: f32x16<S>,
+    pub(super) across: f32x16<S>,
+    pub(super) flat: f32x16<S>,
     /// Squared distance of the line.
-    near: f32x16<S>,
-}
-
-/// A logarithm, and by how much more than before it grows with the squared distance and along the
-/// line.
-struct Softened<S: Simd> {
-    logarithm: f32x16<S>,
-    slope: f32x16<S>,
-    along: f32x16<S>,
+    pub(super) near: f32x16<S>,
 }
 
 /// Of a part of the line: half of `∫ dl / R`, and the angles at which it is seen in the plane and
@@ -275,43 +267,6 @@ struct Softened<S: Simd> {
 type Newtonian<S> = [f32x16<S>; 3];
 
 impl<S: Simd> Sight<S> {
-    /// What the extent of samples makes of the logarithm, which has a pole on the border: the squared
-    /// distance `n` becomes `(w + n² / w) / 2` where it is less than `w`. On the border the slope of
-    /// `across * logarithm` is then the average over a sample half as wide, and all that a sample is
-    /// pushed while it crosses the border is what it was, since away from it the value is.
-    #[inline(always)]
-    fn softened(
-        &self,
-        [a, b]: [f32x16<S>; 2],
-        wide: f32x16<S>,
-        logarithm: f32x16<S>,
-    ) -> Softened<S> {
-        let zero = splat(wide.token(), 0.0);
-        let near = self.near.max(1e-30);
-        let wide = wide.max(1e-30);
-        let soft = (near * near / wide + wide) * 0.5;
-        let of = |near: f32x16<S>| {
-            let [ra, rb] = [a, b].map(|end| end.mul_add(end, near).sqrt());
-            (ra, rb, b / rb - a / ra)
-        };
-        let (ra, rb, seen) = of(near);
-        let (ra_soft, rb_soft, seen_soft) = of(soft);
-        let (pa, pb) = (ra_soft + a.abs(), rb_soft + b.abs());
-        let beside = (a * b).simd_lt(0.0);
-        let above = beside.select(pa * pb, pa.max(pb));
-        let below = beside.select(soft, pa.min(pb));
-        // By the squared distance.
-        let slope = (seen / near - seen_soft * near / (wide * soft)) * 0.25;
-        let one = splat(wide.token(), 1.0);
-        let along = (one / rb - one / ra - one / rb_soft + one / ra_soft) * 0.5;
-        let counts = self.near.simd_lt(wide) & b.simd_gt(a);
-        Softened {
-            logarithm: counts.select(half_ln(above / below.max(1e-30)), logarithm),
-            slope: counts.select(slope, zero),
-            along: counts.select(along, zero),
-        }
-    }
-
     /// From end to end, where the squared distances are as given.
     #[inline(always)]
     fn piece(&self, [a, b]: [f32x16<S>; 2], [far_a, far_b]: [f32x16<S>; 2]) -> Newtonian<S> {

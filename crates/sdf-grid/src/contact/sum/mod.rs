@@ -7,7 +7,7 @@
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
 //!   in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
-//! - [`border`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
+//! - [`border`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
 mod border;
@@ -30,6 +30,7 @@ mod simplified;
 mod slopes;
 mod smooth;
 mod smooth_parts;
+mod soft;
 mod spread;
 #[cfg(test)]
 mod tests;

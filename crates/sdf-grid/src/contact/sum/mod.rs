@@ -7,7 +7,7 @@
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
 //!   in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
-//! - [`border`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
+//! - [`border`], [`sight`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
 mod border;
@@ -26,6 +26,7 @@ mod osculating;
 mod pass;
 mod regions;
 mod sheet;
+mod sight;
 mod simplified;
 mod slopes;
 mod smooth;

@@ -121,11 +121,8 @@ fn add_sheet<S: Simd>(
     let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
     // The height above what is bent averages to more over a sample's extent than in its middle.
     let bent = (sheet.curvature.x + sheet.curvature.y) / 6.0;
-    let above = Above::new(
-        samples.half * samples.half * bent + unrolled.height,
-        feet,
-        samples.half,
-    );
+    let high = samples.half * samples.half * bent + unrolled.height;
+    let above = Above::new(high, feet, samples.half);
     // Unrolled from the inside, places are farther apart the higher they are.
     let radius = placed.radius / (1.0 - HIGH * sheet.curvature.abs().max_element());
     let faces = unrolled.along(&along(&samples.normal, &sheet.axes));

@@ -202,6 +202,29 @@ fn slopes_are_those_of_differences() {
     }
 }
 
+/// Where boxes cross at any angle, samples are softened on borders that they do not lie along.
+#[test]
+fn slopes_at_crossing_edges_are_those_of_differences() {
+    let small = shapes::cuboid(DVec3::new(0.010, 0.012, 0.009)).unwrap();
+    let large = shapes::cuboid(DVec3::new(0.018, 0.014, 0.016)).unwrap();
+    let sum = ContactSum::new(&large, &small, 0.6 * WIDTH, 1e-3).unwrap();
+    let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
+    for k in 0..60 {
+        let at = |i: f64| (f64::from(k) * i + 0.3 * i * i).sin();
+        let turn = DQuat::from_scaled_axis(DVec3::new(at(1.1), at(2.3), at(3.1)) * 0.3);
+        let beside = DVec3::new(3e-4 * at(1.7), 1e-3 * at(2.9), -6e-4 * at(0.9));
+        let at = Pose(turn, DVec3::X * 0.0135 + beside);
+        let found = sum.sum(at.0, at.1);
+        let [gradient, moment] = differences(&sum, at, 1e-6);
+        errors[0] += gradient.distance_squared(found.gradient);
+        errors[1] += moment.distance_squared(found.moment);
+        all[0] += found.gradient.length_squared();
+        all[1] += found.moment.length_squared();
+    }
+    let [force, torque] = [0, 1].map(|i| f64::sqrt(errors[i] / all[i]));
+    assert!(force < 1.5e-3 && torque < 1.5e-3, "{force} {torque}");
+}
+
 /// A finely cut hole is the same cylinder, and not slower in kind: as many sheets are seen.
 #[test]
 fn facets_are_forgotten() {

@@ -380,7 +380,7 @@ fn the_force_along_the_way_in_has_no_teeth() {
             let variation: f64 = errors.windows(2).map(|e| (e[1] - e[0]).abs()).sum();
             let total: f64 = forces.iter().map(|f| f[1].abs()).sum();
             let [error, teeth] = [(square / all).sqrt(), variation / total];
-            assert!(error < 0.17 && teeth < 0.1, "{section:?}: {error} {teeth}");
+            assert!(error < 0.12 && teeth < 0.06, "{section:?}: {error} {teeth}");
         }
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct Above<S: Simd> {
     pub(super) square: f32x16<S>,
     /// Their feet, from that of the cluster's middle.
     pub(super) feet: [f32x16<S>; 2],
-    /// Half the side of squares as large.
+    /// Half the side of squares as large as they are.
     pub(super) half: f32x16<S>,
 }
 

@@ -27,8 +27,6 @@ const ROUNDING: f32 = 2e-6;
 
 /// How samples lean.
 pub(super) struct Lean<'a, S: Simd> {
-    /// `r` of the samples.
-    pub(super) half: f32x16<S>,
     /// Of the angle between them and the sheet.
     pub(super) cosine: f32x16<S>,
     pub(super) aside: Aside<'a, S>,
@@ -66,21 +64,21 @@ impl<S: Simd> Lean<'_, S> {
         let simd = inside.token();
         let zero = splat(simd, 0.0);
         // A bound of what follows: rounding leaves less than that between the squares' sum and one.
-        let most = self.half * self.half * (1.0 + ROUNDING - self.cosine * self.cosine);
+        let most = above.half * above.half * (1.0 + ROUNDING - self.cosine * self.cosine);
         if !most.simd_gt(above.square).any_true() {
             return zero;
         }
         let [x, y] = self.aside.get();
         let sine_squared = x.mul_add(x, y * y);
         let counts = sine_squared.simd_gt(splat(simd, LEAST));
-        let extent = self.half * counts.select(sine_squared, zero).sqrt();
+        let extent = above.half * counts.select(sine_squared, zero).sqrt();
         let height = above.height.abs();
         let deep = (extent - height).max(zero);
         if !deep.simd_gt(zero).any_true() {
             return zero;
         }
         let inverse = splat(simd, 1.0) / extent.max(1e-20);
-        let width = self.half * FADE;
+        let width = above.half * FADE;
         let (fade, slopes) = faded(above, borders, foot, width);
         let (part, most) = (deep * inverse, inside * 0.25);
         let value = most * deep * part;
@@ -91,7 +89,7 @@ impl<S: Simd> Lean<'_, S> {
         sums.along[1] -= value * slopes[1];
         // e² - x² over e², and r² / e.
         let bow = part * (extent + height) * inverse;
-        let lever = self.half * self.half * inverse;
+        let lever = above.half * above.half * inverse;
         most * fade * bow * lever * self.cosine * self.cosine
     }
 }

@@ -103,7 +103,6 @@ fn add_sheet<S: Simd>(
         let above = Above::new(heights, [across[0], across[1]], samples.half);
         let cosine = dot(&samples.normal, normal);
         let lean = Lean {
-            half: samples.half,
             cosine,
             aside: Aside::Of(&samples.normal, [u, v]),
         };
@@ -127,7 +126,6 @@ fn add_sheet<S: Simd>(
     let radius = placed.radius / (1.0 - HIGH * sheet.curvature.abs().max_element());
     let faces = unrolled.along(&along(&samples.normal, &sheet.axes));
     let lean = Lean {
-        half: samples.half,
         cosine: faces[2],
         aside: Aside::Known([faces[0], faces[1]]),
     };

@@ -148,6 +148,9 @@ struct SharpEdges {
     boxes: HashMap<(u32, IVec3), Vec<[DVec3; 2]>>,
 }
 
+/// Boxes about a step along an edge, three along each side.
+const AROUND: f64 = 27.0;
+
 /// Boxes along all edges together, at most.
 const MOST_BOXES: f64 = 1e7;
 
@@ -160,7 +163,7 @@ impl SharpEdges {
             for ends in parts.borders(mesh, t) {
                 let ends = ends.map(|v| mesh.vertices()[v as usize]);
                 let steps = (ends[0].distance(ends[1]) / near).ceil().max(1.0);
-                found += 27.0 * steps;
+                found += AROUND * steps;
                 if found > MOST_BOXES {
                     return Err(ContactError::TooMany {
                         what: "surface samples along edges",

@@ -354,8 +354,8 @@ fn what_cannot_be_summed_is_refused() {
 }
 
 /// Along the way in samples pass the hole's rim. Those that do together are teeth in the force along
-/// the way, which is small beside that across: of points a default distance apart, in rows along the
-/// rim, its error is 0.6 of it on the round pair.
+/// the way, which is small beside that across: of points in rows along the rim whose middles alone
+/// count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.
 #[test]
 fn the_force_along_the_way_in_has_no_teeth() {
     let spacing = WIDTH / 0.985;
@@ -380,7 +380,7 @@ fn the_force_along_the_way_in_has_no_teeth() {
             let total: f64 = forces.iter().map(|f| f[1].abs()).sum();
             let [error, teeth] = [(square / all).sqrt(), variation / total];
             println!("{section:?}: {error:.3} of the force, {teeth:.4} a step");
-            assert!(error < 0.12 && teeth < 0.06, "{section:?}: {error} {teeth}");
+            assert!(error < 0.1 && teeth < 0.035, "{section:?}: {error} {teeth}");
         }
     }
 }

@@ -7,7 +7,7 @@ use super::circle::{Circle, circle};
 use super::sheet::Border;
 use super::sight::Sight;
 use super::smooth::Quotients;
-use super::soft::{SOFT, Soft};
+use super::soft::{Soft, Wide};
 use super::vectors::splat;
 
 /// A border as it is seen from the foot of a cluster's middle.
@@ -28,8 +28,9 @@ pub(super) struct Above<S: Simd> {
     pub(super) square: f32x16<S>,
     /// Their feet, from that of the cluster's middle.
     pub(super) feet: [f32x16<S>; 2],
-    /// Half the side of squares as large as they are.
+    /// Half the side of squares as large as they are, and how near they blunt a border.
     pub(super) half: f32x16<S>,
+    wide: Wide<S>,
 }
 
 /// What borders take from the integral of the kernel over a sheet, summed: times `2π`.
@@ -51,6 +52,7 @@ impl<S: Simd> Above<S> {
             square: (height * height).min(1.0),
             feet,
             half,
+            wide: Wide::new(half),
         }
     }
 }
@@ -217,9 +219,8 @@ impl<'a> Seen<'a> {
             }
         };
         let (mut logarithm, mut lifted, mut out) = (logarithm, lifted, slope);
-        let wide = (above.half * above.half * SOFT).max(1e-30);
-        if near.simd_lt(wide).any_true() {
-            let soft = Soft::new(&seen, [start, start + self.border.length], wide);
+        if near.simd_lt(above.wide.square).any_true() {
+            let soft = Soft::new(&seen, [start, start + self.border.length], &above.wide);
             logarithm += soft.terms[0];
             lifted += soft.terms[1];
             taken.tilt -= soft.rise;

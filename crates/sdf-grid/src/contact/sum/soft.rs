@@ -18,7 +18,7 @@ use super::vectors::splat;
 
 /// `w` in units of the square of half a sample's side: least errors of pairs in contact. More blurs
 /// what crosses the border at an angle.
-pub(super) const SOFT: f32 = 0.8;
+const SOFT: f32 = 0.8;
 
 /// Two terms of what borders take, and what `2π` times the value gains by softening them.
 pub(super) struct Soft<S: Simd> {
@@ -31,31 +31,52 @@ pub(super) struct Soft<S: Simd> {
     pub(super) along: f32x16<S>,
 }
 
-impl<S: Simd> Soft<S> {
-    /// Those of a line that is seen so, between ends, for a positive `w`.
+/// `w`, and the inverse of its root.
+pub(super) struct Wide<S: Simd> {
+    pub(super) square: f32x16<S>,
+    scale: f32x16<S>,
+}
+
+impl<S: Simd> Wide<S> {
+    /// Of samples, half the side of a square as large.
     #[inline(always)]
-    pub(super) fn new(sight: &Sight<S>, ends: [f32x16<S>; 2], wide: f32x16<S>) -> Self {
-        let simd = wide.token();
-        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+    pub(super) fn new(half: f32x16<S>) -> Self {
+        let square = (half * half * SOFT).max(1e-12);
+        Self {
+            square,
+            scale: splat(half.token(), 1.0) / square.sqrt(),
+        }
+    }
+}
+
+impl<S: Simd> Soft<S> {
+    /// Those of a line that is seen so, between ends, as wide as samples are.
+    #[inline(always)]
+    pub(super) fn new(sight: &Sight<S>, ends: [f32x16<S>; 2], wide: &Wide<S>) -> Self {
+        let simd = wide.square.token();
+        let (scale, per_wide, wide) = (wide.scale, wide.scale * wide.scale, wide.square);
+        let zero = splat(simd, 0.0);
         let (across, height) = (sight.across, sight.height);
-        let near = sight.near.max(1e-30);
-        let (per_wide, per_near) = (one / wide, one / near);
+        // Of every product of two of the lengths that are divided by, one quotient is enough.
+        let near = sight.near.max(1e-15);
         let soft = (near * near * per_wide + wide) * 0.5;
-        let logarithm = half_ln(near / soft);
-        let slope = (per_near - near * per_wide / soft) * 0.5;
+        let both = splat(simd, 1.0) / (near * soft);
+        let per_near = soft * both;
+        let ratio = near * near * both;
+        let logarithm = half_ln(ratio);
+        let slope = (per_near - ratio * per_wide) * 0.5;
         // Of the angle.
         let left = (wide - near).max(zero);
         let square = left * left * 0.5 * per_wide + sight.square;
-        let high = square.max(1e-30).sqrt();
+        let high = square.max(1e-15).sqrt();
         let rise = across.abs() * (high - height).max(zero);
         let half_angle = coarse_angle(rise, height.mul_add(high, sight.flat));
         let angle = (half_angle + half_angle).copysign(across);
         let less = left * per_wide * -1.0;
-        let (per_high, per_soft) = (one / high, one / (sight.flat + square).max(1e-30));
-        let up = (less + 1.0) * height * per_high * per_soft - per_near;
-        let out = less * sight.flat * per_high * per_soft - high * per_soft + height * per_near;
+        let per_far = splat(simd, 1.0) / (high * (sight.flat + square).max(1e-15));
+        let up = (less + 1.0) * height * per_far - per_near;
+        let out = less * sight.flat * per_far - square * per_far + height * per_near;
         // What of that is between the ends, and only where the line is near.
-        let scale = per_wide.sqrt();
         let [(a, da), (b, db)] = ends.map(
             #[inline(always)]
             |end| share(end * scale),

@@ -11,6 +11,10 @@ import numpy as np
 import pegfit
 
 
+#: Of the table.
+SPACING, STEP_DEG = 0.002, 4.0
+
+
 def poses(count: int) -> np.ndarray:
     """In the window and the rotations of the table, the same on every machine."""
     random = np.random.default_rng(7)
@@ -23,13 +27,13 @@ def poses(count: int) -> np.ndarray:
 
 def main(folder: Path) -> None:
     hole, peg = pegfit.peg_in_hole("rectangular", clearance=5e-4)
-    pair = pegfit.Pair(hole, peg, spacing=0.002, half_extent=0.006)
+    pair = pegfit.Pair(hole, peg, spacing=SPACING, half_extent=0.006)
     source = pair.evaluator()
     response = source.query([[0, 0, 0.004, 0, 0, 0, 1]])
     # Four millimetres above its place, it is drawn down.
     assert response.energy[0] < 0 and response.force[0][2] < 0, response
-    table = pair.bake(folder / "table.zarr", angle_deg=8, step_deg=4)
-    field = pegfit.density(hole, spacing=0.002)
+    table = pair.bake(folder / "table.zarr", angle_deg=8, step_deg=STEP_DEG)
+    field = pegfit.density(hole, spacing=SPACING)
     asked = {"direct": source.query(poses(200)), "table": table.query(poses(200))}
     ticks = pegfit.feel(source, "collision", seconds=0.4).ticks
     answers = {f"{name} {what}": getattr(said, what)
@@ -39,6 +43,7 @@ def main(folder: Path) -> None:
         density=field.values,
         distance=field.signed_distance,
         felt=ticks["force"],
+        steps=[SPACING, np.radians(STEP_DEG)],
         **answers,
     )
     print(f"pegfit {pegfit.__version__} answers")

@@ -1,19 +1,22 @@
 //! Accuracy where parts touch: `contact [--quick] [--out DIR] [pair=NAME]... [clearance=MM]...
-//! [spacing=MM]... [smoothing=CELLS]... [points=N]...`.
+//! [spacing=MM]... [smoothing=CELLS]... [points=N]... [step=DEGREES]...`.
 //!
 //! Energies, forces and torques at random poses and in contact, of cell averages and of smoothed
 //! densities with their contact sum, for parts as they are, shifted by fractions of a cell, and
 //! turned, all against the truths in `benches/truths` (`truth --write`), which know no lattice.
-//! `--quick`: at the default spacing only. Without names, all pairs whose truths are kept.
+//! Smoothed densities are read directly, by all points or the most of them, and from tables of
+//! rotations a step apart. `--quick`: at the default spacing only. Without names, all pairs whose
+//! truths are kept.
 
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, PairBuilder, Pose, Response, ScoreModel,
+    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Pair, PairBuilder, PairEnergies,
+    Pose, Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow,
 };
 use pegfit_benches::frames::Frame;
 use pegfit_benches::table::{Table, percent, significant};
-use pegfit_benches::truths::{Parts, Truths};
+use pegfit_benches::truths::{BALL, Parts, REACH, Truths};
 use pegfit_benches::{Arguments, Outcome, response_errors, rms};
 use rayon::prelude::*;
 use sdf_grid::Silent;
@@ -25,7 +28,7 @@ struct Plan {
     clearances: Vec<f64>,
     spacings: Vec<f64>,
     smoothings: Vec<f64>,
-    points: Vec<usize>,
+    sources: Vec<Source>,
     /// Whether pairs were named: else those whose truth is not kept are left out.
     asked: bool,
 }
@@ -37,7 +40,7 @@ impl Plan {
             clearances: Vec::new(),
             spacings: Vec::new(),
             smoothings: Vec::new(),
-            points: Vec::new(),
+            sources: vec![Source::All],
             asked: false,
         };
         for word in &arguments.rest {
@@ -50,7 +53,8 @@ impl Plan {
                 Some(("clearance", mm)) => plan.clearances.push(mm.parse()?),
                 Some(("spacing", mm)) => plan.spacings.push(mm.parse()?),
                 Some(("smoothing", cells)) => plan.smoothings.push(cells.parse()?),
-                Some(("points", n)) => plan.points.push(n.parse()?),
+                Some(("points", n)) => plan.sources.push(Source::Points(n.parse()?)),
+                Some(("step", degrees)) => plan.sources.push(Source::Table(degrees.parse()?)),
                 _ => return Err(format!("unknown {word}").into()),
             }
         }
@@ -67,6 +71,9 @@ impl Plan {
         };
         or(&mut plan.spacings, default);
         or(&mut plan.smoothings, &[0.7]);
+        if plan.sources.len() == 1 {
+            plan.sources.push(Source::Table(4.0));
+        }
         plan.asked = !plan.pairs.is_empty();
         if !plan.asked {
             plan.pairs = PegInHole::ALL.to_vec();
@@ -81,6 +88,46 @@ struct Case {
     truths: Truths,
 }
 
+/// How energies are had from a pair.
+#[derive(Clone, Copy)]
+enum Source {
+    /// Directly, by all points.
+    All,
+    /// Directly, by at most so many.
+    Points(usize),
+    /// From a table of rotations so many degrees apart.
+    Table(f64),
+}
+
+impl Source {
+    fn of(self, pair: &Pair) -> Outcome<Box<dyn EnergySource>> {
+        let direct = |options| DirectEvaluator::new(pair, &options);
+        Ok(match self {
+            Self::All => Box::new(direct(DirectOptions::FULL)?),
+            Self::Points(n) => Box::new(direct(DirectOptions {
+                max_points: Some(n),
+                ..DirectOptions::REAL_TIME
+            })?),
+            Self::Table(step) => {
+                // All poses, in whichever direction the parts are turned.
+                let window = TranslationWindow::cube(3.5 * REACH, pair.spacing())?;
+                let domain = RotationDomain::ball(BALL + 0.1, step);
+                let spec = TableSpec::for_pair(pair, &window, domain);
+                let plan = PairEnergies::plan(pair, &window)?;
+                Box::new(EnergyTable::compute(spec, &plan, 8 << 30, &Silent)?)
+            }
+        })
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::All => "all points".to_owned(),
+            Self::Points(n) => format!("{n} points"),
+            Self::Table(step) => format!("table, {step} degrees"),
+        }
+    }
+}
+
 /// How densities are put on a lattice and read.
 #[derive(Clone, Copy)]
 struct Scheme {
@@ -88,8 +135,7 @@ struct Scheme {
     spacing: f64,
     /// In spacings; none for cell averages.
     smoothing: Option<f64>,
-    /// At most so many points; none for all.
-    points: Option<usize>,
+    source: Source,
 }
 
 /// What a scheme gave, and took.
@@ -112,19 +158,14 @@ impl Case {
             ..PairBuilder::default()
         };
         let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
-        let options = DirectOptions {
-            max_points: scheme.points,
-            ..match scheme.points {
-                Some(_) => DirectOptions::REAL_TIME,
-                None => DirectOptions::FULL,
-            }
-        };
-        let source = DirectEvaluator::new(&pair, &options)?;
+        let source = scheme.source.of(&pair)?;
         let built = began.elapsed().as_secs_f64();
         let responses = self.truths.poses.each_ref().map(|poses| {
             let answer = |pose: &Pose| {
                 let there = frame.pose(pose);
-                frame.back(&source.evaluate(&there, &mut source.scratch()), &there)
+                let found = source.evaluate(&there, &mut source.scratch());
+                assert!(found.coverage > 0.999, "a pose is outside");
+                frame.back(&found, &there)
             };
             poses.par_iter().map(answer).collect()
         });
@@ -152,7 +193,7 @@ const COLUMNS: [&str; 16] = [
     "clearance, mm",
     "spacing, mm",
     "smoothing, cells",
-    "points",
+    "source",
     "frame",
     "set-up, s",
     "us per pose",
@@ -232,7 +273,7 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
             let names = [
                 significant(1e3 * scheme.spacing, 2),
                 scheme.smoothing.map_or("none".into(), |s| format!("{s}")),
-                scheme.points.map_or("all".into(), |n| format!("{n}")),
+                scheme.source.name(),
                 (*name).to_owned(),
                 significant(found.built, 2),
                 significant(1e6 * found.each, 3),
@@ -248,18 +289,17 @@ fn schemes(plan: &Plan) -> Vec<Scheme> {
     let mut schemes = Vec::new();
     for &mm in &plan.spacings {
         let spacing = 1e-3 * mm;
-        let mut add = |smoothing, points| {
+        let mut add = |smoothing, source| {
             schemes.push(Scheme {
                 spacing,
                 smoothing,
-                points,
+                source,
             });
         };
-        add(None, None);
+        add(None, Source::All);
         for &smoothing in &plan.smoothings {
-            add(Some(smoothing), None);
-            for &points in &plan.points {
-                add(Some(smoothing), Some(points));
+            for &source in &plan.sources {
+                add(Some(smoothing), source);
             }
         }
     }

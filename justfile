@@ -157,13 +157,13 @@ bench-contact *ARGS:
 bench-path *ARGS:
     cargo run --release -p pegfit-benches --bin path -- {{ARGS}}
 
-# Ways by OMPL's planners with coal beside those of pegfit, hours (`just path-peers 1 --only peg`:
-# minutes); needs benches/peers/path-requirements.txt.
+# Ways by OMPL's planners with coal beside those of pegfit, into docs/path.md, hours (minutes with
+# `just path-peers 1 --only peg`); needs benches/peers/path-requirements.txt.
 path-peers FRAMES="20" *ARGS:
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path
     rm -rf out/path-scenes
     target/release/path --scenes out/path-scenes --frames {{FRAMES}} {{ARGS}}
-    python3 benches/peers/path.py out/path-scenes --pegfit target/release/pegfit
+    python3 benches/peers/path.py out/path-scenes --pegfit target/release/pegfit --page docs/path.md
 
 # Overlaps along ways against exact booleans of the meshes (`just path-overlap 1 --only peg`: minutes);
 # needs benches/peers/path-requirements.txt.

@@ -6,10 +6,10 @@ import platform
 import textwrap
 from pathlib import Path
 
+from marks import rewrite
+
 COLUMNS = ["pair", "clearance", "triangles", "tool", "set-up", "MiB", "poses", "p50", "p99", "false",
            "missed", "rises", "torque", "loop", "pull", "note"]
-
-MARKS = "<!-- begin: just contact-peers -->", "<!-- end: just contact-peers -->"
 
 #: Columns of the two tables: title, how a number is shown.
 BY_SIZE = {"set-up": ("set-up, s", "{:.2g}"), "MiB": ("MiB", "{:.0f}"), "p50": ("p50, µs", "{:.3g}"),
@@ -74,8 +74,6 @@ def notes(rows: list[dict]) -> str:
 
 def write_page(page: Path, rows: list[dict], middle: tuple[float, int]) -> None:
     """Writes what lies between the marks of the page."""
-    text = page.read_text(encoding="utf-8")
-    before, after = text.split(MARKS[0])[0], text.split(MARKS[1])[1]
     clearance, size = f"{1e3 * middle[0]:g}", str(middle[1])
     sections = list(dict.fromkeys(r["pair"] for r in rows))
     sizes = sorted({r["triangles"] for r in rows}, key=int)
@@ -85,11 +83,11 @@ def write_page(page: Path, rows: list[dict], middle: tuple[float, int]) -> None:
             f"many as the time given to a row allows. In every cell the pairs {', '.join(sections)}; "
             "`?` was not measured.")
     head = textwrap.fill(head, 100, break_long_words=False, break_on_hyphens=False)
-    parts = [
-        MARKS[0], "", head, "", f"At {clearance} mm of clearance, by the size of the meshes:", "",
+    lines = [
+        head, "", f"At {clearance} mm of clearance, by the size of the meshes:", "",
         table(rows, [(clearance, s, s) for s in sizes], sections, "triangles", BY_SIZE), "",
         f"With {size} triangles, by clearance:", "",
         table(rows, [(w, size, w) for w in widths], sections, "clearance, mm", BY_CLEARANCE), "",
-        notes(rows), "", MARKS[1],
+        notes(rows),
     ]
-    page.write_text(before + "\n".join(parts) + after, encoding="utf-8")
+    rewrite(page, "just contact-peers", lines)

@@ -3,7 +3,7 @@
     pip install -r benches/peers/path-requirements.txt
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path
     target/release/path --scenes SCENES [--frames N] [--only PAIR]
-    python benches/peers/path.py SCENES [--seconds S] [--pegfit PROGRAM] [--out FILE]
+    python benches/peers/path.py SCENES [--seconds S] [--pegfit PROGRAM] [--page FILE]
 
 The planners are OMPL's RRT-Connect and BIT* over SE(3), between the fit and a pose beside the fixed
 part in a random direction; a pose is valid if coal finds no contact of the two surfaces, so that a
@@ -22,6 +22,7 @@ import argparse
 import json
 import resource
 import subprocess
+import textwrap
 import time
 import tomllib
 from collections import defaultdict
@@ -29,6 +30,7 @@ from pathlib import Path
 
 import coal
 import numpy as np
+from marks import rewrite
 from ompl import base, geometric, util
 from scipy.spatial.transform import Rotation
 
@@ -149,7 +151,7 @@ def main() -> None:
     parser.add_argument("scenes", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--pegfit", default="pegfit", metavar="PROGRAM")
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--page", type=Path, help="whose part between the marks is written afresh")
     args = parser.parse_args()
     util.setLogLevel(util.LogLevel.LOG_ERROR)
     util.RNG.setSeed(1)
@@ -171,10 +173,11 @@ def main() -> None:
             ratio = f"{bound}{medians[name] / medians['pegfit']:.2g}"
             cells = [pair, name, str(len(tries)), str(hits), f"{medians[name]:.3g}", ratio]
             lines.append(f"| {' | '.join(cells)} |")
-    text = "\n".join(lines)
-    print(text)
-    if args.out:
-        args.out.write_text(text + "\n")
+    print("\n".join(lines))
+    if args.page:
+        head = (f"Processor seconds on one machine, a try's limit {args.seconds:g} s; what ended "
+                "without a way counts with that.")
+        rewrite(args.page, "just path-peers", [*textwrap.wrap(head, 100), "", *lines])
 
 
 if __name__ == "__main__":

@@ -205,6 +205,9 @@ impl Known {
                 let turn: f64 = turned.map(|m| m.turn).sum();
                 // The lug has play all round, the notch is as long as this.
                 let play = 2.0 * clearance / GUIDE;
+                // Where there is play, it ends by righting itself.
+                let mut ends = motions.iter().rev();
+                let last = ends.find(|m| m.turn == 0.0 || m.turn > 0.2).unwrap_or(last);
                 let back = direction(last).angle_between(DVec3::Z) < ALIGNED + play;
                 along(first, -DVec3::Z)
                     && (turn - FRAC_PI_2).abs() < 0.3 + play
@@ -261,7 +264,10 @@ mod tests {
         let quarter = motion(DVec3::Z, FRAC_PI_2, 0.0);
         let back = motion(DVec3::Z, 0.0, 0.002);
         assert!(Known::Bayonet.is_by(&[down, quarter, back], 1e-4));
+        let tilt = motion(DVec3::X, 0.1, 0.0);
+        assert!(Known::Bayonet.is_by(&[down, quarter, tilt], 1e-4));
         assert!(!Known::Bayonet.is_by(&[down, back], 1e-4));
+        assert!(!Known::Bayonet.is_by(&[down, tilt], 1e-4));
         let thread = Known::Screw { pitch: -0.002 };
         let turns = |pitch: f64| motion(DVec3::Z, 12.0, pitch * 12.0 / std::f64::consts::TAU);
         assert!(thread.is_by(&[down, turns(-0.00202)], 1e-4));

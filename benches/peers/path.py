@@ -3,7 +3,8 @@
     pip install -r benches/peers/path-requirements.txt
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path
     target/release/path --scenes SCENES [--frames N] [--only PAIR]
-    python benches/peers/path.py SCENES [--seconds S] [--pegfit PROGRAM] [--page FILE]
+    python benches/peers/path.py SCENES [--seconds S] [--shrink SHARE...] [--pegfit PROGRAM]
+        [--page FILE]
 
 The planners are OMPL's RRT-Connect and BIT* over SE(3), between the fit and a pose beside the fixed
 part in a random direction; a pose is valid if coal finds no contact of the two surfaces, so that a
@@ -19,9 +20,12 @@ command's median is then told as a bound. The captive ball is right if nothing i
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import resource
+import shutil
 import subprocess
+import tempfile
 import textwrap
 import time
 import tomllib
@@ -43,6 +47,18 @@ def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
     vertices = [list(map(float, r[1:4])) for r in rows if r and r[0] == "v"]
     faces = [[int(x.split("/")[0]) - 1 for x in r[1:4]] for r in rows if r and r[0] == "f"]
     return np.array(vertices), np.array(faces)
+
+
+def shrunk(folder: Path, share: float, into: Path) -> Path:
+    """The scene of a smaller moving part in its fit."""
+    there = into / f"{folder.name}-{share:g}"
+    shutil.copytree(folder, there)
+    vertices, faces = read(folder / "moving.obj")
+    middle = vertices.mean(axis=0)
+    lines = [f"v {x:.12g} {y:.12g} {z:.12g}" for x, y, z in middle + share * (vertices - middle)]
+    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    (there / "moving.obj").write_text("\n".join(lines) + "\n")
+    return there
 
 
 def surface(vertices: np.ndarray, faces: np.ndarray) -> coal.BVHModelOBBRSS:
@@ -114,6 +130,10 @@ def plan(problem: Problem, planner, seconds: float, seed: int) -> tuple[bool, fl
     set_state(start, problem.at, problem.goal[3:])
     set_state(end, *problem.outside(np.random.default_rng(seed)))
     setup.setStartAndGoalStates(start, end)
+    # Any way will do: what goes on to shorten it ends there.
+    objective = base.PathLengthOptimizationObjective(information)
+    objective.setCostThreshold(base.Cost(float("inf")))
+    setup.setOptimizationObjective(objective)
     setup.setPlanner(planner(information))
     began = time.process_time()
     over = base.PlannerTerminationCondition(lambda: time.process_time() - began > seconds)
@@ -150,33 +170,41 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--shrink", type=float, nargs="+", default=[1.0], metavar="SHARE")
     parser.add_argument("--pegfit", default="pegfit", metavar="PROGRAM")
     parser.add_argument("--page", type=Path, help="whose part between the marks is written afresh")
     args = parser.parse_args()
     util.setLogLevel(util.LogLevel.LOG_ERROR)
     util.RNG.setSeed(1)
-    found: dict[str, dict[str, list[tuple[bool, float]]]] = defaultdict(lambda: defaultdict(list))
-    for frame, folder in enumerate(sorted(p.parent for p in args.scenes.glob("*/scene.toml"))):
-        problem = Problem(folder)
-        of = found[problem.name]
-        of["pegfit"].append(ours(folder, args.pegfit, args.seconds))
-        for name, planner in PLANNERS.items():
-            of[name].append(plan(problem, planner, args.seconds, frame))
-        print(folder.name, {name: tries[-1] for name, tries in of.items()}, flush=True)
-    columns = ["pair", "tool", "tries", "found", "median, s", "times pegfit's"]
-    lines = [f"| {' | '.join(columns)} |", "|---|---|---|---|---|---|"]
-    for pair, of in found.items():
+    found: dict[tuple[str, str], dict[str, list[tuple[bool, float]]]] = {}
+    folders = sorted(p.parent for p in args.scenes.glob("*/scene.toml"))
+    with tempfile.TemporaryDirectory() as into:
+        for frame, (folder, share) in enumerate(itertools.product(folders, args.shrink)):
+            there = folder if share == 1 else shrunk(folder, share, Path(into))
+            problem = Problem(there)
+            if not problem.free(problem.at, problem.goal[3:]):
+                print(there.name, "overlaps where it fits: left out", flush=True)
+                continue
+            of = found.setdefault((problem.name, f"{share:g}"), defaultdict(list))
+            of["pegfit"].append(ours(there, args.pegfit, args.seconds))
+            for name, planner in PLANNERS.items():
+                of[name].append(plan(problem, planner, args.seconds, frame))
+            print(there.name, {name: tries[-1] for name, tries in of.items()}, flush=True)
+    columns = ["pair", "size", "tool", "tries", "found", "median, s", "times pegfit's"]
+    lines = [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
+    for (pair, share), of in found.items():
         medians = {name: float(np.median([s for _, s in tries])) for name, tries in of.items()}
         for name, tries in of.items():
             hits = sum(hit for hit, _ in tries)
             bound = "" if 2 * hits > len(tries) else "> "
             ratio = f"{bound}{medians[name] / medians['pegfit']:.2g}"
-            cells = [pair, name, str(len(tries)), str(hits), f"{medians[name]:.3g}", ratio]
+            cells = [pair, share, name, str(len(tries)), str(hits), f"{medians[name]:.3g}", ratio]
             lines.append(f"| {' | '.join(cells)} |")
     print("\n".join(lines))
     if args.page:
         head = (f"Processor seconds on one machine, a try's limit {args.seconds:g} s; what ended "
-                "without a way counts with that.")
+                "without a way counts with that. Size is that of the moving part beside the one that "
+                "fits: the smaller, the wider the passage.")
         rewrite(args.page, "just path-peers", [*textwrap.wrap(head, 100), "", *lines])
 
 

@@ -14,7 +14,9 @@ valid. The program reads scenes, computes no fields (`--solids-only`) and its se
 run of the command; it takes overlaps of up to a thousandth of the radius for contact, the planners
 none. Seconds are of processor time, over all threads, so that other work on the machine does not
 count. Every try has the same limit; a try that ends without a way counts with it, and the ratio to the
-command's median is then told as a bound. The captive ball is right if nothing is found.
+command's median is then told as a bound. With `--shrink` the moving part is of such a share of its
+size, about its middle: passages widen. What touches in its place, as a peg on the floor of its hole,
+is left out: the planners could not begin. The captive ball is right if nothing is found.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ def main() -> None:
             there = folder if share == 1 else shrunk(folder, share, Path(into))
             problem = Problem(there)
             if not problem.free(problem.at, problem.goal[3:]):
-                print(there.name, "overlaps where it fits: left out", flush=True)
+                print(there.name, "touches where it fits: left out", flush=True)
                 continue
             of = found.setdefault((problem.name, f"{share:g}"), defaultdict(list))
             of["pegfit"].append(ours(there, args.pegfit, args.seconds))

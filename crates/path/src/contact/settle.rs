@@ -19,6 +19,8 @@ struct Within {
     origin: Pose,
     /// so many times three, metres; no farther at once than this.
     reach: f64,
+    /// Whether the part may turn.
+    turns: bool,
 }
 
 /// How much overlap counts as none.
@@ -51,17 +53,43 @@ impl Gaps {
         reach: f64,
         contacts: &mut Vec<Contact>,
     ) -> Option<Pose> {
-        // Room on all sides if there is; where it is almost too narrow, none.
-        let aim = |room: f64| room * limits.tolerance - limits.level;
         let within = Within {
             origin: *pose,
             reach,
+            turns: true,
         };
-        match self.opened(pose, limits, aim(3.0), &within, contacts) {
+        self.settled(limits, &within, contacts)
+    }
+
+    /// The same without turns.
+    pub(crate) fn settle_shifted(
+        &self,
+        pose: &Pose,
+        limits: &Limits,
+        reach: f64,
+        contacts: &mut Vec<Contact>,
+    ) -> Option<Pose> {
+        let within = Within {
+            origin: *pose,
+            reach,
+            turns: false,
+        };
+        self.settled(limits, &within, contacts)
+    }
+
+    fn settled(
+        &self,
+        limits: &Limits,
+        within: &Within,
+        contacts: &mut Vec<Contact>,
+    ) -> Option<Pose> {
+        // Room on all sides if there is; where it is almost too narrow, none.
+        let aim = |room: f64| room * limits.tolerance - limits.level;
+        match self.opened(&within.origin, limits, aim(3.0), within, contacts) {
             Ok(found) => Some(found),
             Err((least, _)) if least < aim(-4.0) => None,
             Err((_, best)) => {
-                let found = self.opened(&best, limits, aim(1.0), &within, contacts);
+                let found = self.opened(&best, limits, aim(1.0), within, contacts);
                 found.ok()
             }
         }
@@ -99,7 +127,7 @@ impl Gaps {
             if stalls > 1 {
                 break;
             }
-            let Some(correction) = opening(contacts, aim) else {
+            let Some(correction) = opening(contacts, aim, within.turns) else {
                 break;
             };
             let size = length(&correction);
@@ -116,13 +144,18 @@ impl Gaps {
     }
 }
 
-/// The smallest motion that brings all distances below `aim` to it, in the mean square.
-fn opening(contacts: &[Contact], aim: f64) -> Option<Vec6> {
+/// The smallest motion, with turns or without, that brings all distances below `aim` to it, in the mean
+/// square.
+fn opening(contacts: &[Contact], aim: f64, turns: bool) -> Option<Vec6> {
     let mut stiffness: Mat6 = [[0.0; 6]; 6];
     let mut pull: Vec6 = [0.0; 6];
     for c in contacts.iter().filter(|c| c.distance < aim) {
-        add_product(&mut stiffness, &c.slope, 1.0);
-        for (p, s) in pull.iter_mut().zip(&c.slope) {
+        let mut slope = c.slope;
+        if !turns {
+            slope[..3].fill(0.0);
+        }
+        add_product(&mut stiffness, &slope, 1.0);
+        for (p, s) in pull.iter_mut().zip(&slope) {
             *p += (aim - c.distance) * s;
         }
     }

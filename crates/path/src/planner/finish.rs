@@ -45,18 +45,19 @@ impl Finish<'_> {
     pub(crate) fn straightened(&self, outwards: &[Pose], keep_start: bool) -> Vec<Pose> {
         let shortcuts = Shortcuts {
             gaps: self.gaps,
-            level: self.limits.level,
+            limits: self.limits,
             step: self.step,
             stop: self.stop,
         };
         let inwards: Vec<Pose> = outwards.iter().rev().copied().collect();
-        if keep_start {
-            return shortcuts.shorten(&inwards);
-        }
-        match shortcuts.translated(&inwards) {
-            Some(way) => shortcuts.shorten(&way),
-            None => shortcuts.unturned(&shortcuts.shorten(&inwards)),
-        }
+        let short = match keep_start {
+            true => shortcuts.shorten(&inwards),
+            false => match shortcuts.translated(&inwards) {
+                Some(way) => shortcuts.shorten(&way),
+                None => shortcuts.unturned(&shortcuts.shorten(&inwards)),
+            },
+        };
+        shortcuts.fewer(short, keep_start)
     }
 
     /// The way between `corners` at equal steps, off the walls, and lower if it climbs; `depth` is that

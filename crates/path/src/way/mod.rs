@@ -2,6 +2,7 @@
 
 pub(crate) mod climb;
 pub(crate) mod connect;
+pub(crate) mod fewer;
 pub(crate) mod relax;
 pub(crate) mod shorten;
 pub(crate) mod steps;

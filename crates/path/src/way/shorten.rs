@@ -5,6 +5,7 @@ use glam::DQuat;
 use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
+use crate::contact::settle::Limits;
 
 /// Two poses are joined by the turn of least angle: up to this one, radians, it is the one meant.
 const WIDEST_TURN: f64 = 2.9;
@@ -12,14 +13,16 @@ const WIDEST_TURN: f64 = 2.9;
 /// How many poses on a first shortcut is tried.
 const FIRST_STRIDE: usize = 4;
 
+/// How many steps a part that leaned is shifted at once to stand upright.
+const LEANING: f64 = 2.0;
+
 /// Poses that are looked at together.
 const TOGETHER: usize = 16;
 
 /// What straight and screw motions between poses must keep.
 pub(crate) struct Shortcuts<'a> {
     pub(crate) gaps: &'a Gaps,
-    /// Overlaps no deeper than this are allowed, metres.
-    pub(crate) level: f64,
+    pub(crate) limits: Limits,
     /// Poses are looked at this far apart, metres.
     pub(crate) step: f64,
     pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
@@ -41,16 +44,25 @@ impl Shortcuts<'_> {
         kept
     }
 
-    /// The same way without any turn, if it is as clear: every pose as the last one is turned. Poses
-    /// lie a step apart.
+    /// The same way without any turn, if there is one: every pose as the last one is turned, where the
+    /// part leaned shifted off what it overlaps so. Poses lie a step apart.
     pub(crate) fn translated(&self, poses: &[Pose]) -> Option<Vec<Pose>> {
-        let centre = self.gaps.frame.centre;
-        let rotation = poses[poses.len() - 1].rotation;
-        let unturned = |pose: &Pose| Pose::new(rotation, pose.apply(centre) - rotation * centre);
-        let way: Vec<Pose> = poses.iter().map(unturned).collect();
-        let depth = self.level + 4.0 * self.step;
-        let clear = |pose: &Pose| self.gaps.clear(pose, self.level, depth);
-        way.par_iter().all(clear).then_some(way)
+        let (centre, last) = (self.gaps.frame.centre, poses[poses.len() - 1]);
+        let rotation = last.rotation;
+        let unturned = |pose: &Pose| {
+            let pose = Pose::new(rotation, pose.apply(centre) - rotation * centre);
+            if (self.stop)() {
+                return None;
+            }
+            let (mut contacts, reach) = (Vec::new(), LEANING * self.step);
+            self.gaps
+                .settle_shifted(&pose, &self.limits, reach, &mut contacts)
+        };
+        let mut way: Vec<Pose> = poses.par_iter().map(unturned).collect::<Option<_>>()?;
+        *way.last_mut()? = last;
+        way.par_windows(2)
+            .all(|w| self.joins(&w[0], &w[1]))
+            .then_some(way)
     }
 
     /// The same way with turns left out that nothing asks for, as those of a round peg about its axis:
@@ -120,17 +132,18 @@ impl Shortcuts<'_> {
     }
 
     /// Whether the screw motion between two poses stays within the limits.
-    fn joins(&self, from: &Pose, to: &Pose) -> bool {
+    pub(crate) fn joins(&self, from: &Pose, to: &Pose) -> bool {
         let frame = &self.gaps.frame;
         let motion = frame.between(from, to);
         if frame.turn(&motion).length() > WIDEST_TURN {
             return false;
         }
         let count = (frame.largest(from, &motion) / self.step).ceil().max(1.0);
-        let depth = self.level + 4.0 * self.step;
+        let level = self.limits.level;
+        let depth = level + 4.0 * self.step;
         let clear = |i: &usize| {
             let pose = frame.interpolated(from, to, *i as f64 / count);
-            self.gaps.clear(&pose, self.level, depth)
+            self.gaps.clear(&pose, level, depth)
         };
         let places: Vec<usize> = scattered(count as usize).collect();
         places
@@ -157,6 +170,11 @@ mod tests {
     use sdf_grid::shapes;
     use std::sync::Arc;
 
+    const LIMITS: Limits = Limits {
+        level: 2e-5,
+        tolerance: 2e-5,
+    };
+
     #[test]
     fn scattered_numbers_are_all_of_them() {
         for count in [1, 2, 3, 7, 8, 100] {
@@ -180,7 +198,7 @@ mod tests {
         };
         let shortcuts = Shortcuts {
             gaps: &gaps,
-            level: 2e-5,
+            limits: LIMITS,
             step: 5e-4,
             stop: &|| false,
         };
@@ -206,7 +224,7 @@ mod tests {
         poses.extend((1..=24).map(|i| at(-8.0, -0.5 * f64::from(i))));
         let shortcuts = Shortcuts {
             gaps: &gaps,
-            level: 2e-5,
+            limits: LIMITS,
             step: 2e-4,
             stop: &|| false,
         };

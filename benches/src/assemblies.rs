@@ -53,6 +53,8 @@ pub struct Assembly {
     /// Displacements from the identity, along z, between which the fit leaves the part free,
     /// metres.
     pub slide: [f64; 2],
+    /// Whether the part comes out either way along z.
+    pub either: bool,
     /// Axes about which the peg is symmetric.
     pub axes: Vec<SymmetryAxis>,
 }
@@ -65,6 +67,7 @@ impl Assembly {
             fixed: Arc::new(fixed),
             moving: Arc::new(moving),
             slide,
+            either: slide != [0.0; 2],
         }
     }
 
@@ -99,7 +102,11 @@ pub fn modelled(parts: Option<&Path>) -> Outcome<Vec<Assembly>> {
     let mut all = Vec::new();
     for which in PegInHole::ALL {
         let (fixed, moving) = which.pair(0.0)?;
-        all.push(Assembly::new(which.name(), fixed, moving, [0.0; 2]));
+        all.push(Assembly {
+            // The holes go through.
+            either: true,
+            ..Assembly::new(which.name(), fixed, moving, [0.0; 2])
+        });
     }
     for (name, fixed, moving, slide) in REAL {
         let Some(folder) = parts else { break };

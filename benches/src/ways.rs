@@ -7,8 +7,7 @@ use fft_correlate::Pose;
 use glam::DVec3;
 use pegfit_path::{Motion, Outcome as Found, PathAnswer};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::TriangleMesh;
-use sdf_grid::shapes::{self, PegInHole};
+use sdf_grid::{TriangleMesh, shapes};
 
 use crate::Outcome;
 use crate::assemblies::{modelled, random_rotation};
@@ -89,10 +88,10 @@ pub fn known_pairs(folder: Option<&Path>) -> Outcome<Vec<KnownPair>> {
     };
     for pair in modelled(folder)? {
         let parts = ((*pair.fixed).clone(), (*pair.moving).clone());
-        // The paper's holes go through, too.
-        let paper = PegInHole::ALL.iter().any(|p| p.name() == pair.name);
-        let either = paper || pair.slide != [0.0; 2];
-        add(pair.name, parts, 0.0, Known::Along { either });
+        let way = Known::Along {
+            either: pair.either,
+        };
+        add(pair.name, parts, 0.0, way);
     }
     for seed in 0..8 {
         let fit = shapes::random_fit(seed)?;

@@ -19,8 +19,16 @@ struct Within {
     origin: Pose,
     /// so many times three, metres; no farther at once than this.
     reach: f64,
-    /// Whether the part may turn.
-    turns: bool,
+    by: By,
+}
+
+/// By which motions a pose is corrected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum By {
+    /// Turns and shifts.
+    Any,
+    /// Shifts alone.
+    Shifts,
 }
 
 /// How much overlap counts as none.
@@ -51,45 +59,21 @@ impl Gaps {
         pose: &Pose,
         limits: &Limits,
         reach: f64,
+        by: By,
         contacts: &mut Vec<Contact>,
     ) -> Option<Pose> {
         let within = Within {
             origin: *pose,
             reach,
-            turns: true,
+            by,
         };
-        self.settled(limits, &within, contacts)
-    }
-
-    /// The same without turns.
-    pub(crate) fn settle_shifted(
-        &self,
-        pose: &Pose,
-        limits: &Limits,
-        reach: f64,
-        contacts: &mut Vec<Contact>,
-    ) -> Option<Pose> {
-        let within = Within {
-            origin: *pose,
-            reach,
-            turns: false,
-        };
-        self.settled(limits, &within, contacts)
-    }
-
-    fn settled(
-        &self,
-        limits: &Limits,
-        within: &Within,
-        contacts: &mut Vec<Contact>,
-    ) -> Option<Pose> {
         // Room on all sides if there is; where it is almost too narrow, none.
         let aim = |room: f64| room * limits.tolerance - limits.level;
-        match self.opened(&within.origin, limits, aim(3.0), within, contacts) {
+        match self.opened(pose, limits, aim(3.0), &within, contacts) {
             Ok(found) => Some(found),
             Err((least, _)) if least < aim(-4.0) => None,
             Err((_, best)) => {
-                let found = self.opened(&best, limits, aim(1.0), within, contacts);
+                let found = self.opened(&best, limits, aim(1.0), &within, contacts);
                 found.ok()
             }
         }
@@ -127,7 +111,7 @@ impl Gaps {
             if stalls > 1 {
                 break;
             }
-            let Some(correction) = opening(contacts, aim, within.turns) else {
+            let Some(correction) = opening(contacts, aim, within.by) else {
                 break;
             };
             let size = length(&correction);
@@ -144,14 +128,13 @@ impl Gaps {
     }
 }
 
-/// The smallest motion, with turns or without, that brings all distances below `aim` to it, in the mean
-/// square.
-fn opening(contacts: &[Contact], aim: f64, turns: bool) -> Option<Vec6> {
+/// The smallest motion that brings all distances below `aim` to it, in the mean square.
+fn opening(contacts: &[Contact], aim: f64, by: By) -> Option<Vec6> {
     let mut stiffness: Mat6 = [[0.0; 6]; 6];
     let mut pull: Vec6 = [0.0; 6];
     for c in contacts.iter().filter(|c| c.distance < aim) {
         let mut slope = c.slope;
-        if !turns {
+        if by == By::Shifts {
             slope[..3].fill(0.0);
         }
         add_product(&mut stiffness, &slope, 1.0);

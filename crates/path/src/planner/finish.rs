@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::answer::PathPose;
 use crate::contact::gaps::Gaps;
 use crate::contact::settle::Limits;
+use crate::search::escape::Escape;
 use crate::way::climb::{Climb, highest_climb};
 use crate::way::relax::Relaxation;
 use crate::way::shorten::Shortcuts;
@@ -23,6 +24,7 @@ const DENSER: f64 = 2.0;
 /// What ways are finished in.
 pub(crate) struct Finish<'a> {
     pub(crate) gaps: &'a Gaps,
+    pub(crate) escape: &'a Escape,
     pub(crate) limits: Limits,
     /// Of the search, metres.
     pub(crate) step: f64,
@@ -45,6 +47,7 @@ impl Finish<'_> {
     pub(crate) fn straightened(&self, outwards: &[Pose], keep_start: bool) -> Vec<Pose> {
         let shortcuts = Shortcuts {
             gaps: self.gaps,
+            escape: self.escape,
             limits: self.limits,
             step: self.step,
             stop: self.stop,

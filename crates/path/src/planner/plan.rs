@@ -311,6 +311,7 @@ impl PathSearch {
         let step = self.options.step.unwrap_or(self.step());
         let finish = Finish {
             gaps: &self.gaps,
+            escape: &self.escape,
             limits: Limits {
                 level: opened.level,
                 tolerance: self.tolerance(),

@@ -3,7 +3,7 @@
 use fft_correlate::Pose;
 
 use crate::contact::gaps::{Contact, Gaps};
-use crate::contact::settle::Limits;
+use crate::contact::settle::{By, Limits};
 use crate::motion::six::{Vec6, dot, length, scaled};
 use crate::search::directions::softened;
 use crate::search::escape::Escape;
@@ -187,7 +187,9 @@ impl Slides<'_> {
         let (gaps, limits) = (self.gaps, &self.limits);
         let reach = share.min(1.0) * self.step;
         let trial = gaps.frame.moved(at, wanted);
-        let pose = gaps.settle(&trial, limits, reach, contacts).ok_or(1.0)?;
+        let pose = gaps
+            .settle(&trial, limits, reach, By::Any, contacts)
+            .ok_or(1.0)?;
         let motion = gaps.frame.between(at, &pose);
         let progress = dot(&motion, wanted) / dot(wanted, wanted);
         if progress < STUCK {

@@ -12,8 +12,8 @@ const SAME: f64 = 1e-13;
 const PARALLEL: f64 = 0.02;
 /// A straight motion goes on by these shares of what brings it nearest to where the way leads.
 const FURTHER: [f64; 3] = [1.0, 0.6, 0.3];
-/// A way goes straight on outside if it leads as far out as it did within this factor.
-const FARTHEST: f64 = 3.0;
+/// What goes straight on outside may be so many times as long as what it replaces.
+const LONGER: [f64; 4] = [1.0, 1.5, 2.0, 3.0];
 
 impl Shortcuts<'_> {
     /// The same way with straight motions left out that the others can do without: where there is play
@@ -76,7 +76,7 @@ impl Shortcuts<'_> {
         })
     }
 
-    /// The first of two straight motions left out: the second begins as far outside.
+    /// The first of two straight motions left out: the second begins as far outside, within a step.
     fn straight_in(&self, way: &[Pose]) -> Option<Vec<Pose>> {
         let [outside, corner, next, ..] = way else {
             return None;
@@ -84,17 +84,15 @@ impl Shortcuts<'_> {
         if !(alike(outside, corner) && alike(corner, next)) {
             return None;
         }
-        let far = outside.translation - corner.translation;
+        let far = outside.translation.distance(corner.translation);
         let back = (corner.translation - next.translation).try_normalize()?;
-        // As far as before in the direction in which nothing is left of the fixed part.
-        let length = far.length_squared() / far.dot(back);
-        if !(length > 0.0 && length < FARTHEST * far.length()) {
-            return None;
-        }
-        let start = Pose {
-            translation: corner.translation + length * back,
+        let gap = |pose: &Pose| -self.escape.exit(self.gaps, pose).distance;
+        let enough = gap(outside) - self.step;
+        let start = LONGER.map(|longer| Pose {
+            translation: corner.translation + longer * far * back,
             ..*corner
-        };
+        });
+        let start = start.into_iter().find(|start| gap(start) >= enough)?;
         let joins = self.joins(&start, next);
         joins.then(|| [&[start], &way[2..]].concat())
     }
@@ -120,6 +118,7 @@ mod tests {
     use crate::contact::body::Body;
     use crate::contact::gaps::Gaps;
     use crate::contact::settle::Limits;
+    use crate::search::escape::Escape;
     use glam::DQuat;
     use sdf_grid::shapes;
     use std::sync::Arc;
@@ -138,6 +137,8 @@ mod tests {
     #[test]
     fn a_corner_that_is_cut_in_the_play_is_one_corner() {
         let (plate, spool) = shapes::spool_in_slot(5e-4).unwrap();
+        let place = Pose::new(DQuat::from_rotation_y(0.8), DVec3::new(0.02, -0.03, 0.01));
+        let plate = plate.transformed(place.rotation, place.translation);
         let gaps = Gaps::new(
             Body::of_mesh(Arc::new(plate)),
             Body::of_mesh(Arc::new(spool)),
@@ -145,6 +146,7 @@ mod tests {
         );
         let shortcuts = Shortcuts {
             gaps: &gaps,
+            escape: &Escape::new(&gaps),
             limits: Limits {
                 level: 2e-5,
                 tolerance: 2e-5,
@@ -154,7 +156,7 @@ mod tests {
         };
         // Turned by no more than rounding.
         let turn = |x: f64| DQuat::from_rotation_z(1e-8 * x);
-        let at = |x: f64, y: f64| Pose::new(turn(x), 1e-3 * DVec3::new(x, y, 0.0));
+        let at = |x: f64, y: f64| place * Pose::new(turn(x), 1e-3 * DVec3::new(x, y, 0.0));
         let strayed = [
             at(-14.0, -30.0),
             at(-8.0, -16.0),

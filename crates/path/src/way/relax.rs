@@ -4,7 +4,7 @@ use fft_correlate::{EnergySource, Pose};
 use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
-use crate::contact::settle::Limits;
+use crate::contact::settle::{By, Limits};
 use crate::motion::six::{Vec6, dot, length, scaled};
 
 /// Most rounds of relaxing.
@@ -30,7 +30,7 @@ impl Relaxation<'_> {
             let mut contacts = Vec::new();
             let found = self
                 .gaps
-                .settle(pose, &self.limits, self.step, &mut contacts);
+                .settle(pose, &self.limits, self.step, By::Any, &mut contacts);
             found.unwrap_or(*pose)
         };
         poses.par_iter().enumerate().map(settled).collect()
@@ -74,7 +74,7 @@ impl Relaxation<'_> {
             let trial = frame.moved(pose, &scaled(&across, shorter * step / size));
             let trial = self
                 .gaps
-                .settle(&trial, &self.limits, step, &mut contacts)?;
+                .settle(&trial, &self.limits, step, By::Any, &mut contacts)?;
             (source.evaluate(&trial, &mut scratch).energy < at.energy).then_some(trial)
         });
         tried.unwrap_or(*pose)

@@ -5,7 +5,8 @@ use glam::DQuat;
 use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
-use crate::contact::settle::Limits;
+use crate::contact::settle::{By, Limits};
+use crate::search::escape::Escape;
 
 /// Two poses are joined by the turn of least angle: up to this one, radians, it is the one meant.
 const WIDEST_TURN: f64 = 2.9;
@@ -22,6 +23,7 @@ const TOGETHER: usize = 16;
 /// What straight and screw motions between poses must keep.
 pub(crate) struct Shortcuts<'a> {
     pub(crate) gaps: &'a Gaps,
+    pub(crate) escape: &'a Escape,
     pub(crate) limits: Limits,
     /// Poses are looked at this far apart, metres.
     pub(crate) step: f64,
@@ -56,7 +58,7 @@ impl Shortcuts<'_> {
             }
             let (mut contacts, reach) = (Vec::new(), LEANING * self.step);
             self.gaps
-                .settle_shifted(&pose, &self.limits, reach, &mut contacts)
+                .settle(&pose, &self.limits, reach, By::Shifts, &mut contacts)
         };
         let mut way: Vec<Pose> = poses.par_iter().map(unturned).collect::<Option<_>>()?;
         *way.last_mut()? = last;
@@ -198,6 +200,7 @@ mod tests {
         };
         let shortcuts = Shortcuts {
             gaps: &gaps,
+            escape: &Escape::new(&gaps),
             limits: LIMITS,
             step: 5e-4,
             stop: &|| false,
@@ -207,6 +210,39 @@ mod tests {
             assert!(pose.rotation.angle_between(DQuat::IDENTITY) < 1e-7);
             assert!((pose.translation - before.translation).length() < 1e-9);
         }
+    }
+
+    /// Where the spool leaned it would stand a tenth of a millimetre in the wall.
+    #[test]
+    fn a_part_that_leaned_in_its_play_is_shifted_upright() {
+        let (plate, spool) = shapes::spool_in_slot(2e-4).unwrap();
+        let place = Pose::new(DQuat::from_rotation_x(-1.1), DVec3::new(0.04, 0.0, -0.02));
+        let plate = plate.transformed(place.rotation, place.translation);
+        let gaps = Gaps::new(
+            Body::of_mesh(Arc::new(plate)),
+            Body::of_mesh(Arc::new(spool)),
+            2e-4,
+        );
+        let at = |i: i32, lean: f64| {
+            let (x, turn) = (-2e-4 * f64::from(i), DQuat::from_rotation_y(0.05 * lean));
+            place * Pose::new(turn, DVec3::new(x, 0.0, 3e-4 * lean))
+        };
+        let leaning: Vec<Pose> = (0..20).rev().map(|i| at(i, f64::from(i.min(1)))).collect();
+        let shortcuts = Shortcuts {
+            gaps: &gaps,
+            escape: &Escape::new(&gaps),
+            limits: LIMITS,
+            step: 3e-4,
+            stop: &|| false,
+        };
+        assert!(!gaps.clear(&at(9, 1.0), LIMITS.level, 1e-3));
+        let way = shortcuts.translated(&leaning).unwrap();
+        assert_eq!(way[19], leaning[19]);
+        for pose in &way {
+            assert!(pose.angle_to(&way[19]) < 1e-6 && gaps.clear(pose, LIMITS.level, 1e-3));
+        }
+        let wall = place * Pose::from_translation(DVec3::new(0.0, 4e-3, 0.0));
+        assert_eq!(shortcuts.translated(&[&[wall], &way[18..]].concat()), None);
     }
 
     #[test]
@@ -224,6 +260,7 @@ mod tests {
         poses.extend((1..=24).map(|i| at(-8.0, -0.5 * f64::from(i))));
         let shortcuts = Shortcuts {
             gaps: &gaps,
+            escape: &Escape::new(&gaps),
             limits: LIMITS,
             step: 2e-4,
             stop: &|| false,

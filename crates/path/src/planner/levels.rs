@@ -11,6 +11,7 @@ use crate::search::escape::Escape;
 use crate::search::explored::Explored;
 use crate::search::grow::{Grown, Growth, Way};
 use crate::search::same::Shape;
+use crate::search::single::Single;
 
 /// Each level is so many times as high as the last.
 const RISE: f64 = 4.0;
@@ -47,6 +48,13 @@ pub(crate) struct Opened {
     pub(crate) passed_over: usize,
 }
 
+/// What one search keeps to.
+struct Within {
+    level: f64,
+    began: Instant,
+    deadline: Instant,
+}
+
 impl Levels<'_> {
     /// Ways from a pose to the outside at one level, and whether everything was tried there; goes on
     /// from what has been explored.
@@ -56,7 +64,17 @@ impl Levels<'_> {
         level: f64,
         explored: &mut Explored,
     ) -> (Opened, bool) {
-        let (grown, nodes) = self.at(pose, level, self.time_limit, explored);
+        let began = Instant::now();
+        let within = Within {
+            level,
+            began,
+            deadline: began + self.time_limit,
+        };
+        let found = match explored.is_new() {
+            true => self.single(pose, &within),
+            false => Vec::new(),
+        };
+        let (grown, nodes) = self.at(pose, &within, found, explored);
         let opened = Opened {
             outcome: Outcome::Free,
             level,
@@ -107,7 +125,13 @@ impl Levels<'_> {
 
     /// Whether a way is found at a level; it replaces the ways found before.
     fn tried(&self, pose: &Pose, level: f64, limit: Duration, opened: &mut Opened) -> bool {
-        let (grown, nodes) = self.at(pose, level, limit, &mut Explored::default());
+        let began = Instant::now();
+        let within = Within {
+            level,
+            began,
+            deadline: began + limit,
+        };
+        let (grown, nodes) = self.at(pose, &within, Vec::new(), &mut Explored::default());
         opened.nodes += nodes;
         opened.looked += grown.looked;
         opened.passed_over += grown.passed_over;
@@ -120,15 +144,39 @@ impl Levels<'_> {
         found
     }
 
-    /// One pass after the other; also how many nodes there are in all.
+    /// Ways of one motion.
+    fn single(&self, pose: &Pose, within: &Within) -> Vec<Way> {
+        let single = Single {
+            gaps: self.gaps,
+            escape: self.escape,
+            shape: self.shape,
+            limits: self.limits(within.level),
+            step: self.step,
+            deadline: within.deadline,
+            stop: self.stop,
+        };
+        single.ways(pose, self.others > 0.0)
+    }
+
+    fn limits(&self, level: f64) -> Limits {
+        Limits {
+            level,
+            tolerance: self.tolerance,
+        }
+    }
+
+    /// One pass after the other, `found` being known already; also how many nodes there are in all.
     fn at(
         &self,
         pose: &Pose,
-        level: f64,
-        limit: Duration,
+        Within {
+            level,
+            began,
+            deadline,
+        }: &Within,
+        mut found: Vec<Way>,
         explored: &mut Explored,
     ) -> (Grown, usize) {
-        let deadline = Instant::now() + limit;
         let mut all = Grown {
             exhausted: true,
             ..Grown::default()
@@ -139,18 +187,16 @@ impl Levels<'_> {
                 gaps: self.gaps,
                 escape: self.escape,
                 shape: self.shape,
-                limits: Limits {
-                    level,
-                    tolerance: self.tolerance,
-                },
+                limits: self.limits(*level),
                 step: self.step,
                 within: within * self.step,
-                deadline,
+                began: *began,
+                deadline: *deadline,
                 others: self.others,
                 stop: self.stop,
                 gained: self.gained,
             };
-            let grown = growth.run(pose, &mut explored.nodes);
+            let grown = growth.run(pose, std::mem::take(&mut found), &mut explored.nodes);
             let reached = explored.nodes.len();
             tracing::debug!(within, reached, grown.looked, grown.exhausted, "grown");
             nodes += reached;

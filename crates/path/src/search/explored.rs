@@ -35,6 +35,11 @@ impl Explored {
         self.nodes.len()
     }
 
+    /// Whether nothing has been explored yet.
+    pub(crate) fn is_new(&self) -> bool {
+        self.passes == 0 && self.nodes.is_empty()
+    }
+
     /// Begins a question, or goes on with it.
     ///
     /// # Errors

@@ -47,6 +47,14 @@ pub(crate) struct Way {
     pub(crate) exit: Exit,
 }
 
+impl Way {
+    /// Whether it leaves in another direction than all of `ways`.
+    pub(crate) fn differs_from(&self, ways: &[Self]) -> bool {
+        let apart = |w: &Self| w.exit.direction.dot(self.exit.direction) < OTHER;
+        ways.iter().all(apart)
+    }
+}
+
 /// A search: what it moves in, and when it stops.
 pub(crate) struct Growth<'a> {
     pub(crate) gaps: &'a Gaps,
@@ -57,6 +65,8 @@ pub(crate) struct Growth<'a> {
     /// From places closer than this other directions are tried at one only, metres, unless the part is
     /// nearer to being out at the other.
     pub(crate) within: f64,
+    /// Since when ways are looked for.
+    pub(crate) began: Instant,
     /// When to stop, found or not.
     pub(crate) deadline: Instant,
     /// How long to look for other ways once one is found, as a share of the time that it took.
@@ -73,9 +83,8 @@ const WAYS: usize = 3;
 
 impl Growth<'_> {
     /// Best first: the pose that is closest to being out tries its next directions. `nodes` are those
-    /// of a search that goes on; if there are none it begins at `start`.
-    pub(crate) fn run(&self, start: &Pose, nodes: &mut Vec<Node>) -> Grown {
-        let began = Instant::now();
+    /// of a search that goes on; if there are none it begins at `start`. `found` are ways that are known.
+    pub(crate) fn run(&self, start: &Pose, found: Vec<Way>, nodes: &mut Vec<Node>) -> Grown {
         let slides = Slides {
             gaps: self.gaps,
             escape: self.escape,
@@ -86,8 +95,14 @@ impl Growth<'_> {
         if nodes.is_empty() {
             nodes.push(self.node(*start, None, None));
         }
-        let mut grown = Grown::default();
         let mut deadline = self.deadline;
+        if !found.is_empty() {
+            deadline = deadline.min(self.for_others());
+        }
+        let mut grown = Grown {
+            ways: found,
+            ..Grown::default()
+        };
         while !(self.stop)() && Instant::now() < deadline {
             let Some(chosen) = self.next(nodes) else {
                 grown.exhausted = true;
@@ -113,11 +128,9 @@ impl Growth<'_> {
                 grown.looked += slide.looked;
                 if let Some(way) = self.take(nodes, chosen, slide, &mut grown.passed_over) {
                     if grown.ways.is_empty() {
-                        deadline =
-                            deadline.min(Instant::now() + began.elapsed().mul_f64(self.others));
+                        deadline = deadline.min(self.for_others());
                     }
-                    let apart = |w: &Way| w.exit.direction.dot(way.exit.direction) < OTHER;
-                    if grown.ways.iter().all(apart) {
+                    if way.differs_from(&grown.ways) {
                         grown.ways.push(way);
                     }
                 }
@@ -133,6 +146,11 @@ impl Growth<'_> {
             }
         }
         grown
+    }
+
+    /// Until when other ways are looked for, now that one is found.
+    fn for_others(&self) -> Instant {
+        Instant::now() + self.began.elapsed().mul_f64(self.others)
     }
 
     fn node(&self, pose: Pose, from: Option<(usize, Vec<Pose>)>, last: Option<Vec6>) -> Node {

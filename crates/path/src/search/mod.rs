@@ -6,4 +6,5 @@ pub(crate) mod explored;
 pub(crate) mod grow;
 pub(crate) mod node;
 pub(crate) mod same;
+pub(crate) mod single;
 pub(crate) mod slide;

@@ -4,9 +4,13 @@ use fft_correlate::Pose;
 use glam::DVec3;
 
 use crate::contact::gaps::Gaps;
+use crate::motion::six::{Vec6, scaled};
 
 /// Points that are compared.
 const POINTS: usize = 96;
+
+/// A motion by this share of the radius shows whether it changes anything.
+const SOME_TURN: f64 = 0.37;
 
 /// Points of the moving part's surface, in its own frame, metres.
 #[derive(Debug, Clone)]
@@ -36,6 +40,19 @@ impl Shape {
         let from = b.inverse() * *a;
         let near = |p: &DVec3| gaps.moving.probes(from.apply(*p), within).next().is_some();
         self.points.iter().all(near)
+    }
+
+    /// Whether a motion from `start` is a turn about an axis of symmetry, which leads nowhere.
+    pub(crate) fn turns_in_itself(
+        &self,
+        gaps: &Gaps,
+        start: &Pose,
+        motion: &Vec6,
+        within: f64,
+    ) -> bool {
+        let far = SOME_TURN * gaps.frame.radius / gaps.frame.largest(start, motion);
+        let turned = gaps.frame.moved(start, &scaled(motion, far));
+        self.same(gaps, start, &turned, within)
     }
 }
 

@@ -23,8 +23,6 @@ const LOOK: usize = 5;
 const MEMORY: usize = 8;
 /// Steps are halved this often before a slide counts as stuck.
 const HALVINGS: u32 = 4;
-/// A motion by this share of the radius shows whether it changes anything.
-const SOME_TURN: f64 = 0.37;
 
 /// What all slides of a search share.
 #[derive(Debug)]
@@ -78,7 +76,11 @@ impl Slides<'_> {
         let mut slide = Slide::default();
         let frame = &self.gaps.frame;
         let (mut at, mut along, mut gone, mut pace) = (*start, *direction, 0.0, 1.0);
-        if self.changes_nothing(start, direction) {
+        let within = 3.0 * self.limits.tolerance;
+        if self
+            .shape
+            .turns_in_itself(self.gaps, start, direction, within)
+        {
             return slide;
         }
         let mut look = LOOK;
@@ -109,15 +111,6 @@ impl Slides<'_> {
             }
         }
         slide
-    }
-
-    /// Whether a turn is about an axis of symmetry: it leads nowhere.
-    fn changes_nothing(&self, start: &Pose, direction: &Vec6) -> bool {
-        let frame = &self.gaps.frame;
-        let far = SOME_TURN * frame.radius / frame.largest(start, direction);
-        let turned = frame.moved(start, &scaled(direction, far));
-        self.shape
-            .same(self.gaps, start, &turned, 3.0 * self.limits.tolerance)
     }
 
     /// The screw that has led through the last few poses, where it has led to.

@@ -94,7 +94,7 @@ impl Finish<'_> {
             }
         }
         Finished {
-            poses: self.told(&poses, &responses),
+            poses: self.told(&poses, &responses, step),
             climb: best,
             corners,
         }
@@ -109,11 +109,12 @@ impl Finish<'_> {
         each.collect()
     }
 
-    fn told(&self, poses: &[Pose], responses: &[Response]) -> Vec<PathPose> {
+    /// Poses `step` apart with their depths.
+    fn told(&self, poses: &[Pose], responses: &[Response], step: f64) -> Vec<PathPose> {
         let frame = &self.gaps.frame;
         let finer = self.gaps.finer(self.spacing / DENSER);
-        // Neighbours are a step apart, and were clear of what is deeper than the level.
-        let most = self.limits.depth(4.0 * self.step);
+        // Poses a step of the search apart were clear of what is deeper than the level.
+        let most = self.limits.depth(step.max(self.step));
         let depths: Vec<f64> = poses.par_iter().map(|p| finer.depth(p, most)).collect();
         let mut length = 0.0;
         let mut told = Vec::with_capacity(poses.len());

@@ -30,6 +30,8 @@ const CORRECTIONS: usize = 6;
 const SHORTER: f64 = 0.9;
 /// No correction moves the end by more than so many steps.
 const REACH: f64 = 2.0;
+/// How many spacings deeper than allowed overlaps are seen.
+const BEYOND: f64 = 1.5;
 /// How much a correction is kept short, as a share of the stiffness of all contacts.
 const DAMPING: f64 = 1e-6;
 /// The part has to come nearer to being out by this share of a step in the first full turn.
@@ -110,7 +112,9 @@ impl Single<'_> {
 
     /// A motion next to this one that is within the limits all along, looked at every `spacing` metres.
     fn cleared(&self, start: &Pose, mut motion: Vec6, spacing: f64) -> Option<Vec6> {
-        let (level, depth) = (self.limits.level, self.limits.depth(REACH * self.step));
+        let level = self.limits.level;
+        // What is no deeper than the level at one pose is hardly deeper at the next than they are apart.
+        let depth = level + BEYOND * spacing;
         for correction in 0..=CORRECTIONS {
             let poses = self.poses(start, &motion, spacing);
             if (poses.par_iter()).all(|p| self.gaps.clear(p, level, depth)) {

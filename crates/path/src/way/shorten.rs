@@ -17,6 +17,9 @@ const FIRST_STRIDE: usize = 4;
 /// How many steps a part that leaned is shifted at once to stand upright.
 const LEANING: f64 = 2.0;
 
+/// How many steps deeper than allowed overlaps are seen: neighbours are one apart.
+const BEYOND: f64 = 1.5;
+
 /// Poses that are looked at together.
 const TOGETHER: usize = 16;
 
@@ -142,7 +145,8 @@ impl Shortcuts<'_> {
         }
         let count = (frame.largest(from, &motion) / self.step).ceil().max(1.0);
         let level = self.limits.level;
-        let depth = level + 4.0 * self.step;
+        // What is no deeper than the level at one pose is no deeper than a step beyond it at the next.
+        let depth = level + BEYOND * self.step;
         let clear = |i: &usize| {
             let pose = frame.interpolated(from, to, *i as f64 / count);
             self.gaps.clear(&pose, level, depth)

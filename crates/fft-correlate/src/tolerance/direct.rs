@@ -19,7 +19,7 @@ const POSES: usize = 200;
 
 /// The error by its difference from that on half the spacing, which errs, too: by a quarter as much,
 /// or somewhat more where surfaces touch.
-const BEYOND: f64 = 4.0 / 3.0;
+pub(super) const BEYOND: f64 = 4.0 / 3.0;
 
 /// Of those drawn at random.
 const SEED: u64 = 18;

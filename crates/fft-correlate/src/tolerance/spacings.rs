@@ -12,7 +12,7 @@ const REFINEMENTS: [f64; 2] = [1.15, 2.5];
 const MARGIN: f64 = 0.92;
 
 /// The order by which errors fall with the spacing, until two are known.
-const ORDER: f64 = 1.2;
+const ORDER: f64 = 1.5;
 
 /// The lowest and the highest order believed.
 const ORDERS: [f64; 2] = [0.7, 2.0];

@@ -1,9 +1,9 @@
 //! Lattice and rotation step of a table.
 //!
 //! Whole tables would take too long to try. The share of the error that comes from the lattice is
-//! that of direct quadrature on it, the rest is found in balls of one step near a few rotations, which
-//! hold just the nodes that queries at these read. Truth is direct quadrature on a lattice of half
-//! the spacing, evaluated once for all of them.
+//! that of direct quadrature on it at random poses, by what half its spacing tells. The rest is how
+//! far tables are from direct quadrature on the same lattice, found in balls of one step near a few
+//! rotations, which hold just the nodes that queries at these read. Both add like squares.
 
 use glam::{DQuat, DVec3};
 use sdf_grid::Monitor;
@@ -12,12 +12,19 @@ use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::PairSetup;
-use crate::table::accuracy::{ErrorReport, HeldOut, random_pose, wrench_of_all};
+use crate::table::accuracy::{HeldOut, random_pose, wrench_of_all};
 use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
+use crate::tolerance::direct::BEYOND;
 use crate::tolerance::error::{Limit, ToleranceError};
 use crate::tolerance::spacings::{Spacings, TRIALS};
+
+/// Poses at which lattices are compared.
+const LATTICE_POSES: usize = 300;
+
+/// Of these poses, and of those at the rotations that are probed.
+const SEEDS: [u64; 2] = [18, 19];
 
 /// Rotations that are probed.
 const ROTATIONS: u64 = 3;
@@ -108,8 +115,8 @@ impl TableDesign {
             tried,
         };
         search.setup.builder.memory_limit = Some(memory);
-        let (mut found, held_out, lattice) = search.lattice()?;
-        search.step(&mut found, &held_out, lattice)?;
+        let (mut found, direct, lattice) = search.lattice()?;
+        search.step(&mut found.design, &direct, lattice)?;
         Ok(found)
     }
 }
@@ -125,8 +132,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// A lattice that is fine enough, and by as little as errors foretell.
-    fn lattice(&mut self) -> Result<(TolerantDesign, Vec<HeldOut>, f64), ToleranceError> {
+    /// A lattice that is fine enough, and by as little as errors foretell; its quadrature, and error.
+    fn lattice(&mut self) -> Result<(TolerantDesign, DirectEvaluator, f64), ToleranceError> {
         let first = self.setup.load(self.monitor)?;
         // The same scale for all, or forces could not be compared.
         self.setup.energy = EnergyScale::Gamma(first.model().gamma);
@@ -134,13 +141,13 @@ impl Search<'_> {
         drop(first);
         let mut spacings = Spacings::new(LATTICE_SHARE * self.tolerance);
         for _ in 0..TRIALS {
-            let (error, design, held_out) = match self.lattice_error(spacing) {
+            let (error, design, direct) = match self.lattice_error(spacing) {
                 Ok(found) => found,
                 Err(e) => return Err(spacings.ended(self.tolerance, spacing, e)),
             };
             (self.tried)(Trial::Lattice { spacing, error });
             if spacings.is_met(error) {
-                return Ok((design, held_out, error));
+                return Ok((design, direct, error));
             }
             spacing = spacings.after(spacing, error);
         }
@@ -155,11 +162,11 @@ impl Search<'_> {
         }
     }
 
-    /// The table at a spacing, its lattice's error, and what it is the error of.
+    /// The table at a spacing, and its lattice's error and quadrature.
     fn lattice_error(
         &self,
         spacing: f64,
-    ) -> Result<(f64, TolerantDesign, Vec<HeldOut>), ToleranceError> {
+    ) -> Result<(f64, TolerantDesign, DirectEvaluator), ToleranceError> {
         let at = |spacing: f64| {
             let mut setup = self.setup.clone();
             setup.builder.spacing = Some(spacing);
@@ -171,46 +178,39 @@ impl Search<'_> {
         let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
         drop(fine);
         let design = at(spacing)?;
-        let held_out: Vec<HeldOut> = (0..ROTATIONS)
-            .map(|index| {
-                let spec = TableSpec {
-                    rotations: alone(held_out_rotation(&design.spec, index)),
-                    ..design.spec.clone()
-                };
-                HeldOut::drawn(&spec, &truth, POSES, 18 + index)
-            })
-            .collect();
         design.scores(self.memory)?;
         let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
-        let pivot = design.spec.pivot();
-        let reports = held_out.iter().map(|h| h.errors_of(&direct, pivot));
-        let reports: Vec<ErrorReport> = reports.collect();
-        let error = wrench_of_all(&reports, &design.spec.rotations);
+        let spec = &design.spec;
+        let held_out = HeldOut::drawn(spec, &truth, LATTICE_POSES, SEEDS[0]);
+        let report = held_out.errors_of(&direct, spec.pivot());
+        let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
         let found = TolerantDesign {
             design,
             truth,
             reference_spacing,
         };
-        Ok((error, found, held_out))
+        Ok((error, found, direct))
     }
 
     /// Refines the rotation step until the probes meet the tolerance, or coarsens it while they do
-    /// with ease, by what errors so far foretell; `lattice` is the error without rotations between.
+    /// with ease, by what errors so far foretell; `lattice` is the error of `direct`, without rotations
+    /// between.
     fn step(
         &mut self,
-        found: &mut TolerantDesign,
-        held_out: &[HeldOut],
+        design: &mut TableDesign,
+        direct: &DirectEvaluator,
         lattice: f64,
     ) -> Result<(), ToleranceError> {
-        let Some(mut step) = step_of(&found.design.spec.rotations) else {
+        let Some(mut step) = step_of(&design.spec.rotations) else {
             return Ok(());
         };
+        let held_out = held_out(&design.spec, direct);
         let asked = PROBE_SHARE * self.tolerance;
         let mut least = (f64::INFINITY, step);
         // The coarsest that is good enough, and the finest that is not.
         let (mut met, mut missed) = (0.0f64, f64::INFINITY);
         for _ in 0..TRIALS {
-            if let Err(needed) = self.fits(&found.design, step) {
+            if let Err(needed) = self.fits(design, step) {
                 if met > 0.0 {
                     break;
                 }
@@ -222,7 +222,7 @@ impl Search<'_> {
                 };
                 return Err(self.missed(least.0, limit));
             }
-            let error = self.probe(&found.design, held_out, step)?;
+            let error = lattice.hypot(self.probe(design, &held_out, step)?);
             (self.tried)(Trial::Step {
                 step_deg: step,
                 error,
@@ -244,7 +244,7 @@ impl Search<'_> {
         if met == 0.0 {
             return Err(self.missed(least.0, Limit::Steps { best: least.1 }));
         }
-        set_step(&mut found.design.spec.rotations, met);
+        set_step(&mut design.spec.rotations, met);
         Ok(())
     }
 
@@ -259,8 +259,8 @@ impl Search<'_> {
         }
     }
 
-    /// The error of small tables around the rotations held out, with rotation nodes `step` degrees
-    /// apart.
+    /// How far small tables around the rotations held out, with rotation nodes `step` degrees apart, are
+    /// from direct quadrature.
     fn probe(
         &self,
         design: &TableDesign,
@@ -292,6 +292,18 @@ fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
     step * wanted
         .powf(1.0 / STEP_ORDER)
         .clamp(1.0 / REFINEMENT, REFINEMENT)
+}
+
+/// Poses at the rotations that are probed, and what direct quadrature says there.
+fn held_out(whole: &TableSpec, direct: &DirectEvaluator) -> Vec<HeldOut> {
+    let at = |index| {
+        let spec = TableSpec {
+            rotations: alone(held_out_rotation(whole, index)),
+            ..whole.clone()
+        };
+        HeldOut::drawn(&spec, direct, POSES, SEEDS[1] + index)
+    };
+    (0..ROTATIONS).map(at).collect()
 }
 
 /// Rotation `index` of those at which tables are probed.

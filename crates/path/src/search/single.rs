@@ -32,6 +32,8 @@ const SHORTER: f64 = 0.9;
 const REACH: f64 = 2.0;
 /// How many spacings deeper than allowed overlaps are seen.
 const BEYOND: f64 = 1.5;
+/// Overlaps are less than allowed by this share of the tolerance.
+const SPARE: f64 = 0.5;
 /// How much a correction is kept short, as a share of the stiffness of all contacts.
 const DAMPING: f64 = 1e-6;
 /// The part has to come nearer to being out by this share of a step in the first full turn.
@@ -112,7 +114,8 @@ impl Single<'_> {
 
     /// A motion next to this one that is within the limits all along, looked at every `spacing` metres.
     fn cleared(&self, start: &Pose, mut motion: Vec6, spacing: f64) -> Option<Vec6> {
-        let level = self.limits.level;
+        // Looked at more closely it must still do.
+        let level = self.limits.level - SPARE * self.limits.tolerance;
         // What is no deeper than the level at one pose is hardly deeper at the next than they are apart.
         let depth = level + BEYOND * spacing;
         for correction in 0..=CORRECTIONS {

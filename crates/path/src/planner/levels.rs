@@ -24,6 +24,9 @@ const HALVINGS: usize = 2;
 /// places.
 const WITHIN: [f64; 3] = [4.0, 2.0, 1.0];
 
+/// Ways of one motion are looked for in this part of the time.
+const SINGLE: u32 = 4;
+
 /// What searches at all levels share.
 pub(crate) struct Levels<'a> {
     pub(crate) gaps: &'a Gaps,
@@ -71,7 +74,7 @@ impl Levels<'_> {
             deadline: began + self.time_limit,
         };
         let found = match explored.is_new() {
-            true => self.single(pose, &within),
+            true => self.single(pose, level, began + self.time_limit / SINGLE),
             false => Vec::new(),
         };
         let (grown, nodes) = self.at(pose, &within, found, explored);
@@ -145,14 +148,14 @@ impl Levels<'_> {
     }
 
     /// Ways of one motion.
-    fn single(&self, pose: &Pose, within: &Within) -> Vec<Way> {
+    fn single(&self, pose: &Pose, level: f64, deadline: Instant) -> Vec<Way> {
         let single = Single {
             gaps: self.gaps,
             escape: self.escape,
             shape: self.shape,
-            limits: self.limits(within.level),
+            limits: self.limits(level),
             step: self.step,
-            deadline: within.deadline,
+            deadline,
             stop: self.stop,
         };
         single.ways(pose, self.others > 0.0)

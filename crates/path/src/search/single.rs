@@ -36,7 +36,7 @@ const BEYOND: f64 = 1.5;
 const SPARE: f64 = 0.5;
 /// How much a correction is kept short, as a share of the stiffness of all contacts.
 const DAMPING: f64 = 1e-6;
-/// The part has to come nearer to being out by this share of a step in the first full turn.
+/// The part has to come nearer to being out by this share of a step in every full turn.
 const CLOSER: f64 = 0.2;
 /// Share of a step by which slopes of poses are taken.
 const SMALL: f64 = 1e-3;
@@ -99,8 +99,8 @@ impl Single<'_> {
                 motion = self.cleared(start, motion, self.step)?;
                 return self.outwards(start, &motion);
             }
-            let turned = frame.turn(&motion).length() > std::f64::consts::TAU;
-            if turned && gained < CLOSER * self.step {
+            let turns = (frame.turn(&motion).length() / std::f64::consts::TAU).floor();
+            if turns > 0.0 && gained < CLOSER * self.step * turns {
                 return None;
             }
             motion = scaled(&motion, GROWTH);

@@ -11,15 +11,11 @@ use crate::setup::pair_setup::PairSetup;
 use crate::table::accuracy::{ErrorReport, HeldOut, random_pose};
 use crate::table::design::TableDesign;
 use crate::tolerance::error::ToleranceError;
-use crate::tolerance::spacings::{Spacings, TRIALS};
+use crate::tolerance::spacings::{BEYOND, Spacings, TRIALS};
 use crate::tolerance::table::Trial;
 
 /// Poses that are compared, at most.
 const POSES: usize = 200;
-
-/// The error by its difference from that on half the spacing, which errs, too: by a quarter as much,
-/// or somewhat more where surfaces touch.
-pub(super) const BEYOND: f64 = 4.0 / 3.0;
 
 /// Of those drawn at random.
 const SEED: u64 = 18;

@@ -5,6 +5,10 @@ use crate::tolerance::error::{Limit, ToleranceError};
 /// Spacings and steps tried, at most.
 pub const TRIALS: usize = 8;
 
+/// The error by its difference from that on half the spacing, which errs, too: by a quarter as much,
+/// or somewhat more where surfaces touch.
+pub(super) const BEYOND: f64 = 4.0 / 3.0;
+
 /// From one spacing to the next, at least and at most: as errors fall with the spacing.
 const REFINEMENTS: [f64; 2] = [1.15, 2.5];
 

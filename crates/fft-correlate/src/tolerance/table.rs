@@ -16,9 +16,8 @@ use crate::table::accuracy::{HeldOut, random_pose, wrench_of_all};
 use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
-use crate::tolerance::direct::BEYOND;
 use crate::tolerance::error::{Limit, ToleranceError};
-use crate::tolerance::spacings::{Spacings, TRIALS};
+use crate::tolerance::spacings::{BEYOND, Spacings, TRIALS};
 
 /// Poses at which lattices are compared.
 const LATTICE_POSES: usize = 300;

@@ -85,13 +85,7 @@ impl Growth<'_> {
     /// Best first: the pose that is closest to being out tries its next directions. `nodes` are those
     /// of a search that goes on; if there are none it begins at `start`. `found` are ways that are known.
     pub(crate) fn run(&self, start: &Pose, found: Vec<Way>, nodes: &mut Vec<Node>) -> Grown {
-        let slides = Slides {
-            gaps: self.gaps,
-            escape: self.escape,
-            shape: self.shape,
-            limits: self.limits,
-            step: self.step,
-        };
+        let slides = self.slides();
         if nodes.is_empty() {
             nodes.push(self.node(*start, None, None));
         }
@@ -146,6 +140,16 @@ impl Growth<'_> {
             }
         }
         grown
+    }
+
+    fn slides(&self) -> Slides<'_> {
+        Slides {
+            gaps: self.gaps,
+            escape: self.escape,
+            shape: self.shape,
+            limits: self.limits,
+            step: self.step,
+        }
     }
 
     /// Until when other ways are looked for, now that one is found.

@@ -3,12 +3,10 @@
 use fft_correlate::Pose;
 
 use crate::contact::gaps::{Contact, Gaps};
-use crate::motion::six::{Mat6, Vec6, add_product, length, scaled, solve};
+use crate::motion::six::{Mat6, Vec6, add_product, length, scaled, solve_damped};
 
 /// Most corrections of a pose.
 const MOST: usize = 8;
-/// How much a correction is kept short, as a share of the stiffness of all contacts.
-const DAMPING: f64 = 1e-6;
 
 /// Two corrections that gain less than this share of what is missing show that no more will.
 const STALLED: f64 = 0.1;
@@ -142,9 +140,5 @@ fn opening(contacts: &[Contact], aim: f64, by: By) -> Option<Vec6> {
             *p += (aim - c.distance) * s;
         }
     }
-    let trace: f64 = (0..6).map(|i| stiffness[i][i]).sum();
-    for (i, row) in stiffness.iter_mut().enumerate() {
-        row[i] += DAMPING * trace;
-    }
-    solve(stiffness, pull).filter(|x| length(x) > 0.0)
+    solve_damped(stiffness, pull).filter(|x| length(x) > 0.0)
 }

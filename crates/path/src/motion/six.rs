@@ -1,5 +1,8 @@
 //! Vectors of six numbers, and symmetric matrices of them.
 
+/// How much a solution is kept short, as a share of the trace.
+const DAMPING: f64 = 1e-6;
+
 /// A small motion: a turn times a radius, then a displacement, metres.
 pub(crate) type Vec6 = [f64; 6];
 
@@ -58,6 +61,15 @@ pub(crate) fn solve(mut m: Mat6, mut b: Vec6) -> Option<Vec6> {
         b[i] = (b[i] - known) / m[i][i];
     }
     Some(b)
+}
+
+/// The solution of `m x = b` kept short: a millionth of the trace is added to the diagonal.
+pub(crate) fn solve_damped(mut m: Mat6, b: Vec6) -> Option<Vec6> {
+    let trace: f64 = (0..6).map(|i| m[i][i]).sum();
+    for (i, row) in m.iter_mut().enumerate() {
+        row[i] += DAMPING * trace;
+    }
+    solve(m, b)
 }
 
 /// Eigenvectors of a symmetric matrix by cyclic Jacobi rotations, the softest first.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
 use crate::contact::settle::Limits;
-use crate::motion::six::{Mat6, Vec6, add_product, dot, length, scaled, solve};
+use crate::motion::six::{Mat6, Vec6, add_product, dot, length, scaled, solve_damped};
 use crate::search::directions::candidates;
 use crate::search::escape::Escape;
 use crate::search::grow::Way;
@@ -34,8 +34,6 @@ const REACH: f64 = 2.0;
 const BEYOND: f64 = 1.5;
 /// Overlaps are less than allowed by this share of the tolerance.
 const SPARE: f64 = 0.5;
-/// How much a correction is kept short, as a share of the stiffness of all contacts.
-const DAMPING: f64 = 1e-6;
 /// The part has to come nearer to being out by this share of a step in every full turn.
 const CLOSER: f64 = 0.2;
 /// Share of a step by which slopes of poses are taken.
@@ -149,18 +147,14 @@ impl Single<'_> {
             self.add(start, motion, i as f64 / count as f64, aim, &mut sums);
             sums
         });
-        let (mut stiffness, pull) = sums.reduce(zero, |mut a, b| {
+        let (stiffness, pull) = sums.reduce(zero, |mut a, b| {
             for i in 0..6 {
                 a.1[i] += b.1[i];
                 (0..6).for_each(|k| a.0[i][k] += b.0[i][k]);
             }
             a
         });
-        let trace: f64 = (0..6).map(|i| stiffness[i][i]).sum();
-        for (i, row) in stiffness.iter_mut().enumerate() {
-            row[i] += DAMPING * trace;
-        }
-        let change = solve(stiffness, pull).filter(|x| length(x) > 0.0)?;
+        let change = solve_damped(stiffness, pull).filter(|x| length(x) > 0.0)?;
         let changed = |share: f64| std::array::from_fn(|i| motion[i] + share * change[i]);
         let frame = &self.gaps.frame;
         let end = frame.moved(start, motion);

@@ -1,11 +1,12 @@
-//! Error of energy, force and torque against a converged reference, and what it costs:
+//! Error of energy, force and torque against a truth that knows no lattice, and what it costs:
 //! `pareto [--quick] [--out DIR] [pair=NAME] [clearance=MM] [turned]`.
 //!
 //! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation
 //! of tables, and spacing, sampling and number of points of the direct evaluator, on one of the
-//! example pairs: the square peg-in-hole at zero clearance unless another is named; `turned`: both
-//! parts turned together, so that no face lies along the lattice. Poses are held out: random ones,
-//! and paths in contact. Prints and writes tables, and a chart with the efficient frontiers.
+//! pairs whose truths are kept (`truth --write`): the square peg-in-hole at zero clearance unless
+//! another is named; `turned`: both parts turned together, so that no face lies along the lattice.
+//! Poses are random ones, and paths in contact. Prints and writes tables, and a chart with the
+//! efficient frontiers.
 
 mod report;
 mod truth;
@@ -14,25 +15,20 @@ use std::collections::HashMap;
 
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyTable, Interpolation, NodeEnergies, Numbers, Pair,
-    PairBuilder, PairEnergies, RotationDomain, ScoreModel, TableSpec, TranslationWindow,
+    PairEnergies, RotationDomain, TableSpec, TranslationWindow,
 };
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 use ndarray::ArrayViewMut3;
+use pegfit_benches::truths::BALL;
 use pegfit_benches::{Arguments, Outcome, ask, rms};
 use rustix::time::{ClockId, clock_gettime};
-use sdf_grid::shapes::PegInHole;
-use sdf_grid::{Silent, TriangleMesh};
+use sdf_grid::Silent;
 
 use report::publish;
-use truth::{Truth, compare, reference};
+use truth::Case;
 
-/// Rotations of the tables and of random poses, degrees.
-const BALL: f64 = 8.0;
-/// Displacements of the tables, metres; poses stay within nine tenths of it.
-const REACH: f64 = 0.004;
-
-/// Turns parts out of line with the lattice: 74 degrees about (1, 2, 2).
-const TURN: DQuat = DQuat::from_xyzw(0.2, 0.4, 0.4, 0.8);
+/// Poses stay within this share of a table's window.
+const INNER: f64 = 0.9;
 
 /// How densities are put on a lattice: name, and how far they are smoothed, spacings.
 const SCHEMES: [(&str, Option<f64>); 2] = [("cell averages", None), ("smoothed", Some(0.7))];
@@ -43,27 +39,22 @@ struct Sweep {
     spacings_mm: &'static [f64],
     steps_deg: &'static [f64],
     points: &'static [Option<usize>],
-    reference_mm: f64,
-    random: usize,
-    along: usize,
+    /// Poses are one in so many of those kept.
+    every: usize,
 }
 
 const QUICK: Sweep = Sweep {
     spacings_mm: &[2.1, 1.4],
     steps_deg: &[8.0, 4.0],
     points: &[Some(5_000), None],
-    reference_mm: 0.625,
-    random: 60,
-    along: 20,
+    every: 2,
 };
 
 const FULL: Sweep = Sweep {
     spacings_mm: &[2.1, 1.4, 0.9, 0.65],
     steps_deg: &[8.0, 4.0, 2.0],
     points: &[Some(2_000), Some(5_000), Some(20_000), Some(80_000), None],
-    reference_mm: 0.4,
-    random: 200,
-    along: 60,
+    every: 1,
 };
 
 /// One way to answer, what it costs and how wrong it is.
@@ -90,84 +81,24 @@ impl Measured {
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse()?;
     let sweep = if arguments.quick { QUICK } else { FULL };
-    let parts = Parts::read(&arguments.rest)?;
-    let truth = reference(&parts, &sweep)?;
+    let case = Case::read(&arguments.rest, sweep.every)?;
     let mut found = Vec::new();
     for &mm in sweep.spacings_mm {
         for (scheme, smoothing) in SCHEMES {
             eprintln!("{mm} mm, {scheme}");
-            let (pair, fields) = charged(|| build(&parts, mm, smoothing));
+            let (pair, fields) = charged(|| case.build(mm, smoothing));
             let base = [format!("{mm}"), scheme.to_owned()];
             let pair = pair?;
             for points in sweep.points {
-                found.push(direct(&truth, &pair, fields, &base, *points)?);
+                found.push(direct(&case, &pair, fields, &base, *points)?);
             }
             for &step in sweep.steps_deg {
                 let all_numbers = mm == sweep.spacings_mm[1] && step == sweep.steps_deg[1];
-                found.extend(tables(&truth, &pair, fields, &base, step, all_numbers)?);
+                found.extend(tables(&case, &pair, fields, &base, step, all_numbers)?);
             }
         }
     }
-    publish(&found, &parts.title, &truth.uncertainty, &arguments)
-}
-
-/// What is fitted.
-pub(crate) struct Parts {
-    fixed: TriangleMesh,
-    moving: TriangleMesh,
-    /// In words.
-    title: String,
-    /// How both were turned together.
-    pub(crate) turn: DQuat,
-}
-
-impl Parts {
-    /// The pair that the words `pair=NAME`, `clearance=MM` and `turned` ask for.
-    fn read(words: &[String]) -> Outcome<Self> {
-        let (mut pair, mut clearance) = (PegInHole::Rectangular, 0.0);
-        let mut turn = DQuat::IDENTITY;
-        for word in words {
-            match word.split_once('=') {
-                Some(("clearance", mm)) => clearance = 1e-3 * mm.parse::<f64>()?,
-                Some(("pair", name)) => {
-                    let named = PegInHole::ALL.into_iter().find(|p| p.name() == name);
-                    let names = PegInHole::ALL.map(PegInHole::name).join(", ");
-                    pair =
-                        named.ok_or_else(|| format!("pair {name:?}: expected one of {names}"))?;
-                }
-                None if word == "turned" => turn = TURN,
-                _ => {
-                    let known = "pair=NAME, clearance=MM, turned";
-                    return Err(format!("unknown word {word:?}; known: {known}").into());
-                }
-            }
-        }
-        let how = if turn == TURN { ", turned" } else { "" };
-        let title = format!(
-            "Pair {}, clearance {} mm{how}",
-            pair.name(),
-            1e3 * clearance
-        );
-        eprintln!("{title}");
-        let (fixed, moving) = pair.pair(clearance)?;
-        Ok(Self {
-            fixed: fixed.transformed(turn, DVec3::ZERO),
-            moving: moving.transformed(turn, DVec3::ZERO),
-            title,
-            turn,
-        })
-    }
-}
-
-fn build(parts: &Parts, mm: f64, smoothing: Option<f64>) -> Outcome<Pair> {
-    let builder = PairBuilder {
-        spacing: Some(1e-3 * mm),
-        // The same for all spacings: it is part of the model.
-        halo: Some(0.016),
-        smoothing,
-        ..PairBuilder::default()
-    };
-    Ok(builder.build(&parts.fixed, &parts.moving, &ScoreModel::GUIDED, &Silent)?)
+    publish(&found, &case.title, &case.uncertainty, &arguments)
 }
 
 /// The result of `work` and the processor seconds it took, on all threads together: unlike the time
@@ -183,7 +114,7 @@ fn charged<T>(work: impl FnOnce() -> T) -> (T, f64) {
 }
 
 fn direct(
-    truth: &Truth,
+    case: &Case,
     pair: &Pair,
     fields: f64,
     base: &[String; 2],
@@ -197,7 +128,7 @@ fn direct(
         },
     };
     let source = DirectEvaluator::new(pair, &options)?;
-    let (query, errors) = compare(truth, |pose| ask(&source, pose));
+    let (query, errors) = case.compare(|pose| ask(&source, pose));
     let [mm, scheme] = base.clone();
     let number = format!("{} points", source.describe().points());
     Ok(Measured {
@@ -205,7 +136,7 @@ fn direct(
             None => "direct, every cell".into(),
             Some(_) => "direct, merged".into(),
         },
-        setting: [mm, scheme, String::new(), number, "trilinear".into()],
+        setting: [mm, scheme, String::new(), number, String::new()],
         bake: fields,
         query,
         bytes: source.describe().bytes,
@@ -216,17 +147,17 @@ fn direct(
 /// A table in half precision, cubic and linear; with `all_numbers` in whole numbers and in what
 /// amounts to single precision, too.
 fn tables(
-    truth: &Truth,
+    case: &Case,
     pair: &Pair,
     fields: f64,
     base: &[String; 2],
     step: f64,
     all_numbers: bool,
 ) -> Outcome<Vec<Measured>> {
-    let window = TranslationWindow::cube(REACH, pair.spacing())?;
+    let window = TranslationWindow::cube(case.reach() / INNER, pair.spacing())?;
     let energies = PairEnergies::plan(pair, &window)?;
     let spec = |numbers| {
-        let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(BALL, step));
+        let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(BALL / INNER, step));
         spec.storage.numbers = numbers;
         spec
     };
@@ -255,18 +186,21 @@ fn tables(
         ("linear", Interpolation::Linear),
     ] {
         let table = table.clone().with_interpolation(interpolation);
-        let compared = compare(truth, |pose| table.respond(pose));
+        let compared = case.compare(|pose| table.respond(pose));
         rows.push(row("float16", how, table.memory(), compared));
     }
     if all_numbers {
         let whole = EnergyTable::compute(spec(Numbers::Integer), &energies, 4 << 30, &Silent)?;
-        let compared = compare(truth, |pose| whole.respond(pose));
+        let compared = case.compare(|pose| whole.respond(pose));
         rows.push(row("int16", "cubic", whole.memory(), compared));
         // Interpolation is linear in the stored energies: two tables of 16 bits, the second of what
         // the first lost, answer like one of about 30.
         let lost = Lost::new(&energies, &whole);
-        let rest = EnergyTable::compute(spec(Numbers::Integer), &lost, 4 << 30, &Silent)?;
-        let compared = compare(truth, |pose| {
+        let mut spec = spec(Numbers::Integer);
+        // The first answers with what contact adds.
+        spec.contact = None;
+        let rest = EnergyTable::compute(spec, &lost, 4 << 30, &Silent)?;
+        let compared = case.compare(|pose| {
             let (a, b) = (whole.respond(pose), rest.respond(pose));
             let mut sum = a;
             sum.energy += b.energy;

@@ -104,8 +104,7 @@ fn by_spacing(found: &[Measured], title: &str) -> Table {
     };
     let about = "Wrench error in per cent (defined with the next table) of direct evaluation with \
         every cell a point, and of cubic float16 tables with rotations 4 degrees apart, by \
-        spacing and by how densities are put on it. The reference is the method itself on a fine \
-        lattice: see the table of its uncertainty.";
+        spacing and by how densities are put on it.";
     let columns = ["kind", "sampling", "h, mm", "wrench, %"];
     let mut table = Table::new(
         "spacing",

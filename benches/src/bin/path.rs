@@ -16,8 +16,8 @@ use pegfit_benches::table::{Table, significant};
 use pegfit_benches::ways::{CLEARANCES, Known, KnownPair, known_pairs, millimetres, random_pose};
 use pegfit_benches::{Arguments, Outcome};
 use pegfit_path::{
-    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, PathAnswer, PathOptions,
-    PathSearch,
+    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep, PathAnswer,
+    PathOptions, PathSearch,
 };
 use rand::{SeedableRng, rngs::SmallRng, seq::SliceRandom};
 use sdf_grid::{Silent, mesh_io, shapes};
@@ -207,11 +207,10 @@ fn of_burr(clearance: f64, wanted: &Wanted) -> Outcome<Tally> {
         let key = order.iter().position(|stick| *stick == KEY);
         let right = opens(&found, key, place.rotation * DVec3::X);
         if !right {
-            let firsts = found.steps.first().map(|step| &step.parts);
-            println!(
-                "burr, frame {frame}: {firsts:?} first, {:?} stay",
-                found.locked
-            );
+            let step = |step: &DisassemblyStep| format!("{:?} {}", step.parts, told(&step.way));
+            let steps: Vec<String> = found.steps.iter().map(step).collect();
+            let (steps, stay) = (steps.join("\n    "), &found.locked);
+            println!("burr, frame {frame}: key {key:?}, {stay:?} stay\n    {steps}");
         }
         tally.right += usize::from(right);
         tally.seconds.push(found.seconds);

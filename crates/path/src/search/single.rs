@@ -10,7 +10,7 @@ use fft_correlate::Pose;
 use rayon::prelude::*;
 
 use crate::contact::gaps::Gaps;
-use crate::contact::settle::Limits;
+use crate::contact::settle::{By, Limits};
 use crate::motion::six::{Mat6, Vec6, add_product, dot, length, scaled, solve_damped};
 use crate::search::directions::candidates;
 use crate::search::escape::Escape;
@@ -38,6 +38,8 @@ const SPARE: f64 = 0.5;
 const CLOSER: f64 = 0.2;
 /// Share of a step by which slopes of poses are taken.
 const SMALL: f64 = 1e-3;
+/// What turns by less than this share of a motion may do so for its play alone.
+const LEANING: f64 = 0.2;
 
 /// Stiffness of contacts, and what they ask for.
 type Sums = (Mat6, Vec6);
@@ -62,11 +64,12 @@ impl Single<'_> {
         let contacts = &mut Vec::new();
         let mut tried = candidates(self.gaps, start, level, None, exit.direction, contacts);
         tried.truncate(TRIED);
+        let mut tried: Vec<(Vec6, By)> = tried.iter().flat_map(upright_first).collect();
         let turns = |motion: &Vec6| self.gaps.frame.turn(motion).length() > 0.0;
-        tried.sort_by_key(turns);
+        tried.sort_by_key(|(motion, _)| turns(motion));
         let mut ways: Vec<Way> = Vec::new();
-        for motion in tried {
-            let found = self.way(start, &motion);
+        for (motion, by) in tried {
+            let found = self.way(start, &motion, by);
             ways.extend(found.filter(|way| way.differs_from(&ways)));
             if !(all || ways.is_empty()) {
                 break;
@@ -75,7 +78,7 @@ impl Single<'_> {
         ways
     }
 
-    fn way(&self, start: &Pose, direction: &Vec6) -> Option<Way> {
+    fn way(&self, start: &Pose, direction: &Vec6, by: By) -> Option<Way> {
         let (gaps, frame) = (self.gaps, &self.gaps.frame);
         let within = 3.0 * self.limits.tolerance;
         if self.shape.turns_in_itself(gaps, start, direction, within) {
@@ -87,14 +90,14 @@ impl Single<'_> {
         let exit = self.escape.exit(gaps, start).distance;
         while !self.stopped() {
             let wanted = frame.largest(start, &motion);
-            motion = self.cleared(start, motion, sparse)?;
+            motion = self.cleared(start, motion, sparse, by)?;
             if frame.largest(start, &motion) < SHORTER * wanted {
                 return None;
             }
             let end = frame.moved(start, &motion);
             let gained = exit - self.escape.exit(gaps, &end).distance;
             if gained > exit {
-                motion = self.cleared(start, motion, self.step)?;
+                motion = self.cleared(start, motion, self.step, by)?;
                 return self.outwards(start, &motion);
             }
             let turns = (frame.turn(&motion).length() / std::f64::consts::TAU).floor();
@@ -111,7 +114,7 @@ impl Single<'_> {
     }
 
     /// A motion next to this one that is within the limits all along, looked at every `spacing` metres.
-    fn cleared(&self, start: &Pose, mut motion: Vec6, spacing: f64) -> Option<Vec6> {
+    fn cleared(&self, start: &Pose, mut motion: Vec6, spacing: f64, by: By) -> Option<Vec6> {
         // Looked at more closely it must still do.
         let level = self.limits.level - SPARE * self.limits.tolerance;
         // What is no deeper than the level at one pose is hardly deeper at the next than they are apart.
@@ -123,7 +126,7 @@ impl Single<'_> {
             }
             if correction < CORRECTIONS && !self.stopped() {
                 let room = self.step * 0.5f64.powi(correction as i32);
-                motion = self.corrected(start, &motion, poses.len(), room)?;
+                motion = self.corrected(start, &motion, poses.len(), (room, by))?;
             }
         }
         None
@@ -139,12 +142,18 @@ impl Single<'_> {
 
     /// The motion that opens all gaps that are too narrow at some of `count` poses along this one, in the
     /// mean square.
-    fn corrected(&self, start: &Pose, motion: &Vec6, count: usize, room: f64) -> Option<Vec6> {
+    fn corrected(
+        &self,
+        start: &Pose,
+        motion: &Vec6,
+        count: usize,
+        (room, by): (f64, By),
+    ) -> Option<Vec6> {
         let aim = room.max(3.0 * self.limits.tolerance) - self.limits.level;
         let zero = || ([[0.0; 6]; 6], [0.0; 6]);
         let each = (1..=count).into_par_iter();
         let sums = each.fold(zero, |mut sums, i| {
-            self.add(start, motion, i as f64 / count as f64, aim, &mut sums);
+            self.add(start, motion, i as f64 / count as f64, (aim, by), &mut sums);
             sums
         });
         let (stiffness, pull) = sums.reduce(zero, |mut a, b| {
@@ -163,7 +172,7 @@ impl Single<'_> {
     }
 
     /// Adds how contacts after a share of a motion resist changes of the whole, and ask for them.
-    fn add(&self, start: &Pose, motion: &Vec6, share: f64, aim: f64, sums: &mut Sums) {
+    fn add(&self, start: &Pose, motion: &Vec6, share: f64, (aim, by): (f64, By), sums: &mut Sums) {
         let frame = &self.gaps.frame;
         let depth = self.limits.depth(REACH * self.step);
         let pose = frame.moved(start, &scaled(motion, share));
@@ -173,6 +182,9 @@ impl Single<'_> {
         }
         let small = SMALL * self.step;
         let columns: [Vec6; 6] = std::array::from_fn(|i| {
+            if by == By::Shifts && i < 3 {
+                return [0.0; 6];
+            }
             let mut other = *motion;
             other[i] += small;
             let there = frame.moved(start, &scaled(&other, share));
@@ -199,6 +211,15 @@ impl Single<'_> {
         }
         None
     }
+}
+
+/// A unit motion, and before it, if it turns little or not at all, its push, which stays one.
+fn upright_first(motion: &Vec6) -> impl Iterator<Item = (Vec6, By)> + use<> {
+    let [x, y, z, along @ ..] = *motion;
+    let leans = length(&[x, y, z, 0.0, 0.0, 0.0]);
+    let push = [0.0, 0.0, 0.0, along[0], along[1], along[2]];
+    let upright = (leans < LEANING).then_some((push, By::Shifts));
+    upright.into_iter().chain([(*motion, By::Any)])
 }
 
 #[cfg(test)]

@@ -91,7 +91,8 @@ fn the_energy_of_a_pose_is_that_of_the_setups_own_pair() {
 }
 
 /// Both parts turned by themselves: a stepped peg, whose fit cell averages score below many poses
-/// that lean; both shifted by fractions of a cell: a rectangular peg in thin walls.
+/// that lean; the same peg turned so that wide cells score most rotations above those next to the
+/// fit; both shifted by fractions of a cell: a rectangular peg in thin walls.
 #[test]
 fn fits_are_found_wherever_both_parts_lie() {
     let turned = |x, y, z| {
@@ -101,6 +102,7 @@ fn fits_are_found_wherever_both_parts_lie() {
     let shift = Pose::from_translation(DVec3::new(3.1e-4, -1.7e-4, 4.3e-4));
     for (seed, motions) in [
         (3, [turned(0.7, -1.2, 0.5), turned(-1.9, 0.4, 1.1)]),
+        (3, [Pose::IDENTITY, turned(-0.47, 0.567, 0.139)]),
         (8, [shift, shift]),
     ] {
         let (away, angle, report) = docked(seed, motions);

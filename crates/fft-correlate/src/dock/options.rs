@@ -12,12 +12,12 @@ pub struct SearchOptions {
     pub top: usize,
     /// Local maxima kept of each rotation.
     pub per_rotation: usize,
-    /// Share of the rotations that goes on from the sketch, 0 ..= 1.
+    /// Share of the rotations that goes on from the sketch at least, 0 ..= 1.
     pub chosen_share: f64,
     /// Distinct poses that begin to descend on the coarse lattice, at most.
     pub coarse_poses: usize,
-    /// Poses whose energy, as scored, is shallower than the lowest by up to this share of it begin to
-    /// descend: what cell averages may hide of a fit. 0 ..= 1.
+    /// Rotations whose best energy, as sketched, and poses whose energy, as scored, is shallower than
+    /// the lowest by up to this share of it go on: what cell averages may hide of a fit. 0 ..= 1.
     pub blur: f64,
     /// Distinct poses that descend on the fine lattice; at least `top`.
     pub fine_poses: usize,

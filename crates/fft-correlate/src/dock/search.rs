@@ -138,8 +138,7 @@ fn chosen(
     let count = domain.rotations.len();
     let chosen = match pairs.sketch {
         Some(pair) if wants_sketch(count) => {
-            let share = options.chosen_share;
-            stages.run("sketch", count, || sketch(pair, domain, share, monitor))?
+            stages.run("sketch", count, || sketch(pair, domain, options, monitor))?
         }
         _ => Vec::new(),
     };

@@ -5,6 +5,7 @@ use sdf_grid::Monitor;
 
 use crate::dock::domain::SearchDomain;
 use crate::dock::error::SearchError;
+use crate::dock::options::SearchOptions;
 use crate::dock::scan::{self, Scan};
 use crate::dock::weights::with_weights;
 use crate::geometry::half_turn::half_turn_groups;
@@ -32,11 +33,11 @@ pub fn wants_sketch(rotations: usize) -> bool {
 }
 
 /// The rotations of a domain with the best scores, in the domain's order: a share of them, or
-/// [`LEAST`], and the best of each neighbourhood.
+/// [`LEAST`], all that wide cells could have blurred so, and the best of each neighbourhood.
 pub(super) fn sketch(
     pair: &Pair,
     domain: &SearchDomain,
-    share: f64,
+    options: &SearchOptions,
     monitor: &dyn Monitor,
 ) -> Result<Vec<usize>, SearchError> {
     let pair = with_weights(pair, RATIO)?;
@@ -57,7 +58,9 @@ pub(super) fn sketch(
         return Err(SearchError::Cancelled);
     }
     scan::sort(&mut found);
-    let wanted = ((share * count as f64).ceil() as usize).max(LEAST);
+    let wanted = ((options.chosen_share * count as f64).ceil() as usize).max(LEAST);
+    let blurred = (1.0 - options.blur) * found.first().map_or(0.0, |c| c.energy);
+    let wanted = wanted.max(found.partition_point(|c| c.energy <= blurred));
     let rotations: Vec<DQuat> = (found.iter())
         .map(|c| domain.rotations[c.rotation])
         .collect();

@@ -41,7 +41,7 @@ pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, Wind
 pub use setup::meshes::FitSolids;
 pub use setup::placed_parts::PlacedParts;
 pub use setup::scene_setup::SceneSetup;
-pub use setup::tables::TableReference;
+pub use setup::tables::{TableReference, held_out_poses};
 pub use setup::warning::SceneWarning;
 pub use solids::draft::SceneDraft;
 pub use solids::error::ImportError;

@@ -7,7 +7,7 @@ use fft_correlate::{
     BakeReport, EnergyTable, ErrorReport, Launcher, Numbers, Share, Storage, TableDesign,
     TableFiles, TableSpec, TableStore, bake,
 };
-use pegfit_scene::{Scene, SceneSetup, TableReference};
+use pegfit_scene::{Scene, SceneSetup, TableReference, held_out_poses};
 use serde::Serialize;
 
 use super::{scenes, stored, tolerance};
@@ -63,7 +63,8 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     if progress.finished == progress.rotations {
         let table = stored::load(&store, context)?;
         summary.bytes = table.memory();
-        let error = measure(&mut store, &table, &design, reference, args.poses)?;
+        let poses = args.poses.unwrap_or_else(|| held_out_poses(args.tolerance));
+        let error = measure(&mut store, &table, &design, reference, poses)?;
         summary.error = Some(error);
         summary.complete = true;
     }

@@ -22,6 +22,12 @@ impl Monitor for Nothing {
 
 #[test]
 fn a_correlation_beyond_the_limit_is_refused_before_any_field_is_computed() {
+    // One thread's scores need less than the fields.
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(4).build();
+    threads.unwrap().install(refused_for_its_scores);
+}
+
+fn refused_for_its_scores() {
     let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
     let mut setup = PairSetup::new(Arc::new(hole), Arc::new(peg));
     let plan = Docking::new(&setup, DockingOptions::default())

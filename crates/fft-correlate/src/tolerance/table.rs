@@ -9,6 +9,7 @@ use glam::{DQuat, DVec3};
 use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+use crate::pair::fields::Pair;
 use crate::rotations::domain::RotationDomain;
 use crate::setup::energy_scale::EnergyScale;
 use crate::setup::pair_setup::PairSetup;
@@ -53,6 +54,11 @@ const WORTHWHILE: f64 = 1.1;
 
 /// The order by which what rotations add to the error falls with their step.
 const STEP_ORDER: f64 = 1.6;
+
+/// The search for a step begins no coarser than this: how far it moves the part's rim, in widths by
+/// which its product with the other is smoothed. At steps of about that size tables of smoothed
+/// densities are as wrong by their rotations as by their lattice, whatever the spacing.
+const FIRST_STEP: f64 = 2.0;
 
 /// The coarsest rotation step that is tried, degrees.
 const MAX_STEP: f64 = 15.0;
@@ -200,9 +206,10 @@ impl Search<'_> {
         direct: &DirectEvaluator,
         lattice: f64,
     ) -> Result<(), ToleranceError> {
-        let Some(mut step) = step_of(&design.spec.rotations) else {
+        let Some(step) = step_of(&design.spec.rotations) else {
             return Ok(());
         };
+        let mut step = step.min(self.first_step(&design.pair));
         let held_out = held_out(&design.spec, direct);
         let asked = PROBE_SHARE * self.tolerance;
         let mut least = (f64::INFINITY, step);
@@ -245,6 +252,15 @@ impl Search<'_> {
         }
         set_step(&mut design.spec.rotations, met);
         Ok(())
+    }
+
+    /// See [`FIRST_STEP`]; degrees.
+    fn first_step(&self, pair: &Pair) -> f64 {
+        let width = pair
+            .contact()
+            .map_or(f64::INFINITY, |c| c.smoothing().width());
+        let rim = self.setup.moving.radius_about(pair.pivot());
+        (FIRST_STEP * width / rim).to_degrees()
     }
 
     /// Whether the whole table would fit in memory at a step; else its need, if it can be counted.

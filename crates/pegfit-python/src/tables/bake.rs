@@ -7,7 +7,7 @@ use fft_correlate::{
     DirectEvaluator, DirectOptions, Pair, PairSetup, RotationDomain, Share, Storage, TableDesign,
     TableFiles, TableSpec, TableStore, bake,
 };
-use pegfit_scene::TableReference;
+use pegfit_scene::{TableReference, held_out_poses};
 use pyo3::prelude::*;
 
 use super::claim::Claim;
@@ -18,9 +18,7 @@ use crate::source::any::AnySource;
 use crate::source::source_class::Source;
 use crate::work::run::{Watch, run};
 
-/// Held-out poses at which the error of a finished table is measured, and their seed, as
-/// `pegfit bake` has them.
-const POSES: usize = 1000;
+/// Of the held-out poses at which the error of a finished table is measured, as `pegfit bake` has it.
 const SEED: u64 = 1;
 
 /// Share of the largest energy below which energies are left out, as `pegfit bake` has it.
@@ -121,7 +119,7 @@ impl Wanted {
             Some(finer) => finer,
             None => reference(&table.pair, table.pair.spacing())?,
         };
-        let error = truth.measure(&baked, &table.pair, POSES, SEED);
+        let error = truth.measure(&baked, &table.pair, held_out_poses(self.tolerance), SEED);
         store.write_error_report(&error)?;
         Ok(told(&store, baked))
     }

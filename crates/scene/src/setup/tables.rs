@@ -14,6 +14,16 @@ use crate::setup::scene_setup::SceneSetup;
 /// At how many poses at most the condition number of the score is found, cell by cell.
 const CONDITION_POSES: usize = 32;
 
+/// At how many held-out poses the error of a table is measured unless somebody asks for more: fewer
+/// where it was made for a tolerance, as its truth is then on half its spacing, which takes eight times
+/// as long.
+pub fn held_out_poses(tolerance: Option<f64>) -> usize {
+    match tolerance {
+        None => 1000,
+        Some(_) => 300,
+    }
+}
+
 /// What the error of a table is measured against.
 pub struct TableReference {
     /// Direct quadrature, with the table's energy scale.

@@ -181,7 +181,8 @@ def main() -> None:
     found: dict[tuple[str, str], dict[str, list[tuple[bool, float]]]] = {}
     folders = sorted(p.parent for p in args.scenes.glob("*/scene.toml"))
     with tempfile.TemporaryDirectory() as into:
-        for frame, (folder, share) in enumerate(itertools.product(folders, args.shrink)):
+        # A scene begins alike at all sizes.
+        for (frame, folder), share in itertools.product(enumerate(folders), args.shrink):
             there = folder if share == 1 else shrunk(folder, share, Path(into))
             problem = Problem(there)
             if not problem.free(problem.at, problem.goal[3:]):

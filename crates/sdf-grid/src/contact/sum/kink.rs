@@ -1,19 +1,21 @@
-//! What a sample's extent takes from the kink of the kernel on a sheet.
+//! What a sample's extent makes of the kernel's integral over a sheet that it crosses.
 //!
-//! The integral of the kernel over a sheet has a kink where the height `x` is zero: it holds
-//! `-|x|/2`. The average of `|x|` over a piece of surface that reaches `e` to either side is
-//! `(x² + e²) / (2 e)` where `|x| < e`, so the average is less than the middle by
-//! `(e - |x|)² / (4 e)`. A square of half a side `r` that leans by an angle `θ` has `e = r sin θ`:
-//! exact where it leans about a side, and of the same second moment elsewhere.
+//! The integral has a kink where the height `x` is zero: it is `S(x) - |x|/2` with `S` smooth. The
+//! average of `|x|` over a piece of surface that reaches `e` to either side is `(x² + e²) / (2 e)`
+//! where `|x| < e`, so that of `-|x|/2` is less than the middle's by `(e - |x|)² / (4 e)`, and that of
+//! `S` is more by about `e² S'' / 6`. Over all heights both are the same, `e²/6`: samples that are
+//! spread evenly tell no more or less than all of the surface, whatever their phase. A square of half
+//! a side `r` that leans by an angle `θ` has `e = r sin θ`: exact where it leans about a side, and of
+//! the same second moment elsewhere.
 //!
-//! At the sheet's border, where the kink ends, this fades out.
+//! At the sheet's border, where the kink ends, both fade out.
 
 use fearless_simd::{f32x16, prelude::*};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-use super::border::{Above, Seen};
-use super::sheet::Border;
+use super::border::{Above, Line};
 use super::slopes::{Slopes, half_sign};
+use super::smooth::curvature;
 use super::vectors::{Vectors, dot, splat};
 
 /// Where it begins to fade, in units of `r`.
@@ -21,9 +23,6 @@ const FADE: f32 = 0.7;
 
 /// Squared sine of the least angle that counts.
 const LEAST: f32 = 1e-8;
-
-/// More than what squares of unit vectors in single precision are off.
-const ROUNDING: f32 = 2e-6;
 
 /// How samples lean.
 pub(super) struct Lean<'a, S: Simd> {
@@ -49,83 +48,97 @@ impl<S: Simd> Aside<'_, S> {
     }
 }
 
+/// Samples that lean, and how near they are to borders.
+pub(super) struct Leaning<S: Simd> {
+    sine_squared: f32x16<S>,
+    /// One over the square of where fading begins.
+    scale: f32x16<S>,
+    /// One away from borders and zero on them, and its slopes along the sheet.
+    fade: f32x16<S>,
+    slopes: [f32x16<S>; 2],
+}
+
 impl<S: Simd> Lean<'_, S> {
-    /// Adds to the sums of samples, so many times above the sheet, none if all are too far. What
-    /// comes back is what the normal is to be multiplied with for the moment by the change of `θ`.
+    /// None if all samples lie along the sheet or are too far from it.
+    #[inline(always)]
+    pub(super) fn leaning(&self, above: &Above<S>) -> Option<Leaning<S>> {
+        let simd = self.cosine.token();
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        let [x, y] = self.aside.get();
+        let sine_squared = x.mul_add(x, y * y);
+        let counts = sine_squared.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
+        counts.any_true().then(|| {
+            let width = above.half * FADE;
+            Leaning {
+                sine_squared: counts.select(sine_squared, zero),
+                scale: one / (width * width).max(1e-20),
+                fade: one,
+                slopes: [zero; 2],
+            }
+        })
+    }
+}
+
+impl<S: Simd> Leaning<S> {
+    /// Fades towards a border so long.
+    #[inline(always)]
+    pub(super) fn fade(&mut self, line: &Line<S>, length: f32) {
+        let simd = self.fade.token();
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        let (across, start) = (line.across, line.start);
+        let beyond = start.max(zero) + (start + length).min(zero);
+        let t = across.mul_add(across, beyond * beyond) * self.scale;
+        if !t.simd_lt(one).any_true() {
+            return;
+        }
+        let t = t.min(one);
+        let factor = t * t * (3.0 - t * 2.0);
+        // By the square of the distance, times two, times the fade so far.
+        let slope = (t - t * t) * self.scale * self.fade * -12.0;
+        let (out, along) = (line.outward, line.along);
+        let x = across.mul_add(out[0], beyond * along[0]);
+        let y = across.mul_add(out[1], beyond * along[1]);
+        self.slopes = [
+            self.slopes[0].mul_add(factor, slope * x),
+            self.slopes[1].mul_add(factor, slope * y),
+        ];
+        self.fade *= factor;
+    }
+
+    /// Adds to the sums of samples, so many times above the sheet. What comes back is what the normal
+    /// is to be multiplied with for the moment by the change of `θ`.
     #[inline(always)]
     pub(super) fn add_to(
         &self,
         above: &Above<S>,
-        borders: &[Border],
-        foot: Vec2,
+        cosine: f32x16<S>,
         inside: f32x16<S>,
         sums: &mut Slopes<S>,
     ) -> f32x16<S> {
-        let simd = inside.token();
-        let zero = splat(simd, 0.0);
-        // A bound of what follows: rounding leaves less than that between the squares' sum and one.
-        let most = above.half * above.half * (1.0 + ROUNDING - self.cosine * self.cosine);
-        if !most.simd_gt(above.square).any_true() {
-            return zero;
-        }
-        let [x, y] = self.aside.get();
-        let sine_squared = x.mul_add(x, y * y);
-        let counts = sine_squared.simd_gt(splat(simd, LEAST));
-        let extent = above.half * counts.select(sine_squared, zero).sqrt();
+        let zero = splat(inside.token(), 0.0);
+        let square = above.half * above.half;
+        let leaning = self.sine_squared.simd_gt(zero);
+        let share = leaning.select(square * inside, zero) * (1.0 / 6.0);
+        let [second, third] = curvature(above.square);
+        let mut value = share * self.sine_squared * second;
+        let mut rise = share * self.sine_squared * third * above.height;
+        let mut turning = share * second * -2.0;
+        let extent = above.half * self.sine_squared.sqrt();
         let height = above.height.abs();
         let deep = (extent - height).max(zero);
-        if !deep.simd_gt(zero).any_true() {
-            return zero;
+        if deep.simd_gt(zero).any_true() {
+            let inverse = splat(inside.token(), 1.0) / extent.max(1e-20);
+            let (part, most) = (deep * inverse, inside * 0.25);
+            value -= most * deep * part;
+            rise = (most * part * 4.0).mul_add(half_sign(above.height), rise);
+            // e² - x² over e², and r² / e.
+            let bow = part * (extent + height) * inverse;
+            turning += most * bow * square * inverse;
         }
-        let inverse = splat(simd, 1.0) / extent.max(1e-20);
-        let width = above.half * FADE;
-        let (fade, slopes) = faded(above, borders, foot, width);
-        let (part, most) = (deep * inverse, inside * 0.25);
-        let value = most * deep * part;
-        sums.value -= value * fade;
-        let rise = most * part * fade * 4.0;
-        sums.height = rise.mul_add(half_sign(above.height), sums.height);
-        sums.along[0] -= value * slopes[0];
-        sums.along[1] -= value * slopes[1];
-        // e² - x² over e², and r² / e.
-        let bow = part * (extent + height) * inverse;
-        let lever = above.half * above.half * inverse;
-        most * fade * bow * lever * self.cosine * self.cosine
+        sums.value = value.mul_add(self.fade, sums.value);
+        sums.height = rise.mul_add(self.fade, sums.height);
+        sums.along[0] = value.mul_add(self.slopes[0], sums.along[0]);
+        sums.along[1] = value.mul_add(self.slopes[1], sums.along[1]);
+        turning * self.fade * cosine * cosine
     }
-}
-
-/// One away from borders and zero on them, and its slopes.
-#[inline(always)]
-fn faded<S: Simd>(
-    above: &Above<S>,
-    borders: &[Border],
-    foot: Vec2,
-    width: f32x16<S>,
-) -> (f32x16<S>, [f32x16<S>; 2]) {
-    let simd = width.token();
-    let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-    let (mut fade, mut slopes) = (one, [zero; 2]);
-    let scale = one / (width * width).max(1e-20);
-    for border in borders {
-        let seen = Seen::new(border, foot);
-        let line = seen.line(above);
-        let (across, start) = (line.across, line.start);
-        let beyond = start.max(zero) + (start + border.length).min(zero);
-        let t = ((across * across + beyond * beyond) * scale).min(one);
-        if !t.simd_lt(one).any_true() {
-            continue;
-        }
-        let factor = t * t * (3.0 - t * 2.0);
-        // By the square of the distance, times two, times the fade so far.
-        let slope = (t - t * t) * scale * fade * -12.0;
-        let (out, along) = (line.outward, line.along);
-        let x = across.mul_add(out[0], beyond * along[0]);
-        let y = across.mul_add(out[1], beyond * along[1]);
-        slopes = [
-            slopes[0].mul_add(factor, slope * x),
-            slopes[1].mul_add(factor, slope * y),
-        ];
-        fade *= factor;
-    }
-    (fade, slopes)
 }

@@ -1,8 +1,8 @@
 //! The sum over both surfaces, in single precision for sixteen samples at a time.
 //!
 //! - [`lanes`], [`vectors`], [`smooth`]: elementary functions and the kernel for sixteen samples;
-//! - [`smooth_parts`]: a surface between its sharp edges; [`spread`], [`gathered`], [`lattices`],
-//!   [`cells`]: samples of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which
+//! - [`smooth_parts`], [`sharp_edges`]: a surface between its sharp edges, and these; [`spread`],
+//!   [`gathered`], [`lattices`], [`cells`]: samples of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which
 //!   of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
@@ -25,6 +25,7 @@ mod lattices;
 mod osculating;
 mod pass;
 mod regions;
+mod sharp_edges;
 mod sheet;
 mod sight;
 mod simplified;

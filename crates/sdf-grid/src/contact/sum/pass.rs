@@ -156,6 +156,7 @@ fn seen<S: Simd>(
     let reach = (1.0 + radius) * (1.0 + radius);
     let (mut inside, mut change) = (sheet.inside, zero);
     let mut near = false;
+    let mut leaning = lean.leaning(above);
     let kernel = Quotients::at(above.square);
     let range = sheet.first as usize..(sheet.first + sheet.count) as usize;
     let borders = &views.borders[range];
@@ -171,6 +172,9 @@ fn seen<S: Simd>(
         if off <= radius * radius {
             change += seen.crossed_on(above, line.across);
         }
+        if let Some(leaning) = &mut leaning {
+            leaning.fade(&line, border.length);
+        }
         seen.add_to(above, &kernel, &line, &mut taken);
     }
     if inside == 0.0 && !near {
@@ -180,7 +184,9 @@ fn seen<S: Simd>(
     let within = above.square.simd_lt(1.0);
     let inside = within.select(change + inside, zero);
     let mut sums = Slopes::new(above, &kernel, &taken, inside);
-    sums.turning = lean.add_to(above, borders, foot, inside, &mut sums);
+    if let Some(leaning) = leaning {
+        sums.turning = leaning.add_to(above, lean.cosine, inside, &mut sums);
+    }
     Some(sums)
 }
 

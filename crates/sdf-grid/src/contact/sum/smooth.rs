@@ -38,6 +38,49 @@ const fn slopes() -> [f32; TERMS - 1] {
     slopes
 }
 
+/// The second derivative with the height of the integral over a plane, without its spike on it, as a
+/// polynomial of the squared height: off by 0.6 % of its greatest at most, one in all as the spike
+/// takes, and smoothly zero at the reach. Least squares under these conditions, reweighted to the
+/// least maximum.
+const SECOND: [f32; TERMS - 1] = [
+    2.230_485,
+    -24.939_982,
+    106.155_67,
+    -232.520_66,
+    277.905_66,
+    -171.555_02,
+    42.723_846,
+];
+
+/// Its slope over the height.
+const THIRD: [f32; TERMS - 2] = third();
+
+const fn third() -> [f32; TERMS - 2] {
+    let mut of = [0.0; TERMS - 2];
+    let mut n = 0;
+    while n < TERMS - 2 {
+        of[n] = 2.0 * (n + 1) as f32 * SECOND[n + 1];
+        n += 1;
+    }
+    of
+}
+
+/// Both at a squared height, at most one.
+#[inline(always)]
+pub(super) fn curvature<S: Simd>(t: f32x16<S>) -> [f32x16<S>; 2] {
+    [polynomial(t, &SECOND), polynomial(t, &THIRD)]
+}
+
+#[inline(always)]
+fn polynomial<S: Simd, const N: usize>(t: f32x16<S>, of: &[f32; N]) -> f32x16<S> {
+    let simd = t.token();
+    let mut sum = splat(simd, of[N - 1]);
+    for c in of[..N - 1].iter().rev() {
+        sum = sum.mul_add(t, splat(simd, *c));
+    }
+    sum
+}
+
 /// `κ` about a squared height `t`: what Horner's scheme passes on its way,
 /// `(κ(r) - κ(t)) / (r - t) = Σ e_i r^i`, and the same of `κ'`, which is the slope of that with `t`
 /// where `r - t` stays.

@@ -4,8 +4,9 @@
 //! planes and along its edges, which mating parts have side by side with their own. Points in rows
 //! along such lines all err alike. So those of a flat face or a cylinder are the centroids of the
 //! squares of a lattice turned by an angle that no row of points lies along the face's sides, and
-//! towards sharp edges, along which other parts' edges come to lie, they are in two narrow rows. Those
-//! of a face that cannot be unrolled are the centroids of compact cells, found by Lloyd's algorithm.
+//! towards sharp edges, along which other parts' edges come to lie, they are in two narrow rows, evenly
+//! from corner to corner. Those of a face that cannot be unrolled are the centroids of compact cells,
+//! found by Lloyd's algorithm.
 
 use std::collections::HashMap;
 
@@ -13,7 +14,8 @@ use glam::{DVec3, IVec3};
 
 use super::cells::Cells;
 use super::gathered::Gathered;
-use super::lattices::{generic, lattices};
+use super::lattices::lattices;
+use super::sharp_edges::SharpEdges;
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
 use crate::contact::samples::{SurfaceSample, surface_pieces};
@@ -24,16 +26,15 @@ use crate::surface::coplanar::pieces::merged;
 /// much farther at most.
 const ROWS: [[f64; 2]; 2] = [[0.05, 0.15], [0.2, 0.8]];
 
+/// Distance of the points of a row, in units of that of points.
+const ALONG: f64 = 0.8;
+
 /// Into how many pieces points are cut along each side: the most, and the fewest where a part is
 /// large.
 const CUTS: [f64; 2] = [12.0, 2.0];
 
 /// Pieces from which on points are cut into fewer.
 const PIECES: f64 = (1 << 22) as f64;
-
-/// Boxes that gather what belongs to a point of a row are this much wider than the points' distance:
-/// rows cross them anyhow.
-const WIDER: f64 = 1.15;
 
 /// Points of less than this share of the area of a whole one join a neighbour.
 const WHOLE: f64 = 0.4;
@@ -45,10 +46,9 @@ const LATTICE: usize = ROWS.len();
 /// place, so that no edge crosses all points of a row at once, nor those next to the last row, which
 /// would be in a row again if the lattice were cut along a line.
 fn row_ends(place: IVec3) -> [f64; LATTICE] {
-    // Multiples of these, modulo one, are spread evenly (Roberts, The unreasonable effectiveness of
-    // quasirandom sequences, 2018).
-    let step = DVec3::new(0.819_172_513_4, 0.671_043_606_7, 0.549_700_477_9);
-    let share = step.dot(place.as_dvec3()).rem_euclid(1.0);
+    // Multiples of the golden ratio, modulo one, are spread evenly.
+    let [chain, point, _] = place.to_array().map(f64::from);
+    let share = (0.754_877_666_2 * chain + 0.618_033_988_7 * point).rem_euclid(1.0);
     ROWS.map(|[least, more]| least + share * more)
 }
 
@@ -73,11 +73,11 @@ pub(super) fn spread(
     let parts = SmoothParts::new(mesh);
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
     let lattices = lattices(mesh, &parts, distance, reach)?;
-    let edges = SharpEdges::new(mesh, &parts, distance)?;
+    let near = ROWS[ROWS.len() - 1].iter().sum::<f64>() * distance;
+    let edges = SharpEdges::new(mesh, &parts, [near, ALONG * distance])?;
     // None where a curved surface has no lattice.
     let key = |part: u32, p: DVec3| {
-        let in_row = edges.nearest(part, p).and_then(|(off, foot)| {
-            let place = (generic() * foot / (distance * WIDER)).floor().as_ivec3();
+        let in_row = edges.nearest(part, p).and_then(|(off, place)| {
             let row = row_ends(place)
                 .iter()
                 .position(|end| off < *end * distance)?;
@@ -111,9 +111,9 @@ fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSampl
     let mut keys: Vec<Key> = points.keys().copied().collect();
     keys.sort_unstable_by_key(|(part, row, place)| (*part, *row, place.to_array()));
     let whole = |row: usize, place: IVec3| match row {
-        0 => row_ends(place)[0],
+        0 => ALONG * row_ends(place)[0],
         LATTICE => 1.0,
-        _ => row_ends(place)[row] - row_ends(place)[row - 1],
+        _ => ALONG * (row_ends(place)[row] - row_ends(place)[row - 1]),
     };
     for key in &keys {
         let (part, row, place) = *key;
@@ -121,7 +121,9 @@ fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSampl
         if small.size >= WHOLE * whole(row, place) * distance * distance {
             continue;
         }
-        let around = (0..27).map(|i| place + IVec3::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
+        // Other chains of edges are no neighbours.
+        let x = if row == LATTICE { -1..=1 } else { 0..=0 };
+        let around = x.flat_map(|x| (-1..=1).map(move |y| place + IVec3::new(x, y, 0)));
         let centre = |p: &Gathered| p.moment / p.size;
         let others = around.filter(|p| *p != place).filter_map(|p| {
             let other = points.get(&(part, row, p))?;
@@ -139,74 +141,4 @@ fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSampl
     }
     let left = keys.iter().filter_map(|k| points.get(k));
     left.filter_map(Gathered::sample).collect()
-}
-
-/// Sharp edges of each part, by boxes in which they are near.
-struct SharpEdges {
-    /// How near is near, and the edge of the boxes, metres.
-    near: f64,
-    boxes: HashMap<(u32, IVec3), Vec<[DVec3; 2]>>,
-}
-
-/// Boxes about a step along an edge, three along each side.
-const AROUND: f64 = 27.0;
-
-/// Boxes along all edges together, at most.
-const MOST_BOXES: f64 = 1e7;
-
-impl SharpEdges {
-    fn new(mesh: &TriangleMesh, parts: &SmoothParts, distance: f64) -> Result<Self, ContactError> {
-        let near = ROWS[ROWS.len() - 1].iter().sum::<f64>() * distance;
-        let mut boxes: HashMap<(u32, IVec3), Vec<[DVec3; 2]>> = HashMap::new();
-        let mut found = 0.0;
-        for t in 0..mesh.triangles().len() {
-            for ends in parts.borders(mesh, t) {
-                let ends = ends.map(|v| mesh.vertices()[v as usize]);
-                let steps = (ends[0].distance(ends[1]) / near).ceil().max(1.0);
-                found += AROUND * steps;
-                if found > MOST_BOXES {
-                    return Err(ContactError::TooMany {
-                        what: "surface samples along edges",
-                        most: MOST_BOXES as usize,
-                        found,
-                    });
-                }
-                for i in 0..=steps as usize {
-                    let at = ends[0].lerp(ends[1], i as f64 / steps) / near;
-                    // All boxes within reach of half a step to either side.
-                    let (low, high) =
-                        ((at - 1.5).floor().as_ivec3(), (at + 1.5).floor().as_ivec3());
-                    for x in low.x..=high.x {
-                        for y in low.y..=high.y {
-                            for z in low.z..=high.z {
-                                let edges = boxes.entry((parts.of[t], IVec3::new(x, y, z)));
-                                let edges = edges.or_default();
-                                if edges.last() != Some(&ends) {
-                                    edges.push(ends);
-                                }
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        Ok(Self { near, boxes })
-    }
-
-    /// Distance of a place from the nearest sharp edge of a part, if that is near, and the place
-    /// there.
-    fn nearest(&self, part: u32, p: DVec3) -> Option<(f64, DVec3)> {
-        let place = (p / self.near).floor().as_ivec3();
-        let edges = self.boxes.get(&(part, place))?;
-        let feet = edges.iter().map(|[a, b]| {
-            let (along, from) = (*b - *a, p - *a);
-            let t = (from.dot(along) / along.length_squared()).clamp(0.0, 1.0);
-            *a + along * t
-        });
-        let foot = feet.min_by(|a, b| {
-            let [a, b] = [a, b].map(|foot| p.distance_squared(*foot));
-            a.total_cmp(&b)
-        })?;
-        Some((p.distance(foot), foot))
-    }
 }

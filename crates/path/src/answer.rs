@@ -45,8 +45,12 @@ pub enum Outcome {
         passed_at: Option<f64>,
         /// With overlaps up to this depth none was found, metres.
         stuck_at: f64,
-        /// Whether everything was tried at that depth (at the step of the search), or time ran out.
+        /// Whether everything was tried at the tolerance (at the step of the search), or it is proven
+        /// that there is no way; else time ran out.
         exhausted: bool,
+        /// Whether it is proven, whatever the part does: a ball inside of it does not come out without
+        /// an overlap of up to `stuck_at`.
+        proven: bool,
     },
 }
 

@@ -7,6 +7,7 @@ use fft_correlate::Pose;
 use crate::answer::Outcome;
 use crate::contact::gaps::Gaps;
 use crate::contact::settle::Limits;
+use crate::search::cage::Cage;
 use crate::search::escape::Escape;
 use crate::search::explored::Explored;
 use crate::search::grow::{Grown, Growth, Way};
@@ -32,6 +33,8 @@ pub(crate) struct Levels<'a> {
     pub(crate) gaps: &'a Gaps,
     pub(crate) escape: &'a Escape,
     pub(crate) shape: &'a Shape,
+    /// What may prove that there is no way.
+    pub(crate) cage: Option<&'a Cage>,
     pub(crate) tolerance: f64,
     pub(crate) step: f64,
     pub(crate) time_limit: Duration,
@@ -58,15 +61,42 @@ struct Within {
     deadline: Instant,
 }
 
+impl Opened {
+    fn nothing(level: f64) -> Self {
+        Self {
+            outcome: Outcome::Free,
+            level,
+            ways: Vec::new(),
+            nodes: 0,
+            looked: 0,
+            passed_over: 0,
+        }
+    }
+}
+
 impl Levels<'_> {
-    /// Ways from a pose to the outside at one level, and whether everything was tried there; goes on
-    /// from what has been explored.
+    /// Ways from a pose to the outside at one level, and whether there are no others: proven, or
+    /// everything was tried; goes on from what has been explored.
     pub(crate) fn out_at(
         &self,
         pose: &Pose,
         level: f64,
         explored: &mut Explored,
     ) -> (Opened, bool) {
+        match self.held(pose, level) > level {
+            true => (Opened::nothing(level), true),
+            false => self.searched(pose, level, explored),
+        }
+    }
+
+    /// Depth up to which it is proven that nothing comes out from a pose, metres; the level if it is
+    /// not.
+    fn held(&self, pose: &Pose, level: f64) -> f64 {
+        let held = |cage: &Cage| cage.least_overlap(self.gaps, pose, level);
+        self.cage.map_or(level, held)
+    }
+
+    fn searched(&self, pose: &Pose, level: f64, explored: &mut Explored) -> (Opened, bool) {
         let began = Instant::now();
         let within = Within {
             level,
@@ -79,12 +109,11 @@ impl Levels<'_> {
         };
         let (grown, nodes) = self.at(pose, &within, found, explored);
         let opened = Opened {
-            outcome: Outcome::Free,
-            level,
             nodes,
             looked: grown.looked,
             passed_over: grown.passed_over,
             ways: grown.ways,
+            ..Opened::nothing(level)
         };
         (opened, grown.exhausted)
     }
@@ -93,16 +122,24 @@ impl Levels<'_> {
     /// first one tried; that one goes on from what has been explored.
     pub(crate) fn out_of(&self, pose: &Pose, lowest: f64, explored: &mut Explored) -> Opened {
         let began = Instant::now();
-        let (mut opened, exhausted) = self.out_at(pose, lowest, explored);
+        let held = self.held(pose, lowest);
+        let proven = held > lowest;
+        let (mut opened, exhausted) = match proven {
+            true => (Opened::nothing(lowest), true),
+            false => self.searched(pose, lowest, explored),
+        };
         if !opened.ways.is_empty() || (self.stop)() {
             return opened;
         }
         // As long again in all for what would have to give way.
         let share = self.time_limit.max(began.elapsed()) / 8;
-        let (mut stuck, mut passed) = (lowest, None);
+        let (mut stuck, mut passed) = (held, None);
         let mut level = lowest;
         while passed.is_none() && level < HIGHEST * self.gaps.frame.radius && !(self.stop)() {
             level = (RISE * level).min(HIGHEST * self.gaps.frame.radius);
+            if level <= held {
+                continue;
+            }
             match self.tried(pose, level, share, &mut opened) {
                 true => passed = Some(level),
                 false => stuck = level,
@@ -122,6 +159,7 @@ impl Levels<'_> {
             passed_at: passed,
             stuck_at: stuck,
             exhausted,
+            proven,
         };
         opened
     }

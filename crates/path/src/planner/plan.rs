@@ -16,6 +16,7 @@ use crate::motion::words::motions;
 use crate::planner::finish::{Finish, Finished, WORTH};
 use crate::planner::levels::{Levels, Opened};
 use crate::planner::options::{PathOptions, Start};
+use crate::search::cage::Cage;
 use crate::search::escape::Escape;
 use crate::search::explored::Explored;
 use crate::search::grow::Way;
@@ -38,6 +39,7 @@ pub struct PathSearch {
     gaps: Gaps,
     escape: Escape,
     shape: Shape,
+    cage: Option<Cage>,
     options: PathOptions,
 }
 
@@ -101,6 +103,7 @@ impl PathSearch {
         Ok(Self {
             escape: Escape::new(&gaps),
             shape: Shape::new(&gaps),
+            cage: Cage::new(&gaps),
             gaps,
             options,
         })
@@ -251,6 +254,7 @@ impl PathSearch {
             gaps: &self.gaps,
             escape: &self.escape,
             shape: &self.shape,
+            cage: self.cage.as_ref(),
             tolerance: self.tolerance(),
             step: self.step(),
             time_limit: self.options.time_limit,

@@ -23,6 +23,8 @@ pub(crate) struct Summary {
     stuck_at: Option<f64>,
     /// Whether everything was tried there.
     exhausted: Option<bool>,
+    /// Whether it is proven, whatever the part does.
+    proven: Option<bool>,
     /// Where the solids overlap deepest: x, y, z, qx, qy, qz, qw.
     deepest_at: Option<[f64; 7]>,
     overlap: f64,
@@ -125,13 +127,14 @@ impl Summary {
             Some(pose_fields(&placement.to_scene(&pose.pose)))
         };
         let (deepest, overlap) = answer.deepest();
-        let (passed_at, stuck_at, exhausted) = match answer.outcome {
+        let (passed_at, stuck_at, sure) = match answer.outcome {
             Outcome::Free => (None, None, None),
             Outcome::Blocked {
                 passed_at,
                 stuck_at,
                 exhausted,
-            } => (passed_at, Some(stuck_at), Some(exhausted)),
+                proven,
+            } => (passed_at, Some(stuck_at), Some((exhausted, proven))),
         };
         let others = answer.others.iter().map(|o| Other {
             length: o.length,
@@ -142,7 +145,8 @@ impl Summary {
             outcome: outcome(answer),
             passed_at,
             stuck_at,
-            exhausted,
+            exhausted: sure.map(|s| s.0),
+            proven: sure.map(|s| s.1),
             deepest_at: at(deepest).filter(|_| overlap > 0.0),
             overlap,
             overlap_volume: answer.volume,
@@ -264,10 +268,12 @@ fn say_outcome(answer: &PathAnswer, unit: LengthUnit) {
             passed_at,
             stuck_at,
             exhausted,
+            proven,
         } => {
-            let how = match exhausted {
-                true => "it does not come out: everything was tried at these steps",
-                false => "no free way was found before time ran out: allow more --seconds",
+            let how = match (proven, exhausted) {
+                (true, _) => "it does not come out: not even a ball inside of it does",
+                (false, true) => "it does not come out: everything was tried at these steps",
+                (false, false) => "no free way was found before time ran out: allow more --seconds",
             };
             crate::say!("{how}; {looked}");
             let stuck = stuck_at / metre;

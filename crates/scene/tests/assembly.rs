@@ -77,9 +77,9 @@ fn loads_of_oblique_motions_are_slopes_of_the_energy() {
         (
             Motion::Translation(direction),
             [-1.7e-3, 4e-4, 2.3e-3],
-            2e-6,
+            8e-6,
         ),
-        (Motion::Rotation(direction), [-0.11, 0.03, 0.2], 2e-4),
+        (Motion::Rotation(direction), [-0.11, 0.03, 0.2], 6e-4),
     ] {
         let points = assembly.profile(&source, motion, &amounts);
         let (mut difference, mut size) = (0.0, 0.0);
@@ -99,7 +99,7 @@ fn loads_of_oblique_motions_are_slopes_of_the_energy() {
         // The wrench is the exact gradient, the difference is not: a shorter step loses digits to
         // single-precision sums, a longer one crosses more kinks of the interpolant.
         let error = (difference / size).sqrt();
-        assert!(error < 1e-2, "{motion:?}: {error}");
+        assert!(error < 5e-3, "{motion:?}: {error}");
     }
 }
 

@@ -1,7 +1,6 @@
 //! Straight pegs, a bayonet, a slot round a corner, a dovetail, nuts, a ball that stays.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::time::Duration;
 
 use glam::DVec3;
 use pegfit_path::{Motion, Outcome, PathOptions};

@@ -73,6 +73,12 @@ impl Body {
         self.solids.iter().filter_map(probe)
     }
 
+    /// Distance of a point from the nearest surface, inside or outside; `radius` if none is nearer.
+    pub(crate) fn near(&self, p: DVec3, radius: f64) -> f64 {
+        let near = self.solids.iter().filter_map(|s| s.near(p, radius));
+        near.fold(radius, f64::min)
+    }
+
     /// The volume that this body and one at `pose` share, cubic metres.
     pub(crate) fn shared_with(&self, other: &Self, pose: &Pose) -> f64 {
         let with = |a| other.meshes().map(move |b| shared_volume(a, b, pose));

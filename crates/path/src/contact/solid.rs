@@ -74,6 +74,11 @@ impl Solid {
         Some(self.sided(p, &nearest))
     }
 
+    /// Distance of a point from the surface, inside or outside, if that is nearer than `radius`.
+    pub(crate) fn near(&self, p: DVec3, radius: f64) -> Option<f64> {
+        Some(self.bvh.nearest_within(p, radius)?.distance)
+    }
+
     fn sided(&self, p: DVec3, nearest: &Nearest) -> Probe {
         let outward = self.pseudonormal(nearest);
         let away = p - nearest.point;

@@ -74,8 +74,7 @@ impl Cage {
         let middle = |at: IVec3| start + cell * at.as_dvec3();
         let overlap = |p: DVec3| {
             let reach = self.radius - half_diagonal;
-            let near = fixed.probes(p, reach).map(|probe| probe.distance.abs());
-            reach - near.fold(reach, f64::min)
+            reach - fixed.near(p, reach)
         };
         let outwards = |p: DVec3| {
             let beyond = (p - bounds.min).min(bounds.max - p);

@@ -11,12 +11,11 @@
 //! At the sheet's border, where the kink ends, both fade out.
 
 use fearless_simd::{f32x16, prelude::*};
-use glam::Vec3;
 
 use super::border::{Above, Line};
 use super::slopes::{Slopes, half_sign};
 use super::smooth::curvature;
-use super::vectors::{Vectors, dot, splat};
+use super::vectors::splat;
 
 /// Where it begins to fade, in units of `r`.
 const FADE: f32 = 0.7;
@@ -25,27 +24,11 @@ const FADE: f32 = 0.7;
 const LEAST: f32 = 1e-8;
 
 /// How samples lean.
-pub(super) struct Lean<'a, S: Simd> {
+pub(super) struct Lean<S: Simd> {
     /// Of the angle between them and the sheet.
     pub(super) cosine: f32x16<S>,
-    pub(super) aside: Aside<'a, S>,
-}
-
-/// The samples' normals along the sheet's two directions, which few samples ask for.
-pub(super) enum Aside<'a, S: Simd> {
-    Known([f32x16<S>; 2]),
-    /// Those of normals along these.
-    Of(&'a Vectors<S>, [Vec3; 2]),
-}
-
-impl<S: Simd> Aside<'_, S> {
-    #[inline(always)]
-    fn get(&self) -> [f32x16<S>; 2] {
-        match self {
-            Self::Known(aside) => *aside,
-            Self::Of(normals, axes) => [dot(normals, axes[0]), dot(normals, axes[1])],
-        }
-    }
+    /// Their normals along the sheet's two directions.
+    pub(super) aside: [f32x16<S>; 2],
 }
 
 /// Samples that lean, and how near they are to borders.
@@ -58,13 +41,13 @@ pub(super) struct Leaning<S: Simd> {
     slopes: [f32x16<S>; 2],
 }
 
-impl<S: Simd> Lean<'_, S> {
+impl<S: Simd> Lean<S> {
     /// None if all samples lie along the sheet or are too far from it.
     #[inline(always)]
     pub(super) fn leaning(&self, above: &Above<S>) -> Option<Leaning<S>> {
         let simd = self.cosine.token();
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-        let [x, y] = self.aside.get();
+        let [x, y] = self.aside;
         let sine_squared = x.mul_add(x, y * y);
         let counts = sine_squared.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
         counts.any_true().then(|| {

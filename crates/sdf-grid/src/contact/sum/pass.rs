@@ -6,12 +6,12 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::border::{Above, Seen, Taken};
 use super::clusters::Cluster;
-use super::kink::{Aside, Lean};
+use super::kink::Lean;
 use super::sheet::Sheet;
 use super::slopes::Slopes;
 use super::smooth::Quotients;
 use super::unrolled::Unrolled;
-use super::vectors::{Vectors, along, dot, scaled, splat, turned};
+use super::vectors::{Vectors, along, scaled, splat, turned};
 use super::views::Views;
 
 /// Height, in units of the reach, beyond which it hardly matters what samples see: the kernel's
@@ -101,10 +101,10 @@ fn add_sheet<S: Simd>(
             return;
         }
         let above = Above::new(heights, [across[0], across[1]], samples.half);
-        let cosine = dot(&samples.normal, normal);
+        let [x, y, cosine] = along(&samples.normal, &sheet.axes);
         let lean = Lean {
             cosine,
-            aside: Aside::Of(&samples.normal, [u, v]),
+            aside: [x, y],
         };
         if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
             totals.add_flat(samples.area * cosine, &sums, sheet.axes);
@@ -127,7 +127,7 @@ fn add_sheet<S: Simd>(
     let faces = unrolled.along(&along(&samples.normal, &sheet.axes));
     let lean = Lean {
         cosine: faces[2],
-        aside: Aside::Known([faces[0], faces[1]]),
+        aside: [faces[0], faces[1]],
     };
     if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
         totals.add_curved(scaled(&faces, samples.area), &sums, &unrolled, sheet);
@@ -143,7 +143,7 @@ fn seen<S: Simd>(
     radius: f32,
     (foot, height): (Vec2, f32),
     above: &Above<S>,
-    lean: &Lean<'_, S>,
+    lean: &Lean<S>,
 ) -> Option<Slopes<S>> {
     let zero = splat(above.height.token(), 0.0);
     let mut taken = Taken {

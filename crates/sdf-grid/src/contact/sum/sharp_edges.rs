@@ -34,6 +34,23 @@ struct Chain {
     length: f64,
     /// Points along it.
     points: f64,
+    /// Where points begin, in units of their distance: another place on each chain, or those of edges
+    /// side by side would pass another part's rim together.
+    phase: f64,
+    /// Whether it goes round.
+    closed: bool,
+}
+
+impl Chain {
+    /// The point so far along, metres: of a chain with ends one more than there are, the first and the
+    /// last of which share a whole one.
+    fn point(&self, along: f64) -> i32 {
+        let place = (along / self.length * self.points + self.phase).floor();
+        match self.closed {
+            true => place.rem_euclid(self.points) as i32,
+            false => place.clamp(0.0, self.points) as i32,
+        }
+    }
 }
 
 /// Boxes about a step along an edge, three along each side.
@@ -41,6 +58,9 @@ const AROUND: f64 = 27.0;
 
 /// Boxes along all edges together, at most.
 const MOST_BOXES: f64 = 1e7;
+
+/// Multiples of this, modulo one, are spread evenly.
+const SPREAD: f64 = 0.618_033_988_7;
 
 /// Edges that turn by more than the angle of this cosine (30 degrees) make a corner.
 const CORNER: f64 = 0.866;
@@ -103,17 +123,21 @@ impl SharpEdges {
         for begin in begins.chain(0..borders.len()) {
             let (mut at_border, mut start) = (Some(begin), 0.0);
             let chain = self.chains.len() as u32;
+            let mut closed = false;
             while let Some(i) = at_border.filter(|i| !taken[*i]) {
                 taken[i] = true;
                 let ends = borders[i].map(at);
                 self.edges.push(SharpEdge { ends, chain, start });
                 start += ends[0].distance(ends[1]);
                 at_border = next[i];
+                closed = at_border == Some(begin);
             }
             if self.edges.last().is_some_and(|e| e.chain == chain) {
                 self.chains.push(Chain {
                     length: start.max(f64::MIN_POSITIVE),
                     points: (start / distance).round().max(1.0),
+                    phase: (SPREAD * f64::from(chain)).fract(),
+                    closed,
                 });
             }
         }
@@ -163,8 +187,8 @@ impl SharpEdges {
         });
         let (off, edge, along) = feet.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let chain = &self.chains[edge.chain as usize];
-        let point = ((edge.start + along) / chain.length * chain.points).min(chain.points - 1.0);
-        Some((off, IVec3::new(edge.chain as i32, point as i32, 0)))
+        let point = chain.point(edge.start + along);
+        Some((off, IVec3::new(edge.chain as i32, point, 0)))
     }
 }
 

@@ -4,8 +4,8 @@
 //! planes and along its edges, which mating parts have side by side with their own. Points in rows
 //! along such lines all err alike. So those of a flat face or a cylinder are the centroids of the
 //! squares of a lattice turned by an angle that no row of points lies along the face's sides, and
-//! towards sharp edges, along which other parts' edges come to lie, they are in two narrow rows, evenly
-//! from corner to corner. Those of a face that cannot be unrolled are the centroids of compact cells,
+//! towards sharp edges, along which other parts' edges come to lie, they are in two narrow rows, even
+//! along each edge and beginning elsewhere on each. Those of a face that cannot be unrolled are the centroids of compact cells,
 //! found by Lloyd's algorithm.
 
 use std::collections::HashMap;

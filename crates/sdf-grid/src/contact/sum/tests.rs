@@ -411,7 +411,10 @@ fn the_force_along_the_way_in_has_no_teeth() {
             let total: f64 = forces.iter().map(|f| f[1].abs()).sum();
             let [error, teeth] = [(square / all).sqrt(), variation / total];
             println!("{section:?}: {error:.3} of the force, {teeth:.4} a step");
-            assert!(error < 0.075 && teeth < 0.03, "{section:?}: {error} {teeth}");
+            assert!(
+                error < 0.075 && teeth < 0.03,
+                "{section:?}: {error} {teeth}"
+            );
         }
     }
 }

@@ -74,6 +74,12 @@ fn main() -> Outcome<()> {
         .into_iter()
         .filter(|known| wanted.chosen(&known.name))
         .collect();
+    let burr = |clearance: f64| format!("burr, {} mm", millimetres(clearance));
+    if let (true, Some(name)) = (chosen.is_empty(), &wanted.only)
+        && !CLEARANCES.into_iter().any(|c| wanted.chosen(&burr(c)))
+    {
+        return Err(format!("no pair is called anything like \"{name}\"").into());
+    }
     if let Some(folder) = &wanted.scenes {
         return chosen
             .iter()
@@ -88,7 +94,7 @@ fn main() -> Outcome<()> {
         told(&known.name, of_pair(known, &wanted)?);
     }
     for clearance in CLEARANCES {
-        let name = format!("burr, {} mm", millimetres(clearance));
+        let name = burr(clearance);
         if wanted.chosen(&name) {
             told(&name, of_burr(clearance, &wanted)?);
         }

@@ -97,7 +97,8 @@ fn symmetry_makes_a_table_smaller_not_worse() {
 }
 
 /// Work of the table's own wrench around closed loops through the fit, by the midpoint rule. The
-/// field is a gradient, so only the rule's error is left; it shrinks with the square of the step.
+/// field is a gradient, so only the rule's error is left; it shrinks with the step, to and fro where
+/// samples pass edges (3e-4, 4e-5, 1e-4, 2e-5, 4e-6 from 200 steps to 3200).
 #[test]
 fn a_loop_through_a_table_gives_back_its_work() {
     let pair = example(PegInHole::Rectangular, &ScoreModel::GUIDED, H);
@@ -134,9 +135,9 @@ fn a_loop_through_a_table_gives_back_its_work() {
         }
         work.abs() / (high - low)
     };
-    let found = [work(200), work(800)];
+    let found = [work(200), work(3200)];
     println!("work around a loop, of the range of energy: {found:?}");
-    assert!(found[0] < 1e-3 && found[1] < 1e-4, "{found:?}");
+    assert!(found[0] < 1e-3 && found[1] < 2e-5, "{found:?}");
 }
 
 /// The quaternion's sign and poses far away through a real table.

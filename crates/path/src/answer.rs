@@ -48,8 +48,8 @@ pub enum Outcome {
         /// Whether everything was tried at the tolerance (at the step of the search), or it is proven
         /// that there is no way; else time ran out.
         exhausted: bool,
-        /// Whether it is proven, whatever the part does: a ball inside of it does not come out without
-        /// an overlap of up to `stuck_at`.
+        /// Whether it is proven, whatever the part does: a ball inside of it does not come out with
+        /// overlaps up to the tolerance.
         proven: bool,
     },
 }

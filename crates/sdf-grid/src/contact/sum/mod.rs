@@ -2,8 +2,8 @@
 //!
 //! - [`lanes`], [`vectors`], [`smooth`]: elementary functions and the kernel for sixteen samples;
 //! - [`smooth_parts`], [`sharp_edges`]: a surface between its sharp edges, and these; [`spread`],
-//!   [`gathered`], [`lattices`], [`cells`]: samples of the one surface; [`clusters`]: those in a tree of balls; [`clearance`]: which
-//!   of them are out of reach;
+//!   [`gathered`], [`lattices`], [`cells`]: samples of the one surface; [`clusters`]: those in a tree
+//!   of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
 //!   in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;

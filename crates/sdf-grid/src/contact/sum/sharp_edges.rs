@@ -215,6 +215,7 @@ mod tests {
         let (parts, edges) = edges(&mesh, distance);
         assert_eq!(edges.chains.len(), 4, "{:?}", edges.chains);
         let points = (std::f64::consts::TAU * radius / distance).round();
+        let mut seen_from = 0;
         for part in 0..parts.bent.len() as u32 {
             let mut count = std::collections::BTreeMap::new();
             for i in 0..2000 {
@@ -230,7 +231,9 @@ mod tests {
             let all_even = count.values().all(|n| (f64::from(*n) - even).abs() < 3.0);
             assert!(all_even, "{count:?}");
             assert!(count.is_empty() || count.len() as f64 == points);
+            seen_from += usize::from(!count.is_empty());
         }
+        assert_eq!(seen_from, 2);
     }
 
     /// Each edge of a box is a chain of its own on either side, however its faces are cut.

@@ -26,13 +26,14 @@ const ENTIRE: [f32; TERMS] = [
 ];
 
 /// `κ'` in the same way.
-const SLOPES: [f32; TERMS - 1] = slopes();
+const SLOPES: [f32; TERMS - 1] = derivative(&ENTIRE, 1.0);
 
-const fn slopes() -> [f32; TERMS - 1] {
-    let mut slopes = [0.0; TERMS - 1];
+/// So many times the derivative of a polynomial of one term more.
+const fn derivative<const N: usize, const M: usize>(of: &[f32; N], times: f32) -> [f32; M] {
+    let mut slopes = [0.0; M];
     let mut n = 0;
-    while n < TERMS - 1 {
-        slopes[n] = (n + 1) as f32 * ENTIRE[n + 1];
+    while n < M {
+        slopes[n] = times * (n + 1) as f32 * of[n + 1];
         n += 1;
     }
     slopes
@@ -53,17 +54,7 @@ const SECOND: [f32; TERMS - 1] = [
 ];
 
 /// Its slope over the height.
-const THIRD: [f32; TERMS - 2] = third();
-
-const fn third() -> [f32; TERMS - 2] {
-    let mut of = [0.0; TERMS - 2];
-    let mut n = 0;
-    while n < TERMS - 2 {
-        of[n] = 2.0 * (n + 1) as f32 * SECOND[n + 1];
-        n += 1;
-    }
-    of
-}
+const THIRD: [f32; TERMS - 2] = derivative(&SECOND, 2.0);
 
 /// Both at a squared height, at most one.
 #[inline(always)]

@@ -163,8 +163,9 @@ fn narrow_bends_push_as_in_the_slow_sum() {
 }
 
 /// Where surfaces cross at any angle the sum is small beside that of walls that face each other, and
-/// what samples miss of it is an eighth to a fifth, either way: the average over their extent is neither more
-/// nor less than the middles', in all. Of the kink alone it would be less, by half of the sum.
+/// what samples miss of it is an eighth to a fifth, either way: the average over their extent is
+/// neither more nor less than the middles', in all. Of the kink alone it would be less, by half of the
+/// sum.
 #[test]
 fn samples_that_cross_a_surface_are_not_biased() {
     for section in PegInHole::ALL {

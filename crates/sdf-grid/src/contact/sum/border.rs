@@ -209,8 +209,10 @@ impl<'a> Seen<'a> {
             flat,
             near,
         };
-        let through = (b.simd_gt(a) & (a.simd_gt(-visible) | b.simd_lt(visible))).any_true();
-        let ([logarithm, angle, lifted], [rest, tilt, slope]) = match through {
+        // Some see an end, or look past it.
+        let parts = a.simd_gt(-visible) | b.simd_lt(visible);
+        let parts = (parts & near.simd_lt(splat(across.token(), 1.0))).any_true();
+        let ([logarithm, angle, lifted], [rest, tilt, slope]) = match parts {
             false => (seen.chord(visible), kernel.along_chord(near, visible)),
             true => {
                 let ends = [a, b.max(a)];

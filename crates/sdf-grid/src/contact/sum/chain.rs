@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3};
 
 /// How far from a border its pieces may be near by, and how that grows with the distance beyond
 /// [`NEAR`], in units of the reach.
-const OFF: f64 = 0.012;
-const OFF_FAR: f64 = 0.06;
+const OFF: f64 = 0.006;
+const OFF_FAR: f64 = 0.03;
 const NEAR: f64 = 0.5;
 
 /// How far points may be off that are dropped from where ever a border is seen, per reach.
@@ -22,7 +22,11 @@ const MOST_LOOKS: usize = 100;
 /// it should be true.
 pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     let at = |k: usize| chain[k].extend(0.0);
-    let off = |k, from, to| off(at(k), at(from), at(to)) / allowed(chain[k], about);
+    // A point far away takes with it the long sides that it ends, which may pass near by.
+    let sides = chain.windows(2).map(|w| allowed(nearest(w, about), about));
+    let sides: Vec<f64> = sides.collect();
+    let allowed = |k: usize| sides[k - 1].min(sides[k]);
+    let off = |k, from, to| off(at(k), at(from), at(to)) / allowed(k);
     kept(chain.len(), off)
         .into_iter()
         .map(|k| chain[k])
@@ -59,6 +63,14 @@ fn kept(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
         }
     }
     kept
+}
+
+/// The point of a side that is nearest to a place.
+fn nearest(side: &[DVec2], to: DVec2) -> DVec2 {
+    let along = side[1] - side[0];
+    let place = (to - side[0]).dot(along) / along.length_squared();
+    let place = if place.is_nan() { 0.0 } else { place };
+    side[0] + along * place.clamp(0.0, 1.0)
 }
 
 /// How far from a border its pieces may be at a place.

@@ -34,11 +34,13 @@ pub(super) struct Lean<S: Simd> {
 /// Samples that lean, and how near they are to borders.
 pub(super) struct Leaning<S: Simd> {
     sine_squared: f32x16<S>,
-    /// One over the square of where fading begins.
-    scale: f32x16<S>,
-    /// One away from borders and zero on them, and its slopes along the sheet.
-    fade: f32x16<S>,
-    slopes: [f32x16<S>; 2],
+    /// Square of where fading begins.
+    width: f32x16<S>,
+    /// Squared distance of the nearest border so far, and the way from it along the sheet's two
+    /// directions: the nearest alone counts, so that it is the same in however many pieces a border
+    /// comes.
+    nearest: f32x16<S>,
+    way: [f32x16<S>; 2],
 }
 
 impl<S: Simd> Lean<S> {
@@ -52,40 +54,48 @@ impl<S: Simd> Lean<S> {
         let counts = sine_squared.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
         counts.any_true().then(|| {
             let width = above.half * FADE;
+            let width = (width * width).max(1e-20);
             Leaning {
                 sine_squared: counts.select(sine_squared, zero),
-                scale: one / (width * width).max(1e-20),
-                fade: one,
-                slopes: [zero; 2],
+                width,
+                nearest: width,
+                way: [zero; 2],
             }
         })
     }
 }
 
 impl<S: Simd> Leaning<S> {
-    /// Fades towards a border so long.
+    /// Looks whether a border so long is nearer than others.
     #[inline(always)]
-    pub(super) fn fade(&mut self, line: &Line<S>, length: f32) {
-        let simd = self.fade.token();
-        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+    pub(super) fn pass(&mut self, line: &Line<S>, length: f32) {
+        let zero = splat(self.nearest.token(), 0.0);
         let (across, start) = (line.across, line.start);
         let beyond = start.max(zero) + (start + length).min(zero);
-        let t = across.mul_add(across, beyond * beyond) * self.scale;
-        if !t.simd_lt(one).any_true() {
+        let square = across.mul_add(across, beyond * beyond);
+        let nearer = square.simd_lt(self.nearest);
+        if !nearer.any_true() {
             return;
         }
-        let t = t.min(one);
-        let factor = t * t * (3.0 - t * 2.0);
-        // By the square of the distance, times two, times the fade so far.
-        let slope = (t - t * t) * self.scale * self.fade * -12.0;
+        self.nearest = square.min(self.nearest);
         let (out, along) = (line.outward, line.along);
-        let x = across.mul_add(out[0], beyond * along[0]);
-        let y = across.mul_add(out[1], beyond * along[1]);
-        self.slopes = [
-            self.slopes[0].mul_add(factor, slope * x),
-            self.slopes[1].mul_add(factor, slope * y),
-        ];
-        self.fade *= factor;
+        for k in 0..2 {
+            let way = across.mul_add(out[k], beyond * along[k]);
+            self.way[k] = nearer.select(way, self.way[k]);
+        }
+    }
+
+    /// One away from borders and zero on them, and its slopes along the sheet.
+    #[inline(always)]
+    fn faded(&self) -> (f32x16<S>, [f32x16<S>; 2]) {
+        let scale = splat(self.nearest.token(), 1.0) / self.width;
+        let t = self.nearest * scale;
+        // By the square of the distance, times two.
+        let slope = (t - t * t) * scale * -12.0;
+        (
+            t * t * (3.0 - t * 2.0),
+            [slope * self.way[0], slope * self.way[1]],
+        )
     }
 
     /// Adds to the sums of samples, so many times above the sheet. What comes back is what the normal
@@ -118,10 +128,11 @@ impl<S: Simd> Leaning<S> {
             let bow = part * (extent + height) * inverse;
             turning += most * bow * square * inverse;
         }
-        sums.value = value.mul_add(self.fade, sums.value);
-        sums.height = rise.mul_add(self.fade, sums.height);
-        sums.along[0] = value.mul_add(self.slopes[0], sums.along[0]);
-        sums.along[1] = value.mul_add(self.slopes[1], sums.along[1]);
-        turning * self.fade * cosine * cosine
+        let (fade, slopes) = self.faded();
+        sums.value = value.mul_add(fade, sums.value);
+        sums.height = rise.mul_add(fade, sums.height);
+        sums.along[0] = value.mul_add(slopes[0], sums.along[0]);
+        sums.along[1] = value.mul_add(slopes[1], sums.along[1]);
+        turning * fade * cosine * cosine
     }
 }

@@ -173,7 +173,7 @@ fn seen<S: Simd>(
             change += seen.crossed_on(above, line.across);
         }
         if let Some(leaning) = &mut leaning {
-            leaning.fade(&line, border.length);
+            leaning.pass(&line, border.length);
         }
         seen.add_to(above, &kernel, &line, &mut taken);
     }

@@ -206,41 +206,43 @@ fn differences(sum: &ContactSum, at: Pose, h: f64) -> [DVec3; 2] {
 }
 
 /// How far slopes are from differences over steps of these lengths for force and torque, rms over
-/// poses but the one where they are farthest, in units of their own rms: in one of a hundred a cluster
-/// passes from one cell of the surface's lists to the next, where a bent border is other, by
-/// hundredths of a per cent of the reach.
+/// poses, in units of their own rms.
 fn off_differences(
     sum: &ContactSum,
     poses: impl Iterator<Item = Pose>,
     steps: [f64; 2],
 ) -> [f64; 2] {
-    let (mut errors, mut all) = ([vec![], vec![]], [0.0; 2]);
+    let (mut errors, mut all) = ([0.0; 2], [0.0; 2]);
     for at in poses {
         let found = sum.sum(at.0, at.1);
         let [gradient, moment] = [0, 1].map(|i| differences(sum, at, steps[i])[i]);
-        errors[0].push(gradient.distance_squared(found.gradient));
-        errors[1].push(moment.distance_squared(found.moment));
+        errors[0] += gradient.distance_squared(found.gradient);
+        errors[1] += moment.distance_squared(found.moment);
         all[0] += found.gradient.length_squared();
         all[1] += found.moment.length_squared();
     }
-    [0, 1].map(|i| {
-        let farthest = errors[i].iter().copied().fold(0.0, f64::max);
-        let rest = errors[i].iter().sum::<f64>() - farthest;
-        f64::sqrt(rest / all[i])
-    })
+    [0, 1].map(|i| f64::sqrt(errors[i] / all[i]))
 }
 
 /// Steps of half a micrometre: rounding to single precision leaves 1e-4 of the slopes, and a sample
-/// that crosses an edge meanwhile, where slopes have a ridge, up to 2e-3 of one pose's.
+/// that crosses an edge meanwhile, where slopes have a ridge, up to 2e-3 of one pose's. At so many
+/// poses clusters pass from one cell of the surface's lists to the next, and samples past the ends of
+/// borders.
 #[test]
 fn slopes_are_those_of_differences() {
-    for shape in PegInHole::ALL {
-        let moved = Moved::new(shape.pair(2e-4).unwrap());
+    let round = || {
+        let socket = shapes::cylinder(0.012, 0.02, 96).unwrap();
+        (socket, shapes::icosphere(0.006, 12).unwrap())
+    };
+    let pairs = PegInHole::ALL.map(|s| s.pair(2e-4).unwrap());
+    for (i, pair) in pairs.into_iter().chain([round()]).enumerate() {
+        let moved = Moved::new(pair);
         let [a, b] = &moved.parts;
         let sum = ContactSum::new(a, b, 1.2 * WIDTH, 2e-3).unwrap();
-        let poses = (0..60).map(|k| moved.pose(contact(k, 2e-4)));
+        let poses = (0..400).map(|k| moved.pose(contact(k, 2e-4)));
         let [force, torque] = off_differences(&sum, poses, [5e-7; 2]);
-        assert!(force < 1e-3 && torque < 2e-3, "{shape:?}: {force} {torque}");
+        println!("{i}: {force:.2e} {torque:.2e}");
+        assert!(force < 1e-3 && torque < 2e-3, "{i}: {force} {torque}");
     }
 }
 
@@ -261,7 +263,7 @@ fn slopes_at_crossing_edges_are_those_of_differences() {
         moved.pose(Pose(turn, DVec3::X * 0.0135 + beside))
     });
     let [force, torque] = off_differences(&sum, poses, [1e-6, 4e-6]);
-    assert!(force < 1.5e-3 && torque < 1.5e-3, "{force} {torque}");
+    assert!(force < 1.5e-3 && torque < 2.5e-3, "{force} {torque}");
 }
 
 /// A finely cut hole is the same cylinder, and not slower in kind: as many sheets are seen.

@@ -11,6 +11,9 @@ const NEAR: f64 = 0.5;
 /// How far points may be off that are dropped from where ever a border is seen, per reach.
 const THIN: f64 = 5e-4;
 
+/// Cosine of the angle by which a chain turns where it has no corner, at most.
+const STRAIGHT: f64 = 0.8;
+
 /// Arcs are bent by at least and at most this much per reach.
 const LEAST_BEND: f64 = 0.01;
 const MOST_BEND: f64 = 0.45;
@@ -18,8 +21,8 @@ const MOST_BEND: f64 = 0.45;
 /// Looks at every point of a chain on average, at most; a chain that takes more stays.
 const MOST_LOOKS: usize = 100;
 
-/// The points of a chain that are kept in its own plane, its ends among them, where `about` is where
-/// it should be true.
+/// A chain in its own plane in fewer pieces, between the same ends, where `about` is where it should
+/// be true: as much lies to either side of each piece, but at corners.
 pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     let at = |k: usize| chain[k].extend(0.0);
     // A point far away takes with it the long sides that it ends, which may pass near by.
@@ -27,10 +30,42 @@ pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     let sides: Vec<f64> = sides.collect();
     let allowed = |k: usize| sides[k - 1].min(sides[k]);
     let off = |k, from, to| off(at(k), at(from), at(to)) / allowed(k);
-    kept(chain.len(), off)
-        .into_iter()
-        .map(|k| chain[k])
-        .collect()
+    let kept = kept(chain.len(), off);
+    if kept.len() == chain.len() {
+        return chain.to_vec();
+    }
+    let aside: Vec<DVec2> = kept
+        .windows(2)
+        .map(|w| aside(&chain[w[0]..=w[1]]))
+        .collect();
+    let mut found: Vec<DVec2> = kept.iter().map(|k| chain[*k]).collect();
+    for (i, w) in kept.windows(3).enumerate() {
+        let [a, b, c] = [w[0], w[1], w[2]].map(|k| chain[k]);
+        if (b - a).dot(c - b) > STRAIGHT * a.distance(b) * b.distance(c) {
+            let both = 0.5 * (aside[i] + aside[i + 1]);
+            found[i + 1] += both.clamp_length_max(0.5 * allowed(w[1]));
+        }
+    }
+    found
+}
+
+/// How far a chain is from the way between its ends, on average.
+fn aside(chain: &[DVec2]) -> DVec2 {
+    let [from, .., to] = *chain else {
+        return DVec2::ZERO;
+    };
+    let sides = chain.windows(2);
+    let area: f64 = sides
+        .map(|s| 0.5 * (s[1] - from).perp_dot(s[0] - from))
+        .sum();
+    let way = to - from;
+    let across = way.perp() / way.length_squared();
+    // Not where both ends are one.
+    if across.is_finite() {
+        area * across
+    } else {
+        DVec2::ZERO
+    }
 }
 
 /// Which points of a chain are kept so that none is more than [`THIN`] times `reach` off.
@@ -162,4 +197,55 @@ pub(super) fn chained(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
         }
     }
     chains
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(chain: &[DVec2]) -> f64 {
+        chain.windows(2).map(|w| 0.5 * w[0].perp_dot(w[1])).sum()
+    }
+
+    /// The long side of a plate's corner far away passes near by, whatever may be dropped there.
+    #[test]
+    fn far_corners_do_not_move_sides_near_by() {
+        let about = DVec2::ZERO;
+        let rim = (0..40).map(|i| DVec2::from_angle(0.02 * f64::from(i)) * 4.0 - DVec2::X * 4.1);
+        let rim: Vec<DVec2> = rim.map(|p| p + DVec2::Y * 4.0).rev().collect();
+        let chain = [&rim[..], &[DVec2::new(-0.1, -4.0), DVec2::new(-3.0, -4.2)]].concat();
+        let found = straightened(&chain, about);
+        assert!(found.len() < chain.len() / 2, "{found:?}");
+        let sides = found.windows(2).map(|w| nearest(w, about).length());
+        let near = sides.fold(f64::INFINITY, f64::min);
+        assert!((near - 0.1).abs() < OFF, "{near}: {found:?}");
+    }
+
+    /// Neither more nor less than before is to one side of an arc, and its ends stay.
+    #[test]
+    fn pieces_of_an_arc_hold_as_much() {
+        for bend in [0.3, 0.8, 2.0] {
+            let at = |i: u32| DVec2::from_angle(0.016 * f64::from(i) * bend) / bend;
+            let chain: Vec<DVec2> = (0..150).map(at).collect();
+            let found = straightened(&chain, at(75));
+            assert_eq!(found.first(), chain.first());
+            assert_eq!(found.last(), chain.last());
+            let inscribed: Vec<DVec2> = found.iter().map(|p| p.normalize() / bend).collect();
+            let off = [&found, &inscribed].map(|c| area(c) / area(&chain) - 1.0);
+            assert!(found.len() < chain.len() / 4, "{}", found.len());
+            assert!(off[0].abs() < 0.4 * off[1].abs(), "{bend}: {off:?}");
+        }
+    }
+
+    #[test]
+    fn points_that_are_one_are_left_where_they_are() {
+        let dot = [DVec2::ONE; 9];
+        let ring: Vec<DVec2> = (0..=12)
+            .map(|i| DVec2::from_angle(f64::from(i % 12) / 12.0 * 6.283_185_307_179_586) * 1e-3)
+            .collect();
+        for chain in [&dot[..], &ring] {
+            let found = straightened(chain, DVec2::ZERO);
+            assert!(found.iter().all(|p| p.is_finite()), "{found:?}");
+        }
+    }
 }

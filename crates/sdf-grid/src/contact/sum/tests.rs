@@ -230,19 +230,22 @@ fn off_differences(
 /// borders.
 #[test]
 fn slopes_are_those_of_differences() {
-    let round = || {
-        let socket = shapes::cylinder(0.012, 0.02, 96).unwrap();
-        (socket, shapes::icosphere(0.006, 12).unwrap())
-    };
     let pairs = PegInHole::ALL.map(|s| s.pair(2e-4).unwrap());
-    for (i, pair) in pairs.into_iter().chain([round()]).enumerate() {
+    let ball = shapes::icosphere(0.01, 16).unwrap();
+    let round = [
+        (pairs[0].0.clone(), ball.clone()),
+        (ball, pairs[0].1.clone()),
+    ];
+    for (i, pair) in pairs.into_iter().chain(round).enumerate() {
         let moved = Moved::new(pair);
         let [a, b] = &moved.parts;
         let sum = ContactSum::new(a, b, 1.2 * WIDTH, 2e-3).unwrap();
         let poses = (0..400).map(|k| moved.pose(contact(k, 2e-4)));
         let [force, torque] = off_differences(&sum, poses, [5e-7; 2]);
         println!("{i}: {force:.2e} {torque:.2e}");
-        assert!(force < 1e-3 && torque < 2e-3, "{i}: {force} {torque}");
+        // A ball is pushed by little, and is a torus that is found anew from each cell.
+        let [most, turned] = if i < 3 { [6e-4; 2] } else { [6e-3, 1e-2] };
+        assert!(force < most && torque < turned, "{i}: {force} {torque}");
     }
 }
 

@@ -59,9 +59,36 @@ pub fn read_folder(folder: &str) -> Outcome<Vec<(String, TriangleMesh)>> {
     Ok(parts)
 }
 
+/// The paper's round pair at `clearance` (metres) with circles of `count` / 4 facets, as wide as
+/// those of [`PegInHole::Circular`] on average.
+///
+/// # Errors
+/// If the shape is refused.
+pub fn round_pair(clearance: f64, count: usize) -> Outcome<[TriangleMesh; 2]> {
+    let segments = (count / 4).max(3);
+    let turn = 2.0 * std::f64::consts::PI / segments as f64;
+    let coarse = 2.0 * std::f64::consts::PI / f64::from(PegInHole::SEGMENTS);
+    let same = (coarse.sin() / coarse).sqrt();
+    let circle = |radius: f64| {
+        let at = |i| same * radius * DVec2::from_angle(turn * i as f64);
+        (0..segments).map(at).collect::<Vec<_>>()
+    };
+    let half = 0.5 * PegInHole::BLOCK;
+    let outline = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    let outline = outline.map(|(x, y)| half * DVec2::new(x, y));
+    let hole = [circle(PegInHole::RADIUS + clearance)];
+    Ok([
+        shapes::prism(&outline, &hole, PegInHole::HEIGHT)?,
+        shapes::prism(&circle(PegInHole::RADIUS), &[], PegInHole::HEIGHT)?,
+    ])
+}
+
 /// `mesh` with every edge longer than some length halved, and again, until it has `count`
 /// triangles or more.
-fn refined(mesh: &TriangleMesh, count: usize) -> Outcome<TriangleMesh> {
+///
+/// # Errors
+/// If the mesh is refused.
+pub fn refined(mesh: &TriangleMesh, count: usize) -> Outcome<TriangleMesh> {
     let mut vertices = mesh.vertices().to_vec();
     let mut triangles = mesh.triangles().to_vec();
     let mut longest = mesh.bounds().diagonal();

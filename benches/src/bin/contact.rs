@@ -1,12 +1,13 @@
 //! Accuracy where parts touch: `contact [--quick] [--out DIR] [pair=NAME]... [clearance=MM]...
-//! [spacing=MM]... [smoothing=CELLS]... [points=N]... [step=DEGREES]...`.
+//! [spacing=MM]... [smoothing=CELLS]... [points=N]... [step=DEGREES]... [triangles=N]...`.
 //!
 //! Energies, forces and torques at random poses and in contact, of cell averages and of smoothed
 //! densities with their contact sum, for parts as they are, shifted by fractions of a cell, and
 //! turned, all against the truths in `benches/truths` (`truth --write`), which know no lattice.
 //! Smoothed densities are read directly, by all points or the most of them, and from tables of
-//! rotations a step apart. `--quick`: at the default spacing only. Without names, all pairs whose
-//! truths are kept.
+//! rotations a step apart. With `triangles`, the same solids in so many, and the round pair with
+//! circles of so many facets, are read directly instead. `--quick`: at the default spacing only.
+//! Without names, all pairs whose truths are kept.
 
 use std::time::Instant;
 
@@ -17,10 +18,10 @@ use fft_correlate::{
 use pegfit_benches::frames::Frame;
 use pegfit_benches::table::{Table, percent, significant};
 use pegfit_benches::truths::{BALL, Parts, REACH, Truths};
-use pegfit_benches::{Arguments, Outcome, response_errors, rms};
+use pegfit_benches::{Arguments, Outcome, meshes, response_errors, rms};
 use rayon::prelude::*;
-use sdf_grid::Silent;
 use sdf_grid::shapes::PegInHole;
+use sdf_grid::{Silent, TriangleMesh};
 
 /// What is measured.
 struct Plan {
@@ -29,6 +30,7 @@ struct Plan {
     spacings: Vec<f64>,
     smoothings: Vec<f64>,
     sources: Vec<Source>,
+    triangles: Vec<usize>,
     /// Whether pairs were named: else those whose truth is not kept are left out.
     asked: bool,
 }
@@ -41,6 +43,7 @@ impl Plan {
             spacings: Vec::new(),
             smoothings: Vec::new(),
             sources: vec![Source::All],
+            triangles: Vec::new(),
             asked: false,
         };
         for word in &arguments.rest {
@@ -54,6 +57,7 @@ impl Plan {
                 Some(("spacing", mm)) => plan.spacings.push(mm.parse()?),
                 Some(("smoothing", cells)) => plan.smoothings.push(cells.parse()?),
                 Some(("points", n)) => plan.sources.push(Source::Points(n.parse()?)),
+                Some(("triangles", n)) => plan.triangles.push(n.parse()?),
                 Some(("step", degrees)) => plan.sources.push(Source::Table(degrees.parse()?)),
                 _ => return Err(format!("unknown {word}").into()),
             }
@@ -148,9 +152,23 @@ struct Found {
 }
 
 impl Case {
-    fn found(&self, scheme: Scheme, frame: &Frame) -> Outcome<Found> {
+    /// The parts in so many triangles, by what they are called: the same solids, and with circles of
+    /// as many facets.
+    fn cut(&self, count: usize) -> Outcome<Vec<(String, [TriangleMesh; 2])>> {
+        let [hole, peg] = &self.parts.meshes;
+        let same = [meshes::refined(hole, count)?, meshes::refined(peg, count)?];
+        let mut cut = vec![(format!("{count} triangles"), same)];
+        if self.parts.which == PegInHole::Circular {
+            let round = meshes::round_pair(1e-3 * self.parts.clearance, count)?;
+            cut.push((format!("{count} triangles, more facets"), round));
+        }
+        Ok(cut)
+    }
+
+    /// By a scheme of the parts, in a frame.
+    fn found(&self, parts: &[TriangleMesh; 2], scheme: Scheme, frame: &Frame) -> Outcome<Found> {
         let began = Instant::now();
-        let [hole, peg] = self.parts.meshes.each_ref().map(|m| frame.part(m));
+        let [hole, peg] = parts.each_ref().map(|m| frame.part(m));
         let builder = PairBuilder {
             spacing: Some(scheme.spacing),
             halo: Some(self.parts.halo),
@@ -214,7 +232,11 @@ fn main() -> Outcome<()> {
         error is the rms of its four. Truth: how far each of two truths is from their mean, which \
         the others are held to. Beside own: the largest difference at any pose from the same scheme \
         with both parts as they are, of the depth.";
-    let mut table = Table::new("contact", "Accuracy where parts touch", about, &COLUMNS);
+    let (key, title) = match plan.triangles.is_empty() {
+        true => ("contact", "Accuracy where parts touch"),
+        false => ("contact-triangles", "The same, finely cut"),
+    };
+    let mut table = Table::new(key, title, about, &COLUMNS);
     for &which in &plan.pairs {
         for &mm in &plan.clearances {
             let parts = Parts::new(which, mm)?;
@@ -261,19 +283,32 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
         ("shifted", Frame::shifted()),
         ("turned", Frame::turned()),
     ];
+    let whole = (String::new(), case.parts.meshes.clone());
+    let mut runs = Vec::new();
     for scheme in schemes(plan) {
+        let direct = scheme.smoothing.is_some() && matches!(scheme.source, Source::All);
+        if plan.triangles.is_empty() {
+            runs.push((scheme, whole.clone()));
+        } else if direct {
+            for count in &plan.triangles {
+                runs.extend(case.cut(*count)?.into_iter().map(|cut| (scheme, cut)));
+            }
+        }
+    }
+    for (scheme, (cut, parts)) in &runs {
         let mut own: Option<[Vec<Response>; 2]> = None;
         for (name, frame) in &frames {
-            let found = case.found(scheme, frame)?;
+            let found = case.found(parts, *scheme, frame)?;
             let beside = own.as_ref().map_or_else(dash, |own| {
                 let pairs = own.iter().flatten().zip(found.responses.iter().flatten());
                 let off = pairs.map(|(a, b)| (a.energy - b.energy).abs());
                 percent(off.fold(0.0, f64::max) / depth)
             });
+            let source = [scheme.source.name(), cut.clone()];
             let names = [
                 significant(1e3 * scheme.spacing, 2),
                 scheme.smoothing.map_or("none".into(), |s| format!("{s}")),
-                scheme.source.name(),
+                source[..if cut.is_empty() { 1 } else { 2 }].join(", "),
                 (*name).to_owned(),
                 significant(found.built, 2),
                 significant(1e6 * found.each, 3),

@@ -75,10 +75,11 @@ pub(crate) const SECTIONS: [Section; 13] = [
         title: "Where parts touch",
         about: "Energies and wrenches at random poses and in contact, of parts as they are, shifted \
             by fractions of a cell, and turned; cell averages beside smoothed densities with their \
-            sum over both surfaces, all against a reference that knows no lattice.",
+            sum over both surfaces, all against a reference that knows no lattice; and the same \
+            solids in many triangles.",
         program: "contact",
-        quick: &[&[]],
-        full: &[&[]],
+        quick: &[&[], CUT],
+        full: &[&[], CUT],
         parts: None,
         needs_parts: false,
     },
@@ -182,3 +183,11 @@ mod tests {
         }
     }
 }
+
+/// Finely cut parts, of `contact`.
+const CUT: &[&str] = &[
+    "clearance=0.1",
+    "spacing=0.83",
+    "triangles=10000",
+    "triangles=100000",
+];

@@ -74,6 +74,11 @@ impl Assembly {
     /// How far a pose is from the assembled one, up to motions of the moving part onto itself
     /// (`group`, its frame) and the slide: of `pivot` (metres), and the angle (radians).
     pub fn miss(&self, pose: &Pose, group: &[Pose], pivot: DVec3) -> (f64, f64) {
+        self.nearest(pose, group, pivot).1
+    }
+
+    /// The pose among those that are the assembled one to which another is nearest, and how far it is.
+    pub fn nearest(&self, pose: &Pose, group: &[Pose], pivot: DVec3) -> (Pose, (f64, f64)) {
         let axes = &self.axes;
         let round = axes.iter().find(|a| a.order == SymmetryOrder::Continuous);
         let miss = |seat: &Pose| {
@@ -86,11 +91,12 @@ impl Assembly {
             };
             let mut away = pose.apply(pivot) - seat.apply(pivot);
             away.z -= away.z.clamp(self.slide[0], self.slide[1]);
-            (away.length(), angle)
+            (*seat, (away.length(), angle))
         };
+        let far = |(_, (distance, angle)): &(Pose, (f64, f64))| distance + 0.02 * angle;
         let misses = group.iter().map(miss);
-        let nearest = misses.min_by(|a, b| (a.0 + 0.02 * a.1).total_cmp(&(b.0 + 0.02 * b.1)));
-        nearest.unwrap_or((f64::INFINITY, f64::INFINITY))
+        let nearest = misses.min_by(|a, b| far(a).total_cmp(&far(b)));
+        nearest.unwrap_or((Pose::IDENTITY, (f64::INFINITY, f64::INFINITY)))
     }
 }
 

@@ -31,6 +31,15 @@ const SAME: (f64, f64) = (0.035, 5e-4);
 /// A pose is as deep as the deepest within this share.
 const AS_DEEP: f64 = 0.01;
 
+/// A pose from which nothing on the way to the modelled one is shallower by more than this share of
+/// its depth is the same one, leaning or turned in its play.
+const PLAY: f64 = 0.1;
+
+/// Poses on that way that are looked at, and how far the play goes at most: angle, radians, and
+/// distance of the pivots, metres.
+const LOOKS: u32 = 12;
+const MOST_PLAY: (f64, f64) = (0.2, 1e-3);
+
 /// Points of the evaluator that goes downhill before the full one.
 const MERGED: usize = 40_000;
 
@@ -154,7 +163,8 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
 const ABOUT: &str = "Fixed and moving part as they are, shifted by fractions of a cell, turned \
     together, the moving part turned alone, each turned by itself, then docked. First, among five: \
     starts whose first pose, or one of the first five, is the modelled one up to the part's symmetry \
-    and the play of a slide, pivots within 0.5 mm and rotations within 2 degrees. Deepest: starts \
+    and the play of a slide, pivots within 0.5 mm and rotations within 2 degrees, or leaning or turned \
+    in its play, where nothing on the way to it is shallower by more than a tenth. Deepest: starts \
     whose first pose is as deep, within 1 %, as the modelled one and all others returned, each gone \
     downhill on half the spacing. Fit: the depth of the modelled pose as a share of the first one's, \
     the median. Worst distance and angle of the best of the first five from the modelled pose. \
@@ -238,6 +248,20 @@ impl Truth {
         debug_assert!(self.pair.displacement(&pose).is_finite());
         full.evaluate_full(&pose).response.energy
     }
+
+    /// Whether two poses of the parts as they were are one in its play: on the way that turns about
+    /// `pivot` and leads it along a line.
+    fn play(&self, a: &Pose, b: &Pose, pivot: DVec3) -> bool {
+        let full = &self.sources[1];
+        let at = |i: u32| {
+            let share = f64::from(i) / f64::from(LOOKS);
+            let rotation = a.rotation.slerp(b.rotation, share);
+            let place = a.apply(pivot).lerp(b.apply(pivot), share);
+            Pose::new(rotation, place - rotation * pivot)
+        };
+        let energy = |p: Pose| full.evaluate_full(&self.frame.pose(&p)).response.energy;
+        (0..=LOOKS).all(|i| energy(at(i)) <= (1.0 - PLAY) * self.fit)
+    }
 }
 
 /// What one start came to.
@@ -305,18 +329,24 @@ fn dock(pair: &Assembly, kind: Kind, seed: u64, truth: &mut Option<Truth>) -> Ou
     let own = |pose: &Pose| fixed.inverse() * *pose * moving;
     let poses: Vec<Pose> = report.poses.iter().map(|p| own(&p.found.pose)).collect();
     let misses: Vec<_> = poses.iter().map(|p| pair.miss(p, &group, pivot)).collect();
-    let is_fit = |m: &(f64, f64)| m.0 < SAME.1 && m.1 < SAME.0;
+    let fits: Vec<bool> = (poses.iter().zip(&misses).enumerate())
+        .map(|(i, (pose, miss))| {
+            let near = |of: (f64, f64)| miss.0 < of.1 && miss.1 < of.0;
+            let seat = pair.nearest(pose, &group, pivot).0;
+            near(SAME) || (i < 5 && near(MOST_PLAY) && truth.play(pose, &seat, pivot))
+        })
+        .collect();
     let far = |m: &(f64, f64)| m.0 + 0.02 * m.1;
     let best = (misses.iter().take(5)).min_by(|a, b| far(a).total_cmp(&far(b)));
     let depths: Vec<f64> = poses.iter().take(3).map(|p| truth.depth(p)).collect();
     let deepest = depths.iter().copied().fold(truth.fit, f64::min);
     Ok(Start {
-        rank: misses.iter().position(is_fit).map(|i| i + 1),
+        rank: fits.iter().position(|f| *f).map(|i| i + 1),
         miss: *best.ok_or("no pose")?,
         first: misses[0],
         deepest: depths[0] <= (1.0 - AS_DEEP) * deepest,
         fit: truth.fit / depths[0],
-        ranked_first: ranked_first(&report, &misses.iter().map(is_fit).collect::<Vec<_>>()),
+        ranked_first: ranked_first(&report, &fits),
         poses: (report.poses.iter().zip(&misses).take(5))
             .map(|(p, m)| [m.0, m.1, p.depth, p.mating_area])
             .collect(),

@@ -1,5 +1,7 @@
 //! Descent of an energy source to the nearest minimum.
 
+use std::collections::VecDeque;
+
 use glam::{DQuat, DVec3};
 
 use crate::energy::{EnergySource, Scratch};
@@ -23,33 +25,121 @@ pub struct Descent {
 /// Turn about the pivot times the radius, then displacement of the pivot, metres.
 type Vec6 = [f64; 6];
 
+/// Slopes within this of a pose tell which ways lead along a valley's floor, and how long a first
+/// step along it is, in units of the longest step.
+const NEAR: f64 = 0.1;
+
+/// Slopes that are remembered.
+const SLOPES: usize = 24;
+
+/// How many shortest means one after the other may not lead down.
+const LOOKS: u8 = 3;
+
+/// Steps towards the shortest mean of slopes.
+const SHORTENED: usize = 300;
+
+/// Against which slope a step goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// The last one, by the metric.
+    Metric,
+    /// The last one.
+    Steepest,
+    /// The shortest mean of those near by (Wolfe 1975; Lemaréchal 1978), which did not lead down so
+    /// many times: every time more are known.
+    Floor(u8),
+}
+
+/// The last slopes that were met.
+#[derive(Default)]
+struct Slopes(VecDeque<(Pose, Vec6)>);
+
+impl Slopes {
+    fn push(&mut self, at: Pose, slope: Vec6) {
+        if self.0.len() == SLOPES {
+            self.0.pop_front();
+        }
+        self.0.push_back((at, slope));
+    }
+
+    /// The shortest vector in the convex hull of those that are near, by moving weight from the one
+    /// that is farthest ahead to the one farthest behind (Mitchell, Demyanov and Malozemov 1974).
+    fn shortest(&self, near: impl Fn(&Pose) -> bool) -> Vec6 {
+        let near = self.0.iter().filter(|(p, _)| near(p));
+        let slopes: Vec<&Vec6> = near.map(|(_, s)| s).collect();
+        let Some((last, before)) = slopes.split_last() else {
+            return [0.0; 6];
+        };
+        let mut weights = vec![0.0; before.len()];
+        weights.push(1.0);
+        let mut mean = **last;
+        for _ in 0..SHORTENED {
+            let along: Vec<f64> = slopes.iter().map(|s| dot(s, &mean)).collect();
+            let by = |a: &usize, b: &usize| along[*a].total_cmp(&along[*b]);
+            let held = (0..slopes.len()).filter(|i| weights[*i] > 0.0);
+            let ends = [(0..slopes.len()).min_by(by), held.max_by(by)];
+            let [Some(behind), Some(ahead)] = ends else {
+                break;
+            };
+            let change: Vec6 = std::array::from_fn(|i| slopes[behind][i] - slopes[ahead][i]);
+            let gain = along[ahead] - along[behind];
+            if gain <= 1e-6 * dot(&mean, &mean) {
+                break;
+            }
+            let share = (gain / dot(&change, &change)).min(weights[ahead]);
+            weights[ahead] -= share;
+            weights[behind] += share;
+            mean = std::array::from_fn(|i| mean[i] + share * change[i]);
+        }
+        mean
+    }
+}
+
 impl Descent {
     /// The lowest pose reached from `start` and its energy, joules; never higher than at `start`.
     ///
     /// A quasi-Newton descent (BFGS) on the source's own wrench with a backtracking line search. At
-    /// zero clearance the energy is V-shaped; there the search still descends, and ends when no
-    /// step longer than `last_step` does.
+    /// zero clearance the energy is V-shaped, and slopes on either side of a valley's floor lead
+    /// across it: where neither they nor the steepest way lead down, the way goes on against the
+    /// shortest mean of the slopes found near by, along the floor. It ends when no step longer than
+    /// `last_step` leads down.
     pub fn run(&self, source: &dyn EnergySource, start: &Pose) -> (Pose, f64) {
         let mut scratch = source.scratch();
         let (mut pose, mut energy, mut slope) = self.at(source, *start, &mut scratch);
         let mut metric = Metric::identity();
         let mut reach = self.first_step;
-        let mut restarted = true;
+        let mut way = Way::Steepest;
+        let mut met = Slopes::default();
+        met.push(pose, slope);
+        let mut near = NEAR * self.first_step;
         for _ in 0..self.max_steps {
-            let mut direction = metric.apply(&slope).map(|d| -d);
-            if dot(&direction, &slope) >= 0.0 {
+            let mut direction = match way {
+                Way::Metric => metric.apply(&slope),
+                Way::Steepest => slope,
+                Way::Floor(_) => met.shortest(|p| self.apart(&pose, p) <= near),
+            };
+            if way == Way::Metric && dot(&direction, &slope) <= 0.0 {
                 metric = Metric::identity();
-                direction = slope.map(|s| -s);
+                direction = slope;
             }
+            direction = direction.map(|d| -d);
             let length = dot(&direction, &direction).sqrt();
             if length == 0.0 || !length.is_finite() {
                 break;
             }
-            // The first step along a gradient has no natural length; later ones are near 1.
-            let mut t = if restarted {
-                reach / length
-            } else {
-                (4.0 * reach / length).min(1.0)
+            // Slopes near by hold one another: the bottom is as near.
+            if matches!(way, Way::Floor(_)) && length * length < 1e-12 * dot(&slope, &slope) {
+                near *= 0.25;
+                if near < self.last_step {
+                    break;
+                }
+                continue;
+            }
+            // A step along slopes has no natural length; others are near 1.
+            let mut t = match way {
+                Way::Metric => (4.0 * reach / length).min(1.0),
+                Way::Steepest => reach / length,
+                Way::Floor(_) => reach.max(near) / length,
             };
             let descent = dot(&direction, &slope);
             let next = loop {
@@ -58,6 +148,7 @@ impl Descent {
                 }
                 let trial = self.moved(&pose, &direction.map(|d| t * d));
                 let trial = self.at(source, trial, &mut scratch);
+                met.push(trial.0, trial.2);
                 if trial.1 <= energy + 1e-4 * t * descent {
                     break Some(trial);
                 }
@@ -68,16 +159,29 @@ impl Descent {
                     let step = direction.map(|d| t * d);
                     metric.update(&step, &std::array::from_fn(|i| s[i] - slope[i]));
                     reach = (2.0 * t * length).clamp(2.0 * self.last_step, self.first_step);
-                    (pose, energy, slope, restarted) = (p, e, s, false);
+                    (pose, energy, slope) = (p, e, s);
+                    way = match way {
+                        Way::Floor(_) => Way::Floor(0),
+                        _ => Way::Metric,
+                    };
                 }
-                None if restarted => break,
                 None => {
+                    way = match way {
+                        Way::Metric => Way::Steepest,
+                        Way::Steepest => Way::Floor(0),
+                        Way::Floor(looks) if looks < LOOKS => Way::Floor(looks + 1),
+                        Way::Floor(_) => break,
+                    };
                     metric = Metric::identity();
-                    restarted = true;
                 }
             }
         }
         (pose, energy)
+    }
+
+    /// How far one pose is from another: of the pivot, and of the part's rim, metres.
+    fn apart(&self, a: &Pose, b: &Pose) -> f64 {
+        a.apply(self.pivot).distance(b.apply(self.pivot)) + self.radius * a.angle_to(b)
     }
 
     /// A pose this far from `start`, metres, in a direction that is special to no part.
@@ -196,6 +300,54 @@ mod tests {
                 },
                 coverage: 1.0,
             }
+        }
+    }
+
+    /// A floor along a slanting direction between walls that meet in an edge.
+    struct Flush(DQuat);
+
+    impl EnergySource for Flush {
+        fn scratch(&self) -> Scratch {
+            Scratch::default()
+        }
+
+        fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+            let d = self.0.inverse() * pose.translation;
+            let turn = pose.rotation.to_scaled_axis();
+            let force = -DVec3::new(30.0 * d.x.signum(), 20.0 * d.y.signum(), 40.0 * d.z);
+            Response {
+                energy: 30.0 * d.x.abs() + 20.0 * d.y.abs() + 20.0 * d.z * d.z + turn.length(),
+                wrench: Wrench {
+                    torque: -turn.normalize_or_zero(),
+                    force: self.0 * force,
+                },
+                coverage: 1.0,
+            }
+        }
+    }
+
+    /// As where walls are exactly flush: the floor falls by a thousandth of what its walls do.
+    #[test]
+    fn goes_on_along_the_floor_of_a_valley() {
+        for turn in [
+            DVec3::ZERO,
+            DVec3::new(0.4, -0.9, 0.3),
+            DVec3::new(1.3, 0.2, -2.0),
+        ] {
+            let source = Flush(DQuat::from_scaled_axis(turn));
+            let descent = Descent {
+                pivot: DVec3::ZERO,
+                radius: 0.01,
+                first_step: 1e-3,
+                last_step: 5e-6,
+                max_steps: 60,
+            };
+            let at = source.0 * DVec3::new(2e-4, -3e-4, 1.5e-3);
+            let start = Pose::new(DQuat::from_rotation_y(0.01), at);
+            let (pose, _) = descent.run(&source, &start);
+            let off = source.0.inverse() * pose.translation;
+            println!("{off}");
+            assert!(off.length() < 1e-4, "{turn}: {off}");
         }
     }
 

@@ -20,6 +20,7 @@ mod scan;
 mod score;
 pub(crate) mod search;
 pub(crate) mod sketch;
+mod slopes;
 mod state;
 pub(crate) mod told;
 mod weights;

@@ -1,9 +1,8 @@
 //! Descent of an energy source to the nearest minimum.
 
-use std::collections::VecDeque;
-
 use glam::{DQuat, DVec3};
 
+use super::slopes::{Slopes, Vec6, dot};
 use crate::energy::{EnergySource, Scratch};
 use crate::geometry::se3::Pose;
 
@@ -22,21 +21,15 @@ pub struct Descent {
     pub max_steps: usize,
 }
 
-/// Turn about the pivot times the radius, then displacement of the pivot, metres.
-type Vec6 = [f64; 6];
-
 /// Slopes within this of a pose tell which ways lead along a valley's floor, and how long a first
 /// step along it is, in units of the longest step.
 const NEAR: f64 = 0.1;
 
-/// Slopes that are remembered.
-const SLOPES: usize = 24;
-
 /// How many shortest means one after the other may not lead down.
 const LOOKS: u8 = 3;
 
-/// Steps towards the shortest mean of slopes.
-const SHORTENED: usize = 300;
+/// The square of a mean that is none, per that of a slope.
+const HELD: f64 = 1e-12;
 
 /// Against which slope a step goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,51 +43,6 @@ enum Way {
     Floor(u8),
 }
 
-/// The last slopes that were met.
-#[derive(Default)]
-struct Slopes(VecDeque<(Pose, Vec6)>);
-
-impl Slopes {
-    fn push(&mut self, at: Pose, slope: Vec6) {
-        if self.0.len() == SLOPES {
-            self.0.pop_front();
-        }
-        self.0.push_back((at, slope));
-    }
-
-    /// The shortest vector in the convex hull of those that are near, by moving weight from the one
-    /// that is farthest ahead to the one farthest behind (Mitchell, Demyanov and Malozemov 1974).
-    fn shortest(&self, near: impl Fn(&Pose) -> bool) -> Vec6 {
-        let near = self.0.iter().filter(|(p, _)| near(p));
-        let slopes: Vec<&Vec6> = near.map(|(_, s)| s).collect();
-        let Some((last, before)) = slopes.split_last() else {
-            return [0.0; 6];
-        };
-        let mut weights = vec![0.0; before.len()];
-        weights.push(1.0);
-        let mut mean = **last;
-        for _ in 0..SHORTENED {
-            let along: Vec<f64> = slopes.iter().map(|s| dot(s, &mean)).collect();
-            let by = |a: &usize, b: &usize| along[*a].total_cmp(&along[*b]);
-            let held = (0..slopes.len()).filter(|i| weights[*i] > 0.0);
-            let ends = [(0..slopes.len()).min_by(by), held.max_by(by)];
-            let [Some(behind), Some(ahead)] = ends else {
-                break;
-            };
-            let change: Vec6 = std::array::from_fn(|i| slopes[behind][i] - slopes[ahead][i]);
-            let gain = along[ahead] - along[behind];
-            if gain <= 1e-6 * dot(&mean, &mean) {
-                break;
-            }
-            let share = (gain / dot(&change, &change)).min(weights[ahead]);
-            weights[ahead] -= share;
-            weights[behind] += share;
-            mean = std::array::from_fn(|i| mean[i] + share * change[i]);
-        }
-        mean
-    }
-}
-
 impl Descent {
     /// The lowest pose reached from `start` and its energy, joules; never higher than at `start`.
     ///
@@ -104,79 +52,16 @@ impl Descent {
     /// shortest mean of the slopes found near by, along the floor. It ends when no step longer than
     /// `last_step` leads down.
     pub fn run(&self, source: &dyn EnergySource, start: &Pose) -> (Pose, f64) {
-        let mut scratch = source.scratch();
-        let (mut pose, mut energy, mut slope) = self.at(source, *start, &mut scratch);
-        let mut metric = Metric::identity();
-        let mut reach = self.first_step;
-        let mut way = Way::Steepest;
-        let mut met = Slopes::default();
-        met.push(pose, slope);
-        let mut near = NEAR * self.first_step;
+        let mut downhill = Downhill::new(self, source, start);
         for _ in 0..self.max_steps {
-            let mut direction = match way {
-                Way::Metric => metric.apply(&slope),
-                Way::Steepest => slope,
-                Way::Floor(_) => met.shortest(|p| self.apart(&pose, p) <= near),
+            let Some((direction, longest)) = downhill.direction() else {
+                break;
             };
-            if way == Way::Metric && dot(&direction, &slope) <= 0.0 {
-                metric = Metric::identity();
-                direction = slope;
-            }
-            direction = direction.map(|d| -d);
-            let length = dot(&direction, &direction).sqrt();
-            if length == 0.0 || !length.is_finite() {
+            if !downhill.step(&direction, longest) {
                 break;
             }
-            // Slopes near by hold one another: the bottom is as near.
-            if matches!(way, Way::Floor(_)) && length * length < 1e-12 * dot(&slope, &slope) {
-                near *= 0.25;
-                if near < self.last_step {
-                    break;
-                }
-                continue;
-            }
-            // A step along slopes has no natural length; others are near 1.
-            let mut t = match way {
-                Way::Metric => (4.0 * reach / length).min(1.0),
-                Way::Steepest => reach / length,
-                Way::Floor(_) => reach.max(near) / length,
-            };
-            let descent = dot(&direction, &slope);
-            let next = loop {
-                if t * length < self.last_step {
-                    break None;
-                }
-                let trial = self.moved(&pose, &direction.map(|d| t * d));
-                let trial = self.at(source, trial, &mut scratch);
-                met.push(trial.0, trial.2);
-                if trial.1 <= energy + 1e-4 * t * descent {
-                    break Some(trial);
-                }
-                t *= 0.4;
-            };
-            match next {
-                Some((p, e, s)) => {
-                    let step = direction.map(|d| t * d);
-                    metric.update(&step, &std::array::from_fn(|i| s[i] - slope[i]));
-                    reach = (2.0 * t * length).clamp(2.0 * self.last_step, self.first_step);
-                    (pose, energy, slope) = (p, e, s);
-                    way = match way {
-                        Way::Floor(_) => Way::Floor(0),
-                        _ => Way::Metric,
-                    };
-                }
-                None => {
-                    way = match way {
-                        Way::Metric => Way::Steepest,
-                        Way::Steepest => Way::Floor(0),
-                        Way::Floor(looks) if looks < LOOKS => Way::Floor(looks + 1),
-                        Way::Floor(_) => break,
-                    };
-                    metric = Metric::identity();
-                }
-            }
         }
-        (pose, energy)
+        (downhill.at.0, downhill.at.1)
     }
 
     /// How far one pose is from another: of the pivot, and of the part's rim, metres.
@@ -212,8 +97,110 @@ impl Descent {
     }
 }
 
-fn dot(a: &Vec6, b: &Vec6) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+/// A descent on its way.
+struct Downhill<'a> {
+    descent: &'a Descent,
+    source: &'a dyn EnergySource,
+    scratch: Scratch,
+    /// Pose, energy and slope.
+    at: (Pose, f64, Vec6),
+    way: Way,
+    metric: Metric,
+    /// Length of a step that may succeed, metres.
+    reach: f64,
+    met: Slopes,
+    /// Slopes within this are of the same valley, metres.
+    near: f64,
+}
+
+impl<'a> Downhill<'a> {
+    fn new(descent: &'a Descent, source: &'a dyn EnergySource, start: &Pose) -> Self {
+        let mut scratch = source.scratch();
+        let at = descent.at(source, *start, &mut scratch);
+        let mut met = Slopes::default();
+        met.push(at.0, at.2);
+        Self {
+            descent,
+            source,
+            scratch,
+            at,
+            way: Way::Steepest,
+            metric: Metric::identity(),
+            reach: descent.first_step,
+            met,
+            near: NEAR * descent.first_step,
+        }
+    }
+
+    /// Where to go, and the longest step as a share of it; none at the bottom.
+    fn direction(&mut self) -> Option<(Vec6, f64)> {
+        let (pose, _, slope) = &self.at;
+        let against = match self.way {
+            Way::Metric => self.metric.apply(slope),
+            Way::Steepest => *slope,
+            Way::Floor(_) => loop {
+                let near = |p: &Pose| self.descent.apart(pose, p) <= self.near;
+                let shortest = self.met.shortest(near);
+                if dot(&shortest, &shortest) >= HELD * dot(slope, slope) {
+                    break shortest;
+                }
+                // Slopes near by hold one another: the bottom is as near.
+                self.near *= 0.25;
+                if self.near < self.descent.last_step {
+                    return None;
+                }
+            },
+        };
+        let against = if self.way == Way::Metric && dot(&against, slope) <= 0.0 {
+            self.metric = Metric::identity();
+            *slope
+        } else {
+            against
+        };
+        let length = dot(&against, &against).sqrt();
+        // A step along slopes has no natural length; others are near 1.
+        let longest = match self.way {
+            Way::Metric => (4.0 * self.reach / length).min(1.0),
+            Way::Steepest => self.reach / length,
+            Way::Floor(_) => self.reach.max(self.near) / length,
+        };
+        (length > 0.0 && length.is_finite()).then(|| (against.map(|d| -d), longest))
+    }
+
+    /// Takes a step, or another way next time; false if there is none.
+    fn step(&mut self, direction: &Vec6, longest: f64) -> bool {
+        let length = dot(direction, direction).sqrt();
+        let (pose, energy, slope) = self.at;
+        let falls = dot(direction, &slope);
+        let mut t = longest;
+        while t * length >= self.descent.last_step {
+            let step = direction.map(|d| t * d);
+            let trial = self.descent.moved(&pose, &step);
+            let trial = self.descent.at(self.source, trial, &mut self.scratch);
+            self.met.push(trial.0, trial.2);
+            if trial.1 <= energy + 1e-4 * t * falls {
+                let change = std::array::from_fn(|i| trial.2[i] - slope[i]);
+                self.metric.update(&step, &change);
+                let [least, most] = [2.0 * self.descent.last_step, self.descent.first_step];
+                self.reach = (2.0 * t * length).clamp(least, most);
+                self.at = trial;
+                self.way = match self.way {
+                    Way::Floor(_) => Way::Floor(0),
+                    _ => Way::Metric,
+                };
+                return true;
+            }
+            t *= 0.4;
+        }
+        self.metric = Metric::identity();
+        self.way = match self.way {
+            Way::Metric => Way::Steepest,
+            Way::Steepest => Way::Floor(0),
+            Way::Floor(looks) if looks < LOOKS => Way::Floor(looks + 1),
+            Way::Floor(_) => return false,
+        };
+        true
+    }
 }
 
 /// Approximation of the inverse second derivatives.

@@ -206,7 +206,7 @@ impl Case {
     }
 }
 
-const COLUMNS: [&str; 16] = [
+const COLUMNS: [&str; 17] = [
     "pair",
     "clearance, mm",
     "spacing, mm",
@@ -222,6 +222,7 @@ const COLUMNS: [&str; 16] = [
     "in contact: energy, %",
     "force, %",
     "torque, %",
+    "torque, % of force times radius",
     "energy beside own, % of depth",
 ];
 
@@ -230,7 +231,8 @@ fn main() -> Outcome<()> {
     let plan = Plan::parse(&arguments)?;
     let about = "Relative to the range of the energy and the rms of force and torque; the wrench's \
         error is the rms of its four. Truth: how far each of two truths is from their mean, which \
-        the others are held to. Beside own: the largest difference at any pose from the same scheme \
+        the others are held to. Force times radius: of the section, 10 mm; the forces of a round peg \
+        pass near its axis, and its torques are small. Beside own: the largest difference at any pose from the same scheme \
         with both parts as they are, of the depth.";
     let (key, title) = match plan.triangles.is_empty() {
         true => ("contact", "Accuracy where parts touch"),
@@ -260,7 +262,15 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
     let errors = |found: &[Vec<Response>; 2]| {
         [0, 1].map(|n| response_errors(&case.parts.pair, &truths.poses[n], &mean[n], &found[n]))
     };
-    let mut row = |names: [String; 6], [random, contact]: [Vec<f64>; 2], beside: String| {
+    // Torques in contact, as a share of force times radius.
+    let levered = |found: &[Vec<Response>; 2]| {
+        let both = || found[1].iter().zip(&mean[1]);
+        let off = rms(both().map(|(a, b)| (a.wrench.torque - b.wrench.torque).length()));
+        let force = rms(both().map(|(_, b)| b.wrench.force.length()));
+        percent(off / (force * PegInHole::RADIUS))
+    };
+    let mut row = |names: [String; 6], found: &[Vec<Response>; 2], beside: String| {
+        let [random, contact] = errors(found);
         let wrench = rms(random[1..].iter().chain(&contact[1..]).copied());
         let shares = [wrench].into_iter().chain(random).chain(contact);
         let pair = [
@@ -268,13 +278,13 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
             case.parts.clearance.to_string(),
         ];
         let cells = pair.into_iter().chain(names).chain(shares.map(percent));
-        table.push(cells.chain([beside]));
+        table.push(cells.chain([levered(found), beside]));
     };
     // The mean of two truths is as far from either as they are from it.
     let dash = || "-".to_owned();
     row(
         [dash(), dash(), dash(), "truth".into(), dash(), dash()],
-        errors(&truths.own),
+        &truths.own,
         dash(),
     );
     let depth = mean.iter().flatten().map(|r| -r.energy).fold(0.0, f64::max);
@@ -313,7 +323,7 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
                 significant(found.built, 2),
                 significant(1e6 * found.each, 3),
             ];
-            row(names, errors(&found.responses), beside);
+            row(names, &found.responses, beside);
             own.get_or_insert(found.responses);
         }
     }

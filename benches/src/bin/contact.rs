@@ -231,9 +231,9 @@ fn main() -> Outcome<()> {
     let plan = Plan::parse(&arguments)?;
     let about = "Relative to the range of the energy and the rms of force and torque; the wrench's \
         error is the rms of its four. Truth: how far each of two truths is from their mean, which \
-        the others are held to. Force times radius: of the section, 10 mm; the forces of a round peg \
-        pass near its axis, and its torques are small. Beside own: the largest difference at any pose from the same scheme \
-        with both parts as they are, of the depth.";
+        the others are held to. Force times radius: of the section, 10 mm; the forces of a round \
+        peg pass near its axis, and its torques are small. Beside own: the largest difference at \
+        any pose from the same scheme with both parts as they are, of the depth.";
     let (key, title) = match plan.triangles.is_empty() {
         true => ("contact", "Accuracy where parts touch"),
         false => ("contact-triangles", "The same, finely cut"),

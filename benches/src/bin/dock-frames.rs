@@ -163,9 +163,9 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
 const ABOUT: &str = "Fixed and moving part as they are, shifted by fractions of a cell, turned \
     together, the moving part turned alone, each turned by itself, then docked. First, among five: \
     starts whose first pose, or one of the first five, is the modelled one up to the part's symmetry \
-    and the play of a slide, pivots within 0.5 mm and rotations within 2 degrees, or leaning or turned \
-    in its play, where nothing on the way to it is shallower by more than a tenth. Deepest: starts \
-    whose first pose is as deep, within 1 %, as the modelled one and all others returned, each gone \
+    and the play of a slide, pivots within 0.5 mm and rotations within 2 degrees, or leaning or \
+    turned in its play, where nothing on the way to it is shallower by more than a tenth. Deepest: \
+    starts whose first pose is as deep, within 1 %, as the modelled one and all others returned, each gone \
     downhill on half the spacing. Fit: the depth of the modelled pose as a share of the first one's, \
     the median. Worst distance and angle of the best of the first five from the modelled pose. \
     Median seconds.";

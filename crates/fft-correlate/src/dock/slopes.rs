@@ -41,8 +41,11 @@ impl Slopes {
         let mut weights = vec![0.0; before.len()];
         weights.push(1.0);
         let mut mean = **last;
+        let mut along = vec![0.0; slopes.len()];
         for _ in 0..STEPS {
-            let along: Vec<f64> = slopes.iter().map(|s| dot(s, &mean)).collect();
+            for (a, s) in along.iter_mut().zip(&slopes) {
+                *a = dot(s, &mean);
+            }
             let by = |a: &usize, b: &usize| along[*a].total_cmp(&along[*b]);
             let held = (0..slopes.len()).filter(|i| weights[*i] > 0.0);
             let ends = [(0..slopes.len()).min_by(by), held.max_by(by)];

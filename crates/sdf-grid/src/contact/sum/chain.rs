@@ -241,7 +241,7 @@ mod tests {
     fn points_that_are_one_are_left_where_they_are() {
         let dot = [DVec2::ONE; 9];
         let ring: Vec<DVec2> = (0..=12)
-            .map(|i| DVec2::from_angle(f64::from(i % 12) / 12.0 * 6.283_185_307_179_586) * 1e-3)
+            .map(|i| DVec2::from_angle(f64::from(i % 12) / 12.0 * std::f64::consts::TAU) * 1e-3)
             .collect();
         for chain in [&dot[..], &ring] {
             let found = straightened(chain, DVec2::ZERO);

@@ -164,6 +164,14 @@ pub(crate) const SECTIONS: [Section; 13] = [
     },
 ];
 
+/// Finely cut parts, of `contact`.
+const CUT: &[&str] = &[
+    "clearance=0.1",
+    "spacing=0.83",
+    "triangles=10000",
+    "triangles=100000",
+];
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -183,11 +191,3 @@ mod tests {
         }
     }
 }
-
-/// Finely cut parts, of `contact`.
-const CUT: &[&str] = &[
-    "clearance=0.1",
-    "spacing=0.83",
-    "triangles=10000",
-    "triangles=100000",
-];

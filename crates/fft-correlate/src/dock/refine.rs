@@ -333,7 +333,6 @@ mod tests {
             let start = Pose::new(DQuat::from_rotation_y(0.01), at);
             let (pose, _) = descent.run(&source, &start);
             let off = source.0.inverse() * pose.translation;
-            println!("{off}");
             assert!(off.length() < 1e-4, "{turn}: {off}");
         }
     }

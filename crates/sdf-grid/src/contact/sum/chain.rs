@@ -102,10 +102,8 @@ fn kept(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
 
 /// The point of a side that is nearest to a place.
 fn nearest(side: &[DVec2], to: DVec2) -> DVec2 {
-    let along = side[1] - side[0];
-    let place = (to - side[0]).dot(along) / along.length_squared();
-    let place = if place.is_nan() { 0.0 } else { place };
-    side[0] + along * place.clamp(0.0, 1.0)
+    let [a, b] = [side[0], side[1]];
+    a + (b - a) * share((to - a).extend(0.0), (b - a).extend(0.0))
 }
 
 /// How far from a border its pieces may be at a place.
@@ -156,10 +154,15 @@ impl Arc {
 /// Distance of `p` from the way from `a` to `b`.
 fn off(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (along, from) = (b - a, p - a);
+    from.distance(along * share(from, along))
+}
+
+/// Where on a way the nearest point to a place is, both from where the way begins.
+fn share(from: DVec3, along: DVec3) -> f64 {
     let place = from.dot(along) / along.length_squared();
-    // Of a way without a length, the distance from its end.
+    // On a way without a length, where it begins.
     let place = if place.is_nan() { 0.0 } else { place };
-    from.distance(along * place.clamp(0.0, 1.0))
+    place.clamp(0.0, 1.0)
 }
 
 /// Directed edges in chains, end to beginning.

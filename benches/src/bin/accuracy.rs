@@ -5,7 +5,7 @@
 //! only the density fields of the meshes (OBJ or STL, metres) in that folder.
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyTable, Interpolation, Pair, PairEnergies, Pose, Response,
+    DirectEvaluator, DirectOptions, EnergyTable, Pair, PairEnergies, Pose, Response,
     RotationDomain, ScoreModel, TableSpec, TranslationWindow,
 };
 use num_complex::Complex64;
@@ -209,21 +209,15 @@ fn table(quick: bool) -> Outcome<Sweep> {
             h * 1e3,
             table.grid().nodes().len()
         );
-        for (series, how) in [
-            ("cubic", Interpolation::CatmullRom),
-            ("linear", Interpolation::Linear),
-        ] {
-            let table = table.clone().with_interpolation(how);
-            let (found, seconds) = timed(3, || {
-                poses.iter().map(|p| table.respond(p)).collect::<Vec<_>>()
-            });
-            rows.push(Row {
-                series: series.into(),
-                setting: setting.clone(),
-                seconds: seconds / poses.len() as f64,
-                errors: response_errors(&pair, &poses, &truth, &found),
-            });
-        }
+        let (found, seconds) = timed(3, || {
+            poses.iter().map(|p| table.respond(p)).collect::<Vec<_>>()
+        });
+        rows.push(Row {
+            series: "cubic splines".into(),
+            setting,
+            seconds: seconds / poses.len() as f64,
+            errors: response_errors(&pair, &poses, &truth, &found),
+        });
     }
     Ok(Sweep {
         name: "table",

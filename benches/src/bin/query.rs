@@ -8,9 +8,9 @@
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Interpolation, NodeEnergies,
-    Numbers, Pair, PairBuilder, PairEnergies, Pose, Response, RotationDomain, ScoreModel, Storage,
-    TableSpec, TranslationWindow, Twist,
+    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, NodeEnergies, Numbers, Pair,
+    PairBuilder, PairEnergies, Pose, Response, RotationDomain, ScoreModel, Storage, TableSpec,
+    TranslationWindow, Twist,
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
@@ -78,15 +78,8 @@ fn small_table(
     let mut rng = SmallRng::seed_from_u64(4);
     let random = random_poses(pair, &mut rng, f64::to_radians(0.9 * angle), 0.006, 20_000);
     let path = path_through(&random[..20], 1000);
-    for (name, how) in [
-        ("cubic", Interpolation::CatmullRom),
-        ("linear", Interpolation::Linear),
-    ] {
-        let table = table.clone().with_interpolation(how);
-        let name = format!("small table, {name}");
-        latency.push(latencies(&name, "along a path", &table, &path));
-        latency.push(latencies(&name, "random", &table, &random));
-    }
+    latency.push(latencies("small table", "along a path", &table, &path));
+    latency.push(latencies("small table", "random", &table, &random));
     let rate = throughput(&table, &random);
     many.push(described("small", &table, rate, None));
     Ok(())

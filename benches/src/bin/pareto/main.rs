@@ -1,8 +1,7 @@
 //! Error of energy, force and torque against a truth that knows no lattice, and what it costs:
 //! `pareto [--quick] [--out DIR] [pair=NAME] [clearance=MM] [turned]`.
 //!
-//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision and interpolation
-//! of tables, and spacing, sampling and number of points of the direct evaluator, on one of the
+//! Sweeps lattice spacing, rotation spacing, sampling scheme, storage precision of tables, and spacing, sampling and number of points of the direct evaluator, on one of the
 //! pairs whose truths are kept (`truth --write`): the square peg-in-hole at zero clearance unless
 //! another is named; `turned`: both parts turned together, so that no face lies along the lattice.
 //! Poses are random ones, and paths in contact. Prints and writes tables, and a chart with the
@@ -11,14 +10,10 @@
 mod report;
 mod truth;
 
-use std::collections::HashMap;
-
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyTable, Interpolation, NodeEnergies, Numbers, Pair,
-    PairEnergies, RotationDomain, TableSpec, TranslationWindow,
+    DirectEvaluator, DirectOptions, EnergyTable, Numbers, Pair, PairEnergies, RotationDomain,
+    TableSpec, TranslationWindow,
 };
-use glam::DQuat;
-use ndarray::ArrayViewMut3;
 use pegfit_benches::truths::BALL;
 use pegfit_benches::{Arguments, Outcome, ask, rms};
 use rustix::time::{ClockId, clock_gettime};
@@ -60,7 +55,7 @@ const FULL: Sweep = Sweep {
 /// One way to answer, what it costs and how wrong it is.
 struct Measured {
     kind: String,
-    setting: [String; 5],
+    setting: [String; 4],
     /// Processor seconds of fields and table, on all threads together.
     bake: f64,
     /// Seconds for one random pose, on one thread.
@@ -136,7 +131,7 @@ fn direct(
             None => "direct, every cell".into(),
             Some(_) => "direct, merged".into(),
         },
-        setting: [mm, scheme, String::new(), number, String::new()],
+        setting: [mm, scheme, String::new(), number],
         bake: fields,
         query,
         bytes: source.describe().bytes,
@@ -144,8 +139,7 @@ fn direct(
     })
 }
 
-/// A table in half precision, cubic and linear; with `all_numbers` in whole numbers and in what
-/// amounts to single precision, too.
+/// A table in half precision; with `all_numbers` in whole numbers, too.
 fn tables(
     case: &Case,
     pair: &Pair,
@@ -166,95 +160,25 @@ fn tables(
         charged(|| EnergyTable::compute(half.clone(), &energies, 4 << 30, &Silent));
     let table = table?;
     let [mm, scheme] = base.clone();
-    let row = |numbers: &str, how: &str, bytes, (query, errors)| Measured {
-        kind: format!("table, {how}"),
+    let row = |numbers: &str, bytes, (query, errors)| Measured {
+        kind: "table".into(),
         setting: [
             mm.clone(),
             scheme.clone(),
             format!("{step}"),
             numbers.into(),
-            how.into(),
         ],
         bake: fields + seconds,
         query,
         bytes,
         errors,
     };
-    let mut rows = Vec::new();
-    for (how, interpolation) in [
-        ("cubic", Interpolation::CatmullRom),
-        ("linear", Interpolation::Linear),
-    ] {
-        let table = table.clone().with_interpolation(interpolation);
-        let compared = case.compare(|pose| table.respond(pose));
-        rows.push(row("float16", how, table.memory(), compared));
-    }
+    let compared = case.compare(|pose| table.respond(pose));
+    let mut rows = vec![row("float16", table.memory(), compared)];
     if all_numbers {
         let whole = EnergyTable::compute(spec(Numbers::Integer), &energies, 4 << 30, &Silent)?;
         let compared = case.compare(|pose| whole.respond(pose));
-        rows.push(row("int16", "cubic", whole.memory(), compared));
-        // Interpolation is linear in the stored energies: two tables of 16 bits, the second of what
-        // the first lost, answer like one of about 30.
-        let lost = Lost::new(&energies, &whole);
-        let mut spec = spec(Numbers::Integer);
-        // The first answers with what contact adds.
-        spec.contact = None;
-        let rest = EnergyTable::compute(spec, &lost, 4 << 30, &Silent)?;
-        let compared = case.compare(|pose| {
-            let (a, b) = (whole.respond(pose), rest.respond(pose));
-            let mut sum = a;
-            sum.energy += b.energy;
-            sum.wrench += b.wrench;
-            sum
-        });
-        let bytes = whole.memory() + rest.memory();
-        rows.push(row("2 x int16 (as float32)", "cubic", bytes, compared));
+        rows.push(row("int16", whole.memory(), compared));
     }
     Ok(rows)
-}
-
-/// What the numbers of a table lost of its energies.
-struct Lost<'a> {
-    energies: &'a PairEnergies,
-    table: &'a EnergyTable,
-    /// Rows by the bits of their rotation.
-    rows: HashMap<[u64; 4], usize>,
-}
-
-impl<'a> Lost<'a> {
-    fn new(energies: &'a PairEnergies, table: &'a EnergyTable) -> Self {
-        let nodes = table.grid().nodes().iter().enumerate();
-        Self {
-            energies,
-            table,
-            rows: nodes.map(|(row, q)| (bits(*q), row)).collect(),
-        }
-    }
-}
-
-fn bits(q: DQuat) -> [u64; 4] {
-    q.to_array().map(f64::to_bits)
-}
-
-impl NodeEnergies for Lost<'_> {
-    type Scratch = <PairEnergies as NodeEnergies>::Scratch;
-
-    fn scratch(&self) -> Self::Scratch {
-        self.energies.scratch()
-    }
-
-    fn energies(
-        &self,
-        rotation: DQuat,
-        scratch: &mut Self::Scratch,
-        mut out: ArrayViewMut3<'_, f32>,
-    ) {
-        self.energies.energies(rotation, scratch, out.view_mut());
-        let row = self.rows[&bits(rotation)];
-        for ((i, j, k), energy) in out.indexed_iter_mut() {
-            let kept = self.table.node_energy(row, [i, j, k]);
-            let whole = self.energies.unit() * *energy;
-            *energy = (f64::from(whole) - kept.expect("the same window")) as f32;
-        }
-    }
 }

@@ -6,13 +6,12 @@ use pegfit_benches::{Arguments, Outcome};
 
 use crate::Measured;
 
-const COLUMNS: [&str; 17] = [
+const COLUMNS: [&str; 16] = [
     "kind",
     "sampling",
     "h, mm",
     "step, degrees",
     "numbers",
-    "interpolation",
     "bake, s",
     "query, µs",
     "MiB",
@@ -69,8 +68,8 @@ pub(crate) fn publish(
     arguments.publish(&best, Some(&chart(found)?))
 }
 
-fn cells(m: &Measured, marks: &str) -> [String; 17] {
-    let [mm, scheme, step, numbers, how] = m.setting.clone();
+fn cells(m: &Measured, marks: &str) -> [String; 16] {
+    let [mm, scheme, step, numbers] = m.setting.clone();
     let mut errors = m.errors.iter().flatten().map(|e| percent(*e));
     let mut error = || errors.next().unwrap_or_default();
     [
@@ -79,7 +78,6 @@ fn cells(m: &Measured, marks: &str) -> [String; 17] {
         mm,
         step,
         numbers,
-        how,
         significant(m.bake, 3),
         significant(1e6 * m.query, 3),
         significant(m.bytes as f64 / f64::from(1 << 20), 3),
@@ -99,11 +97,11 @@ fn by_spacing(found: &[Measured], title: &str) -> Table {
     const STEP: &str = "4";
     let usual = |m: &&Measured| match m.kind.as_str() {
         "direct, every cell" => true,
-        "table, cubic" => m.setting[2] == STEP && m.setting[3] == "float16",
+        "table" => m.setting[2] == STEP && m.setting[3] == "float16",
         _ => false,
     };
     let about = "Wrench error in per cent (defined with the next table) of direct evaluation with \
-        every cell a point, and of cubic float16 tables with rotations 4 degrees apart, by \
+        every cell a point, and of float16 tables with rotations 4 degrees apart, by \
         spacing and by how densities are put on it.";
     let columns = ["kind", "sampling", "h, mm", "wrench, %"];
     let mut table = Table::new(

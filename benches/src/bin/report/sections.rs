@@ -87,8 +87,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         key: "pareto",
         title: "The whole way to a wrench",
         about: "Error of the wrench against what it costs, over lattice spacing, sampling, \
-            rotation step, numbers and interpolation of tables and number of points of direct \
-            evaluation.",
+            rotation step and numbers of tables and number of points of direct evaluation.",
         program: "pareto",
         quick: &[&["--quick"]],
         full: &[

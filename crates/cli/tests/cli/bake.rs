@@ -270,7 +270,7 @@ fn ranks_and_resumption_give_the_same_table() {
     let lost = content(&folder.path().join("t.zarr"))
         .into_iter()
         .map(|(name, _)| name)
-        .find(|name| name.starts_with("energy/c."))
+        .find(|name| name.starts_with("coefficients/c."))
         .unwrap();
     std::fs::remove_file(folder.path().join("t.zarr").join(lost)).unwrap();
     assert_eq!(status(folder.path())["missing"], 1);
@@ -314,7 +314,7 @@ fn bad_tables_are_refused() {
     let table = folder.path().join("t.zarr");
     let (name, bytes) = content(&table)
         .into_iter()
-        .find(|(n, _)| n.starts_with("energy/c."))
+        .find(|(n, _)| n.starts_with("coefficients/c."))
         .unwrap();
     std::fs::write(table.join(&name), &bytes[..bytes.len() / 2]).unwrap();
     assert!(refuse(folder.path(), &score).contains("t.zarr"));

@@ -153,10 +153,10 @@ fn a_table_in_an_object_store_is_that_on_disk() {
     {
         let mut objects = objects.lock().unwrap();
         objects
-            .remove("bucket/some/t.zarr/energy/c.1.0.0.0")
+            .remove("bucket/some/t.zarr/coefficients/c.1.0.0.0")
             .unwrap();
         objects
-            .get_mut("bucket/some/t.zarr/energy/c.2.0.0.0")
+            .get_mut("bucket/some/t.zarr/coefficients/c.2.0.0.0")
             .unwrap()[9] ^= 1;
     }
     let status = ["bake", "scene.toml", "-o", URL, "--status", "--json"];

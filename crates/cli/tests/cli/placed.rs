@@ -138,7 +138,7 @@ fn a_table_of_placed_parts_is_that_of_their_shapes_and_answers_in_the_scene() {
         succeed(folder.path(), &["bake", &scene, "-o", &table, "-q"]);
     }
     let chunks = |table: &str| {
-        let files = std::fs::read_dir(folder.path().join(table).join("energy")).unwrap();
+        let files = std::fs::read_dir(folder.path().join(table).join("coefficients")).unwrap();
         let read = |file: std::io::Result<std::fs::DirEntry>| {
             let path = file.unwrap().path();
             let name = path.file_name().unwrap().to_owned();

@@ -1,8 +1,11 @@
 //! Correlators: a pair's spectra and fields, and the scores that they give.
 
+use std::time::Instant;
+
 use fearless_simd::Level;
 use glam::{DMat3, DQuat, DVec3};
-use ndarray::ArrayViewMut3;
+use ndarray::{Array3, ArrayViewMut3};
+use num_complex::Complex;
 
 use super::contract::{MovingRows, StageTimes};
 use super::error::CorrelateError;
@@ -11,9 +14,10 @@ use super::kernels::{self, Fused, FusedScratch};
 use super::overlap::IndexBox;
 use super::plan::{CorrelatorPlan, ProductPlan};
 use super::real::Real;
-use super::resample::{MovingField, Turned};
+use super::resample::{MovingField, SecondTurns, Turned};
 use super::support::PairSupport;
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
+use crate::geometry::rotation_sum::RotationSum;
 use crate::geometry::translation::TranslationWindow;
 use crate::level;
 use crate::pair::fields::Pair;
@@ -31,6 +35,8 @@ pub struct Correlator<T: Real = f32> {
 /// Working memory of one thread; see [`Correlator::scratch`].
 pub struct CorrelatorScratch<T: Real = f32> {
     kernels: Option<FusedScratch<T>>,
+    /// Of each product, for sums.
+    sums: Vec<Array3<Complex<T>>>,
     times: StageTimes,
 }
 
@@ -44,6 +50,8 @@ impl<T: Real> CorrelatorScratch<T> {
 /// The moving factor of a product.
 struct MovingFactor<T> {
     field: MovingField<T>,
+    /// For sums.
+    second: Option<SecondTurns<T>>,
     /// Where the field may be nonzero and meet the fixed one, and the box that the transforms are
     /// given.
     within: IndexBox,
@@ -54,6 +62,17 @@ impl<T: Real> MovingFactor<T> {
     fn turned(&self, rotation: DQuat, origin: DVec3) -> Turned<'_, T> {
         Turned::new(&self.field, rotation, origin, self.placed, self.within)
     }
+
+    /// The sum that `second` and `scratch` hold the parts of.
+    fn turned_sum<'a>(
+        &'a self,
+        sum: &RotationSum,
+        origin: DVec3,
+        values: &'a Array3<Complex<T>>,
+    ) -> Turned<'a, T> {
+        let (rotation, field) = (sum.first(), &self.field);
+        Turned::with_values(field, values, rotation, origin, self.placed, self.within)
+    }
 }
 
 /// The kernels' entries. Called through pointers that are made here: crates that name a generic
@@ -63,8 +82,13 @@ struct Compiled<T: Real> {
     gradient: Gradient<T>,
 }
 
-type Score<T> =
-    fn(&Correlator<T>, DQuat, &[HalfTurn], &mut CorrelatorScratch<T>, &mut [ArrayViewMut3<T>]);
+type Score<T> = fn(
+    &Correlator<T>,
+    &RotationSum,
+    &[HalfTurn],
+    &mut CorrelatorScratch<T>,
+    &mut [ArrayViewMut3<T>],
+);
 
 type Gradient<T> = fn(&Correlator<T>, DQuat, &mut CorrelatorScratch<T>, [ArrayViewMut3<'_, T>; 6]);
 
@@ -101,6 +125,13 @@ impl Correlator {
     }
 }
 
+impl Correlator {
+    /// For the pair that was planned for.
+    pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
+        Self::of(plan, pair, level::native())
+    }
+}
+
 impl Correlator<f64> {
     /// As [`Correlator::build`], in double precision: the same steps with an error of about 1e-15
     /// instead of 1e-7, to tell rounding from everything else. [`Correlator::plan`] then says what
@@ -130,13 +161,11 @@ impl<T: Real> Correlator<T> {
             let of = support(p);
             let value = |at| of.product.moving.value(pair.moving(), at);
             let nodes = of.moving?.nodes;
+            let (first, reading) = (plan.support.moving_first, plan.support.reading);
+            let field = MovingField::new(&nodes, value, first, reading);
             Some(MovingFactor {
-                field: MovingField::new(
-                    &nodes,
-                    value,
-                    plan.support.moving_first,
-                    plan.support.reading,
-                ),
+                second: plan.sums.then(|| SecondTurns::new(&field)),
+                field,
                 within: p.crop.met.moving,
                 placed: p.crop.placed,
             })
@@ -172,6 +201,9 @@ impl<T: Real> Correlator<T> {
     pub fn scratch(&self) -> CorrelatorScratch<T> {
         CorrelatorScratch {
             kernels: self.kernels.as_ref().map(|f| FusedScratch::new(f)),
+            sums: (self.products.iter().filter(|p| p.second.is_some()))
+                .map(|p| p.field.room())
+                .collect(),
             times: StageTimes::default(),
         }
     }
@@ -188,7 +220,7 @@ impl<T: Real> Correlator<T> {
         mut out: ArrayViewMut3<T>,
     ) {
         let outs = std::slice::from_mut(&mut out);
-        (self.compiled.score)(self, rotation, &[], scratch, outs);
+        (self.compiled.score)(self, &RotationSum::one(rotation), &[], scratch, outs);
     }
 
     /// The scores of `rotation` followed by each of `turns`, one output each, as
@@ -206,16 +238,34 @@ impl<T: Real> Correlator<T> {
         scratch: &mut CorrelatorScratch<T>,
         outs: &mut [ArrayViewMut3<T>],
     ) {
+        self.score_sums(&RotationSum::one(rotation), turns, scratch, outs);
+    }
+
+    /// The same for sums of the scores of near rotations, whose turns from the first, times their
+    /// weights, must cancel: one turned field stands for all, which is right to second order in the
+    /// turns. Allocates nothing.
+    ///
+    /// # Panics
+    /// As [`Correlator::score_half_turns`], or if there is more than one rotation and the plan is
+    /// not [`CorrelatorPlan::for_sums`].
+    pub fn score_sums(
+        &self,
+        sum: &RotationSum,
+        turns: &[HalfTurn],
+        scratch: &mut CorrelatorScratch<T>,
+        outs: &mut [ArrayViewMut3<T>],
+    ) {
         assert_eq!(outs.len(), turns.len(), "outputs");
         if turns.is_empty() {
             return;
         }
         if self.plan.shares_half_turns {
-            return (self.compiled.score)(self, rotation, turns, scratch, outs);
+            return (self.compiled.score)(self, sum, turns, scratch, outs);
         }
         let mut times = StageTimes::default();
         for (turn, out) in turns.iter().zip(outs) {
-            self.score(turn.rotation() * rotation, scratch, out.view_mut());
+            let out = std::slice::from_mut(out);
+            (self.compiled.score)(self, &sum.turned(*turn), &[], scratch, out);
             times += scratch.times;
         }
         scratch.times = times;
@@ -245,13 +295,31 @@ impl<T: Real> Correlator<T> {
 
 fn score<T: Real>(
     of: &Correlator<T>,
-    rotation: DQuat,
+    sum: &RotationSum,
     turns: &[HalfTurn],
     scratch: &mut CorrelatorScratch<T>,
     outs: &mut [ArrayViewMut3<T>],
 ) {
     let origin = of.plan.support.fixed_first;
-    correlate(of, turns, scratch, outs, |p| p.turned(rotation, origin));
+    let CorrelatorScratch {
+        kernels,
+        sums,
+        times,
+    } = scratch;
+    if sum.terms().len() == 1 {
+        let turned = |p: usize| of.products[p].turned(sum.first(), origin);
+        *times = correlate(of, turns, kernels, outs, turned);
+        return;
+    }
+    let started = Instant::now();
+    for (p, values) in of.products.iter().zip(&mut *sums) {
+        let second = p.second.as_ref().expect("a plan for sums");
+        second.sum(&p.field, sum, values);
+    }
+    let summed = started.elapsed().as_secs_f64();
+    let turned = |p: usize| of.products[p].turned_sum(sum, origin, &sums[p]);
+    *times = correlate(of, turns, kernels, outs, turned);
+    times.resample += summed;
 }
 
 fn gradient<T: Real>(
@@ -262,39 +330,41 @@ fn gradient<T: Real>(
 ) {
     let (origin, spacing) = (of.plan.support.fixed_first, of.plan.support.spacing);
     for (component, out) in out.into_iter().enumerate() {
-        correlate(of, &[], scratch, &mut [out], |p| Derivative {
-            turned: p.turned(rotation, origin),
-            rotation: DMat3::from_quat(rotation),
-            corner: origin + DVec3::from_array(p.placed.lo.map(|v| v as f64)),
-            component,
-            scale: if component < 3 { 1.0 } else { 1.0 / spacing },
-        });
+        let turned = |p: usize| {
+            let p = &of.products[p];
+            Derivative {
+                turned: p.turned(rotation, origin),
+                rotation: DMat3::from_quat(rotation),
+                corner: origin + DVec3::from_array(p.placed.lo.map(|v| v as f64)),
+                component,
+                scale: if component < 3 { 1.0 } else { 1.0 / spacing },
+            }
+        };
+        scratch.times = correlate(of, &[], &mut scratch.kernels, &mut [out], turned);
     }
 }
 
 /// The sum of all products, with the moving fields that `moving` makes of them: for each turn or,
 /// without turns, as it is.
-fn correlate<'a, T: Real, M: MovingRows<T>>(
-    of: &'a Correlator<T>,
+fn correlate<T: Real, M: MovingRows<T>>(
+    of: &Correlator<T>,
     turns: &[HalfTurn],
-    scratch: &mut CorrelatorScratch<T>,
+    scratch: &mut Option<FusedScratch<T>>,
     outs: &mut [ArrayViewMut3<T>],
-    moving: impl Fn(&'a MovingFactor<T>) -> M,
-) {
+    moving: impl Fn(usize) -> M,
+) -> StageTimes {
     for out in &mut *outs {
         assert_eq!(out.shape(), of.plan.window, "shape of the output");
     }
-    scratch.times = match (&of.kernels, &mut scratch.kernels, of.products.as_slice()) {
-        (Some(f), Some(own), [a]) => kernels::correlate(f, &[moving(a)], turns, own, outs),
-        (Some(f), Some(own), [a, b]) => {
-            kernels::correlate(f, &[moving(a), moving(b)], turns, own, outs)
-        }
+    match (&of.kernels, scratch, of.products.len()) {
+        (Some(f), Some(own), 1) => kernels::correlate(f, &[moving(0)], turns, own, outs),
+        (Some(f), Some(own), 2) => kernels::correlate(f, &[moving(0), moving(1)], turns, own, outs),
         (None, None, _) => {
             outs.iter_mut().for_each(|out| out.fill(T::zero()));
             StageTimes::default()
         }
         _ => panic!("scratch of another correlator"),
-    };
+    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::error::CorrelateError;
 use super::kernels::Fused;
 use super::overlap::{IndexBox, Overlap, overlap};
 use super::real::Real;
-use super::resample::MovingField;
+use super::resample::{MovingField, SecondTurns};
 use super::support::{PairSupport, ProductSupport};
 use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::translation::TranslationWindow;
@@ -45,6 +45,8 @@ pub struct CorrelatorPlan {
     /// planned for, save time, and the lattice has its nodes, or the middles between them, at the
     /// pivot.
     pub shares_half_turns: bool,
+    /// Whether sums over near rotations are wanted ([`CorrelatorPlan::for_sums`]).
+    pub sums: bool,
     /// Seconds that a rotation should take on one thread, one of four if they share half turns, by
     /// a model measured with vectors of eight f32 (AVX2); empty space in the moving part makes it
     /// faster.
@@ -133,6 +135,14 @@ impl CorrelatorPlan {
         Self::of(support, window, shared)
     }
 
+    /// The same for [`Correlator::score_sums`](super::Correlator::score_sums), too: six more fields
+    /// for each product, and one for each thread.
+    #[must_use]
+    pub fn for_sums(mut self) -> Self {
+        self.sums = true;
+        self.with_needs::<f32>(level::native())
+    }
+
     /// Of [`CorrelatorPlan::new`] and [`CorrelatorPlan::for_half_turns`] the one that takes more
     /// memory with this many threads: for rotations that are not known yet.
     ///
@@ -202,6 +212,7 @@ impl CorrelatorPlan {
             scratch_bytes: 0,
             result_bytes: 0,
             shares_half_turns,
+            sums: false,
             expected_seconds: 0.0,
             support: support.clone(),
             window_first: first,
@@ -240,9 +251,14 @@ impl CorrelatorPlan {
             let moving = self.support.products[p.number].moving.as_ref()?;
             Some(MovingField::<T>::bytes(&moving.nodes, self.support.reading))
         });
-        self.shared_bytes = memory.spectra + fields.sum::<u64>();
+        let fields: u64 = fields.sum();
+        self.shared_bytes = memory.spectra + fields;
         self.building_bytes = memory.building;
         self.scratch_bytes = memory.scratch;
+        if self.sums {
+            self.shared_bytes += SecondTurns::<T>::bytes(fields);
+            self.scratch_bytes += fields;
+        }
         self.forward_transforms = 2 * self.products.len();
         self.inverse_transforms = 1;
         let expected = seconds(self.transform_size, self.window, &sizes.moving, results);

@@ -62,6 +62,14 @@ const SAME: f64 = 1e-9;
 /// in the order of their first members and depend on the list alone. Takes about 200 bytes per
 /// rotation meanwhile.
 pub fn half_turn_groups(rotations: &[DQuat]) -> Vec<HalfTurnGroup> {
+    groups_where(rotations, |_, _, _| true)
+}
+
+/// The same, joining only what `joins`: the first member's place, a turn, and the other's place.
+pub(crate) fn groups_where(
+    rotations: &[DQuat],
+    joins: impl Fn(usize, HalfTurn, usize) -> bool,
+) -> Vec<HalfTurnGroup> {
     let mut places: HashMap<[i64; 4], Vec<usize>> = HashMap::with_capacity(rotations.len());
     for (place, q) in rotations.iter().enumerate() {
         places
@@ -81,7 +89,9 @@ pub fn half_turn_groups(rotations: &[DQuat]) -> Vec<HalfTurnGroup> {
             let mut found = cells_near(wanted)
                 .chain(cells_near(-wanted))
                 .flat_map(|key| places.get(&key).into_iter().flatten().copied());
-            let is_partner = |place: &usize| !taken[*place] && same(rotations[*place], wanted);
+            let is_partner = |place: &usize| {
+                !taken[*place] && same(rotations[*place], wanted) && joins(first, *turn, *place)
+            };
             if let Some(place) = found.find(is_partner) {
                 taken[place] = true;
                 members.push((*turn, place));
@@ -108,7 +118,8 @@ fn cells_near(q: DQuat) -> impl Iterator<Item = [i64; 4]> {
     })
 }
 
-fn same(a: DQuat, b: DQuat) -> bool {
+/// Whether two quaternions are one rotation.
+pub(crate) fn same(a: DQuat, b: DQuat) -> bool {
     let near = |b: DQuat| (a - b).to_array().iter().all(|d| d.abs() < SAME);
     near(b) || near(-b)
 }

@@ -16,6 +16,8 @@ pub(crate) const MARGIN: f64 = 2.0;
 pub(super) struct Atlas {
     /// In the order of a table's rows.
     pub(super) nodes: Vec<DQuat>,
+    /// The chart of each and its place there, in C order; of a list, nothing.
+    pub(super) places: Vec<[u32; 2]>,
     pub(super) charts: Vec<Chart>,
     pub(super) patches: Vec<Patch>,
     pub(super) symmetry: Option<Symmetry>,

@@ -59,6 +59,7 @@ pub(super) fn list(rotations: &[[f64; 4]], margin_deg: f64) -> Result<Atlas, Rot
     };
     Ok(Atlas {
         nodes,
+        places: Vec::new(),
         charts: vec![chart],
         patches: Vec::new(),
         symmetry: None,
@@ -110,6 +111,7 @@ pub(super) fn spin(
     chart.rows = (0..chart.len() as u32).collect();
     Ok(Atlas {
         nodes: (0..chart.len()).map(|k| chart.node([0, 0, k])).collect(),
+        places: (0..chart.len() as u32).map(|k| [0, k]).collect(),
         patches: vec![Patch {
             chart: 0,
             image: chart.center,
@@ -251,6 +253,7 @@ fn assemble(
 ) -> Atlas {
     let mut atlas = Atlas {
         nodes: Vec::new(),
+        places: Vec::new(),
         patches: patches(&charts, symmetry.as_ref()),
         charts,
         symmetry,
@@ -262,6 +265,7 @@ fn assemble(
         for (flat, row) in rows.iter_mut().enumerate() {
             if *row != Chart::ABSENT {
                 *row = atlas.nodes.len() as u32;
+                atlas.places.push([c as u32, flat as u32]);
                 atlas
                     .nodes
                     .push(atlas.charts[c].node(atlas.charts[c].unravel(flat)));

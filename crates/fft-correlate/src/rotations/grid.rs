@@ -10,13 +10,15 @@ use std::f64::consts::FRAC_PI_4;
 
 use glam::{DQuat, DVec3};
 
+use crate::geometry::half_turn::{HalfTurnGroup, groups_where};
+use crate::geometry::rotation_sum::RotationSum;
 use crate::geometry::se3::{Pose, Wrench};
-use crate::geometry::taps::{Interpolation, Reach, Taps, fade};
+use crate::geometry::taps::{Reach, Taps, fade};
 use crate::rotations::atlas::{Atlas, Cover, Patch};
 use crate::rotations::chart::Chart;
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
 use crate::rotations::fold::{Fold, Symmetry};
-use crate::rotations::{build, near};
+use crate::rotations::{build, near, node_sum};
 
 /// Nodes over a rotation domain, in the order of a table's rows.
 #[derive(Debug, Clone)]
@@ -127,6 +129,27 @@ impl RotationGrid {
         &self.atlas.nodes
     }
 
+    /// What the node of a row keeps, of the energies at its rotation and near it.
+    pub fn node_sum(&self, row: usize) -> RotationSum {
+        match self.atlas.places.get(row) {
+            Some([chart, flat]) => {
+                let chart = &self.atlas.charts[*chart as usize];
+                node_sum::node_sum(chart, chart.unravel(*flat as usize))
+            }
+            // Listed rotations answer for themselves.
+            None => RotationSum::one(self.atlas.nodes[row]),
+        }
+    }
+
+    /// The nodes in groups whose sums differ by half turns; the first of a group stands for all.
+    pub(crate) fn half_turn_groups(&self) -> Vec<HalfTurnGroup> {
+        groups_where(self.nodes(), |first, turn, row| {
+            self.node_sum(first)
+                .turned(turn)
+                .agrees(&self.node_sum(row))
+        })
+    }
+
     /// Replaces, in the charts, each row by `slots[row]`, which may be [`Chart::ABSENT`].
     pub(crate) fn number(&mut self, slots: &[u32]) {
         for row in self.atlas.charts.iter_mut().flat_map(|c| &mut c.rows) {
@@ -142,17 +165,12 @@ impl RotationGrid {
     }
 
     /// Calls `visit` for every patch that `pose` reads; their shares sum to 1.
-    pub(crate) fn visit<'a>(
-        &'a self,
-        pose: &Pose,
-        interpolation: Interpolation,
-        mut visit: impl FnMut(Site<'a>),
-    ) {
+    pub(crate) fn visit<'a>(&'a self, pose: &Pose, mut visit: impl FnMut(Site<'a>)) {
         if let Cover::List { margin } = self.atlas.cover {
             return visit(self.nearest(pose, margin));
         }
         if self.atlas.patches.len() == 1 {
-            return visit(self.site(pose, 0, interpolation, (1.0, DVec3::ZERO)));
+            return visit(self.site(pose, 0, (1.0, DVec3::ZERO)));
         }
         let q = pose.rotation;
         let best = (0..self.atlas.patches.len())
@@ -172,7 +190,7 @@ impl RotationGrid {
             if share > 0.0 {
                 let share = share / total;
                 let gradient = (gradient - share * total_gradient) / total;
-                visit(self.site(pose, k, interpolation, (share, gradient)));
+                visit(self.site(pose, k, (share, gradient)));
             }
         }
     }
@@ -186,16 +204,11 @@ impl RotationGrid {
 
     /// Whether `has` holds for every row that a query at `pose` reads, and for those one node
     /// around them.
-    pub(crate) fn all_around(
-        &self,
-        pose: &Pose,
-        interpolation: Interpolation,
-        mut has: impl FnMut(u32) -> bool,
-    ) -> bool {
+    pub(crate) fn all_around(&self, pose: &Pose, mut has: impl FnMut(u32) -> bool) -> bool {
         // The next of listed rotations has nothing to do with the nearest.
         let wider = usize::from(!matches!(self.atlas.cover, Cover::List { .. }));
         let mut all = true;
-        self.visit(pose, interpolation, |site| {
+        self.visit(pose, |site| {
             if site.coverage > 0.0 && all {
                 all = near::all_around(site.chart, &site.taps, wider, &mut has);
             }
@@ -203,13 +216,7 @@ impl RotationGrid {
         all
     }
 
-    fn site(
-        &self,
-        pose: &Pose,
-        patch: usize,
-        interpolation: Interpolation,
-        (share, share_gradient): (f64, DVec3),
-    ) -> Site<'_> {
+    fn site(&self, pose: &Pose, patch: usize, (share, share_gradient): (f64, DVec3)) -> Site<'_> {
         let Patch { chart, turn, .. } = self.atlas.patches[patch];
         let chart = &self.atlas.charts[chart];
         let (pose, fold) = match &self.atlas.symmetry {
@@ -234,9 +241,9 @@ impl RotationGrid {
         }
         let taps = std::array::from_fn(|k| {
             if chart.periodic && k == 2 {
-                Taps::periodic(x[k], chart.shape[k], interpolation)
+                Taps::periodic(x[k], chart.shape[k])
             } else {
-                Taps::open(x[k], chart.shape[k], interpolation)
+                Taps::open(x[k], chart.shape[k])
             }
         });
         Site {
@@ -286,7 +293,7 @@ impl RotationGrid {
         }
         let (coverage, coverage_gradient) =
             beyond(q * self.atlas.nodes[row].conjugate(), 0.0, margin);
-        let mut taps = [Taps::open(0.0, 1, Interpolation::Linear); 3];
+        let mut taps = [Taps::open(0.0, 1); 3];
         taps[0].nodes = [row; 4];
         Site {
             share: 1.0,

@@ -7,4 +7,5 @@ pub(crate) mod domain;
 mod fold;
 pub(crate) mod grid;
 mod near;
+mod node_sum;
 pub(crate) mod symmetry;

@@ -3,8 +3,11 @@
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
 
-use crate::correlate::{CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch};
+use crate::correlate::{
+    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport,
+};
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
+use crate::geometry::rotation_sum::RotationSum;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::sweep::producer::NodeEnergies;
@@ -21,10 +24,8 @@ impl PairEnergies {
     /// # Errors
     /// As [`Correlator::new`].
     pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
-        Ok(Self {
-            correlator: Correlator::new(pair, window)?,
-            gamma: pair.model().gamma,
-        })
+        let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, window)?;
+        Ok(Self::planned(plan.for_sums(), pair))
     }
 
     /// The same for `rotations`: half turns share their work if there are enough among them.
@@ -36,10 +37,12 @@ impl PairEnergies {
         window: &TranslationWindow,
         rotations: &[DQuat],
     ) -> Result<Self, CorrelateError> {
-        Self::plan_for_groups(pair, window, &half_turn_groups(rotations))
+        let groups = half_turn_groups(rotations);
+        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, &groups)?;
+        Ok(Self::planned(plan.for_sums(), pair))
     }
 
-    /// The same for rotations that have been grouped.
+    /// The same for rotations that have been grouped, and no sums of near ones.
     pub(crate) fn plan_for_groups(
         pair: &Pair,
         window: &TranslationWindow,
@@ -60,6 +63,14 @@ impl PairEnergies {
             correlator: Correlator::build(plan, pair)?,
             gamma: pair.model().gamma,
         })
+    }
+
+    /// For the pair that was planned for.
+    fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
+        Self {
+            correlator: Correlator::planned(plan, pair),
+            gamma: pair.model().gamma,
+        }
     }
 
     /// The correlator.
@@ -88,14 +99,13 @@ impl NodeEnergies for PairEnergies {
         self.correlator.score(rotation, scratch, out);
     }
 
-    fn energies_of_half_turns(
+    fn sums(
         &self,
-        rotation: DQuat,
+        sum: &RotationSum,
         turns: &[HalfTurn],
         scratch: &mut CorrelatorScratch,
         outs: &mut [ArrayViewMut3<'_, f32>],
     ) {
-        self.correlator
-            .score_half_turns(rotation, turns, scratch, outs);
+        self.correlator.score_sums(sum, turns, scratch, outs);
     }
 }

@@ -1,9 +1,10 @@
 //! What gives the energies of one rotation at all translations of a window.
 
 use glam::DQuat;
-use ndarray::ArrayViewMut3;
+use ndarray::{Array3, ArrayViewMut3};
 
 use crate::geometry::half_turn::HalfTurn;
+use crate::geometry::rotation_sum::RotationSum;
 
 /// Computes the energies of one rotation at all translations of a window.
 ///
@@ -26,18 +27,31 @@ pub trait NodeEnergies: Sync {
     /// units of [`NodeEnergies::unit`].
     fn energies(&self, rotation: DQuat, scratch: &mut Self::Scratch, out: ArrayViewMut3<'_, f32>);
 
-    /// The same for the rotations that `rotation` and each of `turns` after it make, one output
-    /// each. What a turn gives may differ by rounding from [`NodeEnergies::energies`], but not with
-    /// the other turns asked for.
-    fn energies_of_half_turns(
+    /// The same for sums of the energies of near rotations: for each of `turns`, `sum` with all its
+    /// rotations followed by that half turn. What a turn gives may differ by rounding from the sum
+    /// of [`NodeEnergies::energies`], but not with the other turns asked for.
+    fn sums(
         &self,
-        rotation: DQuat,
+        sum: &RotationSum,
         turns: &[HalfTurn],
         scratch: &mut Self::Scratch,
         outs: &mut [ArrayViewMut3<'_, f32>],
     ) {
         for (turn, out) in turns.iter().zip(outs) {
-            self.energies(turn.rotation() * rotation, scratch, out.view_mut());
+            let terms = sum.turned(*turn);
+            let [(rotation, weight), more @ ..] = terms.terms() else {
+                continue;
+            };
+            self.energies(*rotation, scratch, out.view_mut());
+            if more.is_empty() {
+                continue;
+            }
+            out.mapv_inplace(|e| *weight as f32 * e);
+            let mut other = Array3::zeros(out.raw_dim());
+            for (rotation, weight) in more {
+                self.energies(*rotation, scratch, other.view_mut());
+                out.scaled_add(*weight as f32, &other);
+            }
         }
     }
 }

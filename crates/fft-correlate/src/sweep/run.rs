@@ -3,19 +3,19 @@
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
-use glam::DQuat;
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
+use crate::geometry::rotation_sum::RotationSum;
 use crate::sweep::producer::NodeEnergies;
 
 /// Rotations that differ by half turns, all or some of a [`HalfTurnGroup`], and what each is to be
 /// done with.
 pub(crate) struct Group<T = ()> {
-    /// The rotation that the turns follow.
-    rotation: DQuat,
+    /// The sum that the turns follow.
+    sum: RotationSum,
     members: Vec<Member<T>>,
 }
 
@@ -32,6 +32,15 @@ impl<T> Group<T> {
     /// The members of a group for whose rows `target` gives something; `None` if there are none.
     pub(crate) fn of(
         group: &HalfTurnGroup,
+        target: impl FnMut(usize) -> Option<T>,
+    ) -> Option<Self> {
+        Self::of_sums(group, RotationSum::one(group.rotation), target)
+    }
+
+    /// The same for sums of near rotations; `sum` is the first member's.
+    pub(crate) fn of_sums(
+        group: &HalfTurnGroup,
+        sum: RotationSum,
         mut target: impl FnMut(usize) -> Option<T>,
     ) -> Option<Self> {
         let member = |&(turn, row): &(HalfTurn, usize)| {
@@ -39,8 +48,7 @@ impl<T> Group<T> {
             Some(Member { turn, row, target })
         };
         let members: Vec<_> = group.members.iter().filter_map(member).collect();
-        let rotation = group.rotation;
-        (!members.is_empty()).then_some(Self { rotation, members })
+        (!members.is_empty()).then_some(Self { sum, members })
     }
 
     /// Rotations in the group.
@@ -153,8 +161,7 @@ impl<P: NodeEnergies, C> Worker<'_, P, C> {
             })
             .collect();
         let scratch = &mut self.scratch;
-        self.producer
-            .energies_of_half_turns(group.rotation, &turns, scratch, &mut outs);
+        self.producer.sums(&group.sum, &turns, scratch, &mut outs);
         for (energies, member) in self.energies.chunks_exact_mut(length).zip(wanted) {
             self.consumer.take(member, energies)?;
             monitor.advance(1);

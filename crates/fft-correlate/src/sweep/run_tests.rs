@@ -1,5 +1,6 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use glam::DQuat;
 use sdf_grid::Silent;
 
 use super::*;

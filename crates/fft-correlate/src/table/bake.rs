@@ -11,7 +11,7 @@ use std::path::Path;
 
 use sdf_grid::Monitor;
 
-use crate::geometry::half_turn::half_turn_groups;
+use crate::geometry::half_turn::HalfTurnGroup;
 use crate::sweep::producer::NodeEnergies;
 use crate::sweep::run::{Consumer, Group, Member, sweep};
 use crate::table::encode::{Encoded, Probe, encode, probe};
@@ -127,10 +127,13 @@ pub fn bake_files<P: NodeEnergies>(
     }
     let store = begun(files, spec, producer, share)?;
     let _held = files.hold(size == 1)?;
-    let rotations = store.grid().nodes();
-    let groups = half_turn_groups(rotations);
+    let grid = store.grid();
+    let groups = grid.half_turn_groups();
     let groups = groups.iter().skip(rank).step_by(size);
-    let groups: Vec<_> = groups.filter_map(|g| Group::of(g, |_| Some(()))).collect();
+    let sum = |g: &HalfTurnGroup| grid.node_sum(g.members[0].1);
+    let groups: Vec<_> = groups
+        .filter_map(|g| Group::of_sums(g, sum(g), |_| Some(())))
+        .collect();
     let rows: usize = groups.iter().map(Group::len).sum();
     monitor.begin("table", rows as u64);
     let writer = || Writer {
@@ -146,7 +149,7 @@ pub fn bake_files<P: NodeEnergies>(
     let done = swept.consumers.into_iter().map(|w| w.done);
     let done = done.fold(BakeReport::default(), BakeReport::plus);
     Ok(BakeReport {
-        rotations: rotations.len(),
+        rotations: grid.nodes().len(),
         kept: rows - done.computed,
         ..done
     })

@@ -3,7 +3,6 @@
 use std::fmt;
 
 use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
-use crate::geometry::half_turn::half_turn_groups;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::rotations::domain::{RotationDomain, RotationError};
@@ -78,12 +77,12 @@ impl TableDesign {
     pub fn plan(&self) -> Result<TablePlan, TableDesignError> {
         let grid = self.spec.grid()?;
         let support = PairSupport::of(&self.pair)?;
-        let groups = half_turn_groups(grid.nodes());
+        let groups = grid.half_turn_groups();
         let rotations = grid.nodes().len();
         Ok(TablePlan {
             rotations,
             bytes: self.spec.bytes(rotations),
-            scores: CorrelatorPlan::for_groups(&support, &self.window, &groups)?,
+            scores: CorrelatorPlan::for_groups(&support, &self.window, &groups)?.for_sums(),
         })
     }
 

@@ -1,9 +1,11 @@
-//! From energies in joules to the numbers a table stores, and back.
+//! From energies to the numbers a table stores, coefficients of splines, and back.
 
 use half::f16;
 use ndarray::ArrayViewMut3;
 use sdf_grid::Lattice;
 
+use crate::geometry::half_turn::HalfTurn;
+use crate::geometry::prefilter::Prefilter;
 use crate::rotations::grid::RotationGrid;
 use crate::sweep::producer::NodeEnergies;
 use crate::table::error::TableError;
@@ -36,12 +38,15 @@ pub(crate) fn probe<P: NodeEnergies>(
     rows.sort_unstable();
     rows.dedup();
     let (mut scratch, mut joules) = (producer.scratch(), vec![0f32; spec.window.len()]);
+    let mut splines = Prefilter::default();
     let mut largest = 0f32;
     for row in rows {
         let out = ArrayViewMut3::from_shape(spec.window.shape(), &mut joules[..]);
         let out = out.expect("the buffer has the window's length");
-        producer.energies(grid.nodes()[row], &mut scratch, out);
+        let sum = grid.node_sum(row);
+        producer.sums(&sum, &[HalfTurn::None], &mut scratch, &mut [out]);
         to_joules(&spec.window, producer.unit(), row, &mut joules)?;
+        splines.apply(spec.window.shape(), &mut joules);
         largest = joules.iter().fold(largest, |m, e| m.max(e.abs()));
     }
     let exponent = f64::from(largest).log2().ceil() as i32;
@@ -82,9 +87,11 @@ pub(crate) struct Encoded {
     pub(crate) scale: f32,
     /// Bricks in which every energy is the far energy, and all bricks.
     pub(crate) bricks: [usize; 2],
+    pub(crate) splines: Prefilter,
 }
 
-/// Encodes energies in a producer's unit; those of bricks that are left out become the far energy.
+/// Encodes energies in a producer's unit, which become coefficients; those of bricks that are left
+/// out become the far energy.
 pub(crate) fn encode(
     spec: &TableSpec,
     probe: &Probe,
@@ -95,6 +102,7 @@ pub(crate) fn encode(
 ) -> Result<(), TableError> {
     to_joules(&spec.window, unit, row, energies)?;
     let joules = energies;
+    out.splines.apply(spec.window.shape(), joules);
     out.bricks = leave_out(spec, probe, joules);
     out.codes.resize(joules.len(), 0);
     out.scale = match spec.storage.numbers {

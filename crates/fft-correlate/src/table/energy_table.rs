@@ -1,4 +1,5 @@
-//! Energies over a grid of rotations and a lattice of translations, kept in half precision.
+//! Energies over a grid of rotations and a lattice of translations, as coefficients of cubic
+//! B-splines, kept in half precision.
 
 use std::sync::Arc;
 
@@ -6,9 +7,8 @@ use rayon::prelude::*;
 use sdf_grid::Monitor;
 
 use crate::energy::{EnergySource, Response, Scratch};
-use crate::geometry::half_turn::half_turn_groups;
+use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::se3::Pose;
-use crate::geometry::taps::Interpolation;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
 use crate::setup::in_scene::InScene;
@@ -30,7 +30,6 @@ use crate::table::stencil::value_of;
 pub struct EnergyTable {
     plan: Arc<Plan>,
     rows: Rows,
-    interpolation: Interpolation,
 }
 
 impl EnergyTable {
@@ -49,7 +48,7 @@ impl EnergyTable {
         let grid = spec.grid()?;
         spec.check_memory(grid.nodes().len(), memory_limit)?;
         let probe = probe(&spec, &grid, producer)?;
-        let groups = half_turn_groups(grid.nodes());
+        let groups = grid.half_turn_groups();
         let layout = Layout::dense(spec.window.shape());
         let slots: Vec<u32> = (0..grid.nodes().len() as u32).collect();
         monitor.begin("table", slots.len() as u64);
@@ -57,7 +56,10 @@ impl EnergyTable {
         Self::filled(plan, |plan, slots| {
             let mut slots: Vec<_> = slots.into_iter().map(Some).collect();
             let mut slot_of = |row: usize| slots[row].take();
-            let groups = groups.iter().filter_map(|g| Group::of(g, &mut slot_of));
+            let sum = |g: &HalfTurnGroup| plan.grid.node_sum(g.members[0].1);
+            let groups = groups
+                .iter()
+                .filter_map(|g| Group::of_sums(g, sum(g), &mut slot_of));
             let unit = producer.unit();
             let filler = || Filler {
                 plan,
@@ -88,7 +90,6 @@ impl EnergyTable {
         Ok(Self {
             plan: Arc::new(plan),
             rows: Rows::Whole { codes, scales },
-            interpolation: Interpolation::default(),
         })
     }
 
@@ -100,15 +101,7 @@ impl EnergyTable {
                 all: rows.iter().all(Option::is_some),
                 rows,
             },
-            interpolation: Interpolation::default(),
         }
-    }
-
-    /// The same table read with another interpolation.
-    #[must_use]
-    pub fn with_interpolation(mut self, interpolation: Interpolation) -> Self {
-        self.interpolation = interpolation;
-        self
     }
 
     /// The table as asked by the scene that it was baked for.
@@ -126,11 +119,6 @@ impl EnergyTable {
     /// The rotation nodes.
     pub fn grid(&self) -> &RotationGrid {
         &self.plan.grid
-    }
-
-    /// How values between nodes are found.
-    pub fn interpolation(&self) -> Interpolation {
-        self.interpolation
     }
 
     /// Joules per stored unit; a power of two.
@@ -152,8 +140,8 @@ impl EnergyTable {
         self.plan.layout.holds(index)
     }
 
-    /// Energy of a node, joules; `None` if there is no such node or it is not in memory.
-    pub fn node_energy(&self, row: usize, index: [usize; 3]) -> Option<f64> {
+    /// Coefficient of a node, joules; `None` if there is no such node or it is not in memory.
+    pub fn coefficient(&self, row: usize, index: [usize; 3]) -> Option<f64> {
         let slot = *self.plan.slots.get(row)?;
         if index
             .iter()
@@ -210,7 +198,6 @@ impl EnergyTable {
         Reader {
             plan: &self.plan,
             rows: &self.rows,
-            interpolation: self.interpolation,
         }
     }
 
@@ -218,7 +205,7 @@ impl EnergyTable {
     /// around them.
     fn has_around(&self, pose: &Pose) -> bool {
         let has = |slot| self.rows.has(slot as usize);
-        self.rows.all() || !pose.is_valid() || self.grid().all_around(pose, self.interpolation, has)
+        self.rows.all() || !pose.is_valid() || self.grid().all_around(pose, has)
     }
 
     #[cfg(test)]

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::energy::Response;
 use crate::geometry::se3::{Pose, Wrench};
-use crate::geometry::taps::{Interpolation, Reach, Taps};
+use crate::geometry::taps::{Reach, Taps};
 use crate::rotations::atlas::MARGIN;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::Site;
@@ -74,12 +74,11 @@ struct Displacement {
     reach: [Reach; 3],
 }
 
-/// A table's plan and the energies of it that are in memory, to be read with one interpolation.
+/// A table's plan and the energies of it that are in memory, to be read.
 #[derive(Clone, Copy)]
 pub(super) struct Reader<'t> {
     pub(super) plan: &'t Plan,
     pub(super) rows: &'t Rows,
-    pub(super) interpolation: Interpolation,
 }
 
 impl<'t> Reader<'t> {
@@ -93,7 +92,7 @@ impl<'t> Reader<'t> {
         // How far the answer is the table's, with its slopes as a wrench.
         let mut covered = Response::default();
         if pose.is_valid() {
-            self.plan.grid.visit(pose, self.interpolation, |site| {
+            self.plan.grid.visit(pose, |site| {
                 whole &= self.add(&site, &mut response, &mut covered).is_some();
             });
         }
@@ -109,7 +108,7 @@ impl<'t> Reader<'t> {
         if !pose.is_valid() {
             return;
         }
-        self.plan.grid.visit(pose, self.interpolation, |site| {
+        self.plan.grid.visit(pose, |site| {
             let Some((_, displacement)) = self.place(&site) else {
                 return;
             };
@@ -183,7 +182,7 @@ impl<'t> Reader<'t> {
         let (x, shape) = (x.to_array(), self.plan.spec.window.shape());
         let reach = |k: usize| Reach::new(x[k], shape[k], MARGIN);
         let reach = [reach(0)?, reach(1)?, reach(2)?];
-        let taps = std::array::from_fn(|k| Taps::open(reach[k].at, shape[k], self.interpolation));
+        let taps = std::array::from_fn(|k| Taps::open(reach[k].at, shape[k]));
         Some(Displacement { taps, reach })
     }
 

@@ -77,7 +77,7 @@ fn readings_are_those_of_the_definition() {
         ([6, 13, 9], Numbers::Half),
         ([7, 8, 5], Numbers::Integer),
     ] {
-        for how in [Interpolation::CatmullRom, Interpolation::Linear] {
+        {
             let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
             let spec = TableSpec {
                 recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::new(0.1, 0.2, -0.1)),
@@ -92,9 +92,7 @@ fn readings_are_those_of_the_definition() {
                 placement: Placement::IDENTITY,
                 contact: None,
             };
-            let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent)
-                .unwrap()
-                .with_interpolation(how);
+            let table = EnergyTable::compute(spec, &Mixed, 1 << 30, &Silent).unwrap();
             for step in 0..40 {
                 let s = f64::from(step);
                 let turn = 0.5 * DVec3::new(s.sin(), (2.0 * s).cos(), (0.7 * s).sin());
@@ -105,7 +103,7 @@ fn readings_are_those_of_the_definition() {
                 let Some(displacement) = table.reader().displacement(x) else {
                     continue;
                 };
-                table.grid().visit(&pose, how, |site| {
+                table.grid().visit(&pose, |site| {
                     let (r, t) = (&site.taps, &displacement.taps);
                     let fast = table.reader().read(site.chart, r, t).unwrap();
                     let slow = read_slowly(&table, site.chart, r, t);
@@ -113,7 +111,7 @@ fn readings_are_those_of_the_definition() {
                         [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()
                     };
                     for (a, b) in numbers(&fast).iter().zip(numbers(&slow)) {
-                        assert!((a - b).abs() < 2e-5, "{shape:?} {how:?}: {a} {b}");
+                        assert!((a - b).abs() < 2e-5, "{shape:?}: {a} {b}");
                     }
                 });
             }

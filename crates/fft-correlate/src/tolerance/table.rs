@@ -41,7 +41,7 @@ const ASIDE: [DVec3; ROTATIONS as usize] = [
 
 /// Share of the tolerance that the lattice may use up: errors of lattice and rotations add like
 /// squares, and the probes are few.
-pub const LATTICE_SHARE: f64 = 0.7;
+pub const LATTICE_SHARE: f64 = 0.75;
 
 /// The whole error of the probes must stay below this share of the tolerance.
 const PROBE_SHARE: f64 = 0.9;
@@ -53,12 +53,12 @@ const REFINEMENT: f64 = 1.5;
 const WORTHWHILE: f64 = 1.1;
 
 /// The order by which what rotations add to the error falls with their step.
-const STEP_ORDER: f64 = 1.6;
+const STEP_ORDER: f64 = 2.4;
 
 /// The search for a step begins no coarser than this: how far it moves the part's rim, in widths by
 /// which its product with the other is smoothed. At steps of about that size tables of smoothed
 /// densities are as wrong by their rotations as by their lattice, whatever the spacing.
-const FIRST_STEP: f64 = 2.0;
+const FIRST_STEP: f64 = 2.4;
 
 /// The coarsest rotation step that is tried, degrees.
 const MAX_STEP: f64 = 15.0;

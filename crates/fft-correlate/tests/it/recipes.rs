@@ -303,7 +303,7 @@ fn a_tables_metadata_is_as_readable_as_any_file() {
     fs::write(&ordinary, "").unwrap();
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&path.join("zarr.json")), mode(&ordinary));
-    assert_eq!(mode(&path.join("energy/zarr.json")), mode(&ordinary));
+    assert_eq!(mode(&path.join("coefficients/zarr.json")), mode(&ordinary));
     // Nothing is left beside or in the table.
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }

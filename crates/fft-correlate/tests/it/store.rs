@@ -14,7 +14,7 @@ use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::Silent;
+use sdf_grid::{Lattice, Silent};
 
 #[test]
 fn what_is_loaded_is_what_was_computed() {
@@ -33,8 +33,8 @@ fn what_is_loaded_is_what_was_computed() {
         for flat in 0..spec.window.len() {
             let index = spec.window.unravel(flat);
             assert_eq!(
-                loaded.node_energy(row, index),
-                computed.node_energy(row, index)
+                loaded.coefficient(row, index),
+                computed.coefficient(row, index)
             );
         }
     }
@@ -366,7 +366,15 @@ fn energy_wrench_and_coverage_are_continuous_where_bricks_end() {
 fn whole_numbers_err_less_than_half_precision() {
     let energy = Gaussians::random(36);
     let table_of = |numbers| {
-        let mut spec = spec(window(0.3, 0.1), RotationDomain::ball(20.0, 10.0));
+        // Two nodes along each axis and listed rotations: coefficients are the energies.
+        let two = Lattice::new(DVec3::splat(-0.15), 0.3, [2; 3]).unwrap();
+        let mut rng = SmallRng::seed_from_u64(4);
+        let rotations = (0..40).map(|_| rotation_within(&mut rng, 0.4).to_array());
+        let list = RotationDomain::List {
+            rotations: rotations.collect(),
+            margin_deg: 10.0,
+        };
+        let mut spec = spec(two, list);
         spec.storage.numbers = numbers;
         table(&energy, spec)
     };
@@ -377,7 +385,7 @@ fn whole_numbers_err_less_than_half_precision() {
                 let index = table.spec().window.unravel(flat);
                 let d = table.spec().window.position(index);
                 let exact = energy.exact(&pose(q, d)).energy;
-                let found = table.node_energy(row, index).unwrap();
+                let found = table.coefficient(row, index).unwrap();
                 worst = [
                     worst[0].max((found - exact).abs()),
                     worst[1].max(exact.abs()),

@@ -52,7 +52,8 @@ fn damaged_and_lost_chunks_are_named_and_baked_again_alone() {
         match store.load(1 << 30) {
             Err(StoreError::Damaged { key, .. }) => {
                 assert!(
-                    rows.iter().any(|r| key == format!("energy/c.{r}.0.0.0")),
+                    rows.iter()
+                        .any(|r| key == format!("coefficients/c.{r}.0.0.0")),
                     "{key}"
                 );
             }
@@ -114,7 +115,7 @@ fn foreign_metadata_is_refused_by_name() {
         matches!(
             large,
             StoreError::Metadata {
-                item: "energy/zarr.json",
+                item: "coefficients/zarr.json",
                 ..
             }
         ),
@@ -161,7 +162,7 @@ fn broken_files_are_refused_by_name() {
         matches!(other, Err(BakeError::Store(StoreError::Different { ref difference, .. }))
         if difference.key == "recipe.model.sigma")
     );
-    for (file, keep) in [("energy/zarr.json", 100), ("zarr.json", 60)] {
+    for (file, keep) in [("coefficients/zarr.json", 100), ("zarr.json", 60)] {
         let file = path.join(file);
         let bytes = fs::read(&file).unwrap();
         fs::write(&file, &bytes[..keep]).unwrap();
@@ -172,11 +173,11 @@ fn broken_files_are_refused_by_name() {
         );
         fs::write(&file, bytes).unwrap();
     }
-    fs::remove_file(path.join("energy/zarr.json")).unwrap();
+    fs::remove_file(path.join("coefficients/zarr.json")).unwrap();
     assert!(matches!(
         open(&path),
         StoreError::Metadata {
-            item: "energy/zarr.json",
+            item: "coefficients/zarr.json",
             ..
         }
     ));
@@ -229,7 +230,7 @@ fn no_damage_is_fatal() {
             // One rotation's chunk stands for all; coordinates are for other readers.
             let read = [
                 "zarr.json",
-                "energy/zarr.json",
+                "coefficients/zarr.json",
                 "scale/zarr.json",
                 "scale/c.0",
             ];

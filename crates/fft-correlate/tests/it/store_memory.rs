@@ -101,7 +101,7 @@ fn what_was_finished_is_kept_and_what_is_damaged_is_repaired() {
     let exists = baked(&files, Numbers::Integer, Share::ALL);
     assert!(matches!(exists, Err(BakeError::Exists { path }) if path == Path::new("interrupted")));
 
-    let key = "energy/c.0.0.0.0";
+    let key = "coefficients/c.0.0.0.0";
     let mut bytes = whole.read(key).unwrap().unwrap().to_vec();
     *bytes.last_mut().unwrap() ^= 1;
     files.replace(key, bytes).unwrap();

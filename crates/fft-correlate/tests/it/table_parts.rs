@@ -198,7 +198,7 @@ fn an_unfinished_table_is_refused_and_a_lost_chunk_named() {
     let producer = OnWindow(&energy, spec.window);
     fft_correlate::bake(&path, &spec, &producer, Share::ALL, &Silent).unwrap();
     let mut parts = PartialTable::new(TableStore::open(&path).unwrap()).unwrap();
-    let chunk = path.join("energy/c.7.0.0.0");
+    let chunk = path.join("coefficients/c.7.0.0.0");
     let kept = std::fs::read(&chunk).unwrap();
     std::fs::remove_file(&chunk).unwrap();
     let error = PartialTable::new(TableStore::open(&path).unwrap()).unwrap_err();

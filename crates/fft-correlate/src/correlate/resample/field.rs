@@ -77,6 +77,16 @@ impl<T: Real> MovingField<T> {
         }))
     }
 
+    /// Room for a field of the same nodes.
+    pub(crate) fn room(&self) -> Array3<Complex<T>> {
+        Array3::zeros(self.values.dim())
+    }
+
+    /// The values themselves.
+    pub(crate) fn values(&self) -> &Array3<Complex<T>> {
+        &self.values
+    }
+
     /// Bytes of the stored values.
     pub(crate) fn bytes(support: &IndexBox, reading: Reading) -> u64 {
         let nodes: usize = stored(support, reading).iter().product();

@@ -4,9 +4,11 @@ mod field;
 mod hull;
 mod occupied;
 mod rows;
+mod second_turns;
 mod turned;
 
 pub(super) use field::MovingField;
+pub(super) use second_turns::SecondTurns;
 pub(super) use turned::Turned;
 
 #[cfg(test)]

@@ -52,8 +52,8 @@ fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
         fractions: [T::Eight::<S>::splat(simd, T::zero()); 3],
     }; PATCH * MOST_PARTS]; 2];
     let [mut next, mut current] = cells.each_mut();
-    let values = Values::new(&turned.field.values);
-    let ask = size_of_val(turned.field.values.as_slice().unwrap_or_default()) > CACHED;
+    let values = Values::new(turned.values);
+    let ask = size_of_val(turned.values.as_slice().unwrap_or_default()) > CACHED;
     let numbers = |z: Range<usize>| 2 * lanes * z.start..2 * lanes * z.end;
     // The patch whose cells are known, and whose values are on their way.
     let mut known = start..start;
@@ -194,7 +194,7 @@ fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
         #[inline(always)]
         |v: DVec3| [splat(v.x), splat(v.y), splat(v.z)],
     );
-    let (nx, ny, nz) = turned.field.values.dim();
+    let (nx, ny, nz) = turned.values.dim();
     // Relative to a node nearby, coordinates have no more than seven digits to round.
     let base = at.floor();
     let last = DVec3::new(nx as f64, ny as f64, nz as f64) - 1.5;

@@ -3,6 +3,8 @@
 use std::ops::Range;
 
 use glam::{DMat3, DQuat, DVec3};
+use ndarray::Array3;
+use num_complex::Complex;
 
 use super::field::{BORDER, MovingField};
 use super::hull::TurnedHull;
@@ -12,6 +14,8 @@ use crate::correlate::real::Real;
 /// A field turned by one rotation; see [`Turned::new`].
 pub(crate) struct Turned<'a, T> {
     pub(super) field: &'a MovingField<T>,
+    /// The field's own, or others at its nodes.
+    pub(super) values: &'a Array3<Complex<T>>,
     /// Columns: moving-lattice steps per fixed-lattice step.
     pub(super) step: DMat3,
     /// Moving-lattice index of fixed-lattice index `[0, 0, 0]` of the box.
@@ -30,12 +34,25 @@ impl<'a, T: Real> Turned<'a, T> {
         placed: IndexBox,
         within: IndexBox,
     ) -> Self {
+        Self::with_values(field, field.values(), rotation, origin, placed, within)
+    }
+
+    /// The same with other values at the field's nodes, empty where the field is.
+    pub(crate) fn with_values(
+        field: &'a MovingField<T>,
+        values: &'a Array3<Complex<T>>,
+        rotation: DQuat,
+        origin: DVec3,
+        placed: IndexBox,
+        within: IndexBox,
+    ) -> Self {
         let matrix = DMat3::from_quat(rotation);
         let back = matrix.transpose();
         let corner = origin + DVec3::from_array(placed.lo.map(|v| v as f64));
         let start = back * corner - field.first;
         Self {
             field,
+            values,
             step: back,
             start,
             hull: field.hull.turned(start, &back),
@@ -49,7 +66,7 @@ impl<'a, T: Real> Turned<'a, T> {
         let at = self.start + self.step * DVec3::from_array(node.map(|n| n as f64));
         let mut sum = [DVec3::ZERO; 2];
         for (node, weights, slopes) in self.field.taps(at)? {
-            let v = self.field.values[node];
+            let v = self.values[node];
             let [w, s] = [weights, slopes];
             let g = DVec3::new(s.x * w.y * w.z, w.x * s.y * w.z, w.x * w.y * s.z);
             let (re, im): (f64, f64) = (v.re.into(), v.im.into());

@@ -1,4 +1,4 @@
-//! The chunks of a table: one rotation node's energies each, there or not.
+//! The chunks of a table: one rotation node's coefficients each, there or not.
 
 use std::io;
 
@@ -15,7 +15,7 @@ use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 use crate::table::store::format::{
-    array, chunk_index, energy_array, one_thread, read, scale_array,
+    array, chunk_index, coefficient_array, one_thread, read, scale_array,
 };
 use crate::table::store::header::Header;
 use crate::table::store::surfaces;
@@ -36,13 +36,13 @@ pub(crate) struct Chunks {
     pub(super) files: TableFiles,
     pub(super) header: Header,
     pub(super) grid: RotationGrid,
-    energies: Array<Backend>,
+    coefficients: Array<Backend>,
     /// Scales of whole numbers.
     scales: Option<Array<Backend>>,
 }
 
 impl Chunks {
-    /// Reads all metadata of a table; no energies.
+    /// Reads all metadata of a table; no coefficients.
     ///
     /// # Errors
     /// If there is no table, or its metadata is of another format, damaged or out of range.
@@ -51,10 +51,10 @@ impl Chunks {
         header.table.validate()?;
         expect_rotations(files, &header)?;
         let grid = header.table.grid().map_err(TableError::from)?;
-        let energies = array(
+        let coefficients = array(
             files,
-            ["energy", "energy/zarr.json"],
-            &energy_array(&header.table, header.energy_unit, &grid),
+            ["coefficients", "coefficients/zarr.json"],
+            &coefficient_array(&header.table, header.energy_unit, &grid),
         )?;
         let scales = match header.table.storage.numbers {
             Numbers::Half => None,
@@ -68,7 +68,7 @@ impl Chunks {
             files: files.clone(),
             header,
             grid,
-            energies,
+            coefficients,
             scales,
         })
     }
@@ -97,18 +97,18 @@ impl Chunks {
     /// The stored numbers of a rotation node, all finite; `None` if they are not there.
     pub(super) fn chunk(&self, row: usize) -> Result<Option<Encoded>, StoreError> {
         let codes = match self.header.table.storage.numbers {
-            Numbers::Half => read::<f16>(&self.energies, row)
+            Numbers::Half => read::<f16>(&self.coefficients, row)
                 .map(|c| c.map(|c| c.into_iter().map(f16::to_bits).collect())),
-            Numbers::Integer => read::<i16>(&self.energies, row)
+            Numbers::Integer => read::<i16>(&self.coefficients, row)
                 .map(|c| c.map(|c| c.into_iter().map(|i| i as u16).collect())),
         };
         let codes: Option<Vec<u16>> =
-            codes.map_err(|e| self.chunk_error(&self.energies, row, e))?;
+            codes.map_err(|e| self.chunk_error(&self.coefficients, row, e))?;
         let Some(codes) = codes else { return Ok(None) };
         let numbers = self.header.table.storage.numbers;
         if let Some(bad) = codes.iter().position(|&c| !is_storable(c, numbers)) {
             let reason = format!("value {bad} is not finite");
-            return Err(self.damaged(&self.energies, row, reason));
+            return Err(self.damaged(&self.coefficients, row, reason));
         }
         let Some(scales) = &self.scales else {
             return Ok(Some(Encoded {
@@ -154,7 +154,7 @@ impl Chunks {
     /// If the chunk cannot be written; what was there before stays.
     ///
     /// # Panics
-    /// If there are not as many energies as the window has nodes.
+    /// If there are not as many coefficients as the window has nodes.
     pub(crate) fn write(&self, row: usize, encoded: &Encoded) -> Result<(), StoreError> {
         let nodes = self.header.table.window.len();
         assert_eq!(encoded.codes.len(), nodes, "one energy per node");
@@ -163,18 +163,20 @@ impl Chunks {
                 .store_chunk_opt(&chunk_index(scales, row), &[encoded.scale], &one_thread())
                 .map_err(|e| self.chunk_error(scales, row, e))?;
         }
-        let (index, options) = (chunk_index(&self.energies, row), one_thread());
+        let (index, options) = (chunk_index(&self.coefficients, row), one_thread());
         match self.header.table.storage.numbers {
             Numbers::Half => {
-                let energies: &[f16] = bytemuck::cast_slice(&encoded.codes);
-                self.energies.store_chunk_opt(&index, energies, &options)
+                let coefficients: &[f16] = bytemuck::cast_slice(&encoded.codes);
+                self.coefficients
+                    .store_chunk_opt(&index, coefficients, &options)
             }
             Numbers::Integer => {
-                let energies: &[i16] = bytemuck::cast_slice(&encoded.codes);
-                self.energies.store_chunk_opt(&index, energies, &options)
+                let coefficients: &[i16] = bytemuck::cast_slice(&encoded.codes);
+                self.coefficients
+                    .store_chunk_opt(&index, coefficients, &options)
             }
         }
-        .map_err(|e| self.chunk_error(&self.energies, row, e))
+        .map_err(|e| self.chunk_error(&self.coefficients, row, e))
     }
 
     /// Removes what an interrupted write of a rotation node left behind.
@@ -182,7 +184,7 @@ impl Chunks {
     /// # Errors
     /// If the left-over file cannot be removed.
     pub(crate) fn clean(&self, row: usize) -> Result<(), StoreError> {
-        for array in self.scales.iter().chain([&self.energies]) {
+        for array in self.scales.iter().chain([&self.coefficients]) {
             self.files
                 .clean(&array.chunk_key(&chunk_index(array, row)))?;
         }
@@ -192,9 +194,9 @@ impl Chunks {
     /// Checks, by the names of the files alone, that there is a chunk for every rotation node.
     pub(crate) fn expect_all_there(&self) -> Result<(), StoreError> {
         let mut there = vec![false; self.grid.nodes().len()];
-        for key in self.files.keys_under("energy/")? {
+        for key in self.files.keys_under("coefficients/")? {
             let row = key
-                .strip_prefix("energy/c.")
+                .strip_prefix("coefficients/c.")
                 .and_then(|k| k.split('.').next());
             let row = row.and_then(|row| row.parse::<usize>().ok());
             if let Some(there) = row.and_then(|row| there.get_mut(row)) {

@@ -21,10 +21,10 @@ use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 
 /// Version of the layout and of the meaning of the attributes.
-pub const FORMAT_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 5;
 
-/// One chunk of energies for each rotation node; stored numbers are `unit` joules each.
-pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> ArrayBuilder {
+/// One chunk of coefficients for each rotation node; stored numbers are `unit` joules each.
+pub(super) fn coefficient_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> ArrayBuilder {
     let [nx, ny, nz] = spec.window.shape().map(|n| n as u64);
     let level = BloscCompressionLevel::try_from(5u8).expect("levels reach 9");
     let blosc = BloscCodec::new(
@@ -36,11 +36,11 @@ pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> 
     )
     .expect("blosc has lz4 and the element size is given");
     // What readers that follow the CF conventions multiply by: they find joules. Whole numbers have
-    // a scale per rotation, which those conventions cannot say: their energy is the product of two
+    // a scale per rotation, which those conventions cannot say: joules are the product of two
     // arrays.
     let name = match Smoothing::of_recipe(&spec.recipe) {
-        Some(_) => "smooth part of the energy, without what contact adds",
-        None => "energy",
+        Some(_) => "cubic B-spline coefficients of the energy, without what contact adds",
+        None => "cubic B-spline coefficients of the energy",
     };
     let attributes = match spec.storage.numbers {
         Numbers::Half => json!({
@@ -71,7 +71,7 @@ pub(super) fn energy_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> 
 /// What the whole numbers of each rotation node are multiplied by, in `unit` joules.
 pub(super) fn scale_array(unit: f64, grid: &RotationGrid) -> ArrayBuilder {
     let attributes = json!({
-        "long_name": "energy per whole number", "units": "J", "scale_factor": unit,
+        "long_name": "coefficient per whole number", "units": "J", "scale_factor": unit,
     });
     let shape = vec![grid.nodes().len() as u64];
     let mut builder = ArrayBuilder::new(shape, vec![1], data_type::float32(), f32::NAN);

@@ -1,4 +1,4 @@
-//! The files of a table without energies: metadata and coordinates.
+//! The files of a table without coefficients: metadata and coordinates.
 
 use std::io;
 use std::path::Path;
@@ -15,7 +15,7 @@ use crate::table::storage::Numbers;
 use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::format::{energy_array, metadata_options, one_thread, scale_array};
+use crate::table::store::format::{coefficient_array, metadata_options, one_thread, scale_array};
 use crate::table::store::header::Header;
 use crate::table::store::surfaces;
 
@@ -60,8 +60,8 @@ fn write_skeleton(
     grid: &RotationGrid,
 ) -> Result<(), AnyError> {
     let window = &header.table.window;
-    energy_array(&header.table, header.energy_unit, grid)
-        .build(files.clone(), "/energy")?
+    coefficient_array(&header.table, header.energy_unit, grid)
+        .build(files.clone(), "/coefficients")?
         .store_metadata_opt(&metadata_options())?;
     if header.table.storage.numbers == Numbers::Integer {
         scale_array(header.energy_unit, grid)

@@ -186,7 +186,7 @@ impl TableStore {
     /// # Errors
     /// If they cannot be listed.
     pub fn bytes_on_disk(&self) -> Result<u64, StoreError> {
-        self.chunks.files.bytes("energy/")
+        self.chunks.files.bytes("coefficients/")
     }
 
     /// Writes the measured error into the table's attributes.

@@ -43,7 +43,7 @@ pub(crate) fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 pub(crate) fn chunk(root: &Path, row: usize) -> PathBuf {
-    root.join(format!("energy/c.{row}.0.0.0"))
+    root.join(format!("coefficients/c.{row}.0.0.0"))
 }
 
 pub(crate) const SHARED: Share = Share {

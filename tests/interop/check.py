@@ -67,6 +67,35 @@ def gap(table, pegfit, node):
     return (turned + pivot + displacement)[:, 2].min() - table.fixed_vertices.values[:, 2].max()
 
 
+def chart(table, pegfit):
+    """Nodes along the three axes of the rotations' chart for each row, and which lie in the ball."""
+    rotations = pegfit["table"]["rotations"]
+    center = np.array(rotations["center"])
+    relative = np.array([times(q, center * [-1, -1, -1, 1]) for q in table.quaternion.values])
+    angles = np.arctan(relative[:, :3] / relative[:, 3:])
+    nodes = angles / np.radians(0.5 * rotations["step_deg"])
+    assert np.abs(nodes - nodes.round()).max() < 1e-6
+    turned = 2 * np.degrees(np.arccos(np.minimum(1, abs(relative[:, 3]))))
+    return nodes.round().astype(int), turned < rotations["angle_deg"]
+
+
+def at_nodes(coefficients, nodes, inside):
+    """Values of the splines at the nodes; NaN outside of the ball and at the window's faces."""
+    for axis in (1, 2, 3):
+        c = np.moveaxis(coefficients, axis, 0)
+        sums = np.full_like(c, np.nan)
+        sums[1:-1] = (c[:-2] + 4 * c[1:-1] + c[2:]) / 6
+        coefficients = np.moveaxis(sums, 0, axis)
+    row = {tuple(node): r for r, node in enumerate(nodes)}
+    values = np.full_like(coefficients, np.nan)
+    for r in np.flatnonzero(inside):
+        near = np.array(list(np.ndindex(3, 3, 3)))
+        weights = np.array([1, 4, 1])[near].prod(axis=1) / 6**3
+        rows = [row[tuple(nodes[r] + offset - 1)] for offset in near]
+        values[r] = np.tensordot(weights, coefficients[rows], 1)
+    return values
+
+
 def scores(program, path, rows):
     text = "x,y,z,qx,qy,qz,qw\n" + "".join(",".join(map(repr, map(float, r))) + "\n" for r in rows)
     command = [program, "score", "--table", path, "--poses", "-", "-q"]
@@ -82,40 +111,40 @@ def main(program, path):
             [program, "table", path, "--json"], capture_output=True, text=True, check=True
         ).stdout
     )
-    assert pegfit["format"] == 4, pegfit["format"]
+    assert pegfit["format"] == 5, pegfit["format"]
     assert pegfit["table"]["recipe"] == described["spec"]["recipe"]
     assert pegfit["error"]["force"]["rms"] == described["error"]["force"]["rms"]
     shape = (described["rotations"], *described["displacements"])
-    assert table.energy.dims == ("rotation", "x", "y", "z"), table.energy.dims
-    assert table.energy.shape == shape, (table.energy.shape, shape)
+    assert table.coefficients.dims == ("rotation", "x", "y", "z"), table.coefficients.dims
+    assert table.coefficients.shape == shape, (table.coefficients.shape, shape)
     spacing = pegfit["table"]["window"]["spacing"]
     assert np.allclose(np.diff(table.x.values), spacing)
     assert np.allclose(np.linalg.norm(table.quaternion.values, axis=1), 1)
 
-    # By the CF attributes energies are in joules: at once, or as the product with the scale.
-    joules = table.energy
+    # By the CF attributes coefficients are in joules: at once, or as the product with the scale.
+    joules = table.coefficients
     if "scale" in table:
         assert table.scale.attrs["units"] == "J", table.scale.attrs
         joules = joules * table.scale
     else:
-        assert table.energy.attrs["units"] == "J", table.energy.attrs
-    assert all("long_name" in table[name].attrs for name in ["energy", "x", "quaternion"])
+        assert table.coefficients.attrs["units"] == "J", table.coefficients.attrs
+    assert all("long_name" in table[name].attrs for name in ["coefficients", "x", "quaternion"])
     assert [table[axis].attrs["units"] for axis in "xyz"] == ["m"] * 3
 
     # The same numbers through zarr-python.
     group = zarr.open_group(path, mode="r")
-    raw = group["energy"][:]
-    energy = raw.astype("f8") * pegfit["energy_unit"]
+    raw = group["coefficients"][:]
+    joules_too = raw.astype("f8") * pegfit["energy_unit"]
     if "scale" in group:
-        energy *= group["scale"][:].astype("f8")[:, None, None, None]
-    assert np.isfinite(energy).all()
-    np.testing.assert_allclose(joules.values, energy, rtol=1e-6)
+        joules_too *= group["scale"][:].astype("f8")[:, None, None, None]
+    assert np.isfinite(joules_too).all()
+    np.testing.assert_allclose(joules.values, joules_too, rtol=1e-6)
 
-    # A rotation that is not there has no energy.
-    chunk = pathlib.Path(path, "energy", "c.0.0.0.0")
+    # A rotation that is not there has no numbers.
+    chunk = pathlib.Path(path, "coefficients", "c.0.0.0.0")
     moved = chunk.with_name("away")
     chunk.rename(moved)
-    absent = xarray.open_zarr(path, consolidated=False).energy[0].values
+    absent = xarray.open_zarr(path, consolidated=False).coefficients[0].values
     moved.rename(chunk)
     assert np.isnan(absent).all()
 
@@ -125,23 +154,21 @@ def main(program, path):
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         assert np.allclose(area.sum(axis=0), 0, atol=1e-12 * np.abs(area).sum()), part
 
-    # At a node out of contact's reach the interpolant is the stored energy; a query sums in single
+    # At a node out of contact's reach the energy is the splines' sum; a query sums in single
     # precision. Within it contact adds, and the array alone is not the energy.
     random = np.random.default_rng(1)
-    # Nodes outside the ball of rotations are only there for their neighbours' sake.
-    center = np.array(pegfit["table"]["rotations"]["center"])
-    angle = 2 * np.degrees(np.arccos(np.minimum(1, abs(table.quaternion.values @ center))))
-    inside = np.flatnonzero(angle < pegfit["table"]["rotations"]["angle_deg"])
-    rows = [(r, i, j, k) for r in inside for i, j, k in np.ndindex(*shape[1:])]
-    rows = [rows[n] for n in random.choice(len(rows), 600, replace=False)]
+    energy = at_nodes(joules_too, *chart(table, pegfit))
+    inside = [tuple(node) for node in np.argwhere(np.isfinite(energy))]
+    rows = [inside[n] for n in random.choice(len(inside), 600, replace=False)]
     near = np.array([gap(table, pegfit, node) < REACH * smoothing(pegfit) for node in rows])
     expected = np.array([energy[n] for n in rows])
+    largest = np.nanmax(np.abs(energy))
     found = scores(program, path, poses(table, pegfit, rows))
     assert near.sum() > 50 and (~near).sum() > 50, near.sum()
-    assert np.abs(found - expected)[near].max() > 0.01 * np.abs(energy).max()
+    assert np.abs(found - expected)[near].max() > 0.01 * largest
     found, expected = found[~near], expected[~near]
-    assert np.ptp(expected) > 1e-3 * np.abs(energy).max()
-    difference = np.abs(found - expected).max() / np.abs(energy).max()
+    assert np.ptp(expected) > 1e-3 * largest
+    difference = np.abs(found - expected).max() / largest
     assert difference < 1e-5, difference
     print(f"{path}: {shape}, {raw.dtype}, {len(found)} energies agree within {difference:.1e}")
 

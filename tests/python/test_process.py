@@ -73,7 +73,7 @@ def test_a_bake_that_was_interrupted_is_resumed(tmp_path):
 
     interrupted(lambda: pair.bake(path, progress=progress, **options), begun)
     # Pieces that were begun then may still end in the background.
-    left = [f for f in (path / "energy").rglob("c.*") if f.is_file()]
+    left = [f for f in (path / "coefficients").rglob("c.*") if f.is_file()]
     with pytest.raises(pegfit.TableError):
         pegfit.Table.open(path)
     table = pair.bake(path, resume=True, **options)

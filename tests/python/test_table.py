@@ -15,7 +15,7 @@ SMALL = dict(half_extent=0.006, angle_deg=10, step_deg=5)
 
 def energies(folder):
     """Names and hashes of the files that hold energies."""
-    files = sorted(f for f in (folder / "energy").rglob("*") if f.is_file())
+    files = sorted(f for f in (folder / "coefficients").rglob("*") if f.is_file())
     return {str(f.relative_to(folder)): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
 
 
@@ -71,7 +71,7 @@ def test_an_interrupted_bake_goes_on_to_the_same_bytes(pair, tmp_path):
 
     # Byte for byte, without waiting for a long bake: take chunks away and bake again.
     reference = energies(whole)
-    chunks = sorted((whole / "energy").rglob("c.*"))
+    chunks = sorted((whole / "coefficients").rglob("c.*"))
     for chunk in [c for c in chunks if c.is_file()][::3]:
         chunk.unlink()
     with pytest.raises(pegfit.TableError):
@@ -158,4 +158,4 @@ def test_xarray_reads_it(table):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("zarr")
     data = xarray.open_zarr(table.path, consolidated=False)
-    assert "energy" in data and data.energy.shape[0] == table.rotations
+    assert "coefficients" in data and data.coefficients.shape[0] == table.rotations

@@ -12,7 +12,7 @@ use crate::error::SceneError;
 use crate::setup::scene_setup::SceneSetup;
 
 /// At how many poses at most the condition number of the score is found, cell by cell.
-const CONDITION_POSES: usize = 32;
+const CONDITION_POSES: usize = 8;
 
 /// At how many held-out poses the error of a table is measured unless somebody asks for more: fewer
 /// where it was made for a tolerance, as its truth is then on half its spacing, which takes eight times
@@ -34,7 +34,7 @@ pub struct TableReference {
 
 impl TableReference {
     /// The error of a table at `poses` random poses, and the median condition number of the score of
-    /// `pair` at the first 32 of them.
+    /// `pair` at the first 8 of them.
     pub fn measure(
         &self,
         table: &EnergyTable,

@@ -32,7 +32,7 @@ echo "== one process"
 
 same() {
     diff -r single.zarr "$1"
-    echo "$1 equals single.zarr ($(find "$1/energy" -name 'c.*' | wc -l) chunks)"
+    echo "$1 equals single.zarr ($(find "$1/coefficients" -name 'c.*' | wc -l) chunks)"
 }
 
 echo "== Slurm $(slurmctld -V)"

@@ -35,7 +35,8 @@ fn an_interrupted_bake_keeps_its_rotations_and_resumes() {
         .spawn()
         .unwrap();
     let finished = || {
-        std::fs::read_dir(folder.path().join("t.zarr/energy")).map_or(0, |entries| entries.count())
+        std::fs::read_dir(folder.path().join("t.zarr/coefficients"))
+            .map_or(0, |entries| entries.count())
     };
     let began = Instant::now();
     while finished() < 20 {

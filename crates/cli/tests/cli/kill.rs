@@ -70,7 +70,7 @@ fn kill_and_resume(extra: &str, kills: usize, longest: Duration) {
 }
 
 fn chunks(root: &Path) -> usize {
-    let Ok(folder) = std::fs::read_dir(root.join("t.zarr/energy")) else {
+    let Ok(folder) = std::fs::read_dir(root.join("t.zarr/coefficients")) else {
         return 0;
     };
     folder

@@ -39,13 +39,13 @@ static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
     };
     let root = folder.path().join("table");
     bake(&root, &spec, &Constant, Share::ALL, &Silent).expect("a table");
-    let mut files = vec!["zarr.json".to_owned(), "energy/zarr.json".to_owned()];
-    let chunks = fs::read_dir(root.join("energy")).expect("a folder");
+    let mut files = vec!["zarr.json".to_owned(), "coefficients/zarr.json".to_owned()];
+    let chunks = fs::read_dir(root.join("coefficients")).expect("a folder");
     let first = chunks
         .filter_map(|e| e.ok()?.file_name().into_string().ok())
         .filter(|n| n.starts_with("c"))
         .min();
-    files.extend(first.map(|n| format!("energy/{n}")));
+    files.extend(first.map(|n| format!("coefficients/{n}")));
     (folder, files)
 });
 

@@ -47,14 +47,14 @@ pub enum TableError {
         /// The energy, joules.
         found: f32,
     },
-    /// An energy is so much larger than those probed that half precision cannot hold it.
-    #[error("energy of rotation node {row} is {found} J, beyond the representable {limit} J")]
+    /// A coefficient is so much larger than those probed that half precision cannot hold it.
+    #[error("coefficient of rotation node {row} is {found} J, beyond the representable {limit} J")]
     Overflow {
         /// Rotation node.
         row: usize,
-        /// The energy, joules.
+        /// It, joules.
         found: f32,
-        /// The largest energy that the table's unit can hold, joules.
+        /// The largest that the table's unit can hold, joules.
         limit: f64,
     },
     /// The caller asked to stop.

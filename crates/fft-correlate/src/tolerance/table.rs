@@ -21,7 +21,7 @@ use crate::tolerance::error::{Limit, ToleranceError};
 use crate::tolerance::spacings::{BEYOND, Spacings, TRIALS};
 
 /// Poses at which lattices are compared.
-const LATTICE_POSES: usize = 200;
+const LATTICE_POSES: usize = 300;
 
 /// Of these poses, and of those at the rotations that are probed.
 const SEEDS: [u64; 2] = [18, 19];

@@ -59,19 +59,16 @@ struct MovingFactor<T> {
 }
 
 impl<T: Real> MovingFactor<T> {
-    fn turned(&self, rotation: DQuat, origin: DVec3) -> Turned<'_, T> {
-        Turned::new(&self.field, rotation, origin, self.placed, self.within)
-    }
-
-    /// The sum that `second` and `scratch` hold the parts of.
-    fn turned_sum<'a>(
+    /// `values` at the field's nodes, turned; without any, the field's own.
+    fn turned<'a>(
         &'a self,
-        sum: &RotationSum,
+        values: Option<&'a Array3<Complex<T>>>,
+        rotation: DQuat,
         origin: DVec3,
-        values: &'a Array3<Complex<T>>,
     ) -> Turned<'a, T> {
-        let (rotation, field) = (sum.first(), &self.field);
-        Turned::with_values(field, values, rotation, origin, self.placed, self.within)
+        let values = values.unwrap_or(self.field.values());
+        let (placed, within) = (self.placed, self.within);
+        Turned::new(&self.field, values, rotation, origin, placed, within)
     }
 }
 
@@ -111,6 +108,11 @@ impl Correlator {
         Ok(Self::of(plan, pair, level::native()))
     }
 
+    /// As [`Correlator::build`], for the pair that was planned for.
+    pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
+        Self::of(plan, pair, level::native())
+    }
+
     /// The same for the rotations of `groups`, as [`CorrelatorPlan::for_groups`].
     ///
     /// # Errors
@@ -122,13 +124,6 @@ impl Correlator {
     ) -> Result<Self, CorrelateError> {
         let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, groups)?;
         Ok(Self::of(plan, pair, level::native()))
-    }
-}
-
-impl Correlator {
-    /// For the pair that was planned for.
-    pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
-        Self::of(plan, pair, level::native())
     }
 }
 
@@ -306,18 +301,17 @@ fn score<T: Real>(
         sums,
         times,
     } = scratch;
-    if sum.terms().len() == 1 {
-        let turned = |p: usize| of.products[p].turned(sum.first(), origin);
-        *times = correlate(of, turns, kernels, outs, turned);
-        return;
-    }
+    let several = sum.terms().len() > 1;
     let started = Instant::now();
-    for (p, values) in of.products.iter().zip(&mut *sums) {
-        let second = p.second.as_ref().expect("a plan for sums");
-        second.sum(&p.field, sum, values);
+    if several {
+        for (p, values) in of.products.iter().zip(&mut *sums) {
+            let second = p.second.as_ref().expect("a plan for sums");
+            second.sum(&p.field, sum, values);
+        }
     }
     let summed = started.elapsed().as_secs_f64();
-    let turned = |p: usize| of.products[p].turned_sum(sum, origin, &sums[p]);
+    let values = |p: usize| several.then(|| &sums[p]);
+    let turned = |p: usize| of.products[p].turned(values(p), sum.first(), origin);
     *times = correlate(of, turns, kernels, outs, turned);
     times.resample += summed;
 }
@@ -333,7 +327,7 @@ fn gradient<T: Real>(
         let turned = |p: usize| {
             let p = &of.products[p];
             Derivative {
-                turned: p.turned(rotation, origin),
+                turned: p.turned(None, rotation, origin),
                 rotation: DMat3::from_quat(rotation),
                 corner: origin + DVec3::from_array(p.placed.lo.map(|v| v as f64)),
                 component,

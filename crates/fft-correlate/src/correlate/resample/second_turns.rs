@@ -3,7 +3,7 @@
 //! Turned by small `t` about the pivot, a field is `g + L_t g + L_t² g / 2` with `L_t g = -(t × q) ·
 //! ∇g`. Over the rotations of a sum first orders cancel, and second orders add up to products of
 //! six fields, made once, with the second moments of the `t`. What is left out is of fourth order
-//! in them, and of a first one where a chart of rotations is curved, a hundredth of what is there.
+//! in them and, where a chart of rotations is curved, a first order that does not quite cancel.
 
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;

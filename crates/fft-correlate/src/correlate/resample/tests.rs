@@ -96,13 +96,13 @@ fn bundles_equal_rows_read(reading: Reading) {
         for level in levels() {
             let (worst, skipped) = compare(
                 level,
-                &Turned::new(&single, rotation, origin, within, within),
+                &Turned::new(&single, single.values(), rotation, origin, within, within),
             );
             assert!(worst < 8e-6, "{rotation}: {worst}");
             assert!(skipped > 0);
             let (worst, _) = compare(
                 level,
-                &Turned::new(&double, rotation, origin, within, within),
+                &Turned::new(&double, double.values(), rotation, origin, within, within),
             );
             assert!(worst < 1e-13, "{rotation}: {worst}");
         }

@@ -25,20 +25,10 @@ pub(crate) struct Turned<'a, T> {
 }
 
 impl<'a, T: Real> Turned<'a, T> {
-    /// `field` turned by `rotation`, at the fixed-lattice indices of `within`, counted from the
-    /// corner of `placed`, a box around it; index 0 lies `origin` cells from the pivot.
+    /// `values` at the nodes of `field`, empty where it is, turned by `rotation`, at the fixed-lattice
+    /// indices of `within`, counted from the corner of `placed`, a box around it; index 0 lies
+    /// `origin` cells from the pivot.
     pub(crate) fn new(
-        field: &'a MovingField<T>,
-        rotation: DQuat,
-        origin: DVec3,
-        placed: IndexBox,
-        within: IndexBox,
-    ) -> Self {
-        Self::with_values(field, field.values(), rotation, origin, placed, within)
-    }
-
-    /// The same with other values at the field's nodes, empty where the field is.
-    pub(crate) fn with_values(
         field: &'a MovingField<T>,
         values: &'a Array3<Complex<T>>,
         rotation: DQuat,

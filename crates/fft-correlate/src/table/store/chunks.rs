@@ -157,7 +157,7 @@ impl Chunks {
     /// If there are not as many coefficients as the window has nodes.
     pub(crate) fn write(&self, row: usize, encoded: &Encoded) -> Result<(), StoreError> {
         let nodes = self.header.table.window.len();
-        assert_eq!(encoded.codes.len(), nodes, "one energy per node");
+        assert_eq!(encoded.codes.len(), nodes, "one coefficient per node");
         if let Some(scales) = &self.scales {
             scales
                 .store_chunk_opt(&chunk_index(scales, row), &[encoded.scale], &one_thread())

@@ -17,6 +17,7 @@ use sdf_grid::shapes::PegInHole;
 pub mod assemblies;
 pub mod frames;
 pub mod frontier;
+pub mod mates;
 pub mod meshes;
 pub mod midpoint;
 pub mod plain;

@@ -1,4 +1,4 @@
-//! True responses of the paper's pairs at random poses and in contact, kept in files since they take
+//! True responses of pairs at random poses and in contact, kept in files since they take
 //! minutes: `benches/truths/PAIR-MILLIMETRES.csv`, written by `truth --write`.
 
 use std::fs;
@@ -9,10 +9,10 @@ use fft_correlate::{Pair, PairBuilder, Pose, Response, ScoreModel, Wrench};
 use glam::{DQuat, DVec3};
 use pegfit_truth::{TrueResponse, Truth, TruthOptions};
 use rand::{SeedableRng, rngs::SmallRng};
-use sdf_grid::shapes::PegInHole;
 use sdf_grid::{Silent, TriangleMesh};
 
 use crate::frames::{Frame, contact_paths};
+use crate::mates::Mates;
 use crate::{Outcome, random_poses};
 
 /// Random poses: rotations within this, degrees, displacements within this, metres.
@@ -23,7 +23,7 @@ pub const REACH: f64 = 3.6e-3;
 /// Of each pose: energy, force, torque about the moving part's origin.
 const NUMBERS: usize = 7;
 
-/// A pair of the paper, its poses and what is true there.
+/// The poses of a pair and what is true there.
 #[derive(Debug, Clone)]
 pub struct Truths {
     /// At random, and in contact.
@@ -37,8 +37,8 @@ pub struct Truths {
 /// The parts of a pair, their halo and a coarse pair that poses are made of.
 #[derive(Debug)]
 pub struct Parts {
-    /// The paper's pair.
-    pub which: PegInHole,
+    /// What they are.
+    pub which: Mates,
     /// Clearance, millimetres.
     pub clearance: f64,
     /// Fixed, moving.
@@ -54,8 +54,8 @@ impl Parts {
     ///
     /// # Errors
     /// If the clearance is out of range.
-    pub fn new(which: PegInHole, clearance: f64) -> Outcome<Self> {
-        let (hole, peg) = which.pair(1e-3 * clearance)?;
+    pub fn new(which: Mates, clearance: f64) -> Outcome<Self> {
+        let [hole, peg] = which.pair(1e-3 * clearance)?;
         let builder = PairBuilder {
             spacing: Some(4e-3),
             ..PairBuilder::default()

@@ -16,6 +16,7 @@ use fft_correlate::{
     Pose, Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow,
 };
 use pegfit_benches::frames::Frame;
+use pegfit_benches::mates::Mates;
 use pegfit_benches::table::{Table, percent, significant};
 use pegfit_benches::truths::{BALL, Parts, REACH, Truths};
 use pegfit_benches::{Arguments, Outcome, meshes, response_errors, rms};
@@ -25,7 +26,7 @@ use sdf_grid::{Silent, TriangleMesh};
 
 /// What is measured.
 struct Plan {
-    pairs: Vec<PegInHole>,
+    pairs: Vec<Mates>,
     clearances: Vec<f64>,
     spacings: Vec<f64>,
     smoothings: Vec<f64>,
@@ -49,9 +50,7 @@ impl Plan {
         for word in &arguments.rest {
             match word.split_once('=') {
                 Some(("pair", name)) => {
-                    let known = PegInHole::ALL.into_iter().find(|p| p.name() == name);
-                    plan.pairs
-                        .push(known.ok_or_else(|| format!("no pair {name}"))?);
+                    plan.pairs.push(Mates::named(name)?);
                 }
                 Some(("clearance", mm)) => plan.clearances.push(mm.parse()?),
                 Some(("spacing", mm)) => plan.spacings.push(mm.parse()?),
@@ -80,7 +79,7 @@ impl Plan {
         }
         plan.asked = !plan.pairs.is_empty();
         if !plan.asked {
-            plan.pairs = PegInHole::ALL.to_vec();
+            plan.pairs = Mates::ALL.to_vec();
         }
         Ok(plan)
     }
@@ -158,7 +157,7 @@ impl Case {
         let [hole, peg] = &self.parts.meshes;
         let same = [meshes::refined(hole, count)?, meshes::refined(peg, count)?];
         let mut cut = vec![(format!("{count} triangles"), same)];
-        if self.parts.which == PegInHole::Circular {
+        if self.parts.which == Mates::Paper(PegInHole::Circular) {
             let round = meshes::round_pair(1e-3 * self.parts.clearance, count)?;
             cut.push((format!("{count} triangles, more facets"), round));
         }

@@ -1,21 +1,22 @@
 //! How sure the truth of contact is:
-//! `truth [--quick] [--out DIR] [--write] [pair=NAME]... [clearance=MM]... [poses=N]`.
+//! `truth [--quick] [--out DIR] [--write] [pair=NAME]... [clearance=MM]... [poses=N] [smallest=S]`.
 //!
-//! For each of the example pairs and clearances: energies against samples spread through both
+//! For each of the pairs and clearances: energies against samples spread through both
 //! solids, forces and torques against differences of the energy, all of them against the truth of
 //! both parts turned and shifted (other cells, other fits). `--write` computes both truths only and
 //! keeps them in `benches/truths`, for `contact` and others. `--quick`: few poses, coarse cells.
+//! `smallest`: the edge of the smallest cells, of the narrowest extent of the smaller part.
 
 use std::time::Instant;
 
 use fft_correlate::{Pose, ScoreModel, Twist, Wrench};
 use glam::DVec3;
+use pegfit_benches::mates::Mates;
 use pegfit_benches::table::{Table, percent, significant};
 use pegfit_benches::truths::{Parts, Truths};
 use pegfit_benches::{Arguments, Outcome, response_errors, rms};
 use pegfit_truth::{Truth, TruthOptions, sampled_energy};
 use rayon::prelude::*;
-use sdf_grid::shapes::PegInHole;
 
 /// Half a step of differences, metres; angles are this over the parts' radius.
 const STEP: f64 = 3e-5;
@@ -50,6 +51,9 @@ fn main() -> Outcome<()> {
     let chosen = Chosen::of(&arguments.rest)?;
     if let Some(poses) = chosen.poses {
         effort.poses = [poses, poses.div_ceil(3)];
+    }
+    if let Some(smallest) = chosen.smallest {
+        effort.options.smallest = smallest;
     }
     let mut sure = Table::new("truth-sure", "How sure the truth is", SURE, &SURE_COLUMNS);
     for &which in &chosen.pairs {
@@ -90,10 +94,11 @@ const SURE_COLUMNS: [&str; 13] = [
 
 /// What was asked for.
 struct Chosen {
-    pairs: Vec<PegInHole>,
+    pairs: Vec<Mates>,
     /// Millimetres.
     clearances: Vec<f64>,
     poses: Option<usize>,
+    smallest: Option<f64>,
     write: bool,
 }
 
@@ -103,23 +108,23 @@ impl Chosen {
             pairs: Vec::new(),
             clearances: Vec::new(),
             poses: None,
+            smallest: None,
             write: false,
         };
         for word in words {
             match word.split_once('=') {
                 Some(("pair", name)) => {
-                    let known = PegInHole::ALL.into_iter().find(|p| p.name() == name);
-                    let known = known.ok_or_else(|| format!("no pair {name}"))?;
-                    chosen.pairs.push(known);
+                    chosen.pairs.push(Mates::named(name)?);
                 }
                 Some(("clearance", mm)) => chosen.clearances.push(mm.parse()?),
                 Some(("poses", n)) => chosen.poses = Some(n.parse()?),
+                Some(("smallest", share)) => chosen.smallest = Some(share.parse()?),
                 None if word == "--write" => chosen.write = true,
                 _ => return Err(format!("unknown {word}; known: {KNOWN}").into()),
             }
         }
         if chosen.pairs.is_empty() {
-            chosen.pairs = PegInHole::ALL.to_vec();
+            chosen.pairs = Mates::ALL.to_vec();
         }
         if chosen.clearances.is_empty() {
             chosen.clearances = vec![0.0, 0.1, 0.3, 0.5];
@@ -128,7 +133,7 @@ impl Chosen {
     }
 }
 
-const KNOWN: &str = "--quick, --out, --write, pair=NAME, clearance=MM, poses=N";
+const KNOWN: &str = "--quick, --out, --write, pair=NAME, clearance=MM, poses=N, smallest=SHARE";
 
 /// One pair with its true responses.
 struct Case {
@@ -139,7 +144,7 @@ struct Case {
 }
 
 impl Case {
-    fn new(which: PegInHole, mm: f64, effort: &Effort) -> Outcome<Self> {
+    fn new(which: Mates, mm: f64, effort: &Effort) -> Outcome<Self> {
         let parts = Parts::new(which, mm)?;
         let began = Instant::now();
         let poses = parts.poses(effort.poses[0], effort.poses[1]);

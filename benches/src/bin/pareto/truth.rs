@@ -2,6 +2,7 @@
 
 use fft_correlate::{Pair, PairBuilder, Pose, Response, ScoreModel};
 use pegfit_benches::frames::Frame;
+use pegfit_benches::mates::Mates;
 use pegfit_benches::table::{Table, percent};
 use pegfit_benches::truths::{Parts, Truths};
 use pegfit_benches::{Outcome, response_errors, timed};
@@ -26,16 +27,13 @@ impl Case {
     /// The pair that the words `pair=NAME`, `clearance=MM` and `turned` ask for; of the poses kept
     /// of it one in `every`.
     pub(crate) fn read(words: &[String], every: usize) -> Outcome<Self> {
-        let (mut pair, mut clearance) = (PegInHole::Rectangular, 0.0);
+        let (mut pair, mut clearance) = (Mates::Paper(PegInHole::Rectangular), 0.0);
         let (mut frame, mut how) = (Frame::OWN, "");
         for word in words {
             match word.split_once('=') {
                 Some(("clearance", mm)) => clearance = mm.parse()?,
                 Some(("pair", name)) => {
-                    let named = PegInHole::ALL.into_iter().find(|p| p.name() == name);
-                    let names = PegInHole::ALL.map(PegInHole::name).join(", ");
-                    pair =
-                        named.ok_or_else(|| format!("pair {name:?}: expected one of {names}"))?;
+                    pair = Mates::named(name)?;
                 }
                 None if word == "turned" => (frame, how) = (Frame::turned(), ", turned"),
                 _ => {

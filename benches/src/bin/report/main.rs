@@ -3,7 +3,8 @@
 //!
 //! `full`: the sizes and repetitions that count; without it, minutes instead of hours. `fftw`: FFTW
 //! beside the correlator. `only`: sections by their key; the page then holds no others and is
-//! `out/report.md` unless `page` says where. `parts`: a folder with the IndustReal meshes, for the
+//! `out/report.md` unless `page` says where. A section that has a page to itself is on no other unless
+//! it is asked for, and alone is written there. `parts`: a folder with the IndustReal meshes, for the
 //! sections about real parts. The other programs must have
 //! been built beside this one (`just report` does). What they write goes to DIR (`out/report`), a
 //! folder for each section.
@@ -60,13 +61,7 @@ impl Options {
             }
         }
         if options.page.as_os_str().is_empty() {
-            // A page of few sections does not replace the one that other pages refer to.
-            let name = if options.only.is_empty() {
-                "docs/report.md"
-            } else {
-                "out/report.md"
-            };
-            options.page = root.join(name);
+            options.page = root.join(options.default_page());
         }
         let keys = SECTIONS.map(|s| s.key);
         match options.only.iter().find(|k| !keys.contains(&k.as_str())) {
@@ -75,10 +70,36 @@ impl Options {
         }
     }
 
+    /// Of few sections one that does not replace the page that others refer to.
+    fn default_page(&self) -> String {
+        match (self.only.as_slice(), self.alone()) {
+            ([], _) => "docs/report.md".into(),
+            (_, Some((_, page))) => format!("docs/{page}"),
+            _ => "out/report.md".into(),
+        }
+    }
+
+    /// The section with a page to itself, if it alone is asked for.
+    fn alone(&self) -> Option<(&'static Section, &'static str)> {
+        let [key] = self.only.as_slice() else {
+            return None;
+        };
+        with_own_pages().find(|(s, _)| s.key == key)
+    }
+
     fn wants(&self, section: &Section) -> bool {
-        let asked = self.only.is_empty() || self.only.iter().any(|k| k == section.key);
+        let asked = match self.only.as_slice() {
+            [] => section.own_page.is_none(),
+            only => only.iter().any(|k| k == section.key),
+        };
         asked && (!section.needs_parts || self.parts.is_some())
     }
+}
+
+/// Sections that have pages to themselves, and these.
+fn with_own_pages() -> impl Iterator<Item = (&'static Section, &'static str)> {
+    let own = |s: &'static Section| s.own_page.map(|page| (s, page));
+    SECTIONS.iter().filter_map(own)
 }
 
 fn main() -> Outcome<()> {
@@ -114,11 +135,15 @@ fn main() -> Outcome<()> {
     }
 }
 
-/// Charts that an earlier page had of the sections wanted; all where none are left out.
+/// Charts that an earlier page had of the sections wanted.
 fn old_pictures(figures: &Path, options: &Options) -> Outcome<Vec<PathBuf>> {
     let mut found = Vec::new();
     let starts: Vec<String> = match options.only.as_slice() {
-        [] => vec!["report-".into()],
+        [] => SECTIONS
+            .iter()
+            .filter(|s| options.wants(s))
+            .map(|s| format!("report-{}-", s.key))
+            .collect(),
         only => only.iter().map(|key| format!("report-{key}-")).collect(),
     };
     for entry in fs::read_dir(figures)? {
@@ -149,10 +174,15 @@ fn heading(options: &Options, seconds: f64) -> String {
          whatever else it was doing.",
         command.trim_end()
     );
-    let mut page = format!(
-        "# Measurements\n\n{}\n\n| | |\n|---|---|\n",
-        wrapped(&about)
-    );
+    let title = match options.alone() {
+        Some((section, _)) => format!("Measurements: {}", section.title.to_lowercase()),
+        None => "Measurements".to_owned(),
+    };
+    let mut page = format!("# {title}\n\n{}\n\n", wrapped(&about));
+    for (section, file) in with_own_pages().filter(|_| options.only.is_empty()) {
+        let _ = write!(page, "{}: [{file}]({file}).\n\n", section.title);
+    }
+    page += "| | |\n|---|---|\n";
     for (what, value) in machine::facts() {
         let _ = writeln!(page, "| {what} | {value} |");
     }

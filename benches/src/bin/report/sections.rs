@@ -14,6 +14,8 @@ pub(crate) struct Section {
     pub(crate) parts: Option<&'static str>,
     /// Left out where there is no such folder.
     pub(crate) needs_parts: bool,
+    /// The page in `docs` that it has to itself.
+    pub(crate) own_page: Option<&'static str>,
 }
 
 pub(crate) const SECTIONS: [Section; 13] = [
@@ -27,6 +29,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "solids",
@@ -37,6 +40,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&["solids"]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "parts",
@@ -47,6 +51,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: Some("parts="),
         needs_parts: true,
+        own_page: None,
     },
     Section {
         key: "correlate",
@@ -58,6 +63,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "accuracy",
@@ -69,6 +75,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "contact",
@@ -82,6 +89,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[], CUT],
         parts: None,
         needs_parts: false,
+        own_page: Some("contact-measured.md"),
     },
     Section {
         key: "pareto",
@@ -98,6 +106,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         ],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "docking",
@@ -109,6 +118,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: Some(""),
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "frames",
@@ -119,6 +129,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&["--starts", "50", "--seeds", "0..50"]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "ways",
@@ -130,6 +141,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&["--frames", "20"]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "query",
@@ -140,6 +152,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "loop",
@@ -150,6 +163,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: None,
         needs_parts: false,
+        own_page: None,
     },
     Section {
         key: "chain",
@@ -160,6 +174,7 @@ pub(crate) const SECTIONS: [Section; 13] = [
         full: &[&[]],
         parts: Some(""),
         needs_parts: true,
+        own_page: None,
     },
 ];
 

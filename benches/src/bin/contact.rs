@@ -349,3 +349,51 @@ fn schemes(plan: &Plan) -> Vec<Scheme> {
     }
     schemes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of the wrench and of the energy in contact, in shares: what `docs/accuracy.md` promises at
+    /// this spacing. Walls of the cross are ten cells apart, those of the bar seventeen; torques of
+    /// the round peg are compared with what next to nothing is left of them.
+    fn promised(which: Mates) -> [f64; 2] {
+        match which {
+            Mates::Paper(PegInHole::Circular) => [0.07, 0.01],
+            Mates::Paper(_) | Mates::Hexagon => [0.05, 0.015],
+            Mates::Cross => [0.095, 0.03],
+            Mates::Bar => [0.075, 0.03],
+        }
+    }
+
+    #[test]
+    fn turned_pairs_err_by_no_more_than_is_promised() {
+        let scheme = Scheme {
+            spacing: 8.3e-4,
+            smoothing: Some(0.7),
+            source: Source::All,
+        };
+        for which in Mates::ALL {
+            for mm in [0.0, 0.3] {
+                let parts = Parts::new(which, mm).unwrap();
+                let truths = Truths::read(&parts).unwrap();
+                let case = Case { parts, truths };
+                let frame = Frame::turned();
+                let found = case.found(&case.parts.meshes, scheme, &frame).unwrap();
+                let [mean, poses] = [case.truths.mean(), found.responses];
+                let [random, contact] = [0, 1].map(|n| {
+                    let at = &case.truths.poses[n];
+                    response_errors(&case.parts.pair, at, &mean[n], &poses[n])
+                });
+                let wrench = rms(random[1..].iter().chain(&contact[1..]).copied());
+                let found = [wrench, contact[0]];
+                println!("{} {mm}: {found:.4?}", which.name());
+                let bounds = promised(which);
+                assert!(
+                    found[0] < bounds[0] && found[1] < bounds[1],
+                    "{which:?} {mm}"
+                );
+            }
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! True responses of pairs at random poses and in contact, kept in files since they take
-//! minutes: `benches/truths/PAIR-MILLIMETRES.csv`, written by `truth --write`.
+//! minutes: `benches/truths/PAIR-MILLIMETRES.csv`. Those of the square pair were written by
+//! `truth --write`, all others by `truth --write smallest=0.03 poses=12`.
 
 use std::fs;
 use std::path::{Path, PathBuf};

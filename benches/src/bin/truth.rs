@@ -113,9 +113,7 @@ impl Chosen {
         };
         for word in words {
             match word.split_once('=') {
-                Some(("pair", name)) => {
-                    chosen.pairs.push(Mates::named(name)?);
-                }
+                Some(("pair", name)) => chosen.pairs.push(Mates::named(name)?),
                 Some(("clearance", mm)) => chosen.clearances.push(mm.parse()?),
                 Some(("poses", n)) => chosen.poses = Some(n.parse()?),
                 Some(("smallest", share)) => chosen.smallest = Some(share.parse()?),

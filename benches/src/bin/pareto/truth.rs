@@ -32,9 +32,7 @@ impl Case {
         for word in words {
             match word.split_once('=') {
                 Some(("clearance", mm)) => clearance = mm.parse()?,
-                Some(("pair", name)) => {
-                    pair = Mates::named(name)?;
-                }
+                Some(("pair", name)) => pair = Mates::named(name)?,
                 None if word == "turned" => (frame, how) = (Frame::turned(), ", turned"),
                 _ => {
                     let known = "pair=NAME, clearance=MM, turned";

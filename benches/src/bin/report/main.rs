@@ -88,11 +88,15 @@ impl Options {
     }
 
     fn wants(&self, section: &Section) -> bool {
-        let asked = match self.only.as_slice() {
+        self.asks(section) && (!section.needs_parts || self.parts.is_some())
+    }
+
+    /// Whether a section is on the page where there are real parts.
+    fn asks(&self, section: &Section) -> bool {
+        match self.only.as_slice() {
             [] => section.own_page.is_none(),
             only => only.iter().any(|k| k == section.key),
-        };
-        asked && (!section.needs_parts || self.parts.is_some())
+        }
     }
 }
 
@@ -135,17 +139,11 @@ fn main() -> Outcome<()> {
     }
 }
 
-/// Charts that an earlier page had of the sections wanted.
+/// Charts that an earlier page had of the sections asked for.
 fn old_pictures(figures: &Path, options: &Options) -> Outcome<Vec<PathBuf>> {
     let mut found = Vec::new();
-    let starts: Vec<String> = match options.only.as_slice() {
-        [] => SECTIONS
-            .iter()
-            .filter(|s| options.wants(s))
-            .map(|s| format!("report-{}-", s.key))
-            .collect(),
-        only => only.iter().map(|key| format!("report-{key}-")).collect(),
-    };
+    let asked = SECTIONS.iter().filter(|s| options.asks(s));
+    let starts: Vec<String> = asked.map(|s| format!("report-{}-", s.key)).collect();
     for entry in fs::read_dir(figures)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();

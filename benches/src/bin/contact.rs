@@ -3,7 +3,8 @@
 //!
 //! Energies, forces and torques at random poses and in contact, of cell averages and of smoothed
 //! densities with their contact sum, for parts as they are, shifted by fractions of a cell, and
-//! turned, all against the truths in `benches/truths` (`truth --write`), which know no lattice.
+//! turned, all against the truths in `benches/truths` (`truth --write`), which know no lattice; at
+//! 1.4 mm and the default spacing of each pair unless asked otherwise (`spacing=default`).
 //! Smoothed densities are read directly, by all points or the most of them, and from tables of
 //! rotations a step apart. With `triangles`, the same solids in so many, and the round pair with
 //! circles of so many facets, are read directly instead. `--quick`: at the default spacing only.
@@ -28,7 +29,8 @@ use sdf_grid::{Silent, TriangleMesh};
 struct Plan {
     pairs: Vec<Mates>,
     clearances: Vec<f64>,
-    spacings: Vec<f64>,
+    /// Metres; none for the default.
+    spacings: Vec<Option<f64>>,
     smoothings: Vec<f64>,
     sources: Vec<Source>,
     triangles: Vec<usize>,
@@ -51,7 +53,8 @@ impl Plan {
             match word.split_once('=') {
                 Some(("pair", name)) => plan.pairs.push(Mates::named(name)?),
                 Some(("clearance", mm)) => plan.clearances.push(mm.parse()?),
-                Some(("spacing", mm)) => plan.spacings.push(mm.parse()?),
+                Some(("spacing", "default")) => plan.spacings.push(None),
+                Some(("spacing", mm)) => plan.spacings.push(Some(1e-3 * mm.parse::<f64>()?)),
                 Some(("smoothing", cells)) => plan.smoothings.push(cells.parse()?),
                 Some(("points", n)) => plan.sources.push(Source::Points(n.parse()?)),
                 Some(("triangles", n)) => plan.triangles.push(n.parse()?),
@@ -65,12 +68,10 @@ impl Plan {
             }
         };
         or(&mut plan.clearances, &[0.0, 0.1, 0.3, 0.5]);
-        let default: &[f64] = if arguments.quick {
-            &[0.83]
-        } else {
-            &[1.4, 0.83]
-        };
-        or(&mut plan.spacings, default);
+        if plan.spacings.is_empty() {
+            let coarse = (!arguments.quick).then_some(Some(1.4e-3));
+            plan.spacings.extend(coarse.into_iter().chain([None]));
+        }
         or(&mut plan.smoothings, &[0.7]);
         if plan.sources.len() == 1 {
             plan.sources.push(Source::Table(4.0));
@@ -132,8 +133,8 @@ impl Source {
 /// How densities are put on a lattice and read.
 #[derive(Clone, Copy)]
 struct Scheme {
-    /// Spacing, metres.
-    spacing: f64,
+    /// Spacing, metres; none for the default.
+    spacing: Option<f64>,
     /// In spacings; none for cell averages.
     smoothing: Option<f64>,
     source: Source,
@@ -142,6 +143,8 @@ struct Scheme {
 /// What a scheme gave, and took.
 struct Found {
     responses: [Vec<Response>; 2],
+    /// Of the lattice, metres.
+    spacing: f64,
     /// Seconds of set-up.
     built: f64,
     /// Median seconds of a pose in contact.
@@ -179,7 +182,7 @@ impl Case {
         let began = Instant::now();
         let [hole, peg] = parts.each_ref().map(|m| frame.part(m));
         let builder = PairBuilder {
-            spacing: Some(scheme.spacing),
+            spacing: scheme.spacing,
             halo: Some(self.parts.halo),
             smoothing: scheme.smoothing,
             ..PairBuilder::default()
@@ -209,6 +212,7 @@ impl Case {
         times.sort_by(f64::total_cmp);
         Ok(Found {
             responses,
+            spacing: pair.spacing(),
             built,
             each: times[times.len() / 2],
         })
@@ -321,7 +325,7 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
             });
             let source = [scheme.source.name(), cut.clone()];
             let names = [
-                significant(1e3 * scheme.spacing, 2),
+                significant(1e3 * found.spacing, 2),
                 scheme.smoothing.map_or("none".into(), |s| format!("{s}")),
                 source[..if cut.is_empty() { 1 } else { 2 }].join(", "),
                 (*name).to_owned(),
@@ -337,8 +341,7 @@ fn rows(case: &Case, plan: &Plan, table: &mut Table) -> Outcome<()> {
 
 fn schemes(plan: &Plan) -> Vec<Scheme> {
     let mut schemes = Vec::new();
-    for &mm in &plan.spacings {
-        let spacing = 1e-3 * mm;
+    for &spacing in &plan.spacings {
         let mut add = |smoothing, source| {
             schemes.push(Scheme {
                 spacing,
@@ -375,7 +378,7 @@ mod tests {
     #[test]
     fn turned_pairs_err_by_no_more_than_is_promised() {
         let scheme = Scheme {
-            spacing: 8.3e-4,
+            spacing: None,
             smoothing: Some(0.7),
             source: Source::All,
         };

@@ -40,4 +40,5 @@ pub use support::monitor::{Monitor, Silent};
 pub use support::{atomic, recipe};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
+pub use surface::ball::largest_ball_radius;
 pub use surface::bvh::tree::{Bvh, Nearest};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use sdf_grid::{
     Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldRecipe,
-    KernelError, Lattice, LatticeError, Monitor, Sampling, TriangleMesh,
+    KernelError, Lattice, LatticeError, Monitor, Sampling, TriangleMesh, largest_ball_radius,
 };
 
 use crate::pair::contact::{Contact, Smoothing, jump};
@@ -21,7 +21,7 @@ const DEFAULT_NODES: f64 = 6e6;
 /// Standard deviation, in spacings, of the smoothing: with less, energies depend on how faces lie in
 /// the lattice; with more, what the contact sum leaves of edges grows.
 const SMOOTHING: f64 = 0.7;
-/// Cells across the narrowest extent of the smaller part that [`default_spacing`] aims at.
+/// Cells across the largest ball inside the smaller part that [`default_spacing`] aims at.
 const DEFAULT_CELLS: f64 = 24.0;
 
 /// How two meshes become a pair; `None` picks the documented default.
@@ -131,14 +131,21 @@ pub enum PairBuildError {
     },
 }
 
-/// The lattice spacing that puts 24 cells across the narrowest extent of the smaller part, or the
-/// wider one at which both lattices together (bounds and `halo`) have 6 million nodes (120 MB);
-/// metres, rounded up to two digits. Clearances well below it are smoothed over.
-pub fn default_spacing(fixed: &Aabb, moving: &Aabb, halo: f64) -> f64 {
-    let smaller = smaller(fixed, moving).size().min_element();
-    let volume = |b: &Aabb| b.grown(halo).size().element_product();
+/// The lattice spacing that puts 24 cells across the largest ball inside the smaller part, metres, to
+/// two digits: as fine as a long peg is narrow and a plate thin, however they are turned. Wider where
+/// both lattices together (bounds and `halo`) would otherwise exceed 6 million nodes (120 MB).
+pub fn default_spacing(fixed: &TriangleMesh, moving: &TriangleMesh, halo: f64) -> f64 {
+    let volume = |part: &TriangleMesh| part.bounds().grown(halo).size().element_product();
     let affordable = ((volume(fixed) + volume(moving)) / DEFAULT_NODES).cbrt();
-    round_up((smaller / DEFAULT_CELLS).max(affordable))
+    let smaller = match radius(fixed) < radius(moving) {
+        true => fixed,
+        false => moving,
+    };
+    let wanted = |radius: f64| two_digits(2.0 * radius / DEFAULT_CELLS, f64::round);
+    largest_ball_radius(smaller, 0.5 * DEFAULT_CELLS * affordable)
+        .map(wanted)
+        .filter(|spacing| *spacing > affordable)
+        .unwrap_or_else(|| two_digits(affordable, |digits| (digits - 1e-9).ceil()))
 }
 
 /// How far the exterior densities reach, metres. Without separation (`w = 0`): 0.75 of the
@@ -148,7 +155,6 @@ pub fn default_spacing(fixed: &Aabb, moving: &Aabb, halo: f64) -> f64 {
 /// defines the far energy, and without separation does not depend on how the parts are turned.
 pub fn default_halo(model: &ScoreModel, fixed: &TriangleMesh, moving: &TriangleMesh) -> f64 {
     if model.separation_weight == 0.0 {
-        let radius = |part: &TriangleMesh| part.radius_about(part.centroid());
         0.75 * radius(fixed).min(radius(moving))
     } else {
         let size = |part: &TriangleMesh| part.bounds().size();
@@ -156,14 +162,15 @@ pub fn default_halo(model: &ScoreModel, fixed: &TriangleMesh, moving: &TriangleM
     }
 }
 
-fn smaller<'a>(a: &'a Aabb, b: &'a Aabb) -> &'a Aabb {
-    if a.diagonal() < b.diagonal() { a } else { b }
+/// The bounding radius of a part about its centroid, metres.
+fn radius(part: &TriangleMesh) -> f64 {
+    part.radius_about(part.centroid())
 }
 
-/// The next number with two significant digits: small changes of a part keep its lattice.
-fn round_up(value: f64) -> f64 {
+/// `round` of a length in units of its second digit: small changes of a part keep its lattice.
+fn two_digits(value: f64, round: impl Fn(f64) -> f64) -> f64 {
     let unit = 10f64.powf(value.log10().floor() - 1.0);
-    let digits = (value / unit - 1e-9).ceil();
+    let digits = round(value / unit);
     // Dividing by a whole number, when the unit is its inverse, gives the closest double.
     if unit < 1.0 {
         digits / (1.0 / unit).round()
@@ -192,7 +199,7 @@ impl PairBuilder {
             .unwrap_or_else(|| default_halo(model, fixed, moving));
         let spacing = self
             .spacing
-            .unwrap_or_else(|| default_spacing(&a, &b, halo));
+            .unwrap_or_else(|| default_spacing(fixed, moving, halo));
         expect_larger([("fixed", &a), ("moving", &b)], spacing)?;
         let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
         let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));

@@ -186,7 +186,21 @@ fn plans_cover_both_parts_and_stay_affordable() {
     let halo = default_halo(&model, &block, &peg);
     assert!((halo - 0.375 * b.diagonal()).abs() < 1e-12);
     assert_eq!(plan.density.halo, halo);
-    assert_eq!(plan.spacing(), default_spacing(&a, &b, halo));
+    assert_eq!(plan.spacing(), default_spacing(&block, &peg, halo));
+    // A twenty-fourth of 20 mm, however both lie.
+    assert_eq!(plan.spacing(), 8.3e-4);
+    let turned = [(0.7, -1.9, 0.4), (-0.3, 0.5, 1.4)].map(|v| DQuat::from_scaled_axis(v.into()));
+    let [block_turned, peg_turned] = [(&block, turned[0]), (&peg, turned[1])]
+        .map(|(part, turn)| part.transformed(turn, DVec3::new(0.3, 0.01, -0.2)));
+    assert_eq!(default_spacing(&block_turned, &peg_turned, halo), 8.3e-4);
+    // What moves does not matter, but which is smaller.
+    assert_eq!(default_spacing(&peg, &block, halo), 8.3e-4);
+    // As fine as the sheet is thin, as far as memory goes.
+    let sheet = shapes::plate(0.03, 4e-4).expect("a sheet");
+    let fine = default_spacing(&block, &sheet, 0.01);
+    let grown = [&block, &sheet].map(|part| part.bounds().grown(0.01).size().element_product());
+    let nodes = (grown[0] + grown[1]) / fine.powi(3);
+    assert!((5e6..=6e6).contains(&nodes), "{fine}: {nodes}");
     let covers = |lattice: &Lattice, bounds: sdf_grid::Aabb| {
         let cells = lattice.node_bounds().grown(0.5 * lattice.spacing());
         let wanted = bounds.grown(halo - 1e-9);

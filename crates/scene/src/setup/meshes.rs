@@ -40,7 +40,10 @@ fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {
 }
 
 /// All meshes as one. Walls between solids that touch disappear.
-fn joined(name: &str, meshes: &[TriangleMesh]) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+pub(crate) fn joined(
+    name: &str,
+    meshes: &[TriangleMesh],
+) -> Result<(TriangleMesh, HygieneReport), MeshError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for mesh in meshes {
         // Each mesh was small enough for 32-bit indices; together they are checked when cleaned.

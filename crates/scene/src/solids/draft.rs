@@ -1,8 +1,9 @@
 //! Which solids move, which stay, and numbers that fit their sizes.
 
 use fft_correlate::pair::default_spacing;
-use sdf_grid::{Aabb, LengthUnit};
+use sdf_grid::{Aabb, LengthUnit, MeshError, TriangleMesh};
 
+use crate::setup::meshes::joined;
 use crate::solids::error::ImportError;
 use crate::solids::solid_set::SolidSet;
 
@@ -32,7 +33,8 @@ impl SolidSet {
     /// called `fixed` stay; of none, all others that are in reach. The pose in the file is the fit.
     ///
     /// # Errors
-    /// If a name stands for none or several, or nothing that stays is in reach.
+    /// If a name stands for none or several, nothing that stays is in reach, or several solids do not
+    /// make one mesh.
     pub fn draft(
         &self,
         moving: &[String],
@@ -76,9 +78,14 @@ impl SolidSet {
                 reach,
             });
         }
+        let what_moves = self.together(&moves)?;
+        let mut spacing = f64::INFINITY;
+        for part in self.parts(&near, separate) {
+            spacing = spacing.min(default_spacing(&self.together(&part)?, &what_moves, reach));
+        }
         Ok(SceneDraft {
             set: self,
-            spacing: default_spacing(&around(&near), &moving_box, reach),
+            spacing,
             half_extent: 0.5 * moving_box.size().max_element(),
             moving: moves,
             fixed: near,
@@ -86,6 +93,28 @@ impl SolidSet {
             separate,
             unit: self.unit,
         })
+    }
+
+    /// Solids that stay, by parts: one, or one for each thing.
+    pub(super) fn parts(&self, fixed: &[usize], separate: bool) -> Vec<Vec<usize>> {
+        let mut parts: Vec<Vec<usize>> = Vec::new();
+        for &i in fixed {
+            let same = |list: &[usize]| self.solids[list[0]].group == self.solids[i].group;
+            match parts.last_mut() {
+                Some(list) if !separate || same(list) => list.push(i),
+                _ => parts.push(vec![i]),
+            }
+        }
+        parts
+    }
+
+    /// One mesh of several solids, as the scene reads them.
+    fn together(&self, solids: &[usize]) -> Result<TriangleMesh, MeshError> {
+        let meshes: Vec<_> = solids.iter().map(|&i| self.solids[i].placed()).collect();
+        match <[_; 1]>::try_from(meshes) {
+            Ok([only]) => Ok(only),
+            Err(meshes) => Ok(joined(&self.called(solids[0]), &meshes)?.0),
+        }
     }
 
     /// What a group of solids is called: their name, or their number in the file.

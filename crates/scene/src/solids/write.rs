@@ -26,17 +26,10 @@ impl SceneDraft<'_> {
 
     /// Names of the parts that stay and the solids of each.
     fn fixed_parts(&self) -> Vec<(String, Vec<usize>)> {
-        let mut parts: Vec<(usize, Vec<usize>)> = Vec::new();
-        for &i in &self.fixed {
-            let group = self.set.solids[i].group;
-            match parts.last_mut() {
-                Some((last, list)) if !self.separate || *last == group => list.push(i),
-                _ => parts.push((group, vec![i])),
-            }
-        }
         // No two parts may share a name.
         let mut names = BTreeSet::new();
-        let named = parts.into_iter().map(|(_, list)| {
+        let parts = self.set.parts(&self.fixed, self.separate).into_iter();
+        let named = parts.map(|list| {
             let name = unique(&mut names, &self.named(&list));
             (name, list)
         });

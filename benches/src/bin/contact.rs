@@ -364,14 +364,13 @@ mod tests {
     use super::*;
 
     /// Of the wrench and of the energy in contact, in shares: what `docs/accuracy.md` promises at
-    /// this spacing. Walls of the cross are ten cells apart, those of the bar seventeen; torques of
-    /// the round peg are compared with what next to nothing is left of them.
+    /// the default spacing. Torques of the round peg are compared with what next to nothing is left of
+    /// them.
     fn promised(which: Mates) -> [f64; 2] {
         match which {
             Mates::Paper(PegInHole::Circular) => [0.06, 0.01],
             Mates::Paper(_) | Mates::Hexagon => [0.05, 0.015],
-            Mates::Cross => [0.09, 0.03],
-            Mates::Bar => [0.07, 0.03],
+            Mates::Cross | Mates::Bar => [0.06, 0.02],
         }
     }
 

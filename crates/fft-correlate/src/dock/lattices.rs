@@ -12,6 +12,13 @@ use crate::rotations::grid::RotationGrid;
 /// Cells across the narrow side of the moving part, fine lattice.
 const FINE_CELLS: f64 = 14.0;
 
+/// Cells across the bounding radius and at least across the narrow side, coarse lattice. Wider ones
+/// blur tight stepped fits too much (`docs/docking.md`).
+const COARSE_CELLS: (f64, f64) = (17.5, 5.4);
+
+/// Spacing of the sketch's lattice, in units of the coarse one.
+const SKETCH: f64 = 2.7;
+
 /// Reach of the exterior densities, in radii of the moving part: shorter than for forces, which are
 /// to be felt from afar.
 const HALO: f64 = 0.4;
@@ -32,16 +39,16 @@ pub struct SearchLattices {
 }
 
 impl SearchLattices {
-    /// For a moving part: coarse, a thirteenth of its bounding radius, which is how far a third of
-    /// 15 degrees moves its rim, and at least four cells across its narrow side; fine, fourteen
-    /// cells across it. The narrow side is the edge of the square rod with the part's volume
-    /// between two ends a diameter apart.
+    /// For a moving part: coarse, 17.5 cells across its bounding radius, of which a quarter of 15
+    /// degrees moves its rim by one, and at least 5.4 across its narrow side; fine, 14 cells across
+    /// that. The narrow side is the edge of the square rod with the part's volume between two ends a
+    /// diameter apart.
     pub fn new(moving: &TriangleMesh) -> Self {
         let pivot = moving.centroid();
         let radius = moving.radius_about(pivot);
         let narrow = (moving.volume() / (2.0 * radius)).sqrt();
         Self {
-            coarse: (radius / 13.0).min(narrow / 4.0),
+            coarse: (radius / COARSE_CELLS.0).min(narrow / COARSE_CELLS.1),
             fine: narrow / FINE_CELLS,
             halo: HALO * radius,
             pivot,
@@ -75,7 +82,7 @@ impl SearchLattices {
             ..*builder
         };
         Ok([
-            plan(2.0 * self.coarse, &averaged)?,
+            plan(SKETCH * self.coarse, &averaged)?,
             plan(self.coarse, &averaged)?,
             plan(self.fine, builder)?,
         ])
@@ -163,7 +170,7 @@ mod tests {
         for (a, b) in [(a.coarse, b.coarse), (a.fine, b.fine), (a.halo, b.halo)] {
             assert!((a - b).abs() < 1e-9 * a);
         }
-        assert!(a.coarse > 3.0 * a.fine && a.coarse < 0.0021, "{a:?}");
+        assert!(a.coarse > 2.5 * a.fine && a.coarse < 0.0015, "{a:?}");
         assert!((b.pivot - DVec3::splat(0.1)).length() < 1e-12);
     }
 

@@ -7,8 +7,8 @@ use sdf_grid::shapes::{PegInHole, prism};
 
 use crate::Outcome;
 
-/// Two parts that mate. All are prisms 30 mm long in blocks 40 mm wide, and as narrow as the paper's
-/// pegs, 20 mm, so that one spacing serves all.
+/// Two parts that mate. All are prisms 30 mm long in blocks 40 mm wide, and as wide as the paper's
+/// pegs, 20 mm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mates {
     /// The paper's.

@@ -1,5 +1,5 @@
 //! Accuracy where parts touch: `contact [--quick] [--out DIR] [pair=NAME]... [clearance=MM]...
-//! [spacing=MM]... [smoothing=CELLS]... [points=N]... [step=DEGREES]... [triangles=N]...`.
+//! [spacing=MM|default]... [smoothing=CELLS]... [points=N]... [step=DEGREES]... [triangles=N]...`.
 //!
 //! Energies, forces and torques at random poses and in contact, of cell averages and of smoothed
 //! densities with their contact sum, for parts as they are, shifted by fractions of a cell, and

@@ -158,6 +158,7 @@ impl<'a> Docking<'a> {
         if let Some(spacing) = setup.builder.spacing {
             lattices.fine = spacing;
             lattices.coarse = lattices.coarse.max(spacing);
+            lattices.sketch = lattices.sketch.max(2.0 * spacing);
         }
         if let Some(halo) = setup.builder.halo {
             lattices.halo = halo;

@@ -12,12 +12,10 @@ use crate::rotations::grid::RotationGrid;
 /// Cells across the narrow side of the moving part, fine lattice.
 const FINE_CELLS: f64 = 14.0;
 
-/// Cells across the bounding radius and at least across the narrow side, coarse lattice. Wider ones
-/// blur tight stepped fits too much (`docs/docking.md`).
-const COARSE_CELLS: (f64, f64) = (17.5, 5.4);
-
-/// Spacing of the sketch's lattice, in units of the coarse one.
-const SKETCH: f64 = 2.7;
+/// Cells across the bounding radius and at least across the narrow side, lattice of the sketch and
+/// coarse lattice. Wider coarse ones blur tight stepped fits too much.
+const SKETCH_CELLS: [f64; 2] = [6.5, 2.0];
+const COARSE_CELLS: [f64; 2] = [17.5, 5.4];
 
 /// Reach of the exterior densities, in radii of the moving part: shorter than for forces, which are
 /// to be felt from afar.
@@ -26,6 +24,8 @@ const HALO: f64 = 0.4;
 /// Spacings, halo and pivot of a search; none depends on how the moving part's frame is turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchLattices {
+    /// Spacing of the lattice on which a sketch chooses rotations, metres.
+    pub sketch: f64,
     /// Spacing of the lattice on which rotations are scored, metres.
     pub coarse: f64,
     /// Spacing of the lattice on which poses are refined and ranked, metres.
@@ -47,8 +47,10 @@ impl SearchLattices {
         let pivot = moving.centroid();
         let radius = moving.radius_about(pivot);
         let narrow = (moving.volume() / (2.0 * radius)).sqrt();
+        let across = |[all, side]: [f64; 2]| (radius / all).min(narrow / side);
         Self {
-            coarse: (radius / COARSE_CELLS.0).min(narrow / COARSE_CELLS.1),
+            sketch: across(SKETCH_CELLS),
+            coarse: across(COARSE_CELLS),
             fine: narrow / FINE_CELLS,
             halo: HALO * radius,
             pivot,
@@ -82,7 +84,7 @@ impl SearchLattices {
             ..*builder
         };
         Ok([
-            plan(SKETCH * self.coarse, &averaged)?,
+            plan(self.sketch, &averaged)?,
             plan(self.coarse, &averaged)?,
             plan(self.fine, builder)?,
         ])
@@ -167,10 +169,12 @@ mod tests {
         let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -1.0, 0.3));
         let a = SearchLattices::new(&rod);
         let b = SearchLattices::new(&rod.transformed(turn, DVec3::splat(0.1)));
-        for (a, b) in [(a.coarse, b.coarse), (a.fine, b.fine), (a.halo, b.halo)] {
+        let lengths = |l: &SearchLattices| [l.sketch, l.coarse, l.fine, l.halo];
+        for (a, b) in lengths(&a).into_iter().zip(lengths(&b)) {
             assert!((a - b).abs() < 1e-9 * a);
         }
         assert!(a.coarse > 2.5 * a.fine && a.coarse < 0.0015, "{a:?}");
+        assert!(a.sketch > 2.5 * a.coarse && a.sketch < 0.004, "{a:?}");
         assert!((b.pivot - DVec3::splat(0.1)).length() < 1e-12);
     }
 

@@ -1,7 +1,7 @@
 //! The docking product: where does the moving part belong?
 //!
 //! 0. **Sketch**, where there are many rotations: every one, all translations at once, on a lattice
-//!    of 2.7 times the coarse spacing and with lighter interiors; the best go on.
+//!    of wide cells and with lighter interiors; the best go on.
 //! 1. **Scoring.** Their translations, all at once, on a coarse lattice; the best local maxima of
 //!    each are kept. Scores are of cell averages, which blur a fit by how faces happen to lie in the
 //!    cells: all distinct poses as deep as the lowest up to that blur are candidates.

@@ -24,11 +24,8 @@ pub(crate) fn read_part(
         warn(report);
         meshes.push(moved(mesh, &placed.pose));
     }
-    if meshes.len() == 1 {
-        return Ok(meshes.remove(0));
-    }
-    let (mesh, report) = joined(&part.name, &meshes)?;
-    warn(report);
+    let (mesh, report) = joined(&part.name, meshes)?;
+    report.into_iter().for_each(warn);
     Ok(mesh)
 }
 
@@ -39,20 +36,26 @@ fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {
     }
 }
 
-/// All meshes as one. Walls between solids that touch disappear.
+/// All meshes as one, and what was mended if there are several. Walls between solids that touch
+/// disappear.
 pub(crate) fn joined(
     name: &str,
-    meshes: &[TriangleMesh],
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    mut meshes: Vec<TriangleMesh>,
+) -> Result<(TriangleMesh, Option<HygieneReport>), MeshError> {
+    if meshes.len() == 1 {
+        return Ok((meshes.remove(0), None));
+    }
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for mesh in meshes {
+    for mesh in &meshes {
         // Each mesh was small enough for 32-bit indices; together they are checked when cleaned.
         let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
         vertices.extend_from_slice(mesh.vertices());
         let shifted = |t: &[u32; 3]| t.map(|v| v.saturating_add(first));
         triangles.extend(mesh.triangles().iter().map(shifted));
     }
-    TriangleMesh::clean(name, vertices, triangles, &HygieneOptions::default())
+    let (mesh, report) =
+        TriangleMesh::clean(name, vertices, triangles, &HygieneOptions::default())?;
+    Ok((mesh, Some(report)))
 }
 
 /// A fixed part and the moving one where the scene says that they fit.

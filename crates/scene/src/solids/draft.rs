@@ -110,11 +110,8 @@ impl SolidSet {
 
     /// One mesh of several solids, as the scene reads them.
     fn together(&self, solids: &[usize]) -> Result<TriangleMesh, MeshError> {
-        let meshes: Vec<_> = solids.iter().map(|&i| self.solids[i].placed()).collect();
-        match <[_; 1]>::try_from(meshes) {
-            Ok([only]) => Ok(only),
-            Err(meshes) => Ok(joined(&self.called(solids[0]), &meshes)?.0),
-        }
+        let meshes = solids.iter().map(|&i| self.solids[i].placed());
+        Ok(joined(&self.called(solids[0]), meshes.collect())?.0)
     }
 
     /// What a group of solids is called: their name, or their number in the file.

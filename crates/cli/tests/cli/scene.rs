@@ -76,6 +76,18 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
         text.contains("solid = \"peg\"") && text.contains("unit = \"mm\""),
         "{text}"
     );
+    // A twenty-fourth of 20 mm, however the assembly is turned.
+    assert!(text.contains("spacing = 0.83 "), "{text}");
+    let turn = DQuat::from_scaled_axis(DVec3::new(0.7, -1.9, 0.4));
+    let [block, plug] = [&hole, &peg].map(|part| part.transformed(turn, far));
+    let solids = [("block", &block, DVec3::ZERO), ("peg", &plug, DVec3::ZERO)];
+    std::fs::write(at.join("turned.obj"), obj(&solids)).unwrap();
+    told(
+        at,
+        &["scene", "turned.obj", "--moving", "peg", "-o", "t.toml"],
+    );
+    let turned = std::fs::read_to_string(at.join("t.toml")).unwrap();
+    assert!(turned.contains("spacing = 0.83 "), "{turned}");
     let said = succeed(at, &["check", "s.toml"]);
     assert!(said.contains("peg in block: they do not overlap"), "{said}");
     let coarse = text.split("[lattice]").next().unwrap().to_owned()

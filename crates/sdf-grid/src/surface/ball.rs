@@ -11,8 +11,11 @@ use crate::surface::bvh::tree::Bvh;
 /// A radius is good enough once no ball is larger by more than this.
 const TOLERANCE: f64 = 0.003;
 
-/// Cubes that are looked at, at most: a tenth of a second over flat faces, seconds over finely cut
-/// curved ones.
+/// Distances may be too large by this share: from the axis of what is round in many facets all of
+/// them are nearly as far, and to find the nearest takes them all.
+const ROUGH: f64 = 0.001;
+
+/// Cubes that are looked at, at most.
 const MOST: usize = 50_000;
 
 /// A cube of middles of balls, none of them larger than `bound`.
@@ -60,13 +63,16 @@ impl Search {
 
     /// The cube with that middle, if a larger ball may lie about one of its points.
     fn cube(&mut self, middle: DVec3, half: f64) -> Option<Cube> {
-        let distance = self.tree.nearest(middle).distance;
+        let distance = self.tree.distance_about(middle, ROUGH);
         let away = 3f64.sqrt() * half;
         if !self.may_improve(distance + away) {
             return None;
         }
         let inside = self.tree.inside_normalized(self.tree.normalized(middle));
-        let depth = if inside { distance } else { -distance };
+        let depth = match inside {
+            true => distance,
+            false => -distance / (1.0 + ROUGH),
+        };
         self.largest = self.largest.max(depth);
         let bound = depth + away;
         self.may_improve(bound).then_some(Cube {
@@ -149,10 +155,10 @@ mod tests {
                 let found = largest_ball_radius(mesh, 0.0).unwrap();
                 let error = found / radius - 1.0;
                 assert!(
-                    (-TOLERANCE..1e-9).contains(&error),
+                    (-TOLERANCE..ROUGH).contains(&error),
                     "{name}: {found} for {radius}"
                 );
-                assert_eq!(largest_ball_radius(mesh, 1.001 * radius), None, "{name}");
+                assert_eq!(largest_ball_radius(mesh, 1.004 * radius), None, "{name}");
                 let above = largest_ball_radius(mesh, 0.9 * radius).unwrap();
                 assert!((above / radius - 1.0).abs() < TOLERANCE, "{name}: {above}");
             }
@@ -177,7 +183,7 @@ mod tests {
                 found > (1.0 - TOLERANCE) * deepest,
                 "{seed}: {found} {deepest}"
             );
-            assert!(found <= 0.5 * bounds.size().min_element());
+            assert!(found <= (1.0 + ROUGH) * 0.5 * bounds.size().min_element());
         }
     }
 }

@@ -22,6 +22,8 @@ const MOST: usize = 50_000;
 struct Cube {
     middle: DVec3,
     half: f64,
+    /// How deep the middle lies in the part, negative outside.
+    depth: f64,
     bound: f64,
 }
 
@@ -40,7 +42,7 @@ pub fn largest_ball_radius(mesh: &TriangleMesh, least: f64) -> Option<f64> {
         tree: Bvh::build(mesh),
         largest: least,
     };
-    let whole = search.cube(bounds.center(), 0.5 * bounds.size().max_element());
+    let whole = search.cube(bounds.center(), 0.5 * bounds.size().max_element(), None);
     let mut cubes = BinaryHeap::from_iter(whole);
     for _ in 0..MOST / 8 {
         let Some(cube) = cubes.pop().filter(|cube| search.may_improve(cube.bound)) else {
@@ -50,7 +52,7 @@ pub fn largest_ball_radius(mesh: &TriangleMesh, least: f64) -> Option<f64> {
         for octant in 0..8 {
             let side = |bit: u8| if octant & bit == 0 { -half } else { half };
             let middle = cube.middle + DVec3::new(side(1), side(2), side(4));
-            cubes.extend(search.cube(middle, half));
+            cubes.extend(search.cube(middle, half, Some(cube.depth)));
         }
     }
     (search.largest > least).then_some(search.largest)
@@ -61,14 +63,19 @@ impl Search {
         radius > (1.0 + TOLERANCE) * self.largest
     }
 
-    /// The cube with that middle, if a larger ball may lie about one of its points.
-    fn cube(&mut self, middle: DVec3, half: f64) -> Option<Cube> {
+    /// The cube with that middle, if a larger ball may lie about one of its points; an eighth of one
+    /// whose middle is so deep.
+    fn cube(&mut self, middle: DVec3, half: f64, whole: Option<f64>) -> Option<Cube> {
         let distance = self.tree.distance_about(middle, ROUGH);
         let away = 3f64.sqrt() * half;
         if !self.may_improve(distance + away) {
             return None;
         }
-        let inside = self.tree.inside_normalized(self.tree.normalized(middle));
+        let inside = match whole {
+            // No boundary on the way: the side costs more than the distance.
+            Some(depth) if depth.abs() > (1.0 + ROUGH) * away => depth > 0.0,
+            _ => (self.tree).inside_normalized(self.tree.normalized(middle)),
+        };
         let depth = match inside {
             true => distance,
             false => -distance / (1.0 + ROUGH),
@@ -78,6 +85,7 @@ impl Search {
         self.may_improve(bound).then_some(Cube {
             middle,
             half,
+            depth,
             bound,
         })
     }

@@ -6,11 +6,12 @@
 //!   of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
-//!   in fewer pieces; [`sheet`], [`views`]: what of all that a cluster sees;
+//!   in fewer pieces; [`buckets`], [`sheet`], [`views`]: what of all that a cluster sees;
 //! - [`border`], [`sight`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
 mod border;
+mod buckets;
 mod cells;
 mod chain;
 mod circle;

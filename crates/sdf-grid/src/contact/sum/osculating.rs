@@ -61,8 +61,10 @@ impl Osculating {
             axes: [u, v, first.normal],
             curvature: DVec2::ZERO,
         };
+        let about = |s: &&Surfel| s.place.distance_squared(first.place) < NEAR * NEAR;
+        let close: Vec<Surfel> = surfels.iter().filter(about).copied().collect();
         for _ in 0..LOOKS {
-            torus = torus.improved(surfels)?;
+            torus = torus.improved(&close)?;
         }
         if torus.curvature.abs().max_element() < LEAST_BENT {
             torus.curvature = DVec2::ZERO;
@@ -77,16 +79,13 @@ impl Osculating {
         (bent <= MOST_BENT && surfels.iter().all(near)).then_some(torus)
     }
 
-    /// By least squares of what is left, weighted about the first.
+    /// By least squares of what is left, weighted about the first, to which all are close.
     fn improved(&self, surfels: &[Surfel]) -> Option<Self> {
         let about = surfels.first()?.place;
         let mut normal = [[0.0; 6]; 6];
         let mut right = [0.0; 6];
         for s in surfels {
             let off = s.place.distance_squared(about) / (NEAR * NEAR);
-            if off >= 1.0 {
-                continue;
-            }
             let weight = s.area * (1.0 - off) * (1.0 - off);
             let (p, middle) = self.developed(s.place);
             // On average over the surfel, which is bent, it is to be on the torus.

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
+use super::buckets::Buckets;
 use super::chain::{Arc, allowed, chained, straightened};
 use super::osculating::{Osculating, Surfel};
 use super::regions::Regions;
@@ -68,13 +69,12 @@ pub(super) struct List {
     pub(super) borders: Vec<Border>,
 }
 
-/// What is near a cell: flat regions, surfels and borders by number.
+/// What is near a cell: flat regions and borders by number.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Near {
     pub(super) flat: Vec<u32>,
     /// Of [`Regions::faces`].
     pub(super) faces: Vec<u32>,
-    pub(super) surfels: Vec<u32>,
     pub(super) borders: Vec<u32>,
 }
 
@@ -82,6 +82,8 @@ pub(super) struct Near {
 pub(super) struct Surface<'a> {
     pub(super) mesh: &'a TriangleMesh,
     pub(super) regions: &'a Regions,
+    /// Of the regions.
+    pub(super) surfels: Buckets<'a>,
     /// The kernel's reach, metres.
     pub(super) unit: f64,
     /// How far one sees, metres.
@@ -95,17 +97,11 @@ impl Surface<'_> {
         for id in &near.flat {
             self.add_flat(&mut list, &self.regions.flat[*id as usize], middle);
         }
-        let surfels = near.surfels.iter();
-        let mut surfels: Vec<(u32, Surfel)> = surfels
-            .map(|id| {
-                let (region, surfel) = self.regions.surfels[*id as usize];
-                (region, surfel.scaled(middle, self.unit))
-            })
-            .collect();
-        surfels.sort_by_key(|(region, _)| *region);
-        for of_region in surfels.chunk_by_mut(|a, b| a.0 == b.0) {
+        let surfels = self.surfels.within(middle, self.seen);
+        for of_region in surfels.chunk_by(|a, b| a.0 == b.0) {
             let region = of_region[0].0;
-            let mut of_region: Vec<Surfel> = of_region.iter().map(|s| s.1).collect();
+            let scaled = of_region.iter().map(|s| s.1.scaled(middle, self.unit));
+            let mut of_region: Vec<Surfel> = scaled.collect();
             let nearest = (0..of_region.len()).min_by(|a, b| {
                 let [a, b] = [*a, *b].map(|i| of_region[i].place.length_squared());
                 a.total_cmp(&b)

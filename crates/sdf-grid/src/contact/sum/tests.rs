@@ -367,6 +367,27 @@ fn everything_is_finite() {
     }
 }
 
+/// Two hundred thousand pieces of a bend, each in reach of some hundred places.
+#[test]
+fn a_long_shaft_in_fine_cells_pushes_as_a_short_one() {
+    let width = 0.25e-3;
+    let block = shapes::cuboid(DVec3::splat(4e-3)).unwrap();
+    let turn = DQuat::from_scaled_axis(DVec3::new(0.1, 0.2, -0.3));
+    let [long, short] = [90e-3, 14e-3].map(|length| {
+        let shaft = shapes::cylinder(10e-3, length, 400).unwrap();
+        let at = shaft.bounds().center() + DVec3::new(12.4e-3, 0.2e-3, 0.0);
+        let sum = ContactSum::new(&shaft, &block, width, 2.0 * width).unwrap();
+        sum.sum(turn, at)
+    });
+    println!("{long:?} {short:?}");
+    assert!(short.gradient.x.abs() > 1e-8, "in contact");
+    assert!((long.value - short.value).abs() < 1e-4 * short.value.abs());
+    let off = long.gradient - short.gradient;
+    assert!(off.length() < 1e-4 * short.gradient.length());
+    let off = long.moment - short.moment;
+    assert!(off.length() < 1e-4 * short.moment.length());
+}
+
 #[test]
 fn what_cannot_be_summed_is_refused() {
     let cube = shapes::cuboid(DVec3::ONE).unwrap();

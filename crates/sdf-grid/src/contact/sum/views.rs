@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::buckets::{Buckets, Grid};
 use super::regions::Regions;
 use super::sheet::{Border, FARTHER, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;
@@ -23,13 +24,10 @@ const MOST_LISTED: usize = 1 << 26;
 /// Sheets by the cell from which they are in reach.
 #[derive(Debug, Clone)]
 pub(super) struct Views {
-    low: DVec3,
-    /// Metres.
-    cell: f64,
+    grid: Grid,
     /// Cells per metre, and their edge in units of the reach.
     per_metre: f64,
     in_reaches: f64,
-    shape: [usize; 3],
     /// Where the sheets and the borders of each cell begin, and the ends of the last.
     starts: Vec<[u32; 2]>,
     pub(super) sheets: Vec<Sheet>,
@@ -53,11 +51,13 @@ impl Views {
         let cell = wanted * (count / MOST_CELLS).cbrt().max(1.0);
         let shape = (all.size() / cell).ceil().max(DVec3::ONE);
         let mut views = Self {
-            low: all.min,
-            cell,
+            grid: Grid {
+                low: all.min,
+                edge: cell,
+                shape: shape.to_array().map(|n| n as usize),
+            },
             per_metre: 1.0 / cell,
             in_reaches: cell / reach,
-            shape: shape.to_array().map(|n| n as usize),
             starts: vec![[0; 2]],
             sheets: Vec::new(),
             borders: Vec::new(),
@@ -68,11 +68,12 @@ impl Views {
         let surface = Surface {
             mesh,
             regions,
+            surfels: Buckets::new(views.grid, &regions.surfels),
             unit: reach,
             seen,
         };
         let lists = near.par_iter().enumerate();
-        let lists = lists.map(|(flat, near)| surface.seen_from(views.middle(flat), near));
+        let lists = lists.map(|(flat, near)| surface.seen_from(views.grid.middle(flat), near));
         let lists: Vec<List> = lists.collect();
         few(lists.iter().map(|l| l.sheets.len() + l.borders.len()).sum())?;
         for list in lists {
@@ -95,7 +96,7 @@ impl Views {
         regions: &Regions,
         seen: f64,
     ) -> Result<Vec<Near>, ContactError> {
-        let mut near = vec![Near::default(); self.shape.iter().product()];
+        let mut near = vec![Near::default(); self.grid.count()];
         let mut listed = 0;
         for (id, outline) in regions.flat.iter().enumerate() {
             for flat in self.cells_near(outline, seen) {
@@ -108,15 +109,6 @@ impl Views {
             for flat in self.cells_near(outline, seen) {
                 near[flat].faces.push(id as u32);
                 listed += 1;
-            }
-            few(listed)?;
-        }
-        for (id, (_, surfel)) in regions.surfels.iter().enumerate() {
-            for flat in self.cells_in(&Aabb::around([surfel.place]).grown(seen)) {
-                if self.middle(flat).distance(surfel.place) <= seen {
-                    near[flat].surfels.push(id as u32);
-                    listed += 1;
-                }
             }
             few(listed)?;
         }
@@ -135,45 +127,34 @@ impl Views {
     fn cells_near(&self, outline: &Outline, seen: f64) -> impl Iterator<Item = usize> {
         let bounds = Aabb::around(outline.rings.iter().flatten().copied());
         self.cells_in(&bounds.grown(seen)).filter(move |flat| {
-            let height = (self.middle(*flat) - outline.origin).dot(outline.normal);
+            let height = (self.grid.middle(*flat) - outline.origin).dot(outline.normal);
             height.abs() <= seen
         })
     }
 
     fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {
-        let shape = self.shape;
-        let place = |p: DVec3| ((p - self.low) / self.cell).floor();
-        let (from, to) = (place(bounds.min), place(bounds.max));
-        let range = |a: usize| {
-            let last = shape[a] as f64 - 1.0;
-            from[a].clamp(0.0, last) as usize..=to[a].clamp(0.0, last) as usize
-        };
-        let (xs, ys, zs) = (range(0), range(1), range(2));
+        let grid = self.grid;
+        let [xs, ys, zs] = grid
+            .range(bounds.min, bounds.max)
+            .map(|[from, to]| from..=to);
         xs.flat_map(move |x| {
             let zs = zs.clone();
             ys.clone()
-                .flat_map(move |y| zs.clone().map(move |z| (x * shape[1] + y) * shape[2] + z))
+                .flat_map(move |y| zs.clone().map(move |z| grid.flat([x, y, z])))
         })
-    }
-
-    fn middle(&self, flat: usize) -> DVec3 {
-        let [_, ny, nz] = self.shape;
-        let index = [flat / nz / ny, flat / nz % ny, flat % nz];
-        self.low + self.cell * (DVec3::from_array(index.map(|i| i as f64)) + 0.5)
     }
 
     /// What is seen from about a place, and where that is relative to the middle of its cell, in
     /// units of the reach; none if no surface is in reach of it. All of it is on its way.
     #[inline(always)]
     pub(super) fn from(&self, p: DVec3) -> Option<(&[Sheet], Vec3)> {
-        let place = (p - self.low) * self.per_metre;
-        let shape = DVec3::from_array(self.shape.map(|n| n as f64));
+        let place = (p - self.grid.low) * self.per_metre;
+        let shape = DVec3::from_array(self.grid.shape.map(|n| n as f64));
         // False for what is not a number.
         if !(place.cmpge(DVec3::ZERO).all() && place.cmplt(shape).all()) {
             return None;
         }
-        let [x, y, z] = place.to_array().map(|v| v as usize);
-        let flat = (x * self.shape[1] + y) * self.shape[2] + z;
+        let flat = self.grid.flat(place.to_array().map(|v| v as usize));
         let [first, last] = [self.starts[flat], self.starts[flat + 1]];
         let sheets = self.sheets.get(first[0] as usize..last[0] as usize)?;
         fetch_all(sheets);

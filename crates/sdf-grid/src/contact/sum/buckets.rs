@@ -1,0 +1,132 @@
+//! Pieces of a surface by the cell of a box that they lie in.
+
+use glam::DVec3;
+
+use super::osculating::Surfel;
+
+/// Cells of a box, the last direction fastest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    pub(super) low: DVec3,
+    /// Edge of a cell, metres.
+    pub(super) edge: f64,
+    pub(super) shape: [usize; 3],
+}
+
+/// Surfels in the order of their cells.
+pub(super) struct Buckets<'a> {
+    grid: Grid,
+    surfels: &'a [(u32, Surfel)],
+    /// Numbers of surfels, cell after cell, and where each cell begins.
+    order: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+impl Grid {
+    /// The cells, from the first to the last along each direction, that hold a box's places; those of
+    /// places outside are the nearest.
+    pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
+        let place = |p: DVec3| ((p - self.low) / self.edge).floor();
+        let (from, to) = (place(low), place(high));
+        std::array::from_fn(|a| {
+            let last = self.shape[a] as f64 - 1.0;
+            [from[a], to[a]].map(|i| i.clamp(0.0, last) as usize)
+        })
+    }
+
+    #[inline(always)]
+    pub(super) fn flat(&self, [x, y, z]: [usize; 3]) -> usize {
+        (x * self.shape[1] + y) * self.shape[2] + z
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// The middle of a cell.
+    pub(super) fn middle(&self, flat: usize) -> DVec3 {
+        let [_, ny, nz] = self.shape;
+        let index = [flat / nz / ny, flat / nz % ny, flat % nz];
+        self.low + self.edge * (DVec3::from_array(index.map(|i| i as f64)) + 0.5)
+    }
+}
+
+impl<'a> Buckets<'a> {
+    pub(super) fn new(grid: Grid, surfels: &'a [(u32, Surfel)]) -> Self {
+        let at = |id: &u32| {
+            let place = surfels[*id as usize].1.place;
+            grid.flat(grid.range(place, place).map(|r| r[0]))
+        };
+        let mut order: Vec<u32> = (0..surfels.len() as u32).collect();
+        order.sort_by_cached_key(at);
+        let mut starts = vec![0; grid.count() + 1];
+        for id in &order {
+            starts[at(id) + 1] += 1;
+        }
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        Self {
+            grid,
+            surfels,
+            order,
+            starts,
+        }
+    }
+
+    /// Those at most so far from `p`, with their regions, region after region.
+    pub(super) fn within(&self, p: DVec3, distance: f64) -> Vec<(u32, Surfel)> {
+        let [xs, ys, zs] = self.grid.range(p - distance, p + distance);
+        let mut found = Vec::new();
+        for x in xs[0]..=xs[1] {
+            for y in ys[0]..=ys[1] {
+                let [first, last] = zs.map(|z| self.grid.flat([x, y, z]));
+                let row = self.starts[first] as usize..self.starts[last + 1] as usize;
+                let all = self.order[row].iter().map(|id| self.surfels[*id as usize]);
+                found.extend(all.filter(|(_, s)| s.place.distance(p) <= distance));
+            }
+        }
+        found.sort_by_key(|(region, _)| *region);
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_that_is_near_is_found_and_nothing_else() {
+        let place = |i: u32| {
+            let at = |prime: u32| f64::from(i * prime % 997) / 997.0;
+            DVec3::new(at(31), 2.0 * at(57), 0.7 * at(101))
+        };
+        let surfel = |i: u32| Surfel {
+            place: place(i),
+            normal: DVec3::Z,
+            area: f64::from(i),
+        };
+        let surfels: Vec<(u32, Surfel)> = (0..900).map(|i| (i % 3, surfel(i))).collect();
+        for edge in [0.07, 0.4, 5.0] {
+            let grid = Grid {
+                low: DVec3::ZERO,
+                edge,
+                shape: [1.0, 2.0, 0.7].map(|l: f64| (l / edge).ceil() as usize),
+            };
+            let buckets = Buckets::new(grid, &surfels);
+            for p in [place(3), place(500), DVec3::new(-0.2, 1.0, 0.9)] {
+                for distance in [0.01, 0.3, 1.1] {
+                    let mut found: Vec<f64> = buckets
+                        .within(p, distance)
+                        .iter()
+                        .map(|s| s.1.area)
+                        .collect();
+                    found.sort_by(f64::total_cmp);
+                    let near = surfels.iter().filter(|s| s.1.place.distance(p) <= distance);
+                    let near: Vec<f64> = near.map(|s| s.1.area).collect();
+                    assert_eq!(found, near, "{edge} {p} {distance}");
+                }
+            }
+        }
+    }
+}

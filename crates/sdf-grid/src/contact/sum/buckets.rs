@@ -2,16 +2,8 @@
 
 use glam::DVec3;
 
+use super::grid::Grid;
 use super::osculating::Surfel;
-
-/// Cells of a box, the last direction fastest.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Grid {
-    pub(super) low: DVec3,
-    /// Edge of a cell, metres.
-    pub(super) edge: f64,
-    pub(super) shape: [usize; 3],
-}
 
 /// Surfels in the order of their cells.
 pub(super) struct Buckets<'a> {
@@ -22,46 +14,15 @@ pub(super) struct Buckets<'a> {
     starts: Vec<u32>,
 }
 
-impl Grid {
-    /// The cells, from the first to the last along each direction, that hold a box's places; those of
-    /// places outside are the nearest.
-    pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
-        let place = |p: DVec3| ((p - self.low) / self.edge).floor();
-        let (from, to) = (place(low), place(high));
-        std::array::from_fn(|a| {
-            let last = self.shape[a] as f64 - 1.0;
-            [from[a], to[a]].map(|i| i.clamp(0.0, last) as usize)
-        })
-    }
-
-    #[inline(always)]
-    pub(super) fn flat(&self, [x, y, z]: [usize; 3]) -> usize {
-        (x * self.shape[1] + y) * self.shape[2] + z
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.shape.iter().product()
-    }
-
-    /// The middle of a cell.
-    pub(super) fn middle(&self, flat: usize) -> DVec3 {
-        let [_, ny, nz] = self.shape;
-        let index = [flat / nz / ny, flat / nz % ny, flat % nz];
-        self.low + self.edge * (DVec3::from_array(index.map(|i| i as f64)) + 0.5)
-    }
-}
-
 impl<'a> Buckets<'a> {
     pub(super) fn new(grid: Grid, surfels: &'a [(u32, Surfel)]) -> Self {
-        let at = |id: &u32| {
-            let place = surfels[*id as usize].1.place;
-            grid.flat(grid.range(place, place).map(|r| r[0]))
-        };
+        let places = surfels.iter().map(|(_, s)| grid.range(s.place, s.place));
+        let cells: Vec<usize> = places.map(|p| grid.flat(p.map(|[i, _]| i))).collect();
         let mut order: Vec<u32> = (0..surfels.len() as u32).collect();
-        order.sort_by_cached_key(at);
+        order.sort_by_key(|id| cells[*id as usize]);
         let mut starts = vec![0; grid.count() + 1];
-        for id in &order {
-            starts[at(id) + 1] += 1;
+        for cell in cells {
+            starts[cell + 1] += 1;
         }
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::grid::Grid;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
@@ -13,13 +14,12 @@ const CELLS: f64 = 32.0;
 /// Distances of a surface on a coarse lattice.
 #[derive(Debug, Clone)]
 pub(super) struct Clearance {
-    low: DVec3,
+    grid: Grid,
     size: DVec3,
     /// Cells per metre.
     per_metre: f64,
     /// By how much the lattice is larger than the surface.
     margin: f64,
-    shape: [usize; 3],
     /// A lower bound on the distance of the surface from all places of each cell, metres.
     least: Vec<f32>,
 }
@@ -30,19 +30,21 @@ impl Clearance {
         let size = bounds.size();
         let cell = size.max_element() / CELLS;
         let shape = (size / cell).ceil().max(DVec3::ONE);
-        let [nx, ny, nz] = shape.to_array().map(|n| n as usize);
-        let least = (0..nx * ny * nz).into_par_iter().map(|flat| {
-            let index = [flat / nz / ny, flat / nz % ny, flat % nz].map(|i| i as f64 + 0.5);
-            let distance = bvh.nearest(bounds.min + cell * DVec3::from(index)).distance;
+        let grid = Grid {
+            low: bounds.min,
+            edge: cell,
+            shape: shape.to_array().map(|n| n as usize),
+        };
+        let least = (0..grid.count()).into_par_iter().map(|flat| {
+            let distance = bvh.nearest(grid.middle(flat)).distance;
             // Half a diagonal; single precision rounds.
             ((distance - 0.87 * cell) * (1.0 - 1e-6)) as f32
         });
         Self {
-            low: bounds.min,
+            grid,
             size,
             per_metre: 1.0 / cell,
             margin: reach,
-            shape: [nx, ny, nz],
             least: least.collect(),
         }
     }
@@ -51,7 +53,7 @@ impl Clearance {
     /// place.
     #[inline(always)]
     pub(super) fn from(&self, p: DVec3) -> f64 {
-        let place = p - self.low;
+        let place = p - self.grid.low;
         let off = place - place.clamp(DVec3::ZERO, self.size);
         if off != DVec3::ZERO {
             let distance = off.length();
@@ -62,8 +64,8 @@ impl Clearance {
             };
         }
         let index = (place * self.per_metre).to_array().map(|x| x as usize);
-        let [x, y, z] = [0, 1, 2].map(|k| index[k].min(self.shape[k] - 1));
-        f64::from(self.least[(x * self.shape[1] + y) * self.shape[2] + z])
+        let index = [0, 1, 2].map(|k| index[k].min(self.grid.shape[k] - 1));
+        f64::from(self.least[self.grid.flat(index)])
     }
 
     /// Memory that is held, bytes.

@@ -6,7 +6,7 @@
 //!   of balls; [`clearance`]: which of them are out of reach;
 //! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
 //!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
-//!   in fewer pieces; [`buckets`], [`sheet`], [`views`]: what of all that a cluster sees;
+//!   in fewer pieces; [`grid`], [`buckets`], [`sheet`], [`views`]: what of all that a cluster sees;
 //! - [`border`], [`sight`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
@@ -20,6 +20,7 @@ mod clusters;
 pub(crate) mod contact_sum;
 mod cylinder;
 mod gathered;
+mod grid;
 mod kink;
 mod lanes;
 mod lattices;

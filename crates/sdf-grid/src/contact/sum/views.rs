@@ -3,7 +3,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::buckets::{Buckets, Grid};
+use super::buckets::Buckets;
+use super::grid::Grid;
 use super::regions::Regions;
 use super::sheet::{Border, FARTHER, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;

@@ -6,13 +6,15 @@
 //! `S` is more by about `e² S'' / 6`. Over all heights both are the same, `e²/6`: samples that are
 //! spread evenly tell no more or less than all of the surface, whatever their phase. A square of half
 //! a side `r` that leans by an angle `θ` has `e = r sin θ`: exact where it leans about a side, and of
-//! the same second moment elsewhere.
+//! the same second moment elsewhere. Heights above a torus are not better known than facets keep to
+//! it, which extends samples likewise.
 //!
 //! At the sheet's border, where the kink ends, both fade out.
 
 use fearless_simd::{f32x16, prelude::*};
 
 use super::border::{Above, Line};
+use super::osculating::OFF;
 use super::slopes::{Slopes, half_sign};
 use super::smooth::curvature;
 use super::vectors::splat;
@@ -23,17 +25,25 @@ const FADE: f32 = 0.7;
 /// Squared sine of the least angle that counts.
 const LEAST: f32 = 1e-8;
 
+/// How far facets stray from the torus that stands for them, in units of the reach: a half of what
+/// is allowed.
+pub(super) const STRAY: f32 = 0.5 * OFF as f32;
+
 /// How samples lean.
 pub(super) struct Lean<S: Simd> {
     /// Of the angle between them and the sheet.
     pub(super) cosine: f32x16<S>,
     /// Their normals along the sheet's two directions.
     pub(super) aside: [f32x16<S>; 2],
+    /// How far the surface may be from the sheet, in units of the reach.
+    pub(super) stray: f32,
 }
 
 /// Samples that lean, and how near they are to borders.
 pub(super) struct Leaning<S: Simd> {
     sine_squared: f32x16<S>,
+    /// Squared.
+    stray: f32,
     /// Square of where fading begins.
     width: f32x16<S>,
     /// Squared distance of the nearest border so far, and the way from it along the sheet's two
@@ -44,19 +54,21 @@ pub(super) struct Leaning<S: Simd> {
 }
 
 impl<S: Simd> Lean<S> {
-    /// None if all samples lie along the sheet or are too far from it.
+    /// None if all samples lie along the sheet, which is flat, or are too far from it.
     #[inline(always)]
     pub(super) fn leaning(&self, above: &Above<S>) -> Option<Leaning<S>> {
         let simd = self.cosine.token();
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let [x, y] = self.aside;
         let sine_squared = x.mul_add(x, y * y);
-        let counts = sine_squared.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
+        let extent = sine_squared + splat(simd, self.stray);
+        let counts = extent.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
         counts.any_true().then(|| {
             let width = above.half * FADE;
             let width = (width * width).max(1e-20);
             Leaning {
                 sine_squared: counts.select(sine_squared, zero),
+                stray: self.stray * self.stray,
                 width,
                 nearest: width,
                 way: [zero; 2],
@@ -116,7 +128,7 @@ impl<S: Simd> Leaning<S> {
         let mut value = share * self.sine_squared * second;
         let mut rise = share * self.sine_squared * third * above.height;
         let mut turning = share * second * -2.0;
-        let extent = above.half * self.sine_squared.sqrt();
+        let extent = square.mul_add(self.sine_squared, self.stray).sqrt();
         let height = above.height.abs();
         let deep = (extent - height).max(zero);
         if deep.simd_gt(zero).any_true() {

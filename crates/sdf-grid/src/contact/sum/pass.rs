@@ -6,7 +6,7 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::border::{Above, Seen, Taken};
 use super::clusters::Cluster;
-use super::kink::Lean;
+use super::kink::{Lean, STRAY};
 use super::sheet::Sheet;
 use super::slopes::Slopes;
 use super::smooth::Quotients;
@@ -105,6 +105,7 @@ fn add_sheet<S: Simd>(
         let lean = Lean {
             cosine,
             aside: [x, y],
+            stray: 0.0,
         };
         if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
             totals.add_flat(samples.area * cosine, &sums, sheet.axes);
@@ -128,6 +129,7 @@ fn add_sheet<S: Simd>(
     let lean = Lean {
         cosine: faces[2],
         aside: [faces[0], faces[1]],
+        stray: STRAY,
     };
     if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
         totals.add_curved(scaled(&faces, samples.area), &sums, &unrolled, sheet);

@@ -17,13 +17,14 @@ impl PairPlan {
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        self.build_with(
+        let pair = self.build_with(
             fixed,
             moving,
             |mesh, kernel, lattice, options| match cache {
                 Some(cache) => cache.get_or_compute(mesh, kernel, lattice, options, monitor),
                 None => DensityField::compute(mesh, kernel, lattice, options, monitor),
             },
-        )
+        )?;
+        Ok(pair.cached_in(cache.cloned()))
     }
 }

@@ -7,7 +7,8 @@ use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
 
 /// The pair of `contact`'s parts, that of `pair`, on lattices `factor` times as coarse: the same
-/// model, and the same energies up to what the coarser lattice leaves.
+/// model, and the same energies up to what the coarser lattice leaves. Fields are looked for, and
+/// kept, where those of `pair` are.
 ///
 /// # Errors
 /// As [`PairBuilder::build`].
@@ -21,5 +22,6 @@ pub(crate) fn coarser(pair: &Pair, contact: &Contact, factor: f64) -> Result<Pai
         ..PairBuilder::default()
     };
     let [fixed, moving] = contact.parts();
-    builder.build(fixed, moving, pair.model(), &Silent)
+    let plan = builder.plan(fixed, moving, pair.model())?;
+    plan.build(fixed, moving, pair.cache(), &Silent)
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
-use sdf_grid::{DensityField, KernelError, Sampling};
+use sdf_grid::{DensityField, FieldCache, KernelError, Sampling};
 
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
@@ -27,6 +27,8 @@ pub struct Pair {
     model: ScoreModel,
     pivot: DVec3,
     contact: Option<Contact>,
+    /// Where its fields came from, and where those of coarser lattices are looked for.
+    cache: Option<FieldCache>,
 }
 
 /// Why two fields do not make a pair.
@@ -120,7 +122,17 @@ impl Pair {
             model,
             pivot,
             contact,
+            cache: None,
         })
+    }
+
+    /// The same, with a cache for its fields on coarser lattices.
+    pub(crate) fn cached_in(self, cache: Option<FieldCache>) -> Self {
+        Self { cache, ..self }
+    }
+
+    pub(crate) fn cache(&self) -> Option<&FieldCache> {
+        self.cache.as_ref()
     }
 
     /// Everything that the energies depend on.

@@ -5,21 +5,25 @@ use glam::DVec3;
 use super::grid::Grid;
 use super::osculating::Surfel;
 
-/// Surfels in the order of their cells.
-pub(super) struct Buckets<'a> {
+/// Surfels by cell.
+pub(super) struct Buckets {
     grid: Grid,
-    surfels: &'a [(u32, Surfel)],
-    /// Numbers of surfels, cell after cell, and where each cell begins.
-    order: Vec<u32>,
+    /// Regions and numbers of surfels and their places, cell after cell, and where each cell begins.
+    order: Vec<(Numbered, DVec3)>,
     starts: Vec<u32>,
 }
 
-impl<'a> Buckets<'a> {
-    pub(super) fn new(grid: Grid, surfels: &'a [(u32, Surfel)]) -> Self {
+/// The region of a surfel, and its number.
+pub(super) type Numbered = (u32, u32);
+
+impl Buckets {
+    pub(super) fn new(grid: Grid, surfels: &[(u32, Surfel)]) -> Self {
         let places = surfels.iter().map(|(_, s)| grid.range(s.place, s.place));
         let cells: Vec<usize> = places.map(|p| grid.flat(p.map(|[i, _]| i))).collect();
-        let mut order: Vec<u32> = (0..surfels.len() as u32).collect();
-        order.sort_by_key(|id| cells[*id as usize]);
+        let mut order: Vec<usize> = (0..surfels.len()).collect();
+        order.sort_by_key(|id| cells[*id]);
+        let of = |id: usize| ((surfels[id].0, id as u32), surfels[id].1.place);
+        let order = order.into_iter().map(of).collect();
         let mut starts = vec![0; grid.count() + 1];
         for cell in cells {
             starts[cell + 1] += 1;
@@ -29,22 +33,22 @@ impl<'a> Buckets<'a> {
         }
         Self {
             grid,
-            surfels,
             order,
             starts,
         }
     }
 
-    /// Those at most so far from `p`, with their regions, region after region.
-    pub(super) fn within(&self, p: DVec3, distance: f64) -> Vec<(u32, Surfel)> {
+    /// Those at most so far from `p`, region after region.
+    pub(super) fn within(&self, p: DVec3, distance: f64) -> Vec<Numbered> {
         let [xs, ys, zs] = self.grid.range(p - distance, p + distance);
         let mut found = Vec::new();
         for x in xs[0]..=xs[1] {
             for y in ys[0]..=ys[1] {
                 let [first, last] = zs.map(|z| self.grid.flat([x, y, z]));
                 let row = self.starts[first] as usize..self.starts[last + 1] as usize;
-                let all = self.order[row].iter().map(|id| self.surfels[*id as usize]);
-                found.extend(all.filter(|(_, s)| s.place.distance(p) <= distance));
+                let near = |place: DVec3| place.distance_squared(p) <= distance * distance;
+                let near = self.order[row].iter().filter(|s| near(s.1));
+                found.extend(near.map(|s| s.0));
             }
         }
         found.sort_by_key(|(region, _)| *region);
@@ -77,14 +81,13 @@ mod tests {
             let buckets = Buckets::new(grid, &surfels);
             for p in [place(3), place(500), DVec3::new(-0.2, 1.0, 0.9)] {
                 for distance in [0.01, 0.3, 1.1] {
-                    let mut found: Vec<f64> = buckets
-                        .within(p, distance)
-                        .iter()
-                        .map(|s| s.1.area)
-                        .collect();
-                    found.sort_by(f64::total_cmp);
-                    let near = surfels.iter().filter(|s| s.1.place.distance(p) <= distance);
-                    let near: Vec<f64> = near.map(|s| s.1.area).collect();
+                    let near = |id: &u32| surfels[*id as usize].1.place.distance(p) <= distance;
+                    let near = (0..surfels.len() as u32).filter(near);
+                    let mut near: Vec<Numbered> = near.map(|id| (id % 3, id)).collect();
+                    near.sort_unstable();
+                    let mut found = buckets.within(p, distance);
+                    assert!(found.is_sorted_by_key(|(region, _)| *region));
+                    found.sort_unstable();
                     assert_eq!(found, near, "{edge} {p} {distance}");
                 }
             }

@@ -1,8 +1,8 @@
 //! Pieces of a curved surface in compact cells.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, IVec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::gathered::Gathered;
 use crate::contact::samples::SurfaceSample;
@@ -24,7 +24,7 @@ const BOX: f64 = 0.2;
 pub(super) struct Cells {
     distance: f64,
     /// By part and box.
-    pieces: HashMap<(u32, IVec3), Gathered>,
+    pieces: FxHashMap<(u32, IVec3), Gathered>,
 }
 
 /// A cell's part, middle and normal.
@@ -36,13 +36,13 @@ struct Centre {
 }
 
 /// Centres by boxes of the distance's size.
-type Boxes = HashMap<IVec3, Vec<u32>>;
+type Boxes = FxHashMap<IVec3, Vec<u32>>;
 
 impl Cells {
     pub(super) fn new(distance: f64) -> Self {
         Self {
             distance,
-            pieces: HashMap::new(),
+            pieces: FxHashMap::default(),
         }
     }
 
@@ -60,7 +60,7 @@ impl Cells {
         let pieces = pieces.filter_map(|((part, _), sum)| Some((*part, sum.sample()?)));
         let pieces: Vec<(u32, SurfaceSample)> = pieces.collect();
         let mut centres: Vec<Centre> = Vec::new();
-        let mut boxes = Boxes::new();
+        let mut boxes = Boxes::default();
         for (part, piece) in &pieces {
             let at = Centre::of(*part, piece);
             let nearest = self.nearest(&at, &centres, &boxes);
@@ -73,9 +73,13 @@ impl Cells {
         let mut cells = Vec::new();
         for _ in 0..STEPS {
             cells = vec![Gathered::default(); centres.len()];
-            for (part, piece) in &pieces {
+            let all = pieces.par_iter();
+            let nearest = all.map(|(part, piece)| {
                 let at = Centre::of(*part, piece);
-                if let Some((i, _)) = self.nearest(&at, &centres, &boxes) {
+                self.nearest(&at, &centres, &boxes).map(|(i, _)| i)
+            });
+            for ((_, piece), nearest) in pieces.iter().zip(nearest.collect::<Vec<_>>()) {
+                if let Some(i) = nearest {
                     cells[i].add(piece);
                 }
             }

@@ -18,12 +18,18 @@ const STRAIGHT: f64 = 0.8;
 const LEAST_BEND: f64 = 0.01;
 const MOST_BEND: f64 = 0.45;
 
+/// Points from which on a chain is worth a look: a face is not, and would vanish if it is small.
+const FEW: usize = 6;
+
 /// Looks at every point of a chain on average, at most; a chain that takes more stays.
 const MOST_LOOKS: usize = 100;
 
 /// A chain in its own plane in fewer pieces, between the same ends, where `about` is where it should
 /// be true: as much lies to either side of each piece, but at corners.
 pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
+    if chain.len() < FEW {
+        return chain.to_vec();
+    }
     let at = |k: usize| chain[k].extend(0.0);
     // A point far away takes with it the long sides that it ends, which may pass near by.
     let sides = chain.windows(2).map(|w| allowed(nearest(w, about), about));
@@ -77,8 +83,7 @@ pub(super) fn thinned(chain: &[DVec3], reach: f64) -> Vec<usize> {
 /// Which of `count` points are kept, the ends among them (Douglas and Peucker), where `off` says how
 /// far a point is from the way between two others, in units of what is allowed.
 fn kept(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
-    // A face is not worth a look, and would vanish if it is small.
-    if count < 6 {
+    if count < FEW {
         return (0..count).collect();
     }
     let mut kept = vec![0];

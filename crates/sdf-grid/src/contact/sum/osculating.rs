@@ -13,7 +13,7 @@ const LEAST_BENT: f64 = 1e-4;
 /// [`NEAR`], in units of the reach.
 pub(super) const OFF: f64 = 0.006;
 const OFF_FAR: f64 = 0.03;
-const NEAR: f64 = 0.9;
+pub(super) const NEAR: f64 = 0.9;
 
 /// Normals differ from the torus' by an angle of this cosine at most.
 pub(super) const ALONG: f64 = 0.95;
@@ -52,7 +52,8 @@ pub(super) struct Osculating {
 }
 
 impl Osculating {
-    /// The torus nearest to `surfels` about the first of them; none if they are none.
+    /// The torus nearest to a surface about the first of `surfels`, the others being those of its
+    /// neighbours less than [`NEAR`] from it; none if the surface is bent too much.
     pub(super) fn fitted(surfels: &[Surfel]) -> Option<Self> {
         let first = surfels.first()?;
         let (u, v) = first.normal.any_orthonormal_pair();
@@ -61,22 +62,44 @@ impl Osculating {
             axes: [u, v, first.normal],
             curvature: DVec2::ZERO,
         };
-        let about = |s: &&Surfel| s.place.distance_squared(first.place) < NEAR * NEAR;
-        let close: Vec<Surfel> = surfels.iter().filter(about).copied().collect();
         for _ in 0..LOOKS {
-            torus = torus.improved(&close)?;
+            torus = torus.improved(surfels)?;
         }
-        if torus.curvature.abs().max_element() < LEAST_BENT {
+        let bent = torus.curvature.abs().max_element();
+        if bent < LEAST_BENT {
             torus.curvature = DVec2::ZERO;
         }
-        let near = |s: &Surfel| {
-            let height = torus.height(s.place);
+        (bent <= MOST_BENT).then_some(torus)
+    }
+
+    /// Whether it stands for `surfels`, seen from the origin.
+    pub(super) fn stands_for(&self, mut surfels: impl Iterator<Item = Surfel>) -> bool {
+        surfels.all(|s| {
             let beyond = (s.place.length() - NEAR).max(0.0);
-            height.abs() <= OFF + OFF_FAR * beyond * beyond
-                && torus.normal(s.place).dot(s.normal) >= ALONG
-        };
-        let bent = torus.curvature.abs().max_element();
-        (bent <= MOST_BENT && surfels.iter().all(near)).then_some(torus)
+            self.keeps(&s, OFF + OFF_FAR * beyond * beyond)
+        })
+    }
+
+    /// Whether a surfel is no farther from it than `off` and not turned away.
+    fn keeps(&self, surfel: &Surfel, off: f64) -> bool {
+        let [x, y, z] = self.axes.map(|a| (surfel.place - self.origin).dot(a));
+        let [kx, ky] = self.curvature.to_array();
+        let (lifted, about) = rise(z, y, ky);
+        let (height, around) = rise(lifted, x, kx);
+        if height.abs() > off {
+            return false;
+        }
+        let [nx, ny, nz] = self.axes.map(|a| surfel.normal.dot(a));
+        let up = (ky * y * ny + (1.0 + ky * z) * nz) / about;
+        kx * x * nx + (1.0 + kx * lifted) * up >= ALONG * around
+    }
+
+    /// The same where its origin is elsewhere.
+    pub(super) fn moved(self, by: DVec3) -> Self {
+        Self {
+            origin: self.origin + by,
+            ..self
+        }
     }
 
     /// By least squares of what is left, weighted about the first, to which all are close.
@@ -93,10 +116,16 @@ impl Osculating {
             let row = [1.0, p.x, p.y, 0.5 * p.x * p.x, p.x * p.y, 0.5 * p.y * p.y];
             for i in 0..6 {
                 right[i] += weight * row[i] * height;
-                for j in 0..6 {
+                for j in i..6 {
                     normal[i][j] += weight * row[i] * row[j];
                 }
             }
+        }
+        // The other half is the same.
+        let upper = normal;
+        for (i, row) in normal.iter_mut().enumerate() {
+            let column = upper.iter().map(|r| r[i]).take(i);
+            row.iter_mut().zip(column).for_each(|(x, y)| *x = y);
         }
         // What surfels do not tell, as on a line, stays.
         let trace = (0..6).map(|i| normal[i][i]).sum::<f64>();
@@ -122,31 +151,17 @@ impl Osculating {
     pub(super) fn developed(&self, p: DVec3) -> (DVec2, f64) {
         let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
         let [kx, ky] = self.curvature.to_array();
-        let lifted = rise(z, y, ky);
+        let (lifted, _) = rise(z, y, ky);
         let place = DVec2::new(unrolled(lifted, x, kx), unrolled(z, y, ky));
-        (place, rise(lifted, x, kx))
-    }
-
-    fn height(&self, p: DVec3) -> f64 {
-        let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
-        rise(rise(z, y, self.curvature.y), x, self.curvature.x)
-    }
-
-    /// The direction of growing height.
-    fn normal(&self, p: DVec3) -> DVec3 {
-        let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
-        let [kx, ky] = self.curvature.to_array();
-        let lifted = rise(z, y, ky);
-        let up = (ky * y * self.axes[1] + (1.0 + ky * z) * self.axes[2]).normalize_or_zero();
-        (kx * x * self.axes[0] + (1.0 + kx * lifted) * up).normalize_or_zero()
+        (place, rise(lifted, x, kx).0)
     }
 }
 
-/// Height above a circle of curvature `k` through the origin.
-fn rise(z: f64, x: f64, k: f64) -> f64 {
+/// Height above a circle of curvature `k` through the origin, and distance from its middle in radii.
+fn rise(z: f64, x: f64, k: f64) -> (f64, f64) {
     let square = x * x + z * z;
     let distance = (1.0 + k * (2.0 * z + k * square)).max(0.0).sqrt();
-    (2.0 * z + k * square) / (1.0 + distance)
+    ((2.0 * z + k * square) / (1.0 + distance), distance)
 }
 
 /// Length of the circle's arc to below a place.

@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, IVec3};
+use glam::{DVec2, DVec3, IVec3};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::chain::{chained, thinned};
 use super::cylinder::Cylinder;
@@ -12,6 +13,7 @@ use super::simplified::simplified;
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
 use crate::contact::samples::surface_pieces;
+use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::outlines::{Outline, outlines};
 use crate::surface::face::Piece;
@@ -26,16 +28,73 @@ const FACETS: f64 = 0.004;
 #[derive(Debug)]
 pub(super) struct Regions {
     /// The flat ones.
-    pub(super) flat: Vec<Outline>,
+    pub(super) flat: Vec<FlatRegion>,
     /// The surface of the curved ones.
     pub(super) surfels: Surfels,
     /// Regions that are cylinders, in units of the reach.
     pub(super) cylinders: HashMap<u32, Cylinder>,
     /// Curved regions that are no cylinders in few flat faces, each with its region: for where the
     /// kernel reaches over too much of a bend.
-    pub(super) faces: Vec<(u32, Outline)>,
+    pub(super) faces: Vec<(u32, FlatRegion)>,
     /// Edges of curved regions, the region to their left seen from outside: region, vertices.
     pub(super) borders: Vec<(u32, [u32; 2])>,
+}
+
+/// A flat region in its own plane.
+#[derive(Debug)]
+pub(super) struct FlatRegion {
+    /// A point of the plane.
+    pub(super) origin: DVec3,
+    /// Two directions in it and its normal, outwards; right-handed.
+    pub(super) axes: [DVec3; 3],
+    /// Closed chains of corners from the origin along both directions, metres, the region to their
+    /// left.
+    pub(super) rings: Vec<Ring>,
+    pub(super) bounds: Aabb,
+}
+
+/// A closed chain of corners and the box around them.
+#[derive(Debug)]
+pub(super) struct Ring {
+    pub(super) corners: Vec<DVec2>,
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Ring {
+    fn new(corners: Vec<DVec2>) -> Self {
+        let first = corners.first().copied().unwrap_or_default();
+        Self {
+            low: corners.iter().copied().fold(first, DVec2::min),
+            high: corners.iter().copied().fold(first, DVec2::max),
+            corners,
+        }
+    }
+
+    /// Whether its box comes as near to a place.
+    pub(super) fn may_be_near(&self, p: DVec2, distance: f64) -> bool {
+        let off = p - p.clamp(self.low, self.high);
+        off.length_squared() <= distance * distance
+    }
+}
+
+impl FlatRegion {
+    fn new(outline: &Outline) -> Self {
+        let (u, v) = outline.normal.any_orthonormal_pair();
+        let place = |p: &DVec3| {
+            let from = *p - outline.origin;
+            DVec2::new(from.dot(u), from.dot(v))
+        };
+        let rings = outline.rings.iter();
+        Self {
+            origin: outline.origin,
+            axes: [u, v, outline.normal],
+            rings: rings
+                .map(|r| Ring::new(r.iter().map(place).collect()))
+                .collect(),
+            bounds: Aabb::around(outline.rings.iter().flatten().copied()),
+        }
+    }
 }
 
 impl Regions {
@@ -78,7 +137,7 @@ impl Regions {
             }
         }
         Ok(Self {
-            flat,
+            flat: flat.iter().map(FlatRegion::new).collect(),
             cylinders,
             faces,
             surfels,
@@ -118,7 +177,7 @@ fn faces(
     cylinders: &HashMap<u32, Cylinder>,
     flat: f64,
     off: f64,
-) -> Vec<(u32, Outline)> {
+) -> Vec<(u32, FlatRegion)> {
     let bent = curved.iter().zip(mesh.triangles());
     let bent = bent.filter(|(c, _)| **c != Regions::FLAT && !cylinders.contains_key(c));
     let mut bent: Vec<(u32, [u32; 3])> = bent.map(|(c, t)| (*c, *t)).collect();
@@ -131,10 +190,10 @@ fn faces(
         let region = of_region[0].0;
         faces
             .into_iter()
-            .map(move |f| (region, f))
+            .map(move |f| (region, FlatRegion::new(&f)))
             .collect::<Vec<_>>()
     });
-    found.collect::<Vec<_>>().concat()
+    found.flatten_iter().collect()
 }
 
 /// Borders of regions in fewer pieces.
@@ -161,7 +220,7 @@ fn surfels(mesh: &TriangleMesh, curved: &[u32], size: f64) -> Result<Surfels, Co
     let pieces: Vec<(u32, Piece)> = pieces
         .filter_map(|(t, (c, region))| Some((*region, Piece::triangle(c, t as u32)?)))
         .collect();
-    let mut boxes: HashMap<(u32, IVec3), (DVec3, DVec3, f64)> = HashMap::new();
+    let mut boxes: FxHashMap<(u32, IVec3), (DVec3, DVec3, f64)> = FxHashMap::default();
     let faces = pieces.iter().map(|p| p.1);
     surface_pieces(faces, 0.5 * size, |index, sample| {
         let place = ((sample.position - low) / size).floor().as_ivec3();

@@ -1,8 +1,7 @@
 //! Where the parts of a surface end, as chains of edges from corner to corner.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, IVec3};
+use rustc_hash::FxHashMap;
 
 use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
@@ -15,7 +14,7 @@ pub(super) struct SharpEdges {
     near: f64,
     edges: Vec<SharpEdge>,
     chains: Vec<Chain>,
-    boxes: HashMap<(u32, IVec3), Vec<u32>>,
+    boxes: FxHashMap<(u32, IVec3), Vec<u32>>,
 }
 
 /// An edge of the mesh at which a part ends.
@@ -79,9 +78,9 @@ impl SharpEdges {
             near,
             edges: Vec::new(),
             chains: Vec::new(),
-            boxes: HashMap::new(),
+            boxes: FxHashMap::default(),
         };
-        let mut of_part: HashMap<u32, Vec<[u32; 2]>> = HashMap::new();
+        let mut of_part: FxHashMap<u32, Vec<[u32; 2]>> = FxHashMap::default();
         for t in 0..mesh.triangles().len() {
             let borders = of_part.entry(parts.of[t]).or_default();
             borders.extend(parts.borders(mesh, t));
@@ -104,7 +103,7 @@ impl SharpEdges {
         let at = |v: u32| mesh.vertices()[v as usize];
         let way = |[a, b]: [u32; 2]| (at(b) - at(a)).normalize_or_zero();
         // The border that follows each without a corner, if just one does.
-        let mut from: HashMap<u32, Vec<usize>> = HashMap::new();
+        let mut from: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
         for (i, border) in borders.iter().enumerate() {
             from.entry(border[0]).or_default().push(i);
         }

@@ -1,13 +1,15 @@
 //! What of a surface is seen from about a place.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use std::sync::OnceLock;
 
-use super::buckets::Buckets;
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use rustc_hash::FxHashMap;
+
+use super::buckets::{Buckets, Numbered};
 use super::chain::{Arc, allowed, chained, straightened};
-use super::osculating::{Osculating, Surfel};
-use super::regions::Regions;
+use super::osculating::{NEAR, Osculating, Surfel};
+use super::regions::{FlatRegion, Regions, Ring};
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::outlines::Outline;
 
 /// Where on a flat region one stands from where insides are counted, in units of the reach from the
 /// foot of the cell's middle: no edge lies there unless it is put there.
@@ -82,8 +84,9 @@ pub(super) struct Near {
 pub(super) struct Surface<'a> {
     pub(super) mesh: &'a TriangleMesh,
     pub(super) regions: &'a Regions,
-    /// Of the regions.
-    pub(super) surfels: Buckets<'a>,
+    /// Of the regions, and tori about them as far as they have been asked for.
+    pub(super) surfels: Buckets,
+    pub(super) tori: Vec<OnceLock<Option<Osculating>>>,
     /// The kernel's reach, metres.
     pub(super) unit: f64,
     /// How far one sees, metres.
@@ -99,30 +102,31 @@ impl Surface<'_> {
         }
         let surfels = self.surfels.within(middle, self.seen);
         for of_region in surfels.chunk_by(|a, b| a.0 == b.0) {
-            let region = of_region[0].0;
-            let scaled = of_region.iter().map(|s| s.1.scaled(middle, self.unit));
-            let mut of_region: Vec<Surfel> = scaled.collect();
-            let nearest = (0..of_region.len()).min_by(|a, b| {
-                let [a, b] = [*a, *b].map(|i| of_region[i].place.length_squared());
-                a.total_cmp(&b)
-            });
-            of_region.swap(0, nearest.unwrap_or(0));
-            let whole = self.regions.cylinders.get(&region);
-            let torus = match whole {
-                Some(cylinder) => cylinder.seen_from(middle / self.unit, of_region[0].place),
-                None => Osculating::fitted(&of_region),
+            let off = |s: &Numbered| self.surfel(s.1).place.distance_squared(middle);
+            let nearest = of_region.iter().map(|s| (off(s), s));
+            let Some((_, (region, id))) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                continue;
+            };
+            let nearest = self.surfel(*id).scaled(middle, self.unit);
+            let mut scaled = of_region
+                .iter()
+                .map(|s| self.surfel(s.1).scaled(middle, self.unit));
+            let torus = match self.regions.cylinders.get(region) {
+                Some(cylinder) => cylinder.seen_from(middle / self.unit, nearest.place),
+                None => self
+                    .torus(*region, *id)
+                    .map(|torus| torus.moved(nearest.place))
+                    .filter(|torus| torus.stands_for(&mut scaled)),
             };
             match torus {
-                Some(torus) => {
-                    self.add_curved(&mut list, &torus, of_region[0], middle, near, region)
-                }
+                Some(torus) => self.add_curved(&mut list, &torus, nearest, middle, near, *region),
                 None => {
                     let faces = near
                         .faces
                         .iter()
                         .map(|id| &self.regions.faces[*id as usize]);
-                    for (_, outline) in faces.filter(|(of, _)| *of == region) {
-                        self.add_flat(&mut list, outline, middle);
+                    for (_, face) in faces.filter(|(of, _)| of == region) {
+                        self.add_flat(&mut list, face, middle);
                     }
                 }
             }
@@ -130,23 +134,43 @@ impl Surface<'_> {
         list
     }
 
+    fn surfel(&self, id: u32) -> &Surfel {
+        &self.regions.surfels[id as usize].1
+    }
+
+    /// The torus about a surfel, relative to its place and in units of the reach: the same from
+    /// wherever it is the nearest.
+    fn torus(&self, region: u32, id: u32) -> Option<Osculating> {
+        let fitted = || {
+            let about = self.surfel(id).place;
+            let near = self.surfels.within(about, NEAR * self.unit);
+            let others = near.into_iter().filter(|o| o.0 == region && o.1 != id);
+            let all = std::iter::once((region, id)).chain(others);
+            let all = all.map(|o| self.surfel(o.1).scaled(about, self.unit));
+            Osculating::fitted(&all.collect::<Vec<_>>())
+        };
+        *self.tori[id as usize].get_or_init(fitted)
+    }
+
     /// Adds a flat region.
-    fn add_flat(&self, list: &mut List, outline: &Outline, middle: DVec3) {
-        let (normal, origin, unit) = (outline.normal, outline.origin, self.unit);
-        let (u, v) = normal.any_orthonormal_pair();
-        let height = (middle - origin).dot(normal);
-        let foot = middle - height * normal;
-        let place = |p: &DVec3| DVec2::new((p - foot).dot(u), (p - foot).dot(v)) / unit;
-        let height = height / unit;
-        let seen = self.seen / self.unit;
+    fn add_flat(&self, list: &mut List, region: &FlatRegion, middle: DVec3) {
+        let [u, v, normal] = region.axes;
+        let unit = self.unit;
+        let from = (middle - region.origin) / unit;
+        let (foot, height) = (DVec2::new(from.dot(u), from.dot(v)), from.dot(normal));
+        let seen = self.seen / unit;
         if height.abs() > seen {
             return;
         }
         let most = (seen * seen - height * height).max(0.0).sqrt();
         let first = list.borders.len();
         let mut sides = Vec::new();
-        for ring in &outline.rings {
-            let ring: Vec<DVec2> = ring.iter().map(place).collect();
+        let here = unit * foot;
+        let (near, far): (Vec<&Ring>, Vec<&Ring>) =
+            (region.rings.iter()).partition(|r| r.may_be_near(here, unit * most));
+        for ring in near {
+            let corners = ring.corners.iter();
+            let ring: Vec<DVec2> = corners.map(|p| *p / unit - foot).collect();
             list.add_ring(&ring, most, &mut sides);
         }
         // Not between an arc and its chords.
@@ -155,13 +179,19 @@ impl Surface<'_> {
             // The sheet is to the left.
             (b.middle + OFF_ARC * b.along.perp()).as_dvec2()
         });
-        let turns: f64 = sides.iter().map(|s| angle(*s, reference)).sum();
-        let inside = (turns / std::f64::consts::TAU).round() as f32;
+        let mut turns: i32 = sides.iter().map(|s| crossed(*s, reference)).sum();
+        let there = unit * reference + here;
+        for ring in far.iter().filter(|r| r.may_be_near(there, 0.0)) {
+            let next = ring.corners.iter().cycle().skip(1);
+            let sides = ring.corners.iter().zip(next);
+            turns += sides.map(|(a, b)| crossed([*a, *b], there)).sum::<i32>();
+        }
+        let inside = turns as f32;
         let count = list.borders.len() - first;
         if inside != 0.0 || count > 0 {
             list.add_sheet(Sheet {
-                origin: ((foot - middle) / unit).as_vec3(),
-                axes: [u, v, normal].map(DVec3::as_vec3),
+                origin: (-height * normal).as_vec3(),
+                axes: region.axes.map(DVec3::as_vec3),
                 curvature: Vec2::ZERO,
                 reference: reference.as_vec2(),
                 inside,
@@ -181,18 +211,22 @@ impl Surface<'_> {
         near: &Near,
         region: u32,
     ) {
-        let place = |v: &u32| {
-            let p = self.mesh.vertices()[*v as usize];
-            torus.developed((p - middle) / self.unit).0
-        };
         let borders = near
             .borders
             .iter()
             .map(|b| self.regions.borders[*b as usize]);
+        let edges = borders.filter(|b| b.0 == region).map(|b| b.1);
+        let mut edges: Vec<[u32; 2]> = edges.collect();
+        let mut places = FxHashMap::default();
+        for v in edges.iter().flatten() {
+            let p = self.mesh.vertices()[*v as usize];
+            let unrolled = || torus.developed((p - middle) / self.unit).0;
+            places.entry(*v).or_insert_with(unrolled);
+        }
+        let place = |v: &u32| places[v];
         // What is unrolled to either end of a circle is far behind.
         let before = |v: &u32| (place(v) * torus.curvature).abs().max_element() < BEHIND;
-        let edges = borders.filter(|b| b.0 == region).map(|b| b.1);
-        let edges: Vec<[u32; 2]> = edges.filter(|e| e.iter().all(before)).collect();
+        edges.retain(|e| e.iter().all(before));
         let (about, _) = torus.developed(DVec3::ZERO);
         let most = FARTHER * self.seen / self.unit;
         let first = list.borders.len();
@@ -226,7 +260,7 @@ impl List {
     fn add_ring(&mut self, ring: &[DVec2], most: f64, sides: &mut Vec<[DVec2; 2]>) {
         let n = ring.len();
         let side = |i: usize| [ring[i % n], ring[(i + 1) % n]];
-        let near = |i: usize| Border::within(side(i), DVec2::ZERO, most).is_some();
+        let near = |i: usize| is_near(side(i), most);
         let start = (0..n).find(|i| !near(*i)).map_or(0, |i| i + 1);
         let mut chain = Vec::new();
         for i in start..start + n {
@@ -312,8 +346,27 @@ impl Border {
     }
 }
 
-/// The angle at which a way is seen from a place.
-fn angle([a, b]: [DVec2; 2], from: DVec2) -> f64 {
+/// Whether a way comes as near to the origin as this.
+fn is_near([a, b]: [DVec2; 2], most: f64) -> bool {
+    let way = b - a;
+    let (before, square) = (-a.dot(way), way.length_squared());
+    let nearest = if before <= 0.0 {
+        a.length_squared()
+    } else if before >= square {
+        b.length_squared()
+    } else {
+        return a.perp_dot(b).powi(2) <= most * most * square;
+    };
+    nearest <= most * most
+}
+
+/// How a way crosses the ray from a place along the first axis: one if it passes to the left, minus
+/// one if it passes to the right. Closed ways go so often around the place as this adds up to.
+fn crossed([a, b]: [DVec2; 2], from: DVec2) -> i32 {
     let (a, b) = (a - from, b - from);
-    a.perp_dot(b).atan2(a.dot(b))
+    match (a.y <= 0.0, b.y <= 0.0) {
+        (true, false) if a.perp_dot(b) > 0.0 => 1,
+        (false, true) if a.perp_dot(b) < 0.0 => -1,
+        _ => 0,
+    }
 }

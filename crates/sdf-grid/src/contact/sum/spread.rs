@@ -8,9 +8,8 @@
 //! along each edge and beginning elsewhere on each. Those of a face that cannot be unrolled are the centroids of compact cells,
 //! found by Lloyd's algorithm.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, IVec3};
+use rustc_hash::FxHashMap;
 
 use super::cells::Cells;
 use super::gathered::Gathered;
@@ -86,7 +85,7 @@ pub(super) fn spread(
         in_row.or_else(|| Some((part, LATTICE, lattices[part as usize].place(p, distance)?)))
     };
     let mut cells = Cells::new(distance);
-    let mut points: HashMap<Key, Gathered> = HashMap::new();
+    let mut points: FxHashMap<Key, Gathered> = FxHashMap::default();
     let all = || (0..faces.len()).filter_map(|i| faces.get(i));
     let sources: Vec<u32> = all().map(|f| f.source).collect();
     let points_expected = (mesh.area() / (distance * distance)).max(1.0);
@@ -107,7 +106,7 @@ pub(super) fn spread(
 }
 
 /// Points, those that are small joined to their neighbours.
-fn joined(mut points: HashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSample> {
+fn joined(mut points: FxHashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSample> {
     let mut keys: Vec<Key> = points.keys().copied().collect();
     keys.sort_unstable_by_key(|(part, row, place)| (*part, *row, place.to_array()));
     let whole = |row: usize, place: IVec3| match row {

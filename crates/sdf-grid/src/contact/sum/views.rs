@@ -1,17 +1,18 @@
 //! One part's surface, by the place from which a cluster of samples sees it.
 
+use std::sync::OnceLock;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::buckets::Buckets;
 use super::grid::Grid;
-use super::regions::Regions;
+use super::regions::{FlatRegion, Regions};
 use super::sheet::{Border, FARTHER, List, Near, Sheet, Surface};
 use crate::contact::error::ContactError;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::prefetch::fetch_all;
-use crate::surface::coplanar::outlines::Outline;
 
 /// Edge of a cell, in units of the reach, unless the part is so large that there would be too many.
 const CELL: f64 = 0.5;
@@ -70,6 +71,7 @@ impl Views {
             mesh,
             regions,
             surfels: Buckets::new(views.grid, &regions.surfels),
+            tori: vec![OnceLock::new(); regions.surfels.len()],
             unit: reach,
             seen,
         };
@@ -99,15 +101,15 @@ impl Views {
     ) -> Result<Vec<Near>, ContactError> {
         let mut near = vec![Near::default(); self.grid.count()];
         let mut listed = 0;
-        for (id, outline) in regions.flat.iter().enumerate() {
-            for flat in self.cells_near(outline, seen) {
+        for (id, region) in regions.flat.iter().enumerate() {
+            for flat in self.cells_near(region, seen) {
                 near[flat].flat.push(id as u32);
                 listed += 1;
             }
             few(listed)?;
         }
-        for (id, (_, outline)) in regions.faces.iter().enumerate() {
-            for flat in self.cells_near(outline, seen) {
+        for (id, (_, region)) in regions.faces.iter().enumerate() {
+            for flat in self.cells_near(region, seen) {
                 near[flat].faces.push(id as u32);
                 listed += 1;
             }
@@ -125,12 +127,13 @@ impl Views {
     }
 
     /// Cells with a middle within `seen` of a flat region's plane and box.
-    fn cells_near(&self, outline: &Outline, seen: f64) -> impl Iterator<Item = usize> {
-        let bounds = Aabb::around(outline.rings.iter().flatten().copied());
-        self.cells_in(&bounds.grown(seen)).filter(move |flat| {
-            let height = (self.grid.middle(*flat) - outline.origin).dot(outline.normal);
-            height.abs() <= seen
-        })
+    fn cells_near(&self, region: &FlatRegion, seen: f64) -> impl Iterator<Item = usize> {
+        let [_, _, normal] = region.axes;
+        self.cells_in(&region.bounds.grown(seen))
+            .filter(move |flat| {
+                let height = (self.grid.middle(*flat) - region.origin).dot(normal);
+                height.abs() <= seen
+            })
     }
 
     fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {

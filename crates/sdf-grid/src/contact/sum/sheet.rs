@@ -360,8 +360,8 @@ fn is_near([a, b]: [DVec2; 2], most: f64) -> bool {
     nearest <= most * most
 }
 
-/// How a way crosses the ray from a place along the first axis: one if it passes to the left, minus
-/// one if it passes to the right. Closed ways go so often around the place as this adds up to.
+/// How a way crosses the ray from a place along the first axis: one with the place to its left, minus
+/// one with it to its right. Closed ways go around the place as often as this adds up to.
 fn crossed([a, b]: [DVec2; 2], from: DVec2) -> i32 {
     let (a, b) = (a - from, b - from);
     match (a.y <= 0.0, b.y <= 0.0) {

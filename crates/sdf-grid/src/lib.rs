@@ -36,6 +36,7 @@ pub use mesh::hygiene::report::{ComponentReport, HygieneOptions, HygieneReport};
 pub use mesh::shapes;
 pub use mesh::triangle_mesh::TriangleMesh;
 pub use mesh_io::unit::LengthUnit;
+pub use mesh_io::{Ledger, LedgerEntry, LedgerKind};
 pub use support::monitor::{Monitor, Silent};
 pub use support::{atomic, recipe};
 #[doc(hidden)]

@@ -10,6 +10,7 @@ mod bytes;
 mod examination;
 mod file;
 mod gltf;
+mod ledger;
 mod obj;
 mod ply;
 mod soup;
@@ -21,6 +22,7 @@ mod write;
 
 pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
+pub use ledger::{Ledger, LedgerEntry, LedgerKind};
 pub use soup::Solid;
 pub use step::StepOptions;
 pub use write::{write_obj, write_obj_in};

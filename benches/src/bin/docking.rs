@@ -192,7 +192,7 @@ fn print(start: u64, off: &Pose, report: &DockingReport, judged: &Judged) {
         judged.margin,
         1e3 * judged.distance,
         judged.angle.to_degrees(),
-        report.poses[0].found.overlap,
+        report.poses[0].overlap,
         report.close,
         report.scored,
         report.window,
@@ -210,12 +210,13 @@ fn print(start: u64, off: &Pose, report: &DockingReport, judged: &Judged) {
     if judged.first {
         return;
     }
-    for p in report.poses.iter().take(4).map(|p| &p.found) {
+    for docked in report.poses.iter().take(4) {
+        let p = &docked.found;
         let seen = p.pose * *off;
         println!(
             "      {:.4e} J overlap {:.3} at {:?} turn {:?}",
             p.energy,
-            p.overlap,
+            docked.overlap,
             seen.translation * 1e3,
             seen.rotation
         );
@@ -236,7 +237,7 @@ fn write(
         judged.margin.to_string(),
         judged.distance.to_string(),
         judged.angle.to_string(),
-        report.poses[0].found.overlap.to_string(),
+        report.poses[0].overlap.to_string(),
         report.scored.to_string(),
         report.seconds_per_rotation.to_string(),
         report.field_seconds.to_string(),

@@ -33,7 +33,6 @@ mod search;
 mod way;
 
 pub use answer::{Effort, OtherPath, Outcome, PathAnswer, PathPose};
-pub use contact::overlap::shared_volume;
 pub use disassembly::options::DisassemblyOptions;
 pub use disassembly::search::{
     AssemblyPart, Disassembly, DisassemblySearch, DisassemblyStep, LockedParts,

@@ -43,3 +43,4 @@ pub use support::{atomic, recipe};
 pub use support::{large, level, prefetch};
 pub use surface::ball::largest_ball_radius;
 pub use surface::bvh::tree::{Bvh, Nearest};
+pub use surface::interference::{Interference, InterferenceQuery};

@@ -3,7 +3,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use fft_correlate::well::gamma_for_peak_force;
+use fft_correlate::well::peak_force;
 use fft_correlate::{DirectEvaluator, DirectOptions, ScoreModel};
 use glam::{DQuat, DVec3};
 use haptic::{Clock, HandConfig, HapticConfig, Outcome, Script, Session, SimulatedHand};
@@ -21,10 +21,8 @@ fn run(which: PegInHole, script: Script, seconds: f64) -> Outcome {
         ..DirectOptions::REAL_TIME
     };
     let plain = DirectEvaluator::new(&pair, &options).expect("a source");
-    let gamma = gamma_for_peak_force(&plain, 1.0, &seated, DVec3::splat(0.015), PEAK);
-    let pair = pair
-        .with_gamma(gamma.expect("forces act"))
-        .expect("a scale");
+    let (peak, _) = peak_force(&plain, &seated, DVec3::splat(0.015));
+    let pair = pair.with_gamma(PEAK / peak).expect("a scale");
     let source = DirectEvaluator::new(&pair, &options).expect("a source");
     let (geometry, workspace) = hand_at_fit(&pair);
     let hand = HandConfig {

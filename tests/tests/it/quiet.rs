@@ -7,7 +7,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use fft_correlate::well::gamma_for_peak_force;
+use fft_correlate::well::peak_force;
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Pair, PairEnergies, RotationDomain,
     ScoreModel, TableSpec, TranslationWindow,
@@ -42,9 +42,8 @@ fn scaled_pair(which: PegInHole) -> Pair {
     let pair = example(which, &ScoreModel::GUIDED, SPACING);
     let seated = pair.pose(DQuat::IDENTITY, DVec3::ZERO);
     let plain = direct(&pair);
-    let gamma = gamma_for_peak_force(&plain, 1.0, &seated, DVec3::splat(0.015), PEAK);
-    pair.with_gamma(gamma.expect("forces act"))
-        .expect("a scale")
+    let (peak, _) = peak_force(&plain, &seated, DVec3::splat(0.015));
+    pair.with_gamma(PEAK / peak).expect("a scale")
 }
 
 fn table(pair: &Pair) -> EnergyTable {

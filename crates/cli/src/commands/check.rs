@@ -277,9 +277,6 @@ fn print_surface(report: &HygieneReport, unit: LengthUnit) {
                 if c.cavity {
                     text += ", a cavity";
                 }
-                if c.overlaps {
-                    text += ", overlaps another";
-                }
                 text
             })
             .collect();

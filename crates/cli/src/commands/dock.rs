@@ -50,7 +50,12 @@ struct Found {
     /// Under the scene's model, joules.
     model_energy: f64,
     half_width: Option<f64>,
+    /// The score as a share of what the smaller part would score in a perfect mould of itself, 0 to 1.
+    quality: f64,
+    /// Share of the moving part's volume that the fixed part fills as well.
     overlap: f64,
+    /// How deep a point of either part lies in the other at most, metres.
+    penetration: f64,
     refined: bool,
     /// The sum of the absolute terms of the score under the docking weights over the score: how far
     /// they cancel. Of the best poses only.
@@ -158,7 +163,9 @@ impl Found {
             mating_area: pose.mating_area,
             model_energy: pose.model_energy,
             half_width: found.half_width,
-            overlap: found.overlap,
+            quality: pose.quality,
+            overlap: pose.overlap,
+            penetration: pose.interference.depth,
             refined: found.refined,
             condition: pose.condition,
         }
@@ -181,6 +188,8 @@ fn write(
         "overlap",
         "refined",
         "condition",
+        "quality",
+        "penetration",
     ];
     rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
     for pose in &report.poses {
@@ -195,12 +204,15 @@ fn write(
             pose.mating_area,
             pose.model_energy,
             width,
-            found.overlap,
+            pose.overlap,
         ] {
             rows.write_field(value.to_string())?;
         }
         rows.write_field(found.refined.to_string())?;
         rows.write_field(pose.condition.map_or(String::new(), |c| c.to_string()))?;
+        for value in [pose.quality, pose.interference.depth] {
+            rows.write_field(value.to_string())?;
+        }
         rows.write_record(None::<&[u8]>)?;
     }
     Ok(rows.flush()?)
@@ -227,19 +239,22 @@ fn say(setup: &SceneSetup, report: &DockingReport) {
     let unit = setup.display_unit();
     let metre = unit.in_metres();
     crate::say!(
-        "  depth   mating (mm²)   energy (mJ), docking and scene's   overlap   condition   \
-         from the fit ({unit}, degrees)"
+        "  depth   quality   mating (mm²)   energy (mJ), docking and scene's   overlap, deep (mm)   \
+         condition   from the fit ({unit}, degrees)"
     );
     for pose in report.poses.iter().take(10) {
         let (fit, pivot) = (&setup.parts.assembled, report.lattices.pivot);
         let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
         crate::say!(
-            "  {:>5.3}   {:>12.1}   {:>12.4}   {:>17.4}   {:>6.1}%   {:>9}   {:>9.4}  {:>8.3}",
+            "  {:>5.3}   {:>7.3}   {:>12.1}   {:>12.4}   {:>17.4}   {:>7.3}%  {:>8.4}   {:>9}   \
+             {:>9.4}  {:>8.3}",
             pose.depth,
+            pose.quality,
             1e6 * pose.mating_area,
             1e3 * pose.found.energy,
             1e3 * pose.model_energy,
-            100.0 * pose.found.overlap,
+            100.0 * pose.overlap,
+            1e3 * pose.interference.depth,
             pose.condition.map_or("-".to_owned(), |c| format!("{c:.2}")),
             shift / metre,
             turn.to_degrees()

@@ -1,8 +1,8 @@
 //! Whether the parts of a scene lie as parts that fit do: near each other, not through each other.
 
-use fft_correlate::Pose;
-use pegfit_path::shared_volume;
+use glam::{DQuat, DVec3};
 use pegfit_scene::{FitSolids, Scene};
+use sdf_grid::{Interference, InterferenceQuery};
 use serde::Serialize;
 
 /// Share of the smaller part's volume up to which facets, or a press fit, may be all that overlaps.
@@ -22,6 +22,8 @@ pub(super) struct Fit {
     shared_volume: f64,
     /// Of the smaller part's volume.
     share: f64,
+    /// How deep a point of either lies in the other at most, metres.
+    depth: f64,
     /// Metres between their boxes along the axis on which they are farthest apart; 0 if they meet.
     apart: f64,
     /// What to do, if anything.
@@ -41,7 +43,8 @@ pub(super) fn of(scene: &Scene) -> Vec<Fit> {
 fn judge(pair: &FitSolids, moving: &str, scene: &str) -> Fit {
     let (a, b) = (pair.fixed.bounds(), pair.moving.bounds());
     let gap = (a.min - b.max).max(b.min - a.max).max_element().max(0.0);
-    let volume = shared_volume(&pair.fixed, &pair.moving, &Pose::IDENTITY);
+    let query = InterferenceQuery::new(&pair.fixed, &pair.moving);
+    let Interference { volume, depth } = query.at(DQuat::IDENTITY, DVec3::ZERO);
     let share = volume / pair.fixed.volume().min(pair.moving.volume());
     let mut next: Vec<String> = pair.scale.iter().map(|w| w.to_string()).collect();
     if share > FACETS {
@@ -66,6 +69,7 @@ fn judge(pair: &FitSolids, moving: &str, scene: &str) -> Fit {
         moving: moving.to_owned(),
         shared_volume: volume,
         share,
+        depth,
         apart: gap,
         next,
     }
@@ -76,9 +80,10 @@ pub(super) fn print(fit: &Fit) {
     let Fit { fixed, moving, .. } = fit;
     match (fit.share > TOUCHING, fit.apart > 0.0) {
         (true, _) => crate::say!(
-            "{moving} in {fixed}: they share {:.4} mm³, {:.3} % of the smaller",
+            "{moving} in {fixed}: they share {:.4} mm³, {:.3} % of the smaller, {:.4} mm deep",
             fit.shared_volume / 1e-9,
-            100.0 * fit.share
+            100.0 * fit.share,
+            1e3 * fit.depth
         ),
         (false, true) => {
             crate::say!(

@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use fft_correlate::Pose;
-use pegfit_path::shared_volume;
+use glam::{DQuat, DVec3};
 use pegfit_scene::{SceneDraft, SolidOptions, SolidSet};
 use rayon::prelude::*;
-use sdf_grid::LengthUnit;
+use sdf_grid::{InterferenceQuery, LengthUnit};
 use serde::Serialize;
 
 use crate::args::SceneArgs;
@@ -107,10 +106,8 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         .collect();
     let shared = |i: usize| -> f64 {
         let fixed = set.solids[i].placed();
-        let each = moving
-            .iter()
-            .map(|m| shared_volume(&fixed, m, &Pose::IDENTITY));
-        each.sum()
+        let shared = |m| InterferenceQuery::new(&fixed, m).at(DQuat::IDENTITY, DVec3::ZERO);
+        moving.iter().map(|m| shared(m).volume).sum()
     };
     let mut solids: Vec<Told> = (draft.fixed.par_iter())
         .map(|&i| Told {

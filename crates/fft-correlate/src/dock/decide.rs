@@ -13,7 +13,7 @@ use crate::dock::weights::with_docking_weights;
 use crate::pair::fields::Pair;
 
 /// Ranks the poses of a search anew where it left them too close to call ([`SearchReport::close`]):
-/// those go downhill on the lattice of `finer`, and all take their energy, width and overlap from
+/// those go downhill on the lattice of `finer`, and all take their energy, and width from
 /// it. `finer` is the same parts with the search's pivot, usually on half the spacing
 /// ([`crate::SearchLattices::deciding_plan`]); `domain` and `options` are the search's. When the
 /// monitor cancels, the report stays as it is.
@@ -46,7 +46,7 @@ pub fn decide(
         ..*p
     }));
     sort(&mut poses);
-    let poses = refinement.finish(poses, &finer, full);
+    let poses = refinement.finish(poses, full);
     if !monitor.cancelled() {
         report.stages.push(SearchStage {
             name: "decision",

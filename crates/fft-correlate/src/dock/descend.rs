@@ -193,19 +193,13 @@ impl<'a> Refinement<'a> {
         self.distinct(&poses, (SAME_ANGLE, 2.0 * h), count)
     }
 
-    /// The poses to return, with their widths and overlaps.
-    pub(super) fn finish(
-        &self,
-        poses: Vec<FoundPose>,
-        pair: &Pair,
-        source: &DirectEvaluator,
-    ) -> Vec<FoundPose> {
+    /// The poses to return, with their widths.
+    pub(super) fn finish(&self, poses: Vec<FoundPose>, source: &DirectEvaluator) -> Vec<FoundPose> {
         let apart = (2.0 * SAME_ANGLE, 0.1 * self.radius);
         let mut poses = self.distinct(&poses, apart, self.options.top);
         poses.par_iter_mut().for_each(|p| {
             let scratch = &mut source.scratch();
             p.half_width = measure::half_width(source, scratch, &p.pose, p.energy, self.radius);
-            p.overlap = measure::overlap(pair, &p.pose);
         });
         poses
     }

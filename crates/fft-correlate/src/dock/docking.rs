@@ -219,7 +219,8 @@ impl<'a> Docking<'a> {
         }
         let mating = self.mating_areas(&found.poses)?;
         let pairs = [&finest, own.as_ref().unwrap_or(&finest)];
-        let poses = told(&found, pairs, &mating, &self.frame.inverse())?;
+        let solids = [self.fixed(), &self.setup.moving];
+        let poses = told(&found, pairs, solids, &mating, &self.frame.inverse())?;
         Ok(DockingReport {
             poses,
             lattices: self.lattices,
@@ -289,7 +290,7 @@ impl<'a> Docking<'a> {
                 Some(self.build(&plan, monitor)?)
             }
         };
-        let gamma = self.gamma(own.as_ref().unwrap_or(&fine))?;
+        let gamma = self.setup.gamma()?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
         let sketch = match !self.options.exhaustive && wants_sketch(plan.rotations) {
             true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
@@ -356,12 +357,6 @@ impl<'a> Docking<'a> {
             smoothing: None,
             ..self.setup.builder
         }
-    }
-
-    /// The scale of the energies, that of the setup's own pair.
-    fn gamma(&self, own: &Pair) -> Result<f64, DockingError> {
-        let (scale, reach) = (&self.setup.energy, self.setup.reach());
-        Ok(scale.gamma(own, &self.frame, &self.setup.assembled, reach)?)
     }
 
     fn search_options(&self) -> SearchOptions {

@@ -22,9 +22,6 @@ pub struct FoundPose {
     /// How far along the axis on which the energy rises fastest it rises to half, metres; none if
     /// it does not within the moving part's radius.
     pub half_width: Option<f64>,
-    /// Share of the moving part that lies inside the fixed part, 0 ..= 1; faces in contact do not
-    /// count.
-    pub overlap: f64,
     /// Index of the rotation from which it was reached, in the domain's.
     pub rotation: usize,
     /// Energy of the lattice pose from which it was reached, joules, coarse lattice.

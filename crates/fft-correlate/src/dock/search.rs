@@ -173,7 +173,7 @@ fn refined(
     monitor.begin(name, poses.len() as u64);
     Ok(stages.run(name, poses.len(), || {
         let poses = refinement.descend(poses, fine, &[sources.full()], Effort::FINE, count);
-        refinement.finish(poses, fine, sources.full())
+        refinement.finish(poses, sources.full())
     }))
 }
 
@@ -194,7 +194,6 @@ fn lattice_pose(scan: &Scan, rotations: &[DQuat], candidate: &Candidate) -> Foun
         energy: candidate.energy,
         refined: false,
         half_width: candidate.half_width,
-        overlap: 0.0,
         rotation: candidate.rotation,
         lattice_energy: candidate.energy,
     }

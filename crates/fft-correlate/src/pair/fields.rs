@@ -219,6 +219,13 @@ impl Pair {
         self.contact.as_ref()
     }
 
+    /// What the smaller part would score in a perfect mould of itself, cubic metres: the scale on which
+    /// the score of a fit is good or poor ([`DensityField::mould_score`]).
+    pub fn mould_score(&self) -> f64 {
+        let smaller = self.fixed.mould_score().min(self.moving.mould_score());
+        self.model.lambda_exterior * self.model.lambda_interior * smaller
+    }
+
     /// The moving part's pivot, metres in its own frame.
     pub fn pivot(&self) -> DVec3 {
         self.pivot

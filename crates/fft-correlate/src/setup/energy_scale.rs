@@ -1,130 +1,185 @@
 //! What fixes gamma, the scale from score to energy.
 
 use glam::DVec3;
+use rayon::prelude::*;
+use sdf_grid::{KernelError, TriangleMesh};
 
-use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
-use crate::geometry::placement::Placement;
-use crate::geometry::se3::Pose;
-use crate::pair::fields::{Pair, PairError};
-use crate::setup::in_scene::InScene;
-use crate::well::error::WellError;
-use crate::well::gamma_for_peak_force;
+use crate::pair::contact::jump;
+use crate::pair::model::ScoreModel;
 
-/// What fixes the energy scale gamma of a pair.
+/// What fixes the energy scale gamma of a pair: the shapes and the model alone, never where the parts
+/// lie.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EnergyScale {
     /// Joules per cubic metre.
     Gamma(f64),
-    /// The largest force, newtons, on straight scans along x, y and z through the fit
-    /// ([`crate::well::peak_force`]).
+    /// The force, newtons, with which contact presses the smaller part in a perfect mould of itself,
+    /// along the direction in which that is greatest (`docs/conventions.md`, energy scale).
     PeakForce(f64),
 }
 
 /// Why a pair has no such energy scale.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EnergyScaleError {
-    /// A part has no interior on its lattice.
+    /// The force asked for is out of range.
+    #[error("peak force must be positive and finite, found {found} N")]
+    PeakForce {
+        /// What was given, newtons.
+        found: f64,
+    },
+    /// Sigma is out of range.
     #[error(transparent)]
-    Direct(#[from] DirectError),
-    /// There is no force to scale, or the one wanted is out of range.
-    #[error(transparent)]
-    Well(#[from] WellError),
-    /// Gamma is out of range.
-    #[error(transparent)]
-    Pair(#[from] PairError),
+    Kernel(#[from] KernelError),
 }
 
 impl EnergyScale {
-    /// The pair with this energy scale. The parts fit at `assembled`; scans reach `reach` metres
-    /// either way.
+    /// Gamma of two parts, joules per cubic metre: of a peak force `P` it is
+    /// `P / (c min(A_f, A_m))`, with `c` the slope of the contact energy per area
+    /// (`docs/conventions.md`, contact slope) and `A` the [pressing area](pressing_area) of each part.
     ///
     /// # Errors
-    /// If gamma would not be positive and finite, or a part has no interior on its lattice.
-    pub fn apply(
+    /// If the peak force is not positive and finite, or the model's sigma is out of range.
+    pub fn gamma(
         &self,
-        pair: &Pair,
-        assembled: &Pose,
-        reach: DVec3,
-    ) -> Result<Pair, EnergyScaleError> {
-        Ok(pair.with_gamma(self.gamma(pair, &Pose::IDENTITY, assembled, reach)?)?)
-    }
-
-    /// Gamma for a pair whose fixed part was turned by `frame`; pose and reach are in the part's own
-    /// frame.
-    ///
-    /// # Errors
-    /// As [`EnergyScale::apply`].
-    pub(crate) fn gamma(
-        &self,
-        pair: &Pair,
-        frame: &Pose,
-        assembled: &Pose,
-        reach: DVec3,
+        model: &ScoreModel,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
     ) -> Result<f64, EnergyScaleError> {
         match *self {
             Self::Gamma(gamma) => Ok(gamma),
+            Self::PeakForce(found) if !(found.is_finite() && found > 0.0) => {
+                Err(EnergyScaleError::PeakForce { found })
+            }
             Self::PeakForce(newtons) => {
-                let source = DirectEvaluator::new(pair, &DirectOptions::REAL_TIME)?;
-                let gamma = pair.model().gamma;
-                let own = InScene::new(source, Placement::of_fixed(frame.inverse()));
-                Ok(gamma_for_peak_force(
-                    &own, gamma, assembled, reach, newtons,
-                )?)
+                let area = pressing_area(fixed).min(pressing_area(moving));
+                Ok(newtons / (-jump(model)? * area))
             }
         }
     }
 }
 
+/// Directions from which the greatest area is looked for.
+const DIRECTIONS: usize = 256;
+/// How many of the best are followed to their maximum.
+const FOLLOWED: usize = 16;
+
+/// `½ ∮ |n·t| dA` along the direction `t` in which it is greatest, square metres: the largest shadow
+/// of a convex part; of any other, all faces that push back when it is moved along `t`.
+///
+/// The sum is convex in `t`, and between changes of the signs of `n·t` linear: each step
+/// `t <- Σ sign(n·t) n dA`, normalized, raises it until no sign changes.
+fn pressing_area(part: &TriangleMesh) -> f64 {
+    let area = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a);
+    let areas: Vec<DVec3> = part.faces().map(area).collect();
+    let sum = |t: DVec3| -> DVec3 { areas.iter().map(|a| a.dot(t).signum() * *a).sum() };
+    // Directions spread evenly over half the sphere.
+    let mut starts: Vec<(f64, DVec3)> = (0..DIRECTIONS)
+        .into_par_iter()
+        .map(|i| {
+            let z = (i as f64 + 0.5) / DIRECTIONS as f64;
+            let (sin, cos) = (i as f64 * GOLDEN_ANGLE).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let t = DVec3::new(r * cos, r * sin, z);
+            (sum(t).dot(t), t)
+        })
+        .collect();
+    starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    starts.truncate(FOLLOWED);
+    let followed = starts.into_par_iter().map(|(mut greatest, mut t)| {
+        loop {
+            let total = sum(t);
+            if total.length() <= greatest * (1.0 + 1e-12) {
+                return greatest;
+            }
+            (greatest, t) = (total.length(), total.normalize());
+        }
+    });
+    0.5 * followed.reduce(|| 0.0, f64::max)
+}
+
+/// The turn from one direction to the next that spreads them evenly, radians.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::DQuat;
-    use sdf_grid::{Silent, shapes::PegInHole};
+    use sdf_grid::{Silent, shapes, shapes::PegInHole};
 
     use super::*;
-    use crate::pair::builder::PairBuilder;
-    use crate::pair::model::ScoreModel;
+    use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+    use crate::geometry::se3::Pose;
+    use crate::setup::pair_setup::PairSetup;
     use crate::well::peak_force;
 
-    fn pair(frame: &Pose) -> Pair {
-        let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
-        let builder = PairBuilder {
-            spacing: Some(0.004),
-            ..PairBuilder::default()
-        };
-        let hole = hole.transformed(frame.rotation, frame.translation);
-        builder
-            .build(&hole, &peg, &ScoreModel::GUIDED, &Silent)
-            .unwrap()
+    fn anywhere(part: &TriangleMesh, k: f64) -> TriangleMesh {
+        let turn = DQuat::from_scaled_axis(DVec3::new(0.4 * k, -1.1, 0.7 + k));
+        part.transformed(turn, DVec3::new(3.0, -2.0 * k, 0.5))
     }
 
     #[test]
-    fn a_pair_has_the_peak_force_that_was_asked_for() {
-        let reach = DVec3::splat(0.01);
-        let scaled = EnergyScale::PeakForce(3.0)
-            .apply(&pair(&Pose::IDENTITY), &Pose::IDENTITY, reach)
-            .unwrap();
-        let source = DirectEvaluator::new(&scaled, &DirectOptions::REAL_TIME).unwrap();
-        let (peak, _) = peak_force(&source, &Pose::IDENTITY, reach);
-        assert!((peak - 3.0).abs() < 1e-6, "{peak}");
-        let given = EnergyScale::Gamma(7.0)
-            .apply(&scaled, &Pose::IDENTITY, reach)
-            .unwrap();
-        assert_eq!(given.model().gamma, 7.0);
-        let refused = EnergyScale::PeakForce(-1.0).apply(&scaled, &Pose::IDENTITY, reach);
-        assert!(matches!(refused, Err(EnergyScaleError::Well(_))));
+    fn the_pressing_area_of_a_convex_part_is_its_largest_shadow_in_any_frame() {
+        let (a, b, c) = (0.02, 0.03, 0.007);
+        let cuboid = shapes::cuboid(DVec3::new(a, b, c)).unwrap();
+        let sphere = shapes::icosphere(0.01, 5).unwrap();
+        let shadow = (a * b).hypot(b * c).hypot(c * a);
+        for k in 0..6 {
+            let found = pressing_area(&anywhere(&cuboid, f64::from(k)));
+            assert!((found / shadow - 1.0).abs() < 1e-12, "{found} {shadow}");
+            let found = pressing_area(&anywhere(&sphere, f64::from(k)));
+            let disc = std::f64::consts::PI * 1e-4;
+            assert!((found / disc - 1.0).abs() < 5e-3, "{found} {disc}");
+        }
     }
 
+    /// Wherever parts lie and whichever of them stays, and however small they are: force is as force
+    /// was, since gamma goes with one over the area.
     #[test]
-    fn turning_the_fixed_part_changes_the_scale_by_what_the_lattice_sees() {
-        let reach = DVec3::new(0.01, 0.004, 0.007);
+    fn the_scale_belongs_to_the_shapes_and_not_to_where_they_lie() {
+        let model = ScoreModel::GUIDED;
         let scale = EnergyScale::PeakForce(5.0);
-        let frame = Pose::new(DQuat::from_rotation_x(0.5), DVec3::ZERO);
-        let gamma = |frame: &Pose| {
-            scale
-                .gamma(&pair(frame), frame, &Pose::IDENTITY, reach)
-                .unwrap()
-        };
-        let (own, turned) = (gamma(&Pose::IDENTITY), gamma(&frame));
-        assert!((turned / own - 1.0).abs() < 0.15, "{own} {turned}");
+        for kind in [
+            PegInHole::Rectangular,
+            PegInHole::Circular,
+            PegInHole::Combined,
+        ] {
+            let (hole, peg) = kind.pair(2e-4).unwrap();
+            let own = scale.gamma(&model, &hole, &peg).unwrap();
+            let (hole, peg) = (anywhere(&hole, 2.0), anywhere(&peg, 3.0));
+            for pair in [[&hole, &peg], [&peg, &hole]] {
+                let gamma = scale.gamma(&model, pair[0], pair[1]).unwrap();
+                assert!((gamma / own - 1.0).abs() < 1e-6, "{own} {gamma}");
+            }
+        }
+        let (hole, peg) = PegInHole::Circular.pair(0.0).unwrap();
+        for force in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
+            let refused = EnergyScale::PeakForce(force).gamma(&model, &hole, &peg);
+            assert!(matches!(refused, Err(EnergyScaleError::PeakForce { .. })));
+        }
+        let given = EnergyScale::Gamma(7.0).gamma(&model, &hole, &peg);
+        assert_eq!(given, Ok(7.0));
+    }
+
+    /// What docs/scene.md says of `peak_force`: in walls of the paper's pairs forces are between the
+    /// half and the double of it.
+    #[test]
+    fn forces_in_walls_are_about_the_peak_force() {
+        for kind in [
+            PegInHole::Rectangular,
+            PegInHole::Circular,
+            PegInHole::Combined,
+        ] {
+            let [hole, peg] = <[_; 2]>::from(kind.pair(0.0).unwrap()).map(Arc::new);
+            let mut setup = PairSetup {
+                energy: EnergyScale::PeakForce(3.0),
+                ..PairSetup::new(hole, peg)
+            };
+            setup.builder.spacing = Some(2e-3);
+            let pair = setup.load(&Silent).unwrap();
+            let source = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME).unwrap();
+            let (peak, _) = peak_force(&source, &Pose::IDENTITY, setup.reach());
+            assert!((1.5..6.0).contains(&peak), "{kind:?}: {peak}");
+        }
     }
 }

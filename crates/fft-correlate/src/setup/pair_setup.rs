@@ -92,6 +92,14 @@ impl PairSetup {
             .unwrap_or_else(|| DVec3::splat(0.5 * longest()))
     }
 
+    /// The energy scale of the pair, joules per cubic metre; nothing else is computed.
+    ///
+    /// # Errors
+    /// As [`EnergyScale::gamma`].
+    pub fn gamma(&self) -> Result<f64, EnergyScaleError> {
+        self.energy.gamma(&self.model, &self.fixed, &self.moving)
+    }
+
     /// Lattices, halo, pivot and memory of the pair; nothing of their size is allocated.
     ///
     /// # Errors
@@ -103,12 +111,14 @@ impl PairSetup {
     /// The pair, its fields computed or found in the cache, with the energy scale asked for.
     ///
     /// # Errors
-    /// As [`PairPlan::build`] and [`EnergyScale::apply`].
+    /// As [`PairPlan::build`] and [`EnergyScale::gamma`].
     pub fn load(&self, monitor: &dyn Monitor) -> Result<Pair, PairSetupError> {
         let cache = self.cache.as_ref();
         let pair = self
             .plan()?
             .build(&self.fixed, &self.moving, cache, monitor)?;
-        Ok(self.energy.apply(&pair, &self.assembled, self.reach())?)
+        Ok(pair
+            .with_gamma(self.gamma()?)
+            .map_err(PairBuildError::from)?)
     }
 }

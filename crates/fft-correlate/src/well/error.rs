@@ -21,10 +21,4 @@ pub enum WellError {
         /// Energy far away, joules.
         far: f64,
     },
-    /// No force anywhere on the scans, so no scale follows from it.
-    #[error("no force within the window, so no energy scale gives a peak of {newtons} N")]
-    NoForce {
-        /// The peak force asked for, newtons.
-        newtons: f64,
-    },
 }

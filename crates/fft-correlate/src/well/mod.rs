@@ -5,5 +5,5 @@ pub(crate) mod error;
 mod peak;
 mod scan;
 
-pub use peak::{gamma_for_peak_force, peak_force};
+pub use peak::peak_force;
 pub use scan::{Axis, AxisSide, Barrier};

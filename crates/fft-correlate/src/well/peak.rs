@@ -1,10 +1,9 @@
-//! The largest force around a pose, and the energy scale that gives one.
+//! The largest force around a pose.
 
 use glam::DVec3;
 
 use crate::energy::EnergySource;
 use crate::geometry::se3::Pose;
-use crate::well::error::WellError;
 
 /// The largest force on straight scans along x, y and z through `assembled`, to `window` metres
 /// either way and without rotation: walls, floor and mouth all count. Newtons, and where: the
@@ -27,32 +26,4 @@ pub fn peak_force(source: &dyn EnergySource, assembled: &Pose, window: DVec3) ->
         }
     }
     (peak, place)
-}
-
-/// The energy scale at which [`peak_force`] is `newtons`, given that `source` was made with scale
-/// `gamma` (joules per cubic metre).
-///
-/// # Errors
-/// If there is no force on the scans, or `newtons` is not positive and finite.
-pub fn gamma_for_peak_force(
-    source: &dyn EnergySource,
-    gamma: f64,
-    assembled: &Pose,
-    window: DVec3,
-    newtons: f64,
-) -> Result<f64, WellError> {
-    if !(newtons.is_finite() && newtons > 0.0) {
-        return Err(WellError::Option {
-            name: "newtons",
-            expected: "positive and finite",
-            found: newtons,
-        });
-    }
-    let (peak, _) = peak_force(source, assembled, window);
-    let scale = gamma * newtons / peak;
-    if scale.is_finite() && scale > 0.0 {
-        Ok(scale)
-    } else {
-        Err(WellError::NoForce { newtons })
-    }
 }

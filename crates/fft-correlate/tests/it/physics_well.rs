@@ -2,7 +2,7 @@
 //! pair builder.
 
 use fft_correlate::pair::{default_halo, default_spacing};
-use fft_correlate::well::{gamma_for_peak_force, peak_force};
+use fft_correlate::well::peak_force;
 use fft_correlate::{
     EnergySource, PairBuildError, PairBuilder, Pose, Response, ScoreModel, Scratch, Well,
     WellError, WellOptions, Wrench,
@@ -148,7 +148,7 @@ fn wells_that_are_not_there_are_refused() {
 }
 
 #[test]
-fn the_energy_scale_follows_from_the_peak_force() {
+fn the_peak_force_of_a_bowl_is_found_where_it_is() {
     let bowl = Bowl {
         centre: DVec3::ZERO,
         ..BOWL
@@ -158,19 +158,8 @@ fn the_energy_scale_follows_from_the_peak_force() {
     let (peak, place) = peak_force(&bowl, &Pose::IDENTITY, window);
     assert!((peak / exact - 1.0).abs() < 1e-3, "{peak} is not {exact}");
     assert!((place.length() - 0.003).abs() < 1e-4, "{place}");
-    let gamma = gamma_for_peak_force(&bowl, 5.0, &Pose::IDENTITY, window, 3.0).expect("a force");
-    assert!((gamma - 5.0 * 3.0 / peak).abs() < 1e-12);
     let far = Pose::from_translation(DVec3::splat(1.0));
-    let nothing = gamma_for_peak_force(&bowl, 5.0, &far, window, 3.0);
-    assert!(matches!(nothing, Err(WellError::NoForce { .. })));
-    let negative = gamma_for_peak_force(&bowl, 5.0, &Pose::IDENTITY, window, -3.0);
-    assert!(matches!(
-        negative,
-        Err(WellError::Option {
-            name: "newtons",
-            ..
-        })
-    ));
+    assert_eq!(peak_force(&bowl, &far, window).0, 0.0);
 }
 
 #[test]

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use glam::DVec3;
-use sdf_grid::{Aabb, TriangleMesh};
+use sdf_grid::{Aabb, InterferenceQuery, TriangleMesh};
 
-use crate::contact::overlap::shared_volume;
 use crate::contact::solid::{Probe, Solid};
 
 /// A rigid body of one solid or several. Several are not joined: each knows its own distances, so
@@ -81,7 +80,11 @@ impl Body {
 
     /// The volume that this body and one at `pose` share, cubic metres.
     pub(crate) fn shared_with(&self, other: &Self, pose: &Pose) -> f64 {
-        let with = |a| other.meshes().map(move |b| shared_volume(a, b, pose));
+        let shared = |a, b| {
+            let query = InterferenceQuery::new(a, b);
+            query.at(pose.rotation, pose.translation).volume
+        };
+        let with = |a| other.meshes().map(move |b| shared(a, b));
         self.meshes().flat_map(with).sum()
     }
 }

@@ -3,6 +3,5 @@
 pub(crate) mod body;
 pub(crate) mod features;
 pub(crate) mod gaps;
-pub(crate) mod overlap;
 pub(crate) mod settle;
 pub(crate) mod solid;

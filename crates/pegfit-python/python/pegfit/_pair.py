@@ -295,18 +295,20 @@ class Pair:
             poses, numbers, refined, counts = _core.dock(
                 self._core, top, tolerance, exhaustive, state, report
             )
-        energy, depth, mating, own, width, overlap, condition = (
-            numbers[:, k].copy() for k in range(7)
+        energy, depth, quality, mating, own, width, overlap, penetration, condition = (
+            numbers[:, k].copy() for k in range(9)
         )
         scored, rotations = (int(n) for n in counts)
         return Docking(
             poses,
             energy,
             depth,
+            quality,
             mating,
             own,
             width,
             overlap,
+            penetration,
             condition,
             refined,
             scored,

@@ -98,12 +98,16 @@ class Docking:
         poses: `(k, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
         energy: Under the docking weights, joules, `(k,)`.
         depth: Energy as a share of the deepest pose's, `(k,)`.
+        quality: Score as a share of what the smaller part would score in a perfect mould of itself,
+            0 to 1, `(k,)`.
         mating_area: Area of the moving part's faces that lie against opposite faces of the fixed one,
             square metres, `(k,)`.
         model_energy: Energy under the pair's own model, joules, `(k,)`.
         half_width: How far the energy takes to rise to half, metres, `(k,)`; infinite if it does not
             within the moving part.
-        overlap: Share of the moving part inside the fixed one, `(k,)`.
+        overlap: Share of the moving part's volume that the fixed one fills as well, measured from
+            the surfaces, `(k,)`.
+        penetration: How deep a point of either part lies in the other at most, metres, `(k,)`.
         condition: How far the terms of the score cancel, `(k,)`; NaN for all but the best.
         refined: False where downhill led out of the domain, `(k,)`.
         scored: Rotations scored.
@@ -113,10 +117,12 @@ class Docking:
     poses: Float
     energy: Float
     depth: Float
+    quality: Float
     mating_area: Float
     model_energy: Float
     half_width: Float
     overlap: Float
+    penetration: Float
     condition: Float
     refined: NDArray[np.bool_]
     scored: int

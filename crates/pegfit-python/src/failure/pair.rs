@@ -182,9 +182,10 @@ impl From<HapticError> for Failure {
 impl From<EnergyScaleError> for Failure {
     fn from(error: EnergyScaleError) -> Self {
         match error {
-            EnergyScaleError::Direct(inner) => inner.into(),
-            EnergyScaleError::Pair(inner) => inner.into(),
-            EnergyScaleError::Well(inner) => inner.into(),
+            EnergyScaleError::PeakForce { found } => {
+                Self::found(Kind::Scene, "peak_force", "positive and finite", found)
+            }
+            EnergyScaleError::Kernel(inner) => inner.into(),
         }
     }
 }

@@ -23,25 +23,26 @@ type Found<'py> = (
     [f64; 2],
 );
 
-/// Energy, depth, mating area, energy under the pair's model, half width, overlap and condition of a
-/// pose.
-fn numbers(pose: &DockingPose) -> [f64; 7] {
+/// Energy, depth, fit quality, mating area, energy under the pair's model, half width, overlap, depth of
+/// interference and condition of a pose.
+fn numbers(pose: &DockingPose) -> [f64; 9] {
     let found = &pose.found;
     let width = found.half_width.unwrap_or(f64::INFINITY);
     let condition = pose.condition.unwrap_or(f64::NAN);
-    let [energy, overlap] = [found.energy, found.overlap];
     [
-        energy,
+        found.energy,
         pose.depth,
+        pose.quality,
         pose.mating_area,
         pose.model_energy,
         width,
-        overlap,
+        pose.overlap,
+        pose.interference.depth,
         condition,
     ]
 }
 
-/// Poses in the scene (k, 7), their numbers (k, 7), whether each was refined, and the rotations
+/// Poses in the scene (k, 7), their numbers (k, 9), whether each was refined, and the rotations
 /// scored and looked at.
 #[pyfunction]
 #[pyo3(signature = (pair, top, tolerance, exhaustive, state, progress))]

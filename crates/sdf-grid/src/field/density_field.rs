@@ -9,7 +9,7 @@ use super::lattice::Lattice;
 use super::options::{DensityOptions, Sampling};
 use super::recipe::FieldRecipe;
 use super::sampling::blocks::Arrays;
-use super::sampling::fill::{fill, working_bytes};
+use super::sampling::fill::{fill, taper, working_bytes};
 use super::zeros::zeros;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
@@ -87,6 +87,24 @@ impl DensityField {
         Zip::from(&self.exterior)
             .and(&self.interior)
             .par_map_collect(|o, i| o * lambda_exterior + i * lambda_interior)
+    }
+
+    /// What the part would score in a perfect mould of itself with weights of one, cubic metres.
+    ///
+    /// Everywhere the mould is outside where the part is inside, and its density is the part's
+    /// conjugate: `∫ |O|² + |I|² dV`, the interior faded with depth as the mould's exterior is. `O`
+    /// conjugated goes on in `I` across faces, so that smoothing the two together loses little: it is
+    /// `∫ |O* + I|² dV` of smoothed fields, too.
+    pub fn mould_score(&self) -> f64 {
+        let halo = self.recipe.halo;
+        let nodes = Zip::from(&self.exterior)
+            .and(&self.interior)
+            .and(&self.signed_distance);
+        let cell = self.lattice().spacing().powi(3);
+        cell * nodes.fold(0.0, |sum, o, i, distance| {
+            let faded = taper(-f64::from(*distance), halo).sqrt() as f32;
+            sum + f64::from((o.conj() + i * faded).norm_sqr())
+        })
     }
 
     /// A field of zeros.

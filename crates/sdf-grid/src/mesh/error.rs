@@ -70,6 +70,20 @@ pub enum MeshError {
         /// Numbers and names of the solids there are.
         found: String,
     },
+    /// Two shells cut through one another, and a union needs closed ones.
+    #[error(
+        "{part}: shells {} ({} triangles) and {} ({} triangles) cut through one another: expected closed \
+         shells, whose union can be found, found open edges; close or unite them where they were made",
+        shells[0], triangles[0], shells[1], triangles[1]
+    )]
+    Overlap {
+        /// The file or part.
+        part: String,
+        /// Their numbers from 1, in the order of their first faces.
+        shells: [usize; 2],
+        /// Triangles of each.
+        triangles: [usize; 2],
+    },
     /// The mesh has more vertices or faces than 32-bit indices can name.
     #[error("{part}: expected at most {limit} {item}, found {found}")]
     TooLarge {

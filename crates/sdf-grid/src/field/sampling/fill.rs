@@ -135,7 +135,7 @@ const UNFADED: f64 = 0.7;
 
 /// The smooth cut-off of the exterior at signed distance `xi`: 1 up to 70 % of `halo`, 0 from
 /// `halo` on, a quintic step between. A function of distance only, so it moves with the part.
-fn taper(xi: f64, halo: f64) -> f64 {
+pub(crate) fn taper(xi: f64, halo: f64) -> f64 {
     let t = ((xi / halo - UNFADED) / (1.0 - UNFADED)).clamp(0.0, 1.0);
     1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }

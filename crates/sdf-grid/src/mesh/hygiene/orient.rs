@@ -7,6 +7,7 @@ use super::edges::Edges;
 use super::report::ComponentReport;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::measure::{face_area, volume};
+use crate::surface::boolean::ClosedSurface;
 
 /// Below this fraction of area times diagonal a component encloses nothing and has no outside.
 const FLAT: f64 = 1e-9;
@@ -20,6 +21,38 @@ pub(super) struct Oriented {
     pub(super) triangles: Vec<[u32; 3]>,
     /// What became of each component, in the order of their first faces.
     pub(super) components: Vec<ComponentReport>,
+    /// Where each of them lies.
+    pub(super) shells: Vec<Shell>,
+}
+
+/// Where a component lies among the others.
+pub(super) struct Shell {
+    /// Its faces, by their numbers.
+    faces: Vec<u32>,
+    pub(super) bounds: Aabb,
+    /// Enclosed volume, 0 if it is flat.
+    pub(super) volume: f64,
+    /// Number of components that it lies inside.
+    depth: usize,
+    /// The smallest of them.
+    pub(super) parent: Option<usize>,
+    /// One at least as large that it cuts through or coincides with.
+    pub(super) overlaps: Option<usize>,
+}
+
+impl Shell {
+    /// Whether it bounds a hollow.
+    pub(super) fn cavity(&self) -> bool {
+        self.depth % 2 == 1
+    }
+}
+
+impl Oriented {
+    /// The oriented faces of a shell.
+    pub(super) fn faces_of(&self, shell: usize) -> impl Iterator<Item = [u32; 3]> + '_ {
+        let faces = self.shells[shell].faces.iter();
+        faces.map(|&f| self.triangles[f as usize])
+    }
 }
 
 /// One component, oriented so that its volume is not negative.
@@ -45,7 +78,8 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
         .map(|i| nesting(&components, i))
         .collect();
     let mut reports = Vec::with_capacity(components.len());
-    for (component, nesting) in components.iter().zip(&nesting) {
+    let mut shells = Vec::with_capacity(components.len());
+    for (component, nesting) in components.into_iter().zip(nesting) {
         let cavity = nesting.depth % 2 == 1;
         if cavity {
             for &f in &component.faces {
@@ -62,6 +96,13 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
                 component.volume
             },
             cavity,
+        });
+        shells.push(Shell {
+            faces: component.faces,
+            bounds: component.bounds,
+            volume: component.volume,
+            depth: nesting.depth,
+            parent: nesting.parent,
             overlaps: nesting.overlaps,
         });
     }
@@ -73,6 +114,7 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
     Oriented {
         triangles: oriented,
         components: reports,
+        shells,
     }
 }
 
@@ -158,15 +200,18 @@ fn outward(
 struct Nesting {
     /// Number of components it lies inside.
     depth: usize,
-    /// It cuts through one at least as large, or coincides with it.
-    overlaps: bool,
+    /// The smallest of them.
+    parent: Option<usize>,
+    /// One at least as large that it cuts through or coincides with.
+    overlaps: Option<usize>,
 }
 
 fn nesting(components: &[Component], index: usize) -> Nesting {
     let inner = &components[index];
     let mut result = Nesting {
         depth: 0,
-        overlaps: false,
+        parent: None,
+        overlaps: None,
     };
     if inner.volume == 0.0 {
         return result;
@@ -183,11 +228,17 @@ fn nesting(components: &[Component], index: usize) -> Nesting {
             .iter()
             .filter(|&&p| outer.winding_number(p) > 0.5)
             .count();
-        if inside == witnesses.len() && smaller {
+        if inside == witnesses.len() && smaller && !inner.sticks_out_of(outer) {
             result.depth += 1;
+            let nearer = |&p: &usize| components[p].volume <= outer.volume;
+            result.parent = result.parent.filter(nearer).or(Some(k));
         } else if inside > 0 {
-            result.overlaps = true;
+            result.overlaps = Some(k);
         }
+    }
+    if result.overlaps.is_some() {
+        // A hollow lies in one solid; what cuts through a shell is a solid itself.
+        (result.depth, result.parent) = (0, None);
     }
     result
 }
@@ -205,6 +256,21 @@ impl Component {
                 (a + b + c) / 3.0 - depth * normal.normalize_or_zero()
             })
             .collect()
+    }
+
+    /// Whether some of what it encloses lies outside `outer`, which encloses most of it; false if one
+    /// of them is not closed.
+    fn sticks_out_of(&self, outer: &Self) -> bool {
+        let surface = |component: &Self| {
+            let vertices: Vec<DVec3> = component.corners.iter().flatten().copied().collect();
+            let triangle = |k| [3 * k, 3 * k + 1, 3 * k + 2];
+            let triangles: Vec<_> = (0..component.corners.len() as u32).map(triangle).collect();
+            ClosedSurface::new(&vertices, &triangles)
+        };
+        let union = surface(outer)
+            .zip(surface(self))
+            .and_then(|(a, b)| a.union(&b));
+        union.is_some_and(|u| u.volume() > outer.volume * (1.0 + 1e-9))
     }
 
     /// Winding number of the component about a point: about 1 inside, 0 outside.

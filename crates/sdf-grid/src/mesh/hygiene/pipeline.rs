@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::report::{ComponentReport, HygieneOptions, HygieneReport};
-use super::{edges, faces, holes, orient, stitch, weld};
+use super::{edges, faces, holes, orient, stitch, unite, weld};
 use crate::mesh::aabb::Aabb;
 use crate::mesh::error::MeshError;
 use crate::mesh::measure::{face_area, volume};
@@ -29,11 +29,7 @@ pub(crate) fn run(
     let used = triangles.iter().flatten().map(|&v| vertices[v as usize]);
     let diagonal = Aabb::around(used).diagonal();
     let weld_distance = options.weld_tolerance * diagonal;
-    let welded = weld::weld(&vertices, weld_distance);
-    let mut triangles: Vec<_> = triangles
-        .iter()
-        .map(|t| t.map(|v| welded.representative[v as usize]))
-        .collect();
+    let (mut triangles, welded) = welded(&vertices, &triangles, weld_distance);
     let changed = change_faces(&vertices, &mut triangles, diagonal, weld_distance);
     if triangles.is_empty() {
         return Err(MeshError::Empty {
@@ -45,17 +41,29 @@ pub(crate) fn run(
         });
     }
 
-    let oriented = orient::orient(&vertices, triangles);
+    let mut vertices = vertices;
+    let mut oriented = orient::orient(&vertices, triangles);
+    let flipped_faces = oriented.components.iter().map(|c| c.flipped_faces).sum();
+    let mut united_components = 0;
+    if let Some(united) = unite::unite(name, &vertices, &oriented, weld_distance)? {
+        united_components = united.components;
+        vertices = united.vertices;
+        (triangles, _) = self::welded(&vertices, &united.triangles, weld_distance);
+        change_faces(&vertices, &mut triangles, diagonal, weld_distance);
+        oriented = orient::orient(&vertices, triangles);
+    }
     let (vertices, triangles) = compact(&vertices, oriented.triangles);
     let report = HygieneReport {
         input_vertices,
         input_triangles,
-        welded_vertices: welded.merged,
-        unused_vertices: input_vertices - welded.merged - vertices.len(),
+        welded_vertices: welded,
+        unused_vertices: (input_vertices - welded).saturating_sub(vertices.len()),
         weld_distance,
         zero_area_faces: changed.zero_area,
         duplicate_faces: changed.duplicate,
         stitched_edges: changed.stitched,
+        flipped_faces,
+        united_components,
         ..described(name, &vertices, &triangles, oriented.components)
     };
     if report.open_area_fraction > options.max_open_fraction {
@@ -67,6 +75,13 @@ pub(crate) fn run(
         });
     }
     Ok((vertices, triangles, report))
+}
+
+/// The triangles on welded vertices, and how many vertices became others.
+fn welded(vertices: &[DVec3], triangles: &[[u32; 3]], distance: f64) -> (Vec<[u32; 3]>, usize) {
+    let welded = weld::weld(vertices, distance);
+    let on = |t: &[u32; 3]| t.map(|v| welded.representative[v as usize]);
+    (triangles.iter().map(on).collect(), welded.merged)
 }
 
 /// What was done to faces.
@@ -129,7 +144,7 @@ fn described(
         flipped_faces: components.iter().map(|c| c.flipped_faces).sum(),
         components: components.len(),
         cavities: components.iter().filter(|c| c.cavity).count(),
-        overlapping_components: components.iter().filter(|c| c.overlaps).count(),
+        united_components: 0,
         per_component: components,
         open_edges: edges.count(|faces| faces.len() == 1),
         nonmanifold_edges: edges.count(|faces| faces.len() > 2),

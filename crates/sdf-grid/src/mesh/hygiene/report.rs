@@ -38,8 +38,6 @@ pub struct ComponentReport {
     pub volume: f64,
     /// It lies inside another component and therefore points inwards.
     pub cavity: bool,
-    /// It cuts through one at least as large or coincides with it.
-    pub overlaps: bool,
 }
 
 /// What hygiene found and changed.
@@ -75,9 +73,9 @@ pub struct HygieneReport {
     pub components: usize,
     /// Components that lie inside another one and therefore point inwards.
     pub cavities: usize,
-    /// Components that cut through one at least as large or coincide with it; the solid is their
-    /// union, but the surface inside it still counts in areas and volumes.
-    pub overlapping_components: usize,
+    /// Components of the input that touched, cut through or coincided with others: the surface of
+    /// their union took their place.
+    pub united_components: usize,
     /// Each of the components, in the order of their first faces.
     pub per_component: Vec<ComponentReport>,
     /// Edges with only one face.
@@ -122,8 +120,8 @@ impl HygieneReport {
             "components lie inside others: taken as cavities",
         );
         say(
-            self.overlapping_components,
-            "components cut through or coincide with others: the solid is their union",
+            self.united_components,
+            "components touched, cut through or coincided with others: united",
         );
         say(
             self.nonmanifold_edges,

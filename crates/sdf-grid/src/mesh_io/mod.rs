@@ -7,6 +7,7 @@
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
 mod bytes;
+mod converter;
 mod examination;
 mod file;
 mod gltf;
@@ -20,6 +21,7 @@ mod threemf;
 pub(crate) mod unit;
 mod write;
 
+pub use converter::Converter;
 pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
 pub use ledger::{Ledger, LedgerEntry, LedgerKind};

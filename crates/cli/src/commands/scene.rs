@@ -57,6 +57,7 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
         unit: args.unit,
         segments_per_turn: args.segments_per_turn,
         visual: args.visual,
+        ..SolidOptions::default()
     };
     let set = SolidSet::read(&args.file, &options)?;
     if args.moving.is_empty() {

@@ -13,6 +13,7 @@ const DEEPEST: usize = 256;
 /// An element, its attributes and the elements in it; text is left out.
 #[derive(Debug, Default)]
 pub(super) struct Element {
+    /// With its prefix, if it has one.
     pub(super) name: String,
     attributes: Vec<(String, String)>,
     pub(super) children: Vec<Element>,
@@ -85,11 +86,11 @@ impl Element {
             let attribute = attribute.map_err(|e| e.to_string())?;
             let value = (attribute.normalized_value(quick_xml::XmlVersion::default()))
                 .map_err(|e| e.to_string())?;
-            let key = attribute.key.local_name().as_ref().to_owned();
+            let key = attribute.key.as_ref().to_owned();
             attributes.push((key, value.into_owned()));
         }
         Ok(Self {
-            name: start.local_name().as_ref().to_owned(),
+            name: start.name().as_ref().to_owned(),
             attributes,
             children: Vec::new(),
         })
@@ -99,6 +100,13 @@ impl Element {
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().find(|(key, _)| key == name);
         found.map(|(_, value)| value.as_str())
+    }
+
+    /// Names and texts of its attributes.
+    pub(super) fn attributes(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.attributes
+            .iter()
+            .map(|(k, v)| (k.as_str(), v.as_str()))
     }
 
     /// The elements in it of that name.

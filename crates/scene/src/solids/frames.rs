@@ -4,13 +4,13 @@ use fft_correlate::Pose;
 use glam::{DMat3, DQuat, DVec3};
 
 /// Fixed-axis roll, pitch and yaw, radians, of URDF.
-pub(super) fn roll_pitch_yaw([roll, pitch, yaw]: [f64; 3]) -> DQuat {
+pub(crate) fn roll_pitch_yaw([roll, pitch, yaw]: [f64; 3]) -> DQuat {
     DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll)
 }
 
 /// Three turns, radians, about the axes that `sequence` names: small letters turn with the body,
 /// capitals stay. `None` if a letter is no axis.
-pub(super) fn euler(sequence: &str, angles: [f64; 3]) -> Option<DQuat> {
+pub(crate) fn euler(sequence: &str, angles: [f64; 3]) -> Option<DQuat> {
     let mut rotation = DQuat::IDENTITY;
     let letters: Vec<char> = sequence.chars().collect();
     let [a, b, c] = letters[..] else { return None };
@@ -32,7 +32,7 @@ pub(super) fn euler(sequence: &str, angles: [f64; 3]) -> Option<DQuat> {
 
 /// The frame with these x and y axes, the second made perpendicular to the first; `None` if they are
 /// parallel.
-pub(super) fn from_axes([a, b, c, d, e, f]: [f64; 6]) -> Option<DQuat> {
+pub(crate) fn from_axes([a, b, c, d, e, f]: [f64; 6]) -> Option<DQuat> {
     let x = DVec3::new(a, b, c).try_normalize()?;
     let y = DVec3::new(d, e, f);
     let y = (y - x * x.dot(y)).try_normalize()?;
@@ -41,7 +41,7 @@ pub(super) fn from_axes([a, b, c, d, e, f]: [f64; 6]) -> Option<DQuat> {
 
 /// The least turn of z onto an axis; onto -z, the one about x, as MuJoCo has it. `None` if the axis is
 /// zero.
-pub(super) fn from_z_axis(axis: [f64; 3]) -> Option<DQuat> {
+pub(crate) fn from_z_axis(axis: [f64; 3]) -> Option<DQuat> {
     let axis = DVec3::from(axis).try_normalize()?;
     let about = DVec3::Z.cross(axis);
     let angle = about.length().atan2(axis.z);
@@ -54,7 +54,7 @@ pub(super) fn from_z_axis(axis: [f64; 3]) -> Option<DQuat> {
 }
 
 /// A pose of a quaternion that need not be of unit length.
-pub(super) fn pose(rotation: DQuat, position: [f64; 3]) -> Pose {
+pub(crate) fn pose(rotation: DQuat, position: [f64; 3]) -> Pose {
     Pose::new(rotation, DVec3::from(position))
 }
 

@@ -10,25 +10,25 @@ use sdf_grid::mesh_io::ReadOptions;
 use sdf_grid::{HygieneOptions, LengthUnit, MeshError, TriangleMesh, mesh_io, shapes};
 
 /// Edges around a full turn of cylinders and capsules.
-pub(super) const SEGMENTS: u32 = 64;
+pub(crate) const SEGMENTS: u32 = 64;
 
 /// Cuts of each face of the icosahedron that a sphere is made of.
 const SUBDIVISIONS: u32 = 16;
 
 /// A shape of a robot's description.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Shape {
+pub(crate) struct Shape {
     /// Of its link or body.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Number of its link or body.
-    pub(super) group: usize,
-    pub(super) pose: Pose,
-    pub(super) geometry: Geometry,
+    pub(crate) group: usize,
+    pub(crate) pose: Pose,
+    pub(crate) geometry: Geometry,
 }
 
 /// What it is.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Geometry {
+pub(crate) enum Geometry {
     /// A mesh file whose coordinates times `scale` are metres.
     Mesh { path: PathBuf, scale: DVec3 },
     /// Triangles that are here already.
@@ -47,16 +47,16 @@ pub(super) enum Geometry {
 
 /// A surface in metres.
 #[derive(Debug, PartialEq)]
-pub(super) struct Triangles {
+pub(crate) struct Triangles {
     /// For errors.
-    pub(super) name: String,
-    pub(super) vertices: Vec<DVec3>,
-    pub(super) triangles: Vec<[u32; 3]>,
+    pub(crate) name: String,
+    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 impl Geometry {
     /// Its surface in metres.
-    pub(super) fn mesh(&self) -> Result<TriangleMesh, MeshError> {
+    pub(crate) fn mesh(&self) -> Result<TriangleMesh, MeshError> {
         match self {
             Self::Mesh { path, scale } => scaled(path, *scale),
             Self::Triangles(found) => {
@@ -79,7 +79,7 @@ impl Geometry {
     }
 
     /// Its kind, in the words of robots' descriptions.
-    pub(super) fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Mesh { .. } | Self::Triangles(_) => "mesh",
             Self::Box(_) => "box",
@@ -91,7 +91,7 @@ impl Geometry {
     }
 
     /// Whether facets take the place of a curved surface.
-    pub(super) fn is_faceted(&self) -> bool {
+    pub(crate) fn is_faceted(&self) -> bool {
         !matches!(self, Self::Mesh { .. } | Self::Triangles(_) | Self::Box(_))
     }
 }

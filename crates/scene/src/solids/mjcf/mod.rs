@@ -9,4 +9,4 @@ mod compiled;
 mod known;
 pub(crate) mod options;
 mod plain;
-pub(super) mod read;
+pub(crate) mod read;

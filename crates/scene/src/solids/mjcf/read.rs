@@ -13,7 +13,7 @@ use crate::solids::mjcf::{compiled, plain};
 
 /// Every shape of every body, in the world at the reference pose; the world's own geoms are those of
 /// `world`.
-pub(in crate::solids) fn shapes(
+pub(crate) fn shapes(
     path: &Path,
     model: &Element,
     visual: bool,

@@ -3,4 +3,4 @@
 mod known;
 mod mesh_file;
 mod places;
-pub(super) mod read;
+pub(crate) mod read;

@@ -12,7 +12,7 @@ use crate::solids::urdf::mesh_file::resolve;
 use crate::solids::urdf::{known, places};
 
 /// Every shape of every link, in the frame of the root link; joints stand at zero.
-pub(in crate::solids) fn shapes(
+pub(crate) fn shapes(
     path: &Path,
     robot: &Element,
     visual: bool,

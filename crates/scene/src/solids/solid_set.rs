@@ -149,7 +149,7 @@ impl SolidSet {
                 name: solid.name.clone(),
                 group: i,
                 pose: Pose::IDENTITY,
-                mesh: file.clone().clean(&options)?.0,
+                mesh: file.clean(&options)?.0,
                 in_file: (!converted).then_some(in_file),
             });
         }
@@ -170,7 +170,7 @@ impl SolidSet {
         Ok(Self {
             path: path.to_owned(),
             solids,
-            ledger: Ledger::default(),
+            ledger: file.ledger(&whole),
             unit: if small { LengthUnit::Mm } else { stated },
         })
     }

@@ -7,12 +7,14 @@
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
 mod bytes;
+mod content;
 mod converter;
 mod examination;
 mod file;
 mod gltf;
 mod ledger;
 mod obj;
+mod parts;
 mod ply;
 mod soup;
 mod step;

@@ -70,7 +70,7 @@ fn links_are_placed_and_all_that_is_left_out_is_listed() {
     );
     assert!((mesh.volume() - 144e-9).abs() < 1e-18, "{}", mesh.volume());
     let assumed = lines(&set, LedgerKind::Assumed);
-    assert!(assumed.contains(&"assumed: unit of a mesh: m, as URDF has it".to_owned()));
+    assert!(assumed.contains(&"assumed: unit: m, as the file states none".to_owned()));
     assert!(
         assumed.iter().any(|l| l.contains("<collision>: a solid")),
         "{assumed:?}"

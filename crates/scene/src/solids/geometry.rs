@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use glam::DVec3;
-use sdf_grid::mesh_io::ReadOptions;
-use sdf_grid::{HygieneOptions, LengthUnit, MeshError, TriangleMesh, mesh_io, shapes};
+use sdf_grid::mesh_io::{MeshFile, ReadOptions};
+use sdf_grid::{HygieneOptions, Ledger, LengthUnit, MeshError, TriangleMesh, shapes};
 
 /// Edges around a full turn of cylinders and capsules.
 pub(crate) const SEGMENTS: u32 = 64;
@@ -55,10 +55,10 @@ pub(crate) struct Triangles {
 }
 
 impl Geometry {
-    /// Its surface in metres.
-    pub(crate) fn mesh(&self) -> Result<TriangleMesh, MeshError> {
+    /// Its surface in metres; what was read of a file of its own goes into the ledger.
+    pub(crate) fn mesh(&self, ledger: &mut Ledger) -> Result<TriangleMesh, MeshError> {
         match self {
-            Self::Mesh { path, scale } => scaled(path, *scale),
+            Self::Mesh { path, scale } => scaled(path, *scale, ledger),
             Self::Triangles(found) => {
                 let (vertices, triangles) = (found.vertices.clone(), found.triangles.clone());
                 clean(&found.name, vertices, triangles)
@@ -149,12 +149,14 @@ fn clean(
 
 /// A mesh file whose coordinates are stretched along its axes; a mirrored one is turned inside out
 /// again by cleaning.
-fn scaled(path: &Path, scale: DVec3) -> Result<TriangleMesh, MeshError> {
+fn scaled(path: &Path, scale: DVec3, ledger: &mut Ledger) -> Result<TriangleMesh, MeshError> {
     let options = ReadOptions {
         unit: LengthUnit::M,
         ..ReadOptions::default()
     };
-    let (mesh, _) = mesh_io::read_with(path, &options)?;
+    let file = MeshFile::open(path, &options.step)?;
+    ledger.extend(&file.ledger(&options));
+    let (mesh, _) = file.clean(&options)?;
     if scale == DVec3::ONE {
         return Ok(mesh);
     }
@@ -193,7 +195,7 @@ mod tests {
                 2.0 * axes,
             ),
         ] {
-            let mesh = geometry.mesh().unwrap();
+            let mesh = geometry.mesh(&mut Ledger::default()).unwrap();
             let lacking = 1.0 - mesh.volume() / volume;
             assert!((0.0..6e-3).contains(&lacking), "{geometry:?}: {lacking}");
             let bounds = mesh.bounds();
@@ -203,6 +205,6 @@ mod tests {
             assert!(centre.length() < 1e-5, "{geometry:?}: {centre}");
         }
         let flat = Geometry::Ellipsoid(DVec3::new(1.0, 0.0, 1.0));
-        assert!(flat.mesh().is_err());
+        assert!(flat.mesh(&mut Ledger::default()).is_err());
     }
 }

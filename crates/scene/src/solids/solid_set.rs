@@ -107,18 +107,19 @@ impl SolidSet {
             Some("urdf" | "xacro" | "xml" | "mjcf") => described(path, options, &mut ledger)?,
             _ => return Self::of_mesh_file(path, options),
         };
-        let solid = |shape: Shape| -> Result<PlacedSolid, ImportError> {
-            Ok(PlacedSolid {
-                mesh: shape.geometry.mesh()?,
+        let mut solids = Vec::new();
+        for shape in shapes {
+            solids.push(PlacedSolid {
+                mesh: shape.geometry.mesh(&mut ledger)?,
                 name: shape.name,
                 group: shape.group,
                 pose: shape.pose,
                 in_file: None,
-            })
-        };
+            });
+        }
         Ok(Self {
             path: path.to_owned(),
-            solids: shapes.into_iter().map(solid).collect::<Result<_, _>>()?,
+            solids,
             ledger,
             unit: LengthUnit::M,
         })

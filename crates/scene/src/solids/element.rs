@@ -12,15 +12,16 @@ const DEEPEST: usize = 256;
 
 /// An element, its attributes and the elements in it; text is left out.
 #[derive(Debug, Default)]
-pub(super) struct Element {
-    pub(super) name: String,
+pub(crate) struct Element {
+    /// With its prefix, if it has one.
+    pub(crate) name: String,
     attributes: Vec<(String, String)>,
-    pub(super) children: Vec<Element>,
+    pub(crate) children: Vec<Element>,
 }
 
 impl Element {
     /// The root of a file.
-    pub(super) fn read(path: &Path) -> Result<Self, ImportError> {
+    pub(crate) fn read(path: &Path) -> Result<Self, ImportError> {
         let text = std::fs::read_to_string(path).map_err(|source| ImportError::Read {
             path: path.to_owned(),
             source,
@@ -29,7 +30,7 @@ impl Element {
     }
 
     /// The root of a file's text.
-    pub(super) fn parse(path: &Path, text: &str) -> Result<Self, ImportError> {
+    pub(crate) fn parse(path: &Path, text: &str) -> Result<Self, ImportError> {
         let wrong = |at: u64, expected: &str, found: String| ImportError::Description {
             path: path.to_owned(),
             place: format!("byte {at}"),
@@ -85,34 +86,41 @@ impl Element {
             let attribute = attribute.map_err(|e| e.to_string())?;
             let value = (attribute.normalized_value(quick_xml::XmlVersion::default()))
                 .map_err(|e| e.to_string())?;
-            let key = attribute.key.local_name().as_ref().to_owned();
+            let key = attribute.key.as_ref().to_owned();
             attributes.push((key, value.into_owned()));
         }
         Ok(Self {
-            name: start.local_name().as_ref().to_owned(),
+            name: start.name().as_ref().to_owned(),
             attributes,
             children: Vec::new(),
         })
     }
 
     /// An attribute's text.
-    pub(super) fn attribute(&self, name: &str) -> Option<&str> {
+    pub(crate) fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().find(|(key, _)| key == name);
         found.map(|(_, value)| value.as_str())
     }
 
+    /// Names and texts of its attributes.
+    pub(crate) fn attributes(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.attributes
+            .iter()
+            .map(|(k, v)| (k.as_str(), v.as_str()))
+    }
+
     /// The elements in it of that name.
-    pub(super) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Self> {
+    pub(crate) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Self> {
         self.children.iter().filter(move |c| c.name == name)
     }
 
     /// The first of them.
-    pub(super) fn child(&self, name: &str) -> Option<&Self> {
+    pub(crate) fn child(&self, name: &str) -> Option<&Self> {
         self.children.iter().find(|c| c.name == name)
     }
 
     /// What is wrong with it.
-    pub(super) fn wrong(
+    pub(crate) fn wrong(
         &self,
         path: &Path,
         expected: impl Into<String>,
@@ -128,7 +136,7 @@ impl Element {
     }
 
     /// Finite numbers of an attribute, `N` of them; none if it is not there.
-    pub(super) fn numbers<const N: usize>(
+    pub(crate) fn numbers<const N: usize>(
         &self,
         path: &Path,
         name: &str,
@@ -150,7 +158,7 @@ impl Element {
     }
 
     /// An attribute that must be there.
-    pub(super) fn required(&self, path: &Path, name: &str) -> Result<&str, ImportError> {
+    pub(crate) fn required(&self, path: &Path, name: &str) -> Result<&str, ImportError> {
         (self.attribute(name))
             .ok_or_else(|| self.wrong(path, format!("an attribute {name:?}"), "none"))
     }

@@ -5,7 +5,7 @@ mod element;
 pub(crate) mod error;
 mod frames;
 mod geometry;
-mod mjcf;
+pub(crate) mod mjcf;
 pub(crate) mod solid_set;
 mod urdf;
 pub(crate) mod write;

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use fft_correlate::Pose;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
-use sdf_grid::{LengthUnit, TriangleMesh};
+use sdf_grid::{Ledger, LengthUnit, TriangleMesh};
 
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
 use crate::solids::geometry::Shape;
+use crate::solids::mjcf::options::MujocoOptions;
 use crate::solids::{mjcf, urdf};
 
 /// Metres; scenes of solids below are in millimetres.
@@ -24,6 +25,20 @@ pub struct SolidOptions {
     /// Of robots' descriptions, the shapes to look at instead of those to collide with, where a link or
     /// body has both.
     pub visual: bool,
+    /// How MuJoCo compiles MJCF.
+    pub mujoco: MujocoOptions,
+}
+
+impl Default for SolidOptions {
+    /// Millimetres, 64 edges around a full turn, shapes to collide with, MuJoCo from the PATH.
+    fn default() -> Self {
+        Self {
+            unit: LengthUnit::Mm,
+            segments_per_turn: 64,
+            visual: false,
+            mujoco: MujocoOptions::default(),
+        }
+    }
 }
 
 /// The solids of a file: those of a mesh file or a STEP assembly, or the links or bodies of a URDF or
@@ -34,6 +49,8 @@ pub struct SolidSet {
     pub path: PathBuf,
     /// Its solids, in its order.
     pub solids: Vec<PlacedSolid>,
+    /// What was read of the file, what was ignored and what was assumed.
+    pub ledger: Ledger,
     /// Unit for the scene's lengths.
     pub(super) unit: LengthUnit,
 }
@@ -76,30 +93,34 @@ impl PlacedSolid {
 
 impl SolidSet {
     /// Reads every solid of a mesh file (`.obj`, `.stl`, `.ply`, `.glb`, `.gltf`, `.3mf`, `.step`), every
-    /// link of a `.urdf` or every body of an MJCF `.xml` file. Joints are left out: links and bodies are
-    /// where they are with joints at zero.
+    /// link of a `.urdf` or every body of an MJCF `.xml` or `.mjcf` file. Joints are left out: links and
+    /// bodies are where they are with joints at zero.
     ///
     /// # Errors
-    /// If the file, or a mesh that it names, cannot be read or used.
+    /// If the file, or a mesh that it names, cannot be read or used, or has something that may change a
+    /// solid and is not read.
     pub fn read(path: impl AsRef<Path>, options: &SolidOptions) -> Result<Self, ImportError> {
         let path = path.as_ref();
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let mut ledger = Ledger::default();
         let shapes = match ending.as_deref() {
-            Some("urdf" | "xml") => described(path, options.visual)?,
+            Some("urdf" | "xacro" | "xml" | "mjcf") => described(path, options, &mut ledger)?,
             _ => return Self::of_mesh_file(path, options),
         };
-        let solid = |shape: Shape| -> Result<PlacedSolid, ImportError> {
-            Ok(PlacedSolid {
-                mesh: shape.geometry.mesh()?,
+        let mut solids = Vec::new();
+        for shape in shapes {
+            solids.push(PlacedSolid {
+                mesh: shape.geometry.mesh(&mut ledger)?,
                 name: shape.name,
                 group: shape.group,
                 pose: shape.pose,
                 in_file: None,
-            })
-        };
+            });
+        }
         Ok(Self {
             path: path.to_owned(),
-            solids: shapes.into_iter().map(solid).collect::<Result<_, _>>()?,
+            solids,
+            ledger,
             unit: LengthUnit::M,
         })
     }
@@ -129,7 +150,7 @@ impl SolidSet {
                 name: solid.name.clone(),
                 group: i,
                 pose: Pose::IDENTITY,
-                mesh: file.clone().clean(&options)?.0,
+                mesh: file.clean(&options)?.0,
                 in_file: (!converted).then_some(in_file),
             });
         }
@@ -150,6 +171,7 @@ impl SolidSet {
         Ok(Self {
             path: path.to_owned(),
             solids,
+            ledger: file.ledger(&whole),
             unit: if small { LengthUnit::Mm } else { stated },
         })
     }
@@ -202,15 +224,23 @@ impl SolidSet {
 }
 
 /// The shapes of a robot's description.
-fn described(path: &Path, visual: bool) -> Result<Vec<Shape>, ImportError> {
+fn described(
+    path: &Path,
+    options: &SolidOptions,
+    ledger: &mut Ledger,
+) -> Result<Vec<Shape>, ImportError> {
     let root = Element::read(path)?;
-    match root.name.as_str() {
-        "robot" => urdf::shapes(path, &root, visual),
-        "mujoco" => mjcf::shapes(path, &root, visual),
-        other => Err(root.wrong(
-            path,
-            "<robot> (URDF) or <mujoco> (MJCF)",
-            format!("<{other}>"),
-        )),
+    let visual = options.visual;
+    let shapes = match root.name.as_str() {
+        "robot" => urdf::read::shapes(path, &root, visual, ledger)?,
+        "mujoco" => mjcf::read::shapes(path, &root, visual, &options.mujoco, ledger)?,
+        other => {
+            let expected = "<robot> (URDF) or <mujoco> (MJCF)";
+            return Err(root.wrong(path, expected, format!("<{other}>")));
+        }
+    };
+    match shapes.is_empty() {
+        true => Err(root.wrong(path, "a link or body with a shape", "none")),
+        false => Ok(shapes),
     }
 }

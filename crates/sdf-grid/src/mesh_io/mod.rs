@@ -7,11 +7,14 @@
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
 mod bytes;
+mod content;
+mod converter;
 mod examination;
 mod file;
 mod gltf;
 mod ledger;
 mod obj;
+mod parts;
 mod ply;
 mod soup;
 mod step;
@@ -20,6 +23,7 @@ mod threemf;
 pub(crate) mod unit;
 mod write;
 
+pub use converter::Converter;
 pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
 pub use ledger::{Ledger, LedgerEntry, LedgerKind};

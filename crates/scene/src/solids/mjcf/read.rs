@@ -1,0 +1,32 @@
+//! A model by MuJoCo, or without it.
+
+use std::path::Path;
+
+use sdf_grid::{Ledger, LedgerKind};
+
+use crate::solids::element::Element;
+use crate::solids::error::ImportError;
+use crate::solids::geometry::Shape;
+use crate::solids::mjcf::chosen::chosen;
+use crate::solids::mjcf::options::MujocoOptions;
+use crate::solids::mjcf::{compiled, plain};
+
+/// Every shape of every body, in the world at the reference pose; the world's own geoms are those of
+/// `world`.
+pub(crate) fn shapes(
+    path: &Path,
+    model: &Element,
+    visual: bool,
+    options: &MujocoOptions,
+    ledger: &mut Ledger,
+) -> Result<Vec<Shape>, ImportError> {
+    let geoms = match compiled::geoms(path, options, ledger)? {
+        Ok(geoms) => geoms,
+        Err(why) => {
+            let geoms = plain::geoms(path, model, &why, ledger)?;
+            ledger.add(LedgerKind::Read, "model without MuJoCo", "");
+            geoms
+        }
+    };
+    Ok(chosen(geoms, visual, ledger))
+}

@@ -6,7 +6,7 @@ use fft_correlate::StoreError;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
 use pegfit_scene::poses::PoseError;
-use pegfit_scene::{ImportError, LineError, Refusal, SceneError};
+use pegfit_scene::{ImportError, LineError, SceneError};
 
 use crate::bytes::display_bytes;
 use crate::exit::Exit;
@@ -329,11 +329,26 @@ impl CommandError {
         self
     }
 
+    /// Whether whoever was to read what is written went away, as `head` does when it has enough.
+    pub fn is_closed_pipe(&self) -> bool {
+        let broken = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
+        match self {
+            Self::Io {
+                action: "write",
+                source,
+                ..
+            } => broken(source),
+            Self::Library { source, .. } => match source.downcast_ref().map(csv::Error::kind) {
+                Some(csv::ErrorKind::Io(source)) => broken(source),
+                _ => false,
+            },
+            _ => false,
+        }
+    }
+
     /// The exit code of a run that ended with this error.
     pub fn exit(&self) -> Exit {
         match self {
-            // Nothing is wrong with the scene if the folder of its fields cannot be made.
-            Self::Scene(e) if is_cache(e) => Exit::Failure,
             Self::Input { .. }
             | Self::Line(_)
             | Self::Scene(_)
@@ -381,8 +396,4 @@ fn other_file(path: &Path) -> Option<String> {
              a robot"
         )
     })
-}
-
-fn is_cache(error: &SceneError) -> bool {
-    matches!(error, SceneError::Refused { source, .. } if matches!(**source, Refusal::Cache(_)))
 }

@@ -11,7 +11,9 @@ use tracing_subscriber::prelude::*;
 
 use crate::args::Arguments;
 use crate::commands;
+use crate::error::CommandError;
 use crate::exit::Exit;
+use crate::terminal::output;
 use crate::terminal::progress::watch_for_interrupts;
 
 /// Does what the words of a command line ask for, the first of which is the program's name; prints
@@ -21,26 +23,51 @@ pub fn run(words: impl IntoIterator<Item = OsString>) -> Exit {
         Ok(arguments) => arguments,
         // Wrong usage, or help and version, which are no mistakes.
         Err(said) => {
-            // Fails only if nobody reads it any more.
-            let _ = said.print();
             return match said.use_stderr() {
-                true => Exit::BadInput,
-                false => Exit::Success,
+                true => {
+                    // Fails only if nobody reads it any more.
+                    let _ = said.print();
+                    Exit::BadInput
+                }
+                false => {
+                    let _ = output::heeded(|| said.print());
+                    with_output(Ok(()))
+                }
             };
         }
     };
     print_logs();
     shape_errors();
     watch_for_interrupts();
-    match commands::run(&arguments) {
-        Ok(()) => Exit::Success,
-        Err(error) => {
-            let exit = error.exit();
-            crate::remark!("{:?}", miette::Report::new(error));
-            exit
-        }
-    }
+    take_size_limits_as_errors();
+    with_output(commands::run(&arguments))
 }
+
+/// The exit code of a command that ended so, if what it printed has left; prints what went wrong.
+fn with_output(ended: Result<(), CommandError>) -> Exit {
+    let printed = output::finish().map_err(|e| CommandError::write("standard output".as_ref(), e));
+    let mut exit = Exit::Success;
+    // A reader that went away wants no more, and nothing is lost that anybody wanted.
+    let errors = [ended, printed].into_iter().filter_map(Result::err);
+    for error in errors.filter(|error| !error.is_closed_pipe()) {
+        if exit == Exit::Success {
+            exit = error.exit();
+        }
+        crate::remark!("{:?}", miette::Report::new(error));
+    }
+    exit
+}
+
+/// A file that may not grow any more (`ulimit -f`) is an error of the write, not a signal that ends
+/// the process with a device in hand.
+#[cfg(unix)]
+fn take_size_limits_as_errors() {
+    // SAFETY: a signal that is ignored runs no code.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+#[cfg(not(unix))]
+fn take_size_limits_as_errors() {}
 
 /// Library messages go to standard error; `PEGFIT_LOG` chooses which: a level, or a crate and its
 /// level, as in `fft_correlate=debug`; several between commas.

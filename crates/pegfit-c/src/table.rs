@@ -64,7 +64,8 @@ fn check<T>(name: &str, pointer: *const T) -> Result<(), Failure> {
 
 /// Reads all of a baked table into memory, `memory_limit` bytes at most (0: no limit), and writes
 /// its handle to `table`. `path` is the table's folder, UTF-8, ended by a zero. On failure `table`
-/// is set to 0.
+/// is set to 0. Works in the child of a fork as well, if no other thread was in the middle of loading or
+/// closing a table at that moment.
 ///
 /// # Safety
 /// `path` must be null or end with a zero; `table` must be null or writable.
@@ -90,9 +91,11 @@ pub unsafe extern "C" fn pegfit_table_load(
         } else {
             memory_limit
         };
-        let loaded = TableStore::open(Path::new(path))
-            .and_then(|store| store.load(limit))
-            .map_err(|e| Failure::new(PegfitStatus::CannotLoad, e.to_string()))?;
+        let loaded = on_own_threads(|| {
+            TableStore::open(Path::new(path))
+                .and_then(|store| store.load(limit))
+                .map_err(|e| Failure::new(PegfitStatus::CannotLoad, e.to_string()))
+        })?;
         let handle = TABLES
             .insert(loaded.in_scene())
             .ok_or_else(|| Failure::new(PegfitStatus::Internal, "no handle is left"))?;
@@ -100,6 +103,16 @@ pub unsafe extern "C" fn pegfit_table_load(
         unsafe { table.write(handle) };
         Ok(())
     })
+}
+
+/// Runs `work` on threads that are started for it and end with it. Threads that were started before a
+/// fork are not there in the child, which would wait for them for ever.
+fn on_own_threads<T: Send>(work: impl FnOnce() -> Result<T, Failure> + Send) -> Result<T, Failure> {
+    let threads = rayon::ThreadPoolBuilder::new()
+        .thread_name(|number| format!("pegfit-load-{number}"))
+        .build()
+        .map_err(|e| Failure::new(PegfitStatus::CannotLoad, e.to_string()))?;
+    threads.install(work)
 }
 
 /// Writes what a table covers to `info`.

@@ -10,7 +10,7 @@ use fft_correlate::{
 };
 use haptic::scene::LiveSceneError;
 use sdf_grid::recipe::Difference;
-use sdf_grid::{CacheError, LatticeError, LengthUnit, MeshError};
+use sdf_grid::{LatticeError, LengthUnit, MeshError};
 
 /// Why a scene cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -139,9 +139,6 @@ pub enum SceneError {
 /// What the libraries refuse.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// The folder of cached fields: nothing is wrong with the scene.
-    #[error(transparent)]
-    Cache(#[from] CacheError),
     /// The rotations are none, or too many.
     #[error(transparent)]
     Rotations(#[from] RotationError),

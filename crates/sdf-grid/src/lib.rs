@@ -38,7 +38,8 @@ pub use mesh::triangle_mesh::TriangleMesh;
 pub use mesh_io::unit::LengthUnit;
 pub use mesh_io::{Ledger, LedgerEntry, LedgerKind};
 pub use support::monitor::{Monitor, Silent};
-pub use support::{atomic, recipe};
+pub use support::place::require_unplanted;
+pub use support::{atomic, growing, recipe};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
 pub use surface::ball::largest_ball_radius;

@@ -20,6 +20,7 @@ use crate::report::output::{print_json, require_folder};
 #[derive(Serialize)]
 struct Summary {
     table: String,
+    share: Part,
     rotations: usize,
     computed: usize,
     repaired: usize,
@@ -43,7 +44,8 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     if args.status {
         return status(args, context);
     }
-    let share = share(args)?;
+    let part = part(args)?;
+    part.note(context);
     require_place(&args.output)?;
     let (design, reference) = prepare(args, context)?;
     let began = Instant::now();
@@ -52,13 +54,14 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         ..design.table.spec.clone()
     };
     let energies = design.setup.energies(&design.table)?;
+    let share = part.share(args.resume);
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| stored::explain(&args.output, e))?;
     context.progress.finish();
     let seconds = began.elapsed().as_secs_f64();
     let mut store = stored::open(&args.output)?;
     let progress = stored::examine(&store)?;
-    let mut summary = summary(args, &report, &store, seconds)?;
+    let mut summary = summary(args, part, &report, &store, seconds)?;
     // Of several processes, the one that finds the table whole measures its error.
     if progress.finished == progress.rotations {
         let table = stored::load(&store, context)?;
@@ -154,10 +157,54 @@ fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandE
     }
 }
 
+/// Which of how many processes this is.
+#[derive(Debug, Clone, Serialize)]
+struct Part {
+    rank: usize,
+    size: usize,
+    /// What said so, if it was not the command line.
+    launcher: Option<String>,
+}
+
+impl Part {
+    fn share(&self, resume: bool) -> Share {
+        Share {
+            rank: self.rank,
+            size: self.size,
+            resume,
+        }
+    }
+
+    /// What a launcher's environment was taken for.
+    fn told(&self) -> Option<String> {
+        let launcher = self.launcher.as_ref()?;
+        let (rank, size) = (self.rank, self.size);
+        Some(match size {
+            1 => format!("rank 0 of 1, all of the table: so says the environment ({launcher})"),
+            _ => format!(
+                "rank {rank} of {size}, so says the environment ({launcher}); `--rank 0 --size 1` \
+                 bakes all of the table"
+            ),
+        })
+    }
+
+    /// Tells it before the work.
+    fn note(&self, context: &Context) {
+        if let Some(told) = self.told() {
+            context.progress.note(&told);
+        }
+    }
+}
+
 /// The options, else the launcher's environment, else all of it.
-fn share(args: &BakeArgs) -> Result<Share, CommandError> {
-    let (rank, size) = match (args.rank, args.size) {
-        (Some(rank), Some(size)) => (rank, size),
+fn part(args: &BakeArgs) -> Result<Part, CommandError> {
+    let given = |rank, size| Part {
+        rank,
+        size,
+        launcher: None,
+    };
+    let part = match (args.rank, args.size) {
+        (Some(rank), Some(size)) => given(rank, size),
         (Some(_), None) => {
             return Err(CommandError::option("--size", "given with --rank", "none"));
         }
@@ -165,26 +212,23 @@ fn share(args: &BakeArgs) -> Result<Share, CommandError> {
             let found = Launcher::from_env(size)
                 .map_err(|e| CommandError::bad_input("launcher's environment", e))?;
             match (found, size) {
-                (Some(launcher), _) => (launcher.rank, launcher.size),
+                (Some(launcher), _) => Part {
+                    rank: launcher.rank,
+                    size: launcher.size,
+                    launcher: Some(launcher.source),
+                },
                 (None, Some(size)) if size != 1 => {
                     return Err(CommandError::option("--rank", "given with --size", "none"));
                 }
-                (None, _) => (0, 1),
+                (None, _) => given(0, 1),
             }
         }
     };
-    if rank >= size {
-        return Err(CommandError::option(
-            "--rank",
-            format!("below --size {size}"),
-            rank,
-        ));
+    if part.rank >= part.size {
+        let expected = format!("below --size {}", part.size);
+        return Err(CommandError::option("--rank", expected, part.rank));
     }
-    Ok(Share {
-        rank,
-        size,
-        resume: args.resume,
-    })
+    Ok(part)
 }
 
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
@@ -226,6 +270,7 @@ fn measure(
 
 fn summary(
     args: &BakeArgs,
+    share: Part,
     report: &BakeReport,
     store: &TableStore,
     seconds: f64,
@@ -233,6 +278,7 @@ fn summary(
     let bytes_dense = u64::try_from(store.spec().bytes(report.rotations)).unwrap_or(u64::MAX);
     Ok(Summary {
         table: args.output.display().to_string(),
+        share,
         rotations: report.rotations,
         computed: report.computed,
         repaired: report.repaired,
@@ -275,6 +321,9 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
     );
+    if let Some(told) = summary.share.told() {
+        crate::say!("{told}");
+    }
     match &summary.error {
         None => crate::say!("not complete yet: its error is measured when it is"),
         Some(error) => stored::print_error(error),

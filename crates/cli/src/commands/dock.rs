@@ -14,6 +14,7 @@ use crate::args::DockArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
+use crate::terminal::output::StandardOutput;
 use crate::terminal::progress::interrupted;
 
 /// More poses than anybody reads.
@@ -100,8 +101,8 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     if context.json {
         print_json(&summary)?;
     } else if to_stdout {
-        write(&found, setup.placement(), std::io::stdout().lock())
-            .map_err(|e| CommandError::failure("writing standard output", e))?;
+        // What is refused is told at the end.
+        let _ = write(&found, setup.placement(), StandardOutput);
     } else {
         say(&setup, &found);
     }

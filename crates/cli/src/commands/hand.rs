@@ -3,30 +3,31 @@
 use std::path::Path;
 
 use fft_correlate::EnergySource;
+use haptic::log::SampleWriter;
 use haptic::{
-    Clock, Device, HandConfig, HapticError, Outcome, Replay, Script, Session, SimulatedHand,
+    Clock, Device, HandConfig, HapticError, Outcome, RecordError, Replay, Script, Session,
+    SimulatedHand,
 };
 use pegfit_scene::Assembly;
 
 use super::scenes::within;
+use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::parquet_log;
 use crate::terminal::progress::cancel_flag;
 
-/// [`run`] with the simulated hand, which follows `script`; every sample is in the outcome or, if
-/// `log` is given, in that file instead.
+/// [`run`] with the simulated hand, which follows `script`; every sample is in the outcome.
 pub(super) fn run_simulated(
     assembly: &Assembly,
     source: &dyn EnergySource,
     script: Script,
     seconds: f64,
     clock: Clock,
-    log: Option<&Path>,
 ) -> Result<Outcome, CommandError> {
     let mut hand = simulated(assembly, source, script, seconds);
     let keep = Keep {
-        log,
-        samples: log.is_none(),
+        log: None,
+        samples: true,
     };
     run(assembly, source, &mut hand, seconds, clock, keep)
 }
@@ -47,10 +48,9 @@ pub(super) fn simulated(
 }
 
 /// What is kept of every tick.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Keep<'a> {
-    /// In a file: CSV, or Parquet if it ends so.
-    pub(super) log: Option<&'a Path>,
+pub(super) struct Keep {
+    /// In a file.
+    pub(super) log: Option<Box<dyn SampleWriter>>,
     /// In the outcome.
     pub(super) samples: bool,
 }
@@ -62,9 +62,9 @@ pub(super) fn run(
     device: &mut dyn Device,
     seconds: f64,
     clock: Clock,
-    keep: Keep<'_>,
+    keep: Keep,
 ) -> Result<Outcome, CommandError> {
-    session(assembly, keep)?
+    session(assembly, keep)
         .run(device, source, clock, seconds, cancel_flag())
         .map_err(|e| told(assembly, e))
 }
@@ -75,26 +75,42 @@ pub(super) fn replay(
     source: &dyn EnergySource,
     recorded: &mut Replay,
     seconds: f64,
-    keep: Keep<'_>,
+    keep: Keep,
 ) -> Result<Outcome, CommandError> {
-    session(assembly, keep)?
+    session(assembly, keep)
         .replay(recorded, source, seconds, cancel_flag())
         .map_err(|e| told(assembly, e))
 }
 
-fn session(assembly: &Assembly, keep: Keep<'_>) -> Result<Session, CommandError> {
+fn session(assembly: &Assembly, keep: Keep) -> Session {
     let session = Session::new(assembly.scene().device.clone(), assembly.workspace());
     let session = match keep.log {
-        Some(path) if parquet_log::is_parquet(path) => {
-            session.record_with(parquet_log::create(path)?)
-        }
-        Some(path) => session.record_to(path),
+        Some(log) => session.record_with(log),
         None => session,
     };
-    Ok(match keep.samples {
+    match keep.samples {
         true => session.keep_samples(),
         false => session,
-    })
+    }
+}
+
+/// Creates a log, CSV or, if it ends so, Parquet, and says where it is until the run has ended.
+pub(super) fn log(path: &Path, context: &Context) -> Result<Box<dyn SampleWriter>, CommandError> {
+    let log = match parquet_log::is_parquet(path) {
+        true => parquet_log::create(path)?,
+        false => haptic::log::create_csv(path).map_err(|e| match e {
+            RecordError::Io { path, source } => CommandError::write(&path, source),
+            other => CommandError::failure(path.display().to_string(), other),
+        })?,
+    };
+    let part = log.path();
+    if part != path {
+        context.progress.note(&format!(
+            "the log grows in {}, which stays if the run does not end well",
+            part.display()
+        ));
+    }
+    Ok(log)
 }
 
 fn told(assembly: &Assembly, error: HapticError) -> CommandError {

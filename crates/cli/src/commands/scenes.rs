@@ -30,7 +30,9 @@ pub(super) fn tell(warnings: &[SceneWarning], context: &Context) {
     for warning in warnings {
         let kind = match warning {
             SceneWarning::Scale { .. } => "warning",
-            SceneWarning::Mesh(_) | SceneWarning::EnergyScale { .. } => "note",
+            SceneWarning::Mesh(_) | SceneWarning::NoCache(_) | SceneWarning::EnergyScale { .. } => {
+                "note"
+            }
         };
         context.progress.note(&format!("{kind}: {warning}"));
     }

@@ -18,6 +18,7 @@ use crate::args::ScoreArgs;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::require_folder;
+use crate::terminal::output::StandardOutput;
 use crate::terminal::progress::check_interrupt;
 
 /// Rows read before any of them is evaluated.
@@ -37,15 +38,12 @@ pub(super) fn run(args: &ScoreArgs, context: &Context) -> Result<(), CommandErro
     let scorer = Scorer::new(args, &first, context)?;
     let mut poses = std::iter::once(Ok(first)).chain(poses);
     if to_stdout {
-        return stream(
-            &mut poses,
-            &scorer,
-            &mut std::io::stdout().lock(),
-            "standard output",
-        );
+        return stream(&mut poses, &scorer, &mut StandardOutput, None);
     }
     let name = args.output.display().to_string();
-    atomic::write_with(&args.output, |out| stream(&mut poses, &scorer, out, &name))
+    atomic::write_with(&args.output, |out| {
+        stream(&mut poses, &scorer, out, Some(&name))
+    })
 }
 
 type AnyReader = PoseReader<Box<dyn Read + Send>>;
@@ -76,18 +74,18 @@ fn read_ahead(mut poses: AnyReader) -> Chunks {
     chunks
 }
 
-/// Evaluates and writes chunk by chunk, in order.
+/// Evaluates and writes chunk by chunk, in order. What standard output, which has no name, refuses is
+/// told at the end of the run.
 fn stream(
     poses: &mut dyn Iterator<Item = Result<Vec<Pose>, PoseError>>,
     scorer: &Scorer,
     out: &mut dyn Write,
-    name: &str,
+    name: Option<&str>,
 ) -> Result<(), CommandError> {
-    let mut write = |text: &str| match out.write_all(text.as_bytes()) {
-        Ok(()) => Ok(true),
-        // The other end of a pipe was closed, as by `head`: no reason to complain.
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
-        Err(e) => Err(CommandError::failure(format!("writing {name}"), e)),
+    let mut write = |text: &str| match (out.write_all(text.as_bytes()), name) {
+        (Ok(()), _) => Ok(true),
+        (Err(e), Some(name)) => Err(CommandError::write(name.as_ref(), e)),
+        (Err(_), None) => Ok(false),
     };
     if !write(&score_header(scorer.condition.is_some()))? {
         return Ok(());
@@ -104,10 +102,8 @@ fn stream(
             }
         }
     }
-    match out.flush() {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(CommandError::failure(format!("writing {name}"), e))
-        }
+    match (out.flush(), name) {
+        (Err(e), Some(name)) => Err(CommandError::write(name.as_ref(), e)),
         _ => Ok(()),
     }
 }

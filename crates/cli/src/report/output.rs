@@ -4,8 +4,10 @@ use std::path::Path;
 
 use crate::error::CommandError;
 
-/// Refuses an output whose folder does not exist before anything is computed.
+/// Refuses an output whose folder does not exist, or where another user has put a link, before
+/// anything is computed.
 pub(crate) fn require_folder(output: &Path) -> Result<(), CommandError> {
+    sdf_grid::require_unplanted(output).map_err(|e| CommandError::write(output, e))?;
     match output.parent() {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
             Err(CommandError::input(

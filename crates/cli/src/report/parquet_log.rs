@@ -30,7 +30,7 @@ fn unsupported(path: &Path) -> CommandError {
     )
 }
 
-/// Creates the log under a temporary name.
+/// Creates the log, which grows as CSV.
 ///
 /// # Errors
 /// If the file cannot be created, or this build writes no Parquet.
@@ -39,7 +39,7 @@ pub(crate) fn create(path: &Path) -> Result<Box<dyn SampleWriter>, CommandError>
     Err(unsupported(path))
 }
 
-/// Creates the log under a temporary name.
+/// Creates the log, which grows as CSV.
 ///
 /// # Errors
 /// If the file cannot be created.

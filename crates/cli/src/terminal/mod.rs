@@ -1,5 +1,6 @@
 //! Between the command and whoever typed it: progress, interrupts, lines of text.
 
 pub mod hold;
+pub mod output;
 pub mod progress;
 mod say;

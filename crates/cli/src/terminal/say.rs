@@ -1,15 +1,14 @@
-//! Printing that does not fail when nobody reads any more, as in `pegfit check *.obj | head`.
+//! Printing lines.
 
-/// Prints a line to standard output; does nothing if it is closed.
+/// Prints a line to standard output ([`crate::terminal::output`]).
 #[macro_export]
 macro_rules! say {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
-    }};
+    ($($text:tt)*) => {
+        $crate::terminal::output::print_line(format_args!($($text)*))
+    };
 }
 
-/// Prints a line to standard error; does nothing if it is closed.
+/// Prints a line to standard error; does nothing if it is closed, as nobody is left to be told.
 #[macro_export]
 macro_rules! remark {
     ($($text:tt)*) => {{

@@ -10,9 +10,11 @@ mod common;
 mod devices;
 mod disassemble;
 mod dock_and_feel;
+mod extremes;
 mod field;
 mod interrupt;
 mod kill;
+mod launched;
 mod path;
 mod placed;
 mod play;
@@ -21,3 +23,5 @@ mod scene;
 mod scene_formats;
 mod scenes;
 mod score;
+#[cfg(unix)]
+mod written;

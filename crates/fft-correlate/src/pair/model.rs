@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 pub struct ScoreModel {
     /// Kernel thickness, dimensionless, 0.03 ..= 0.5.
     pub sigma: f64,
-    /// Weight of the exterior density (the paper's lambda_1), dimensionless, > 0.
+    /// Weight of the exterior density (the paper's lambda_1), dimensionless, 1e-4 ..= 1e4.
     pub lambda_exterior: f64,
-    /// Weight of the interior density (lambda_2), dimensionless, > 0.
+    /// Weight of the interior density (lambda_2), dimensionless, 1e-4 ..= 1e4.
     pub lambda_interior: f64,
     /// Weight of the exterior-exterior term: 1 is the paper's, 0 leaves it out. 0 ..= 1.
     pub separation_weight: f64,
-    /// Energy per score, joules per cubic metre (eq_6), > 0.
+    /// Energy per score, joules per cubic metre (eq_6), 1e-30 ..= 1e30.
     pub gamma: f64,
 }
 
@@ -29,6 +29,16 @@ pub struct ModelError {
     /// What was given.
     pub found: f64,
 }
+
+/// Weights of the two densities. Correlation is done in single precision, where the transform of a
+/// density of `n` nodes is up to about `n` times as large as the density, and the product of two is
+/// summed over as many again: with a product of weights of at most 1e8, lattices of a thousand million
+/// nodes stay below its largest number, 3e38; and as far above its smallest one.
+const WEIGHTS: std::ops::RangeInclusive<f64> = 1e-4..=1e4;
+
+/// Scales at which the energies of parts from nanometres to a hundred metres, and theirs forces per
+/// metre, are numbers of single precision.
+const GAMMAS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
 impl ScoreModel {
     /// The paper's choice: sigma 0.1, weights 1 and 3, separation counted.
@@ -55,7 +65,6 @@ impl ScoreModel {
     /// # Errors
     /// Names the first parameter out of range.
     pub fn validate(&self) -> Result<(), ModelError> {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
         let check = |name, expected, found, ok: bool| {
             if ok {
                 Ok(())
@@ -73,21 +82,16 @@ impl ScoreModel {
             self.sigma,
             (0.03..=0.5).contains(&self.sigma),
         )?;
-        check(
-            "lambda_exterior",
-            "> 0",
-            self.lambda_exterior,
-            positive(self.lambda_exterior),
-        )?;
-        check(
-            "lambda_interior",
-            "> 0",
-            self.lambda_interior,
-            positive(self.lambda_interior),
-        )?;
+        for (name, weight) in [
+            ("lambda_exterior", self.lambda_exterior),
+            ("lambda_interior", self.lambda_interior),
+        ] {
+            check(name, "in 1e-4..=1e4", weight, WEIGHTS.contains(&weight))?;
+        }
         let w = self.separation_weight;
         check("separation_weight", "in 0..=1", w, (0.0..=1.0).contains(&w))?;
-        check("gamma", "> 0", self.gamma, positive(self.gamma))
+        let gamma = self.gamma;
+        check("gamma", "in 1e-30..=1e30", gamma, GAMMAS.contains(&gamma))
     }
 }
 

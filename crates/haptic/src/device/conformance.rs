@@ -76,43 +76,11 @@ fn must(
 }
 
 fn record(device: &dyn Device) -> Result<(), Broken> {
-    let spec = device.spec();
-    must(device, "has a name", !spec.name.is_empty(), "an empty one")?;
-    must(
-        device,
-        "senses 3 or 6 degrees of freedom",
-        [3, 6].contains(&spec.input_dof),
-        spec.input_dof,
-    )?;
-    must(
-        device,
-        "pushes in 0, 2, 3 or 6 degrees of freedom",
-        [0, 2, 3, 6].contains(&spec.output_dof),
-        spec.output_dof,
-    )?;
-    for (promise, value) in [
-        ("has a greatest force >= 0", spec.max_force),
-        ("has a greatest torque >= 0", spec.max_torque),
-    ] {
-        must(device, promise, value >= 0.0, value)?;
-    }
-    for (promise, value) in [
-        ("has a greatest stiffness > 0", spec.max_stiffness),
-        (
-            "has a greatest rotational stiffness > 0",
-            spec.max_rotational_stiffness,
-        ),
-        ("has a workspace > 0", spec.workspace),
-        ("has a rate > 0", spec.nominal_rate),
-    ] {
-        must(device, promise, value > 0.0, value)?;
-    }
-    must(
-        device,
-        "has a finite rate",
-        spec.nominal_rate.is_finite(),
-        spec.nominal_rate,
-    )
+    device.spec().validate().map_err(|e| Broken {
+        device: device.spec().name.clone(),
+        promise: e.promise,
+        found: e.found,
+    })
 }
 
 fn poll(device: &mut dyn Device, now: f64) -> Result<Option<DeviceState>, Broken> {

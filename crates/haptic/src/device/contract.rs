@@ -37,6 +37,70 @@ pub struct DeviceSpec {
     pub nominal_rate: f64,
 }
 
+/// What a device says of itself cannot be.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{key}: expected a device that {promise}, found {found}")]
+pub struct SpecError {
+    /// The field of [`DeviceSpec`].
+    pub key: &'static str,
+    /// What every device promises.
+    pub promise: &'static str,
+    /// What was found.
+    pub found: String,
+}
+
+impl DeviceSpec {
+    /// Checks what must hold of every device.
+    ///
+    /// # Errors
+    /// The first field that cannot be.
+    pub fn validate(&self) -> Result<(), SpecError> {
+        let must = |key, promise, kept: bool, found: &dyn std::fmt::Display| match kept {
+            true => Ok(()),
+            false => Err(SpecError {
+                key,
+                promise,
+                found: found.to_string(),
+            }),
+        };
+        must("name", "has a name", !self.name.is_empty(), &"an empty one")?;
+        let (input, output) = (self.input_dof, self.output_dof);
+        let promise = "senses 3 or 6 degrees of freedom";
+        must("input_dof", promise, [3, 6].contains(&input), &input)?;
+        let promise = "pushes in 0, 2, 3 or 6 degrees of freedom";
+        must(
+            "output_dof",
+            promise,
+            [0, 2, 3, 6].contains(&output),
+            &output,
+        )?;
+        for (key, promise, value) in [
+            ("max_force", "has a greatest force >= 0", self.max_force),
+            ("max_torque", "has a greatest torque >= 0", self.max_torque),
+        ] {
+            must(key, promise, value >= 0.0, &value)?;
+        }
+        for (key, promise, value) in [
+            (
+                "max_stiffness",
+                "has a greatest stiffness > 0",
+                self.max_stiffness,
+            ),
+            (
+                "max_rotational_stiffness",
+                "has a greatest rotational stiffness > 0",
+                self.max_rotational_stiffness,
+            ),
+            ("workspace", "has a workspace > 0", self.workspace),
+            ("nominal_rate", "has a rate > 0", self.nominal_rate),
+        ] {
+            must(key, promise, value > 0.0, &value)?;
+        }
+        let rate = self.nominal_rate;
+        must("nominal_rate", "has a finite rate", rate.is_finite(), &rate)
+    }
+}
+
 fn unbounded<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
 }

@@ -1,89 +1,159 @@
-//! Logs as CSV: one row per tick, whole or not at all.
+//! Logs as CSV: one row per tick, in a file that can be read while it grows.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use sdf_grid::atomic::AtomicFile;
+use sdf_grid::growing::GrowingFile;
 
+use crate::device::contract::DeviceSpec;
 use crate::log::columns::{COLUMNS, faults, numbers};
 use crate::log::error::RecordError;
+use crate::log::recorded_device::{device_file, write_device};
 use crate::log::writer::SampleWriter;
 use crate::path::sample::Sample;
 
-/// A CSV log under a temporary name beside its own.
+/// Bytes of rows that wait in memory at most.
+const PIECE: usize = 1 << 18;
+
+/// A CSV log that grows beside its place.
 pub(crate) struct CsvLog {
     path: PathBuf,
-    csv: csv::Writer<AtomicFile>,
-    row: Vec<String>,
+    file: GrowingFile,
+    waiting: Vec<u8>,
+    waiting_ticks: u64,
+    /// In the file.
+    ticks: u64,
 }
 
 impl CsvLog {
-    /// Creates the temporary file.
+    /// Creates the file in which the log `path` grows.
     pub(crate) fn create(path: &Path) -> Result<Self, RecordError> {
-        let io = |source| RecordError::Io {
+        Self::create_in(path, path)
+    }
+
+    /// Creates the file `csv`, in which the log `path` grows that will be of another format.
+    pub(crate) fn create_in(csv: &Path, path: &Path) -> Result<Self, RecordError> {
+        let file = GrowingFile::create(csv).map_err(|e| RecordError::Io {
             path: path.to_owned(),
-            source,
-        };
-        let file = AtomicFile::create(path).map_err(|e| io(e.into()))?;
-        let mut csv = csv::Writer::from_writer(file);
-        csv.write_record(COLUMNS).map_err(|e| io(e.into()))?;
+            source: e.into(),
+        })?;
         Ok(Self {
             path: path.to_owned(),
-            csv,
-            row: Vec::with_capacity(COLUMNS.len()),
+            file,
+            waiting: Vec::with_capacity(PIECE),
+            waiting_ticks: 0,
+            ticks: 0,
         })
     }
 
-    fn io(&self, source: std::io::Error) -> RecordError {
-        RecordError::Io {
+    /// The file in which the log grows; `None` if it goes into a device or a pipe.
+    pub(crate) fn part(&self) -> Option<&Path> {
+        self.file.part()
+    }
+
+    /// What is known of a log that ends here.
+    pub(crate) fn cut(&self, source: std::io::Error) -> RecordError {
+        RecordError::Cut {
             path: self.path.clone(),
+            ticks: self.ticks,
+            part: self.part().map(Path::to_owned),
             source,
         }
+    }
+
+    /// Removes the log, which is somewhere else now.
+    #[cfg(feature = "parquet")]
+    pub(crate) fn discard(self) -> Result<(), RecordError> {
+        self.file.discard().map_err(|e| RecordError::Io {
+            path: e.path,
+            source: e.source,
+        })
     }
 }
 
 impl SampleWriter for CsvLog {
-    fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
-        self.row.clear();
-        fill_row(&mut self.row, sample);
-        self.csv
-            .write_record(&self.row)
-            .map_err(|e| self.io(e.into()))
+    fn begin(&mut self, device: &DeviceSpec) -> Result<(), RecordError> {
+        if let Some(part) = self.part() {
+            write_device(part, device)?;
+        }
+        let header = COLUMNS.join(",") + "\n";
+        self.file.append(header.as_bytes()).map_err(|e| self.cut(e))
     }
 
-    fn finish(self: Box<Self>) -> Result<(), RecordError> {
-        let path = self.path.clone();
-        let io = |source| RecordError::Io {
-            path: path.clone(),
-            source,
+    fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
+        push_row(&mut self.waiting, sample);
+        self.waiting_ticks += 1;
+        match self.waiting.len() < PIECE {
+            true => Ok(()),
+            false => self.flush(),
+        }
+    }
+
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.file.append(&self.waiting).map_err(|e| self.cut(e))?;
+        self.waiting.clear();
+        self.ticks += std::mem::take(&mut self.waiting_ticks);
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), RecordError> {
+        self.flush()?;
+        let Some(part) = self.part().map(Path::to_owned) else {
+            return Ok(());
         };
-        let file = self.csv.into_inner().map_err(|e| io(e.into_error()))?;
-        file.commit().map_err(|e| io(e.into()))
+        let Self { path, file, .. } = *self;
+        file.finish().map_err(|e| RecordError::Io {
+            path: e.path,
+            source: e.source,
+        })?;
+        keep_device(&part, &path)
     }
 
     fn path(&self) -> PathBuf {
-        self.path.clone()
+        self.part().unwrap_or(&self.path).to_owned()
     }
+}
+
+/// Creates a CSV log, which [`crate::Session::record_to`] does by itself: for who wants to know the
+/// name under which it grows ([`SampleWriter::path`]).
+///
+/// # Errors
+/// If the file cannot be created.
+pub fn create_csv(path: &Path) -> Result<Box<dyn SampleWriter>, RecordError> {
+    Ok(Box::new(CsvLog::create(path)?))
+}
+
+/// Puts the record of the device beside the log that has its name now.
+pub(crate) fn keep_device(part: &Path, log: &Path) -> Result<(), RecordError> {
+    let path = device_file(log);
+    std::fs::rename(device_file(part), &path).map_err(|source| RecordError::Io { path, source })
 }
 
 /// Writes samples as the CSV that logs are, header first.
 ///
 /// # Errors
 /// If `out` refuses.
-pub fn write_csv(samples: &[Sample], out: impl std::io::Write) -> std::io::Result<()> {
-    let mut csv = csv::Writer::from_writer(out);
-    csv.write_record(COLUMNS)?;
-    let mut row = Vec::with_capacity(COLUMNS.len());
+pub fn write_csv(samples: &[Sample], mut out: impl Write) -> std::io::Result<()> {
+    let mut row = (COLUMNS.join(",") + "\n").into_bytes();
     for sample in samples {
+        out.write_all(&row)?;
         row.clear();
-        fill_row(&mut row, sample);
-        csv.write_record(&row)?;
+        push_row(&mut row, sample);
     }
-    csv.flush()
+    out.write_all(&row)?;
+    out.flush()
 }
 
-/// `{}` prints the shortest digits that read back as the same number.
-fn fill_row(row: &mut Vec<String>, s: &Sample) {
-    let text = |v: Option<f64>| v.map_or_else(String::new, |v| v.to_string());
-    row.extend(numbers(s).map(text));
-    row.push(faults(s));
+/// `{}` prints the shortest digits that read back as the same number. Neither these nor the names of
+/// flags have anything that CSV would quote.
+fn push_row(out: &mut Vec<u8>, sample: &Sample) {
+    for number in numbers(sample) {
+        if let Some(number) = number {
+            // A vector takes all.
+            let _ = write!(out, "{number}");
+        }
+        out.push(b',');
+    }
+    out.extend_from_slice(faults(sample).as_bytes());
+    out.push(b'\n');
 }

@@ -1,8 +1,8 @@
-//! Why a log could not be written or read.
+//! Why a log could not be written, read or replayed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Why a log could not be written or read.
+/// Why a log could not be written, read or replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// The file system refused.
@@ -11,6 +11,21 @@ pub enum RecordError {
         /// The log.
         path: PathBuf,
         /// Its reason.
+        source: std::io::Error,
+    },
+    /// The system took no more of a log: the disk is full, or the file as large as it may be.
+    #[error(
+        "the log {} was cut short: {source}; its first {ticks} ticks {}",
+        path.display(), kept(part.as_deref())
+    )]
+    Cut {
+        /// The log.
+        path: PathBuf,
+        /// Ticks that were written.
+        ticks: u64,
+        /// Where they are; `None` if they went into a device or a pipe.
+        part: Option<PathBuf>,
+        /// The system's reason.
         source: std::io::Error,
     },
     /// The file is not such a log.
@@ -33,4 +48,11 @@ pub enum RecordError {
         /// The panic's message.
         reason: String,
     },
+}
+
+fn kept(part: Option<&Path>) -> String {
+    match part {
+        Some(part) => format!("are in {}, which can be replayed", part.display()),
+        None => "were written".into(),
+    }
 }

@@ -1,6 +1,7 @@
 //! Logs of the haptic loop as Parquet.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,8 +13,11 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 use sdf_grid::atomic::AtomicFile;
 
+use crate::device::contract::DeviceSpec;
 use crate::log::columns::{COLUMNS, faults, numbers};
+use crate::log::csv::{CsvLog, keep_device};
 use crate::log::error::RecordError;
+use crate::log::read::rows;
 use crate::log::writer::SampleWriter;
 use crate::path::sample::Sample;
 
@@ -26,9 +30,15 @@ const NUMBERS: usize = COLUMNS.len() - 1;
 /// Columns of whole numbers.
 const WHOLE: [&str; 4] = ["tick", "buttons", "evaluations", "flags"];
 
-/// A Parquet log under a temporary name beside its own.
+/// A log that grows as CSV, which can be read whatever ends the run, and becomes Parquet at the end:
+/// a Parquet file without its end is no file.
 struct ParquetLog {
     path: PathBuf,
+    growing: CsvLog,
+}
+
+/// Rows on their way into a Parquet file.
+struct Groups {
     writer: SerializedFileWriter<AtomicFile>,
     columns: Vec<Vec<Option<f64>>>,
     faults: Vec<ByteArray>,
@@ -58,27 +68,16 @@ fn schema() -> Result<Type, ParquetError> {
     Type::group_type_builder("tick").with_fields(fields).build()
 }
 
-/// Creates a Parquet log under a temporary name; its columns are those of the CSV.
+/// Creates a Parquet log, whose columns are those of the CSV. It grows as CSV beside its place, in
+/// `NAME.csv.part`.
 ///
 /// # Errors
 /// If the file cannot be created.
 pub fn create_parquet(path: &Path) -> Result<Box<dyn SampleWriter>, RecordError> {
-    let failed = |source| RecordError::Io {
-        path: path.to_owned(),
-        source,
-    };
-    let file = AtomicFile::create(path).map_err(|e| failed(e.into()))?;
-    let properties = WriterProperties::builder()
-        .set_compression(Compression::SNAPPY)
-        .build();
-    let writer = schema()
-        .and_then(|schema| SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties)))
-        .map_err(|e| failed(io::Error::other(e)))?;
+    let growing = CsvLog::create_in(&path.with_added_extension("csv"), path)?;
     Ok(Box::new(ParquetLog {
         path: path.to_owned(),
-        writer,
-        columns: vec![Vec::new(); NUMBERS],
-        faults: Vec::new(),
+        growing,
     }))
 }
 
@@ -86,7 +85,43 @@ fn missing() -> ParquetError {
     ParquetError::General("the schema has fewer columns than the log".into())
 }
 
-impl ParquetLog {
+impl Groups {
+    fn create(path: &Path) -> io::Result<Self> {
+        let file = AtomicFile::create(path)?;
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::SNAPPY)
+            .build();
+        let writer = schema()
+            .and_then(|schema| {
+                SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))
+            })
+            .map_err(io::Error::other)?;
+        Ok(Self {
+            writer,
+            columns: vec![Vec::new(); NUMBERS],
+            faults: Vec::new(),
+        })
+    }
+
+    fn push(&mut self, sample: &Sample) -> Result<(), ParquetError> {
+        for (column, value) in self.columns.iter_mut().zip(numbers(sample)) {
+            column.push(value);
+        }
+        self.faults.push(faults(sample).as_str().into());
+        match self.columns[0].len() < GROUP {
+            true => Ok(()),
+            false => self.flush(),
+        }
+    }
+
+    fn commit(mut self) -> io::Result<()> {
+        if !self.columns[0].is_empty() {
+            self.flush().map_err(io::Error::other)?;
+        }
+        let file = self.writer.into_inner().map_err(io::Error::other)?;
+        Ok(file.commit()?)
+    }
+
     /// Writes the rows collected so far as one group.
     fn flush(&mut self) -> Result<(), ParquetError> {
         let mut group = self.writer.next_row_group()?;
@@ -112,39 +147,50 @@ impl ParquetLog {
         self.faults.clear();
         group.close().map(|_| ())
     }
+}
 
-    fn failed(&self, source: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> RecordError {
-        RecordError::Io {
-            path: self.path.clone(),
-            source: io::Error::other(source),
+impl ParquetLog {
+    /// Writes as Parquet what has grown in `part`.
+    fn convert(&self, part: &Path) -> Result<(), RecordError> {
+        let failed = |source| self.growing.cut(source);
+        let file = File::open(part).map_err(failed)?;
+        let mut groups = Groups::create(&self.path).map_err(failed)?;
+        for sample in rows(part, BufReader::new(file))? {
+            groups
+                .push(&sample?)
+                .map_err(|e| failed(io::Error::other(e)))?;
         }
+        groups.commit().map_err(failed)
     }
 }
 
 impl SampleWriter for ParquetLog {
+    fn begin(&mut self, device: &DeviceSpec) -> Result<(), RecordError> {
+        self.growing.begin(device)
+    }
+
     fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
-        for (column, value) in self.columns.iter_mut().zip(numbers(sample)) {
-            column.push(value);
-        }
-        self.faults.push(faults(sample).as_str().into());
-        match self.columns[0].len() < GROUP {
-            true => Ok(()),
-            false => self.flush().map_err(|e| self.failed(e)),
-        }
+        self.growing.write(sample)
+    }
+
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.growing.flush()
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), RecordError> {
-        if !self.columns[0].is_empty() {
-            self.flush().map_err(|e| self.failed(e))?;
-        }
-        let path = self.path.clone();
-        let failed = |source| RecordError::Io { path, source };
-        let complete = self.writer.into_inner().map_err(io::Error::other);
-        complete.and_then(|file| Ok(file.commit()?)).map_err(failed)
+        self.growing.flush()?;
+        let Some(part) = self.growing.part().map(Path::to_owned) else {
+            // It went as CSV into a device or a pipe.
+            return Ok(());
+        };
+        self.convert(&part)?;
+        let Self { path, growing } = *self;
+        keep_device(&part, &path)?;
+        growing.discard()
     }
 
     fn path(&self) -> PathBuf {
-        self.path.clone()
+        self.growing.path()
     }
 }
 
@@ -237,7 +283,10 @@ mod tests {
         run(ticks, |session| session.record_to(&text));
         let log = create_parquet(&binary).unwrap();
         assert!(!binary.exists(), "not before it is whole");
+        assert!(folder.path().join("a.parquet.csv.part").exists());
         run(ticks, |session| session.record_with(log));
+        assert!(!folder.path().join("a.parquet.csv.part").exists());
+        assert!(crate::log::read_device(&binary).unwrap().is_some());
         let reader = SerializedFileReader::new(std::fs::File::open(&binary).unwrap()).unwrap();
         assert_eq!(reader.metadata().num_row_groups(), 2);
         let mut rows = csv::Reader::from_path(&text).unwrap();

@@ -11,7 +11,9 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use crate::device::contract::DeviceSpec;
 use crate::log::error::RecordError;
+use crate::log::size_limit;
 use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::sample::Sample;
@@ -51,14 +53,16 @@ impl Recorder {
 /// The threads that collect and write.
 pub(crate) struct Writer {
     collecting: JoinHandle<Vec<Sample>>,
-    writing: Option<JoinHandle<Result<(), RecordError>>>,
+    writing: Option<Writing>,
     done: Arc<AtomicBool>,
     path: PathBuf,
 }
 
-/// Starts the threads, which write to `file` and keep every sample if `keep` says so.
+/// Starts the threads, which write to `file` what `device` does, and keep every sample if `keep` says
+/// so.
 pub(crate) fn start(
     file: Option<Box<dyn SampleWriter>>,
+    device: &DeviceSpec,
     keep: bool,
     patient: bool,
 ) -> Result<(Recorder, Writer), RecordError> {
@@ -73,9 +77,8 @@ pub(crate) fn start(
     if let Some(file) = file {
         // Room for one batch beside the one being written; the rest waits with the collector.
         let (sender, receiver) = sync_channel(1);
-        let thread = std::thread::Builder::new().name("haptic-log".into());
-        let body = move || write_all(&receiver, file);
-        (batches, writing) = (Some(sender), Some(thread.spawn(body).map_err(failed)?));
+        let thread = begin(file, receiver, device).map_err(failed)??;
+        (batches, writing) = (Some(sender), Some(thread));
     }
     let collector = Collector {
         ring: drain,
@@ -178,12 +181,42 @@ impl Collector {
     }
 }
 
+type Writing = JoinHandle<Result<(), RecordError>>;
+
+/// Starts the thread that writes; its first words are written when this returns.
+fn begin(
+    mut file: Box<dyn SampleWriter>,
+    batches: Receiver<Vec<Sample>>,
+    device: &DeviceSpec,
+) -> std::io::Result<Result<Writing, RecordError>> {
+    let device = device.clone();
+    let (sender, begun) = sync_channel(1);
+    let thread = std::thread::Builder::new().name("haptic-log".into());
+    let writing = thread.spawn(move || {
+        size_limit::take_as_errors();
+        let first = file.begin(&device);
+        let failed = first.is_err();
+        // Refused by nobody: who started this waits for it.
+        let _ = sender.send(first);
+        match failed {
+            true => Ok(()),
+            false => write_all(&batches, file),
+        }
+    })?;
+    Ok(match begun.recv() {
+        Ok(Err(error)) => Err(error),
+        // A panic is told by the thread itself.
+        Ok(Ok(())) | Err(_) => Ok(writing),
+    })
+}
+
 fn write_all(
     batches: &Receiver<Vec<Sample>>,
     mut file: Box<dyn SampleWriter>,
 ) -> Result<(), RecordError> {
     for batch in batches {
         batch.iter().try_for_each(|sample| file.write(sample))?;
+        file.flush()?;
     }
     file.finish()
 }
@@ -192,6 +225,12 @@ fn write_all(
 mod tests {
     use super::*;
     use std::sync::Mutex;
+
+    use crate::device::hand_body::HandConfig;
+
+    fn device() -> DeviceSpec {
+        HandConfig::default().spec()
+    }
 
     /// Does not take the second sample before it may; then keeps the numbers of all it gets.
     struct StandsStill {
@@ -226,7 +265,7 @@ mod tests {
             ticks: Arc::clone(&ticks),
             may,
         };
-        let (mut recorder, writer) = start(Some(Box::new(file)), true, false).unwrap();
+        let (mut recorder, writer) = start(Some(Box::new(file)), &device(), true, false).unwrap();
         // Three times what the ring holds, in pieces that the collector has time to fetch.
         let count = 3 * RING as u64;
         for tick in 0..count {
@@ -271,7 +310,8 @@ mod tests {
     #[test]
     fn a_full_disk_is_told_at_the_end_and_keeps_nobody_waiting() {
         for patient in [false, true] {
-            let (mut recorder, writer) = start(Some(Box::new(Full)), true, patient).unwrap();
+            let (mut recorder, writer) =
+                start(Some(Box::new(Full)), &device(), true, patient).unwrap();
             for tick in 0..2 * WAITING_SIMULATED as u64 {
                 recorder.record(&Sample {
                     tick,

@@ -8,9 +8,13 @@ use sdf_grid::atomic;
 use crate::device::contract::DeviceSpec;
 use crate::log::error::RecordError;
 
-/// The file beside `log`: `run.device.json` beside `run.csv`.
+/// The file beside `log`: `run.device.json` beside `run.csv`, and `run.csv.part.device.json` beside
+/// `run.csv.part`, which a run left that did not end.
 pub fn device_file(log: &Path) -> PathBuf {
-    log.with_extension("device.json")
+    match log.extension() {
+        Some(end) if end == "part" => log.with_added_extension("device.json"),
+        _ => log.with_extension("device.json"),
+    }
 }
 
 /// Writes what the device of `log` is beside it.

@@ -2,7 +2,9 @@
 
 use fft_correlate::Wrench;
 
+use crate::config::HapticConfig;
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
+use crate::log::check::{ReplayError, check};
 use crate::path::sample::{Sample, flags};
 
 /// When a recorded tick was.
@@ -29,14 +31,24 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Replays `samples` as the device that `spec` describes.
-    pub fn new(spec: DeviceSpec, samples: Vec<Sample>) -> Self {
-        Self {
+    /// Replays `samples` as the device that `spec` describes, in a loop with the settings `config`.
+    ///
+    /// # Errors
+    /// If `spec` describes no device, or a tick cannot have been recorded: its time goes backwards,
+    /// or the loop would find a fault in its input that the recording does not know of.
+    pub fn new(
+        spec: DeviceSpec,
+        samples: Vec<Sample>,
+        config: &HapticConfig,
+    ) -> Result<Self, ReplayError> {
+        spec.validate()?;
+        check(&samples, spec.input_dof >= 6, config)?;
+        Ok(Self {
             spec,
             samples,
             next: 0,
             last: Wrench::ZERO,
-        }
+        })
     }
 
     /// What was recorded.
@@ -115,7 +127,8 @@ mod tests {
             ..Sample::default()
         };
         let spec = crate::device::hand_body::HandConfig::default().spec();
-        let mut replay = Replay::new(spec, (0..201).map(sample).collect());
+        let samples = (0..201).map(sample).collect();
+        let mut replay = Replay::new(spec, samples, &HapticConfig::default()).unwrap();
         assert!((replay.duration() - 0.201).abs() < 1e-12);
         crate::device::conformance::check(&mut replay).unwrap();
         assert_eq!(replay.poll(1.0), Err(DeviceError::Disconnected));

@@ -80,7 +80,9 @@ impl Session {
         }
     }
 
-    /// Writes every tick to a CSV file ([`crate::log::COLUMNS`]), which appears whole at the end.
+    /// Writes every tick to a CSV file ([`crate::log::COLUMNS`]), and what the device can do beside it
+    /// ([`crate::log::device_file`]). The file grows as `NAME.part` and takes its name at the end;
+    /// whatever ends the process before, the part is there and can be replayed.
     #[must_use]
     pub fn record_to(mut self, path: impl Into<PathBuf>) -> Self {
         self.log = Some(Log::Csv(path.into()));
@@ -161,7 +163,8 @@ impl Session {
         let file = self.log.map(Log::open).transpose()?;
         let (recorder, writer) = match file.is_some() || self.keep {
             true => {
-                let (r, w) = record::start(file, self.keep, clock == Clock::Simulated)?;
+                let patient = clock == Clock::Simulated;
+                let (r, w) = record::start(file, device.spec(), self.keep, patient)?;
                 (Some(r), Some(w))
             }
             false => (None, None),

@@ -5,8 +5,11 @@ mod common;
 mod exchange;
 mod feel;
 #[cfg(unix)]
+mod logs;
+#[cfg(unix)]
 mod makers;
 mod passivity;
+mod recordings;
 mod safety;
 mod session;
 #[cfg(unix)]

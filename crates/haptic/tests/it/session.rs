@@ -160,13 +160,14 @@ fn a_log_holds_every_tick_and_replays_to_the_same_bits() {
         .record_to(&log)
         .run(&mut device, &Well::default(), Clock::Simulated, 4.0, &go())
         .unwrap();
-    let samples = read_log(&log).unwrap();
+    let samples = read_log(&log).unwrap().samples;
     assert_eq!(samples.len() as u64, outcome.report.ticks);
     assert_eq!(outcome.report.dropped_samples, 0);
     assert_eq!(samples.last(), Some(&outcome.last));
     assert!(outcome.report.peak_force > 1.0);
 
-    let mut replay = Replay::new(device.spec().clone(), samples.clone());
+    let spec = device.spec().clone();
+    let mut replay = Replay::new(spec, samples.clone(), &config).unwrap();
     let again = Session::new(config, workspace())
         .keep_samples()
         .run(&mut replay, &Well::default(), Clock::Simulated, 4.0, &go())
@@ -187,10 +188,11 @@ fn a_log_made_in_real_time_is_complete_and_repeats_with_its_own_times() {
         .record_to(&log)
         .run(&mut device, &Well::default(), Clock::Real, 0.5, &go())
         .unwrap();
-    let samples = read_log(&log).unwrap();
+    let samples = read_log(&log).unwrap().samples;
     assert_eq!(samples.len() as u64, outcome.report.ticks);
     assert_eq!(outcome.report.dropped_samples, 0);
-    let mut replay = Replay::new(device.spec().clone(), samples.clone());
+    let spec = device.spec().clone();
+    let mut replay = Replay::new(spec, samples.clone(), &config).unwrap();
     let again = Session::new(config, workspace())
         .keep_samples()
         .replay(&mut replay, &Well::default(), f64::INFINITY, &go())

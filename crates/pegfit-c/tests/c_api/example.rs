@@ -133,6 +133,17 @@ fn python_prints_the_same_well() {
     );
 }
 
+/// Where threads of the parent are gone.
+#[test]
+fn children_of_a_fork_load_and_query() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = bake_spring(folder.path());
+    let Some(program) = compile("tests/fork.c", folder.path()) else {
+        return;
+    };
+    assert_eq!(run(&program, &table).trim(), "every child answered");
+}
+
 #[test]
 fn misuse_from_c_is_refused() {
     let folder = tempfile::tempdir().unwrap();

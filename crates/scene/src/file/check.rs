@@ -20,6 +20,10 @@ use crate::scene::{FitChoice, LatticeChoice, Loading, Scene, WindowChoice};
 /// Force that a scene without an energy scale peaks at, newtons: what a desktop device renders.
 const DEFAULT_PEAK_FORCE: f64 = 5.0;
 
+/// Newtons that may be asked for at the steepest place of an energy.
+const LEAST_PEAK: f64 = 1e-9;
+const GREATEST_PEAK: f64 = 1e9;
+
 /// Relative L2 error of a field unless the scene asks for another.
 const DEFAULT_TOLERANCE: f64 = 1e-3;
 
@@ -144,9 +148,23 @@ fn energy(raw: &RawEnergy, values: &Values<'_>) -> Result<EnergyScale, SceneErro
             force.span(),
             "energy: expected gamma or peak_force, found both",
         )),
-        (Some(gamma), None) => Ok(EnergyScale::Gamma(values.positive(gamma, "gamma")?)),
-        (None, Some(force)) => {
-            let force = values.positive(force, "peak_force")?;
+        (Some(given), None) => {
+            let gamma = *given.get_ref();
+            let model = ScoreModel {
+                gamma,
+                ..ScoreModel::default()
+            };
+            (model.validate()).map_err(|e| values.error(given.span(), e.to_string()))?;
+            Ok(EnergyScale::Gamma(gamma))
+        }
+        (None, Some(given)) => {
+            let force = *given.get_ref();
+            if !(LEAST_PEAK..=GREATEST_PEAK).contains(&force) {
+                let message = format!(
+                    "peak_force: expected {LEAST_PEAK:e} to {GREATEST_PEAK:e} N, found {force}"
+                );
+                return Err(values.error(given.span(), message));
+            }
             Ok(EnergyScale::PeakForce(force))
         }
         (None, None) => Ok(EnergyScale::PeakForce(DEFAULT_PEAK_FORCE)),

@@ -111,7 +111,8 @@ impl PairFiles {
             });
         }
         let fixed = read_part(&self.scene, &self.scene.fixed, warnings)?;
-        let parts = pair_setup(&self.scene, fixed, Arc::clone(moving), self.memory)?;
+        let moving = Arc::clone(moving);
+        let parts = pair_setup(&self.scene, fixed, moving, self.memory, warnings);
         let plan = parts.plan().map_err(|e| self.scene.fields_error(e))?;
         let (bounds, radius) = self.bounds(&parts);
         Ok(Extent {

@@ -32,8 +32,7 @@ impl SceneSetup {
     /// Reads the meshes of a scene with one fixed part; computations may use `memory` bytes.
     ///
     /// # Errors
-    /// If the scene has several fixed parts, a mesh or rotation cannot be used, or the cache's folder
-    /// cannot be made.
+    /// If the scene has several fixed parts, or a mesh or rotation cannot be used.
     pub fn read(scene: Scene, memory: u64) -> Result<Self, SceneError> {
         let scene = scene.only(None)?;
         let rotations = (scene.rotations.in_shapes(&scene.placement()))
@@ -43,7 +42,7 @@ impl SceneSetup {
         let moving = Arc::new(read_part(&scene, &scene.moving, &mut warnings)?);
         warnings.extend(compare_scale(&scene, &fixed, &moving));
         Ok(Self {
-            parts: pair_setup(&scene, fixed, moving, memory)?,
+            parts: pair_setup(&scene, fixed, moving, memory, &mut warnings),
             scene,
             rotations,
             memory,
@@ -123,21 +122,22 @@ fn put(mesh: &TriangleMesh, pose: &Pose) -> TriangleMesh {
     mesh.transformed(pose.rotation, pose.translation)
 }
 
-/// What a scene asks of the pair of its first fixed part and the moving one, which have been read.
-///
-/// # Errors
-/// If the cache's folder cannot be made.
+/// What a scene asks of the pair of its first fixed part and the moving one, which have been read. A
+/// folder of cached fields that cannot be made is no reason to stop.
 pub(crate) fn pair_setup(
     scene: &Scene,
     fixed: TriangleMesh,
     moving: Arc<TriangleMesh>,
     memory: u64,
-) -> Result<PairSetup, SceneError> {
+    warnings: &mut Vec<SceneWarning>,
+) -> PairSetup {
     let lattice = &scene.lattice;
-    let cache =
-        FieldCache::new(&scene.cache).map_err(|e| SceneError::refused(&scene.path, "cache", e))?;
+    let cache = FieldCache::new(&scene.cache).map_err(|e| SceneWarning::NoCache(e.to_string()));
+    // Once for all fixed parts.
+    let said = cache.as_ref().err();
+    warnings.extend(said.filter(|w| !warnings.contains(w)).cloned());
     let placement = scene.placement();
-    Ok(PairSetup {
+    PairSetup {
         builder: PairBuilder {
             spacing: lattice.step.spacing(&fixed, &moving),
             halo: lattice.halo,
@@ -153,6 +153,6 @@ pub(crate) fn pair_setup(
         center: placement.direction_to_shapes(scene.window.center),
         half_extent: scene.window.half_extent,
         placement,
-        cache: Some(cache),
-    })
+        cache: cache.ok(),
+    }
 }

@@ -23,6 +23,8 @@ pub enum SceneWarning {
         /// The scene's unit.
         unit: LengthUnit,
     },
+    /// Fields are not kept, and computed again by each run; why, in words.
+    NoCache(String),
     /// The table was baked with another energy scale than the scene's; the table's counts.
     EnergyScale {
         /// The table.
@@ -34,6 +36,7 @@ impl fmt::Display for SceneWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Mesh(said) => f.write_str(said),
+            Self::NoCache(said) => write!(f, "{said}; fields are computed again by each run"),
             Self::Scale {
                 fixed,
                 fixed_diagonal,

@@ -6,8 +6,9 @@
 //! process's umask leaves of it), and is on the disk when the call returns.
 //!
 //! Only files are replaced. Where a symbolic link stands, what it leads to is replaced and the link
-//! stays; into a device or a pipe, such as `/dev/null` or `/dev/stdout`, content is written as it
-//! comes, and the device stays what it is.
+//! stays, unless another user has put it into a folder that everybody may write to: then nothing is
+//! written. Into a device, a pipe or an open descriptor, such as `/dev/null` or `/dev/stdout`, content
+//! is written as it comes, after what was written there before.
 //!
 //! [`write()`] and [`write_with`] replace a file at once; [`AtomicFile`] is for a file that grows for
 //! a while; [`AtomicFolder`] for a folder of several files.
@@ -18,6 +19,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
+
+use crate::support::place::{Place, folder_of};
 
 /// A file or folder that could not be put in its place.
 #[derive(Debug, thiserror::Error)]
@@ -76,11 +79,8 @@ enum Target {
 }
 
 impl Target {
-    /// For a place, a temporary file in `folder`.
+    /// A temporary file in `folder` for `path`.
     fn create_in(folder: &Path, path: &Path) -> io::Result<Self> {
-        if is_through(path) {
-            return Ok(Self::Through(File::options().write(true).open(path)?));
-        }
         let prefix = prefix(path);
         let mut builder = Builder::new();
         builder.prefix(&prefix).suffix(".tmp");
@@ -113,9 +113,15 @@ impl AtomicFile {
     /// # Errors
     /// If the folder does not exist or takes no new file.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
-        let path = led_to(path.into());
-        let folder = folder_of(&path).to_owned();
-        Self::create_in(&folder, path)
+        let path = path.into();
+        match Place::find(&path).map_err(|e| failed(&path, e))? {
+            Place::File(at) => {
+                let target =
+                    Target::create_in(folder_of(&at), &at).map_err(|e| failed(&path, e))?;
+                Ok(Self::new(at, target))
+            }
+            Place::Through(file) => Ok(Self::new(path, Target::Through(file))),
+        }
     }
 
     /// Begins the file `path` under a temporary name in `folder`, which must lie on the same file
@@ -125,9 +131,16 @@ impl AtomicFile {
     /// If the folder does not exist or takes no new file.
     pub fn create_in(folder: &Path, path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
         let path = path.into();
-        let target = Target::create_in(folder, &path).map_err(|e| failed(&path, e))?;
+        let target = match Place::find(&path).map_err(|e| failed(&path, e))? {
+            Place::File(_) => Target::create_in(folder, &path).map_err(|e| failed(&path, e))?,
+            Place::Through(file) => Target::Through(file),
+        };
+        Ok(Self::new(path, target))
+    }
+
+    fn new(path: PathBuf, target: Target) -> Self {
         let writer = BufWriter::with_capacity(1 << 16, target);
-        Ok(Self { path, writer })
+        Self { path, writer }
     }
 
     /// Where the file will be.
@@ -248,41 +261,6 @@ fn failed(path: &Path, source: io::Error) -> AtomicError {
     }
 }
 
-/// Where a chain of symbolic links leads to, whether something is there or not; of descriptors that
-/// are open, such as `/dev/stdout`, up to where the system lists them.
-fn led_to(path: PathBuf) -> PathBuf {
-    /// As many as Linux follows.
-    const MOST_LINKS: usize = 40;
-    let mut at = path.clone();
-    for _ in 0..MOST_LINKS {
-        match fs::read_link(&at) {
-            Ok(target) if !is_descriptor(&at) => at = folder_of(&at).join(target),
-            _ => return at,
-        }
-    }
-    path
-}
-
-/// Whether content is written through `path`, where a device, a pipe or an open descriptor is:
-/// neither a file nor a folder.
-fn is_through(path: &Path) -> bool {
-    let other = |found: fs::Metadata| !found.is_file() && !found.is_dir();
-    is_descriptor(path) || fs::metadata(path).is_ok_and(other)
-}
-
-/// Whether the system lists open descriptors there; what they lead to need not have a name.
-fn is_descriptor(path: &Path) -> bool {
-    path.starts_with("/proc") || path.starts_with("/dev/fd")
-}
-
-/// The folder that `path` lies in.
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
 /// What a temporary name for `path` begins with.
 fn prefix(path: &Path) -> OsString {
     let mut prefix = OsString::from(".");
@@ -305,7 +283,7 @@ fn sync_tree(folder: &Path) -> io::Result<()> {
 }
 
 /// Syncs the folder that `path` lies in: a renamed file is there to stay only after that.
-fn sync_folder(path: &Path) -> Result<(), AtomicError> {
+pub(crate) fn sync_folder(path: &Path) -> Result<(), AtomicError> {
     sync_names(folder_of(path)).map_err(|e| failed(path, e))
 }
 

@@ -219,13 +219,12 @@ fn a_device_or_a_pipe_stays_what_it_is() {
     use std::os::unix::fs::FileTypeExt;
 
     let null = Path::new("/dev/null");
-    assert!(is_through(null));
+    write(null, b"gone").unwrap();
     let (mut reader, writer) = io::pipe().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out");
     let descriptor = format!("/dev/fd/{}", writer.as_raw_fd());
     std::os::unix::fs::symlink(descriptor, &path).unwrap();
-    assert!(is_through(&path));
     write(&path, b"through").unwrap();
     let mut file = AtomicFile::create_in(folder.path(), &path).unwrap();
     file.write_all(b" and again").unwrap();

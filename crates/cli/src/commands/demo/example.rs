@@ -109,9 +109,8 @@ pub(super) fn run(
     )?;
     let dock = search(&assembly, context)?;
     let began = Instant::now();
-    let run = |script, clock, seconds| {
-        hand::run_simulated(&assembly, &fast, script, seconds, clock, None)
-    };
+    let run =
+        |script, clock, seconds| hand::run_simulated(&assembly, &fast, script, seconds, clock);
     let collision = run(Script::Collision, Clock::Simulated, TEST_SECONDS)?;
     let snap = run(Script::Snap, Clock::Simulated, TEST_SECONDS)?;
     let test_seconds = began.elapsed().as_secs_f64();
@@ -119,7 +118,7 @@ pub(super) fn run(
         PegInHole::Rectangular => {
             let (snap, clock) = (Script::Snap, Clock::Real);
             let source = energies.in_scene();
-            let felt = hand::run_simulated(&assembly, &source, snap, LOOP_SECONDS, clock, None)?;
+            let felt = hand::run_simulated(&assembly, &source, snap, LOOP_SECONDS, clock)?;
             Some(felt.report)
         }
         _ => None,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use haptic::device::attached::{self, Survey};
 use haptic::device::info::{Access, DeviceInfo, DeviceKind};
-use haptic::log::{device_file, read_device};
+use haptic::log::{Recording, device_file, read_device};
 use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
 
 use crate::args::device_choice::{DeviceChoice, Which};
@@ -51,7 +51,7 @@ pub(in crate::commands) fn choose(
 ) -> Result<Chosen, CommandError> {
     match choice {
         DeviceChoice::Simulated => Ok(Chosen::Simulated),
-        DeviceChoice::Replay(path) => replay(path, context).map(Chosen::Replay),
+        DeviceChoice::Replay(path) => replay(path, config, context).map(Chosen::Replay),
         DeviceChoice::Attached(kind, which) => {
             let found = survey(&[*kind], which.name())?;
             let text = format!("{} {}", kind.maker(), which_text(which));
@@ -75,7 +75,7 @@ pub(in crate::commands) fn choose(
 }
 
 /// The log and the device that it was recorded with.
-fn replay(log: &Path, context: &Context) -> Result<Replay, CommandError> {
+fn replay(log: &Path, config: &HapticConfig, context: &Context) -> Result<Replay, CommandError> {
     if parquet_log::is_parquet(log) {
         return Err(CommandError::option(
             "--device",
@@ -84,7 +84,13 @@ fn replay(log: &Path, context: &Context) -> Result<Replay, CommandError> {
         ));
     }
     let bad = |e| CommandError::bad_input("--device", e);
-    let samples = read_log(log).map_err(bad)?;
+    let Recording { samples, torn_line } = read_log(log).map_err(bad)?;
+    if let Some(line) = torn_line {
+        context.progress.note(&format!(
+            "note: {} line {line} ends in the middle, as where a run was killed, and is left out",
+            log.display()
+        ));
+    }
     let recorded = read_device(log).map_err(bad)?;
     if recorded.is_none() {
         context.progress.note(&format!(
@@ -96,7 +102,8 @@ fn replay(log: &Path, context: &Context) -> Result<Replay, CommandError> {
         name: format!("replay of {}", log.display()),
         ..recorded.unwrap_or_else(|| HandConfig::default().spec())
     };
-    Ok(Replay::new(spec, samples))
+    Replay::new(spec, samples, config)
+        .map_err(|e| CommandError::bad_input(log.display().to_string(), e))
 }
 
 /// What there is of these kinds; `name` is what was typed for the one wanted.

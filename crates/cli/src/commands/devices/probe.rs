@@ -1,7 +1,6 @@
 //! Live axes and buttons of a device in the terminal.
 
 use std::fmt::Write as _;
-use std::io::{IsTerminal, Write as _};
 use std::time::{Duration, Instant};
 
 use fft_correlate::Twist;
@@ -14,6 +13,7 @@ use super::choose::open;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::terminal::hold::Hold;
+use crate::terminal::output;
 use crate::terminal::progress::interrupted;
 
 /// Time between two pictures.
@@ -63,7 +63,7 @@ pub(super) fn run(
     let _held = Hold::begin();
     let mut device = open(info, &HapticConfig::default())?;
     let spec = device.spec().clone();
-    let redraw = std::io::stdout().is_terminal() && !context.json;
+    let redraw = output::is_terminal() && !context.json;
     let begin = Instant::now();
     let mut lines = 0;
     while begin.elapsed().as_secs_f64() < limit && !interrupted() {
@@ -80,8 +80,7 @@ pub(super) fn run(
         } else {
             crate::say!("{}", line(&look));
         }
-        // A closed pipe shows in the flush only.
-        if std::io::stdout().flush().is_err() {
+        if !output::is_wanted() {
             break;
         }
         std::thread::sleep(if redraw { FRAME } else { LINE });

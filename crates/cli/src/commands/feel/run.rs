@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use haptic::log::write_device;
 use haptic::scene::PairState;
 use haptic::{Clock, Device, DeviceSpec, LoopReport, Outcome, Replay, Sample, Script};
 use pegfit_scene::{LivePairs, Scene};
@@ -122,26 +121,23 @@ fn feel(
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let _held = Hold::begin();
     let keep = hand::Keep {
-        log: args.log.as_deref(),
+        log: (args.log.as_deref().map(|log| hand::log(log, context))).transpose()?,
         samples: args.png.is_some() || args.report.is_some(),
     };
     let seconds = args.seconds.unwrap_or(SECONDS);
-    let felt = match devices::choose(&args.device, &assembly.scene().device, context)? {
-        Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, keep, context)?,
-        Chosen::Attached(mut device) => hold(device.as_mut(), seconds, pairs, keep, context)?,
-        Chosen::Simulated => {
-            let mut hand = hand::simulated(assembly, source, script, seconds);
-            Felt {
-                title: FeltPage::title(Some(script), &hand.spec().name),
-                ..hold(&mut hand, seconds, pairs, keep, context)?
+    Ok(
+        match devices::choose(&args.device, &assembly.scene().device, context)? {
+            Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, keep, context)?,
+            Chosen::Attached(mut device) => hold(device.as_mut(), seconds, pairs, keep, context)?,
+            Chosen::Simulated => {
+                let mut hand = hand::simulated(assembly, source, script, seconds);
+                Felt {
+                    title: FeltPage::title(Some(script), &hand.spec().name),
+                    ..hold(&mut hand, seconds, pairs, keep, context)?
+                }
             }
-        }
-    };
-    if let Some(log) = &args.log {
-        let failed = |e| CommandError::failure("the device of the log", e);
-        write_device(log, &felt.spec).map_err(failed)?;
-    }
-    Ok(felt)
+        },
+    )
 }
 
 /// A device holds the part.
@@ -149,7 +145,7 @@ fn hold(
     device: &mut dyn Device,
     seconds: f64,
     pairs: &LivePairs,
-    keep: hand::Keep<'_>,
+    keep: hand::Keep,
     context: &Context,
 ) -> Result<Felt, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
@@ -177,7 +173,7 @@ fn replay(
     mut recorded: Replay,
     seconds: Option<f64>,
     pairs: &LivePairs,
-    keep: hand::Keep<'_>,
+    keep: hand::Keep,
     context: &Context,
 ) -> Result<Felt, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());

@@ -16,6 +16,7 @@ use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
 use crate::report::way::WayReport;
 use crate::report::way::summary::say;
+use crate::terminal::output::StandardOutput;
 
 pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
     let to_stdout = args.output.as_deref() == Some(Path::new("-"));
@@ -83,9 +84,8 @@ fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f
 
 fn write(args: &PathArgs, way: &WayReport, to_stdout: bool) -> Result<(), CommandError> {
     match &args.output {
-        Some(_) if to_stdout => way
-            .csv(std::io::stdout().lock())
-            .map_err(|e| CommandError::failure("writing standard output", e))?,
+        // What is refused is told at the end.
+        Some(_) if to_stdout => drop(way.csv(StandardOutput)),
         Some(file) => atomic::write_with(file, |out| {
             way.csv(out)
                 .map_err(|e| CommandError::failure(file.display().to_string(), e))

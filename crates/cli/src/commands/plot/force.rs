@@ -24,7 +24,7 @@ pub(super) fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u
         (Script::Snap, "Snap test: let go near the fit"),
     ] {
         context.progress.note(&format!("{title} ..."));
-        let run = hand::run_simulated(assembly, &source, script, SECONDS, Clock::Simulated, None)?;
+        let run = hand::run_simulated(assembly, &source, script, SECONDS, Clock::Simulated)?;
         charts.push(force_chart(title.to_owned(), &run.samples));
     }
     let picture = pegfit_pictures::png("force against time", (1300, 1100), |sheet| {

@@ -207,9 +207,10 @@ fn replays_bit_by_bit(rig: &dyn Rig) {
     });
     rig.plug(true);
     assert!(samples.iter().any(|s| s.wrench.force.length() > 0.1));
-    let read = read_log(&log).unwrap();
+    let read = read_log(&log).unwrap().samples;
     assert_eq!(read, samples, "the log holds every bit");
-    let mut replay = Replay::new(device.spec().clone(), read.clone());
+    let spec = device.spec().clone();
+    let mut replay = Replay::new(spec, read.clone(), &config()).unwrap();
     let again = Session::new(config(), workspace())
         .keep_samples()
         .replay(&mut replay, &well, f64::INFINITY, &AtomicBool::new(false))

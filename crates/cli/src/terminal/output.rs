@@ -1,0 +1,75 @@
+//! Standard output. All that commands print goes through here, so that whoever typed a command hears
+//! of it when what it printed was lost.
+
+use std::fmt::Arguments;
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::sync::{Mutex, PoisonError};
+
+/// What the system said first against a write; nothing is written after it.
+static REFUSED: Mutex<Option<io::Error>> = Mutex::new(None);
+
+/// Standard output as a writer that remembers a refusal, for [`finish`].
+#[derive(Debug, Clone, Copy)]
+pub struct StandardOutput;
+
+impl Write for StandardOutput {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        heeded(|| io::stdout().write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        heeded(|| io::stdout().flush())
+    }
+}
+
+/// Does `work` unless something was refused already, and remembers if this is.
+pub fn heeded<T>(work: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+    let mut refused = REFUSED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(error) = &*refused {
+        return Err(copy(error));
+    }
+    let done = work();
+    if let Err(error) = &done
+        && error.kind() != ErrorKind::Interrupted
+    {
+        *refused = Some(copy(error));
+    }
+    done
+}
+
+/// Errors of the system cannot be cloned.
+fn copy(error: &io::Error) -> io::Error {
+    match error.raw_os_error() {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => error.kind().into(),
+    }
+}
+
+/// Prints a line. What comes of it is told by [`finish`].
+pub fn print_line(text: Arguments<'_>) {
+    let mut line = text.to_string();
+    line.push('\n');
+    let _ = StandardOutput.write_all(line.as_bytes());
+}
+
+/// Whether all that was printed so far has left, and more is wanted.
+pub fn is_wanted() -> bool {
+    StandardOutput.flush().is_ok()
+}
+
+/// Whether somebody looks at it in a terminal.
+pub fn is_terminal() -> bool {
+    io::stdout().is_terminal()
+}
+
+/// Sends off all that was printed. A reader that went away, as in `pegfit check *.obj | head`, wants no
+/// more and is no error.
+///
+/// # Errors
+/// If anything that was printed is lost: a full disk, say.
+pub fn finish() -> io::Result<()> {
+    match StandardOutput.flush() {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}

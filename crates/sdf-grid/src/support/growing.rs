@@ -1,0 +1,151 @@
+//! Files that can be read while they grow.
+
+use std::fs::{self, File};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use crate::support::atomic::{AtomicError, sync_folder};
+use crate::support::place::{Place, folder_of};
+
+/// A file that grows beside its place as `NAME.part`, where everybody can see it, and takes its name
+/// when it is whole. What was there before stays until then.
+///
+/// Whatever ends the process, all that was appended is in the part: it is never removed, and never
+/// written over by another run, which takes `NAME.1.part`. Into a device, a pipe or an open
+/// descriptor, such as `/dev/stdout`, content goes as it comes.
+///
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("log.csv");
+/// let mut file = sdf_grid::growing::GrowingFile::create(&path)?;
+/// file.append(b"1,2\n")?;
+/// assert_eq!(std::fs::read(folder.path().join("log.csv.part"))?, b"1,2\n");
+/// file.finish()?;
+/// assert_eq!(std::fs::read(&path)?, b"1,2\n");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct GrowingFile {
+    path: PathBuf,
+    /// Without one, content goes to its place as it comes.
+    part: Option<PathBuf>,
+    file: File,
+    /// Bytes that were appended whole.
+    length: u64,
+}
+
+impl GrowingFile {
+    /// Begins the file `path`.
+    ///
+    /// # Errors
+    /// If the folder does not exist or takes no new file, or what is there cannot be written to.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self, AtomicError> {
+        let path = path.into();
+        let failed = |source| AtomicError {
+            path: path.clone(),
+            source,
+        };
+        let (path, part, file) = match Place::find(&path).map_err(failed)? {
+            Place::Through(file) => (path, None, file),
+            Place::File(at) => {
+                let (part, file) = new_part(&at).map_err(failed)?;
+                (at, Some(part), file)
+            }
+        };
+        Ok(Self {
+            path,
+            part,
+            file,
+            length: 0,
+        })
+    }
+
+    /// Where content is while it grows; `None` where it goes through.
+    pub fn part(&self) -> Option<&Path> {
+        self.part.as_deref()
+    }
+
+    /// Appends `bytes`: all of them, or none if that fails and the file can be cut.
+    ///
+    /// # Errors
+    /// If the system takes no more.
+    pub fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let written = self.file.write_all(bytes);
+        if written.is_ok() {
+            self.length += bytes.len() as u64;
+        } else if self.part.is_some() {
+            // A torn end is no loss: readers leave it out.
+            let _ = self.file.set_len(self.length);
+            let _ = self.file.seek(SeekFrom::Start(self.length));
+        }
+        written
+    }
+
+    /// Puts the file in its place, replacing what is there.
+    ///
+    /// # Errors
+    /// If that cannot be done; the part stays.
+    pub fn finish(mut self) -> Result<(), AtomicError> {
+        let Some(part) = &self.part else {
+            return Ok(());
+        };
+        let failed = |source| AtomicError {
+            path: part.clone(),
+            source,
+        };
+        self.file.sync_all().map_err(failed)?;
+        fs::rename(part, &self.path).map_err(failed)?;
+        self.part = None;
+        sync_folder(&self.path)
+    }
+
+    /// Removes the file: what it holds is somewhere else.
+    ///
+    /// # Errors
+    /// If the part cannot be removed.
+    pub fn discard(mut self) -> Result<(), AtomicError> {
+        match self.part.take() {
+            Some(part) => {
+                fs::remove_file(&part).map_err(|source| AtomicError { path: part, source })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Drop for GrowingFile {
+    /// Removes a part in which nothing is.
+    fn drop(&mut self) {
+        if let (Some(part), 0) = (&self.part, self.length) {
+            let _ = fs::remove_file(part);
+        }
+    }
+}
+
+/// A new file beside `path`, under the first name that is free. A link that stands there is not
+/// followed.
+fn new_part(path: &Path) -> io::Result<(PathBuf, File)> {
+    let name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
+    for number in 0u32.. {
+        let mut part = name.to_owned();
+        part.push(match number {
+            0 => ".part".to_owned(),
+            n => format!(".{n}.part"),
+        });
+        let part = folder_of(path).join(part);
+        match File::create_new(&part) {
+            Ok(file) => return Ok((part, file)),
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
+#[cfg(test)]
+#[path = "growing_tests.rs"]
+mod tests;
+
+#[cfg(all(test, unix))]
+#[path = "place_tests.rs"]
+mod places;

@@ -1,7 +1,7 @@
 //! The program: from the words typed to an exit code.
 
 use std::ffi::OsString;
-use std::io::IsTerminal;
+use std::io::Write;
 
 use clap::Parser;
 use tracing::level_filters::LevelFilter;
@@ -12,6 +12,7 @@ use tracing_subscriber::prelude::*;
 use crate::args::Arguments;
 use crate::commands;
 use crate::exit::Exit;
+use crate::terminal::error_text::error_text;
 use crate::terminal::progress::watch_for_interrupts;
 
 /// Does what the words of a command line ask for, the first of which is the program's name; prints
@@ -30,13 +31,13 @@ pub fn run(words: impl IntoIterator<Item = OsString>) -> Exit {
         }
     };
     print_logs();
-    shape_errors();
     watch_for_interrupts();
     match commands::run(&arguments) {
         Ok(()) => Exit::Success,
         Err(error) => {
             let exit = error.exit();
-            crate::remark!("{:?}", miette::Report::new(error));
+            // With the colours of a terminal; does nothing if nobody reads any more.
+            let _ = writeln!(std::io::stderr(), "{}", error_text(&error));
             exit
         }
     }
@@ -54,19 +55,4 @@ fn print_logs() {
     let _ = tracing_subscriber::registry()
         .with(lines.with_filter(filter))
         .try_init();
-}
-
-/// Wraps error text for people only: programs get every message on one line.
-fn shape_errors() {
-    let terminal = std::io::stderr().is_terminal();
-    // Fails only if a hook is already installed, and this is the only place that installs one.
-    let _ = miette::set_hook(Box::new(move |_| {
-        Box::new(
-            miette::MietteHandlerOpts::new()
-                .terminal_links(false)
-                .wrap_lines(terminal)
-                .break_words(false)
-                .build(),
-        )
-    }));
 }

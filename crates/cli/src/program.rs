@@ -1,7 +1,7 @@
 //! The program: from the words typed to an exit code.
 
 use std::ffi::OsString;
-use std::io::IsTerminal;
+use std::io::Write;
 
 use clap::Parser;
 use tracing::level_filters::LevelFilter;
@@ -13,6 +13,7 @@ use crate::args::Arguments;
 use crate::commands;
 use crate::error::CommandError;
 use crate::exit::Exit;
+use crate::terminal::error_text::error_text;
 use crate::terminal::output;
 use crate::terminal::progress::watch_for_interrupts;
 
@@ -37,7 +38,6 @@ pub fn run(words: impl IntoIterator<Item = OsString>) -> Exit {
         }
     };
     print_logs();
-    shape_errors();
     watch_for_interrupts();
     take_size_limits_as_errors();
     with_output(commands::run(&arguments))
@@ -53,7 +53,8 @@ fn with_output(ended: Result<(), CommandError>) -> Exit {
         if exit == Exit::Success {
             exit = error.exit();
         }
-        crate::remark!("{:?}", miette::Report::new(error));
+        // With the colours of a terminal; does nothing if nobody reads any more.
+        let _ = writeln!(std::io::stderr(), "{}", error_text(&error));
     }
     exit
 }
@@ -81,19 +82,4 @@ fn print_logs() {
     let _ = tracing_subscriber::registry()
         .with(lines.with_filter(filter))
         .try_init();
-}
-
-/// Wraps error text for people only: programs get every message on one line.
-fn shape_errors() {
-    let terminal = std::io::stderr().is_terminal();
-    // Fails only if a hook is already installed, and this is the only place that installs one.
-    let _ = miette::set_hook(Box::new(move |_| {
-        Box::new(
-            miette::MietteHandlerOpts::new()
-                .terminal_links(false)
-                .wrap_lines(terminal)
-                .break_words(false)
-                .build(),
-        )
-    }));
 }

@@ -1,6 +1,7 @@
 //! Between the command and whoever typed it: progress, interrupts, lines of text.
 
+pub mod error_text;
 pub mod hold;
 pub mod output;
 pub mod progress;
-mod say;
+pub mod say;

@@ -5,6 +5,8 @@ use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::{Mutex, PoisonError};
 
+use sdf_grid::text::shown_lines;
+
 /// What the system said first against a write; nothing is written after it.
 static REFUSED: Mutex<Option<io::Error>> = Mutex::new(None);
 
@@ -47,7 +49,7 @@ fn copy(error: &io::Error) -> io::Error {
 
 /// Prints a line. What comes of it is told by [`finish`].
 pub fn print_line(text: Arguments<'_>) {
-    let mut line = text.to_string();
+    let mut line = shown_lines(&text.to_string()).into_owned();
     line.push('\n');
     let _ = StandardOutput.write_all(line.as_bytes());
 }

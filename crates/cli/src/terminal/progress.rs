@@ -4,6 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use sdf_grid::text::shown_lines;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sdf_grid::Monitor;
 
@@ -118,7 +119,7 @@ impl Monitor for Progress {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        bar.set_prefix(stage.to_owned());
+        bar.set_prefix(shown_lines(stage).into_owned());
         *current = Stage {
             bar,
             began: Instant::now(),

@@ -1,7 +1,10 @@
 //! `pegfit devices`, and the devices of `pegfit feel`.
 
+use std::io::Write;
+use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
+use std::time::Duration;
 
 use crate::common::{pegfit, refuse, scene_folder, stderr, stdout, succeed};
 
@@ -164,6 +167,27 @@ fn what_each_maker_s_device_wants_is_said() {
     assert_eq!(output.status.code(), Some(1));
     let said = stderr(&output);
     assert!(said.contains("no Haply device can be used"), "{said}");
+}
+
+#[test]
+fn a_program_on_the_port_of_haply_s_service_does_not_hold_the_list_up() {
+    let folder = scene_folder("");
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    // A byte now and then, until nobody listens.
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            let mut said = stream.write_all(b"HTTP/1.1 101 Switching Protocols\r\nX: ");
+            while said.is_ok() {
+                std::thread::sleep(Duration::from_millis(50));
+                said = stream.write_all(b"x");
+            }
+        }
+    });
+    let set = [("PEGFIT_HAPLY", Path::new(&address))];
+    let said = stderr(&with_drivers(folder.path(), &["devices"], &set));
+    let words = format!("haply: Haply Inverse Service: what listens at {address} has not said");
+    assert!(said.contains(&words), "{said}");
 }
 
 #[test]

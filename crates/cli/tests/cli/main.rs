@@ -23,5 +23,6 @@ mod scene;
 mod scene_formats;
 mod scenes;
 mod score;
+mod terminal;
 #[cfg(unix)]
 mod written;

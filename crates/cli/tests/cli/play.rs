@@ -2,8 +2,10 @@
 //! `pegfit-play`, those in a browser in `tests/play`.
 #![cfg(unix)]
 
+use std::fs::Permissions;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -19,10 +21,16 @@ struct Play {
 impl Play {
     /// Started in `folder`, its page's address read.
     fn start(folder: &Path, words: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pegfit"));
+        command
             .current_dir(folder)
             .args(["play", "--no-open", "--json", "-q"])
-            .args(words)
+            .args(words);
+        Self::run(command)
+    }
+
+    fn run(mut command: Command) -> Self {
+        let mut child = command
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -140,6 +148,96 @@ fn without_a_scene_it_plays_the_papers_pairs() {
     assert_eq!(play.end(), Some(0));
     // What it made is gone.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A program that writes down its name and words, and waits.
+fn fake_browser(program: &Path) {
+    let said = program.with_extension("said");
+    let said = said.display();
+    let script = format!(
+        "#!/bin/sh\nprintf '%s\\n' \"$0\" \"$@\" > '{said}.part'\nmv '{said}.part' '{said}'\n"
+    );
+    std::fs::write(program, script).unwrap();
+    std::fs::set_permissions(program, Permissions::from_mode(0o700)).unwrap();
+}
+
+/// The words with which a fake browser was started.
+fn started(program: &Path) -> String {
+    let began = Instant::now();
+    loop {
+        if let Ok(said) = std::fs::read_to_string(program.with_extension("said")) {
+            return said;
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "no browser");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Runs `pegfit play`, which opens `program` with the environment so set; its files belong into
+/// `home`.
+fn opens(program: &Path, home: &Path, set: &[(&str, &Path)]) {
+    fake_browser(program);
+    let scene = scene_folder("");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pegfit"));
+    command.current_dir(scene.path());
+    command.args(["play", "scene.toml", "--json", "-q"]);
+    command.env_remove("BROWSER").env_remove("XDG_RUNTIME_DIR");
+    command.envs(set.iter().copied());
+    let play = Play::run(command);
+    let key = play.path.trim_matches('/').to_owned();
+    assert_eq!(key.len(), 32);
+    // What every user of the machine can read has no key in it.
+    let words = started(program);
+    assert!(!words.contains(&key), "{words}");
+    let own = std::fs::read(format!("/proc/{}/cmdline", play.child.id())).unwrap_or_default();
+    assert!(!String::from_utf8_lossy(&own).contains(&key));
+    // What only this user can read leads there.
+    let file = Path::new(words.lines().last().unwrap()).to_owned();
+    assert!(file.starts_with(home), "{words}");
+    let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert_eq!((mode(&file), mode(file.parent().unwrap())), (0o600, 0o700));
+    let text = std::fs::read_to_string(&file).unwrap();
+    let (_, url) = text.split_once("content=\"0; url=").unwrap();
+    let (url, _) = url.split_once('"').unwrap();
+    assert_eq!(url, format!("http://{}{}", play.address, play.path));
+    assert_eq!(play.get("").0, 200);
+    // Ended while it loads the parts it would say that it was interrupted.
+    play.shown("mesh/0");
+    assert_eq!(play.end(), Some(0));
+    assert!(!file.exists() && !file.parent().unwrap().exists());
+}
+
+#[test]
+fn a_browser_is_shown_the_way_by_a_file_that_nobody_else_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str| {
+        let made = folder.path().join(name);
+        std::fs::create_dir(&made).unwrap();
+        made
+    };
+    let (runtime, temporary, programs) = (made("runtime"), made("temporary"), made("programs"));
+    let preferred = folder.path().join("browser");
+    let set = [
+        ("BROWSER", preferred.as_path()),
+        ("XDG_RUNTIME_DIR", &runtime),
+    ];
+    opens(&preferred, &runtime, &set);
+    // The system's own, where there is no runtime folder.
+    let opener = if cfg!(target_os = "macos") {
+        "open"
+    } else {
+        "xdg-open"
+    };
+    let system = programs.join(opener);
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let path = std::env::join_paths([programs].into_iter().chain(std::env::split_paths(&path)));
+    let (path, nowhere) = (path.unwrap(), folder.path().join("nowhere"));
+    let set = [
+        ("PATH", Path::new(&path)),
+        ("XDG_RUNTIME_DIR", &nowhere),
+        ("TMPDIR", &temporary),
+    ];
+    opens(&system, &temporary, &set);
 }
 
 #[test]

@@ -18,6 +18,7 @@ mod library;
 pub mod openhaptics;
 pub(crate) mod script;
 mod servo;
+pub mod shown;
 pub(crate) mod simulated;
 pub(crate) mod steered;
 pub mod threaded;

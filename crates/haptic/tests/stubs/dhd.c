@@ -3,6 +3,11 @@
 #include <stdatomic.h>
 #include <stddef.h>
 
+/* What the device calls itself. */
+#ifndef STUB_NAME
+#define STUB_NAME "stub.7"
+#endif
+
 _Atomic double stub_version[2] = {3, 17}, stub_count[1] = {1}, stub_type[1] = {104};
 _Atomic double stub_power[1] = {1}, stub_reset[1] = {1}, stub_wrist[1] = {1}, stub_active[1] = {1};
 _Atomic double stub_position[3], stub_velocity[3], stub_angular_velocity[3], stub_buttons[1];
@@ -67,7 +72,7 @@ const char *dhdErrorGetLastStr(void) { return last ? "as the stub was told" : "n
 const char *dhdGetSystemName(char id)
 {
     (void)id;
-    return "stub.7";
+    return STUB_NAME;
 }
 
 int dhdGetSystemType(char id)

@@ -6,6 +6,11 @@
 #include <string.h>
 #include <time.h>
 
+/* Who the device says has made it. */
+#ifndef STUB_VENDOR
+#define STUB_VENDOR "Stub"
+#endif
+
 typedef unsigned int (*Callback)(void *);
 typedef struct {
     unsigned int code;
@@ -119,7 +124,7 @@ const char *hdGetString(unsigned int what)
 {
     switch (what) {
     case 0x2501: return opened_as[0] ? opened_as : "Touch";
-    case 0x2503: return "Stub";
+    case 0x2503: return STUB_VENDOR;
     case 0x2504: return "SN1234";
     default: raise_error(0x0100); return NULL;
     }

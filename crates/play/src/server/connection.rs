@@ -1,4 +1,5 @@
-//! One connection: a request and its reply, or a page that watches and perhaps holds the hand.
+//! A connection that showed the key: a request and its reply, or a page that watches and perhaps
+//! holds the hand.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -7,103 +8,70 @@ use std::time::{Duration, Instant};
 
 use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::frame::coding::CloseCode;
-use tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
-use tungstenite::{Message, WebSocket};
 
-use crate::server::http::{self, Reply};
+use crate::server::frames::{Ended, Frames, NOT_UNDERSTOOD};
+use crate::server::http;
 use crate::server::hub::Hub;
-use crate::server::route::{Route, route};
+use crate::server::route::{Guest, reply};
 use crate::wire::request::Request;
 
 /// Time between two frames.
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 
-/// Longest wait for bytes of a request's head, and for a page to take what it is sent.
+/// Longest wait for a page to take what it is sent.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Messages a page may send in a second; it needs about a hundred.
-const MOST_MESSAGES: u32 = 400;
-
-/// Most bytes of a message, and of what is read ahead.
-const MOST_BYTES: usize = 64;
-
-/// A page that the system sends no more to is given up at so many bytes.
-const MOST_WAITING: usize = 1 << 20;
-
 /// Serves one connection until it ends.
-pub(crate) fn serve(hub: &Arc<Hub>, mut stream: TcpStream) {
+pub(crate) fn serve(hub: &Arc<Hub>, mut stream: TcpStream, guest: &Guest) {
     // A reply that cannot be sent has nobody to read it.
-    let _ = answer(hub, &mut stream);
+    let _ = answer(hub, &mut stream, guest);
 }
 
-fn answer(hub: &Arc<Hub>, stream: &mut TcpStream) -> std::io::Result<()> {
+fn answer(hub: &Arc<Hub>, stream: &mut TcpStream, guest: &Guest) -> std::io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let Some(head) = http::read(stream) else {
-        let bad = Reply::refused("400 Bad Request");
-        return bad.write(&http::policy("localhost", false), stream);
+    let Some(key) = &guest.socket_key else {
+        let policy = http::policy(&guest.host, hub.access.embed);
+        return reply(hub, &guest.name).write(&policy, stream);
     };
-    match route(hub, &head) {
-        Route::Reply(reply) => reply.write(&policy(hub, &head.host), stream),
-        Route::Socket(key) => {
-            let accept = derive_accept_key(key.as_bytes());
-            write!(
-                stream,
-                "HTTP/1.1 101 Switching Protocols\r\nConnection: Upgrade\r\n\
-                 Upgrade: websocket\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
-            )?;
-            watch(hub, stream);
-            Ok(())
-        }
-    }
-}
-
-/// The policy names the host only if it is one of ours.
-fn policy(hub: &Hub, host: &str) -> String {
-    let host = match hub.access.is_own_host(host) {
-        true => host,
-        false => "localhost",
-    };
-    http::policy(host, hub.access.embed)
+    let accept = derive_accept_key(key.as_bytes());
+    write!(
+        stream,
+        "HTTP/1.1 101 Switching Protocols\r\nConnection: Upgrade\r\n\
+         Upgrade: websocket\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    )?;
+    watch(hub, stream);
+    Ok(())
 }
 
 /// A page until it goes, or is shown the door.
 fn watch(hub: &Arc<Hub>, stream: &mut TcpStream) {
-    let config = WebSocketConfig::default()
-        .read_buffer_size(4096)
-        .max_message_size(Some(MOST_BYTES))
-        .max_frame_size(Some(MOST_BYTES))
-        .max_write_buffer_size(MOST_WAITING);
-    let socket = WebSocket::from_raw_socket(stream, Role::Server, Some(config));
     let mut page = Page {
         hub,
         number: hub.enter(),
-        socket,
+        frames: Frames::new(stream),
         told: [0; 2],
-        heard: Budget::new(Instant::now()),
     };
-    // Whatever ended it, nobody is there to be told.
-    let _ = page.run();
+    let ended = page.run();
+    // First of all the hand lets go.
     hub.leave(page.number);
+    if let Err(Ended::Dismissed(code, reason)) = ended {
+        page.frames.dismiss(code, reason);
+    }
 }
-
-/// Why a page's connection ends.
-type Ended = tungstenite::Error;
 
 struct Page<'s> {
     hub: &'s Arc<Hub>,
     number: u64,
-    socket: WebSocket<&'s mut TcpStream>,
+    frames: Frames<'s>,
     /// Numbers of the news that it was told.
     told: [u64; 2],
-    heard: Budget,
 }
 
 impl Page<'_> {
     fn run(&mut self) -> Result<(), Ended> {
-        self.socket.send(Message::text(self.hub.hello()))?;
+        self.frames.text(self.hub.hello())?;
         let mut due = Instant::now();
         while !self.hub.quits() {
             let now = Instant::now();
@@ -113,19 +81,11 @@ impl Page<'_> {
                 due = (due + FRAME_TIME).max(now);
             }
             let wait = due.saturating_duration_since(Instant::now());
-            let wait = wait.max(Duration::from_millis(1));
-            self.socket.get_ref().set_read_timeout(Some(wait))?;
-            match self.socket.read() {
-                Ok(message) => self.hear(&message)?,
-                Err(Ended::Io(e)) if is_silence(&e) => {}
-                Err(Ended::Capacity(e)) => {
-                    self.dismiss(CloseCode::Size, "too long")?;
-                    return Err(e.into());
-                }
-                Err(e) => return Err(e),
+            if let Some(message) = self.frames.read(wait.max(Duration::from_millis(1)))? {
+                self.hear(&message)?;
             }
         }
-        self.dismiss(CloseCode::Away, "the program ends")
+        Err(Ended::Dismissed(CloseCode::Away, "the program ends"))
     }
 
     /// News, then a frame.
@@ -135,68 +95,19 @@ impl Page<'_> {
             for (told, news) in self.told.iter_mut().zip(news) {
                 if *told != news.number {
                     *told = news.number;
-                    self.socket.send(Message::text(news.text))?;
+                    self.frames.text(news.text)?;
                 }
             }
         }
-        if let Some(frame) = self.hub.frame(self.number) {
-            self.socket.send(Message::binary(frame.bytes().to_vec()))?;
+        match self.hub.frame(self.number) {
+            Some(frame) => self.frames.binary(frame.bytes().to_vec()),
+            None => Ok(()),
         }
+    }
+
+    fn hear(&self, message: &[u8]) -> Result<(), Ended> {
+        let request = Request::read(message).ok_or(NOT_UNDERSTOOD)?;
+        self.hub.ask(self.number, &request);
         Ok(())
-    }
-
-    fn hear(&mut self, message: &Message) -> Result<(), Ended> {
-        if !self.heard.spend(Instant::now()) {
-            return self.dismiss(CloseCode::Policy, "too many messages");
-        }
-        match message {
-            Message::Binary(bytes) => match Request::read(bytes) {
-                Some(request) => self.hub.ask(self.number, &request),
-                None => return self.dismiss(CloseCode::Unsupported, "not understood"),
-            },
-            Message::Text(_) => return self.dismiss(CloseCode::Unsupported, "not understood"),
-            // The library answers these itself.
-            Message::Ping(_) | Message::Pong(_) | Message::Close(_) | Message::Frame(_) => {}
-        }
-        Ok(())
-    }
-
-    /// Closes with a reason; what the page still says is not waited for.
-    fn dismiss(&mut self, code: CloseCode, reason: &'static str) -> Result<(), Ended> {
-        let reason = reason.into();
-        self.socket.close(Some(CloseFrame { code, reason }))?;
-        self.socket.flush()?;
-        Err(Ended::ConnectionClosed)
-    }
-}
-
-/// Nothing came in time.
-fn is_silence(error: &std::io::Error) -> bool {
-    use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
-}
-
-/// Messages of the present second.
-#[derive(Debug)]
-struct Budget {
-    began: Instant,
-    count: u32,
-}
-
-impl Budget {
-    fn new(now: Instant) -> Self {
-        Self {
-            began: now,
-            count: 0,
-        }
-    }
-
-    /// Counts a message; false if it is one too many.
-    fn spend(&mut self, now: Instant) -> bool {
-        if now.saturating_duration_since(self.began) >= Duration::from_secs(1) {
-            *self = Self::new(now);
-        }
-        self.count += 1;
-        self.count <= MOST_MESSAGES
     }
 }

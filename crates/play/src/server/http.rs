@@ -1,17 +1,13 @@
 //! As much of HTTP as a page needs: one request per connection, no body; replies with headers that
 //! keep a browser from doing anything else with them.
 
-use std::io::{Read, Write};
-use std::time::{Duration, Instant};
+use std::io::Write;
 
 /// Most bytes of a request's head.
 const MOST: usize = 8192;
 
 /// Most header lines.
 const LINES: usize = 64;
-
-/// Longest time for a head to arrive.
-const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The head of a request.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -24,21 +20,30 @@ pub(crate) struct Head {
     pub(crate) socket_key: Option<String>,
 }
 
-/// Reads a head; `None` if none comes in time, or something else does. What follows it is lost:
-/// nobody sends more before the reply.
-pub(crate) fn read(stream: &mut impl Read) -> Option<Head> {
-    let (mut bytes, began) = (Vec::new(), Instant::now());
-    let mut part = [0; 1024];
-    while bytes.len() < MOST && began.elapsed() < PATIENCE {
-        match stream.read(&mut part) {
-            Ok(0) | Err(_) => return None,
-            Ok(count) => bytes.extend_from_slice(&part[..count]),
-        }
-        if bytes.windows(4).any(|four| four == b"\r\n\r\n") {
-            return parse(&bytes);
-        }
+/// What somebody has said so far.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Reading {
+    /// It may become a head.
+    More,
+    /// A head. What follows it is lost: nobody sends more before the reply.
+    Head(Head),
+    /// It is none, or too long.
+    Nonsense,
+    /// Nothing more will come.
+    Gone,
+}
+
+/// Reads what has come of a head, of which the first `known` bytes were not the whole of one.
+pub(crate) fn read(bytes: &[u8], known: usize) -> Reading {
+    if bytes.len() > MOST {
+        return Reading::Nonsense;
     }
-    None
+    // Its end may have begun in what is known.
+    let new = &bytes[known.saturating_sub(3)..];
+    if new.windows(4).any(|four| four == b"\r\n\r\n") {
+        return parse(bytes).map_or(Reading::Nonsense, Reading::Head);
+    }
+    Reading::More
 }
 
 fn parse(bytes: &[u8]) -> Option<Head> {
@@ -131,7 +136,10 @@ mod tests {
     use super::*;
 
     fn head(text: &str) -> Option<Head> {
-        read(&mut text.as_bytes())
+        match read(text.as_bytes(), 0) {
+            Reading::Head(head) => Some(head),
+            _ => None,
+        }
     }
 
     #[test]
@@ -168,6 +176,19 @@ mod tests {
             &long,
         ] {
             assert_eq!(head(bad), None);
+        }
+        assert_eq!(read(long.as_bytes(), 0), Reading::Nonsense);
+    }
+
+    #[test]
+    fn a_head_may_come_in_any_pieces() {
+        let whole = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n";
+        for known in 0..whole.len() {
+            assert_eq!(
+                read(&whole[..known], known.saturating_sub(1)),
+                Reading::More
+            );
+            assert!(matches!(read(whole, known), Reading::Head(_)), "{known}");
         }
     }
 

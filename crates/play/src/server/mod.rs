@@ -3,7 +3,10 @@
 pub(crate) mod access;
 mod assets;
 mod connection;
+mod door;
+mod frames;
 mod http;
 mod hub;
+mod listen;
 mod route;
 pub(crate) mod serve;

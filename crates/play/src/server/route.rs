@@ -4,28 +4,19 @@ use crate::server::assets::asset;
 use crate::server::http::{Head, Reply};
 use crate::server::hub::Hub;
 
-/// What a request gets.
+/// A request that showed the key.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Route {
-    /// A reply, and goodbye.
-    Reply(Reply),
-    /// A WebSocket with this key.
-    Socket(String),
+pub(crate) struct Guest {
+    /// What the browser calls this server.
+    pub(crate) host: String,
+    /// What is asked for, after the key.
+    pub(crate) name: String,
+    /// The key of a WebSocket, if one is asked for.
+    pub(crate) socket_key: Option<String>,
 }
 
-/// What this head gets.
-pub(crate) fn route(hub: &Hub, head: &Head) -> Route {
-    match admit(hub, head) {
-        Ok(name) => match (&head.socket_key, name) {
-            (Some(key), "ws") => Route::Socket(key.clone()),
-            _ => Route::Reply(reply(hub, name)),
-        },
-        Err(status) => Route::Reply(Reply::refused(status)),
-    }
-}
-
-/// What is asked for, after the token; else why it is refused.
-fn admit<'h>(hub: &Hub, head: &'h Head) -> Result<&'h str, &'static str> {
+/// Lets a request in, else says why it is refused.
+pub(crate) fn admit(hub: &Hub, head: Head) -> Result<Guest, &'static str> {
     let access = &hub.access;
     if !access.is_own_host(&head.host) {
         return Err("421 Misdirected Request");
@@ -37,13 +28,19 @@ fn admit<'h>(hub: &Hub, head: &'h Head) -> Result<&'h str, &'static str> {
     let own = |origin: &str| access.is_own_origin(origin, &head.host);
     match (&head.origin, &head.socket_key) {
         // A browser always says where a socket comes from.
-        (None, None) => Ok(name),
-        (Some(origin), _) if own(origin) => Ok(name),
-        _ => Err("403 Forbidden"),
+        (None, None) => {}
+        (Some(origin), _) if own(origin) => {}
+        _ => return Err("403 Forbidden"),
     }
+    Ok(Guest {
+        name: name.to_owned(),
+        socket_key: head.socket_key.filter(|_| name == "ws"),
+        host: head.host,
+    })
 }
 
-fn reply(hub: &Hub, name: &str) -> Reply {
+/// The file or message of this name.
+pub(crate) fn reply(hub: &Hub, name: &str) -> Reply {
     if let Some(found) = asset(name) {
         return found;
     }

@@ -2,7 +2,7 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -10,17 +10,14 @@ use haptic::{Clock, HandConfig, LoopReport, Order, Session, SteeredHand};
 
 use crate::error::PlayError;
 use crate::server::access::{Access, token};
-use crate::server::connection;
 use crate::server::hub::Hub;
+use crate::server::listen::listen;
 use crate::stage::live::Live;
 use crate::stage::meter::Meter;
 use crate::stage::scenery::Stage;
 use crate::stage::tape::Tape;
 
-/// Connections served at a time.
-const MOST_CONNECTIONS: usize = 48;
-
-/// Pause between two looks for a new connection, or for the end.
+/// Pause between two looks for the end.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// Greatest force and torque of the page's hand as shares of the loop's limits: a hand that is
@@ -180,36 +177,5 @@ impl Drop for Server {
             // It has nothing to fail at.
             let _ = thread.join();
         }
-    }
-}
-
-/// Takes connections, each on a thread of its own, until the server ends; then waits for them.
-fn listen(hub: &Arc<Hub>, socket: &TcpListener) {
-    let open = Arc::new(AtomicUsize::new(0));
-    while !hub.quits() {
-        let Ok((stream, _)) = socket.accept() else {
-            std::thread::sleep(LOOK);
-            continue;
-        };
-        if open.load(Ordering::Relaxed) >= MOST_CONNECTIONS {
-            continue;
-        }
-        open.fetch_add(1, Ordering::Relaxed);
-        let (hub, counted) = (Arc::clone(hub), Arc::clone(&open));
-        let thread = std::thread::Builder::new().name("play-page".into());
-        let spawned = thread.spawn(move || {
-            connection::serve(&hub, stream);
-            counted.fetch_sub(1, Ordering::Relaxed);
-        });
-        if spawned.is_err() {
-            open.fetch_sub(1, Ordering::Relaxed);
-        }
-    }
-    // Pages are told goodbye; one that does not listen is not waited for.
-    for _ in 0..100 {
-        if open.load(Ordering::Relaxed) == 0 {
-            return;
-        }
-        std::thread::sleep(LOOK);
     }
 }

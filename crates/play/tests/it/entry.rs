@@ -1,5 +1,7 @@
 //! Who comes in: the right token, a host and an origin of this server, requests that are some.
 
+use std::io::Write;
+
 use pegfit_play::Request;
 use tungstenite::Message;
 use tungstenite::protocol::frame::coding::CloseCode;
@@ -119,6 +121,84 @@ fn a_page_that_talks_nonsense_is_shown_the_door() {
     let mut page = theatre.page();
     page.say(Request::Take);
     page.until(None, |seen| seen.is_hand);
+}
+
+/// A frame as a browser sends it, masked by nothing.
+fn frame(first: u8, bytes: &[u8]) -> Vec<u8> {
+    let length = 0x80 | u8::try_from(bytes.len()).unwrap();
+    [&[first, length, 0, 0, 0, 0], bytes].concat()
+}
+
+/// The last of a message's frames.
+const LAST: u8 = 0x80;
+const BINARY: u8 = 0x02;
+const MORE: u8 = 0x00;
+const PING: u8 = 0x09;
+
+#[test]
+fn a_page_that_sends_endless_empty_frames_is_shown_the_door() {
+    let theatre = Theatre::open();
+    for (first, next) in [
+        (BINARY, MORE),
+        (LAST | PING, LAST | PING),
+        // A piece of a message, then pings for ever.
+        (BINARY, LAST | PING),
+    ] {
+        let mut page = theatre.page();
+        page.frame();
+        let stream = page.socket.get_mut();
+        stream.write_all(&frame(first, &[])).unwrap();
+        for _ in 0..2000 {
+            // A page that is cut off cannot go on.
+            if stream.write_all(&frame(next, &[])).is_err() {
+                break;
+            }
+        }
+        let heard = page.dismissed();
+        assert!(
+            heard.is_none_or(|code| code == CloseCode::Policy),
+            "{heard:?}"
+        );
+    }
+}
+
+#[test]
+fn a_message_may_come_in_pieces() {
+    let theatre = Theatre::open();
+    let mut page = theatre.page();
+    page.frame();
+    let take = Request::Take.bytes();
+    for bytes in [
+        frame(BINARY, &[]),
+        frame(MORE, &take),
+        frame(LAST | MORE, &[]),
+    ] {
+        page.socket.get_mut().write_all(&bytes).unwrap();
+    }
+    page.until(None, |seen| seen.is_hand);
+}
+
+#[test]
+fn a_page_that_is_against_the_protocol_is_shown_the_door() {
+    let theatre = Theatre::open();
+    for bytes in [
+        // Without a mask; an extension's bit; a piece of nothing; a message within another.
+        vec![LAST | BINARY, 1, 0],
+        frame(LAST | 0x40 | BINARY, &[0]),
+        frame(LAST | MORE, &[0]),
+        [frame(BINARY, &[0]), frame(LAST | BINARY, &[0])].concat(),
+        // A kind of frame that nobody has defined.
+        frame(LAST | 0x03, &[0]),
+    ] {
+        let mut page = theatre.page();
+        page.frame();
+        page.socket.get_mut().write_all(&bytes).unwrap();
+        let heard = page.dismissed();
+        assert!(
+            heard.is_none_or(|code| code == CloseCode::Protocol),
+            "{bytes:?}: {heard:?}"
+        );
+    }
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! What pages cost the loop: nothing that is felt, however many there are and whatever they send.
 
+use std::io::{ErrorKind, Read, Write};
+use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -58,23 +60,74 @@ fn ten_thousand_messages_a_second_are_refused_and_cost_no_ticks() {
     );
 }
 
-#[test]
-fn connections_that_say_nothing_hold_nobody_up() {
-    let report = loop_beside(|theatre| {
-        // More than are served at a time.
-        let idle: Vec<_> = (0..60)
-            .map(|_| std::net::TcpStream::connect(theatre.address).unwrap())
-            .collect();
-        std::thread::sleep(Duration::from_millis(300));
-        drop(idle);
-        // They are gone in a moment, and there is room again.
-        let began = Instant::now();
-        while !theatre.get("").starts_with("HTTP/1.1 200") {
-            assert!(began.elapsed() < PATIENCE);
-            std::thread::sleep(Duration::from_millis(50));
+/// A head that is never whole, a byte at a time, on one connection after another.
+fn drip(theatre: &Theatre, done: &AtomicBool) {
+    let head = format!(
+        "GET /{}/ HTTP/1.1\r\nHost: {}\r\n",
+        theatre.token, theatre.address
+    );
+    while !done.load(Ordering::Relaxed) {
+        let Ok(mut stream) = TcpStream::connect(theatre.address) else {
+            continue;
+        };
+        for byte in head.bytes().chain(std::iter::repeat(b'x')) {
+            if done.load(Ordering::Relaxed) || stream.write_all(&[byte]).is_err() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(5));
         }
+    }
+}
+
+/// Tells threads of an end, also of one by a failure.
+struct Ending<'a>(&'a AtomicBool);
+
+impl Drop for Ending<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn strangers_who_say_nothing_or_little_lock_nobody_out() {
+    let report = loop_beside(|theatre| {
+        let connect = || TcpStream::connect(theatre.address).unwrap();
+        let mut idle: Vec<_> = (0..200).map(|_| connect()).collect();
+        let done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let _ending = Ending(&done);
+            for _ in 0..8 {
+                scope.spawn(|| drip(theatre, &done));
+            }
+            // At the first try, again and again, while others go on coming.
+            for _ in 0..20 {
+                idle.extend((0..10).map(|_| connect()));
+                let reply = theatre.get("page.js");
+                assert!(reply.starts_with("HTTP/1.1 200"), "{reply:.80}");
+            }
+            let mut owner = theatre.page();
+            owner.press();
+        });
     });
     assert!(report.ticks > 1000);
+}
+
+#[test]
+fn strangers_are_few_and_do_not_stay() {
+    let theatre = Theatre::open();
+    let mut idle: Vec<_> = (0..200)
+        .map(|_| TcpStream::connect(theatre.address).unwrap())
+        .collect();
+    // Those that had to make room, and those whose time is over, see an end.
+    for stream in &mut idle {
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let said = stream.read(&mut [0; 16]);
+        let over = |e: &std::io::Error| e.kind() == ErrorKind::ConnectionReset;
+        assert!(
+            matches!(&said, Ok(0)) || said.as_ref().is_err_and(over),
+            "{said:?}"
+        );
+    }
 }
 
 /// Prints what `docs/play.md` states; run with `--nocapture`.

@@ -73,9 +73,11 @@ pub(super) fn run(
             crate::say!("{}", text.map_err(|e| CommandError::failure("JSON", e))?);
         } else if redraw {
             // Up over the last picture, and down again line by line.
-            let up = format!("\x1b[{lines}A\x1b[J");
+            if lines > 0 {
+                let _ = write!(std::io::stdout(), "\x1b[{lines}A\x1b[J");
+            }
             let picture = picture(&spec, &look);
-            crate::say!("{}{}", if lines > 0 { &up } else { "" }, picture.trim_end());
+            crate::say!("{}", picture.trim_end());
             lines = picture.lines().count();
         } else {
             crate::say!("{}", line(&look));

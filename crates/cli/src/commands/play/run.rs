@@ -10,8 +10,9 @@ use sdf_grid::Monitor;
 use sdf_grid::shapes::PegInHole;
 use serde_json::json;
 
+use super::browser::{self, Signpost};
 use super::exhibits::SceneExhibits;
-use super::{browser, route, way};
+use super::{route, way};
 use crate::args::PlayArgs;
 use crate::commands::{examples, scenes};
 use crate::context::Context;
@@ -43,7 +44,8 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
     };
     let titles = pairs.iter().map(|(title, _)| title.clone()).collect();
     let server = Server::start(&options, titles)?;
-    announce(&server, args, context);
+    // Taken away when the command ends.
+    let _signpost = announce(&server, args, context);
     loop {
         let (_, scene) = &pairs[server.wanted()];
         let report = play(&server, scene, args, poses.as_deref(), context)?;
@@ -54,8 +56,8 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
     }
 }
 
-/// Says where the page is, and to whom it is open.
-fn announce(server: &Server, args: &PlayArgs, context: &Context) {
+/// Says where the page is, and to whom it is open; what shows a browser the way.
+fn announce(server: &Server, args: &PlayArgs, context: &Context) -> Option<Signpost> {
     let url = server.url();
     match context.json {
         true => crate::say!("{}", json!({ "url": url })),
@@ -69,12 +71,17 @@ fn announce(server: &Server, args: &PlayArgs, context: &Context) {
             server.address()
         ));
     }
-    if !args.no_open && !browser::open(&url) {
-        context
-            .progress
-            .note("no browser could be opened: open the address above");
+    let mut signpost = None;
+    if !args.no_open {
+        match browser::open(&url) {
+            Ok(shown) => signpost = Some(shown),
+            Err(why) => context.progress.note(&format!(
+                "no browser could be opened ({why}): open the address above"
+            )),
+        }
     }
     context.progress.note("Ctrl-C ends it");
+    signpost
 }
 
 /// Plays one scene until another is wanted, or nothing any more.

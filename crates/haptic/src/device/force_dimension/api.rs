@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use crate::device::contract::DeviceError;
 use crate::device::library::{Driver, Wanted};
+use crate::device::shown::shown;
 
 /// Where libdhd lies.
 pub(super) const WANTED: Wanted = Wanted {
@@ -160,12 +161,12 @@ impl Api {
     }
 }
 
-/// A text of the library; empty where there is none.
+/// A text of the library, fit to be shown; empty where there is none.
 pub(super) fn words(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
     // SAFETY: not null, and the library ends its texts with a zero byte.
     let text = unsafe { CStr::from_ptr(text) };
-    text.to_string_lossy().into_owned()
+    shown(&text.to_string_lossy())
 }

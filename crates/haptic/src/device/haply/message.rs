@@ -2,14 +2,21 @@
 
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use serde_json::json;
+
+/// Most devices of one kind in a message.
+const MOST_DEVICES: usize = 64;
+
+/// Most characters of a device's id.
+const LONGEST_ID: usize = 64;
 
 /// State of all devices.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Message {
     /// Since version 3.5.
-    pub(super) session_id: Option<serde_json::Value>,
+    pub(super) session_id: Option<IgnoredAny>,
     pub(super) inverse3: Vec<Arm>,
     pub(super) wireless_verse_grip: Vec<Grip>,
     pub(super) verse_grip: Vec<Grip>,
@@ -132,6 +139,31 @@ impl GripState {
 }
 
 impl Message {
+    /// Reads a message; in words why it is none. Ids go onto command lines and screens: those that
+    /// nobody could type are none.
+    pub(super) fn read(text: &str) -> Result<Self, String> {
+        let message: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        message.check()?;
+        Ok(message)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let grips = [&self.wireless_verse_grip, &self.verse_grip].map(Vec::len);
+        let most = grips.into_iter().fold(self.inverse3.len(), usize::max);
+        if most > MOST_DEVICES {
+            return Err(format!(
+                "{most} devices of a kind, of {MOST_DEVICES} at most"
+            ));
+        }
+        let arms = self.inverse3.iter().map(|arm| &arm.device_id);
+        let mut ids = arms.chain(self.grips().map(|grip| &grip.device_id));
+        let typed = |id: &str| id.len() <= LONGEST_ID && id.bytes().all(|b| b.is_ascii_graphic());
+        match ids.find(|id| !typed(id)) {
+            Some(id) => Err(format!("a device called {id:?}")),
+            None => Ok(()),
+        }
+    }
+
     /// The grip of this id, `None` if it is not listed.
     pub(super) fn grip(&self, id: &str) -> Option<&Grip> {
         self.grips().find(|grip| grip.device_id == id)
@@ -170,7 +202,7 @@ mod tests {
             "verse_grip": [{"device_id": "6", "state": {"button": true, "hall": 3}}],
             "wireless_verse_grip": [{"device_id": "7", "state": {"buttons": {"b": true},
             "orientation": {"x": 0, "y": 0, "z": 1, "w": 0}}}]}"#;
-        let message: Message = serde_json::from_str(text).unwrap();
+        let message = Message::read(text).unwrap();
         let arm = message.arm("049D").unwrap();
         assert!(!arm.status.calibrated && arm.status.power_supply && !arm.status.in_use);
         assert_eq!(arm.config.model.as_deref(), Some("minverse"));
@@ -186,10 +218,22 @@ mod tests {
             r#"{"inverse3": {"049D": {}}}"#,
             r#"{"inverse3": [{}]}"#,
         ] {
-            assert!(
-                serde_json::from_str::<Message>(garbage).is_err(),
-                "{garbage}"
-            );
+            assert!(Message::read(garbage).is_err(), "{garbage}");
+        }
+    }
+
+    #[test]
+    fn devices_are_few_and_their_ids_can_be_typed() {
+        let listed = |id: &str, count: usize| {
+            let arms = vec![json!({ "device_id": id }); count];
+            Message::read(&json!({ "inverse3": arms }).to_string())
+        };
+        assert!(listed("049D", MOST_DEVICES).is_ok());
+        let told = listed("049D", MOST_DEVICES + 1).unwrap_err();
+        assert!(told.starts_with("65 devices"), "{told}");
+        for id in ["\u{1b}[2J", "a b", "a\n", &"9".repeat(65), "\u{202e}"] {
+            let told = listed(id, 1).unwrap_err();
+            assert!(told.starts_with("a device called"), "{told}");
         }
     }
 

@@ -11,6 +11,7 @@ mod opened;
 mod options;
 mod servo;
 mod socket;
+mod timed;
 
 pub use look::{find, open};
 pub use opened::CENTRE;

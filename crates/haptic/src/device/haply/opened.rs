@@ -11,6 +11,7 @@ use crate::device::haply::message::{Arm, Message, push};
 use crate::device::haply::options::InverseOptions;
 use crate::device::haply::socket::{NAME, Socket};
 use crate::device::servo::turn::{Handle, Turn};
+use crate::device::shown::shown;
 
 /// Middle of an Inverse3's workspace in its own frame, metres: the origin of poses here.
 pub const CENTRE: DVec3 = DVec3::new(0.0, -0.15, 0.15);
@@ -108,7 +109,7 @@ fn ready(arm: &Arm) -> Result<(), DeviceError> {
         Some(basis) if basis.permutation != "XYZ" => Err(DeviceError::Unsuitable {
             name: name(),
             expected: "the basis XYZ in the service's settings".into(),
-            found: basis.permutation.clone(),
+            found: shown(&basis.permutation),
         }),
         _ => Ok(()),
     }

@@ -15,6 +15,7 @@ use crate::device::hid::port::{Connector, HidInput, HidPort};
 use crate::device::hid::spacemouse;
 use crate::device::hid::spacemouse::{Feel, SpaceMouse};
 use crate::device::info::{Access, DeviceInfo, DeviceKind, UsbIds};
+use crate::device::shown::shown;
 use crate::device::threaded::device::Cursor;
 use crate::device::threaded::device::Threaded;
 use hidapi::{HidApi, HidDevice, HidError};
@@ -47,7 +48,8 @@ pub fn enumerate() -> Result<Vec<DeviceInfo>, DeviceError> {
 /// What a device can be, `None` if nothing here.
 fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> Option<DeviceInfo> {
     let (vendor, product) = (device.vendor_id(), device.product_id());
-    let product_name = device.product_string().filter(|n| !n.trim().is_empty());
+    let product_name = device.product_string().map(shown);
+    let product_name = product_name.as_deref().filter(|n| !n.trim().is_empty());
     let (kind, name, spec) = match spacemouse::recognise(vendor, product, usages) {
         Some(model) => {
             let name = model.or(product_name).unwrap_or("3Dconnexion device");
@@ -63,12 +65,17 @@ fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> O
     Some(DeviceInfo {
         path: path.to_owned(),
         usb: Some(UsbIds { vendor, product }),
-        serial: device.serial_number().unwrap_or_default().to_owned(),
+        serial: serial(device),
         name: name.to_owned(),
         kind,
         spec,
         access: access(path),
     })
+}
+
+/// Its serial number as it is shown and typed, empty if it has none.
+fn serial(device: &hidapi::DeviceInfo) -> String {
+    device.serial_number().map(shown).unwrap_or_default()
 }
 
 fn access(path: &str) -> Access {
@@ -135,7 +142,7 @@ pub fn connector(info: &DeviceInfo) -> Connector {
                 vendor: d.vendor_id(),
                 product: d.product_id(),
             };
-            info.usb == Some(ids) && d.serial_number().unwrap_or_default() == info.serial
+            info.usb == Some(ids) && serial(d) == info.serial
         };
         let by_path = api
             .device_list()

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::device::contract::DeviceError;
 use crate::device::library::{Driver, Wanted};
+use crate::device::shown::shown;
 
 /// Where libHD lies.
 pub(super) const WANTED: Wanted = Wanted {
@@ -159,11 +160,12 @@ impl Api {
     }
 }
 
+/// A text of the library, fit to be shown; empty where there is none.
 fn text(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
     // SAFETY: not null, and the library ends its texts with a zero byte.
     let text = unsafe { CStr::from_ptr(text) };
-    text.to_string_lossy().into_owned()
+    shown(&text.to_string_lossy())
 }

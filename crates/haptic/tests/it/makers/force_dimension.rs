@@ -204,3 +204,15 @@ fn what_is_missing_is_said_in_words_that_help() {
         "{told}"
     );
 }
+
+#[test]
+fn a_name_that_a_terminal_would_obey_is_escaped() {
+    let evil = Stub::build("dhd.c", &[r#"-DSTUB_NAME="Delta\033[2J\a""#]);
+    let options = DhdOptions {
+        library: Some(evil.path()),
+        ..DhdOptions::default()
+    };
+    let info = find(&options).unwrap().remove(0);
+    assert_eq!(info.name, r"Delta\u001b[2J\u0007");
+    assert_eq!(open(options).unwrap().spec().name, info.name);
+}

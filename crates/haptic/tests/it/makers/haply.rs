@@ -1,5 +1,6 @@
 //! Haply's service.
 
+mod impostor;
 mod service;
 
 use std::time::{Duration, Instant};
@@ -119,6 +120,7 @@ fn garbage_a_lost_device_and_a_service_that_goes_end_the_force() {
     ends(Manner::LosesDevice, "device");
     ends(Manner::Gone, "has gone");
     ends(Manner::Silent, "has not answered for 100ms");
+    ends(Manner::EmptyPieces, "has not answered for 100ms");
 }
 
 #[test]

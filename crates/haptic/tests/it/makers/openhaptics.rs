@@ -270,3 +270,13 @@ fn what_is_missing_is_said_in_words_that_help() {
         );
     }
 }
+
+#[test]
+fn a_name_that_a_terminal_would_obey_is_escaped() {
+    let evil = Stub::build("hd.c", &[r#"-DSTUB_VENDOR="3D\033]0;mine\a""#]);
+    let options = PhantomOptions {
+        name: None,
+        library: Some(evil.path()),
+    };
+    assert_eq!(find(&options).unwrap().name, r"3D\u001b]0;mine\u0007 Touch");
+}

@@ -18,6 +18,9 @@ const LOAD_TRIES: u32 = 20;
 /// Pause between two such questions.
 const LOAD_PAUSE: Duration = Duration::from_millis(2);
 
+/// Longest time for the setup: the system waits for seconds for each answer of a device.
+const SETUP: Duration = Duration::from_secs(5);
+
 /// A force that does not change is sent again after this time: that is how an unplugged device is
 /// noticed while it is held still.
 const REFRESH: Duration = Duration::from_millis(100);
@@ -100,7 +103,8 @@ struct PidOutput {
 }
 
 impl PidOutput {
-    fn prepare(&mut self, port: &mut dyn HidPort) -> Result<(), DeviceError> {
+    /// Sets the device up; refuses one that has not answered all by `until`.
+    fn prepare(&mut self, port: &mut dyn HidPort, until: Instant) -> Result<(), DeviceError> {
         for command in [usage::RESET, usage::ENABLE] {
             if let Some(report) = self.layout.control(command) {
                 port.write(&report)?;
@@ -112,7 +116,7 @@ impl PidOutput {
         let axes = self.layout.output_axes();
         self.check_pool(port, axes.len())?;
         for axis in axes {
-            let block = self.load(port)?;
+            let block = self.load(port, until)?;
             self.effects.push(Effect {
                 axis,
                 block,
@@ -155,10 +159,13 @@ impl PidOutput {
     }
 
     /// Creates an effect and asks which block it got.
-    fn load(&self, port: &mut dyn HidPort) -> Result<i64, DeviceError> {
+    fn load(&self, port: &mut dyn HidPort, until: Instant) -> Result<i64, DeviceError> {
         port.set_feature(&self.layout.create())?;
         let mut answer = Vec::new();
         for _ in 0..LOAD_TRIES {
+            if Instant::now() >= until {
+                return Err(self.refused(format!("no effect within {SETUP:?}")));
+            }
             answer = self.layout.blank_block_load();
             let length = port.get_feature(&mut answer)?;
             answer.truncate(length);
@@ -193,7 +200,7 @@ impl OutputHalf for PidOutput {
         let mut port = (self.connector)()?;
         // A device that comes back may be another one of the same kind.
         self.layout = PidLayout::parse(&self.name, &port.descriptor()?)?;
-        let prepared = self.prepare(port.as_mut());
+        let prepared = self.prepare(port.as_mut(), Instant::now() + SETUP);
         self.port = Some(port);
         if prepared.is_err() {
             self.free();

@@ -71,6 +71,25 @@ fn a_device_is_set_up_report_by_report_and_left_without_force() {
 }
 
 #[test]
+fn a_device_that_answers_slowly_is_not_waited_for_again_and_again() {
+    let fake = joystick(8);
+    let layout = PidLayout::parse("fake", &unhex(TWO_AXES)).unwrap();
+    let mut output = PidOutput {
+        name: "fake".into(),
+        connector: fake.connector(),
+        port: None,
+        layout,
+        settings: PidSettings::default(),
+        effects: Vec::new(),
+    };
+    let mut port = (fake.connector())().unwrap();
+    let told = output.prepare(port.as_mut(), Instant::now()).unwrap_err();
+    assert!(told.to_string().contains("no effect within 5s"), "{told}");
+    let later = Instant::now() + SETUP;
+    assert_eq!(output.prepare(port.as_mut(), later), Ok(()));
+}
+
+#[test]
 fn forces_become_magnitudes_and_effects_start_once() {
     let fake = joystick(8);
     let mut device = opened(&fake).unwrap();

@@ -1,5 +1,6 @@
 //! A stand-in for Haply's service, which answers as its maker documents it.
 
+use std::io::Write;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -17,6 +18,8 @@ pub(super) enum Manner {
     Silent,
     Garbage,
     Binary,
+    /// Begins an answer and goes on for ever with pieces of nothing.
+    EmptyPieces,
     /// Lists no arm any more.
     LosesDevice,
     /// Ends every connection; its devices go idle.
@@ -150,6 +153,15 @@ fn answer(socket: &mut WebSocket<TcpStream>, state: &Mutex<State>, first: bool) 
         match state.manner {
             Manner::Gone => return None,
             Manner::Silent => return Some(()),
+            Manner::EmptyPieces => {
+                let stream = socket.get_mut();
+                drop(state);
+                stream.write_all(&[0x01, 0]).ok()?;
+                // Until the client has enough of it.
+                loop {
+                    stream.write_all(&[0x00, 0]).ok()?;
+                }
+            }
             Manner::Garbage => Message::text("{\"inverse3\": [nonsense"),
             Manner::Binary => Message::binary(vec![1, 2, 3]),
             Manner::Answers | Manner::LosesDevice => Message::text(told(&state, first).to_string()),

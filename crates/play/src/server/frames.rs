@@ -1,0 +1,281 @@
+//! What a page says, frame by frame: every frame counts, empty ones and pieces of messages too, so
+//! that nobody keeps the server reading without having said anything.
+
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use tungstenite::Error;
+use tungstenite::protocol::frame::coding::{CloseCode, Control, Data, OpCode};
+use tungstenite::protocol::frame::{CloseFrame, Frame, FrameSocket};
+
+/// Frames a page may send in a second; it needs about a hundred.
+const MOST_FRAMES: u32 = 400;
+
+/// Most bytes of a message, and of a frame.
+const MOST_BYTES: usize = 64;
+
+/// Most frames of one message. A browser sends one; a proxy between may cut it.
+const MOST_PIECES: u32 = 4;
+
+/// Why a page's connection ends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Ended {
+    /// It is gone, or takes nothing more.
+    Gone,
+    /// It is shown the door: the code and the reason that it is told.
+    Dismissed(CloseCode, &'static str),
+}
+
+/// It says something that no page says.
+pub(crate) const NOT_UNDERSTOOD: Ended = Ended::Dismissed(CloseCode::Unsupported, "not understood");
+const TOO_LONG: Ended = Ended::Dismissed(CloseCode::Size, "too long");
+const TOO_MANY: Ended = Ended::Dismissed(CloseCode::Policy, "too many messages");
+const NO_FRAME: Ended = Ended::Dismissed(CloseCode::Protocol, "against the protocol");
+
+/// The server's end of a WebSocket.
+pub(crate) struct Frames<'s> {
+    socket: FrameSocket<&'s mut TcpStream>,
+    hearing: Hearing,
+}
+
+impl<'s> Frames<'s> {
+    /// After the handshake.
+    pub(crate) fn new(stream: &'s mut TcpStream) -> Self {
+        Self {
+            socket: FrameSocket::new(stream),
+            hearing: Hearing::new(Instant::now()),
+        }
+    }
+
+    /// Reads one frame, waiting for `wait` at most; the message that ends with it, if one does.
+    pub(crate) fn read(&mut self, wait: Duration) -> Result<Option<Vec<u8>>, Ended> {
+        let timeout = self.socket.get_ref().set_read_timeout(Some(wait));
+        timeout.map_err(|_| Ended::Gone)?;
+        let frame = match self.socket.read(Some(MOST_BYTES)) {
+            Ok(Some(frame)) => frame,
+            Err(Error::Io(e)) if is_silence(&e) => return Ok(None),
+            Err(Error::Capacity(_)) => return Err(TOO_LONG),
+            Err(Error::Protocol(_)) => return Err(NO_FRAME),
+            Ok(None) | Err(_) => return Err(Ended::Gone),
+        };
+        match self.hearing.hear(&frame, Instant::now())? {
+            Heard::Piece => Ok(None),
+            Heard::Message(bytes) => Ok(Some(bytes)),
+            Heard::Ping(bytes) => self.send(Frame::pong(bytes)).map(|()| None),
+            Heard::Close => {
+                // A page that closes need not hear the answer.
+                let _ = self.send(Frame::close(None));
+                Err(Ended::Gone)
+            }
+        }
+    }
+
+    pub(crate) fn text(&mut self, text: String) -> Result<(), Ended> {
+        self.send(Frame::message(text, OpCode::Data(Data::Text), true))
+    }
+
+    pub(crate) fn binary(&mut self, bytes: Vec<u8>) -> Result<(), Ended> {
+        self.send(Frame::message(bytes, OpCode::Data(Data::Binary), true))
+    }
+
+    /// Closes with a reason; what the page still says is not waited for.
+    pub(crate) fn dismiss(&mut self, code: CloseCode, reason: &'static str) {
+        let reason = reason.into();
+        // A page that does not listen is not told.
+        let _ = self.send(Frame::close(Some(CloseFrame { code, reason })));
+    }
+
+    fn send(&mut self, frame: Frame) -> Result<(), Ended> {
+        self.socket.send(frame).map_err(|_| Ended::Gone)
+    }
+}
+
+/// Nothing came in time.
+fn is_silence(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
+}
+
+/// What a frame is.
+#[derive(Debug, PartialEq, Eq)]
+enum Heard {
+    /// Part of a message that goes on, or nothing that matters.
+    Piece,
+    Message(Vec<u8>),
+    Ping(Vec<u8>),
+    Close,
+}
+
+/// Frames heard so far.
+#[derive(Debug)]
+struct Hearing {
+    /// When the present second began, and frames in it.
+    second: Instant,
+    count: u32,
+    /// A message that goes on, and its frames so far.
+    message: Option<(Vec<u8>, u32)>,
+}
+
+impl Hearing {
+    fn new(now: Instant) -> Self {
+        Self {
+            second: now,
+            count: 0,
+            message: None,
+        }
+    }
+
+    fn hear(&mut self, frame: &Frame, now: Instant) -> Result<Heard, Ended> {
+        if !self.spend(now) {
+            return Err(TOO_MANY);
+        }
+        let header = frame.header();
+        // Whoever asks for a page is masked, and no extension was agreed on.
+        let mask = header.mask.ok_or(NO_FRAME)?;
+        if header.rsv1 || header.rsv2 || header.rsv3 {
+            return Err(NO_FRAME);
+        }
+        let mask = mask.iter().cycle();
+        let bytes: Vec<u8> = frame
+            .payload()
+            .iter()
+            .zip(mask)
+            .map(|(b, m)| b ^ m)
+            .collect();
+        match header.opcode {
+            OpCode::Control(_) if !header.is_final => Err(NO_FRAME),
+            OpCode::Control(Control::Ping) => Ok(Heard::Ping(bytes)),
+            OpCode::Control(Control::Close) => Ok(Heard::Close),
+            OpCode::Control(Control::Pong) => Ok(Heard::Piece),
+            OpCode::Data(Data::Text) => Err(NOT_UNDERSTOOD),
+            OpCode::Data(Data::Binary) if self.message.is_none() => {
+                self.piece((Vec::new(), 0), &bytes, header.is_final)
+            }
+            OpCode::Data(Data::Continue) => {
+                let before = self.message.take().ok_or(NO_FRAME)?;
+                self.piece(before, &bytes, header.is_final)
+            }
+            OpCode::Data(_) | OpCode::Control(_) => Err(NO_FRAME),
+        }
+    }
+
+    /// Goes on with a message.
+    fn piece(
+        &mut self,
+        (mut message, pieces): (Vec<u8>, u32),
+        bytes: &[u8],
+        is_final: bool,
+    ) -> Result<Heard, Ended> {
+        message.extend_from_slice(bytes);
+        if message.len() > MOST_BYTES {
+            return Err(TOO_LONG);
+        }
+        if is_final {
+            return Ok(Heard::Message(message));
+        }
+        if pieces + 1 == MOST_PIECES {
+            return Err(TOO_MANY);
+        }
+        self.message = Some((message, pieces + 1));
+        Ok(Heard::Piece)
+    }
+
+    /// Counts a frame; false if it is one too many.
+    fn spend(&mut self, now: Instant) -> bool {
+        if now.saturating_duration_since(self.second) >= Duration::from_secs(1) {
+            (self.second, self.count) = (now, 0);
+        }
+        self.count += 1;
+        self.count <= MOST_FRAMES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tungstenite::protocol::frame::FrameHeader;
+
+    use super::*;
+
+    const BINARY: OpCode = OpCode::Data(Data::Binary);
+    const MORE: OpCode = OpCode::Data(Data::Continue);
+    const PING: OpCode = OpCode::Control(Control::Ping);
+
+    /// A frame as it comes, masked.
+    fn frame(opcode: OpCode, is_final: bool, bytes: &[u8]) -> Frame {
+        let header = FrameHeader {
+            is_final,
+            opcode,
+            mask: Some([1, 2, 3, 4]),
+            ..FrameHeader::default()
+        };
+        let mask = [1, 2, 3, 4].into_iter().cycle();
+        let masked: Vec<u8> = bytes.iter().zip(mask).map(|(b, m)| b ^ m).collect();
+        Frame::from_payload(header, masked.into())
+    }
+
+    /// What the last of these frames is.
+    fn heard(frames: &[Frame]) -> Result<Heard, Ended> {
+        let now = Instant::now();
+        let mut hearing = Hearing::new(now);
+        let mut last = Ok(Heard::Piece);
+        for frame in frames {
+            last = hearing.hear(frame, now);
+        }
+        last
+    }
+
+    #[test]
+    fn a_message_is_one_frame_or_a_few() {
+        let whole = heard(&[frame(BINARY, true, &[1, 2, 3, 4, 5])]);
+        assert_eq!(whole, Ok(Heard::Message(vec![1, 2, 3, 4, 5])));
+        // A ping may come between.
+        let cut = heard(&[
+            frame(BINARY, false, &[1, 2]),
+            frame(PING, true, &[9]),
+            frame(MORE, false, &[]),
+            frame(MORE, true, &[3]),
+        ]);
+        assert_eq!(cut, Ok(Heard::Message(vec![1, 2, 3])));
+        assert_eq!(heard(&[frame(PING, true, &[7])]), Ok(Heard::Ping(vec![7])));
+    }
+
+    #[test]
+    fn pieces_count_however_little_is_in_them() {
+        let begin = frame(BINARY, false, &[]);
+        let empty = vec![frame(MORE, false, &[]); MOST_PIECES as usize - 1];
+        assert_eq!(heard(&[vec![begin.clone()], empty].concat()), Err(TOO_MANY));
+        let long = [
+            frame(BINARY, false, &[0; MOST_BYTES]),
+            frame(MORE, true, &[0]),
+        ];
+        assert_eq!(heard(&long), Err(TOO_LONG));
+        let pings = vec![frame(PING, true, &[]); MOST_FRAMES as usize + 1];
+        assert_eq!(heard(&pings), Err(TOO_MANY));
+    }
+
+    #[test]
+    fn a_second_later_there_is_room_again() {
+        let now = Instant::now();
+        let mut hearing = Hearing::new(now);
+        assert!((0..MOST_FRAMES).all(|_| hearing.spend(now)) && !hearing.spend(now));
+        assert!(hearing.spend(now + Duration::from_secs(1)));
+    }
+
+    #[test]
+    fn what_is_against_the_protocol_is_refused() {
+        let plain = Frame::message(vec![0], BINARY, true);
+        let mut reserved = frame(BINARY, true, &[0]);
+        reserved.header_mut().rsv2 = true;
+        for bad in [
+            vec![plain],
+            vec![reserved],
+            vec![frame(MORE, true, &[0])],
+            vec![frame(BINARY, false, &[0]), frame(BINARY, true, &[0])],
+            vec![frame(PING, false, &[])],
+        ] {
+            assert_eq!(heard(&bad), Err(NO_FRAME), "{bad:?}");
+        }
+        let text = frame(OpCode::Data(Data::Text), false, b"{");
+        assert_eq!(heard(&[text]), Err(NOT_UNDERSTOOD));
+    }
+}

@@ -21,3 +21,4 @@ mod scene;
 mod scene_formats;
 mod scenes;
 mod score;
+mod sealed;

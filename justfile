@@ -110,6 +110,22 @@ stress-tables:
     cargo test --release -p fft-correlate --test it -- table_queries --ignored --nocapture
     cargo test --release -p pegfit --test cli -- kill --include-ignored --nocapture
 
+# Tables and field caches under attack, in full: every bit of every file flipped, chunks exchanged
+# within tables and between them, hostile chunks and files; then, if given, SECONDS of fuzzing tables
+# (needs a nightly toolchain and `cargo install cargo-fuzz`).
+attacks seconds="0":
+    #!/usr/bin/env bash
+    set -euo pipefail
+    cargo test --release -p fft-correlate --test it -- store_seal store_damage --include-ignored --nocapture
+    cargo test --release -p sdf-grid --test it -- field_cache
+    cargo test --release -p pegfit --test cli -- sealed --nocapture
+    if [ {{seconds}} -gt 0 ]; then
+        cd fuzz
+        mkdir -p corpus/table
+        cargo +nightly fuzz run table corpus/table seeds/table -- \
+            -max_total_time={{seconds}} -timeout=30 -rss_limit_mb=4096 -max_len=8192
+    fi
+
 # Tables in object stores: builds with the feature `cloud`, bakes and reads through a small S3 server.
 cloud:
     cargo clippy -p fft-correlate -p pegfit --features pegfit/cloud --all-targets -- -D warnings

@@ -49,20 +49,42 @@ static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
     (folder, files)
 });
 
-/// Opens and loads a table one of whose files has been replaced: the first byte says which.
+/// Opens and loads a table one of whose files has been replaced: the first byte says which, and
+/// whether its digest or checksum is made to fit, so that what lies behind that is reached, too.
 pub fn table(bytes: &[u8]) {
     let Some((&which, content)) = bytes.split_first() else {
         return;
     };
     let (folder, files) = &*TABLE;
     let root = folder.path().join("table");
-    let file = root.join(&files[usize::from(which) % files.len()]);
+    let name = &files[usize::from(which) % files.len()];
+    let file = root.join(name);
     let sound = fs::read(&file).expect("a file");
-    fs::write(&file, content).expect("room");
+    let fitting = match which >= 128 {
+        true if name == "zarr.json" => resealed(content),
+        true if !name.ends_with(".json") => Some(with_checksum(content)),
+        _ => None,
+    };
+    fs::write(&file, fitting.as_deref().unwrap_or(content)).expect("room");
     if let Ok(store) = TableStore::open(&root) {
         let _ = store.load(1 << 24);
     }
     fs::write(&file, sound).expect("room");
+}
+
+/// A table's metadata with the digest that it must have; none if it has no place for one.
+fn resealed(text: &[u8]) -> Option<Vec<u8>> {
+    let mut group: serde_json::Value = serde_json::from_slice(text).ok()?;
+    let own = group.pointer_mut("/attributes/pegfit")?.as_object_mut()?;
+    own.shift_remove("digest");
+    let digest = blake3::hash(serde_json::Value::from(own.clone()).to_string().as_bytes());
+    own.insert("digest".into(), digest.to_hex().to_string().into());
+    Some(group.to_string().into_bytes())
+}
+
+/// A chunk with the checksum that it must end with.
+fn with_checksum(bytes: &[u8]) -> Vec<u8> {
+    [bytes, &crc32c::crc32c(bytes).to_le_bytes()].concat()
 }
 
 /// Parses a report descriptor, then reads and writes reports by it.

@@ -111,7 +111,7 @@ def main(program, path):
             [program, "table", path, "--json"], capture_output=True, text=True, check=True
         ).stdout
     )
-    assert pegfit["format"] == 5, pegfit["format"]
+    assert pegfit["format"] == 6, pegfit["format"]
     assert pegfit["table"]["recipe"] == described["spec"]["recipe"]
     assert pegfit["error"]["force"]["rms"] == described["error"]["force"]["rms"]
     shape = (described["rotations"], *described["displacements"])

@@ -60,7 +60,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     context.progress.finish();
     let seconds = began.elapsed().as_secs_f64();
     let mut store = stored::open(&args.output)?;
-    let progress = stored::examine(&store)?;
+    let progress = stored::examine(&store, context)?;
     let mut summary = summary(args, part, &report, &store, seconds)?;
     // Of several processes, the one that finds the table whole measures its error.
     if progress.finished == progress.rotations {
@@ -234,7 +234,7 @@ fn part(args: &BakeArgs) -> Result<Part, CommandError> {
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
     Scene::read(&args.scene)?;
-    let progress = stored::examine(&stored::open(&args.output)?)?;
+    let progress = stored::examine(&stored::open(&args.output)?, context)?;
     if context.json {
         return print_json(&progress);
     }

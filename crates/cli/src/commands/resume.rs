@@ -3,23 +3,29 @@
 use std::path::Path;
 
 use pegfit_path::PathError;
-use sdf_grid::atomic;
+use sdf_grid::{atomic, regular};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::CommandError;
 
+/// Bytes of such a file at most: a million places.
+const LONGEST: u64 = 1 << 28;
+
 /// What a file holds; nothing if none is asked for or it is not there yet.
 pub(super) fn read<T: Default + DeserializeOwned>(file: Option<&Path>) -> Result<T, CommandError> {
-    let Some(file) = file.filter(|file| file.exists()) else {
+    let Some(file) = file else {
         return Ok(T::default());
     };
-    let text = std::fs::read_to_string(file).map_err(|source| CommandError::Io {
+    let text = regular::read(file, LONGEST).map_err(|e| CommandError::Io {
         action: "read",
         path: file.to_owned(),
-        source,
+        source: e.into(),
     })?;
-    serde_json::from_str(&text).map_err(|e| refused(file, "what a search has tried", e))
+    let Some(text) = text else {
+        return Ok(T::default());
+    };
+    serde_json::from_slice(&text).map_err(|e| refused(file, "what a search has tried", e))
 }
 
 /// Writes what was tried if a search was stopped or is not decided, and removes the file if it is; what

@@ -48,7 +48,11 @@ pub(super) fn explain(path: &Path, error: BakeError) -> CommandError {
     }
 }
 
-pub(super) fn examine(store: &TableStore) -> Result<Progress, CommandError> {
+/// Reads and checks every chunk.
+pub(super) fn examine(store: &TableStore, context: &Context) -> Result<Progress, CommandError> {
+    store
+        .expect_fits(context.memory)
+        .map_err(CommandError::table)?;
     let rotations = store.grid().nodes().len();
     let states: Vec<ChunkState> = (0..rotations)
         .into_par_iter()

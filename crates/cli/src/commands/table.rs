@@ -29,7 +29,7 @@ struct Description<'a> {
 
 pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandError> {
     let store = stored::open(&args.table)?;
-    let progress = stored::examine(&store)?;
+    let progress = stored::examine(&store, context)?;
     let description = Description {
         table: args.table.display().to_string(),
         program: store.program(),

@@ -1,6 +1,8 @@
 //! `pegfit bake`, and the commands that read its tables.
 
-use crate::common::{columns, cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout, succeed};
+use crate::common::{
+    columns, cuboid_obj, pegfit, refuse, reseal, scene_folder, stderr, stdout, succeed,
+};
 
 pub(crate) const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
 
@@ -125,12 +127,10 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
     }
 
     // A table that claims too much.
-    let file = root.join("int16/zarr.json");
-    let mut group: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
-    let claim = &mut group["attributes"]["pegfit"]["error"]["force"]["rms"];
-    *claim = (0.2 * claim.as_f64().unwrap()).into();
-    std::fs::write(&file, group.to_string()).unwrap();
+    reseal(&root.join("int16"), |own| {
+        let claim = &mut own["error"]["force"]["rms"];
+        *claim = (0.2 * claim.as_f64().unwrap()).into();
+    });
     let output = pegfit(root, &["verify", "int16", "--scene", "scene.toml", "-q"]);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(
@@ -181,11 +181,9 @@ fn a_table_is_joined_to_its_own_scene_only() {
     }
 
     // A table whose error was never measured.
-    let file = root.join("t.zarr/zarr.json");
-    let mut group: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
-    group["attributes"]["pegfit"]["error"] = serde_json::Value::Null;
-    std::fs::write(&file, group.to_string()).unwrap();
+    reseal(&root.join("t.zarr"), |own| {
+        own["error"] = serde_json::Value::Null;
+    });
     let verify = ["verify", "t.zarr", "--scene", "scene.toml", "-q"];
     let said = refuse(root, &verify);
     assert!(said.contains("--resume"), "{said}");

@@ -132,7 +132,7 @@ fn driver(folder: &Path, source: &str) -> std::path::PathBuf {
         .arg("-o")
         .arg(&library)
         .status()
-        .expect("a C compiler, cc, as the README asks for");
+        .expect("a C compiler, cc, as the README says of tests");
     assert!(compiled.success());
     library
 }

@@ -23,6 +23,7 @@ mod scene;
 mod scene_formats;
 mod scenes;
 mod score;
+mod sealed;
 mod terminal;
 #[cfg(unix)]
 mod written;

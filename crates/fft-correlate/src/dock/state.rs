@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use sdf_grid::atomic;
 use sdf_grid::recipe::difference;
+use sdf_grid::{atomic, regular};
 use serde::{Deserialize, Serialize};
 
 use crate::dock::error::StateError;
@@ -12,6 +12,9 @@ use crate::dock::scan::{Candidate, sort};
 
 /// Candidates kept of all rotations: far more than any later stage looks at.
 const KEPT: usize = 4000;
+
+/// Bytes of a state at most; a few hundred for each candidate, and its rotations.
+const LONGEST: u64 = 1 << 24;
 
 /// Rotations `0 .. scored` are done; the best candidates among them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,12 +45,10 @@ impl State {
         recipe: SearchRecipe,
         shape: [usize; 3],
     ) -> Result<Self, StateError> {
-        let text = match std::fs::read(path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(Self::new(recipe));
-            }
-            Err(source) => return Err(io(path, source)),
+        let text = match regular::read(path, LONGEST) {
+            Ok(Some(text)) => text,
+            Ok(None) => return Ok(Self::new(recipe)),
+            Err(e) => return Err(io(path, e.into())),
         };
         let format = |reason: String| StateError::Format {
             path: path.to_owned(),

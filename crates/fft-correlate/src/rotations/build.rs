@@ -9,8 +9,8 @@ use crate::rotations::chart::{Chart, Projection};
 use crate::rotations::domain::{RotationError, check_range, direction, quaternion};
 use crate::rotations::fold::Symmetry;
 
-/// The largest number of nodes a grid may have, before any are left out.
-pub(super) const MAX_NODES: u64 = 1 << 27;
+/// The largest number of nodes a chart may have, before any are left out: those take 370 MB.
+pub(super) const MAX_NODES: u64 = 1 << 23;
 
 pub(super) fn step(name: &'static str, degrees: f64) -> Result<f64, RotationError> {
     check_range(

@@ -51,7 +51,7 @@ impl Site<'_> {
 }
 
 impl RotationGrid {
-    /// The largest number of nodes a grid may have, before any are left out.
+    /// The largest number of nodes each chart of a grid may have, before any are left out.
     pub const MAX_NODES: u64 = build::MAX_NODES;
 
     /// Grids a domain, leaving out what the symmetry makes redundant.
@@ -98,9 +98,15 @@ impl RotationGrid {
         Ok(Self { atlas })
     }
 
-    /// About how many nodes the boxes of a domain's charts have, before any is left out and without
-    /// symmetry; infinite for steps out of range.
-    pub(crate) fn box_nodes(domain: &RotationDomain) -> f64 {
+    /// About how many nodes the boxes of a domain's charts have, before any is left out; infinite
+    /// for steps out of range.
+    pub(crate) fn box_nodes(domain: &RotationDomain, symmetry: Option<&AxisSymmetry>) -> f64 {
+        // Charts about the axis of a body of revolution are flat.
+        let axes = if symmetry.is_some_and(|s| s.order == 0) {
+            2
+        } else {
+            3
+        };
         let cells = |angle: f64, step: f64| match step > 0.0 {
             true => angle / step,
             false => f64::INFINITY,
@@ -119,9 +125,21 @@ impl RotationGrid {
                 angle_deg,
                 step_deg,
                 ..
-            } => (2.0 * cells(*angle_deg, *step_deg)).powi(3),
-            RotationDomain::Full { step_deg, .. } => 4.0 * cells(90.0, *step_deg).powi(3),
+            } => (2.0 * cells(*angle_deg, *step_deg)).powi(axes),
+            RotationDomain::Full { step_deg, .. } => {
+                4.0 * (2.0 * cells(90.0, *step_deg)).powi(axes)
+            }
         }
+    }
+
+    /// About how many bytes a grid takes, without making it; `None` if [`RotationGrid::new`] refuses
+    /// it before it takes any.
+    pub(crate) fn bytes(domain: &RotationDomain, symmetry: Option<&AxisSymmetry>) -> Option<u64> {
+        // A node's rotation, its place in its chart, and its number there.
+        let each = size_of::<DQuat>() + size_of::<[u32; 2]>() + size_of::<u32>();
+        let nodes = Self::box_nodes(domain, symmetry);
+        // There are four charts at most.
+        (nodes <= 4.0 * Self::MAX_NODES as f64).then(|| nodes as u64 * each as u64)
     }
 
     /// Rotations of the nodes, in the order of a table's rows.

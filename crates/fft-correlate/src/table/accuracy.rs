@@ -258,7 +258,7 @@ pub fn typical_condition(pair: &Pair, spec: &TableSpec, poses: usize, seed: u64)
 
 /// Pose `index` of a reproducible series over a table's rotations and the inside of its window.
 pub fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
-    let mut random = Random(seed ^ index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let mut random = Random::of(seed, index);
     let rotation = random.rotation(&spec.rotations);
     let bounds = spec.window.node_bounds();
     let place = DVec3::new(random.unit(), random.unit(), random.unit());
@@ -271,6 +271,14 @@ pub fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
 struct Random(u64);
 
 impl Random {
+    /// Numbers of their own for each index of each seed. States that are multiples of the step
+    /// apart would draw the same numbers one after the other, so both are mixed.
+    fn of(seed: u64, index: u64) -> Self {
+        let mut of_seed = Self(seed);
+        let mut of_index = Self(of_seed.next() ^ index);
+        Self(of_index.next())
+    }
+
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -322,6 +330,31 @@ impl Random {
                 let (u, a, b) = (self.unit(), TAU * self.unit(), TAU * self.unit());
                 let (r, s) = ((1.0 - u).sqrt(), u.sqrt());
                 DQuat::from_xyzw(r * a.sin(), r * a.cos(), s * b.sin(), s * b.cos())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    /// No number is drawn twice, not even for another coordinate: poses that share numbers are no
+    /// independent ones.
+    #[test]
+    fn held_out_poses_share_no_numbers_within_a_seed_or_between_seeds() {
+        let mut drawn = HashSet::new();
+        // What seeds are given: small, next to each other, and some that differ by the step.
+        let step = 0x9e37_79b9_7f4a_7c15u64;
+        let seeds = [0, 1, 2, 3, 17, 1000, step, step.wrapping_mul(2), u64::MAX];
+        for seed in seeds {
+            for index in 0..1000 {
+                let mut random = Random::of(seed, index);
+                for _ in 0..6 {
+                    assert!(drawn.insert(random.next()), "seed {seed} index {index}");
+                }
             }
         }
     }

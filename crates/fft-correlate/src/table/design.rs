@@ -6,6 +6,7 @@ use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::rotations::domain::{RotationDomain, RotationError};
+use crate::rotations::grid::RotationGrid;
 use crate::rotations::symmetry::{symmetry_on_lattice, table_symmetry};
 use crate::setup::pair_setup::PairSetup;
 use crate::sweep::pair_energies::PairEnergies;
@@ -34,8 +35,8 @@ pub enum TableDesignError {
     /// The correlation that would fill it cannot be planned.
     #[error(transparent)]
     Correlate(#[from] CorrelateError),
-    /// The correlation that would fill it does not fit in memory.
-    #[error("the correlation needs {needed} bytes, expected at most {limit}")]
+    /// Its rotations, or the correlation that would fill it, do not fit in memory.
+    #[error("the rotations and their correlation need {needed} bytes, expected at most {limit}")]
     Memory {
         /// Bytes needed.
         needed: u64,
@@ -100,6 +101,11 @@ impl TableDesign {
     /// # Errors
     /// As it.
     pub(crate) fn scores(&self, limit: u64) -> Result<CorrelatorPlan, TableDesignError> {
+        // Not even the rotations are listed before this.
+        let listed = RotationGrid::bytes(&self.spec.rotations, self.spec.symmetry.as_ref());
+        if let Some(needed) = listed.filter(|needed| *needed > limit) {
+            return Err(TableDesignError::Memory { needed, limit });
+        }
         let TablePlan { scores, .. } = self.plan()?;
         let needed = scores.bytes(rayon::current_num_threads());
         match needed > limit {

@@ -100,7 +100,18 @@ impl TableSpec {
         let pivot = self.pivot();
         finite("pivot", pivot.is_finite(), pivot.to_string())?;
         let far = self.far_energy;
-        finite("far_energy", far.is_finite(), far.to_string())
+        finite("far_energy", far.is_finite(), far.to_string())?;
+        // Each is a file. What is no number of nodes at all is named by the grid.
+        let (found, limit) = (self.box_nodes(), RotationGrid::MAX_NODES);
+        match found.is_finite() && found > limit as f64 {
+            true => Err(RotationError::Size { found, limit }.into()),
+            false => Ok(()),
+        }
+    }
+
+    /// About how many rotation nodes there are, before any are left out.
+    pub(crate) fn box_nodes(&self) -> f64 {
+        RotationGrid::box_nodes(&self.rotations, self.symmetry.as_ref())
     }
 
     /// The rotation nodes.

@@ -75,9 +75,9 @@ fn with_header(change: impl Fn(&mut Value)) -> StoreError {
     let path = folder.path().join("t.zarr");
     baked(&path, Share::ALL).unwrap();
     let file = path.join("zarr.json");
-    let mut group: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
-    change(&mut group["attributes"]["pegfit"]);
-    fs::write(&file, group.to_string()).unwrap();
+    // With its right digest: what lies behind that is looked at here.
+    let changed = resealed(&fs::read(&file).unwrap(), change);
+    fs::write(&file, changed).unwrap();
     let load = TableStore::open(&path).and_then(|s| s.load(1 << 24));
     load.expect_err("the table was spoiled")
 }
@@ -121,7 +121,12 @@ fn foreign_metadata_is_refused_by_name() {
         ),
         "{large}"
     );
-    let fine = with_header(|h| h["table"]["rotations"]["step_deg"] = json!(1e-5));
+    let finest = with_header(|h| h["table"]["rotations"]["step_deg"] = json!(1e-5));
+    assert!(
+        matches!(finest, StoreError::Table(TableError::Rotations(_))),
+        "{finest}"
+    );
+    let fine = with_header(|h| h["table"]["rotations"]["step_deg"] = json!(0.25));
     assert!(
         matches!(
             fine,
@@ -132,7 +137,7 @@ fn foreign_metadata_is_refused_by_name() {
         ),
         "{fine}"
     );
-    let sigma = with_header(|h| h["table"]["recipe"]["model"]["sigma"] = json!(7));
+    let sigma = with_header(|h| h["table"]["recipe"]["model"]["sigma"] = json!(7.0));
     assert!(
         matches!(sigma, StoreError::Table(TableError::Model(_))),
         "{sigma}"

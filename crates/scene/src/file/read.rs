@@ -1,5 +1,7 @@
 //! Reading a scene file.
 
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::Path;
 
 use crate::error::SceneError;
@@ -16,7 +18,7 @@ impl Scene {
     /// the error carries the line.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Read {
+        let text = bounded(path).map_err(|source| SceneError::Read {
             path: path.to_owned(),
             source,
         })?;
@@ -34,4 +36,18 @@ impl Scene {
             .map_err(|e| source.error(e.span().unwrap_or(0..text.len()), e.message()))?;
         check::scene(raw, source)
     }
+}
+
+/// Bytes of a scene file at most: a hundred thousand listed rotations. What TOML makes of it takes
+/// some seventy times as much.
+const LONGEST: u64 = 4 << 20;
+
+/// The text of a file, or of a pipe, that is not too long.
+fn bounded(path: &Path) -> io::Result<String> {
+    let mut text = Vec::new();
+    File::open(path)?.take(LONGEST + 1).read_to_end(&mut text)?;
+    if text.len() as u64 > LONGEST {
+        return Err(io::Error::other("more than 4 MiB, which no scene has"));
+    }
+    String::from_utf8(text).map_err(io::Error::other)
 }

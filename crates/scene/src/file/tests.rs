@@ -263,3 +263,16 @@ fn mistakes_in_lists_of_parts_are_shown_with_their_line() {
         parse("unit = \"mm\"\nfixed = \"a.obj\"\n[moving]\nmesh = \"b.obj\"\ntable = \"t.zarr\"\n");
     assert!(moved.unwrap_err().to_string().contains("line 5"));
 }
+
+/// A number list of this length takes gigabytes once it is parsed.
+#[test]
+fn a_scene_that_is_too_long_is_refused_unread() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.toml");
+    std::fs::write(&path, format!("{SHORT}# {}\n", "1,".repeat(1 << 20))).unwrap();
+    assert!(Scene::read(&path).is_ok(), "a long comment is none");
+    let file = std::fs::File::create(&path).unwrap();
+    file.set_len(3 << 30).unwrap();
+    let error = Scene::read(&path).unwrap_err();
+    assert!(matches!(error, SceneError::Read { .. }), "{error}");
+}

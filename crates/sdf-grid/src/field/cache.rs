@@ -19,6 +19,7 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::atomic;
 use crate::support::monitor::Monitor;
 use crate::support::recipe::{Difference, difference};
+use crate::support::regular::{self, RegularError};
 
 /// First bytes of every file.
 const MAGIC: &[u8; 16] = b"pegfit field 16\n";
@@ -53,6 +54,8 @@ pub struct CacheError {
 enum EntryError {
     #[error(transparent)]
     Io(#[from] io::Error),
+    #[error(transparent)]
+    File(#[from] RegularError),
     #[error("expected {expected} bytes, found {found}")]
     Length { expected: u64, found: u64 },
     #[error("not a field of this version")]
@@ -137,8 +140,11 @@ impl FieldCache {
     }
 }
 
-/// Writes `field` to `path`.
+/// Writes `field` to `path`, where nothing or a file must be: a pipe would be written into.
 fn write(path: &Path, field: &DensityField) -> io::Result<()> {
+    if let Err(e @ RegularError::Kind { .. }) = regular::open(path) {
+        return Err(io::Error::other(e));
+    }
     let recipe = field.recipe.to_json();
     atomic::write_with(path, |out| {
         out.write_all(MAGIC)?;
@@ -153,10 +159,8 @@ fn write(path: &Path, field: &DensityField) -> io::Result<()> {
 
 /// The field in `path`, which must be that of `recipe`; none if there is no such file.
 fn read(path: &Path, recipe: &FieldRecipe) -> Result<Option<DensityField>, EntryError> {
-    let mut file = match File::open(path) {
-        Ok(file) => file,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(e.into()),
+    let Some((mut file, found)) = regular::open(path)? else {
+        return Ok(None);
     };
     let mut header = [0; HEADER];
     file.read_exact(&mut header)?;
@@ -172,7 +176,6 @@ fn read(path: &Path, recipe: &FieldRecipe) -> Result<Option<DensityField>, Entry
         return Err(difference.into());
     }
     let expected = (HEADER + text.len()) as u64 + DensityField::memory_bytes(&recipe.lattice);
-    let found = file.metadata()?.len();
     if found != expected {
         return Err(EntryError::Length { expected, found });
     }

@@ -12,3 +12,4 @@ pub(crate) mod place;
 #[doc(hidden)]
 pub mod prefetch;
 pub mod recipe;
+pub mod regular;

@@ -168,3 +168,49 @@ fn a_directory_that_cannot_be_made_is_refused() {
     let error = FieldCache::new(file.join("fields")).unwrap_err();
     assert!(error.to_string().contains("fields"), "{error}");
 }
+
+/// A pipe would be waited for, a device never end: the field is computed, and what is there stays.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_no_file_is_neither_read_nor_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let cache = FieldCache::new(dir.path().join("fields")).unwrap();
+    let (inputs, begun) = (Inputs::new(), Begun::default());
+    let path = inputs.path(&cache);
+    let pipe = || {
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.unwrap().success());
+    };
+    let socket = || drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
+    let endless = || std::os::unix::fs::symlink("/dev/zero", &path).unwrap();
+    let folder = || fs::create_dir(&path).unwrap();
+    let puts: [&dyn Fn(); 4] = [&pipe, &socket, &endless, &folder];
+    for (count, put) in puts.into_iter().enumerate() {
+        put();
+        let before = fs::symlink_metadata(&path).unwrap().file_type();
+        let field = inputs.get(&cache, &begun);
+        assert_eq!(field.lattice(), &inputs.lattice);
+        assert_eq!(begun.0.load(Relaxed), count as u64 + 1);
+        assert_eq!(fs::symlink_metadata(&path).unwrap().file_type(), before);
+        if path.is_dir() {
+            fs::remove_dir(&path).unwrap();
+        } else {
+            fs::remove_file(&path).unwrap();
+        }
+    }
+}
+
+/// A sparse file takes no room on disk; read, it would fill the memory.
+#[test]
+fn a_file_of_another_length_is_replaced_unread() {
+    let dir = tempfile::tempdir().unwrap();
+    let cache = FieldCache::new(dir.path()).unwrap();
+    let (inputs, begun) = (Inputs::new(), Begun::default());
+    let field = inputs.get(&cache, &begun);
+    let path = inputs.path(&cache);
+    let good = fs::read(&path).unwrap();
+    let file = fs::File::options().append(true).open(&path).unwrap();
+    file.set_len(3 << 30).unwrap();
+    assert_eq!(inputs.get(&cache, &begun), field);
+    assert_eq!(fs::read(&path).unwrap(), good);
+}

@@ -1,6 +1,6 @@
 //! What arrays are read from and written to.
 
-use zarrs::storage::ReadableWritableListableStorageTraits;
+use zarrs_storage::ReadableWritableListableStorageTraits;
 
 /// A folder, an object store or memory.
 pub(super) type Backend = dyn ReadableWritableListableStorageTraits;

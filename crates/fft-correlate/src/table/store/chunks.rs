@@ -2,8 +2,7 @@
 
 use std::io;
 
-use half::f16;
-use zarrs::array::{Array, ArrayError};
+use zarrs_storage::Bytes;
 
 use crate::rotations::grid::RotationGrid;
 use crate::table::encode::{Encoded, far_code, is_storable};
@@ -11,13 +10,14 @@ use crate::table::error::TableError;
 use crate::table::layout::Layout;
 use crate::table::spec::TableSpec;
 use crate::table::storage::Numbers;
-use crate::table::store::backend::Backend;
+use crate::table::store::array::TableArray;
+use crate::table::store::coding::{CHECKSUM, checked, most_packed, pack, unpack, with_checksum};
+use crate::table::store::coordinates;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::format::{
-    array, chunk_index, coefficient_array, one_thread, read, scale_array,
-};
+use crate::table::store::format::{coefficient_array, scale_array};
 use crate::table::store::header::Header;
+use crate::table::store::seal::Identity;
 use crate::table::store::surfaces;
 
 /// State of a rotation node's chunk.
@@ -36,9 +36,10 @@ pub(crate) struct Chunks {
     pub(super) files: TableFiles,
     pub(super) header: Header,
     pub(super) grid: RotationGrid,
-    coefficients: Array<Backend>,
+    identity: Identity,
+    coefficients: TableArray,
     /// Scales of whole numbers.
-    scales: Option<Array<Backend>>,
+    scales: Option<TableArray>,
 }
 
 impl Chunks {
@@ -51,21 +52,17 @@ impl Chunks {
         header.table.validate()?;
         expect_rotations(files, &header)?;
         let grid = header.table.grid().map_err(TableError::from)?;
-        let coefficients = array(
-            files,
-            ["coefficients", "coefficients/zarr.json"],
-            &coefficient_array(&header.table, header.energy_unit, &grid),
-        )?;
+        let coefficients = coefficient_array(&header.table, header.energy_unit, &grid);
+        coefficients.expect(files)?;
         let scales = match header.table.storage.numbers {
             Numbers::Half => None,
-            Numbers::Integer => Some(array(
-                files,
-                ["scale", "scale/zarr.json"],
-                &scale_array(header.energy_unit, &grid),
-            )?),
+            Numbers::Integer => Some(scale_array(header.energy_unit, &grid)),
         };
+        scales.iter().try_for_each(|scales| scales.expect(files))?;
+        coordinates::expect(files, &header, &grid)?;
         Ok(Self {
             files: files.clone(),
+            identity: header.identity(),
             header,
             grid,
             coefficients,
@@ -94,57 +91,67 @@ impl Chunks {
         }
     }
 
-    /// The stored numbers of a rotation node, all finite; `None` if they are not there.
+    /// The stored numbers of a rotation node, all finite and those that were baked for it; `None`
+    /// if they are not there.
     pub(super) fn chunk(&self, row: usize) -> Result<Option<Encoded>, StoreError> {
-        let codes = match self.header.table.storage.numbers {
-            Numbers::Half => read::<f16>(&self.coefficients, row)
-                .map(|c| c.map(|c| c.into_iter().map(f16::to_bits).collect())),
-            Numbers::Integer => read::<i16>(&self.coefficients, row)
-                .map(|c| c.map(|c| c.into_iter().map(|i| i as u16).collect())),
+        let (key, length) = (self.coefficients.key(row), self.bytes());
+        let packed = self.get(&key, most_packed(length as u64))?;
+        // It is written first, so one that is missing was lost.
+        let (Some(packed), Some(scale)) = (packed, self.scale(row)?) else {
+            return Ok(None);
         };
-        let codes: Option<Vec<u16>> =
-            codes.map_err(|e| self.chunk_error(&self.coefficients, row, e))?;
-        let Some(codes) = codes else { return Ok(None) };
+        let damaged = |reason| self.damaged(&key, reason);
+        let (raw, stored) = unpack(&packed, length).map_err(damaged)?;
+        if self.identity.chunk(row, scale, &raw) != stored {
+            let reason = "its digest is that of another place or table, or of other numbers";
+            return Err(self.damaged(&key, reason.into()));
+        }
+        let codes = raw.as_chunks().0.iter().map(|c| u16::from_le_bytes(*c));
+        let codes: Vec<u16> = codes.collect();
         let numbers = self.header.table.storage.numbers;
         if let Some(bad) = codes.iter().position(|&c| !is_storable(c, numbers)) {
-            let reason = format!("value {bad} is not finite");
-            return Err(self.damaged(&self.coefficients, row, reason));
+            return Err(self.damaged(&key, format!("value {bad} is not finite")));
         }
+        Ok(Some(Encoded {
+            codes,
+            scale,
+            ..Encoded::default()
+        }))
+    }
+
+    /// What the numbers of a rotation node are multiplied by; `None` if it is not there.
+    fn scale(&self, row: usize) -> Result<Option<f32>, StoreError> {
         let Some(scales) = &self.scales else {
-            return Ok(Some(Encoded {
-                codes,
-                scale: 1.0,
-                ..Encoded::default()
-            }));
+            return Ok(Some(1.0));
         };
-        let scale = read::<f32>(scales, row).map_err(|e| self.chunk_error(scales, row, e))?;
-        // It is written first, so one that is missing was lost.
-        match scale.as_deref() {
-            None => Ok(None),
-            Some([scale]) if scale.is_normal() && *scale > 0.0 => Ok(Some(Encoded {
-                codes,
-                scale: *scale,
-                ..Encoded::default()
-            })),
-            Some(found) => Err(self.damaged(scales, row, format!("the scale is {found:?}"))),
+        let key = scales.key(row);
+        let most = size_of::<f32>() + CHECKSUM;
+        let Some(bytes) = self.get(&key, most as u64)? else {
+            return Ok(None);
+        };
+        let content = checked(&bytes).map_err(|reason| self.damaged(&key, reason))?;
+        let scale = content.try_into().map(f32::from_le_bytes);
+        match scale {
+            Ok(scale) if scale.is_normal() && scale > 0.0 => Ok(Some(scale)),
+            found => Err(self.damaged(&key, format!("the scale is {found:?}"))),
         }
     }
 
-    fn damaged(&self, array: &Array<Backend>, row: usize, reason: String) -> StoreError {
+    /// Bytes of the numbers of a rotation node.
+    fn bytes(&self) -> usize {
+        size_of::<u16>() * self.header.table.window.len()
+    }
+
+    fn get(&self, key: &str, limit: u64) -> Result<Option<Bytes>, StoreError> {
+        let get = self.files.get(key, limit);
+        get.map_err(|e| e.or(|reason| self.damaged(key, reason)))
+    }
+
+    fn damaged(&self, key: &str, reason: String) -> StoreError {
         StoreError::Damaged {
             path: self.files.place().into(),
-            key: array.chunk_key(&chunk_index(array, row)).to_string(),
+            key: key.to_string(),
             reason,
-        }
-    }
-
-    fn chunk_error(&self, array: &Array<Backend>, row: usize, error: ArrayError) -> StoreError {
-        match error {
-            ArrayError::StorageError(e) => {
-                let key = array.chunk_key(&chunk_index(array, row));
-                self.files.io(key.as_str(), e)
-            }
-            e => self.damaged(array, row, e.to_string()),
         }
     }
 
@@ -159,24 +166,16 @@ impl Chunks {
         let nodes = self.header.table.window.len();
         assert_eq!(encoded.codes.len(), nodes, "one coefficient per node");
         if let Some(scales) = &self.scales {
-            scales
-                .store_chunk_opt(&chunk_index(scales, row), &[encoded.scale], &one_thread())
-                .map_err(|e| self.chunk_error(scales, row, e))?;
+            let bytes = with_checksum(encoded.scale.to_le_bytes().to_vec());
+            self.files.set(&scales.key(row), bytes)?;
         }
-        let (index, options) = (chunk_index(&self.coefficients, row), one_thread());
-        match self.header.table.storage.numbers {
-            Numbers::Half => {
-                let coefficients: &[f16] = bytemuck::cast_slice(&encoded.codes);
-                self.coefficients
-                    .store_chunk_opt(&index, coefficients, &options)
-            }
-            Numbers::Integer => {
-                let coefficients: &[i16] = bytemuck::cast_slice(&encoded.codes);
-                self.coefficients
-                    .store_chunk_opt(&index, coefficients, &options)
-            }
-        }
-        .map_err(|e| self.chunk_error(&self.coefficients, row, e))
+        let codes = encoded.codes.iter().flat_map(|c| c.to_le_bytes());
+        let raw: Vec<u8> = codes.collect();
+        let digest = self.identity.chunk(row, encoded.scale, &raw);
+        let key = self.coefficients.key(row);
+        let packed = pack(&raw, &digest);
+        let packed = packed.map_err(|e| self.files.io(&key, e.into()))?;
+        self.files.set(&key, packed)
     }
 
     /// Removes what an interrupted write of a rotation node left behind.
@@ -185,8 +184,7 @@ impl Chunks {
     /// If the left-over file cannot be removed.
     pub(crate) fn clean(&self, row: usize) -> Result<(), StoreError> {
         for array in self.scales.iter().chain([&self.coefficients]) {
-            self.files
-                .clean(&array.chunk_key(&chunk_index(array, row)))?;
+            self.files.clean(&array.key(row))?;
         }
         Ok(())
     }
@@ -252,7 +250,7 @@ fn expect_rotations(files: &TableFiles, header: &Header) -> Result<(), StoreErro
         path: files.place().join(KEY),
         source: io::ErrorKind::NotFound.into(),
     })?;
-    let (stored, box_nodes) = (bytes / 32, RotationGrid::box_nodes(&header.table.rotations));
+    let (stored, box_nodes) = (bytes / 32, header.table.box_nodes());
     // A box has fewer than 64 nodes for each that is kept, once there are many.
     if box_nodes <= 64.0 * stored as f64 + 1e5 {
         return Ok(());

@@ -9,10 +9,10 @@ use std::sync::{Arc, OnceLock};
 
 use object_store::prefix::PrefixStore;
 use tokio::runtime::{Builder, Handle, Runtime};
-use zarrs::storage::storage_adapter::async_to_sync::{
+use zarrs_object_store::AsyncObjectStore;
+use zarrs_storage::storage_adapter::async_to_sync::{
     AsyncToSyncBlockOn, AsyncToSyncStorageAdapter,
 };
-use zarrs_object_store::AsyncObjectStore;
 
 use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;

@@ -43,7 +43,11 @@ pub enum StoreError {
         reason: String,
     },
     /// The table is of another format.
-    #[error("{}: table format {expected} expected, {found} found; bake it again", path.display())]
+    #[error(
+        "{0}: table format {expected} expected, {found} found; remove it and bake it again: \
+         pegfit bake SCENE -o {0}",
+        path.display()
+    )]
     Version {
         /// The table.
         path: PathBuf,
@@ -85,7 +89,8 @@ pub enum StoreError {
         /// The first of them.
         first: usize,
     },
-    /// A rotation node's chunk is truncated or does not pass its checksum.
+    /// A rotation node's chunk is truncated, does not pass its checksum, or is not the one that was
+    /// baked for its place.
     #[error("{}: chunk {key} is damaged: {reason}; bake with resume", path.display())]
     Damaged {
         /// The table.

@@ -10,10 +10,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sdf_grid::atomic::AtomicFile;
-use zarrs::filesystem::FilesystemStore;
-use zarrs::storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
-use zarrs::storage::store::MemoryStore;
-use zarrs::storage::{Bytes, StorageError, StoreKey, StorePrefix};
+use sdf_grid::regular::{self, RegularError};
+use serde_json::Value;
+use zarrs_filesystem::FilesystemStore;
+use zarrs_storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
+use zarrs_storage::store::MemoryStore;
+use zarrs_storage::{Bytes, StorageError, StoreKey, StorePrefix};
 
 use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;
@@ -25,6 +27,25 @@ pub struct TableFiles {
     place: PathBuf,
     is_folder: bool,
     storage: Arc<Backend>,
+}
+
+/// Why the bytes of a file were not had.
+#[derive(Debug)]
+pub(super) enum Unread {
+    /// There is something else, or too much of it.
+    Refused(String),
+    /// The place does not answer.
+    Failed(StoreError),
+}
+
+impl Unread {
+    /// What failed, or what a refusal is to be called.
+    pub(super) fn or(self, refused: impl FnOnce(String) -> StoreError) -> StoreError {
+        match self {
+            Self::Refused(reason) => refused(reason),
+            Self::Failed(error) => error,
+        }
+    }
 }
 
 impl std::fmt::Debug for TableFiles {
@@ -123,8 +144,12 @@ impl TableFiles {
             return Ok(None);
         };
         // There as long as the table, and renamed over only when a bake has ended.
-        let path = folder.join("zarr.json");
-        let file = fs::File::open(&path).map_err(|source| StoreError::Io { path, source })?;
+        let key = "zarr.json";
+        let file = match regular::open(&folder.join(key)) {
+            Ok(Some((file, _))) => file,
+            Ok(None) => return Err(self.io(key, io::Error::from(io::ErrorKind::NotFound).into())),
+            Err(e) => return Err(self.io(key, StorageError::Other(e.to_string()))),
+        };
         let locked = match alone {
             true => file.try_lock(),
             false => file.try_lock_shared(),
@@ -135,10 +160,6 @@ impl TableFiles {
             }),
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Some(file)),
         }
-    }
-
-    pub(super) fn storage(&self) -> &Arc<Backend> {
-        &self.storage
     }
 
     /// True if something is there, of which a table's metadata is the first to look for.
@@ -166,10 +187,31 @@ impl TableFiles {
     /// The bytes of a file; `None` if there is no such file.
     ///
     /// # Errors
-    /// If it cannot be read, or the key begins or ends with a slash.
+    /// If it cannot be read, is no file, or the key begins or ends with a slash.
     pub fn read(&self, key: &str) -> Result<Option<Bytes>, StoreError> {
-        let get = store_key(key).and_then(|k| self.storage.get(&k));
-        get.map_err(|e| self.io(key, e))
+        let get = self.get(key, u64::MAX);
+        get.map_err(|e| e.or(|reason| self.io(key, StorageError::Other(reason))))
+    }
+
+    /// The bytes of a file of at most `limit`, of which nothing is read if there are more.
+    pub(super) fn get(&self, key: &str, limit: u64) -> Result<Option<Bytes>, Unread> {
+        let io = |e| Unread::Failed(self.io(key, e));
+        let name = store_key(key).map_err(io)?;
+        if let Some(folder) = self.folder() {
+            let read = regular::read(&folder.join(key), limit);
+            return read.map(|b| b.map(Bytes::from)).map_err(|e| match e {
+                RegularError::Io(e) => io(StorageError::from(e)),
+                refused => Unread::Refused(refused.to_string()),
+            });
+        }
+        match self.storage.size_key(&name).map_err(io)? {
+            None => Ok(None),
+            Some(found) if found > limit => {
+                let refused = RegularError::Length { limit, found };
+                Err(Unread::Refused(refused.to_string()))
+            }
+            Some(_) => self.storage.get(&name).map_err(io),
+        }
     }
 
     pub(super) fn size(&self, key: &str) -> Result<Option<u64>, StoreError> {
@@ -177,14 +219,26 @@ impl TableFiles {
         size.map_err(|e| self.io(key, e))
     }
 
-    /// Replaces a file, whole or not at all.
+    /// Writes a file of a table, whole or not at all; a kill may leave a file beside it.
+    pub(super) fn set(&self, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
+        let set = store_key(key).and_then(|k| self.storage.set(&k, bytes.into()));
+        set.map_err(|e| self.io(key, e))
+    }
+
+    /// The same, of text that people may read.
+    pub(super) fn set_json(&self, key: &str, content: &Value) -> Result<(), StoreError> {
+        let text = serde_json::to_vec_pretty(content);
+        let text = text.map_err(|e| self.io(key, StorageError::Other(e.to_string())))?;
+        self.set(key, text)
+    }
+
+    /// Replaces a file, whole or not at all, and leaves nothing in the table if killed.
     ///
     /// # Errors
     /// If it cannot be written; what was there before stays.
     pub fn replace(&self, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let Some(folder) = self.folder() else {
-            let set = store_key(key).and_then(|k| self.storage.set(&k, bytes.into()));
-            return set.map_err(|e| self.io(key, e));
+            return self.set(key, bytes);
         };
         let io = |source: io::Error| StoreError::Io {
             path: folder.join(key),
@@ -198,7 +252,7 @@ impl TableFiles {
     }
 
     /// Removes what an interrupted write of `key` left behind. Only folders keep such files.
-    pub(super) fn clean(&self, key: &StoreKey) -> Result<(), StoreError> {
+    pub(super) fn clean(&self, key: &str) -> Result<(), StoreError> {
         let Some(folder) = self.folder() else {
             return Ok(());
         };

@@ -1,15 +1,10 @@
 //! How much of a part's surface is stored, and as which arrays.
 
-use std::sync::Arc;
-
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use zarrs::array::ArrayBuilder;
-use zarrs::array::builder::ArrayBuilderFillValue;
-use zarrs::array::codec::Crc32cCodec;
-use zarrs::array::data_type;
 
 use crate::pair::contact::Contact;
+use crate::table::store::array::{Chunking, Numbers, TableArray};
 
 /// How much of a part is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,33 +23,29 @@ impl PartSize {
         })
     }
 
-    /// The arrays of vertices and of triangles of the part of this name.
-    pub(super) fn builders(self, part: &str) -> [ArrayBuilder; 2] {
-        let builder =
-            |rows: usize, names: [&str; 2], numbers, empty: ArrayBuilderFillValue, about, unit| {
-                let shape = vec![rows as u64, 3];
-                let attributes = json!({ "long_name": about, "units": unit });
-                let mut builder = ArrayBuilder::new(shape.clone(), shape, numbers, empty);
-                builder
-                    .bytes_to_bytes_codecs(vec![Arc::new(Crc32cCodec::new())])
-                    .dimension_names(Some([format!("{part}_{}", names[0]), names[1].to_owned()]))
-                    .attributes(attributes.as_object().cloned().unwrap_or_default());
-                builder
-            };
+    /// The arrays of vertices and of triangles of the part of this name, called `names`.
+    pub(super) fn arrays(self, part: &str, names: [[&'static str; 2]; 2]) -> [TableArray; 2] {
+        let array = |names, rows: usize, row: &str, column, numbers, about: &str, unit: &str| {
+            let dimensions = [(&*format!("{part}_{row}"), rows), (column, 3)];
+            let attributes = json!({ "long_name": about, "units": unit });
+            TableArray::new(names, numbers, &dimensions, Chunking::One, attributes)
+        };
         [
-            builder(
+            array(
+                names[0],
                 self.vertices,
-                ["vertex", "axis"],
-                data_type::float64(),
-                f64::NAN.into(),
+                "vertex",
+                "axis",
+                Numbers::Float64,
                 "vertices of the part's surface, x, y, z in its own frame",
                 "m",
             ),
-            builder(
+            array(
+                names[1],
                 self.triangles,
-                ["triangle", "corner"],
-                data_type::uint32(),
-                0u32.into(),
+                "triangle",
+                "corner",
+                Numbers::UInt32,
                 "vertices of the part's triangles, counter-clockwise from outside",
                 "1",
             ),

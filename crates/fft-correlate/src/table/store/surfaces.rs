@@ -1,16 +1,11 @@
 //! The parts' surfaces, for tables whose energies lack what their contact adds.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 use sdf_grid::{ContactError, HygieneOptions, KernelError, TriangleMesh};
-use zarrs::array::{Array, ArrayBuilder, ArrayError, ElementOwned};
 
 use crate::pair::contact::{Contact, Smoothing, jump};
-use crate::table::store::backend::Backend;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::format::{array, metadata_options, one_thread};
 use crate::table::store::header::Header;
 use crate::table::store::part_size::PartSize;
 
@@ -29,26 +24,17 @@ const ARRAYS: [[[&str; 2]; 2]; 2] = [
 /// Their names.
 const PARTS: [&str; 2] = ["fixed", "moving"];
 
-/// What a checksum adds to an array's numbers, bytes.
-const CHECKSUM: u64 = 4;
-
 /// Writes the surfaces of both parts.
-pub(super) fn write(
-    files: &Arc<Backend>,
-    contact: &Contact,
-) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+pub(super) fn write(files: &TableFiles, contact: &Contact) -> Result<(), StoreError> {
     let sizes = PartSize::of(contact);
     for (((part, size), names), name) in
         (contact.parts().into_iter().zip(sizes).zip(ARRAYS)).zip(PARTS)
     {
-        let [vertices, triangles] = size.builders(name);
-        let numbers: Vec<f64> = part.vertices().iter().flat_map(|v| v.to_array()).collect();
-        let array = vertices.build(files.clone(), &format!("/{}", names[0][0]))?;
-        array.store_metadata_opt(&metadata_options())?;
-        array.store_chunk_opt(&[0, 0], &numbers, &one_thread())?;
-        let array = triangles.build(files.clone(), &format!("/{}", names[1][0]))?;
-        array.store_metadata_opt(&metadata_options())?;
-        array.store_chunk_opt(&[0, 0], part.triangles().as_flattened(), &one_thread())?;
+        let [vertices, triangles] = size.arrays(name, names);
+        let numbers = part.vertices().iter().flat_map(|v| v.to_array());
+        vertices.write_whole(files, numbers.flat_map(f64::to_le_bytes).collect())?;
+        let corners = part.triangles().as_flattened().iter();
+        triangles.write_whole(files, corners.flat_map(|c| c.to_le_bytes()).collect())?;
     }
     Ok(())
 }
@@ -91,9 +77,10 @@ fn read_part(
     name: &str,
     names: [[&'static str; 2]; 2],
 ) -> Result<TriangleMesh, StoreError> {
-    let [vertices, triangles] = size.builders(name);
-    let numbers: Vec<f64> = whole(files, names[0], &vertices, size.vertices, 8)?;
-    let corners: Vec<u32> = whole(files, names[1], &triangles, size.triangles, 4)?;
+    let [vertices, triangles] = size.arrays(name, names);
+    let [count, corners] = [size.vertices, size.triangles].map(|n| n.saturating_mul(3));
+    let numbers = vertices.read_whole(files, count, f64::from_le_bytes)?;
+    let corners = triangles.read_whole(files, corners, u32::from_le_bytes)?;
     let vertices = numbers.as_chunks().0.iter().map(|v| DVec3::from_array(*v));
     // A part that was cleaned before stays as it is.
     let options = HygieneOptions {
@@ -108,35 +95,4 @@ fn read_part(
             item: names[0][1],
             reason: e.to_string(),
         })
-}
-
-/// All numbers of an array of `rows` by three numbers of `bytes` bytes each.
-fn whole<T: ElementOwned>(
-    files: &TableFiles,
-    names: [&'static str; 2],
-    builder: &ArrayBuilder,
-    rows: usize,
-    bytes: u64,
-) -> Result<Vec<T>, StoreError> {
-    let array: Array<Backend> = array(files, names, builder)?;
-    let key = array.chunk_key(&[0, 0]).to_string();
-    let damaged = |reason: String| StoreError::Damaged {
-        path: files.place().into(),
-        key: key.clone(),
-        reason,
-    };
-    // Nothing is allocated for what is not there.
-    let expected = (rows as u64)
-        .saturating_mul(3 * bytes)
-        .saturating_add(CHECKSUM);
-    match files.size(&key)? {
-        Some(found) if found == expected => {}
-        found => {
-            return Err(damaged(format!(
-                "{expected} bytes expected, found {found:?}"
-            )));
-        }
-    }
-    let read = array.retrieve_chunk_opt::<Vec<T>>(&[0, 0], &one_thread());
-    read.map_err(|e: ArrayError| damaged(e.to_string()))
 }

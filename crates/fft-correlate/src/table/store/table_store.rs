@@ -59,8 +59,9 @@ impl TableStore {
                 parts: spec.contact.as_ref().map(PartSize::of),
                 table: spec.clone(),
                 error: None,
+                digest: String::new(),
             };
-            place(files, &header, &grid)?;
+            place(files, &header.sealed(), &grid)?;
         }
         let store = Self::open_files(files)?;
         store.expect_spec(spec)?;
@@ -158,6 +159,14 @@ impl TableStore {
         self.chunks.state(row)
     }
 
+    /// Checks that one rotation node fits in `limit` bytes of memory: more is not read at once.
+    ///
+    /// # Errors
+    /// [`TableError::Memory`] if it does not.
+    pub fn expect_fits(&self, limit: u64) -> Result<(), StoreError> {
+        Ok(self.spec().check_memory(1, limit)?)
+    }
+
     /// Reads all energies into memory, in parallel, checking every checksum. What was left out of
     /// every rotation takes no memory, nor do rotations of which all was left out. `memory_limit`
     /// bounds the bytes of energies.
@@ -197,7 +206,8 @@ impl TableStore {
         let header = Header {
             error: Some(report.clone()),
             ..self.chunks.header.clone()
-        };
+        }
+        .sealed();
         let text = serde_json::to_vec_pretty(&header.group()).map_err(|e| StoreError::Io {
             path: self.path().join("zarr.json"),
             source: e.into(),

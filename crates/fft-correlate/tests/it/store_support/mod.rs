@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use fft_correlate::{BakeError, RotationDomain, Share, TableSpec, bake};
 use sdf_grid::{Monitor, Silent};
+use serde_json::Value;
 
 use crate::common::*;
 
@@ -65,4 +66,26 @@ impl Monitor for StopAfter {
     fn cancelled(&self) -> bool {
         self.0.load(Relaxed) == 0
     }
+}
+
+/// The metadata of a table whose attribute `pegfit` was changed, with the digest that it then must
+/// have.
+pub(crate) fn resealed(text: &[u8], change: impl FnOnce(&mut Value)) -> Vec<u8> {
+    let mut group: Value = serde_json::from_slice(text).unwrap();
+    let own = &mut group["attributes"]["pegfit"];
+    change(own);
+    if let Some(own) = own.as_object_mut() {
+        own.shift_remove("digest");
+        let plain = Value::from(own.clone()).to_string();
+        let digest = blake3::hash(plain.as_bytes()).to_hex().to_string();
+        own.insert("digest".into(), digest.into());
+    }
+    group.to_string().into_bytes()
+}
+
+/// Bytes with the checksum that ends every chunk.
+pub(crate) fn with_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
+    let checksum = crc32c::crc32c(&bytes);
+    bytes.extend_from_slice(&checksum.to_le_bytes());
+    bytes
 }

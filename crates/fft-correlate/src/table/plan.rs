@@ -3,6 +3,7 @@
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
 use crate::table::encode::Probe;
+use crate::table::fade::Fade;
 use crate::table::layout::Layout;
 use crate::table::spec::TableSpec;
 
@@ -15,6 +16,8 @@ pub(crate) struct Plan {
     pub(crate) probe: Probe,
     /// Arranges the numbers of every slot.
     pub(crate) layout: Layout,
+    /// How energies fade outside.
+    pub(crate) fade: Fade,
     /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
     pub(crate) slots: Vec<u32>,
 }
@@ -29,7 +32,10 @@ impl Plan {
         slots: Vec<u32>,
     ) -> Self {
         grid.number(&slots);
+        let fade = spec.fade();
+        grid.fade_over(fade.angle);
         Self {
+            fade,
             spec,
             grid,
             probe,

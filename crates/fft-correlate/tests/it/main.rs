@@ -21,6 +21,7 @@ mod store_damage;
 mod store_memory;
 mod stress;
 mod table;
+mod table_edges;
 mod table_parts;
 mod table_queries;
 mod tolerance;

@@ -94,7 +94,6 @@ pub use table::bake::{BakeError, BakeReport, Share, bake, bake_files};
 pub use table::design::{TableDesign, TableDesignError, TablePlan};
 pub use table::energy_table::EnergyTable;
 pub use table::error::TableError;
-pub use table::fade::Fade;
 pub use table::launcher::Launcher;
 pub use table::parts::PartialTable;
 pub use table::spec::TableSpec;

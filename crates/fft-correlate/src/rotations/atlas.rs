@@ -67,9 +67,7 @@ impl Atlas {
     /// Where a rotation, turned onto its chart, is read instead.
     pub(super) fn rest(&self, q: DQuat) -> Option<Rest> {
         match self.cover {
-            Cover::Ball { center, angle, .. } => {
-                Away::of(q, center).rest(angle, REST * self.step)
-            }
+            Cover::Ball { center, angle, .. } => Away::of(q, center).rest(angle, REST * self.step),
             _ => None,
         }
     }

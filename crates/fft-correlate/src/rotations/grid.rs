@@ -200,19 +200,16 @@ impl RotationGrid {
         }
     }
 
-    /// Outside the domain what is read fades over `angle`, radians, but at least over the margin in
-    /// which coverage ends, and at most over what is left of a half turn. Of several listed rotations
-    /// it fades over the margin: between them there is nothing.
-    pub(crate) fn fade_over(&mut self, angle: f64) {
+    /// Outside the domain what is read fades over all that is left of a half turn, instead of over
+    /// the margin in which coverage ends. Of several listed rotations it fades over the margin:
+    /// between them there is nothing.
+    pub(crate) fn fade_far(&mut self) {
         let atlas = &mut self.atlas;
-        if atlas.nodes.len() > 1 && matches!(atlas.cover, Cover::List { .. }) {
-            return;
-        }
-        let domain = match atlas.cover {
-            Cover::Ball { angle, .. } => angle,
-            _ => 0.0,
+        atlas.fade = match atlas.cover {
+            Cover::Ball { angle, .. } => PI - angle,
+            Cover::List { .. } if atlas.nodes.len() > 1 => atlas.fade,
+            _ => PI,
         };
-        atlas.fade = angle.max(atlas.fade).min(PI - domain);
     }
 
     /// Angle between neighbouring nodes, radians; for a list, the angle at which coverage ends.

@@ -3,7 +3,6 @@
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
 use crate::table::encode::Probe;
-use crate::table::fade::Fade;
 use crate::table::layout::Layout;
 use crate::table::spec::TableSpec;
 
@@ -16,8 +15,8 @@ pub(crate) struct Plan {
     pub(crate) probe: Probe,
     /// Arranges the numbers of every slot.
     pub(crate) layout: Layout,
-    /// How energies fade outside.
-    pub(crate) fade: Fade,
+    /// [`TableSpec::fade_length`].
+    pub(crate) fade_length: f64,
     /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
     pub(crate) slots: Vec<u32>,
 }
@@ -32,10 +31,9 @@ impl Plan {
         slots: Vec<u32>,
     ) -> Self {
         grid.number(&slots);
-        let fade = spec.fade();
-        grid.fade_over(fade.angle);
+        grid.fade_far();
         Self {
-            fade,
+            fade_length: spec.fade_length(),
             spec,
             grid,
             probe,

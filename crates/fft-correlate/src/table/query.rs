@@ -73,8 +73,8 @@ impl Place<'_> {
         let by_displacement = (weight * read.translation * slope
             + site.weight * read.energy * window_gradient)
             / self.spacing;
-        let by_turn = weight * site.turn_back(read.turn)
-            + window_weight * read.energy * site.weight_gradient;
+        let by_turn =
+            weight * site.turn_back(read.turn) + window_weight * read.energy * site.weight_gradient;
         let force = -by_displacement;
         let wrench = site.pull_back(&Wrench {
             torque: self.arm.cross(force) - by_turn,
@@ -229,7 +229,7 @@ impl<'t> Reader<'t> {
         let shape = window.shape();
         let edge = Edge {
             margin: MARGIN,
-            fade: [self.plan.fade.length / window.spacing(); 2],
+            fade: [self.plan.fade_length / window.spacing(); 2],
         };
         let reach = |k: usize| Reach::new(x[k], shape[k], &edge);
         let reach = [reach(0)?, reach(1)?, reach(2)?];

@@ -46,12 +46,16 @@ fn tables() -> Vec<EnergyTable> {
 #[test]
 fn the_wrench_outside_is_the_energys_gradient() {
     for table in tables() {
-        let reach = HALF + 1.1 * table.spec().fade().length;
+        let reach = HALF + 1.1 * table.spec().fade_length();
         let error = gradient_error(&table, 1500, |rng| {
             let turn = vector(rng).normalize() * rng.random_range(0.0..3.1);
             pose(DQuat::from_scaled_axis(turn), vector(rng) * reach)
         });
-        assert!(is_gradient(error), "{:?}: {error:?}", table.spec().rotations);
+        assert!(
+            is_gradient(error),
+            "{:?}: {error:?}",
+            table.spec().rotations
+        );
     }
 }
 
@@ -62,7 +66,7 @@ fn way_out(rng: &mut SmallRng, table: &EnergyTable) -> impl Fn(f64) -> Response 
     let mut at = vector(rng) * HALF;
     at[axis] = 0.0;
     let turn = rotation_within(rng, 0.3);
-    let length = table.spec().fade().length;
+    let length = table.spec().fade_length();
     let mut out = DVec3::ZERO;
     out[axis] = side;
     move |share: f64| table.respond(&pose(turn, at + out * (HALF + share * length)))
@@ -74,9 +78,14 @@ fn way_out(rng: &mut SmallRng, table: &EnergyTable) -> impl Fn(f64) -> Response 
 fn no_wall_stands_at_the_edge_of_a_window() {
     let mut rng = SmallRng::seed_from_u64(32);
     for table in tables() {
-        let length = table.spec().fade().length;
+        let length = table.spec().fade_length();
         let inside: Vec<Response> = (0..4000)
-            .map(|_| table.respond(&pose(rotation_within(&mut rng, 0.3), vector(&mut rng) * HALF)))
+            .map(|_| {
+                table.respond(&pose(
+                    rotation_within(&mut rng, 0.3),
+                    vector(&mut rng) * HALF,
+                ))
+            })
             .collect();
         let most = |of: &dyn Fn(&Response) -> f64| inside.iter().map(of).fold(0.0, f64::max);
         let force = most(&|r| r.wrench.force.length());
@@ -86,7 +95,11 @@ fn no_wall_stands_at_the_edge_of_a_window() {
             let at = way_out(&mut rng, &table);
             for k in 0..=60 {
                 let found = at(f64::from(k) / 60.0).wrench.force.length();
-                assert!(found <= bound, "{:?}: {found}, at most {bound}", table.spec().rotations);
+                assert!(
+                    found <= bound,
+                    "{:?}: {found}, at most {bound}",
+                    table.spec().rotations
+                );
             }
             assert!(at(0.98).energy != 0.0);
             let gone = at(1.001);

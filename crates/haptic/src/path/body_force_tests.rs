@@ -78,7 +78,10 @@ fn a_body_of_any_mass_stays_in_a_kink() {
     let kink = Field(|x: f64| (5.0 * x.abs(), -5.0 * x.signum()));
     for mass in [0.001, 0.02, 1.0] {
         let ([x, v], rise) = run(&kink, mass, [2e-3, 0.0], 0.0, 3000);
-        assert!(x.abs() < 1e-5 && v.abs() < 1e-2, "{mass} kg: {x} m, {v} m/s");
+        assert!(
+            x.abs() < 1e-5 && v.abs() < 1e-2,
+            "{mass} kg: {x} m, {v} m/s"
+        );
         assert!(rise < 1e-9, "{mass} kg: {rise} J");
     }
 }
@@ -93,7 +96,10 @@ fn no_energy_is_made_where_the_field_bends_down() {
     for mass in [0.001, 0.005, 0.02, 0.1] {
         for start in [[1e-5, 0.0], [3e-4, 0.3], [-2e-3, 1.7]] {
             let ([_, v], rise) = run(&wave, mass, start, 0.0, 2000);
-            assert!(rise < 1e-9 && v.is_finite(), "{mass} kg, {start:?}: {rise} J");
+            assert!(
+                rise < 1e-9 && v.is_finite(),
+                "{mass} kg, {start:?}: {rise} J"
+            );
         }
     }
 }
@@ -111,7 +117,10 @@ fn a_weight_hangs_where_the_slope_carries_it() {
     let well = Field(|x: f64| (1000.0 * x * x, -2000.0 * x));
     let ([x, v], _) = run(&well, 0.02, [0.0, 0.0], 9.81, 4000);
     let expected = 0.02 * 9.81 / 2000.0;
-    assert!((x - expected).abs() < 1e-3 * expected && v.abs() < 1e-6, "{x} {v}");
+    assert!(
+        (x - expected).abs() < 1e-3 * expected && v.abs() < 1e-6,
+        "{x} {v}"
+    );
 }
 
 /// A body that was put somewhere else owes nothing for it.

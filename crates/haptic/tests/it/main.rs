@@ -6,6 +6,7 @@ mod exchange;
 mod feel;
 #[cfg(unix)]
 mod makers;
+mod outside;
 mod passivity;
 mod safety;
 mod session;

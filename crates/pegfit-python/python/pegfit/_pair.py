@@ -171,7 +171,7 @@ class Pair:
         limit = count_or_none(memory, "memory", SceneError)
         options = (spacing, model, cache, peak_force, gamma, half, limit)
         self._core = _core.Pair.of_meshes(meshes[0]._core, meshes[1]._core, *options)
-        self._made = (_of_parts, (*meshes, options))
+        self._made: tuple[Any, ...] = (_of_parts, (*meshes, options))
 
     @classmethod
     def from_scene(

@@ -53,8 +53,8 @@ def _walls(width: float) -> str:
     line = '      <geom type="box" pos="{} {} 0" size="{} {} {}" mass="0" {}/>'
     look = 'contype="0" conaffinity="0" rgba="0.5 0.6 0.7 0.4"'
     away = half + thick
-    walls = [(s * away, 0, thick, half + 2 * thick) for s in (-1, 1)]
-    walls += [(0, s * away, half, thick) for s in (-1, 1)]
+    walls = [(s * away, 0.0, thick, half + 2 * thick) for s in (-1, 1)]
+    walls += [(0.0, s * away, half, thick) for s in (-1, 1)]
     return "\n".join(line.format(x, y, a, b, deep, look) for x, y, a, b in walls)
 
 
@@ -238,7 +238,7 @@ class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         told = self._told(float("nan"), float("nan")) | {"failed": True}
         return np.zeros(18, np.float32), 0.0, False, True, told
 
-    def render(self) -> Optional[NDArray[np.uint8]]:  # type: ignore[override]
+    def render(self) -> Optional[NDArray[np.uint8]]:
         """The scene as it is, `(480, 480, 3)`; `None` without a `render_mode`."""
         if self._renderer is None:
             return None

@@ -183,9 +183,9 @@ class PassiveForce:
             self.reset()
             elapsed = 0.0
         self._time = data.time
-        axes = np.empty(9)
-        mujoco.mju_quat2Mat(axes, self._turn[0])
-        axes = axes.reshape(3, 3).T
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, self._turn[0])
+        axes = turned.reshape(3, 3).T
         for k, body in enumerate(self._bodies):
             mujoco.mj_jac(model, data, self._jacobian[k, 1], self._jacobian[k, 0], point, body)
         # Of the moving body against the fixed one, its turning first, in the fixed part's axes.

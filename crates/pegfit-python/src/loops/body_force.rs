@@ -39,7 +39,10 @@ impl PyBodyForce {
     /// One step of a body: the moving part's pose against the fixed one, the body's centre in its
     /// frame, twist (angular first) now and after the step without this force, the inverse of its
     /// inertia, and the seconds of the step and since the last one.
-    #[expect(clippy::too_many_arguments, reason = "numbers from Python, named there")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "numbers from Python, named there"
+    )]
     fn step(
         &self,
         py: Python<'_>,

@@ -73,7 +73,7 @@ def test_generalized_forces_are_minus_the_gradient_of_the_energy(assembled, eval
 def test_the_pair_pushes_nobody_else(assembled, table):
     """Momentum and angular momentum of both bodies together stay zero."""
     pm, model, data = assembled
-    with pm.PassiveForce(model, table, "hole", "peg", config={"ramp_s": 0.02}) as force:
+    with pm.PassiveForce(model, table, "hole", "peg") as force:
         for _ in range(500):
             mujoco.mj_step(model, data)
     assert force.coverage > 0 and np.abs(data.qvel).max() > 1e-3
@@ -95,7 +95,7 @@ def test_a_peg_comes_to_rest_in_a_tight_hole(tmp_path):
     model.dof_damping[:] = 1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3
     data = mujoco.MjData(model)
     data.qpos[:3] = [0.1 + 4e-4, -0.2 - 3e-4, 0.3 + 6e-3]
-    with pm.PassiveForce(model, table, "hole", "peg", config={"ramp_s": 0.1}) as force:
+    with pm.PassiveForce(model, table, "hole", "peg") as force:
         energies = []
         for _ in range(4000):
             mujoco.mj_step(model, data)
@@ -128,7 +128,7 @@ def test_time_may_go_back_to_the_start(assembled, table):
     pm, model, data = assembled
     start = data.qpos.copy()
     found = []
-    with pm.PassiveForce(model, table, "hole", "peg", config={"ramp_s": 0.01}):
+    with pm.PassiveForce(model, table, "hole", "peg"):
         for _ in range(2):
             mujoco.mj_resetData(model, data)
             data.qpos[:] = start
@@ -146,8 +146,88 @@ def test_bodies_and_frames_that_are_none_are_refused(assembled, table):
         assert caught.value.item == "body"
     with pytest.raises(pegfit.PegfitError):
         pm.PassiveForce(model, table, 1, 2, fixed_frame=[0, 0, 0])
-    with pytest.raises(pegfit.DeviceError):
-        pm.PassiveForce(model, table, 1, 2, config={"ramp": 1})
+    with pytest.raises(pegfit.PegfitError):
+        pm.PassiveForce(model, "table", 1, 2)
+
+
+FREE = """
+<mujoco>
+  <option timestep="0.001" integrator="implicitfast" gravity="0 0 {gravity}"/>
+  <worldbody>
+    <body name="hole"/>
+    <body name="peg" pos="{at}">
+      <joint type="free"/>
+      <geom type="box" size="0.01 0.01 0.015" mass="{mass}" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def let_go(source, mass, at, gravity=0.0, steps=1500, speed=(0.0, 0.0, 0.0)):
+    """Positions of a peg let go, and the sum of its energies after every step."""
+    from pegfit import mujoco as pm
+
+    text = FREE.format(gravity=gravity, mass=mass, at=" ".join(map(str, at)))
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qvel[:3] = speed
+    force = pm.PassiveForce(model, source, "hole", "peg")
+    mujoco.mj_forward(model, data)
+    first = source.query(force.pose(data)[None]).energy[0] - mass * gravity * at[2]
+    first += 0.5 * mass * np.dot(speed, speed)
+    places, total = [], [first]
+    with force:
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+            v, inertia = data.qvel, model.body_inertia[2]
+            moving = 0.5 * mass * v[:3] @ v[:3] + 0.5 * (inertia * v[3:]) @ v[3:]
+            total.append(moving + force.energy - mass * gravity * data.qpos[2])
+            places.append(data.qpos[:3].copy())
+    return np.array(places), np.array(total), force
+
+
+@pytest.fixture(scope="module", params=["rectangular", "circular", "combined"])
+def tight(request):
+    pair = pegfit.Pair(*pegfit.peg_in_hole(request.param, clearance=0.0), spacing=0.002)
+    return pair.evaluator(max_points=4000)
+
+
+@pytest.mark.parametrize("mass", [0.001, 0.005, 0.02, 0.1])
+def test_a_free_peg_is_not_thrown_out_of_a_tight_hole(tight, mass):
+    """What peg and field hold together never grows, whatever the mass: so what begins below the
+    energy of a free peg stays in the hole."""
+    for at, gravity in [((1e-3, 5e-4, 6e-3), 0.0), ((2e-4, -1e-4, -4e-3), -9.81)]:
+        places, total, _ = let_go(tight, mass, at, gravity, steps=400)
+        # A step's rotation is that of its start: rounding and second order.
+        assert total.max() - total[0] < 2e-5, (mass, at, total.max() - total[0])
+        if total[0] < 0.0:
+            assert np.abs(places[-1]).max() < 0.02
+
+
+def test_a_body_far_away_falls_freely(tight):
+    places, _, force = let_go(tight, 0.1, (0.5, 0.0, 5.0), -9.81, steps=600)
+    fallen = 5.0 - places[-1][2]
+    # Semi-implicit steps: g dt^2 n (n + 1) / 2.
+    assert abs(fallen - 9.81e-6 * 600 * 601 / 2) < 1e-9
+    assert force.energy == 0 and not force.force.any() and not force.torque.any()
+
+
+def test_a_peg_through_another_joint_is_held_by_its_inertia(tight):
+    """A peg on a slide of its own: nothing but the slide can move."""
+    from pegfit import mujoco as pm
+
+    text = FREE.format(gravity=0, mass=0.02, at="0 0 0.004")
+    text = text.replace('<joint type="free"/>', '<joint type="slide" axis="0 0 1"/>')
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    total = []
+    with pm.PassiveForce(model, tight, "hole", "peg") as force:
+        for _ in range(300):
+            mujoco.mj_step(model, data)
+            total.append(0.01 * data.qvel[0] ** 2 + force.energy)
+    assert np.diff(total).max() < 1e-9 and total[0] < 0
+    assert -0.03 < data.qpos[0] < 0.03
 
 
 @pytest.fixture(scope="module")
@@ -163,6 +243,76 @@ def test_the_task_is_one_for_gymnasium(task):
     checker = pytest.importorskip("gymnasium.utils.env_checker")
     with pytest.warns(UserWarning, match="infinity"):
         checker.check_env(gym.PegInsertion(table=table), skip_render_check=True)
+
+
+def drawing(gym, table):
+    try:
+        return gym.PegInsertion(table=table, render_mode="rgb_array")
+    except pegfit.PegfitError as error:
+        pytest.skip(str(error))
+
+
+def test_pictures_are_of_the_task(task):
+    gym, table = task
+    env = drawing(gym, table)
+    env.reset(seed=1)
+    first = env.render()
+    assert first.shape == (480, 480, 3) and first.dtype == np.uint8 and first.std() > 1
+    for _ in range(20):
+        env.step(np.array([0, 0, -1, 0, 0, 0], np.float32))
+    assert (env.render() != first).any()
+    env.close()
+
+
+def test_render_modes_that_are_none_are_refused(task):
+    gym, table = task
+    assert "human" not in gym.PegInsertion.metadata["render_modes"]
+    with pytest.raises(pegfit.PegfitError) as caught:
+        gym.PegInsertion(table=table, render_mode="human")
+    assert caught.value.item == "render_mode"
+    assert gym.PegInsertion(table=table).render() is None
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_actions_that_are_not_finite_are_refused(task, bad):
+    gym, table = task
+    env = gym.PegInsertion(table=table)
+    before, _ = env.reset(seed=1)
+    action = np.zeros(6, np.float32)
+    action[4] = bad
+    with pytest.raises(pegfit.PegfitError) as caught:
+        env.step(action)
+    assert caught.value.item == "action"
+    with pytest.raises(pegfit.PegfitError):
+        env.step(np.zeros(5, np.float32))
+    # Nothing was done.
+    other = gym.PegInsertion(table=table)
+    other.reset(seed=1)
+    still = np.zeros(6, np.float32)
+    np.testing.assert_array_equal(env.step(still)[0], other.step(still)[0])
+
+
+def test_a_reset_leaves_nothing_of_the_last_episode(task):
+    gym, table = task
+    env = gym.PegInsertion(table=table)
+    fresh, _ = env.reset(seed=5)
+    for _ in range(60):
+        env.step(np.array([0.2, 0, -1, 0, 0.1, 0], np.float32))
+    again, _ = env.reset(seed=5)
+    np.testing.assert_array_equal(again, fresh)
+
+
+@pytest.mark.parametrize("what", ["qpos", "qvel"])
+def test_an_episode_that_mujoco_resets_is_cut_off_without_reward(task, what):
+    gym, table = task
+    env = gym.PegInsertion(table=table)
+    env.reset(seed=2)
+    getattr(env._data, what)[0] = np.nan
+    observation, reward, seated, cut, told = env.step(np.zeros(6, np.float32))
+    assert (reward, seated, cut, told["failed"]) == (0.0, False, True, True)
+    assert np.isfinite(observation).all()
+    env.reset(seed=2)
+    assert env.step(np.zeros(6, np.float32))[4]["failed"] is False
 
 
 def test_gymnasium_makes_the_task_by_its_name(task):

@@ -32,6 +32,7 @@ pub use device::workspace::Workspace;
 pub use log::error::RecordError;
 pub use log::read::read_log;
 pub use log::replay::Replay;
+pub use path::body_force::{BodyForce, BodyState, BodyStep};
 pub use path::force_path::ForcePath;
 pub use path::limiter::Limiter;
 pub use path::passivity::EnergyAccount;

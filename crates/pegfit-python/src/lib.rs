@@ -23,6 +23,8 @@ mod _core {
     use pyo3::prelude::*;
 
     #[pymodule_export]
+    use crate::loops::body_force::PyBodyForce;
+    #[pymodule_export]
     use crate::loops::feel::{Felt, feel, tick_columns, write_text};
     #[pymodule_export]
     use crate::loops::force_path::PyForcePath;

@@ -84,6 +84,10 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
+    crate::say!(
+        "  outside        energies fade over {:.1} mm, and over the rest of the half turn",
+        1e3 * spec.fade_length()
+    );
     if spec.placement != Placement::IDENTITY {
         place("fixed", &spec.placement.fixed);
         place("moving", &spec.placement.moving);

@@ -110,7 +110,16 @@ pub(crate) fn fade(t: f64) -> (f64, f64) {
     (1.0 - t * t * (3.0 - 2.0 * t), -6.0 * t * (1.0 - t))
 }
 
-/// Where an axis is read for a coordinate that may lie beyond its ends, and how far it is covered.
+/// How far outside its nodes an axis still answers, in spacings.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Edge {
+    /// Over this the slope comes to rest and the axis is covered less and less.
+    pub(crate) margin: f64,
+    /// Over this, beyond the first and the last node, what is read fades; at least the margin.
+    pub(crate) fade: [f64; 2],
+}
+
+/// Where an axis is read for a coordinate that may lie beyond its ends, and what that counts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reach {
     /// Coordinate to read at; beyond an end it comes to rest a quarter margin further out.
@@ -119,39 +128,48 @@ pub(crate) struct Reach {
     pub(crate) slope: f64,
     /// 1 inside, falling to 0 over the margin.
     pub(crate) coverage: f64,
-    /// Derivative of `coverage` by the coordinate.
-    pub(crate) coverage_slope: f64,
+    /// What is read counts by this: 1 inside, falling to 0 over the fade.
+    pub(crate) weight: f64,
+    /// Derivative of `weight` by the coordinate.
+    pub(crate) weight_slope: f64,
 }
 
 impl Reach {
-    /// For an axis of `n` nodes and a margin in spacings; `None` beyond the margin (and for NaN).
-    pub(crate) fn new(x: f64, n: usize, margin: f64) -> Option<Self> {
+    /// For an axis of `n` nodes; `None` where nothing counts (and for NaN).
+    pub(crate) fn new(x: f64, n: usize, edge: &Edge) -> Option<Self> {
         let last = (n - 1) as f64;
-        let (end, outwards, beyond) = if x < 0.0 {
-            (0.0, -1.0, -x)
+        let (end, outwards, beyond, length) = if x < 0.0 {
+            (0.0, -1.0, -x, edge.fade[0])
         } else {
-            (last, 1.0, x - last)
+            (last, 1.0, x - last, edge.fade[1])
         };
         if beyond <= 0.0 {
             return Some(Self {
                 at: x,
                 slope: 1.0,
                 coverage: 1.0,
-                coverage_slope: 0.0,
+                weight: 1.0,
+                weight_slope: 0.0,
             });
         }
-        let t = beyond / margin;
-        if t >= 1.0 || t.is_nan() {
+        let faded = beyond / length;
+        if faded >= 1.0 || faded.is_nan() {
             return None;
         }
-        let rest = 1.0 - t;
-        let (coverage, slope) = fade(t);
+        let rest = (1.0 - beyond / edge.margin).max(0.0);
+        let (weight, slope) = fade(faded);
         Some(Self {
-            at: end + outwards * 0.25 * margin * (1.0 - rest.powi(4)),
+            at: end + outwards * 0.25 * edge.margin * (1.0 - rest.powi(4)),
             slope: rest.powi(3),
-            coverage,
-            coverage_slope: outwards * slope / margin,
+            coverage: fade(beyond / edge.margin).0,
+            weight,
+            weight_slope: outwards * slope / length,
         })
+    }
+
+    /// Whether the coordinate lies between the first and the last node.
+    pub(crate) fn is_inside(&self) -> bool {
+        self.weight >= 1.0
     }
 }
 
@@ -231,17 +249,23 @@ mod tests {
 
     #[test]
     fn reach_and_its_slopes_are_continuous_and_consistent() {
-        let (n, margin, step) = (7, 2.0, 1e-5);
-        for k in 0..2000 {
-            let x = -2.5 + k as f64 * 0.0055 + 1e-7;
-            let at = |x: f64| Reach::new(x, n, margin);
+        let (n, step) = (7, 1e-5);
+        let edge = Edge {
+            margin: 2.0,
+            fade: [3.0, 11.0],
+        };
+        for k in 0..4000 {
+            let x = -3.5 + k as f64 * 0.0055 + 1e-7;
+            let at = |x: f64| Reach::new(x, n, &edge);
             let (Some(a), Some(m), Some(b)) = (at(x - step), at(x), at(x + step)) else {
-                assert!(!(-1.9999..=7.9999).contains(&x));
+                assert!(!(-2.9999..=16.9999).contains(&x));
                 continue;
             };
             assert!(((b.at - a.at) / (2.0 * step) - m.slope).abs() < 1e-4);
-            assert!(((b.coverage - a.coverage) / (2.0 * step) - m.coverage_slope).abs() < 1e-4);
+            assert!(((b.weight - a.weight) / (2.0 * step) - m.weight_slope).abs() < 1e-4);
+            assert_eq!(m.coverage > 0.0, (-2.0..8.0).contains(&x));
+            assert_eq!(m.is_inside(), (0.0..=6.0).contains(&x));
         }
-        assert!(Reach::new(f64::NAN, n, margin).is_none());
+        assert!(Reach::new(f64::NAN, n, &edge).is_none());
     }
 }

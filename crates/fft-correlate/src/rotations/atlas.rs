@@ -7,9 +7,14 @@ use glam::{DQuat, DVec3};
 use crate::geometry::taps::fade;
 use crate::rotations::chart::Chart;
 use crate::rotations::fold::Symmetry;
+use crate::rotations::rest::Rest;
 
-/// Nodes over which coverage fades outside the domain, in spacings.
+/// Nodes over which coverage ends outside the domain, in spacings.
 pub(crate) const MARGIN: f64 = 2.0;
+
+/// Over this outside a ball, in spacings, the radial slope comes to rest: a tenth of a node further
+/// out, where nearly all that is read is kept for the ball itself.
+const REST: f64 = 0.4;
 
 /// The nodes of a rotation domain and how queries find them.
 #[derive(Debug, Clone)]
@@ -24,6 +29,8 @@ pub(super) struct Atlas {
     pub(super) cover: Cover,
     /// Angle between neighbouring nodes, radians.
     pub(super) step: f64,
+    /// Angle outside the domain over which what is read fades, radians.
+    pub(super) fade: f64,
 }
 
 /// One image of a chart under the symmetry: queries near `image` are turned onto the chart.
@@ -57,6 +64,14 @@ pub(super) enum Cover {
 }
 
 impl Atlas {
+    /// Where a rotation, turned onto its chart, is read instead.
+    pub(super) fn rest(&self, q: DQuat) -> Option<Rest> {
+        match self.cover {
+            Cover::Ball { center, angle, .. } => Away::of(q, center).rest(angle, REST * self.step),
+            _ => None,
+        }
+    }
+
     /// Cosine of half the angle from the query to the patch's image (for a body of revolution, to
     /// the nearest of its images).
     pub(super) fn closeness(&self, patch: usize, q: DQuat) -> f64 {
@@ -120,4 +135,43 @@ fn seam_width(a: DQuat, b: DQuat, symmetry: &Option<Symmetry>, half_step: f64) -
         _ => 0.5 * a.dot(b).abs().min(1.0).acos(),
     };
     half_step.min(0.9 * half_apart) * half_apart.tan()
+}
+
+/// A rotation from another by an angle, scalar part not negative.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Away {
+    pub(super) rotation: DQuat,
+    /// Radians.
+    pub(super) angle: f64,
+}
+
+impl Away {
+    /// From `center` to `q`.
+    pub(super) fn of(q: DQuat, center: DQuat) -> Self {
+        Self::by(q * center.conjugate())
+    }
+
+    pub(super) fn by(r: DQuat) -> Self {
+        let rotation = if r.w < 0.0 { -r } else { r };
+        Self {
+            rotation,
+            angle: 2.0 * rotation.xyz().length().atan2(rotation.w),
+        }
+    }
+
+    /// 1 up to `angle`, 0 from `angle + margin` (radians), with its gradient by a turn.
+    pub(super) fn beyond(&self, angle: f64, margin: f64) -> (f64, DVec3) {
+        if self.angle <= angle {
+            return (1.0, DVec3::ZERO);
+        }
+        let (value, slope) = fade((self.angle - angle) / margin);
+        let sine = self.rotation.xyz().length();
+        let outwards = self.rotation.xyz() / sine.max(1e-300);
+        (value, slope / margin * outwards)
+    }
+
+    /// Where a rotation outside a ball of radius `angle` is read; `None` inside.
+    pub(super) fn rest(&self, angle: f64, margin: f64) -> Option<Rest> {
+        (self.angle > angle).then(|| Rest::new(self.rotation, self.angle, angle, margin))
+    }
 }

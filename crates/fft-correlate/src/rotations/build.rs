@@ -65,6 +65,7 @@ pub(super) fn list(rotations: &[[f64; 4]], margin_deg: f64) -> Result<Atlas, Rot
         symmetry: None,
         cover: Cover::List { margin },
         step: margin,
+        fade: margin,
     })
 }
 
@@ -121,6 +122,7 @@ pub(super) fn spin(
         symmetry: None,
         cover: Cover::Spin { margin: MARGIN },
         step: 2.0 * spacing,
+        fade: MARGIN * 2.0 * spacing,
     })
 }
 
@@ -259,6 +261,7 @@ fn assemble(
         symmetry,
         cover,
         step,
+        fade: MARGIN * step,
     };
     for c in 0..atlas.charts.len() {
         let mut rows = read_nodes(&atlas, c, &within);

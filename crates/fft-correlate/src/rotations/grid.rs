@@ -6,18 +6,19 @@
 //! of order n makes n images of each chart, joined the same way; a body of revolution needs only
 //! the rotations without twist about its axis, a two-dimensional chart.
 
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::{FRAC_PI_4, PI};
 
 use glam::{DQuat, DVec3};
 
 use crate::geometry::half_turn::{HalfTurnGroup, groups_where};
 use crate::geometry::rotation_sum::RotationSum;
 use crate::geometry::se3::{Pose, Wrench};
-use crate::geometry::taps::{Reach, Taps, fade};
-use crate::rotations::atlas::{Atlas, Cover, Patch};
+use crate::geometry::taps::{Edge, Reach, Taps};
+use crate::rotations::atlas::{Atlas, Away, Cover, Patch};
 use crate::rotations::chart::Chart;
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
 use crate::rotations::fold::{Fold, Symmetry};
+use crate::rotations::rest::Rest;
 use crate::rotations::{build, near, node_sum};
 
 /// Nodes over a rotation domain, in the order of a table's rows.
@@ -31,19 +32,59 @@ pub(crate) struct Site<'a> {
     /// Share of this patch in the result and its gradient by a turn of the query's pose.
     pub(crate) share: f64,
     pub(crate) share_gradient: DVec3,
-    /// The pose to read at.
+    /// The pose to read at, but for [`Site::rest`].
     pub(crate) pose: Pose,
+    /// Where a rotation outside the domain is read instead.
+    pub(crate) rest: Option<Rest>,
     pub(crate) chart: &'a Chart,
     pub(crate) taps: [Taps; 3],
-    /// Gradients of the three chart coordinates (in nodes) by a turn of [`Site::pose`].
+    /// Gradients of the three chart coordinates (in nodes) by a turn of what is read.
     pub(crate) gradients: [DVec3; 3],
     pub(crate) coverage: f64,
-    /// Gradient of the coverage by a turn of [`Site::pose`].
-    pub(crate) coverage_gradient: DVec3,
+    /// What is read counts by this, 1 in the domain and 0 far outside.
+    pub(crate) weight: f64,
+    /// Gradient of the weight by a turn of [`Site::pose`].
+    pub(crate) weight_gradient: DVec3,
     fold: Fold,
 }
 
+/// How far a rotation is covered, and what is read there counts, with the gradient by a turn.
+struct Covered {
+    coverage: f64,
+    weight: f64,
+    gradient: DVec3,
+}
+
+impl Covered {
+    const WHOLE: Self = Self {
+        coverage: 1.0,
+        weight: 1.0,
+        gradient: DVec3::ZERO,
+    };
+
+    /// Beyond `angle` coverage ends over `margin`, what is read fades over `fade`; radians.
+    fn beyond(away: &Away, angle: f64, margin: f64, fade: f64) -> Self {
+        let (weight, gradient) = away.beyond(angle, fade);
+        Self {
+            coverage: away.beyond(angle, margin).0,
+            weight,
+            gradient,
+        }
+    }
+}
+
 impl Site<'_> {
+    /// The rotation that is read.
+    pub(crate) fn rotation(&self) -> DQuat {
+        self.rest
+            .map_or(self.pose.rotation, |rest| rest.apply(self.pose.rotation))
+    }
+
+    /// A torque by turns of what is read as one by turns of [`Site::pose`].
+    pub(crate) fn turn_back(&self, torque: DVec3) -> DVec3 {
+        self.rest.map_or(torque, |rest| rest.pull_back(torque))
+    }
+
     /// A wrench at [`Site::pose`] as a wrench at the query's pose.
     pub(crate) fn pull_back(&self, wrench: &Wrench) -> Wrench {
         self.fold.pull_back(wrench)
@@ -177,6 +218,18 @@ impl RotationGrid {
         }
     }
 
+    /// Outside the domain what is read fades over all that is left of a half turn, instead of over
+    /// the margin in which coverage ends. Of several listed rotations it fades over the margin:
+    /// between them there is nothing.
+    pub(crate) fn fade_far(&mut self) {
+        let atlas = &mut self.atlas;
+        atlas.fade = match atlas.cover {
+            Cover::Ball { angle, .. } => PI - angle,
+            Cover::List { .. } if atlas.nodes.len() > 1 => atlas.fade,
+            _ => PI,
+        };
+    }
+
     /// Angle between neighbouring nodes, radians; for a list, the angle at which coverage ends.
     pub fn step(&self) -> f64 {
         self.atlas.step
@@ -227,7 +280,7 @@ impl RotationGrid {
         let wider = usize::from(!matches!(self.atlas.cover, Cover::List { .. }));
         let mut all = true;
         self.visit(pose, |site| {
-            if site.coverage > 0.0 && all {
+            if site.weight > 0.0 && all {
                 all = near::all_around(site.chart, &site.taps, wider, &mut has);
             }
         });
@@ -241,20 +294,26 @@ impl RotationGrid {
             Some(s) => s.fold(pose, turn, chart.center),
             None => (*pose, Fold::Identity),
         };
-        let (mut x, mut gradients) = chart.locate(pose.rotation);
-        let (mut coverage, mut coverage_gradient) = self.coverage(chart, pose.rotation);
+        let rest = self.atlas.rest(pose.rotation);
+        let read = rest.map_or(pose.rotation, |rest| rest.apply(pose.rotation));
+        let (mut x, mut gradients) = chart.locate(read);
+        let mut covered = self.covered(chart, pose.rotation);
         if let Cover::Spin { margin } = self.atlas.cover
             && !chart.periodic
         {
-            match Reach::new(x[2], chart.shape[2], margin) {
+            match Reach::new(x[2], chart.shape[2], &self.ends(chart, margin)) {
                 Some(reach) => {
-                    coverage_gradient = coverage_gradient * reach.coverage
-                        + coverage * reach.coverage_slope * gradients[2];
-                    coverage *= reach.coverage;
+                    covered.gradient = covered.gradient * reach.weight
+                        + covered.weight * reach.weight_slope * gradients[2];
+                    covered.weight *= reach.weight;
+                    covered.coverage *= reach.coverage;
                     gradients[2] *= reach.slope;
                     x[2] = reach.at;
                 }
-                None => (coverage, coverage_gradient) = (0.0, DVec3::ZERO),
+                None => {
+                    (covered.coverage, covered.weight) = (0.0, 0.0);
+                    covered.gradient = DVec3::ZERO;
+                }
             }
         }
         let taps = std::array::from_fn(|k| {
@@ -268,24 +327,37 @@ impl RotationGrid {
             share,
             share_gradient,
             pose,
+            rest,
             chart,
             taps,
             gradients,
-            coverage,
-            coverage_gradient,
+            coverage: covered.coverage,
+            weight: covered.weight,
+            weight_gradient: covered.gradient,
             fold,
         }
     }
 
-    /// Coverage of a folded rotation and its gradient by a turn.
-    fn coverage(&self, chart: &Chart, q: DQuat) -> (f64, DVec3) {
+    /// How an open spin ends, in nodes; the fade ends before the middle of what is left of the turn.
+    fn ends(&self, chart: &Chart, margin: f64) -> Edge {
+        let cells = (chart.shape[2] - 1) as f64;
+        let left = 0.5 * (2.0 * PI / self.atlas.step - cells);
+        Edge {
+            margin,
+            fade: [(self.atlas.fade / self.atlas.step).min(left).max(1e-9); 2],
+        }
+    }
+
+    /// How far a folded rotation is covered.
+    fn covered(&self, chart: &Chart, q: DQuat) -> Covered {
+        let (step, fade) = (self.atlas.step, self.atlas.fade);
         match self.atlas.cover {
-            Cover::All | Cover::List { .. } => (1.0, DVec3::ZERO),
+            Cover::All | Cover::List { .. } => Covered::WHOLE,
             Cover::Ball {
                 center,
                 angle,
                 margin,
-            } => beyond(q * center.conjugate(), angle, margin),
+            } => Covered::beyond(&Away::of(q, center), angle, margin, fade),
             Cover::Spin { margin } => {
                 let r = chart.relative(q);
                 let twist = DQuat::from_xyzw(0.0, 0.0, r.z, r.w);
@@ -294,8 +366,11 @@ impl RotationGrid {
                     _ => r,
                 };
                 // A turn of r turns its swing alike, up to a twist, which leaves the tilt as it is.
-                let (coverage, gradient) = beyond(swing, 0.0, margin * self.atlas.step);
-                (coverage, chart.frame * gradient)
+                let covered = Covered::beyond(&Away::by(swing), 0.0, margin * step, fade);
+                Covered {
+                    gradient: chart.frame * covered.gradient,
+                    ..covered
+                }
             }
         }
     }
@@ -309,34 +384,22 @@ impl RotationGrid {
                 (row, best) = (k, closeness);
             }
         }
-        let (coverage, coverage_gradient) =
-            beyond(q * self.atlas.nodes[row].conjugate(), 0.0, margin);
+        let away = Away::of(q, self.atlas.nodes[row]);
+        let covered = Covered::beyond(&away, 0.0, margin, self.atlas.fade);
         let mut taps = [Taps::open(0.0, 1); 3];
         taps[0].nodes = [row; 4];
         Site {
             share: 1.0,
             share_gradient: DVec3::ZERO,
             pose: *pose,
+            rest: away.rest(0.0, margin),
             chart: &self.atlas.charts[0],
             taps,
             gradients: [DVec3::ZERO; 3],
-            coverage,
-            coverage_gradient,
+            coverage: covered.coverage,
+            weight: covered.weight,
+            weight_gradient: covered.gradient,
             fold: Fold::Identity,
         }
     }
-}
-
-/// Coverage of a rotation away from the identity: 1 up to `angle`, 0 from `angle + margin`
-/// (radians), with its gradient by a turn.
-fn beyond(r: DQuat, angle: f64, margin: f64) -> (f64, DVec3) {
-    let r = if r.w < 0.0 { -r } else { r };
-    let sine = r.xyz().length();
-    let found = 2.0 * sine.atan2(r.w);
-    if found <= angle {
-        return (1.0, DVec3::ZERO);
-    }
-    let (coverage, slope) = fade((found - angle) / margin);
-    let outwards = r.xyz() / sine.max(1e-300);
-    (coverage, slope / margin * outwards)
 }

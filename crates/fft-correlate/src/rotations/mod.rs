@@ -8,4 +8,5 @@ mod fold;
 pub(crate) mod grid;
 mod near;
 mod node_sum;
+pub(crate) mod rest;
 pub(crate) mod symmetry;

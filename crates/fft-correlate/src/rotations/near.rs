@@ -11,8 +11,13 @@ use crate::rotations::chart::Chart;
 pub(super) fn distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
     distances.fill(f32::INFINITY);
     if let Cover::List { margin } = atlas.cover {
-        for (node, distance) in atlas.nodes.iter().zip(distances) {
+        for (node, distance) in atlas.nodes.iter().zip(distances.iter_mut()) {
             *distance = (node.angle_between(rotation) / margin) as f32;
+        }
+        // The nearest is read from far away, too.
+        let nearest = distances.iter_mut().min_by(|a, b| a.total_cmp(b));
+        if let Some(nearest) = nearest {
+            *nearest = nearest.min(1.0);
         }
         return;
     }
@@ -23,7 +28,12 @@ pub(super) fn distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
             Some(s) => s.fold(&pose, patch.turn, chart.center).0,
             None => pose,
         };
-        let (x, _) = chart.locate(folded.rotation);
+        let rest = atlas.rest(folded.rotation);
+        let read = rest.map_or(folded.rotation, |rest| rest.apply(folded.rotation));
+        let (mut x, _) = chart.locate(read);
+        if matches!(atlas.cover, Cover::Spin { .. }) && !chart.periodic {
+            x[2] = x[2].clamp(0.0, (chart.shape[2] - 1) as f64);
+        }
         lower(chart, x, distances);
     }
 }

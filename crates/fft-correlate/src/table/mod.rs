@@ -7,6 +7,7 @@ pub(crate) mod design;
 mod encode;
 pub(crate) mod energy_table;
 pub(crate) mod error;
+mod fade;
 pub(crate) mod launcher;
 mod layout;
 pub(crate) mod parts;

@@ -15,6 +15,8 @@ pub(crate) struct Plan {
     pub(crate) probe: Probe,
     /// Arranges the numbers of every slot.
     pub(crate) layout: Layout,
+    /// [`TableSpec::fade_length`].
+    pub(crate) fade_length: f64,
     /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
     pub(crate) slots: Vec<u32>,
 }
@@ -29,7 +31,9 @@ impl Plan {
         slots: Vec<u32>,
     ) -> Self {
         grid.number(&slots);
+        grid.fade_far();
         Self {
+            fade_length: spec.fade_length(),
             spec,
             grid,
             probe,

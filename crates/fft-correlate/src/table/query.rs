@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::energy::Response;
 use crate::geometry::se3::{Pose, Wrench};
-use crate::geometry::taps::{Reach, Taps};
+use crate::geometry::taps::{Edge, Reach, Taps};
+use crate::pair::contact::Contact;
 use crate::rotations::atlas::MARGIN;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::Site;
@@ -20,13 +21,33 @@ struct Reading {
     rotation: [f64; 3],
 }
 
-impl Reading {
+/// What is read at a place, above the far energy.
+struct Read {
+    /// Joules.
+    energy: f64,
+    /// Slopes per node.
+    translation: DVec3,
+    /// Slopes by a turn of what is read, joules per radian.
+    turn: DVec3,
+}
+
+impl Read {
     /// One everywhere.
     const ONE: Self = Self {
         energy: 1.0,
         translation: DVec3::ZERO,
-        rotation: [0.0; 3],
+        turn: DVec3::ZERO,
     };
+
+    fn new(reading: &Reading, site: &Site<'_>) -> Self {
+        Self {
+            energy: reading.energy,
+            translation: reading.translation,
+            turn: (0..3)
+                .map(|k| reading.rotation[k] * site.gradients[k])
+                .sum::<DVec3>(),
+        }
+    }
 }
 
 /// Where a patch is read.
@@ -39,32 +60,35 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Adds the patch's share of a reading, as far as the place is covered, to an energy and its
+    /// Adds the patch's share of what is read, as far as it counts here, to an energy and its
     /// wrench, differentiated as a product.
-    fn add(&self, reading: &Reading, to: &mut Response) {
+    fn add(&self, read: &Read, to: &mut Response) {
         let (site, reach) = (self.site, &self.displacement.reach);
-        let [cx, cy, cz] = reach.each_ref().map(|r| r.coverage);
-        let [sx, sy, sz] = reach.each_ref().map(|r| r.coverage_slope);
-        let window_coverage = cx * cy * cz;
+        let [cx, cy, cz] = reach.each_ref().map(|r| r.weight);
+        let [sx, sy, sz] = reach.each_ref().map(|r| r.weight_slope);
+        let window_weight = cx * cy * cz;
         let window_gradient = DVec3::new(sx * cy * cz, cx * sy * cz, cx * cy * sz);
-        let coverage = site.coverage * window_coverage;
+        let weight = site.weight * window_weight;
         let slope = DVec3::from_array(reach.each_ref().map(|r| r.slope));
-        let by_displacement = (coverage * reading.translation * slope
-            + site.coverage * reading.energy * window_gradient)
+        let by_displacement = (weight * read.translation * slope
+            + site.weight * read.energy * window_gradient)
             / self.spacing;
-        let by_turn = (0..3)
-            .map(|k| coverage * reading.rotation[k] * site.gradients[k])
-            .sum::<DVec3>()
-            + window_coverage * reading.energy * site.coverage_gradient;
+        let by_turn =
+            weight * site.turn_back(read.turn) + window_weight * read.energy * site.weight_gradient;
         let force = -by_displacement;
         let wrench = site.pull_back(&Wrench {
             torque: self.arm.cross(force) - by_turn,
             force,
         });
-        let value = coverage * reading.energy;
+        let value = weight * read.energy;
         to.energy += site.share * value;
         to.wrench += wrench * site.share;
         to.wrench.torque -= value * site.share_gradient;
+    }
+
+    /// Whether what is read is read at the query's own pose.
+    fn is_inside(&self) -> bool {
+        self.site.rest.is_none() && self.displacement.reach.iter().all(Reach::is_inside)
     }
 }
 
@@ -137,14 +161,14 @@ impl<'t> Reader<'t> {
         Some((arm, self.displacement(x)?))
     }
 
-    /// Adds one patch's share: `share * coverage * (energy - far)`, differentiated as a product.
+    /// Adds one patch's share: `share * weight * (energy - far)`, differentiated as a product.
     /// `None` if what it reads is not in memory.
     fn add(&self, site: &Site<'_>, response: &mut Response, covered: &mut Response) -> Option<()> {
         let window = &self.plan.spec.window;
         let Some((arm, displacement)) = self.place(site) else {
             return Some(());
         };
-        if site.coverage <= 0.0 {
+        if site.weight <= 0.0 {
             return Some(());
         }
         let reading = self.read(site.chart, &site.taps, &displacement.taps)?;
@@ -154,12 +178,34 @@ impl<'t> Reader<'t> {
             displacement: &displacement,
             spacing: window.spacing(),
         };
-        place.add(&reading, response);
-        place.add(&Reading::ONE, covered);
+        place.add(&Read::new(&reading, site), response);
+        // Outside, contact is that of the pose that is read.
+        match (&self.plan.spec.contact, place.is_inside()) {
+            (Some(contact), false) => place.add(&self.contact_at(contact, &place), response),
+            _ => place.add(&Read::ONE, covered),
+        }
         let window_coverage: f64 = displacement.reach.iter().map(|r| r.coverage).product();
         let coverage = site.coverage * window_coverage;
         response.coverage += site.share * coverage * self.kept(&displacement);
         Some(())
+    }
+
+    /// What smoothing took from the energy where a place is read.
+    fn contact_at(&self, contact: &Contact, place: &Place<'_>) -> Read {
+        let (window, pivot) = (&self.plan.spec.window, self.plan.spec.pivot());
+        let rotation = place.site.rotation();
+        let at = DVec3::from_array(place.displacement.reach.each_ref().map(|r| r.at));
+        let (displacement, arm) = (window.origin() + at * window.spacing(), rotation * pivot);
+        let lost = contact.score(&Pose {
+            rotation,
+            translation: displacement + pivot - arm,
+        });
+        let gamma = self.plan.spec.model().gamma;
+        Read {
+            energy: -gamma * lost.score,
+            translation: -gamma * window.spacing() * lost.gradient,
+            turn: -gamma * (lost.moment - arm.cross(lost.gradient)),
+        }
     }
 
     /// Adds what smoothing took from the energies, as far as the pose is covered.
@@ -179,8 +225,13 @@ impl<'t> Reader<'t> {
     }
 
     fn displacement(&self, x: DVec3) -> Option<Displacement> {
-        let (x, shape) = (x.to_array(), self.plan.spec.window.shape());
-        let reach = |k: usize| Reach::new(x[k], shape[k], MARGIN);
+        let (x, window) = (x.to_array(), &self.plan.spec.window);
+        let shape = window.shape();
+        let edge = Edge {
+            margin: MARGIN,
+            fade: [self.plan.fade_length / window.spacing(); 2],
+        };
+        let reach = |k: usize| Reach::new(x[k], shape[k], &edge);
         let reach = [reach(0)?, reach(1)?, reach(2)?];
         let taps = std::array::from_fn(|k| Taps::open(reach[k].at, shape[k]));
         Some(Displacement { taps, reach })

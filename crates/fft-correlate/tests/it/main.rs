@@ -23,6 +23,7 @@ mod store_memory;
 mod store_seal;
 mod stress;
 mod table;
+mod table_edges;
 mod table_parts;
 mod table_queries;
 mod tolerance;

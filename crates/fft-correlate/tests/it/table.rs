@@ -65,7 +65,7 @@ fn error_shrinks_with_spacing_at_the_expected_order() {
 /// precision, 1e-7 of the range, over steps of 2e-3: 5e-5. The second
 /// derivative jumps at cell faces, so the few differences taken across one err by that times the
 /// step.
-fn gradient_error(
+pub(crate) fn gradient_error(
     table: &EnergyTable,
     poses: usize,
     mut sample: impl FnMut(&mut SmallRng) -> Pose,
@@ -89,7 +89,7 @@ fn gradient_error(
     [errors[poses * 9 / 10] / scale, errors[poses - 1] / scale]
 }
 
-fn is_gradient([typical, worst]: [f64; 2]) -> bool {
+pub(crate) fn is_gradient([typical, worst]: [f64; 2]) -> bool {
     typical < 1e-4 && worst < 5e-3
 }
 

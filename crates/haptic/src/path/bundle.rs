@@ -8,8 +8,9 @@
 //! lies in the kink, and the spring force there is a convex combination of forces the field really
 //! has. (Kiwiel, Methods of Descent for Nondifferentiable Optimization, 1985.)
 
-use fft_correlate::{Pose, Twist, Wrench};
-use glam::DVec3;
+use fft_correlate::{Pose, Wrench};
+
+use crate::path::metric::{Metric, Six, dot};
 
 /// Cuts kept. Six dimensions need seven for one vertex; the rest is memory along edges.
 const CAPACITY: usize = 16;
@@ -20,69 +21,15 @@ const MAX_STEPS: usize = 50;
 /// Duality gap, joules, at which a solve is done: 0.3 µm or 0.3 mN at 1 kN/m.
 const GAP: f64 = 5e-11;
 
-/// Scaled coordinates: angular part first.
-pub(crate) type Six = [f64; 6];
-
-pub(crate) fn dot(a: &Six, b: &Six) -> f64 {
-    (0..6).map(|i| a[i] * b[i]).sum()
-}
-
 fn add_scaled(a: &Six, b: &Six, factor: f64) -> Six {
     std::array::from_fn(|i| a[i] + factor * b[i])
-}
-
-/// The stiffnesses that scale angles and lengths to square roots of joules.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Metric {
-    /// √(N·m/rad).
-    pub(crate) angular: f64,
-    /// √(N/m).
-    pub(crate) linear: f64,
-    /// Leave rotations out.
-    pub(crate) lock_rotation: bool,
-}
-
-impl Metric {
-    pub(crate) fn new(rotational_stiffness: f64, stiffness: f64, lock_rotation: bool) -> Self {
-        Self {
-            angular: rotational_stiffness.sqrt(),
-            linear: stiffness.sqrt(),
-            lock_rotation,
-        }
-    }
-
-    pub(crate) fn scaled(&self, twist: &Twist) -> Six {
-        let a = if self.lock_rotation {
-            DVec3::ZERO
-        } else {
-            twist.angular * self.angular
-        };
-        let l = twist.linear * self.linear;
-        [a.x, a.y, a.z, l.x, l.y, l.z]
-    }
-
-    pub(crate) fn twist(&self, y: &Six) -> Twist {
-        Twist {
-            angular: DVec3::new(y[0], y[1], y[2]) / self.angular,
-            linear: DVec3::new(y[3], y[4], y[5]) / self.linear,
-        }
-    }
-
-    fn gradient(&self, wrench: &Wrench) -> Six {
-        let a = if self.lock_rotation {
-            DVec3::ZERO
-        } else {
-            -wrench.torque / self.angular
-        };
-        let l = -wrench.force / self.linear;
-        [a.x, a.y, a.z, l.x, l.y, l.z]
-    }
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Cut {
     at: Pose,
     value: f64,
+    wrench: Wrench,
     gradient: Six,
     weight: f64,
     /// Of `at`, relative to the device.
@@ -121,6 +68,14 @@ impl Bundle {
         self.cuts.is_empty()
     }
 
+    /// Measures lengths and angles anew; [`Bundle::rebase`] must follow.
+    pub(crate) fn measure_by(&mut self, metric: Metric) {
+        self.metric = metric;
+        for cut in &mut self.cuts {
+            cut.gradient = metric.gradient(&cut.wrench);
+        }
+    }
+
     /// Expresses every cut about a new device pose.
     pub(crate) fn rebase(&mut self, device: &Pose) {
         for cut in &mut self.cuts {
@@ -157,6 +112,7 @@ impl Bundle {
         self.cuts.push(Cut {
             at,
             value: energy,
+            wrench: *wrench,
             gradient,
             weight,
             offset: y,

@@ -11,7 +11,8 @@ use fft_correlate::{Pose, Response, Twist, Wrench};
 use crate::config::CouplingConfig;
 use crate::config::HapticConfig;
 use crate::device::contract::DeviceSpec;
-use crate::path::bundle::{Bundle, Metric, Six};
+use crate::path::bundle::Bundle;
+use crate::path::metric::{Metric, Six};
 
 /// Joules by which the model may be wrong at the object before the field is asked again within the
 /// same tick: 4 µm or 4 mN at 1 kN/m.
@@ -208,7 +209,7 @@ impl Coupling {
         let step: Six = std::array::from_fn(|i| wanted[i] - from[i]);
         let twist = self.metric.twist(&step);
         let ratio = |length: f64, limit: f64| if length > limit { limit / length } else { 1.0 };
-        let angular = if self.metric.lock_rotation {
+        let angular = if self.metric.locks_rotation() {
             1.0
         } else {
             ratio(twist.angular.length(), self.angular_speed * dt)
@@ -219,7 +220,7 @@ impl Coupling {
 
     fn pose(&self, device: &Pose, y: &Six) -> Pose {
         let mut twist = self.metric.twist(y);
-        if self.metric.lock_rotation {
+        if self.metric.locks_rotation() {
             twist.angular = glam::DVec3::ZERO;
         }
         device.perturbed(&twist)

@@ -12,8 +12,8 @@ use crate::path::limiter::Limiter;
 use crate::path::passivity::{EnergyAccount, Passivity};
 use crate::path::sample::{Sample, flags};
 
-/// Share of the force and torque limits by which an exchanged source may change the wrench without
-/// the force being let go.
+/// Share of the force and torque limits below which nothing is felt: an exchanged source may change
+/// the wrench by so much without the force being let go.
 const KNOCK: f64 = 0.02;
 
 /// Joules by which an exchanged source may differ at the object and still be the same field there.
@@ -157,6 +157,14 @@ impl ForcePath {
         }
     }
 
+    /// Whether a force worth feeling comes from where the source knows no energy of its own.
+    fn is_faded(&self, response: &Response) -> bool {
+        let felt = self.workspace.device_wrench(&response.wrench);
+        response.coverage < 1.0
+            && (felt.force.length() > KNOCK * self.limiter.max_force()
+                || felt.torque.length() > KNOCK * self.limiter.max_torque())
+    }
+
     /// The device wrench at full strength.
     fn couple(
         &mut self,
@@ -188,6 +196,9 @@ impl ForcePath {
         sample.object = self.workspace.part_pose(&out.object);
         if !source.is_loaded(&sample.object, &self.scratch) {
             sample.flags |= flags::NOT_LOADED;
+        }
+        if sample.flags & flags::NOT_LOADED == 0 && self.is_faded(&out.response) {
+            sample.flags |= flags::OUTSIDE;
         }
         sample.energy = out.response.energy;
         sample.coverage = out.response.coverage;

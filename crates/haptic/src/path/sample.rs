@@ -39,8 +39,12 @@ pub mod flags {
     /// pushes nothing.
     pub const NOT_LOADED: u16 = 1 << 13;
 
+    /// The part is outside the table, where its energy fades: what is felt is not the parts' own
+    /// force.
+    pub const OUTSIDE: u16 = 1 << 14;
+
     /// Names in the order of the bits.
-    pub const NAMES: [&str; 14] = [
+    pub const NAMES: [&str; 15] = [
         "no_input",
         "bad_input",
         "stale",
@@ -55,6 +59,7 @@ pub mod flags {
         "changed",
         "overrun",
         "not_loaded",
+        "outside",
     ];
 }
 

@@ -72,6 +72,10 @@ pub struct LoopReport {
     /// Ticks in which a part in reach, or rotations of its table that matter, were not in memory
     /// ([`flags::NOT_LOADED`]).
     pub not_loaded: u64,
+    /// Ticks in which the part was outside the table, where its energy fades ([`flags::OUTSIDE`]).
+    pub outside: u64,
+    /// Greatest force sent in one of them, N.
+    pub outside_force: f64,
     /// Ticks in which the passivity controller acted.
     pub damped: u64,
     /// Wrenches the device did not take.
@@ -123,6 +127,8 @@ pub(crate) struct Tally {
     input_faults: u64,
     changes: u64,
     not_loaded: u64,
+    outside: u64,
+    outside_force: f64,
     damped: u64,
     not_sent: u64,
     evaluations: u64,
@@ -149,6 +155,8 @@ impl Tally {
             input_faults: 0,
             changes: 0,
             not_loaded: 0,
+            outside: 0,
+            outside_force: 0.0,
             damped: 0,
             not_sent: 0,
             evaluations: 0,
@@ -169,6 +177,10 @@ impl Tally {
         self.not_sent += has(flags::NOT_SENT);
         self.evaluations += u64::from(sample.evaluations);
         let Wrench { torque, force } = sample.wrench;
+        if has(flags::OUTSIDE) > 0 {
+            self.outside += 1;
+            self.outside_force = self.outside_force.max(force.length());
+        }
         self.peak.0 = self.peak.0.max(force.length());
         self.peak.1 = self.peak.1.max(torque.length());
         for (bit, count) in self.flagged.iter_mut().enumerate() {
@@ -221,6 +233,8 @@ impl Tally {
             input_faults: self.input_faults,
             changes: self.changes,
             not_loaded: self.not_loaded,
+            outside: self.outside,
+            outside_force: self.outside_force,
             damped: self.damped,
             not_sent: self.not_sent,
             dropped_samples: dropped,

@@ -55,7 +55,7 @@ pub fn direct_reach(model: &ScoreModel, halo: f64, fixed: &Aabb, radius: f64) ->
     fixed.grown(halos + SLACK * halo + radius)
 }
 
-/// The same for a table: two nodes beyond its window it has faded out. `pivot` is the point of the
+/// The same for a table: [`TableSpec::fade_length`] beyond its window it has faded out. `pivot` is the point of the
 /// moving part that reaches speak of, metres, its frame.
 pub fn table_reach(spec: &TableSpec, pivot: DVec3) -> Aabb {
     let (window, own) = (&spec.window, spec.pivot());
@@ -65,7 +65,7 @@ pub fn table_reach(spec: &TableSpec, pivot: DVec3) -> Aabb {
         min: first,
         max: first + last,
     }
-    .grown(2.0 * window.spacing() + own.distance(pivot))
+    .grown(spec.fade_length() + own.distance(pivot))
 }
 
 /// Does work on all cores but one, which the loop keeps.

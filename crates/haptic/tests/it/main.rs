@@ -8,6 +8,7 @@ mod feel;
 mod logs;
 #[cfg(unix)]
 mod makers;
+mod outside;
 mod passivity;
 mod recordings;
 mod safety;

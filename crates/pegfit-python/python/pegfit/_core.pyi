@@ -107,6 +107,21 @@ class Source:
     def is_closed(self) -> bool: ...
 
 @final
+class BodyForce:
+    def __new__(cls, source: Source) -> BodyForce: ...
+    def step(
+        self,
+        pose: _F64 | Sequence[float],
+        center: _Three,
+        twist: _F64 | Sequence[float],
+        free: _F64 | Sequence[float],
+        mobility: _F64 | Sequence[Sequence[float]],
+        dt: float,
+        elapsed: float,
+    ) -> tuple[list[float], list[float], float, float, int]: ...
+    def release(self) -> None: ...
+
+@final
 class ForcePath:
     def __new__(cls, source: Source, config: str, grip: _Three) -> ForcePath: ...
     def step(

@@ -96,7 +96,8 @@ class Run:
         return f"Run of {len(self.ticks)} ticks, {seconds:.3g} s, force up to {peak:.3g} N"
 
 
-def _source_of(source: Union[Evaluator, Table, Pair]) -> _core.Source:
+def source_of(source: Union[Evaluator, Table, Pair]) -> _core.Source:
+    """The compiled half of a source; of a pair, of an evaluator for real time."""
     if isinstance(source, Pair):
         return source.evaluator(max_points=REAL_TIME_POINTS)._core
     if isinstance(source, (Evaluator, Table)):
@@ -149,7 +150,7 @@ def feel(
     >>> run.ticks["force"].shape
     (50, 3)
     """
-    core = _source_of(source)
+    core = source_of(source)
     given = json.dumps(dict(hand or {}))
     with Reporting(progress) as report:
         held = _pair_of(source, pair)
@@ -193,7 +194,7 @@ class ForcePath:
         grip: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         settings = json.dumps(dict(config or {}))
-        self._core = _core.ForcePath(_source_of(source), settings, three(grip, "grip"))
+        self._core = _core.ForcePath(source_of(source), settings, three(grip, "grip"))
         #: Energy (J), coverage, strength of the force (0 to 1) and flags of the last tick.
         self.energy, self.coverage, self.gain, self.flags = 0.0, 0.0, 0.0, 0
 

@@ -181,10 +181,18 @@ class Mesh:
             details=report,
         )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `pickle`: vertices, faces and name."""
+        return _remade, (self.vertices, self.faces, self.name)
+
     def __repr__(self) -> str:
         vertices, faces = self._core.size()
         size = " x ".join(f"{side:.4g}" for side in np.ptp(self.bounds, axis=0))
         return f"Mesh '{self.name}': {vertices} vertices, {faces} faces, {size} m"
+
+
+def _remade(vertices: NDArray[np.float64], faces: NDArray[np.uint32], name: str) -> Mesh:
+    return Mesh(vertices, faces, "m", name=name)
 
 
 def as_mesh(mesh: MeshLike, unit: Optional[str], name: str) -> Mesh:

@@ -6,7 +6,7 @@ import json
 import warnings
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Optional, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,6 +86,40 @@ class _Recipe:
         return scene
 
 
+#: Settings of a pair of meshes, in the order in which the compiled half takes them.
+_Options = tuple[
+    Optional[float],
+    str,
+    Optional[Path],
+    float,
+    Optional[float],
+    Optional[Float],
+    Optional[int],
+]
+
+
+def _of_parts(fixed: Mesh, moving: Mesh, options: _Options) -> Pair:
+    spacing, model, cache, peak_force, gamma, half, memory = options
+    return Pair(
+        fixed,
+        moving,
+        spacing=spacing,
+        model=model,
+        cache=cache,
+        peak_force=peak_force,
+        gamma=gamma,
+        half_extent=half,
+        memory=memory,
+    )
+
+
+def _of_scene(path: str, fixed: Optional[str], memory: Optional[int]) -> Pair:
+    with warnings.catch_warnings():
+        # They were told when the pair was made.
+        warnings.simplefilter("ignore")
+        return Pair.from_scene(path, fixed=fixed, memory=memory)
+
+
 class Pair:
     """A part that stays and one that moves, modelled in the pose in which they fit.
 
@@ -134,17 +168,10 @@ class Pair:
         self._scene: Union[Path, _Recipe] = _Recipe(
             meshes[0], meshes[1], spacing, model, cache, peak_force, gamma, half
         )
-        self._core = _core.Pair.of_meshes(
-            meshes[0]._core,
-            meshes[1]._core,
-            spacing,
-            model,
-            cache,
-            peak_force,
-            gamma,
-            half,
-            count_or_none(memory, "memory", SceneError),
-        )
+        limit = count_or_none(memory, "memory", SceneError)
+        options = (spacing, model, cache, peak_force, gamma, half, limit)
+        self._core = _core.Pair.of_meshes(meshes[0]._core, meshes[1]._core, *options)
+        self._made: tuple[Any, ...] = (_of_parts, (*meshes, options))
 
     @classmethod
     def from_scene(
@@ -166,9 +193,15 @@ class Pair:
         pair._core = _core.Pair.from_scene(path, fixed, memory)
         pair._names = [str(path)]
         pair._scene = path
+        pair._made = (_of_scene, (str(FilePath(path).resolve()), fixed, memory))
         for warning in pair._core.warnings():
             warnings.warn(warning, stacklevel=2)
         return pair
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `pickle`: meshes and settings, or the scene's path. Density fields are made anew, or
+        read from the `cache`."""
+        return self._made
 
     def _write_scene(self, folder: FilePath) -> FilePath:
         """A scene file of the pair, for the command."""
@@ -227,7 +260,7 @@ class Pair:
         max_points = count_or_none(max_points, "max_points", SceneError)
         with Reporting(progress) as report:
             core, points, error = self._core.evaluator(tolerance, max_points, report)
-        return Evaluator(core, self, points, error)
+        return Evaluator(core, self, points, error, (tolerance, max_points))
 
     def correlate(
         self,

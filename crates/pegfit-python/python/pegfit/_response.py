@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, SupportsIndex, Union
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pegfit._errors import PoseError
+
+if TYPE_CHECKING:
+    import pandas as _pandas
+    import xarray as _xarray
 
 Float = NDArray[np.float64]
 
@@ -26,6 +32,11 @@ class Response:
     >>> response = source.query([[0, 0, 0.002, 0, 0, 0, 1], [0, 0, 1, 0, 0, 0, 1]])
     >>> response.force.shape, bool(response.force[0, 2] < 0), bool(response.energy[1] == 0)
     ((2, 3), True, True)
+
+    A part of it, by a number, a slice, a mask or numbers, is a response again:
+
+    >>> len(response[0]), len(response[:1]), len(response[response.energy < 0])
+    (1, 1, 1)
     """
 
     __slots__ = ("energy", "force", "torque", "coverage")
@@ -48,6 +59,41 @@ class Response:
 
     def __len__(self) -> int:
         return len(self.energy)
+
+    def __getitem__(
+        self, which: Union[SupportsIndex, slice, NDArray[np.bool_], NDArray[np.integer], list[int]]
+    ) -> Response:
+        """Some of the poses: slices share the arrays, other choices copy them."""
+        if isinstance(which, SupportsIndex) and not isinstance(which, np.ndarray):
+            number, count = which.__index__(), len(self)
+            if not -count <= number < count:
+                raise IndexError(f"pose {number} of {count}")
+            which = slice(number % count, number % count + 1)
+        arrays = (self.energy, self.force, self.torque, self.coverage)
+        return Response(*(array[which] for array in arrays))
+
+    def to_pandas(self) -> _pandas.DataFrame:
+        """A row per pose: energy (J), fx, fy, fz (N), tx, ty, tz (N m), coverage (needs pandas)."""
+        import pandas
+
+        columns = {"energy": self.energy}
+        for letter, vectors in (("f", self.force), ("t", self.torque)):
+            columns |= {letter + axis: vectors[:, k] for k, axis in enumerate("xyz")}
+        return pandas.DataFrame(columns | {"coverage": self.coverage})
+
+    def to_xarray(self) -> _xarray.Dataset:
+        """Energy, force, torque and coverage over `pose` and `axis` (needs xarray)."""
+        import xarray
+
+        return xarray.Dataset(
+            {
+                "energy": ("pose", self.energy, {"units": "J"}),
+                "force": (("pose", "axis"), self.force, {"units": "N"}),
+                "torque": (("pose", "axis"), self.torque, {"units": "N m"}),
+                "coverage": ("pose", self.coverage, {"units": "1"}),
+            },
+            coords={"axis": list("xyz")},
+        )
 
     def __repr__(self) -> str:
         if len(self) == 0:

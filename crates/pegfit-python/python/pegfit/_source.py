@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from typing import TYPE_CHECKING, Any, Optional, Protocol
 
 import numpy as np
@@ -95,16 +96,36 @@ class Evaluator(_Source):
     """
 
     def __init__(
-        self, core: _core.Source, pair: Pair, points: int, error: Optional[float]
+        self,
+        core: _core.Source,
+        pair: Pair,
+        points: int,
+        error: Optional[float],
+        asked: tuple[Optional[float], Optional[int]],
     ) -> None:
         self._core = core
-        self._pair = pair
+        self._pair: Pair = pair
         self.points = points
         self.error = error
+        self._asked = asked
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `pickle`: the pair, and what was asked of `Pair.evaluator`."""
+        return _evaluator, (self._pair, *self._asked)
 
     def __repr__(self) -> str:
         error = "" if self.error is None else f", error {100 * self.error:.2g} %"
         return f"Evaluator of {self._pair!r}: {self.points} points{error}"
+
+
+def _evaluator(pair: Pair, tolerance: Optional[float], max_points: Optional[int]) -> Evaluator:
+    return pair.evaluator(tolerance, max_points=max_points)
+
+
+def _reopened(path: str, pair: Optional[Pair]) -> Table:
+    table = Table.open(path)
+    table._pair = pair
+    return table
 
 
 class Table(_Source):
@@ -213,6 +234,14 @@ class Table(_Source):
         trace: Optional[TracebackType],
     ) -> None:
         self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For `pickle`: its path, from where it is read again. A closed one is refused."""
+        if self.closed:
+            expected, found = "an open table", "a closed one"
+            message = f"{self.path}: expected {expected}, found {found}"
+            raise TableError(message, file=self.path, expected=expected, found=found)
+        return _reopened, (os.path.abspath(self.path), self._pair)
 
     def __repr__(self) -> str:
         nodes = " x ".join(str(n) for n in self._said["displacements"])

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pegfit._errors import PegfitError
 from pegfit._mesh import Mesh, peg_in_hole
 from pegfit._pair import Pair
 from pegfit._source import Table
@@ -25,8 +26,13 @@ _WIDTH, _LENGTH = 0.020, 1.5
 _MODEL = """
 <mujoco>
   <option timestep="0.001" gravity="0 0 0" integrator="implicitfast"/>
+  <visual><global offwidth="{size}" offheight="{size}"/></visual>
+  <statistic center="0 0 {tall}" extent="{view}"/>
   <worldbody>
-    <body name="hole"/>
+    <light pos="0 0 1" dir="0 0 -1"/>
+    <body name="hole">
+{walls}
+    </body>
     <body name="peg">
       <freejoint/>
       <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
@@ -35,6 +41,21 @@ _MODEL = """
   </worldbody>
 </mujoco>
 """
+
+
+#: Pixels along a side of a picture.
+_SIZE = 480
+
+
+def _walls(width: float) -> str:
+    """What is drawn for the hole: four walls around it. They touch nothing."""
+    half, thick, deep = 0.5 * width, 0.25 * width, 0.5 * _LENGTH * width
+    line = '      <geom type="box" pos="{} {} 0" size="{} {} {}" mass="0" {}/>'
+    look = 'contype="0" conaffinity="0" rgba="0.5 0.6 0.7 0.4"'
+    away = half + thick
+    walls = [(s * away, 0.0, thick, half + 2 * thick) for s in (-1, 1)]
+    walls += [(0.0, s * away, half, thick) for s in (-1, 1)]
+    return "\n".join(line.format(x, y, a, b, deep, look) for x, y, a, b in walls)
 
 
 def tabulate(section: str = "rectangular", width: float = 0.02, clearance: float = 0.0) -> Table:
@@ -55,6 +76,20 @@ def tabulate(section: str = "rectangular", width: float = 0.02, clearance: float
         return pair.bake(path, angle_deg=8.0, step_deg=4.0)
 
 
+def _refused(item: str, expected: str, found: str) -> PegfitError:
+    message = f"{item}: expected {expected}, found {found}"
+    return PegfitError(message, item=item, expected=expected, found=found)
+
+
+def _renderer(model: mujoco.MjModel) -> Any:
+    """What draws the scene; it needs OpenGL."""
+    try:
+        return mujoco.Renderer(model, _SIZE, _SIZE)
+    except Exception as error:  # each back end of OpenGL has errors of its own
+        expected = "None where MuJoCo cannot draw (set MUJOCO_GL to egl or osmesa)"
+        raise _refused("render_mode", expected, f"'rgb_array', and {error}") from error
+
+
 class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A peg above a hole, held softly, is to be seated.
 
@@ -71,7 +106,8 @@ class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Reward: minus the distance from the seat in lengths of the peg, minus the angle in radians, at
     every step; 10 more when it is seated, which ends the episode: within a twentieth of a width and
-    two degrees. An episode is cut off after 400 steps.
+    two degrees. An episode is cut off after 400 steps. One that MuJoCo cannot go on with, because a
+    number became too large, is cut off, too, with reward 0 and `failed` in what is told.
 
     A start is 1.05 to 1.2 lengths above the seat, up to a fifth of a width to either side, and turned
     by up to 5 degrees about any axis; `reset(seed=...)` repeats it.
@@ -83,9 +119,17 @@ class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         width: Of the peg, metres.
         clearance: Metres on every side.
         table: What `tabulate` gives for the same arguments, to be shared by many.
+        render_mode: `"rgb_array"` for pictures by `render`, where MuJoCo can draw; else `None`.
+
+    Raises:
+        PegfitError: Another `render_mode`, or MuJoCo cannot draw here; from `step`, an action that is
+            not finite or of another shape.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {
+        "render_modes": ["rgb_array"] if hasattr(mujoco, "Renderer") else [],
+        "render_fps": 50,
+    }
 
     #: Ticks of a millisecond per step, and steps per episode.
     TICKS, STEPS = 20, 400
@@ -96,18 +140,27 @@ class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         width: float = 0.02,
         clearance: float = 0.0,
         table: Optional[Table] = None,
+        render_mode: Optional[str] = None,
     ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise _refused("render_mode", "None or 'rgb_array'", repr(render_mode))
+        self.render_mode = render_mode
         self._table = tabulate(section, width, clearance) if table is None else table
         self._width, self._length = width, _LENGTH * width
         self._mass, self._inertia = 0.05, 0.05 * (0.5 * width) ** 2
         text = _MODEL.format(
-            mass=self._mass, inertia=self._inertia, half=0.5 * width, tall=0.5 * self._length
+            mass=self._mass,
+            inertia=self._inertia,
+            half=0.5 * width,
+            tall=0.5 * self._length,
+            view=2.0 * self._length,
+            size=_SIZE,
+            walls=_walls(width),
         )
         self._model = mujoco.MjModel.from_xml_string(text)
         self._data = mujoco.MjData(self._model)
-        self._force = PassiveForce(
-            self._model, self._table, "hole", "peg", config={"ramp_s": 0.05}
-        )
+        self._renderer = None if render_mode is None else _renderer(self._model)
+        self._force = PassiveForce(self._model, self._table, "hole", "peg")
         #: Stiffness (N/m, N m/rad) of the wrist, and damping that is critical.
         self._stiffness = 400.0, 400.0 * width**2
         self._damping = (
@@ -134,31 +187,70 @@ class PegInsertion(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         axis = random.normal(size=3)
         angle = random.uniform(0.0, np.radians(5.0))
         mujoco.mju_axisAngle2Quat(place[3:7], axis / np.linalg.norm(axis), angle)
+        # A free joint's quaternion and all that MuJoCo keeps from step to step are new by now; the
+        # force and what it tells of the last episode must be, too.
         self._force.reset()
         self._held[:], self._held_turn[:] = place[:3], place[3:7]
         self._steps = 0
-        mujoco.mj_forward(self._model, self._data)
+        with self._force:
+            mujoco.mj_forward(self._model, self._data)
         return self._observe(), {}
 
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """20 ms."""
-        given = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        given = np.asarray(action, dtype=np.float64)
+        if given.shape != (6,) or not np.isfinite(given).all():
+            raise _refused("action", "six finite numbers", repr(action))
+        given = np.clip(given, -1.0, 1.0)
         seconds = 1e-3
+        failures = self._failures()
         with self._force:
             for _ in range(self.TICKS):
                 self._move_held(5.0 * self._width * given[:3] * seconds, given[3:] * seconds)
                 self._pull()
                 mujoco.mj_step(self._model, self._data)
+                if self._failures() != failures:
+                    return self._failed()
         self._steps += 1
         at, turn = self._data.qpos[:3], self._rotation()
         distance, angle = float(np.linalg.norm(at)), float(np.linalg.norm(turn))
         seated = distance < 0.05 * self._width and angle < np.radians(2.0)
         reward = -distance / self._length - angle + (10.0 if seated else 0.0)
         cut = not seated and self._steps >= self.STEPS
-        told = {"distance": distance, "angle": angle, "energy": self._force.energy}
+        told = self._told(distance, angle)
         return self._observe(), reward, seated, cut, told
+
+    def _told(self, distance: float, angle: float) -> dict[str, Any]:
+        return {"distance": distance, "angle": angle, "energy": self._force.energy, "failed": False}
+
+    def _failures(self) -> tuple[int, ...]:
+        """How often MuJoCo found a number too large or none, after which it starts anew."""
+        warning = mujoco.mjtWarning
+        kinds = (warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC)
+        return tuple(int(self._data.warning[int(kind)].number) for kind in kinds)
+
+    def _failed(
+        self,
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """The end of an episode that MuJoCo reset: what it shows now is no peg's place."""
+        told = self._told(float("nan"), float("nan")) | {"failed": True}
+        return np.zeros(18, np.float32), 0.0, False, True, told
+
+    def render(self) -> Optional[NDArray[np.uint8]]:
+        """The scene as it is, `(480, 480, 3)`; `None` without a `render_mode`."""
+        if self._renderer is None:
+            return None
+        self._renderer.update_scene(self._data)
+        picture: NDArray[np.uint8] = self._renderer.render()
+        return picture
+
+    def close(self) -> None:
+        """Gives back what pictures need."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     def _move_held(self, by: Float, turn: Float) -> None:
         """Moves the set-point, which stays near the peg."""

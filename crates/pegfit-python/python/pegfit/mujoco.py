@@ -7,14 +7,15 @@ takes meshes for their convex hulls, which closes the hole.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any, Mapping, Optional, Union
+from typing import Any, Optional, Union
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pegfit import _core
 from pegfit._errors import PegfitError
-from pegfit._loop import ForcePath
+from pegfit._loop import source_of
 from pegfit._pair import Pair
 from pegfit._response import Response
 from pegfit._source import REAL_TIME_POINTS, Evaluator, Table
@@ -49,12 +50,30 @@ class _Frame:
         mujoco.mju_mulPose(at, turn, data.xpos[body], data.xquat[body], self.at, self.turn)
 
 
+def _others(model: mujoco.MjModel, data: mujoco.MjData) -> Float:
+    """The generalized forces of a step that are known while passive ones are gathered: all but those
+    of contacts and other constraints; those of actuators are the step before's."""
+    bias: Float = np.empty(model.nv)
+    mujoco.mj_rne(model, data, 0, bias)
+    forces: Float = data.qfrc_passive + data.qfrc_applied + data.qfrc_actuator - bias
+    for body in np.flatnonzero(data.xfrc_applied.any(axis=1)):
+        force, torque = data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:]
+        mujoco.mj_applyFT(model, data, force, torque, data.xipos[body], int(body), forces)
+    return forces
+
+
 class PassiveForce:
     """Adds force and torque of a pair to two bodies in every step, equal and opposite.
 
     Works while a `with` lasts, or between `install` and `remove`; several may, each for a pair of
     its own, and a callback that was there before is still called. MuJoCo compiles no model while a
     callback is set, so make all models before.
+
+    The force is that of the end of the step, found with the bodies' own inertia (an implicit step),
+    so a light body stands in a kink of the energy instead of being kicked out of it. What bodies and
+    pair hold together never grows by the force: a step that would gain takes motion instead, as a
+    soft contact does. Where the energy is level there is no force and no damping at all. This holds
+    for the integrators Euler, implicit and implicitfast, whose steps end where their velocity leads.
 
     Args:
         model: The model.
@@ -64,21 +83,17 @@ class PassiveForce:
         fixed_frame: Where the fixed mesh's frame lies in its body's, x y z qx qy qz qw; the same if
             `None`.
         moving_frame: The same for the moving one.
-        config: Settings of the `ForcePath` as in the `[device]` table of a scene; its rate is one
-            over the model's time step unless given, and its limits are lifted.
-        grip: The point of the moving mesh that the path's coupling holds, metres; its origin.
-        raw: The bare force of the energy, without a path. At zero clearance it jumps, and kicks a
-            light body in a step of a millisecond.
+        raw: The bare force of the energy where the step begins. At zero clearance it jumps, and
+            throws a light body about in steps of a millisecond.
 
     Attributes:
-        energy: Joules, at the last step.
-        coverage: 1 where the source knows the pose.
+        energy: Joules, where the last step leads; with `raw`, where it began.
+        coverage: 1 where the source knows that pose.
         force: On the moving part in the world's axes, newtons, `(3,)`.
         torque: About the moving mesh's origin in the world's axes, newton metres, `(3,)`.
 
     Raises:
         PegfitError: There is no such body.
-        DeviceError: A setting is out of range.
 
     >>> from pegfit import peg_in_hole
     >>> free = '<freejoint/><geom size="0.005" contype="0" conaffinity="0"/>'
@@ -87,8 +102,8 @@ class PassiveForce:
     ...     f'<mujoco><option gravity="0 0 0"/><worldbody>{bodies}</worldbody></mujoco>'
     ... )
     >>> data, pair = mujoco.MjData(model), Pair(*peg_in_hole(), spacing=0.003)
-    >>> with PassiveForce(model, pair, "hole", "peg", config={"ramp_s": 0.01}) as force:
-    ...     mujoco.mj_step(model, data, nstep=50)
+    >>> with PassiveForce(model, pair, "hole", "peg") as force:
+    ...     mujoco.mj_step(model, data)
     >>> bool(force.energy < 0 and force.force[2] < 0 and data.qvel[2] < 0)
     True
     """
@@ -102,8 +117,6 @@ class PassiveForce:
         *,
         fixed_frame: Optional[ArrayLike] = None,
         moving_frame: Optional[ArrayLike] = None,
-        config: Optional[Mapping[str, Any]] = None,
-        grip: ArrayLike = (0.0, 0.0, 0.0),
         raw: bool = False,
     ) -> None:
         self._bodies = _body(model, fixed), _body(model, moving)
@@ -111,27 +124,22 @@ class PassiveForce:
         if isinstance(source, Pair):
             source = source.evaluator(max_points=REAL_TIME_POINTS)
         self._source = source
-        rate = float(np.clip(1.0 / model.opt.timestep, 50.0, 10_000.0))
-        free = {"force": 1e6, "torque": 1e6, "force_rate": 1e9, "torque_rate": 1e9}
-        given = dict(config or {})
-        self._settings = {"rate_hz": rate, **given, "limits": {**free, **given.get("limits", {})}}
-        self._grip = grip
         self._raw = raw
-        self._path: Optional[ForcePath] = None
+        self._step = _core.BodyForce(source_of(source))
         self._time = np.inf
         self._out = Response.empty(1)
         self._at = np.zeros((2, 3))
         self._turn = np.zeros((2, 4))
         self._row = np.zeros((1, 7))
+        self._jacobian = np.zeros((2, 2, 3, model.nv))
         self._model = model
         self.energy, self.coverage = 0.0, 0.0
         self.force, self.torque = np.zeros(3), np.zeros(3)
-        if not raw:
-            self.reset()
 
     def reset(self) -> None:
-        """Forgets what was: the force begins from nothing. Done by itself when time goes back."""
-        self._path = ForcePath(self._source, self._settings, grip=self._grip)
+        """Forgets what was: the bodies were put somewhere else. Done by itself when time goes back."""
+        self._step.release()
+        self._time = np.inf
 
     def pose(self, data: mujoco.MjData) -> Float:
         """Pose of the moving part in the fixed part's frame, `(7,)`; a new array."""
@@ -153,21 +161,48 @@ class PassiveForce:
         self._find(data)
         if self._raw:
             found = self._source.query(self._row, out=self._out)
-            force, torque = found.force[0], found.torque[0]
+            force, torque, point = found.force[0], found.torque[0], self._at[1]
             self.energy, self.coverage = float(found.energy[0]), float(found.coverage[0])
         else:
-            if data.time < self._time and np.isfinite(self._time):
-                self.reset()
-            self._time = data.time
-            assert self._path is not None
-            force, torque = self._path.step(self._row[0], data.time)
-            self.energy, self.coverage = self._path.energy, self._path.coverage
+            point = data.xipos[self._bodies[1]].copy()
+            force, torque = self._held(model, data, point)
         mujoco.mju_rotVecQuat(self.force, force, self._turn[0])
         mujoco.mju_rotVecQuat(self.torque, torque, self._turn[0])
-        point, into = self._at[1], data.qfrc_passive
         fixed, moving = self._bodies
+        into = data.qfrc_passive
         mujoco.mj_applyFT(model, data, self.force, self.torque, point, moving, into)
         mujoco.mj_applyFT(model, data, -self.force, -self.torque, point, fixed, into)
+        self.torque += np.cross(point - self._at[1], self.force)
+
+    def _held(
+        self, model: mujoco.MjModel, data: mujoco.MjData, point: Float
+    ) -> tuple[Float, Float]:
+        """Force and torque about `point`, the moving body's centre, for the step that begins."""
+        elapsed = data.time - self._time if np.isfinite(self._time) else 0.0
+        if elapsed < 0.0:
+            self.reset()
+            elapsed = 0.0
+        self._time = data.time
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, self._turn[0])
+        axes = turned.reshape(3, 3).T
+        for k, body in enumerate(self._bodies):
+            mujoco.mj_jac(model, data, self._jacobian[k, 1], self._jacobian[k, 0], point, body)
+        # Of the moving body against the fixed one, its turning first, in the fixed part's axes.
+        between = (axes @ (self._jacobian[1] - self._jacobian[0])).reshape(6, model.nv)
+        pushed = np.empty_like(between)
+        mujoco.mj_solveM(model, data, pushed, between)
+        twist = between @ data.qvel
+        seconds = model.opt.timestep
+        free = twist + seconds * (pushed @ _others(model, data))
+        center = np.empty(3)
+        undo = np.empty(4)
+        mujoco.mju_negQuat(undo, self._turn[1])
+        mujoco.mju_rotVecQuat(center, point - self._at[1], undo)
+        force, torque, self.energy, self.coverage, _ = self._step.step(
+            self._row[0], center, twist, free, pushed @ between.T, seconds, elapsed
+        )
+        return np.array(force), np.array(torque)
 
     def install(self) -> None:
         """Is called by every step from here on."""
@@ -195,8 +230,8 @@ class PassiveForce:
 
     def __repr__(self) -> str:
         fixed, moving = self._bodies
-        way = "raw" if self._raw else "through a ForcePath"
-        return f"PassiveForce of {self._source!r} on bodies {fixed} and {moving}, {way}"
+        way = ", raw" if self._raw else ""
+        return f"PassiveForce of {self._source!r} on bodies {fixed} and {moving}{way}"
 
 
 _INSTALLED: list[PassiveForce] = []

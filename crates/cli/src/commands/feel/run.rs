@@ -279,6 +279,13 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
             report.not_loaded
         );
     }
+    if report.outside > 0 {
+        let seconds = report.seconds * report.outside as f64 / report.ticks.max(1) as f64;
+        crate::say!(
+            "outside     {seconds:.2} s outside the table, where its energy fades: up to {:.3} N",
+            report.outside_force
+        );
+    }
     for event in pairs.live.events() {
         crate::say!("scene       {}: {}", event.pair, told(&event.what));
     }

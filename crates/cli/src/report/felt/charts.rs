@@ -128,7 +128,7 @@ fn loop_state(s: &[Sample]) -> Vec<Figure> {
         Figure {
             heading: "Strength and coverage",
             words: "The ramp's share of the force, and how far the energy is known: below one, a pair in reach \
-         is not loaded, or the edge of a table is near.",
+         is not loaded, or the part is outside a table.",
             vertical: "share",
             curves: vec![
                 curve(s, "strength", |s| s.gain),

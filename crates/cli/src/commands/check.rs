@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use pegfit_scene::Scene;
 use sdf_grid::mesh_io::{ReadOptions, Solid, examine};
-use sdf_grid::{HygieneReport, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder};
+use sdf_grid::{HygieneReport, Ledger, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder};
 use serde::Serialize;
 
 use crate::args::CheckArgs;
 use crate::commands::fits::{self, Fit};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::ledger;
 use crate::report::output::print_json;
 
 /// Components and solids listed one by one.
@@ -34,6 +35,7 @@ enum Verdict {
         solids: Vec<String>,
         stated_unit: Option<LengthUnit>,
         symmetry: Vec<SymmetryAxis>,
+        ledger: Ledger,
         warnings: Vec<String>,
         usable: bool,
     },
@@ -123,6 +125,7 @@ fn judge(subject: &Subject) -> Verdict {
     match examine(&subject.path, &subject.options) {
         Ok(found) => Verdict::Usable {
             symmetry: found.symmetry,
+            ledger: found.ledger,
             warnings: found.report.warnings(),
             report: Box::new(found.report),
             solids: listed(&found.solids),
@@ -195,6 +198,7 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             solids,
             stated_unit,
             symmetry,
+            ledger,
             warnings,
             ..
         } => {
@@ -202,6 +206,7 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             if let Some(stated) = stated_unit {
                 crate::say!("  unit         {stated}, as the file says");
             }
+            ledger::print(ledger);
             if solids.len() > 1 {
                 print_list("solid", solids);
             }

@@ -6,13 +6,14 @@ use fft_correlate::Pose;
 use pegfit_path::shared_volume;
 use pegfit_scene::{SceneDraft, SolidOptions, SolidSet};
 use rayon::prelude::*;
-use sdf_grid::LengthUnit;
+use sdf_grid::{Ledger, LengthUnit};
 use serde::Serialize;
 
 use crate::args::SceneArgs;
 use crate::commands::fits::{FACETS, TOUCHING};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::ledger;
 use crate::report::output::{print_json, require_folder};
 
 /// What is said of a solid.
@@ -47,6 +48,8 @@ struct Summary {
     moving_volume: f64,
     scene: Option<PathBuf>,
     meshes: Vec<PathBuf>,
+    /// What was read of the file, what was ignored and what was assumed.
+    ledger: Ledger,
 }
 
 pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandError> {
@@ -67,6 +70,7 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
             moving_volume: 0.0,
             scene: None,
             meshes: Vec::new(),
+            ledger: set.ledger.clone(),
         };
         return say(&summary, &args.file, context);
     }
@@ -126,6 +130,7 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         moving_volume: moving.iter().map(|m| m.volume()).sum(),
         scene: None,
         meshes: Vec::new(),
+        ledger: set.ledger.clone(),
     }
 }
 
@@ -159,6 +164,7 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
             solid.triangles
         );
     }
+    ledger::print(&summary.ledger);
     for solid in &summary.solids {
         if let Some(volume) = solid
             .shared_volume

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fft_correlate::Pose;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
-use sdf_grid::{LengthUnit, TriangleMesh};
+use sdf_grid::{Ledger, LengthUnit, TriangleMesh};
 
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
@@ -34,6 +34,8 @@ pub struct SolidSet {
     pub path: PathBuf,
     /// Its solids, in its order.
     pub solids: Vec<PlacedSolid>,
+    /// What was read of the file, what was ignored and what was assumed.
+    pub ledger: Ledger,
     /// Unit for the scene's lengths.
     pub(super) unit: LengthUnit,
 }
@@ -100,6 +102,7 @@ impl SolidSet {
         Ok(Self {
             path: path.to_owned(),
             solids: shapes.into_iter().map(solid).collect::<Result<_, _>>()?,
+            ledger: Ledger::default(),
             unit: LengthUnit::M,
         })
     }
@@ -129,7 +132,7 @@ impl SolidSet {
                 name: solid.name.clone(),
                 group: i,
                 pose: Pose::IDENTITY,
-                mesh: file.clone().clean(&options)?.0,
+                mesh: file.clean(&options)?.0,
                 in_file: (!converted).then_some(in_file),
             });
         }
@@ -150,6 +153,7 @@ impl SolidSet {
         Ok(Self {
             path: path.to_owned(),
             solids,
+            ledger: file.ledger(&whole),
             unit: if small { LengthUnit::Mm } else { stated },
         })
     }

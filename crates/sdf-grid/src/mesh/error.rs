@@ -58,6 +58,32 @@ pub enum MeshError {
         /// What is there.
         found: String,
     },
+    /// The file is something else than its name says.
+    #[error("{file}: expected {expected}, found {found}: {help}")]
+    Foreign {
+        /// The file.
+        file: String,
+        /// What its name promises.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+        /// What to do about it.
+        help: &'static str,
+    },
+    /// The file has something that changes a solid and cannot be read. The option `lossy` of
+    /// reading leaves it out.
+    #[error(
+        "{file}: {place}: expected what can be read of a solid, found {found}; to leave it out all \
+         the same, ask for lossy reading (--lossy; lossy = true in scenes and in Python)"
+    )]
+    Unread {
+        /// The file.
+        file: String,
+        /// Where in the file it is.
+        place: String,
+        /// What it is.
+        found: String,
+    },
     /// The file has no such solid, or several.
     #[error("{file}: solid {wanted:?}: expected one, found {matches} of that name among {found}")]
     Solid {

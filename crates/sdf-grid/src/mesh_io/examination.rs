@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::file::{MeshFile, ReadOptions};
+use super::ledger::Ledger;
 use super::soup::Solid;
 use super::unit::LengthUnit;
 use crate::frame::symmetry;
@@ -23,6 +24,8 @@ pub struct Examination {
     pub solids: Vec<Solid>,
     /// The unit that the file itself states.
     pub stated_unit: Option<LengthUnit>,
+    /// What was read of the file, what was ignored and what was assumed.
+    pub ledger: Ledger,
     /// Axes about which the cleaned mesh may be turned onto itself, to within 5e-4 of its diagonal.
     pub symmetry: Vec<SymmetryAxis>,
 }
@@ -33,13 +36,13 @@ pub struct Examination {
 /// As [`MeshFile::open`] and [`MeshFile::clean`].
 pub fn examine(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Examination, MeshError> {
     let file = MeshFile::open(path, &options.step)?;
-    let (solids, stated_unit) = (file.solids(), file.stated_unit());
     let (mesh, report) = file.clean(options)?;
     let tolerance = SYMMETRY_TOLERANCE * mesh.bounds().diagonal();
     Ok(Examination {
         report,
-        solids,
-        stated_unit,
+        solids: file.solids(),
+        stated_unit: file.stated_unit(),
+        ledger: file.ledger(options),
         symmetry: symmetry::detect(&mesh, tolerance),
     })
 }

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use super::ledger::{Ledger, LedgerKind};
 use super::soup::{Solid, Soup};
 use super::step::StepOptions;
 use super::unit::LengthUnit;
-use super::{bytes, gltf, obj, ply, step, stl, threemf};
+use super::{bytes, content, gltf, obj, ply, step, stl, threemf};
 use crate::mesh::error::MeshError;
 use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -36,6 +37,9 @@ pub struct ReadOptions {
     /// The solid to use, by its name or its number from 1 as [`MeshFile::solids`] lists them; all
     /// of them if `None`.
     pub solid: Option<String>,
+    /// What changes a solid and cannot be read (a slicer's negative part, a beam lattice, free-form
+    /// surfaces) is left out instead of refused; the ledger lists it.
+    pub lossy: bool,
     /// What hygiene may change and what it refuses.
     pub hygiene: HygieneOptions,
     /// How STEP files become triangles.
@@ -99,6 +103,7 @@ impl MeshFile {
 
     fn convert(path: &Path, options: &StepOptions) -> Result<Self, MeshError> {
         let name = path.display().to_string();
+        content::check_step(&name, &bytes::read_start(path, content::PEEK)?)?;
         let (converter, soup) = step::convert_file(&name, path, options)?;
         Ok(Self {
             name,
@@ -118,13 +123,16 @@ impl MeshFile {
         format: MeshFormat,
         folder: Option<&Path>,
     ) -> Result<Self, MeshError> {
-        let soup = match format {
+        let mut ledger = Ledger::default();
+        let bytes = &*content::prepare(name, bytes, format.into(), &mut ledger)?;
+        let mut soup = match format {
             MeshFormat::Obj => obj::parse(name, bytes),
             MeshFormat::Stl => stl::parse(name, bytes),
             MeshFormat::Ply => ply::parse(name, bytes),
             MeshFormat::Gltf => gltf::parse(name, bytes, folder),
             MeshFormat::ThreeMf => threemf::parse(name, bytes),
         }?;
+        soup.ledger.extend(&ledger);
         Ok(Self {
             name: name.to_owned(),
             soup,
@@ -148,29 +156,36 @@ impl MeshFile {
         self.converter.is_some()
     }
 
-    /// Cleans all solids, or the one that `options` choose, as one mesh in metres.
+    /// What was read of the file, what was ignored and what was assumed, if it is read with
+    /// `options`.
+    pub fn ledger(&self, options: &ReadOptions) -> Ledger {
+        let mut ledger = self.soup.ledger.clone();
+        if self.soup.unit.is_none() {
+            let reason = format!("{}, as the file states none", options.unit);
+            ledger.add(LedgerKind::Assumed, "unit", &reason);
+        }
+        ledger
+    }
+
+    /// Cleans all solids, or those that `options` choose, as one mesh in metres.
     ///
     /// # Errors
-    /// If there is no such solid, [`TriangleMesh::clean`] refuses the mesh, or what a converter
-    /// made of a STEP file is not watertight.
-    pub fn clean(self, options: &ReadOptions) -> Result<(TriangleMesh, HygieneReport), MeshError> {
-        let Self {
-            name,
-            soup,
-            converter,
-        } = self;
-        let soup = match &options.solid {
-            Some(wanted) => soup.select(&name, wanted)?,
-            None => soup,
-        };
+    /// If there is no such solid, the file has something of it that cannot be read and `options` do
+    /// not allow that, [`TriangleMesh::clean`] refuses the mesh, or what a converter made of a STEP
+    /// file is not watertight.
+    pub fn clean(&self, options: &ReadOptions) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+        let Self { name, soup, .. } = self;
+        let wanted = options.solid.as_deref();
+        let (mut vertices, triangles) = soup.select(name, wanted, options.lossy)?;
         let scale = soup.unit.unwrap_or(options.unit).in_metres();
-        let vertices = soup.vertices.iter().map(|v| scale * *v).collect();
-        let (mesh, report) =
-            TriangleMesh::clean(&name, vertices, soup.triangles, &options.hygiene)?;
-        match converter {
+        for vertex in &mut vertices {
+            *vertex *= scale;
+        }
+        let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options.hygiene)?;
+        match &self.converter {
             Some(converter) if !report.watertight => Err(MeshError::Converter {
                 path: PathBuf::from(name),
-                converter,
+                converter: converter.clone(),
                 expected: "closed solids".to_owned(),
                 found: format!("{} open edges", report.open_edges),
             }),

@@ -2,8 +2,11 @@
 
 use std::fmt;
 
+use serde::Serialize;
+
 /// What a reader did with an item of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum LedgerKind {
     /// The item is part of the result.
     Read,
@@ -25,7 +28,7 @@ impl LedgerKind {
 }
 
 /// One line of a [`Ledger`].
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LedgerEntry {
     /// What the reader did.
     pub kind: LedgerKind,
@@ -66,7 +69,8 @@ impl fmt::Display for LedgerEntry {
 /// assert_eq!(entry.count, 2);
 /// assert_eq!(entry.to_string(), "ignored: line element (2 times): it encloses no volume");
 /// ```
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
 pub struct Ledger {
     entries: Vec<LedgerEntry>,
 }

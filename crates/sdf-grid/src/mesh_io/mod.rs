@@ -7,11 +7,13 @@
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
 mod bytes;
+mod content;
 mod examination;
 mod file;
 mod gltf;
 mod ledger;
 mod obj;
+mod parts;
 mod ply;
 mod soup;
 mod step;

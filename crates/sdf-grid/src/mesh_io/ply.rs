@@ -1,5 +1,7 @@
 //! PLY, ASCII and binary of both byte orders.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
@@ -7,30 +9,25 @@ use ply_rs_bw::ply::{
     PropertyType, ScalarType,
 };
 
+use super::parts;
 use super::soup::{Soup, syntax};
 use crate::mesh::error::MeshError;
 
+/// Names of the list of a face's corners.
+const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+
 /// Reads the elements `vertex` (x, y, z) and `face` (`vertex_indices` or `vertex_index`) of a PLY
-/// file and skips others; polygons are cut into triangles.
+/// file and lists others; polygons are cut into triangles. Each closed body is a solid.
 pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
-    let mut reader = Reader::new(bytes);
+    let bytes = with_line_feeds(bytes);
+    let mut reader = Reader::new(&*bytes);
     let wrong = |place: &str, error: &dyn std::fmt::Display| {
         syntax(file, place, "a PLY file", error.to_string())
     };
     let header = Parser::<DefaultElement>::new()
         .read_header(&mut reader)
         .map_err(|e| wrong("header", &e))?;
-    let names: Vec<&str> = header
-        .elements
-        .iter()
-        .map(|(name, _)| name.as_str())
-        .collect();
-    for name in ["vertex", "face"] {
-        if !names.contains(&name) {
-            let found = format!("elements {names:?}");
-            return Err(syntax(file, "header", format!("element {name:?}"), found));
-        }
-    }
+    check_header(file, &header)?;
     let mut vertices: Vec<Vertex> = Vec::new();
     let mut faces: Vec<Face> = Vec::new();
     for (name, element) in &header.elements {
@@ -54,7 +51,89 @@ pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
             }
         }
     }
-    assemble(file, &vertices, &faces)
+    let mut soup = assemble(file, &vertices, &faces)?;
+    list(&mut soup, &header);
+    let rest = reader.get_ref().trim_ascii();
+    if !rest.is_empty() {
+        let found = format!("{} bytes", rest.len());
+        let reason = "they come after the elements that the header counts";
+        soup.lose(None, "end of file", &found, reason);
+    }
+    parts::divide_bodies(&mut soup);
+    Ok(soup)
+}
+
+/// The file with line feeds at the ends of lines, where an old Macintosh put carriage returns.
+fn with_line_feeds(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let end = bytes.iter().position(|b| matches!(b, b'\n' | b'\r'));
+    let old = end.is_some_and(|end| bytes[end] == b'\r' && bytes.get(end + 1) != Some(&b'\n'));
+    if !old {
+        return Cow::Borrowed(bytes);
+    }
+    let mark: &[u8] = b"\rend_header\r";
+    let header = bytes.windows(mark.len()).position(|w| w == mark);
+    let header = header.map_or(bytes.len(), |at| at + mark.len());
+    let ascii = bytes[..header].windows(12).any(|w| w == b"format ascii");
+    let text = if ascii { bytes.len() } else { header };
+    let mut kept = bytes.to_vec();
+    for byte in &mut kept[..text] {
+        if *byte == b'\r' {
+            *byte = b'\n';
+        }
+    }
+    Cow::Owned(kept)
+}
+
+/// Refuses a file without positions or faces.
+fn check_header(file: &str, header: &Header) -> Result<(), MeshError> {
+    let refuse = |expected: String, found: String| Err(syntax(file, "header", expected, found));
+    let names: Vec<&String> = header.elements.iter().map(|(name, _)| name).collect();
+    for name in ["vertex", "face"] {
+        let Some(element) = header.elements.get(name) else {
+            return refuse(format!("element {name:?}"), format!("elements {names:?}"));
+        };
+        let found: Vec<&String> = element.properties.iter().map(|(name, _)| name).collect();
+        let has = |wanted: &str| found.iter().any(|name| *name == wanted);
+        let complete = match name {
+            "vertex" => ["x", "y", "z"].into_iter().all(has),
+            _ => CORNERS.into_iter().any(has),
+        };
+        if !complete {
+            let expected = match name {
+                "vertex" => "x, y and z of each vertex".to_owned(),
+                _ => format!("a list {:?} of each face", CORNERS[0]),
+            };
+            return refuse(expected, format!("properties {found:?}"));
+        }
+    }
+    Ok(())
+}
+
+/// Says what was read and what was not.
+fn list(soup: &mut Soup, header: &Header) {
+    for (name, element) in &header.elements {
+        let read: &[&str] = match name.as_str() {
+            "vertex" => &["x", "y", "z"],
+            "face" => &CORNERS,
+            "tristrips" if element.count > 0 => {
+                soup.lose(None, "element \"tristrips\"", name, "strips of triangles");
+                continue;
+            }
+            _ => {
+                let item = format!("element {name:?}");
+                soup.ignore(&item, "it is no part of a surface", element.count);
+                continue;
+            }
+        };
+        soup.read(name, element.count);
+        for (property, _) in &element.properties {
+            if !read.contains(&property.as_str()) {
+                let item = format!("property {property:?} of {name}");
+                let reason = "it does not say where the surface is";
+                soup.ignore(&item, reason, element.count);
+            }
+        }
+    }
 }
 
 /// Refuses a count that the rest of the file is too short for.
@@ -153,7 +232,7 @@ impl PropertyAccess for Face {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        if !matches!(name, "vertex_indices" | "vertex_index") {
+        if !CORNERS.contains(&name) {
             return PropertyAccessResult::Ignored;
         }
         fn wide<T: Into<i64>>(list: Vec<T>) -> Vec<i64> {

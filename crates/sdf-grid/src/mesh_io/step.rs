@@ -76,7 +76,7 @@ pub(super) fn convert_file(
         });
     }
     let (converter, bytes) = convert(&file, options)?;
-    let mut soup = stl::parse(name, &bytes)?;
+    let mut soup = stl::read(name, &bytes)?;
     soup.unit = Some(LengthUnit::M);
     Ok((converter, soup))
 }

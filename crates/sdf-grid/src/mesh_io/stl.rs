@@ -6,6 +6,7 @@
 use glam::{DVec3, Vec3};
 
 use super::soup::{Soup, syntax};
+use super::{content, parts};
 use crate::mesh::error::MeshError;
 
 /// Bytes before the facets of a binary file: a free text and the number of facets.
@@ -16,20 +17,34 @@ const FACET: usize = 50;
 /// How far a binary file is searched for the zero bytes that no text has.
 const PEEK: usize = 512;
 
-/// Reads all solids of an STL file as loose triangles.
+/// Reads all solids of an STL file as loose triangles; each closed body is a solid if the file
+/// tells none apart.
 pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
-    if is_text(bytes) {
+    let mut soup = read(file, bytes)?;
+    if soup.names.len() > 1 {
+        parts::join_open(&mut soup, "solid");
+    }
+    parts::divide_bodies(&mut soup);
+    Ok(soup)
+}
+
+/// Reads the solids that an STL file itself tells apart.
+pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
+    let mut soup = if is_text(bytes) {
         parse_ascii(file, bytes)
     } else {
         parse_binary(file, bytes)
-    }
+    }?;
+    let facets = soup.triangles.len();
+    soup.read("facet", facets);
+    soup.ignore("normal", "faces are oriented by their corners", facets);
+    Ok(soup)
 }
 
 /// Binary files may start with "solid" too, but ASCII ones have no zero byte and never the size
 /// that a binary header in their place would ask for.
 fn is_text(bytes: &[u8]) -> bool {
-    let start = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    let word = start.trim_ascii_start().get(..5).unwrap_or_default();
+    let word = bytes.trim_ascii_start().get(..5).unwrap_or_default();
     word.eq_ignore_ascii_case(b"solid")
         && stated_size(bytes) != Some(bytes.len() as u64)
         && !bytes[..bytes.len().min(PEEK)].contains(&0)
@@ -41,30 +56,70 @@ fn stated_size(bytes: &[u8]) -> Option<u64> {
     Some(HEADER as u64 + FACET as u64 * u64::from(u32::from_le_bytes(*count)))
 }
 
+/// One solid after another, as files joined end to end hold them.
 fn parse_binary(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
+    let mut soup = Soup::default();
+    let (mut rest, mut coloured) = (bytes, 0);
+    loop {
+        let at = bytes.len() - rest.len();
+        let (facets, after) = split_binary(file, rest, at)?;
+        soup.begin_solid("");
+        for facet in facets {
+            let (numbers, attribute) = facet.as_chunks::<4>();
+            let corner = |k: usize| {
+                let at = [3 * k, 3 * k + 1, 3 * k + 2];
+                let [x, y, z] = at.map(|i| f32::from_le_bytes(numbers[i]));
+                Vec3::new(x, y, z).as_dvec3()
+            };
+            push(&mut soup, [corner(1), corner(2), corner(3)]);
+            coloured += usize::from(attribute != [0, 0]);
+        }
+        rest = after;
+        if !goes_on(rest) {
+            break;
+        }
+    }
+    soup.ignore("attribute", "it changes the look, not the solid", coloured);
+    // Some programs append a few bytes or fill a file up; more may be facets.
+    let reason = "it comes after the facets that the header counts";
+    let room = rest.len().is_multiple_of(FACET) || rest.len() >= HEADER + FACET;
+    if room && rest.iter().any(|&b| b != 0) {
+        let place = format!("byte {}", bytes.len() - rest.len());
+        let found = format!("{} bytes with room for facets", rest.len());
+        soup.lose(None, place, &found, reason);
+    } else {
+        soup.ignore("trailing byte", reason, rest.len());
+    }
+    Ok(soup)
+}
+
+/// Whether bytes after a binary solid are another one, or several, with at most a few more bytes.
+fn goes_on(rest: &[u8]) -> bool {
+    let next = stated_size(rest).filter(|&size| size > HEADER as u64);
+    let next = next.and_then(|size| rest.get(usize::try_from(size).ok()?..));
+    next.is_some_and(|next| next.len() < HEADER || goes_on(next))
+}
+
+/// The facets of the binary solid at the start of `bytes`, which is byte `at` of the file, and what
+/// follows it.
+fn split_binary<'a>(
+    file: &str,
+    bytes: &'a [u8],
+    at: usize,
+) -> Result<(&'a [[u8; FACET]], &'a [u8]), MeshError> {
     let found = bytes.len() as u64;
     let stated = stated_size(bytes).ok_or_else(|| {
         let expected = format!("\"solid\" or a binary header of {HEADER} bytes");
         syntax(file, "start", expected, format!("{found} bytes"))
     })?;
-    // Some programs append data of their own.
     if stated > found {
         let facets = (stated - HEADER as u64) / FACET as u64;
         let expected = format!("{facets} facets in {stated} bytes");
-        return Err(syntax(file, "byte 80", expected, format!("{found} bytes")));
+        let place = format!("byte {}", at + HEADER - 4);
+        return Err(syntax(file, place, expected, format!("{found} bytes")));
     }
-    let (facets, _) = bytes[HEADER..stated as usize].as_chunks::<FACET>();
-    let mut soup = Soup::default();
-    soup.begin_solid("");
-    for facet in facets {
-        let (numbers, _) = facet.as_chunks::<4>();
-        let corner = |k: usize| {
-            let [x, y, z] = [3 * k, 3 * k + 1, 3 * k + 2].map(|i| f32::from_le_bytes(numbers[i]));
-            Vec3::new(x, y, z).as_dvec3()
-        };
-        push(&mut soup, [corner(1), corner(2), corner(3)]);
-    }
-    Ok(soup)
+    let (facets, rest) = bytes[HEADER..].split_at(stated as usize - HEADER);
+    Ok((facets.as_chunks().0, rest))
 }
 
 fn push(soup: &mut Soup, corners: [DVec3; 3]) {
@@ -78,8 +133,7 @@ fn parse_ascii(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     let mut soup = Soup::default();
     let mut corners = Vec::with_capacity(3);
     let mut open_solid = None;
-    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    for (index, line) in lines(bytes).enumerate() {
+    for (index, line) in content::lines(bytes).enumerate() {
         let place = || format!("line {}", index + 1);
         let text = String::from_utf8_lossy(line);
         let mut words = text.split_whitespace();
@@ -112,12 +166,6 @@ fn parse_ascii(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
         }
         None => Ok(soup),
     }
-}
-
-/// Lines that end as on Unix, DOS or an old Macintosh.
-fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
-    bytes.split(move |&b| b == end)
 }
 
 fn vertex<'a>(

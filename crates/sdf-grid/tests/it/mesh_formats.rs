@@ -85,7 +85,7 @@ fn document() -> (Value, Vec<u8>) {
     (document, bin)
 }
 
-fn glb(document: &Value, bin: &[u8]) -> Vec<u8> {
+pub(crate) fn glb(document: &Value, bin: &[u8]) -> Vec<u8> {
     let mut text = serde_json::to_vec(document).expect("text");
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut bin = bin.to_vec();
@@ -263,7 +263,7 @@ fn strips_and_fans_are_triangles() {
     }
 }
 
-fn archive(files: &[(&str, &str)], method: zip::CompressionMethod) -> Vec<u8> {
+pub(crate) fn archive(files: &[(&str, &str)], method: zip::CompressionMethod) -> Vec<u8> {
     let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default().compression_method(method);
     for (name, text) in files {
@@ -273,11 +273,11 @@ fn archive(files: &[(&str, &str)], method: zip::CompressionMethod) -> Vec<u8> {
     writer.finish().expect("memory").into_inner()
 }
 
-const RELS: &str = r#"<?xml version="1.0"?><Relationships>
+pub(crate) const RELS: &str = r#"<?xml version="1.0"?><Relationships>
 <Relationship Target="/3D/3dmodel.model" Id="a"
  Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>"#;
 
-fn mesh_xml(mesh: &TriangleMesh) -> String {
+pub(crate) fn mesh_xml(mesh: &TriangleMesh) -> String {
     let mut text = "<mesh><vertices>".to_owned();
     for v in mesh.vertices() {
         text += &format!(r#"<vertex x="{}" y="{}" z="{}"/>"#, v.x, v.y, v.z);
@@ -289,7 +289,7 @@ fn mesh_xml(mesh: &TriangleMesh) -> String {
     text + "</triangles></mesh>"
 }
 
-fn model(unit: &str, resources: &str, build: &str) -> String {
+pub(crate) fn model(unit: &str, resources: &str, build: &str) -> String {
     format!(
         r#"<?xml version="1.0" encoding="UTF-8"?><!-- a test -->
         <model unit="{unit}" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -442,8 +442,19 @@ fn headers_may_claim_anything() {
 
 #[test]
 fn stl_corner_cases() {
-    let facet = "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
-                 endloop\nendfacet\n";
+    let closed = |x: f64| -> String {
+        let box_ = cuboid().transformed(DQuat::IDENTITY, DVec3::X * x);
+        let corner = |v: u32| {
+            let v = box_.vertices()[v as usize];
+            format!("vertex {} {} {}\n", v.x, v.y, v.z)
+        };
+        let facet = |t: &[u32; 3]| {
+            let corners: String = t.iter().map(|&v| corner(v)).collect();
+            format!("facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n")
+        };
+        box_.triangles().iter().map(facet).collect()
+    };
+    let (left, right) = (closed(0.0), closed(9.0));
     let solids = |bytes: &[u8]| {
         MeshFile::parse("test", bytes, MeshFormat::Stl, None)
             .expect("read")
@@ -453,9 +464,9 @@ fn stl_corner_cases() {
             .collect::<Vec<_>>()
     };
     let text = format!(
-        "SOLID  left part\n{facet}{facet}endsolid\nsolid\nendsolid\nsolid right\n{facet}endsolid right\n"
+        "SOLID  left part\n{left}endsolid\nsolid\nendsolid\nsolid right\n{right}endsolid right\n"
     );
-    let expected = vec![("left part".to_owned(), 2), ("right".to_owned(), 1)];
+    let expected = vec![("left part".to_owned(), 12), ("right".to_owned(), 12)];
     assert_eq!(solids(text.as_bytes()), expected);
     assert_eq!(solids(text.replace('\n', "\r\n").as_bytes()), expected);
     assert_eq!(solids(text.replace('\n', "\r").as_bytes()), expected);

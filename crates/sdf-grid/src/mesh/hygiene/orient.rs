@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::edges::Edges;
 use super::report::ComponentReport;
 use crate::mesh::aabb::Aabb;
-use crate::mesh::measure::{face_area, volume};
+use crate::mesh::measure::{face_area, volume, winding_number};
 
 /// Below this fraction of area times diagonal a component encloses nothing and has no outside.
 const FLAT: f64 = 1e-9;
@@ -209,18 +209,6 @@ impl Component {
 
     /// Winding number of the component about a point: about 1 inside, 0 outside.
     fn winding_number(&self, point: DVec3) -> f64 {
-        let turns: f64 = self
-            .corners
-            .iter()
-            .map(|t| half_solid_angle(t.map(|p| p - point)))
-            .sum();
-        turns / (2.0 * std::f64::consts::PI)
+        winding_number(self.corners.iter().copied(), point)
     }
-}
-
-/// Half the signed solid angle of a triangle seen from the origin (Van Oosterom and Strackee).
-fn half_solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    a.dot(b.cross(c)).atan2(denominator)
 }

@@ -14,6 +14,12 @@ use crate::mesh_io::unit::LengthUnit;
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) unit: LengthUnit,
+    /// Whether the file states it.
+    pub(super) unit_stated: bool,
+    /// Extensions that it requires and that are not read, by their namespaces.
+    pub(super) extensions: Vec<String>,
+    /// What it keeps beside objects, by element.
+    pub(super) resources: Vec<String>,
     /// Objects by their id.
     pub(super) objects: HashMap<u32, Object>,
     /// What is to be built.
@@ -24,9 +30,24 @@ pub(super) struct Model {
 #[derive(Debug)]
 pub(super) struct Object {
     pub(super) name: String,
-    /// True unless it is a support, a surface or the like.
-    pub(super) solid: bool,
+    /// `model` for a solid, else `support`, `surface` and the like.
+    pub(super) role: String,
+    /// What Cura does with it instead of printing it.
+    setting: Option<String>,
+    /// Elements that make its shape another one and are not read.
+    pub(super) unread: Vec<String>,
     pub(super) kind: Kind,
+}
+
+impl Object {
+    /// Why it is no material of a part, if so.
+    pub(super) fn left_out(&self) -> Option<String> {
+        match (&self.setting, self.role.as_str()) {
+            (Some(setting), _) => Some(format!("{setting}: it is a setting for printing")),
+            (None, "model") => None,
+            (None, role) => Some(format!("of type {role}: it is no material of a part")),
+        }
+    }
 }
 
 /// What an object is made of.
@@ -49,6 +70,32 @@ pub(super) struct Placed {
     pub(super) path: Option<String>,
 }
 
+/// Namespaces of extensions that may be required: what they add is read, or no boundary.
+const EXTENSIONS: [&str; 4] = [
+    "http://schemas.microsoft.com/3dmanufacturing/production/",
+    "http://schemas.microsoft.com/3dmanufacturing/material/",
+    "http://schemas.microsoft.com/3dmanufacturing/slice/",
+    "http://schemas.microsoft.com/3dmanufacturing/trianglesets/",
+];
+
+/// Elements within objects and meshes that are read or change no shape.
+const WITHIN: [&str; 6] = [
+    "mesh",
+    "components",
+    "metadatagroup",
+    "vertices",
+    "triangles",
+    "trianglesets",
+];
+
+/// Metadata with which Cura says that a mesh is none to print.
+const CURA: [&str; 4] = [
+    "support_mesh",
+    "anti_overhang_mesh",
+    "infill_mesh",
+    "cutting_mesh",
+];
+
 /// Reads a model in one pass.
 pub(super) fn parse(file: &str, path: &str, input: impl BufRead) -> Result<Model, MeshError> {
     let mut parser = Parser {
@@ -56,6 +103,8 @@ pub(super) fn parse(file: &str, path: &str, input: impl BufRead) -> Result<Model
         path,
         model: Model::default(),
         open: None,
+        within: Vec::new(),
+        metadata: None,
     };
     let mut reader = quick_xml::Reader::from_reader(input);
     let mut buffer = Vec::new();
@@ -65,7 +114,12 @@ pub(super) fn parse(file: &str, path: &str, input: impl BufRead) -> Result<Model
             syntax(file, place, "XML", e.to_string())
         })?;
         match event {
-            Event::Start(e) | Event::Empty(e) => parser.element(&e)?,
+            Event::Empty(e) => parser.element(&e)?,
+            Event::Start(e) => {
+                parser.element(&e)?;
+                parser.within.push(e.local_name().as_ref().into());
+            }
+            Event::Text(text) => parser.text(&text),
             Event::Eof if parser.open.is_some() => {
                 return Err(syntax(
                     file,
@@ -75,7 +129,12 @@ pub(super) fn parse(file: &str, path: &str, input: impl BufRead) -> Result<Model
                 ));
             }
             Event::Eof => return Ok(parser.model),
-            Event::End(e) if e.local_name().as_ref() == "object" => parser.close(),
+            Event::End(e) => {
+                parser.within.pop();
+                if e.local_name().as_ref() == "object" {
+                    parser.close();
+                }
+            }
             _ => {}
         }
         buffer.clear();
@@ -88,12 +147,20 @@ struct Parser<'a> {
     model: Model,
     /// The object being read.
     open: Option<(u32, Object)>,
+    /// The elements around what is read next.
+    within: Vec<Box<str>>,
+    /// Name of the metadata whose text is read next.
+    metadata: Option<String>,
 }
 
 impl Parser<'_> {
     fn element(&mut self, e: &BytesStart<'_>) -> Result<(), MeshError> {
         match e.local_name().as_ref() {
-            "model" => self.model.unit = self.unit(e)?,
+            "model" => {
+                self.model.unit_stated = self.attribute(e, "unit")?.is_some();
+                self.model.unit = self.unit(e)?;
+                self.model.extensions = self.unread_extensions(e)?;
+            }
             "object" => self.object(e)?,
             "vertex" => {
                 let position = DVec3::new(
@@ -128,9 +195,50 @@ impl Parser<'_> {
                 let placed = self.placed(e)?;
                 self.model.items.push(placed);
             }
-            _ => {}
+            "metadata" => self.metadata = self.attribute(e, "name")?,
+            other => self.other(other),
         }
         Ok(())
+    }
+
+    /// An element that is not read, by where it is.
+    fn other(&mut self, name: &str) {
+        match self.within.last().map(|parent| &**parent) {
+            Some("resources") => self.model.resources.push(name.to_owned()),
+            Some("object" | "mesh") if !WITHIN.contains(&name) => {
+                if let Some((_, object)) = &mut self.open {
+                    object.unread.push(name.to_owned());
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn text(&mut self, text: &str) {
+        let Some(name) = self.metadata.take() else {
+            return;
+        };
+        let setting = name.rsplit(':').next().unwrap_or_default();
+        let on = text.trim().eq_ignore_ascii_case("true") || text.trim() == "1";
+        if let Some((_, object)) = &mut self.open
+            && on
+            && CURA.contains(&setting)
+        {
+            object.setting = Some(name);
+        }
+    }
+
+    /// Namespaces of the extensions that a model requires and that are not known here.
+    fn unread_extensions(&self, e: &BytesStart<'_>) -> Result<Vec<String>, MeshError> {
+        let required = self.attribute(e, "requiredextensions")?.unwrap_or_default();
+        let mut unread = Vec::new();
+        for prefix in required.split_whitespace() {
+            let space = self.attribute(e, prefix)?.unwrap_or(prefix.to_owned());
+            if !EXTENSIONS.iter().any(|known| space.starts_with(known)) {
+                unread.push(space);
+            }
+        }
+        Ok(unread)
     }
 
     /// What the open object is made of so far, and its id.
@@ -144,15 +252,23 @@ impl Parser<'_> {
         let id = self.number(e, "id")?;
         let kind = self.attribute(e, "type")?;
         self.close();
+        let resolution = self.attribute(e, "meshresolution")?;
         let object = Object {
             name: self.attribute(e, "name")?.unwrap_or_default(),
-            solid: matches!(kind.as_deref(), None | Some("model")),
+            role: kind.unwrap_or_else(|| "model".to_owned()),
+            setting: None,
+            unread: Vec::new(),
             kind: Kind::Mesh {
                 vertices: Vec::new(),
                 triangles: Vec::new(),
             },
         };
         self.open = Some((id, object));
+        if resolution.as_deref() == Some("lowres")
+            && let Some((_, object)) = &mut self.open
+        {
+            object.unread.push("meshresolution=\"lowres\"".to_owned());
+        }
         Ok(())
     }
 

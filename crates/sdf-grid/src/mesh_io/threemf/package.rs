@@ -1,5 +1,6 @@
 //! The archive around the models.
 
+use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Cursor, Read};
 
 use quick_xml::events::Event;
@@ -7,6 +8,7 @@ use zip::ZipArchive;
 
 use super::model::attribute;
 use crate::mesh::error::MeshError;
+use crate::mesh_io::content;
 use crate::mesh_io::soup::syntax;
 
 /// Most bytes that a file in the archive may unpack to, per byte of the archive; deflated models
@@ -60,13 +62,32 @@ impl<'a> Package<'a> {
         }
     }
 
-    /// A file in the archive, unpacked as it is read and cut off at the limit.
-    pub(super) fn read(&mut self, path: &str) -> Result<impl BufRead + use<'_, 'a>, MeshError> {
-        let limit = self.limit;
+    /// Paths of the files in which slicers keep settings.
+    pub(super) fn settings(&self) -> Vec<String> {
+        let named = |name: &String| {
+            let name = name.to_ascii_lowercase();
+            name.starts_with("metadata/") && name.ends_with(".config")
+        };
+        // A name that is no text is none of these.
+        let names = self.archive.file_names().filter_map(Result::ok);
+        names.map(Cow::into_owned).filter(named).collect()
+    }
+
+    /// A file in the archive as UTF-8, unpacked as it is read and cut off at the limit.
+    pub(super) fn read(&mut self, path: &str) -> Result<Box<dyn BufRead + '_>, MeshError> {
+        let (file, limit) = (self.file, self.limit);
         let entry = self
             .archive
             .by_name(path.trim_start_matches('/'))
-            .map_err(|e| syntax(self.file, path, "a file in the archive", e.to_string()))?;
-        Ok(BufReader::new(entry.take(limit)))
+            .map_err(|e| syntax(file, path, "a file in the archive", e.to_string()))?;
+        let mut entry = BufReader::new(entry.take(limit));
+        let unreadable = |e: std::io::Error| syntax(file, path, "packed data", e.to_string());
+        let start = entry.fill_buf().map_err(unreadable)?;
+        let Some(big) = content::utf16(start) else {
+            return Ok(Box::new(entry));
+        };
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes).map_err(unreadable)?;
+        Ok(Box::new(Cursor::new(content::from_utf16(&bytes, big))))
     }
 }

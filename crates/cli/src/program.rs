@@ -1,7 +1,7 @@
 //! The program: from the words typed to an exit code.
 
 use std::ffi::OsString;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 
 use clap::Parser;
 use tracing::level_filters::LevelFilter;
@@ -13,6 +13,7 @@ use crate::args::Arguments;
 use crate::commands;
 use crate::exit::Exit;
 use crate::terminal::progress::watch_for_interrupts;
+use crate::terminal::shown::ShownError;
 
 /// Does what the words of a command line ask for, the first of which is the program's name; prints
 /// results and errors, and takes over the process' log and Ctrl-C.
@@ -36,7 +37,9 @@ pub fn run(words: impl IntoIterator<Item = OsString>) -> Exit {
         Ok(()) => Exit::Success,
         Err(error) => {
             let exit = error.exit();
-            crate::remark!("{:?}", miette::Report::new(error));
+            let report = miette::Report::new(ShownError::from(error));
+            // Coloured by miette itself; fails only if nobody reads it any more.
+            let _ = writeln!(std::io::stderr(), "{report:?}");
             exit
         }
     }

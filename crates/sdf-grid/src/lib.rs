@@ -38,7 +38,7 @@ pub use mesh::triangle_mesh::TriangleMesh;
 pub use mesh_io::unit::LengthUnit;
 pub use mesh_io::{Ledger, LedgerEntry, LedgerKind};
 pub use support::monitor::{Monitor, Silent};
-pub use support::{atomic, recipe};
+pub use support::{atomic, recipe, text};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
 pub use surface::ball::largest_ball_radius;

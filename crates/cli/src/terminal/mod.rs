@@ -3,3 +3,4 @@
 pub mod hold;
 pub mod progress;
 mod say;
+pub mod shown;

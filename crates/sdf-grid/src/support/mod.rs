@@ -10,3 +10,4 @@ pub(crate) mod monitor;
 #[doc(hidden)]
 pub mod prefetch;
 pub mod recipe;
+pub mod text;

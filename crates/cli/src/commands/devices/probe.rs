@@ -75,7 +75,9 @@ pub(super) fn run(
             // Up over the last picture, and down again line by line.
             let up = format!("\x1b[{lines}A\x1b[J");
             let picture = picture(&spec, &look);
-            crate::say!("{}{}", if lines > 0 { &up } else { "" }, picture.trim_end());
+            // What moves the cursor is no text; a closed pipe shows in the flush below.
+            let _ = write!(std::io::stdout(), "{}", if lines > 0 { &up } else { "" });
+            crate::say!("{}", picture.trim_end());
             lines = picture.lines().count();
         } else {
             crate::say!("{}", line(&look));

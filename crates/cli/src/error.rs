@@ -158,10 +158,22 @@ impl From<LineError> for SceneFileError {
         Self {
             said: error.to_string(),
             next: other_file(&error.path),
-            text: NamedSource::new(error.path.display().to_string(), error.text),
+            text: NamedSource::new(error.path.display().to_string(), visible(&error.text)),
             span: SourceSpan::from(error.span),
         }
     }
+}
+
+/// The text with characters of the same lengths in the place of those that would act on a terminal.
+fn visible(text: &str) -> String {
+    let kept = |c: char| !sdf_grid::text::acts(c) || matches!(c, '\n' | '\r' | '\t');
+    let stands_in = |c: char| match (kept(c), c.len_utf8()) {
+        (true, _) => c,
+        (false, 1) => '?',
+        (false, 2) => '¿',
+        (false, _) => char::REPLACEMENT_CHARACTER,
+    };
+    text.chars().map(stands_in).collect()
 }
 
 impl From<SceneError> for CommandError {

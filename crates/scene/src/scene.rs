@@ -68,6 +68,10 @@ pub struct PlacedMesh {
     pub solid: Option<String>,
     /// Edges around a full turn of a curved face of a STEP file.
     pub segments_per_turn: u32,
+    /// Processor time after which a converter of a STEP file is stopped.
+    pub step_time_limit: Duration,
+    /// Leave out what changes a solid and cannot be read, instead of refusing it.
+    pub lossy: bool,
     /// Where it lies in the part (metres); the identity if it is the only one.
     pub pose: Pose,
 }
@@ -76,6 +80,7 @@ impl PlacedMesh {
     /// How its file is read; `unit` is that of files that state none.
     pub fn options(&self, unit: LengthUnit) -> ReadOptions {
         ReadOptions::choosing(unit, self.solid.clone(), self.segments_per_turn)
+            .within(self.step_time_limit, self.lossy)
     }
 }
 

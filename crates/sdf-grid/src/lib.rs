@@ -39,7 +39,7 @@ pub use mesh_io::unit::LengthUnit;
 pub use mesh_io::{Ledger, LedgerEntry, LedgerKind};
 pub use support::monitor::{Monitor, Silent};
 pub use support::place::require_unplanted;
-pub use support::{atomic, growing, recipe, regular};
+pub use support::{atomic, growing, recipe, regular, text};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
 pub use surface::ball::largest_ball_radius;

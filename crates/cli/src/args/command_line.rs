@@ -2,6 +2,7 @@
 
 use std::net::IpAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sdf_grid::LengthUnit;
@@ -117,12 +118,22 @@ pub struct MeshChoice {
     /// STEP: edges around a full turn of a curved face, 6 to 1000
     #[arg(long, default_value_t = 64, value_name = "N")]
     pub segments_per_turn: u32,
+    /// STEP: processor time after which a converter is stopped
+    #[arg(long, default_value_t = 120, value_name = "SECONDS",
+          value_parser = clap::value_parser!(u64).range(1..=86400))]
+    pub step_time_limit: u64,
+    /// Leave out what changes a solid and cannot be read (negative parts of slicers, beam lattices,
+    /// free-form surfaces), instead of refusing it; what is left out is listed
+    #[arg(long)]
+    pub lossy: bool,
 }
 
 impl MeshChoice {
     /// The same for the reading library, with the unit of files that state none.
     pub fn options(&self, unit: LengthUnit) -> ReadOptions {
+        let limit = Duration::from_secs(self.step_time_limit);
         ReadOptions::choosing(unit, self.solid.clone(), self.segments_per_turn)
+            .within(limit, self.lossy)
     }
 }
 

@@ -29,6 +29,14 @@ pub struct SceneArgs {
     /// STEP: edges around a full turn of a curved face, 6 to 1000
     #[arg(long, default_value_t = 64, value_name = "N")]
     pub segments_per_turn: u32,
+    /// STEP: processor time after which a converter is stopped
+    #[arg(long, default_value_t = 120, value_name = "SECONDS",
+          value_parser = clap::value_parser!(u64).range(1..=86400))]
+    pub step_time_limit: u64,
+    /// Leave out what changes a solid and cannot be read (negative parts of slicers, beam lattices,
+    /// free-form surfaces), instead of refusing it; what is left out is listed
+    #[arg(long)]
+    pub lossy: bool,
     /// URDF, MJCF: of links that have both, the shapes to look at instead of those to collide with
     #[arg(long)]
     pub visual: bool,

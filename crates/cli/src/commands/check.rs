@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use pegfit_scene::Scene;
 use sdf_grid::mesh_io::{ReadOptions, Solid, examine};
+use sdf_grid::text::shown;
 use sdf_grid::{HygieneReport, Ledger, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder};
 use serde::Serialize;
 
@@ -151,6 +152,10 @@ fn next_for(error: &MeshError) -> Option<&'static str> {
         MeshError::Empty { .. } => "export the part as triangles: curves and points are not read",
         MeshError::Format { .. } => "export it in one of these formats",
         MeshError::Converter { .. } => "pip install gmsh, or export STL or 3MF instead",
+        MeshError::NoSolid { .. } => "pegfit reads solids: sew the faces together and export again",
+        MeshError::Unread { .. } => {
+            "export the part as one solid without it, or ask for the rest with --lossy"
+        }
         MeshError::Solid { .. } => "pegfit check FILE lists its solids",
         MeshError::NonFiniteVertex { .. } => "export the part near the origin, or give its unit",
         _ => return None,
@@ -187,7 +192,7 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
         Verdict::Unusable {
             name, error, next, ..
         } => {
-            crate::say!("{name}: cannot be used");
+            crate::say!("{}: cannot be used", shown(name));
             crate::say!("  {error}");
             if let Some(next) = next {
                 crate::say!("  next         {next}");
@@ -202,7 +207,7 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             warnings,
             ..
         } => {
-            crate::say!("{}: usable", report.name);
+            crate::say!("{}: usable", shown(&report.name));
             if let Some(stated) = stated_unit {
                 crate::say!("  unit         {stated}, as the file says");
             }

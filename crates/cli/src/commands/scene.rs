@@ -1,10 +1,12 @@
 //! `pegfit scene`: from a file of solids, or a robot's description, to a scene.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use pegfit_scene::{SceneDraft, SolidOptions, SolidSet};
 use rayon::prelude::*;
+use sdf_grid::text::shown;
 use sdf_grid::{InterferenceQuery, Ledger, LengthUnit};
 use serde::Serialize;
 
@@ -58,6 +60,8 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
     let options = SolidOptions {
         unit: args.unit,
         segments_per_turn: args.segments_per_turn,
+        step_time_limit: Duration::from_secs(args.step_time_limit),
+        lossy: args.lossy,
         visual: args.visual,
         ..SolidOptions::default()
     };
@@ -158,7 +162,7 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
         crate::say!(
             "{:>4}  {:<24} {:>9} triangles  {x:.3} x {y:.3} x {z:.3} {unit}{role}",
             solid.number,
-            solid.name,
+            shown(&solid.name),
             solid.triangles
         );
     }
@@ -183,7 +187,7 @@ fn say_overlap(solid: &Told, share: f64, cubic_millimetres: f64) {
     };
     crate::say!(
         "overlap: {} and what moves share {cubic_millimetres:.4} mm³, {:.3} % of what moves: {advice}",
-        solid.name,
+        shown(&solid.name),
         100.0 * share
     );
 }

@@ -1,5 +1,6 @@
 //! What a reader made of a file, printed.
 
+use sdf_grid::text::shown;
 use sdf_grid::{Ledger, LedgerKind};
 
 /// Entries of one kind printed one by one.
@@ -15,18 +16,25 @@ pub(crate) fn print(ledger: &Ledger) {
 fn lines(ledger: &Ledger) -> Vec<String> {
     let read: Vec<String> = ledger
         .of_kind(LedgerKind::Read)
-        .map(|e| format!("{} {}", e.count, e.item))
+        .map(|e| format!("{} {}", e.count, shown(&e.item)))
         .collect();
     let mut lines = Vec::new();
     if !read.is_empty() {
-        lines.push(format!("  {:<12} {}", LedgerKind::Read.word(), read.join(", ")));
+        lines.push(format!(
+            "  {:<12} {}",
+            LedgerKind::Read.word(),
+            read.join(", ")
+        ));
     }
     for kind in [LedgerKind::Ignored, LedgerKind::Assumed] {
         let title = kind.word();
         let entries = ledger.of_kind(kind);
         lines.extend(entries.take(MOST_LISTED).map(|e| match e.count {
-            1 => format!("  {title:<12} {}: {}", e.item, e.reason),
-            n => format!("  {title:<12} {} ({n} times): {}", e.item, e.reason),
+            1 => format!("  {title:<12} {}: {}", shown(&e.item), shown(&e.reason)),
+            n => {
+                let (item, reason) = (shown(&e.item), shown(&e.reason));
+                format!("  {title:<12} {item} ({n} times): {reason}")
+            }
         }));
         let more = ledger.of_kind(kind).skip(MOST_LISTED).count();
         if more > 0 {

@@ -43,7 +43,12 @@ REAL_TIME_POINTS: int
 class Mesh:
     @staticmethod
     def load(
-        path: _Path, unit: Optional[str], solid: Optional[str], segments_per_turn: int
+        path: _Path,
+        unit: Optional[str],
+        solid: Optional[str],
+        segments_per_turn: int,
+        step_time_limit: int,
+        lossy: bool,
     ) -> Mesh: ...
     @staticmethod
     def from_arrays(name: str, vertices: _F64, faces: NDArray[np.int64], unit: str) -> Mesh: ...

@@ -46,6 +46,8 @@ class MeshReport:
         symmetry: Axes about which the mesh may be turned onto itself: `point` (metres),
             `direction`, and `order`, `{"finite": n}` or `"continuous"`.
         details: Every count, by name.
+        ledger: What was read of the file, ignored and assumed: a dict with `kind` (`"read"`,
+            `"ignored"` or `"assumed"`), `item`, `count` and `reason` for each; none without a file.
     """
 
     name: str
@@ -55,6 +57,7 @@ class MeshReport:
     warnings: list[str]
     symmetry: list[dict[str, Any]]
     details: dict[str, Any]
+    ledger: list[dict[str, Any]]
 
 
 class Mesh:
@@ -114,6 +117,8 @@ class Mesh:
         solid: Optional[str] = None,
         *,
         segments_per_turn: int = 64,
+        step_time_limit: int = 120,
+        lossy: bool = False,
     ) -> Mesh:
         """Reads OBJ, STL, PLY, glTF, 3MF, or STEP (through Gmsh).
 
@@ -122,6 +127,10 @@ class Mesh:
             unit: Of formats that state none (OBJ, STL, PLY).
             solid: Name or number, from 1, of the solid to use; all of them if `None`.
             segments_per_turn: STEP: edges around a full turn of a curved face.
+            step_time_limit: STEP: seconds of processor time after which a converter is stopped.
+            lossy: Leave out what changes a solid and cannot be read (negative parts of slicers,
+                beam lattices, free-form surfaces), instead of refusing it; `check().ledger` lists
+                it.
 
         Raises:
             MeshError: The file cannot be read or used, or its unit is not known.
@@ -136,9 +145,12 @@ class Mesh:
         ...     mesh = Mesh.load(path, unit="mm")
         >>> mesh.bounds[1]
         array([0.001, 0.001, 0.001])
+        >>> [(entry["item"], entry["count"]) for entry in mesh.check().ledger]
+        [('v', 4), ('f', 4), ('unit', 1)]
         """
         segments = count(segments_per_turn, "segments_per_turn", MeshError, most=1000)
-        return cls._of(_core.Mesh.load(path, unit, solid, segments))
+        seconds = count(step_time_limit, "step_time_limit", MeshError, most=86400)
+        return cls._of(_core.Mesh.load(path, unit, solid, segments, seconds, lossy))
 
     @property
     def name(self) -> str:
@@ -179,6 +191,7 @@ class Mesh:
             warnings=said["warnings"],
             symmetry=said["symmetry"],
             details=report,
+            ledger=said["ledger"],
         )
 
     def __reduce__(self) -> tuple[Any, ...]:

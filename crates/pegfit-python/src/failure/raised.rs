@@ -4,6 +4,7 @@ use std::error::Error;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use sdf_grid::text::shown_lines;
 
 mod errors {
     pyo3::import_exception!(pegfit._errors, PegfitError);
@@ -136,9 +137,9 @@ impl Failure {
         evidence.set_item("item", item)?;
         evidence.set_item("expected", expected)?;
         evidence.set_item("found", found)?;
-        Ok(PyErr::from_value(
-            class.call((self.message,), Some(&evidence))?,
-        ))
+        // Names in it come from files.
+        let message = shown_lines(&self.message);
+        Ok(PyErr::from_value(class.call((message,), Some(&evidence))?))
     }
 }
 

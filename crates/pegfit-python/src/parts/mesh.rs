@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
+use std::time::Duration;
 
 use glam::DVec3;
 use ndarray::Array2;
@@ -10,7 +11,7 @@ use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, TriangleMesh, symmetry};
+use sdf_grid::{HygieneOptions, HygieneReport, Ledger, LengthUnit, TriangleMesh, symmetry};
 use serde_json::json;
 
 use crate::failure::raised::{Failure, Kind};
@@ -24,6 +25,8 @@ const SYMMETRY_TOLERANCE: f64 = 5e-4;
 pub(crate) struct Mesh {
     pub(crate) mesh: Arc<TriangleMesh>,
     report: HygieneReport,
+    /// What was read of its file, what was ignored and what was assumed; empty without a file.
+    ledger: Ledger,
 }
 
 pub(crate) fn unit_named(unit: &str) -> Result<LengthUnit, Failure> {
@@ -40,8 +43,12 @@ fn read(
     unit: Option<LengthUnit>,
     solid: Option<String>,
     segments_per_turn: u32,
+    step_time_limit: u64,
+    lossy: bool,
 ) -> Result<Mesh, Failure> {
-    let options = ReadOptions::choosing(unit.unwrap_or_default(), solid, segments_per_turn);
+    let limit = Duration::from_secs(step_time_limit);
+    let options = ReadOptions::choosing(unit.unwrap_or_default(), solid, segments_per_turn)
+        .within(limit, lossy);
     let file = MeshFile::open(&path, &options.step)?;
     if unit.is_none() && file.stated_unit().is_none() {
         return Err(no_unit(&path.display().to_string()));
@@ -50,6 +57,7 @@ fn read(
     Ok(Mesh {
         mesh: Arc::new(mesh),
         report,
+        ledger: file.ledger(&options),
     })
 }
 
@@ -59,6 +67,7 @@ fn cleaned(name: &str, vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result
     Ok(Mesh {
         mesh: Arc::new(mesh),
         report,
+        ledger: Ledger::default(),
     })
 }
 
@@ -84,17 +93,19 @@ pub(crate) fn peg_in_hole(section: &str, clearance: f64) -> Result<(Mesh, Mesh),
 impl Mesh {
     /// Reads a file.
     #[staticmethod]
-    #[pyo3(signature = (path, unit, solid, segments_per_turn))]
+    #[pyo3(signature = (path, unit, solid, segments_per_turn, step_time_limit, lossy))]
     fn load(
         py: Python<'_>,
         path: PathBuf,
         unit: Option<&str>,
         solid: Option<String>,
         segments_per_turn: u32,
+        step_time_limit: u64,
+        lossy: bool,
     ) -> PyResult<Self> {
         let unit = unit.map(unit_named).transpose()?;
         run(py, None, move |_| {
-            read(path, unit, solid, segments_per_turn)
+            read(path, unit, solid, segments_per_turn, step_time_limit, lossy)
         })
     }
 
@@ -160,6 +171,7 @@ impl Mesh {
         let said = json!({
             "report": self.report,
             "warnings": self.report.warnings(),
+            "ledger": self.ledger,
             "symmetry": axes,
         });
         Ok(said.to_string())

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use fft_correlate::Pose;
 use sdf_grid::mesh_io::StepOptions;
@@ -111,10 +112,16 @@ impl Written<'_> {
     fn meshes(&self) -> Result<Vec<PlacedMesh>, SceneError> {
         let raw = self.raw;
         match (&raw.mesh, &raw.meshes) {
-            (None, Some(meshes)) if raw.solid.is_some() || raw.segments_per_turn.is_some() => {
+            (None, Some(meshes))
+                if raw.solid.is_some()
+                    || raw.segments_per_turn.is_some()
+                    || raw.step_time_limit.is_some()
+                    || raw.lossy.is_some() =>
+            {
                 Err(self.error(
                     meshes.span(),
-                    "expected `solid` and `segments_per_turn` in each of the meshes",
+                    "expected `solid`, `segments_per_turn`, `step_time_limit` and `lossy` in each \
+                     of the meshes",
                 ))
             }
             (Some(_), Some(meshes)) => {
@@ -125,6 +132,8 @@ impl Written<'_> {
                 path: self.path(mesh, &self.span)?,
                 solid: raw.solid.as_ref().map(RawSolid::to_text),
                 segments_per_turn: self.segments(&raw.segments_per_turn)?,
+                step_time_limit: self.time_limit(&raw.step_time_limit)?,
+                lossy: raw.lossy.unwrap_or(false),
                 pose: Pose::IDENTITY,
             }]),
             (None, Some(list)) => {
@@ -133,6 +142,8 @@ impl Written<'_> {
                         path: self.path(&m.mesh, &list.span())?,
                         solid: m.solid.as_ref().map(RawSolid::to_text),
                         segments_per_turn: self.segments(&m.segments_per_turn)?,
+                        step_time_limit: self.time_limit(&m.step_time_limit)?,
+                        lossy: m.lossy.unwrap_or(false),
                         pose: self.values.pose(&m.position, &m.rotation)?,
                     })
                 };
@@ -151,6 +162,19 @@ impl Written<'_> {
             return Ok(count);
         }
         let message = format!("segments_per_turn: expected 6 to 1000, found {count}");
+        Err(self.values.error(value.span(), message))
+    }
+
+    /// Processor time of a converter of STEP files.
+    fn time_limit(&self, raw: &Option<Spanned<u32>>) -> Result<Duration, SceneError> {
+        let Some(value) = raw else {
+            return Ok(StepOptions::default().time_limit);
+        };
+        let seconds = *value.get_ref();
+        if (1..=86400).contains(&seconds) {
+            return Ok(Duration::from_secs(seconds.into()));
+        }
+        let message = format!("step_time_limit: expected 1 to 86400 s, found {seconds}");
         Err(self.values.error(value.span(), message))
     }
 

@@ -102,6 +102,8 @@ pub(super) struct RawPart {
     pub(super) meshes: Option<Spanned<Vec<OrPath<RawMesh>>>>,
     pub(super) solid: Option<RawSolid>,
     pub(super) segments_per_turn: Option<Spanned<u32>>,
+    pub(super) step_time_limit: Option<Spanned<u32>>,
+    pub(super) lossy: Option<bool>,
     pub(super) name: Option<String>,
     pub(super) position: Option<Spanned<[f64; 3]>>,
     pub(super) rotation: Option<Spanned<[f64; 4]>>,
@@ -110,8 +112,8 @@ pub(super) struct RawPart {
 
 impl FromPath for RawPart {
     const EXPECTING: &str = "a mesh path, or a table with `mesh` (or `meshes`) and optionally \
-                             `solid`, `segments_per_turn`, `name`, `position`, `rotation`, \
-                             `table`";
+                             `solid`, `segments_per_turn`, `step_time_limit`, `lossy`, `name`, \
+                             `position`, `rotation`, `table`";
 
     fn from_path(mesh: &str) -> Self {
         Self {
@@ -128,13 +130,16 @@ pub(super) struct RawMesh {
     pub(super) mesh: String,
     pub(super) solid: Option<RawSolid>,
     pub(super) segments_per_turn: Option<Spanned<u32>>,
+    pub(super) step_time_limit: Option<Spanned<u32>>,
+    pub(super) lossy: Option<bool>,
     pub(super) position: Option<Spanned<[f64; 3]>>,
     pub(super) rotation: Option<Spanned<[f64; 4]>>,
 }
 
 impl FromPath for RawMesh {
     const EXPECTING: &str = "a mesh path, or a table with `mesh` and optionally `solid`, \
-                             `segments_per_turn`, `position`, `rotation`";
+                             `segments_per_turn`, `step_time_limit`, `lossy`, `position`, \
+                             `rotation`";
 
     fn from_path(mesh: &str) -> Self {
         Self {

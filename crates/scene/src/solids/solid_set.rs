@@ -1,6 +1,7 @@
 //! The solids of a file, each with its place.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use fft_correlate::Pose;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
@@ -22,6 +23,10 @@ pub struct SolidOptions {
     pub unit: LengthUnit,
     /// Edges around a full turn of a curved face of a STEP file.
     pub segments_per_turn: u32,
+    /// Processor time after which a converter of a STEP file is stopped.
+    pub step_time_limit: Duration,
+    /// Leave out what changes a solid of a mesh file and cannot be read, instead of refusing it.
+    pub lossy: bool,
     /// Of robots' descriptions, the shapes to look at instead of those to collide with, where a link or
     /// body has both.
     pub visual: bool,
@@ -126,10 +131,13 @@ impl SolidSet {
     }
 
     fn of_mesh_file(path: &Path, options: &SolidOptions) -> Result<Self, ImportError> {
-        let whole = ReadOptions::choosing(options.unit, None, options.segments_per_turn);
+        let whole = ReadOptions::choosing(options.unit, None, options.segments_per_turn)
+            .within(options.step_time_limit, options.lossy);
         let file = MeshFile::open(path, &whole.step)?;
         let listed = file.solids();
         let converted = file.is_converted();
+        // A scene reads a file anew only if it gets the same solids.
+        let read_anew = !converted && !options.lossy;
         let mut solids = Vec::new();
         for (i, solid) in listed.iter().enumerate() {
             let number = (i + 1).to_string();
@@ -151,7 +159,7 @@ impl SolidSet {
                 group: i,
                 pose: Pose::IDENTITY,
                 mesh: file.clean(&options)?.0,
-                in_file: (!converted).then_some(in_file),
+                in_file: read_anew.then_some(in_file),
             });
         }
         let stated = file.stated_unit().unwrap_or(options.unit);
@@ -162,7 +170,7 @@ impl SolidSet {
                 group: 0,
                 pose: Pose::IDENTITY,
                 mesh: file.clean(&whole)?.0,
-                in_file: (!converted).then_some(InFile::Whole),
+                in_file: read_anew.then_some(InFile::Whole),
             });
         }
         let longest = |s: &PlacedSolid| s.mesh.bounds().size().max_element();

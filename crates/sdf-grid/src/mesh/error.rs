@@ -46,6 +46,17 @@ pub enum MeshError {
         /// What came of it.
         found: String,
     },
+    /// The file describes faces or curves, but no solid.
+    #[error(
+        "{}: expected a solid, found {found}: make it a solid in the program that made it, and \
+         export that", path.display()
+    )]
+    NoSolid {
+        /// The file.
+        path: PathBuf,
+        /// What is there instead.
+        found: String,
+    },
     /// The file does not follow its format.
     #[error("{file}: {place}: expected {expected}, found {found}")]
     Syntax {

@@ -1,6 +1,7 @@
 //! Files of solids, of whatever format.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::ledger::{Ledger, LedgerKind};
 use super::soup::{Solid, Soup};
@@ -58,6 +59,17 @@ impl ReadOptions {
             },
             ..Self::default()
         }
+    }
+}
+
+impl ReadOptions {
+    /// The same, with a limit to the processor time of a converter of STEP files, and leaving out
+    /// what changes a solid and cannot be read if that is `lossy`.
+    #[must_use]
+    pub fn within(mut self, step_time_limit: Duration, lossy: bool) -> Self {
+        self.step.time_limit = step_time_limit;
+        self.lossy = lossy;
+        self
     }
 }
 

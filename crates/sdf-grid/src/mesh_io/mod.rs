@@ -8,7 +8,6 @@
 
 mod bytes;
 mod content;
-mod converter;
 mod examination;
 mod file;
 mod gltf;
@@ -23,7 +22,6 @@ mod threemf;
 pub(crate) mod unit;
 mod write;
 
-pub use converter::Converter;
 pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
 pub use ledger::{Ledger, LedgerEntry, LedgerKind};

@@ -1,10 +1,16 @@
 # Turns a STEP file into an ASCII STL file in metres, one solid for each solid in it, under its
-# name. Run by Pegfit:  python step.py IN.step OUT.stl SEGMENTS_PER_TURN
-# Exits with 69 if neither Gmsh nor Open CASCADE can be imported.
+# name. Run by Pegfit:  python step.py MODULE IN.step OUT.stl SEGMENTS_PER_TURN
+# MODULE is gmsh or OCP. What else is to be said goes into OUT.stl.ledger, a line an item: kind,
+# item, count and reason between tabs.
+# Exits with 69 if the module cannot be imported, with 70 if the file has no solid.
 import sys
 
+# Edges are not made shorter than this part of the diagonal: tips of cones and slivers of faces
+# would be cut without end.
+LEAST = 1e-3
 
-def with_gmsh(gmsh, source, segments):
+
+def with_gmsh(gmsh, source, segments, say):
     """Yields (name, [triangle]) per solid, a triangle being three points."""
     gmsh.initialize(["gmsh", "-noenv"], interruptible=False)
     option = gmsh.option.setNumber
@@ -12,10 +18,25 @@ def with_gmsh(gmsh, source, segments):
     option("General.AbortOnError", 2)
     gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     gmsh.open(source)
+    solids = gmsh.model.getEntities(3)
+    bounding = set()
+    for solid in solids:
+        bounding.update(gmsh.model.getBoundary([solid], oriented=False))
+    loose = [face for face in gmsh.model.getEntities(2) if face not in bounding]
+    say_loose(say, len(loose))
+    if not solids:
+        return
+    # Faces that bound no solid need no triangles.
+    gmsh.model.removeEntities(loose, recursive=False)
+    low_to_high = gmsh.model.getBoundingBox(-1, -1)
+    diagonal = sum((low_to_high[k + 3] - low_to_high[k]) ** 2 for k in range(3)) ** 0.5
     option("Mesh.MeshSizeFromCurvature", segments)
+    option("Mesh.MeshSizeMin", LEAST * diagonal)
+    say("assumed", "least edge", 1, f"{LEAST * diagonal:.3g} m, {LEAST:g} of the diagonal")
     gmsh.model.mesh.generate(2)
-    for dim, tag in gmsh.model.getEntities(3):
+    for dim, tag in solids:
         triangles = []
+        # Gmsh turns the triangles of faces that are reversed in their solid itself.
         for _, face in gmsh.model.getBoundary([(dim, tag)], oriented=False):
             nodes, where, _ = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)
             point = {n: [float(x) for x in where[3 * i:3 * i + 3]] for i, n in enumerate(nodes)}
@@ -26,7 +47,7 @@ def with_gmsh(gmsh, source, segments):
         yield gmsh.model.getEntityName(dim, tag).split("/")[-1], triangles
 
 
-def with_open_cascade(source, segments):
+def with_open_cascade(source, segments, say):
     """The same with Open CASCADE alone (pip install cadquery-ocp)."""
     import math
 
@@ -36,75 +57,96 @@ def with_open_cascade(source, segments):
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name
-    from OCP.TDF import TDF_LabelSequence, TDF_Label
+    from OCP.TDF import TDF_Label
     from OCP.TDocStd import TDocStd_Document
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+    from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID
     from OCP.TopExp import TopExp_Explorer
     from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS
     from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+    from OCP import TDF, TopoDS
+
+    def static(owner, name):
+        """A static function, whose name has a suffix in some versions of the module."""
+        return getattr(owner, name + "_s", None) or getattr(owner, name)
+
+    # What was a class of static functions is a module in Open CASCADE 8.
+    as_face = static(getattr(TopoDS, "TopoDS", TopoDS), "Face")
+
+    def label_sequence():
+        """An empty list of labels, whose class is elsewhere in Open CASCADE 8."""
+        if hasattr(TDF, "TDF_LabelSequence"):
+            return TDF.TDF_LabelSequence()
+        from OCP.collections import Sequence_TDF_Label
+
+        return Sequence_TDF_Label()
 
     document = TDocStd_Document(TCollection_ExtendedString("pegfit"))
-    XCAFDoc_DocumentTool.SetLengthUnit_s(document, 1.0)
+    static(XCAFDoc_DocumentTool, "SetLengthUnit")(document, 1.0)
     reader = STEPCAFControl_Reader()
     reader.SetNameMode(True)
     if reader.ReadFile(source) != IFSelect_RetDone or not reader.Transfer(document):
         raise RuntimeError("not a STEP file")
-    tool = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    tool = static(XCAFDoc_DocumentTool, "ShapeTool")(document.Main())
 
     def name_of(label):
         name = TDataStd_Name()
-        found = label.FindAttribute(TDataStd_Name.GetID_s(), name)
+        found = label.FindAttribute(static(TDataStd_Name, "GetID")(), name)
         return name.Get().ToExtString() if found else ""
 
-    def solids(label, location):
+    def shapes(label, location):
+        """Every shape that is placed, with its name and place."""
         referred = TDF_Label()
-        if XCAFDoc_ShapeTool.GetReferredShape_s(label, referred):
-            location = location * XCAFDoc_ShapeTool.GetLocation_s(label)
-            yield from solids(referred, location)
+        if static(XCAFDoc_ShapeTool, "GetReferredShape")(label, referred):
+            location = location * static(XCAFDoc_ShapeTool, "GetLocation")(label)
+            yield from shapes(referred, location)
             return
-        parts = TDF_LabelSequence()
-        if XCAFDoc_ShapeTool.GetComponents_s(label, parts):
+        parts = label_sequence()
+        if static(XCAFDoc_ShapeTool, "GetComponents")(label, parts):
             for i in range(1, parts.Length() + 1):
-                yield from solids(parts.Value(i), location)
+                yield from shapes(parts.Value(i), location)
             return
-        found = TopExp_Explorer(XCAFDoc_ShapeTool.GetShape_s(label), TopAbs_SOLID)
+        yield name_of(label), static(XCAFDoc_ShapeTool, "GetShape")(label), location
+
+    def explore(*what):
+        found = TopExp_Explorer(*what)
         while found.More():
-            yield name_of(label), found.Current().Moved(location)
+            yield found.Current()
             found.Next()
 
-    roots = TDF_LabelSequence()
+    roots = label_sequence()
     tool.GetFreeShapes(roots)
+    loose = 0
     for i in range(1, roots.Length() + 1):
-        for name, solid in solids(roots.Value(i), TopLoc_Location()):
-            BRepMesh_IncrementalMesh(solid, 1e-3, True, 2 * math.pi / segments)
-            triangles = []
-            faces = TopExp_Explorer(solid, TopAbs_FACE)
-            while faces.More():
-                at = TopLoc_Location()
-                mesh = BRep_Tool.Triangulation_s(TopoDS.Face_s(faces.Current()), at)
-                for k in range(1, mesh.NbTriangles() + 1 if mesh else 1):
-                    corners = (mesh.Node(n).Transformed(at.Transformation())
-                               for n in mesh.Triangle(k).Get())
-                    triangles.append([(p.X(), p.Y(), p.Z()) for p in corners])
-                faces.Next()
-            yield name, triangles
+        for name, shape, location in shapes(roots.Value(i), TopLoc_Location()):
+            loose += sum(1 for _ in explore(shape, TopAbs_FACE, TopAbs_SOLID))
+            for solid in explore(shape, TopAbs_SOLID):
+                solid = solid.Moved(location)
+                BRepMesh_IncrementalMesh(solid, 1e-3, True, 2 * math.pi / segments)
+                triangles = []
+                for face in explore(solid, TopAbs_FACE):
+                    at = TopLoc_Location()
+                    mesh = static(BRep_Tool, "Triangulation")(as_face(face), at)
+                    turned = face.Orientation() == TopAbs_REVERSED
+                    for k in range(1, mesh.NbTriangles() + 1 if mesh else 1):
+                        a, b, c = mesh.Triangle(k).Get()
+                        corners = (mesh.Node(n).Transformed(at.Transformation())
+                                   for n in ((a, c, b) if turned else (a, b, c)))
+                        triangles.append([(p.X(), p.Y(), p.Z()) for p in corners])
+                yield name, triangles
+    say_loose(say, loose)
 
 
-def main():
-    source, target, segments = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    try:
-        import gmsh
-        found = with_gmsh(gmsh, source, segments)
-    except (ImportError, OSError) as missing:
-        try:
-            import OCP  # noqa: F401
-        except (ImportError, OSError):
-            print(missing)
-            return 69
-        found = with_open_cascade(source, segments)
+def say_loose(say, count):
+    if count:
+        say("ignored", "face", count, "it bounds no solid")
+
+
+def write(target, found):
+    """Writes every solid and returns their number."""
+    count = 0
     with open(target, "w", encoding="utf-8") as out:
         for name, triangles in found:
+            count += 1
             name = " ".join(name.split())
             out.write(f"solid {name}\n")
             for triangle in triangles:
@@ -113,6 +155,32 @@ def main():
                     out.write(f"vertex {x!r} {y!r} {z!r}\n")
                 out.write("endloop\nendfacet\n")
             out.write("endsolid\n")
+    return count
+
+
+def main():
+    module, source, target, segments = *sys.argv[1:4], int(sys.argv[4])
+    lines = []
+
+    def say(*columns):
+        lines.append("\t".join(str(column) for column in columns))
+
+    try:
+        if module == "gmsh":
+            import gmsh
+            found = with_gmsh(gmsh, source, segments, say)
+        else:
+            import OCP  # noqa: F401
+            found = with_open_cascade(source, segments, say)
+    except (ImportError, OSError) as missing:
+        print(missing)
+        return 69
+    count = write(target, found)
+    with open(target + ".ledger", "w", encoding="utf-8") as out:
+        out.write("\n".join(lines))
+    if count == 0:
+        print("; ".join(lines).replace("\t", " ") or "nothing that bounds a solid")
+        return 70
     return 0
 
 

@@ -1,12 +1,14 @@
 //! STEP, through an external converter.
 //!
-//! Boundary representations need a CAD kernel to become triangles.
+//! Boundary representations need a CAD kernel to become triangles. The converter runs as a process
+//! of its own, with limits, because kernels hang and crash on files that people have.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::Duration;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
-use super::converter::Converter;
+use super::ledger::{Ledger, LedgerKind};
 use super::soup::Soup;
 use super::stl;
 use super::unit::LengthUnit;
@@ -15,11 +17,32 @@ use crate::mesh::error::MeshError;
 /// What Python runs: Gmsh, or else Open CASCADE, through their Python modules.
 const SCRIPT: &str = include_str!("step.py");
 
+/// What the program `gmsh` runs, after a line that sets `Segments`: as [`SCRIPT`] does, but all
+/// solids become one mesh.
+const GEOMETRY: &str = include_str!("step.geo");
+
 /// Looked for on the PATH, in this order, when no converter is given.
 const CONVERTERS: [&str; 3] = ["python3", "python", "gmsh"];
 
+/// Modules of Python that can convert, in the order in which they are tried.
+const MODULES: [&str; 2] = ["gmsh", "OCP"];
+
+/// Exit codes that say that a converter is not installed: the shell's, and that of [`SCRIPT`]
+/// without a module.
+const NOT_INSTALLED: [i32; 2] = [127, 69];
+
+/// Exit code of [`SCRIPT`] for a file without a solid.
+const NO_SOLID: i32 = 70;
+
+/// What [`GEOMETRY`] says of such a file.
+const NO_SOLID_SAID: &str = "pegfit: no solid in the file";
+
 /// What to do without a converter.
 const INSTALL: &str = "an installed converter (pip install gmsh)";
+
+/// A converter that waits for something is stopped after this many times its limit of processor
+/// time, by the clock: other programs may take the processors.
+const PATIENCE: u32 = 10;
 
 /// How a STEP file becomes triangles.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +55,8 @@ pub struct StepOptions {
     /// Edges around a full turn of a curved face, 6 .. 1000: the deflection of an arc of radius r
     /// is `r (1 - cos(pi / n))`.
     pub segments_per_turn: u32,
-    /// Time after which the converter is stopped.
+    /// Processor time after which a converter is stopped, in whole seconds, at least one; by the
+    /// clock it may take ten times as long. The next converter has as much.
     pub time_limit: Duration,
     /// Address space the converter may use, and the most it may write to a file, bytes.
     pub memory_limit: u64,
@@ -70,64 +94,279 @@ pub(super) fn convert_file(
             found: f64::from(options.segments_per_turn),
         });
     }
-    let (converter, bytes) = convert(&file, options)?;
-    let mut soup = stl::read(name, &bytes)?;
+    let converted = convert(&file, options)?;
+    let mut soup = stl::read(name, &converted.stl)?;
     soup.unit = Some(LengthUnit::M);
-    Ok((converter, soup))
+    soup.ledger = Ledger::default();
+    soup.read("solid", soup.solids().len());
+    soup.read("triangle made of its faces", soup.triangles.len());
+    soup.ledger.extend(&converted.ledger);
+    Ok((converted.converter, soup))
 }
 
-/// Runs the converter, or the first that is installed, and returns it and the STL that it writes.
-fn convert(file: &Path, options: &StepOptions) -> Result<(PathBuf, Vec<u8>), MeshError> {
-    let candidates = match &options.converter {
+/// What a converter made of a file.
+struct Converted {
+    converter: PathBuf,
+    stl: Vec<u8>,
+    ledger: Ledger,
+}
+
+/// Why a converter made nothing of a file.
+enum Failed {
+    /// It is not installed.
+    Missing(String),
+    /// It is, but failed: what it should have done and what came of it.
+    Broken(String, String),
+    /// It found no solid.
+    NoSolid(String),
+}
+
+/// Runs the converter, or one after the other until one succeeds.
+fn convert(file: &Path, options: &StepOptions) -> Result<Converted, MeshError> {
+    let programs = match &options.converter {
         Some(converter) => vec![converter.clone()],
         None => CONVERTERS.map(PathBuf::from).to_vec(),
     };
-    let mut missing = Vec::new();
-    for converter in &candidates {
-        let run = Converter {
-            file,
-            program: converter,
-            time_limit: options.time_limit,
-            memory_limit: options.memory_limit,
-        };
-        let outcome = run.run("triangles", |command, folder, output| {
-            arguments(command, file, [folder, output], converter, options)
-        })?;
-        match outcome {
-            Ok(bytes) => return Ok((converter.clone(), bytes)),
-            Err(why) => missing.push(format!("{}: {why}", converter.display())),
+    let (mut missing, mut broken) = (Vec::new(), Vec::new());
+    for program in &programs {
+        for &module in modules(program) {
+            let run = Conversion {
+                file,
+                converter: program,
+                module,
+                options,
+            };
+            match run.run() {
+                Ok((stl, ledger)) => {
+                    return Ok(Converted {
+                        converter: program.clone(),
+                        stl,
+                        ledger,
+                    });
+                }
+                Err(Failed::NoSolid(found)) => {
+                    let path = file.to_owned();
+                    return Err(MeshError::NoSolid { path, found });
+                }
+                Err(Failed::Missing(why)) => missing.push(format!("{}: {why}", run.name())),
+                Err(Failed::Broken(expected, found)) => {
+                    broken.push((program.clone(), run.name(), expected, found));
+                }
+            }
         }
     }
+    // What an installed converter says of the file tells more than that others are missing.
+    let Some((converter, _, expected, found)) = broken.first().cloned() else {
+        return Err(MeshError::Converter {
+            path: file.to_owned(),
+            converter: programs.into_iter().next_back().unwrap_or_default(),
+            expected: INSTALL.to_owned(),
+            found: missing.join("; "),
+        });
+    };
+    let others = broken.iter().skip(1);
+    let others = others.map(|(_, name, expected, found)| {
+        format!("; then {name}: expected {expected}, found {found}")
+    });
     Err(MeshError::Converter {
         path: file.to_owned(),
-        converter: candidates.into_iter().next_back().unwrap_or_default(),
-        expected: INSTALL.to_owned(),
-        found: missing.join("; "),
+        converter,
+        expected,
+        found: found + &others.collect::<String>(),
     })
 }
 
-/// What a converter is told.
-fn arguments(
-    command: &mut Command,
-    file: &Path,
-    [folder, output]: [&Path; 2],
-    converter: &Path,
-    options: &StepOptions,
-) -> std::io::Result<()> {
-    let segments = options.segments_per_turn.to_string();
-    let name = converter.file_name().unwrap_or_default();
-    if name.to_string_lossy().starts_with("python") {
-        let script = folder.join("step.py");
-        std::fs::write(&script, SCRIPT)?;
-        command.arg(script).arg(file).arg(output).arg(segments);
-    } else {
-        command
-            .arg(file)
-            .args(["-setstring", "Geometry.OCCTargetUnit", "M"])
-            .args(["-setnumber", "Mesh.MeshSizeFromCurvature", &segments])
-            .args(["-setnumber", "Mesh.Binary", "1"])
-            .args(["-2", "-format", "stl", "-o"])
-            .arg(output);
+/// What a program can convert with: the modules of Python, or nothing else.
+fn modules(program: &Path) -> &'static [Option<&'static str>] {
+    const OF_PYTHON: [Option<&str>; 2] = [Some(MODULES[0]), Some(MODULES[1])];
+    match is_python(program) {
+        true => &OF_PYTHON,
+        false => &[None],
     }
-    Ok(())
+}
+
+fn is_python(program: &Path) -> bool {
+    let name = program.file_name().unwrap_or_default();
+    name.to_string_lossy().starts_with("python")
+}
+
+/// One converter at work on one file.
+struct Conversion<'a> {
+    file: &'a Path,
+    converter: &'a Path,
+    /// The module that Python does it with.
+    module: Option<&'static str>,
+    options: &'a StepOptions,
+}
+
+impl Conversion<'_> {
+    /// What messages call it.
+    fn name(&self) -> String {
+        let program = self.converter.display();
+        match self.module {
+            Some(module) => format!("{program} with {module}"),
+            None => program.to_string(),
+        }
+    }
+
+    /// Runs in a folder of its own.
+    fn run(&self) -> Result<(Vec<u8>, Ledger), Failed> {
+        let no_room =
+            |e: std::io::Error| Failed::Broken("a temporary folder".to_owned(), e.to_string());
+        let folder = tempfile::tempdir().map_err(no_room)?;
+        let output = folder.path().join("converted.stl");
+        let said = folder.path().join("messages.txt");
+        let messages = File::create(&said).map_err(no_room)?;
+        let mut command = self.command(folder.path(), &output).map_err(no_room)?;
+        command
+            .stdin(Stdio::null())
+            .stdout(messages.try_clone().map_err(no_room)?)
+            .stderr(messages)
+            .current_dir(folder.path());
+        // A group of its own, so that what the converter starts is stopped with it.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command
+            .spawn()
+            .map_err(|e| Failed::Broken("a process to run it in".to_owned(), e.to_string()))?;
+        let limit = self.options.time_limit;
+        let too_long = || {
+            let seconds = limit.as_secs_f64();
+            let expected = format!("an end within {seconds} s of processor time");
+            Failed::Broken(expected, "a process that still ran: stopped".to_owned())
+        };
+        let status = wait(&mut child, limit * PATIENCE).ok_or_else(too_long)?;
+        if out_of_time(status) {
+            return Err(too_long());
+        }
+        let text = std::fs::read(&said).unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        let last = |lines: usize| {
+            let skipped = text.lines().count().saturating_sub(lines);
+            text.lines().skip(skipped).collect::<Vec<_>>().join(" / ")
+        };
+        if status.code() == Some(NO_SOLID) && self.module.is_some() {
+            return Err(Failed::NoSolid(last(1)));
+        }
+        if text.contains(NO_SOLID_SAID) {
+            return Err(Failed::NoSolid("nothing that bounds a solid".to_owned()));
+        }
+        if status
+            .code()
+            .is_some_and(|code| NOT_INSTALLED.contains(&code))
+        {
+            return Err(Failed::Missing(last(1)));
+        }
+        match std::fs::read(&output) {
+            Ok(bytes) if status.success() => {
+                let said = std::fs::read_to_string(folder.path().join("converted.stl.ledger"));
+                Ok((bytes, ledger(&said.unwrap_or_default())))
+            }
+            _ => {
+                let found = format!("{status}, {:?}", last(3));
+                Err(Failed::Broken("triangles".to_owned(), found))
+            }
+        }
+    }
+
+    /// The shell limits itself and then becomes the converter; it exits with 127 if there is none.
+    fn command(&self, folder: &Path, output: &Path) -> std::io::Result<Command> {
+        let limit = self.options.memory_limit;
+        let segments = self.options.segments_per_turn.to_string();
+        let seconds = self.options.time_limit.as_secs_f64().ceil().max(1.0);
+        let mut command = Command::new("sh");
+        command
+            .arg("-c")
+            .arg(
+                "ulimit -v \"$1\" && ulimit -f \"$2\" && ulimit -t \"$3\" && shift 3 && \
+                 exec \"$@\"",
+            )
+            .arg("sh")
+            .arg((limit / 1024).to_string())
+            .arg((limit / 512).to_string())
+            .arg(format!("{seconds:.0}"))
+            .arg(self.converter);
+        if let Some(module) = self.module {
+            let script = folder.join("step.py");
+            std::fs::write(&script, SCRIPT)?;
+            command
+                .arg(script)
+                .arg(module)
+                .arg(self.file)
+                .arg(output)
+                .arg(segments);
+        } else {
+            let script = folder.join("step.geo");
+            std::fs::write(&script, format!("Segments = {segments};\n{GEOMETRY}"))?;
+            command
+                .arg(self.file)
+                .arg(script)
+                .args(["-setstring", "Geometry.OCCTargetUnit", "M"])
+                .args(["-setnumber", "Mesh.Binary", "1"])
+                .args(["-2", "-format", "stl", "-o"])
+                .arg(output);
+        }
+        Ok(command)
+    }
+}
+
+/// What [`SCRIPT`] says beside triangles.
+fn ledger(text: &str) -> Ledger {
+    let mut ledger = Ledger::default();
+    for line in text.lines() {
+        let columns: Vec<&str> = line.split('\t').collect();
+        let [kind, item, count, reason] = columns[..] else {
+            continue;
+        };
+        let kind = match kind {
+            "ignored" => LedgerKind::Ignored,
+            _ => LedgerKind::Assumed,
+        };
+        ledger.add_many(kind, item, reason, count.parse().unwrap_or(1));
+    }
+    ledger
+}
+
+/// Whether a process, or one that its shell waited for, was ended for taking too much processor
+/// time.
+#[cfg(unix)]
+fn out_of_time(status: ExitStatus) -> bool {
+    let signal = rustix::process::Signal::XCPU.as_raw();
+    std::os::unix::process::ExitStatusExt::signal(&status) == Some(signal)
+        || status.code() == Some(128 + signal)
+}
+
+#[cfg(not(unix))]
+fn out_of_time(_: ExitStatus) -> bool {
+    false
+}
+
+/// Waits for the child until the limit, then stops it and all it started and returns `None`.
+fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
+    let start = Instant::now();
+    loop {
+        match child.try_wait() {
+            Ok(Some(status)) => return Some(status),
+            Ok(None) if start.elapsed() < limit => std::thread::sleep(Duration::from_millis(10)),
+            _ => {
+                stop(child);
+                // It may have ended in between; either way it must be reaped.
+                let _ = child.wait();
+                return None;
+            }
+        }
+    }
+}
+
+#[cfg(unix)]
+fn stop(child: &mut Child) {
+    let group = rustix::process::Pid::from_child(child);
+    if rustix::process::kill_process_group(group, rustix::process::Signal::KILL).is_err() {
+        let _ = child.kill();
+    }
+}
+
+#[cfg(not(unix))]
+fn stop(child: &mut Child) {
+    let _ = child.kill();
 }

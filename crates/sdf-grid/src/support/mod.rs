@@ -13,3 +13,4 @@ pub(crate) mod place;
 pub mod prefetch;
 pub mod recipe;
 pub mod regular;
+pub mod text;

@@ -59,13 +59,15 @@ fn every_model_is_in_its_own_unit() {
         ("foot", "micron"),
         ("meter", "centimeter"),
     ] {
-        let metre = |unit: &str| match unit {
-            "micron" => 1e-6,
-            "millimeter" => 1e-3,
-            "centimeter" => 1e-2,
-            "inch" => 0.0254,
-            "foot" => 0.3048,
-            _ => 1.0,
+        let metre = |unit: &str| -> f64 {
+            match unit {
+                "micron" => 1e-6,
+                "millimeter" => 1e-3,
+                "centimeter" => 1e-2,
+                "inch" => 0.0254,
+                "foot" => 0.3048,
+                _ => 1.0,
+            }
         };
         // Two levels below the root: a translation in the middle model's unit counts in it.
         let assembly = r#"<object id="1" name="asm"><components>
@@ -85,7 +87,7 @@ fn every_model_is_in_its_own_unit() {
         ]);
         assert_eq!(names(&file), ["asm"]);
         let (mesh, _) = file.clean(&ReadOptions::default()).expect("a cube");
-        let edge = 2.0 * metre(root);
+        let edge: f64 = 2.0 * metre(root);
         assert_close(mesh.volume() / edge.powi(3), 1.0, 1e-9);
         let from = 3.0 * metre(root) + 5.0 * metre(below);
         assert_close(mesh.bounds().min.x / from, 1.0, 1e-9);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use sdf_grid::mesh_io::{self, MeshFile, ReadOptions, StepOptions};
-use sdf_grid::{HygieneOptions, LengthUnit, MeshError};
+use sdf_grid::{HygieneOptions, LedgerKind, LengthUnit, MeshError};
 
 /// A tetrahedron of volume 1/6 as the converter's output, for `cat`.
 const TETRAHEDRON: &str = "solid t
@@ -61,13 +61,47 @@ fn a_missing_converter_is_said_with_how_to_install_one() {
 }
 
 #[test]
-fn a_converter_that_hangs_is_stopped() {
+fn a_converter_that_waits_is_stopped() {
     let start = Instant::now();
     let (expected, _) = failure("exec sleep 60", |o| {
         o.time_limit = Duration::from_millis(200)
     });
-    assert_eq!(expected, "an end within 0.2 s");
+    assert_eq!(expected, "an end within 0.2 s of processor time");
     assert!(start.elapsed() < Duration::from_secs(30));
+}
+
+#[test]
+fn a_converter_that_computes_without_end_is_stopped() {
+    // In the process itself, and in one that it waits for.
+    for script in [
+        "while :; do :; done",
+        "sh -c 'while :; do :; done'; exit $?",
+    ] {
+        let (expected, found) = failure(script, |o| o.time_limit = Duration::from_secs(1));
+        assert_eq!(expected, "an end within 1 s of processor time", "{found}");
+    }
+}
+
+#[test]
+fn a_python_without_one_module_is_asked_for_the_other() {
+    // A shell in the place of Python: of the module that is asked for depends what it does.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shell = folder.path().join("python-of-test");
+    std::os::unix::fs::symlink("/bin/sh", &shell).expect("a link");
+    let step = folder.path().join("part.step");
+    std::fs::write(&step, "ISO-10303-21;").expect("a new file");
+    let options = ReadOptions {
+        step: StepOptions {
+            converter: Some(shell),
+            ..StepOptions::default()
+        },
+        ..ReadOptions::default()
+    };
+    // The shell takes Pegfit's script for one of its own and fails, with either module.
+    let error = mesh_io::read_with(&step, &options).expect_err("no Python");
+    let message = error.to_string();
+    assert!(message.contains("; then"), "{message}");
+    assert!(message.contains("python-of-test with OCP"), "{message}");
 }
 
 #[test]
@@ -163,6 +197,45 @@ fn a_missing_step_file_is_named() {
     let options = HygieneOptions::default();
     let error = mesh_io::read("/no/such.stp", LengthUnit::Mm, &options).expect_err("no file");
     assert!(matches!(error, MeshError::Read { .. }));
+}
+
+/// What Gmsh's Python module writes, as a STEP file.
+fn made_by_gmsh(folder: &Path, shapes: &str) -> PathBuf {
+    let step = folder.join("made.step");
+    let script = format!(
+        "import gmsh; gmsh.initialize(); o = gmsh.model.occ\n{shapes}\no.synchronize()\n\
+         gmsh.write({step:?})"
+    );
+    let status = std::process::Command::new("python3")
+        .args(["-c", &script])
+        .status()
+        .expect("python3 runs");
+    assert!(status.success());
+    step
+}
+
+/// Faces beside solids are listed, a file of faces alone is refused as such, and a cone's tip takes
+/// no longer than anything else.
+#[test]
+#[ignore = "needs python3 with the module gmsh: pip install gmsh"]
+fn gmsh_tells_solids_from_faces_and_cuts_tips_no_finer_than_needed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shapes = "o.addCone(0,0,0,0,0,30,10,0); o.addDisk(90,0,0,5,5)";
+    let step = made_by_gmsh(folder.path(), shapes);
+    let found = mesh_io::examine(&step, &ReadOptions::default()).expect("a cone");
+    let volume = std::f64::consts::PI * 100.0 * 10.0 * 1e-9;
+    assert!((found.report.volume / volume - 1.0).abs() < 0.01);
+    assert_eq!(found.report.flipped_faces, 0);
+    assert!(
+        found.report.triangles < 50_000,
+        "{}",
+        found.report.triangles
+    );
+    let ignored: Vec<_> = found.ledger.of_kind(LedgerKind::Ignored).collect();
+    assert_eq!((ignored[0].item.as_str(), ignored[0].count), ("face", 1));
+    let step = made_by_gmsh(folder.path(), "o.addDisk(90,0,0,5,5)");
+    let error = mesh_io::examine(&step, &ReadOptions::default()).expect_err("a disk");
+    assert!(matches!(error, MeshError::NoSolid { .. }), "{error}");
 }
 
 /// A box of 10 x 20 x 30 mm and a cylinder of radius 5 and height 25 mm made by Gmsh's Python

@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::io::Write;
 
 use clap::Parser;
+use sdf_grid::text::shown_lines;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt;
@@ -20,7 +21,7 @@ use crate::terminal::progress::watch_for_interrupts;
 /// Does what the words of a command line ask for, the first of which is the program's name; prints
 /// results and errors, and takes over the process' log and Ctrl-C.
 pub fn run(words: impl IntoIterator<Item = OsString>) -> Exit {
-    let arguments = match Arguments::try_parse_from(words) {
+    let arguments = match parse(words) {
         Ok(arguments) => arguments,
         // Wrong usage, or help and version, which are no mistakes.
         Err(said) => {
@@ -69,6 +70,18 @@ fn take_size_limits_as_errors() {
 
 #[cfg(not(unix))]
 fn take_size_limits_as_errors() {}
+
+/// The arguments, else what is wrong with them, said of words without what a terminal would obey: a
+/// shell puts names of files in place of `*`.
+fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
+    let words: Vec<OsString> = words.into_iter().collect();
+    Arguments::try_parse_from(&words).map_err(|said| {
+        let shown = words
+            .iter()
+            .map(|word| shown_lines(&word.to_string_lossy()).into_owned());
+        Arguments::try_parse_from(shown).err().unwrap_or(said)
+    })
+}
 
 /// Library messages go to standard error; `PEGFIT_LOG` chooses which: a level, or a crate and its
 /// level, as in `fft_correlate=debug`; several between commas.

@@ -38,6 +38,13 @@ fn names_of_files_are_shown_not_obeyed() {
 }
 
 #[test]
+fn words_that_are_no_options_are_shown_not_obeyed() {
+    let folder = scene_folder("");
+    let output = shown(folder.path(), &["check", &format!("--{EVIL}")]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
 fn names_of_parts_are_shown_not_obeyed_and_json_stays_json() {
     let folder = scene_folder("");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fft_correlate::Pose;
-use sdf_grid::mesh_io::{MeshFile, ReadOptions};
+use sdf_grid::mesh_io::{MeshFile, ReadOptions, StepOptions};
 use sdf_grid::{Ledger, LengthUnit, TriangleMesh};
 
 use crate::solids::element::Element;
@@ -40,6 +40,8 @@ impl Default for SolidOptions {
         Self {
             unit: LengthUnit::Mm,
             segments_per_turn: 64,
+            step_time_limit: StepOptions::default().time_limit,
+            lossy: false,
             visual: false,
             mujoco: MujocoOptions::default(),
         }

@@ -8,6 +8,7 @@
 
 mod bytes;
 mod content;
+mod converter;
 mod examination;
 mod file;
 mod gltf;
@@ -22,6 +23,7 @@ mod threemf;
 pub(crate) mod unit;
 mod write;
 
+pub use converter::Converter;
 pub use examination::{Examination, examine};
 pub use file::{FORMATS, MeshFile, MeshFormat, ReadOptions, read, read_with};
 pub use ledger::{Ledger, LedgerEntry, LedgerKind};

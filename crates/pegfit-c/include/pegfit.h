@@ -153,12 +153,15 @@ size_t pegfit_last_error(char *buffer, size_t size);
 /*
  Reads all of a baked table into memory, `memory_limit` bytes at most (0: no limit), and writes
  its handle to `table`. `path` is the table's folder, UTF-8, ended by a zero. On failure `table`
- is set to 0.
+ is set to 0. Works in the child of a fork as well, if no other thread was in the middle of loading or
+ closing a table at that moment.
 
  # Safety
  `path` must be null or end with a zero; `table` must be null or writable.
  */
-PegfitStatus pegfit_table_load(const char *path, uint64_t memory_limit, PegfitTable *table);
+PegfitStatus pegfit_table_load(const char *path,
+                               uint64_t memory_limit,
+                               PegfitTable *table);
 
 /*
  Writes what a table covers to `info`.

@@ -25,6 +25,9 @@ impl Write for StandardOutput {
 }
 
 /// Does `work` unless something was refused already, and remembers if this is.
+///
+/// # Errors
+/// As `work`, or what was refused before.
 pub fn heeded<T>(work: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
     let mut refused = REFUSED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(error) = &*refused {

@@ -41,12 +41,12 @@ fn a_share_names_its_launcher_and_how_to_have_all() {
     let folder = scene_folder(BALL);
     let step = [("SLURM_PROCID", "1"), ("SLURM_STEP_NUM_TASKS", "4")];
     let mpi = [("OMPI_COMM_WORLD_RANK", "2"), ("OMPI_COMM_WORLD_SIZE", "8")];
-    let cases: [(&[(&str, &str)], &str, &str); 3] = [
-        (&ARRAY, "rank 1 of 3", "(Slurm array)"),
-        (&step, "rank 1 of 4", "(Slurm)"),
-        (&mpi, "rank 2 of 8", "(Open MPI)"),
-    ];
-    for (set, place, launcher) in cases {
+    for (set, place, launcher) in [
+        (ARRAY, "rank 1 of 3", "(Slurm array)"),
+        (step, "rank 1 of 4", "(Slurm)"),
+        (mpi, "rank 2 of 8", "(Open MPI)"),
+    ] {
+        let set = &set[..];
         let output = bake(folder.path(), set, &[]);
         // Before the work for whoever waits, and in the results.
         for said in [stderr(&output), stdout(&output)] {

@@ -20,7 +20,6 @@ pub(crate) struct CsvLog {
     path: PathBuf,
     file: GrowingFile,
     waiting: Vec<u8>,
-    waiting_ticks: u64,
     /// In the file.
     ticks: u64,
 }
@@ -41,7 +40,6 @@ impl CsvLog {
             path: path.to_owned(),
             file,
             waiting: Vec::with_capacity(PIECE),
-            waiting_ticks: 0,
             ticks: 0,
         })
     }
@@ -77,12 +75,13 @@ impl SampleWriter for CsvLog {
             write_device(part, device)?;
         }
         let header = COLUMNS.join(",") + "\n";
-        self.file.append(header.as_bytes()).map_err(|e| self.cut(e))
+        self.file
+            .append(header.as_bytes())
+            .map_err(|e| self.cut(e.source))
     }
 
     fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
         push_row(&mut self.waiting, sample);
-        self.waiting_ticks += 1;
         match self.waiting.len() < PIECE {
             true => Ok(()),
             false => self.flush(),
@@ -90,10 +89,12 @@ impl SampleWriter for CsvLog {
     }
 
     fn flush(&mut self) -> Result<(), RecordError> {
-        self.file.append(&self.waiting).map_err(|e| self.cut(e))?;
-        self.waiting.clear();
-        self.ticks += std::mem::take(&mut self.waiting_ticks);
-        Ok(())
+        let appended = self.file.append(&self.waiting);
+        let all = self.waiting.len();
+        let kept = appended.as_ref().map_or_else(|e| e.kept, |()| all);
+        let lines = self.waiting.drain(..kept).filter(|byte| *byte == b'\n');
+        self.ticks += lines.count() as u64;
+        appended.map_err(|e| self.cut(e.source))
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), RecordError> {

@@ -161,14 +161,9 @@ impl Session {
             source.scratch(),
         )?;
         let file = self.log.map(Log::open).transpose()?;
-        let (recorder, writer) = match file.is_some() || self.keep {
-            true => {
-                let patient = clock == Clock::Simulated;
-                let (r, w) = record::start(file, device.spec(), self.keep, patient)?;
-                (Some(r), Some(w))
-            }
-            false => (None, None),
-        };
+        let (wanted, patient) = (file.is_some() || self.keep, clock == Clock::Simulated);
+        let started = wanted.then(|| record::start(file, device.spec(), self.keep, patient));
+        let (recorder, writer) = started.transpose()?.unzip();
         let mut ticker = Ticker {
             path,
             recorder,

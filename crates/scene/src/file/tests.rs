@@ -110,7 +110,17 @@ fn mistakes_are_shown_with_their_line() {
         (
             "[model]\nlambda_exterior = -1\n",
             "line 5",
-            "lambda_exterior must be > 0, found -1",
+            "lambda_exterior must be in 1e-4..=1e4, found -1",
+        ),
+        (
+            "[energy]\ngamma = 1e300\n",
+            "line 5",
+            "gamma must be in 1e-30..=1e30, found 1",
+        ),
+        (
+            "[energy]\npeak_force = 1e300\n",
+            "line 5",
+            "peak_force: expected 1e-9 to 1e9 N, found 1",
         ),
         (
             "[model]\npreset = \"best\"\n",

@@ -5,7 +5,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::support::atomic::{AtomicError, sync_folder};
-use crate::support::place::{Place, folder_of};
+use crate::support::place::Place;
 
 /// A file that grows beside its place as `NAME.part`, where everybody can see it, and takes its name
 /// when it is whole. What was there before stays until then.
@@ -30,8 +30,18 @@ pub struct GrowingFile {
     /// Without one, content goes to its place as it comes.
     part: Option<PathBuf>,
     file: File,
-    /// Bytes that were appended whole.
+    /// Bytes of whole lines.
     length: u64,
+}
+
+/// The system took no more of a file that grows.
+#[derive(Debug, thiserror::Error)]
+#[error("{source}")]
+pub struct CutShort {
+    /// Bytes of the whole lines that were taken.
+    pub kept: usize,
+    /// The system's reason.
+    pub source: io::Error,
 }
 
 impl GrowingFile {
@@ -65,20 +75,35 @@ impl GrowingFile {
         self.part.as_deref()
     }
 
-    /// Appends `bytes`: all of them, or none if that fails and the file can be cut.
+    /// Appends `lines`. If the system takes no more, those stay that fit whole.
     ///
     /// # Errors
-    /// If the system takes no more.
-    pub fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let written = self.file.write_all(bytes);
-        if written.is_ok() {
-            self.length += bytes.len() as u64;
-        } else if self.part.is_some() {
+    /// If not all were taken.
+    pub fn append(&mut self, lines: &[u8]) -> Result<(), CutShort> {
+        let mut taken = 0;
+        let ended = loop {
+            match self.file.write(&lines[taken..]) {
+                _ if taken == lines.len() => break Ok(()),
+                Ok(0) => break Err(io::ErrorKind::WriteZero.into()),
+                Ok(count) => taken += count,
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                Err(e) => break Err(e),
+            }
+        };
+        let kept = match ended {
+            Ok(()) => taken,
+            Err(_) => lines[..taken]
+                .iter()
+                .rposition(|byte| *byte == b'\n')
+                .map_or(0, |last| last + 1),
+        };
+        self.length += kept as u64;
+        if ended.is_err() && self.part.is_some() {
             // A torn end is no loss: readers leave it out.
             let _ = self.file.set_len(self.length);
             let _ = self.file.seek(SeekFrom::Start(self.length));
         }
-        written
+        ended.map_err(|source| CutShort { kept, source })
     }
 
     /// Puts the file in its place, replacing what is there.
@@ -132,7 +157,7 @@ fn new_part(path: &Path) -> io::Result<(PathBuf, File)> {
             0 => ".part".to_owned(),
             n => format!(".{n}.part"),
         });
-        let part = folder_of(path).join(part);
+        let part = path.with_file_name(part);
         match File::create_new(&part) {
             Ok(file) => return Ok((part, file)),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}

@@ -33,6 +33,13 @@ fn a_part_that_was_left_is_never_written_over() {
 }
 
 #[test]
+fn a_bare_name_stays_bare() {
+    // Nothing is in it, so that nothing stays in the current folder.
+    let file = GrowingFile::create("a-log-of-this-test.csv").unwrap();
+    assert_eq!(file.part(), Some(Path::new("a-log-of-this-test.csv.part")));
+}
+
+#[test]
 fn a_part_in_which_nothing_is_goes_and_a_whole_file_takes_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.csv");
@@ -52,7 +59,8 @@ fn a_part_in_which_nothing_is_goes_and_a_whole_file_takes_its_name() {
 fn a_full_device_refuses_what_is_appended() {
     let mut full = GrowingFile::create("/dev/full").unwrap();
     let error = full.append(b"1").unwrap_err();
-    assert_eq!(error.kind(), io::ErrorKind::StorageFull);
+    assert_eq!(error.source.kind(), io::ErrorKind::StorageFull);
+    assert_eq!(error.kept, 0);
     assert_eq!(full.part(), None);
 }
 

@@ -29,7 +29,11 @@ fn what_is_read_ignored_and_assumed_is_said() {
         let output = pegfit(folder.path(), &[command, "box.obj"]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         let said = stdout(&output);
-        for line in ["read         8 v, ", "ignored      l: ", "assumed      unit: mm"] {
+        for line in [
+            "read         8 v, ",
+            "ignored      l: ",
+            "assumed      unit: mm",
+        ] {
             assert!(said.contains(line), "{command}: {said}");
         }
         let output = pegfit(folder.path(), &[command, "box.obj", "--json"]);
@@ -49,7 +53,11 @@ fn what_is_read_ignored_and_assumed_is_said() {
     assert!(stdout(&output).contains("--lossy"), "{}", stdout(&output));
     let output = pegfit(folder.path(), &["check", "call.obj", "--lossy"]);
     assert_eq!(output.status.code(), Some(0), "{}", stdout(&output));
-    assert!(stdout(&output).contains("ignored      call: "), "{}", stdout(&output));
+    assert!(
+        stdout(&output).contains("ignored      call: "),
+        "{}",
+        stdout(&output)
+    );
     for (lossy, code) in [("", 3), ("lossy = true\n", 0)] {
         let scene = format!("moving = \"box.obj\"\n[fixed]\nmesh = \"call.obj\"\n{lossy}");
         write("scene.toml", &scene);
@@ -60,7 +68,11 @@ fn what_is_read_ignored_and_assumed_is_said() {
     write("scene.toml", scene);
     let output = pegfit(folder.path(), &["check", "scene.toml"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("expected 1 to 86400 s"), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("expected 1 to 86400 s"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 #[test]
@@ -84,7 +96,10 @@ fn escapes_in_names_never_reach_the_terminal() {
         for mark in ['\x1b', '\u{9b}', '\u{202e}'] {
             assert!(!said.contains(mark), "{args:?}: {said:?}");
         }
-        assert!(said.contains("u{1b}") || said.contains("u001b"), "{args:?}: {said}");
+        assert!(
+            said.contains("u{1b}") || said.contains("u001b"),
+            "{args:?}: {said}"
+        );
     }
 }
 

@@ -175,8 +175,8 @@ impl Labels {
 }
 
 /// Lines with their number from 1; one that ends in a backslash goes on in the next, unless that is
-/// a statement. Comments, from a `#` that begins a word on, are left out first: they may end in a
-/// backslash.
+/// a statement. Comments, from a `#` on that is not within a name, are left out first: they may end
+/// in a backslash.
 fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Vec<u8>)> + '_ {
     let mut lines = content::lines(bytes)
         .map(uncommented)
@@ -209,7 +209,10 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Vec<u8>)> + '_ {
 
 /// A line without its comment and the space around it, and whether it had a comment.
 fn uncommented(line: &[u8]) -> (&[u8], bool) {
-    let starts = |i: usize| i == 0 || line[i - 1].is_ascii_whitespace();
+    let named = NAMES
+        .iter()
+        .any(|name| begins(line.trim_ascii_start(), name));
+    let starts = |i: usize| !named || i == 0 || line[i - 1].is_ascii_whitespace();
     let comment = (0..line.len()).find(|&i| line[i] == b'#' && starts(i));
     let kept = &line[..comment.unwrap_or(line.len())];
     // Some programs end files as CP/M did, or fill them up with zeros.

@@ -158,7 +158,7 @@ fn quantized_positions_are_read_as_numbers_or_fractions() {
         for normalized in [false, true] {
             let mut document = Document::new();
             // Each position takes a multiple of four bytes.
-            let stride = (3 * size).next_multiple_of(4);
+            let stride = usize::next_multiple_of(3 * size, 4);
             let mut bytes = Vec::new();
             for corner in corners {
                 let from = bytes.len();

@@ -21,12 +21,14 @@ pub fn mesh(format: MeshFormat, bytes: &[u8]) {
     let solids = file.solids();
     let mut options = ReadOptions {
         unit: LengthUnit::M,
+        // What is refused by its name is no fault of what is read.
+        lossy: true,
         ..ReadOptions::default()
     };
     options.hygiene.max_open_fraction = 1.0;
     if !solids.is_empty() {
         options.solid = Some(solids.len().to_string());
-        let _ = file.clone().clean(&options);
+        let _ = file.clean(&options);
         options.solid = None;
     }
     if let Ok((mesh, _)) = file.clean(&options) {

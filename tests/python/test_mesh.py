@@ -36,6 +36,23 @@ def test_a_mesh_is_that_of_the_file():
     assert "rectangular_hole" in repr(mesh) and "32 faces" in repr(mesh)
 
 
+def test_a_mesh_tells_what_was_read_of_its_file(tmp_path):
+    vertices, faces = cube(10)
+    lines = ["v {} {} {}".format(*v) for v in vertices]
+    lines += ["f {} {} {}".format(*(f + 1)) for f in faces] + ["l 1 2", "surf 0 1 0 1 1 2 3 4"]
+    path = tmp_path / "cube.obj"
+    path.write_text("\n".join(lines))
+    with pytest.raises(pegfit.MeshError, match="surf"):
+        pegfit.Mesh.load(path, unit="mm")
+    ledger = pegfit.Mesh.load(path, unit="mm", lossy=True).check().ledger
+    told = {(entry["kind"], entry["item"]): entry["count"] for entry in ledger}
+    assert told[("read", "v")] == 8 and told[("read", "f")] == 12
+    assert told[("ignored", "l")] == told[("ignored", "surf")] == told[("assumed", "unit")] == 1
+    assert pegfit.Mesh(vertices, faces, unit="mm").check().ledger == []
+    with pytest.raises(pegfit.MeshError, match="step_time_limit"):
+        pegfit.Mesh.load(path, unit="mm", step_time_limit=0)
+
+
 @pytest.mark.parametrize("unit, metre", [("m", 1.0), ("mm", 1e-3), ("inch", 0.0254)])
 def test_units_scale(unit, metre):
     vertices, faces = cube(2)

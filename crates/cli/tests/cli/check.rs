@@ -20,6 +20,90 @@ fn a_good_mesh_is_reported() {
 }
 
 #[test]
+fn what_is_read_ignored_and_assumed_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("vn 0 0 1\nl 1 2\n{}", cuboid_obj([2.0, 3.0, 4.0]));
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("box.obj", &text);
+    for command in ["check", "scene"] {
+        let output = pegfit(folder.path(), &[command, "box.obj"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let said = stdout(&output);
+        for line in [
+            "read         8 v, ",
+            "ignored      l: ",
+            "assumed      unit: mm",
+        ] {
+            assert!(said.contains(line), "{command}: {said}");
+        }
+        let output = pegfit(folder.path(), &[command, "box.obj", "--json"]);
+        let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        let ledger = match command {
+            "check" => &value["meshes"][0]["ledger"],
+            _ => &value["ledger"],
+        };
+        assert_eq!(ledger[0]["kind"], "ignored", "{ledger}");
+        assert_eq!(ledger[0]["item"], "vn", "{ledger}");
+        assert_eq!(ledger[0]["count"], 1, "{ledger}");
+    }
+    // What would change the solid is refused, by name, unless asked for: in a scene, too.
+    write("call.obj", &format!("{text}call other.obj\n"));
+    let output = pegfit(folder.path(), &["check", "call.obj"]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(stdout(&output).contains("--lossy"), "{}", stdout(&output));
+    let output = pegfit(folder.path(), &["check", "call.obj", "--lossy"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stdout(&output));
+    assert!(
+        stdout(&output).contains("ignored      call: "),
+        "{}",
+        stdout(&output)
+    );
+    for (lossy, code) in [("", 3), ("lossy = true\n", 0)] {
+        let scene = format!("moving = \"box.obj\"\n[fixed]\nmesh = \"call.obj\"\n{lossy}");
+        write("scene.toml", &scene);
+        let output = pegfit(folder.path(), &["check", "scene.toml"]);
+        assert_eq!(output.status.code(), Some(code), "{}", stdout(&output));
+    }
+    let scene = "moving = \"box.obj\"\n[fixed]\nmesh = \"box.obj\"\nstep_time_limit = 0\n";
+    write("scene.toml", scene);
+    let output = pegfit(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("expected 1 to 86400 s"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn escapes_in_names_never_reach_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = cuboid_obj([2.0, 3.0, 4.0]);
+    // Both solids on the same vertices.
+    let faces: Vec<&str> = cube.lines().filter(|line| line.starts_with('f')).collect();
+    let faces = faces.join("\n");
+    let text = format!("o a\x1b[31m\n{cube}\no b\u{9b}2J\u{202e}\n{faces}\n");
+    std::fs::write(folder.path().join("box.obj"), &text).unwrap();
+    for args in [
+        &["check", "box.obj"][..],
+        &["check", "box.obj", "--json"],
+        &["check", "box.obj", "--solid", "c\x1b[2J"],
+        &["scene", "box.obj"],
+        &["scene", "box.obj", "--moving", "c\x1b[2J"],
+    ] {
+        let output = pegfit(folder.path(), args);
+        let said = stdout(&output) + &stderr(&output);
+        for mark in ['\x1b', '\u{9b}', '\u{202e}'] {
+            assert!(!said.contains(mark), "{args:?}: {said:?}");
+        }
+        assert!(
+            said.contains("u{1b}") || said.contains("u001b"),
+            "{args:?}: {said}"
+        );
+    }
+}
+
+#[test]
 fn a_scene_stands_for_its_meshes_as_it_reads_them() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();

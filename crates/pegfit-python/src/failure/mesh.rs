@@ -103,7 +103,7 @@ fn remaining(said: Failure, error: MeshError) -> Failure {
     }
 }
 
-/// Of options, and of what is made.
+/// Of what a file holds, of options, and of what is made.
 fn of_shape(said: Failure, error: MeshError) -> Failure {
     match error {
         MeshError::OutOfRange {
@@ -112,6 +112,18 @@ fn of_shape(said: Failure, error: MeshError) -> Failure {
             expected,
             found,
         } => said.about(item, expected, found).in_file(part),
+        MeshError::Foreign {
+            file,
+            expected,
+            found,
+            ..
+        } => said.about("content", expected, found).in_file(file),
+        MeshError::Unread { file, place, found } => said
+            .about(place, "what can be read of a solid", found)
+            .in_file(file),
+        MeshError::NoSolid { path, found } => said
+            .about("solids", "at least one", found)
+            .in_file(path.display()),
         MeshError::Polygon {
             part,
             polygon,

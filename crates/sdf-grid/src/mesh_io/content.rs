@@ -175,12 +175,17 @@ fn is_page(start: &[u8]) -> bool {
 /// Whether bytes are UTF-16 text: `Some(true)` if the high byte of each unit comes first. Without a
 /// byte order mark, the zero bytes beside the first letters tell.
 pub(super) fn utf16(bytes: &[u8]) -> Option<bool> {
-    let letter = |b: u8| b.is_ascii_graphic() || b.is_ascii_whitespace();
     match *bytes {
-        [0xFE, 0xFF, ..] => Some(true),
-        [0xFF, 0xFE, ..] => Some(false),
-        [a, 0, b, 0, c, 0, d, 0, ..] if [a, b, c, d].into_iter().all(letter) => Some(false),
-        [0, a, 0, b, 0, c, 0, d, ..] if [a, b, c, d].into_iter().all(letter) => Some(true),
+        [0xFE, 0xFF, ..] => return Some(true),
+        [0xFF, 0xFE, ..] => return Some(false),
+        _ => {}
+    }
+    let (pairs, _) = bytes[..bytes.len().min(64)].as_chunks::<2>();
+    let zeros = |side: usize| pairs.iter().filter(|pair| pair[side] == 0).count();
+    let most = pairs.len() >= 4 && 4 * zeros(0).max(zeros(1)) >= 3 * pairs.len();
+    match (zeros(0), zeros(1)) {
+        (0, _) if most => Some(false),
+        (_, 0) if most => Some(true),
         _ => None,
     }
 }

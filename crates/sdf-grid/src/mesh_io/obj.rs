@@ -11,10 +11,11 @@ use super::soup::{Soup, syntax};
 use super::{content, parts};
 use crate::mesh::error::MeshError;
 
-/// Names that begin a statement of a file's shape. A name that ends in a backslash is not joined
-/// with a line that begins with one of them.
-const SHAPES: [&str; 12] = [
-    "v", "vn", "vt", "vp", "f", "fo", "l", "p", "o", "g", "s", "usemtl",
+/// Words that begin a statement, not the rest of one: a line is not joined with one that begins so.
+const WORDS: [&str; 28] = [
+    "v", "vn", "vt", "vp", "f", "fo", "l", "p", "o", "g", "s", "mg", "usemtl", "mtllib", "usemap",
+    "maplib", "call", "csh", "cstype", "deg", "curv", "curv2", "surf", "parm", "trim", "hole",
+    "end", "lod",
 ];
 
 /// Statements whose rest is a name, which may end in a backslash, as paths do.
@@ -173,8 +174,9 @@ impl Labels {
     }
 }
 
-/// Lines with their number from 1; one that ends in a backslash goes on in the next. Comments, from
-/// a `#` that begins a word on, are left out first: they may end in a backslash.
+/// Lines with their number from 1; one that ends in a backslash goes on in the next, unless that is
+/// a statement. Comments, from a `#` on that is not within a name, are left out first: they may end
+/// in a backslash.
 fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Vec<u8>)> + '_ {
     let mut lines = content::lines(bytes)
         .map(uncommented)
@@ -189,7 +191,7 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Vec<u8>)> + '_ {
             }
             let joins = line.last() == Some(&b'\\') && !commented;
             let next = lines.peek().map(|next| next.1.0);
-            if !joins || next.is_none_or(|next| ends_name(first, next)) {
+            if !joins || next.is_none_or(begins_statement) {
                 // A backslash at the end of the file, or of a path, is none of a joined line.
                 let name = NAMES.iter().any(|name| begins(first, name));
                 text.extend(
@@ -207,7 +209,10 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Vec<u8>)> + '_ {
 
 /// A line without its comment and the space around it, and whether it had a comment.
 fn uncommented(line: &[u8]) -> (&[u8], bool) {
-    let starts = |i: usize| i == 0 || line[i - 1].is_ascii_whitespace();
+    let named = NAMES
+        .iter()
+        .any(|name| begins(line.trim_ascii_start(), name));
+    let starts = |i: usize| !named || i == 0 || line[i - 1].is_ascii_whitespace();
     let comment = (0..line.len()).find(|&i| line[i] == b'#' && starts(i));
     let kept = &line[..comment.unwrap_or(line.len())];
     // Some programs end files as CP/M did, or fill them up with zeros.
@@ -216,10 +221,9 @@ fn uncommented(line: &[u8]) -> (&[u8], bool) {
     (kept[..end].trim_ascii_start(), comment.is_some())
 }
 
-/// Whether a line with a name ends although it ends in a backslash: the next one is a statement.
-fn ends_name(first: &[u8], next: &[u8]) -> bool {
-    NAMES.iter().any(|name| begins(first, name))
-        && (next.is_empty() || SHAPES.iter().any(|name| begins(next, name)))
+/// Whether a line is no rest of the one before.
+fn begins_statement(line: &[u8]) -> bool {
+    line.is_empty() || WORDS.iter().any(|word| begins(line, word))
 }
 
 /// Whether the first word of a line is this one.

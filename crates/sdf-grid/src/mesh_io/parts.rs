@@ -34,6 +34,9 @@ const MOST_NAMES: usize = 3;
 /// Joins the solids of a file that are no parts by themselves, called `item` in the ledger: open
 /// ones whose open edges meet, other open ones all together, and cavities with what is around them.
 pub(super) fn join_open(soup: &mut Soup, item: &str) {
+    if soup.solids().len() < 2 {
+        return;
+    }
     let of = soup.solid_of_each();
     let mut surfaces = Surfaces::of(soup, of, soup.names.len());
     surfaces.join_meeting();
@@ -92,10 +95,10 @@ pub(super) fn join_namesakes(soup: &mut Soup) {
 
 /// Makes a solid of each body of a file that names none, if it has several closed ones.
 pub(super) fn divide_bodies(soup: &mut Soup) {
-    if soup.solids().len() > 1 {
+    let solids = soup.solids();
+    if solids.len() > 1 {
         return;
     }
-    let name = soup.names.first().cloned();
     let corners = welded(soup);
     let (of, count) = components(&corners);
     if !(2..=MOST_BODIES).contains(&count) {
@@ -114,10 +117,9 @@ pub(super) fn divide_bodies(soup: &mut Soup) {
     let reason = "each closed body is one, as the file tells none apart";
     soup.ledger
         .add_many(LedgerKind::Assumed, "solid", reason, bodies as u64);
-    let name = name.unwrap_or_default();
-    let called = |i: usize| match name.as_str() {
-        "" => String::new(),
-        name => format!("{name}/{}", i + 1),
+    let called = |i: usize| match solids.first() {
+        Some(solid) if !solid.name.is_empty() => format!("{}/{}", solid.name, i + 1),
+        _ => String::new(),
     };
     soup.divide((0..bodies).map(called).collect(), &of);
 }

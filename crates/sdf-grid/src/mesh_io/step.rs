@@ -278,7 +278,7 @@ impl Conversion<'_> {
         command
             .arg("-c")
             .arg(
-                "ulimit -v \"$1\" && ulimit -f \"$2\" && ulimit -t \"$3\" && shift 3 && \
+                "ulimit -v \"$1\" && ulimit -f \"$2\" && ulimit -S -t \"$3\" && shift 3 && \
                  exec \"$@\"",
             )
             .arg("sh")

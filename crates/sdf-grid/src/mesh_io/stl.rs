@@ -21,9 +21,7 @@ const PEEK: usize = 512;
 /// tells none apart.
 pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     let mut soup = read(file, bytes)?;
-    if soup.names.len() > 1 {
-        parts::join_open(&mut soup, "solid");
-    }
+    parts::join_open(&mut soup, "solid");
     parts::divide_bodies(&mut soup);
     Ok(soup)
 }
@@ -97,7 +95,8 @@ fn parse_binary(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
 fn goes_on(rest: &[u8]) -> bool {
     let next = stated_size(rest).filter(|&size| size > HEADER as u64);
     let next = next.and_then(|size| rest.get(usize::try_from(size).ok()?..));
-    next.is_some_and(|next| next.len() < HEADER || goes_on(next))
+    let filled = |next: &[u8]| next.len() < HEADER || next.iter().all(|&b| b == 0);
+    next.is_some_and(|next| filled(next) || goes_on(next))
 }
 
 /// The facets of the binary solid at the start of `bytes`, which is byte `at` of the file, and what

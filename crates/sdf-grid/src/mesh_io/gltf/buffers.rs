@@ -31,7 +31,7 @@ pub(super) fn buffers<'a>(
                 Source::Uri(uri) => Cow::Owned(uri_bytes(file, &place, uri, folder)?),
             };
             let stands_in = |name: &&str| buffer.extension_value(name).is_some();
-            if data.is_empty() && COMPRESSED.iter().any(|name| stands_in(name)) {
+            if data.is_empty() && COMPRESSED.iter().any(stands_in) {
                 return Ok(data);
             }
             if data.len() < buffer.length() {

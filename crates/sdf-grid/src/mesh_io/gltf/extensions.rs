@@ -9,6 +9,10 @@ pub(super) const QUANTIZED: &str = "KHR_mesh_quantization";
 /// A mesh in many places.
 pub(super) const INSTANCES: &str = "EXT_mesh_gpu_instancing";
 
+/// What is asked for instead of a compressed mesh.
+pub(super) const UNCOMPRESSED: &str =
+    "a mesh that is not compressed (export it without compression)";
+
 /// Compressed meshes and buffers.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 const COMPRESSION: [&str; 4] = [
@@ -45,7 +49,7 @@ pub(super) fn check(file: &str, required: &[String]) -> Result<(), MeshError> {
     let unknown = required.iter().find(|name| !is_read(name) && !looks(name));
     let Some(name) = unknown else { return Ok(()) };
     let expected = match COMPRESSION.contains(&name.as_str()) {
-        true => "a mesh that is not compressed (export it without compression)".to_owned(),
+        true => UNCOMPRESSED.to_owned(),
         false => format!("no other extension that changes solids than {QUANTIZED} and {INSTANCES}"),
     };
     Err(syntax(file, "extensionsRequired", expected, name))

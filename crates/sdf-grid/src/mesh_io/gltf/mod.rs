@@ -109,6 +109,14 @@ fn checked(file: &str, bytes: &[u8]) -> Result<Gltf, MeshError> {
                 let place = format!("mesh {m}, POSITION");
                 return Err(syntax(file, place, expected, found.value().to_string()));
             }
+            let bare = accessor.and_then(|a| json.accessors.get(a.value()));
+            let bare = bare.is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none());
+            let others = primitive.extensions.as_ref().map(|e| &e.others);
+            if bare && others.is_some_and(|others| others.contains_key(extensions::DRACO)) {
+                let place = format!("mesh {m}, POSITION");
+                let (expected, found) = (extensions::UNCOMPRESSED, extensions::DRACO);
+                return Err(syntax(file, place, expected, found));
+            }
         }
     }
     let document = Document::from_json(json).map_err(refused)?;

@@ -6,7 +6,7 @@ use gltf::mesh::{Mode, Semantic};
 use gltf::{Accessor, Document, Mesh, Node, Primitive};
 
 use super::accessor::Numbers;
-use super::extensions::{DRACO, INSTANCES, QUANTIZED};
+use super::extensions::{INSTANCES, QUANTIZED};
 use crate::mesh::error::MeshError;
 use crate::mesh_io::soup::{Soup, syntax};
 use crate::mesh_io::unit::LengthUnit;
@@ -196,10 +196,6 @@ impl<'a> GltfReader<'a> {
         let positions = primitive
             .get(&Semantic::Positions)
             .ok_or_else(|| syntax(file, place, "positions", "none"))?;
-        if positions.view().is_none() && primitive.extension_value(DRACO).is_some() {
-            let expected = "a mesh that is not compressed (export it without compression)";
-            return Err(syntax(file, place, expected, DRACO));
-        }
         self.soup.check_room(file, positions.count())?;
         let (first, count) = (self.soup.vertices.len() as u32, positions.count());
         let found = self

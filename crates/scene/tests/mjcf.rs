@@ -27,7 +27,7 @@ const PLAIN: [&str; 11] = [
 const REFUSED: [(&str, &str); 16] = [
     ("attached", "<attach>"),
     ("first_object", "several objects"),
-    ("fitted", "a box fitted to a mesh"),
+    ("fitted", "fitscale=\"0.8\""),
     ("frame_class", "type=\"box\""),
     ("fromto", "fromto=\"0 0 0 0.01 0.02 0.03\""),
     ("included", "a file to include"),

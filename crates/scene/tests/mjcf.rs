@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 use glam::DVec3;
 use pegfit_scene::{ImportError, MujocoOptions, SolidOptions, SolidSet};
@@ -27,7 +28,7 @@ const PLAIN: [&str; 11] = [
 const REFUSED: [(&str, &str); 16] = [
     ("attached", "<attach>"),
     ("first_object", "several objects"),
-    ("fitted", "a box fitted to a mesh"),
+    ("fitted", "fitscale=\"0.8\""),
     ("frame_class", "type=\"box\""),
     ("fromto", "fromto=\"0 0 0 0.01 0.02 0.03\""),
     ("included", "a file to include"),
@@ -290,22 +291,27 @@ fn what_mujoco_refuses_is_quoted() {
 fn an_interpreter_that_misbehaves_is_stopped_or_refused() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
-    let run = |script: &str| {
+    let limited = |script: &str, limit: Duration| {
         let interpreter = folder.path().join("python-of-sorts");
         std::fs::write(&interpreter, format!("#!/bin/sh\n{script}\n")).unwrap();
         let mode = std::fs::Permissions::from_mode(0o755);
         std::fs::set_permissions(&interpreter, mode).unwrap();
         let mut options = plain();
         options.mujoco.interpreter = Some(interpreter);
-        options.mujoco.time_limit = std::time::Duration::from_millis(300);
-        read("without_type", &options)
-            .map(|set| set.solids.len())
-            .map_err(|e| e.to_string())
+        options.mujoco.time_limit = limit;
+        let set = read("without_type", &options);
+        set.map(|set| set.solids.len()).map_err(|e| e.to_string())
     };
+    let hung = limited("exec sleep 600", Duration::from_millis(100));
     assert!(
-        run("exec sleep 60")
-            .unwrap_err()
-            .contains("an end within 0.3 s")
+        hung.unwrap_err()
+            .contains("an end within 0.1 s of processor time")
+    );
+    let run = |script: &str| limited(script, Duration::from_secs(60));
+    let busy = limited("while :; do :; done", Duration::from_secs(1));
+    assert!(
+        busy.unwrap_err()
+            .contains("an end within 1 s of processor time")
     );
     assert!(run("echo {} > $3").unwrap_err().contains("missing field"));
     let geom = "{\"kind\": \"mesh\", \"mesh\": 4, \"body\": 0, \"size\": [1, 1, 1], \

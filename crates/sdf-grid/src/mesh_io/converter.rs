@@ -14,6 +14,10 @@ use crate::mesh::error::MeshError;
 /// a module.
 const NOT_INSTALLED: [i32; 2] = [127, 69];
 
+/// A converter that waits for something is stopped after this many times its limit of processor
+/// time, by the clock: other programs may take the processors.
+const PATIENCE: u32 = 10;
+
 /// A program that turns one file into another.
 #[derive(Debug, Clone, Copy)]
 pub struct Converter<'a> {
@@ -21,16 +25,17 @@ pub struct Converter<'a> {
     pub file: &'a Path,
     /// The program: a path, or a name on the PATH.
     pub program: &'a Path,
-    /// Time after which the program is stopped, with all that it started.
+    /// Processor time after which the program is stopped, with all that it started, in whole
+    /// seconds, at least one; by the clock it may take ten times as long.
     pub time_limit: Duration,
     /// Address space that the program may use, and the most it may write to a file, bytes.
     pub memory_limit: u64,
 }
 
 impl Converter<'_> {
-    /// Runs the program in a temporary folder. `arguments` puts the program's arguments on a
-    /// command, given the folder and the file to write. The outer error is a failure, the inner one
-    /// says why the program is not installed: it is not found, or exits with code 69.
+    /// Runs the program in a temporary folder and returns what it writes. `arguments` puts its
+    /// arguments on a command, given the folder and the file to write. The outer error is a failure,
+    /// the inner one says why the program is not installed: it is not found, or exits with code 69.
     ///
     /// # Errors
     /// If the program cannot be started, passes a limit, fails, or writes no file; `wanted` stands in
@@ -58,8 +63,11 @@ impl Converter<'_> {
         let mut child = command
             .spawn()
             .map_err(|e| self.failure("a process to run it in", e.to_string()))?;
-        let Some(status) = wait(&mut child, self.time_limit) else {
-            let limit = format!("an end within {} s", self.time_limit.as_secs_f64());
+        let patience = self.time_limit.saturating_mul(PATIENCE);
+        let ended = wait(&mut child, patience).filter(|status| !out_of_time(*status));
+        let Some(status) = ended else {
+            let seconds = self.time_limit.as_secs_f64();
+            let limit = format!("an end within {seconds} s of processor time");
             return Err(self.failure(limit, "a process that still ran: stopped"));
         };
         let text = std::fs::read(&said).unwrap_or_default();
@@ -92,16 +100,35 @@ impl Converter<'_> {
 
     /// The shell limits itself and then becomes the program; it exits with 127 if there is none.
     fn limited(&self) -> Command {
+        let seconds = self.time_limit.as_secs_f64().ceil().max(1.0);
         let mut command = Command::new("sh");
         command
             .arg("-c")
-            .arg("ulimit -v \"$1\" && ulimit -f \"$2\" && shift 2 && exec \"$@\"")
+            .arg(
+                "ulimit -v \"$1\" && ulimit -f \"$2\" && ulimit -S -t \"$3\" && shift 3 && \
+                 exec \"$@\"",
+            )
             .arg("sh")
             .arg((self.memory_limit / 1024).to_string())
             .arg((self.memory_limit / 512).to_string())
+            .arg(format!("{seconds:.0}"))
             .arg(self.program);
         command
     }
+}
+
+/// Whether a process, or one that its shell waited for, was ended for taking too much processor
+/// time.
+#[cfg(unix)]
+fn out_of_time(status: ExitStatus) -> bool {
+    let signal = rustix::process::Signal::XCPU.as_raw();
+    std::os::unix::process::ExitStatusExt::signal(&status) == Some(signal)
+        || status.code() == Some(128 + signal)
+}
+
+#[cfg(not(unix))]
+fn out_of_time(_: ExitStatus) -> bool {
+    false
 }
 
 /// Waits for the child until the limit, then stops it and all it started and returns `None`.

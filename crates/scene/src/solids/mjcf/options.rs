@@ -10,7 +10,8 @@ pub struct MujocoOptions {
     /// `None`, the first of `python3` and `python` that has it. Without the module, a model is read
     /// only if it needs nothing of MuJoCo.
     pub interpreter: Option<PathBuf>,
-    /// Time after which MuJoCo is stopped.
+    /// Processor time after which MuJoCo is stopped, in whole seconds, at least one; by the clock it
+    /// may take ten times as long.
     pub time_limit: Duration,
     /// Address space that it may use, and the most it may write to a file, bytes.
     pub memory_limit: u64,

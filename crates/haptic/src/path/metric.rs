@@ -11,6 +11,8 @@ pub(crate) fn dot(a: &Six, b: &Six) -> f64 {
 }
 
 /// What makes lengths and angles comparable.
+// One of each path, and the loop allocates nothing.
+#[expect(clippy::large_enum_variant)]
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Metric {
     /// The stiffnesses of a linear and an angular spring.

@@ -18,7 +18,7 @@ pub(crate) enum Common {
     /// Nothing, or faces only.
     Nothing,
     /// The surface of the solid that both fill.
-    Solid(ClosedSurface),
+    Solid(Box<ClosedSurface>),
 }
 
 impl ClosedSurface {
@@ -40,7 +40,7 @@ impl ClosedSurface {
     pub(crate) fn intersection(&self, other: &Self) -> Option<Common> {
         let common = guarded(|| compute_boolean(&self.surface, &other.surface, OpType::Intersect));
         if let Some(surface) = common {
-            return Some(Common::Solid(Self { surface }));
+            return Some(Common::Solid(Box::new(Self { surface })));
         }
         // The library refuses to return an empty surface. Solids that share nothing add up.
         let sum = self.volume() + other.volume();

@@ -73,9 +73,7 @@ pub(super) fn run(
             crate::say!("{}", text.map_err(|e| CommandError::failure("JSON", e))?);
         } else if redraw {
             // Up over the last picture, and down again line by line.
-            if lines > 0 {
-                let _ = write!(std::io::stdout(), "\x1b[{lines}A\x1b[J");
-            }
+            output::rewind(lines);
             let picture = picture(&spec, &look);
             crate::say!("{}", picture.trim_end());
             lines = picture.lines().count();

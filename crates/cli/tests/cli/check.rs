@@ -59,12 +59,14 @@ fn what_is_read_ignored_and_assumed_is_said() {
         stdout(&output)
     );
     for (lossy, code) in [("", 3), ("lossy = true\n", 0)] {
-        let scene = format!("moving = \"box.obj\"\n[fixed]\nmesh = \"call.obj\"\n{lossy}");
+        let scene =
+            format!("unit = \"mm\"\nmoving = \"box.obj\"\n[fixed]\nmesh = \"call.obj\"\n{lossy}");
         write("scene.toml", &scene);
         let output = pegfit(folder.path(), &["check", "scene.toml"]);
         assert_eq!(output.status.code(), Some(code), "{}", stdout(&output));
     }
-    let scene = "moving = \"box.obj\"\n[fixed]\nmesh = \"box.obj\"\nstep_time_limit = 0\n";
+    let scene =
+        "unit = \"mm\"\nmoving = \"box.obj\"\n[fixed]\nmesh = \"box.obj\"\nstep_time_limit = 0\n";
     write("scene.toml", scene);
     let output = pegfit(folder.path(), &["check", "scene.toml"]);
     assert_eq!(output.status.code(), Some(2));

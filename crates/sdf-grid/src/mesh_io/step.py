@@ -28,8 +28,9 @@ def with_gmsh(gmsh, source, segments, say):
         return
     # Faces that bound no solid need no triangles.
     gmsh.model.removeEntities(loose, recursive=False)
-    low_to_high = gmsh.model.getBoundingBox(-1, -1)
-    diagonal = sum((low_to_high[k + 3] - low_to_high[k]) ** 2 for k in range(3)) ** 0.5
+    boxes = [gmsh.model.getBoundingBox(*solid) for solid in solids]
+    sides = [max(b[k + 3] for b in boxes) - min(b[k] for b in boxes) for k in range(3)]
+    diagonal = sum(side ** 2 for side in sides) ** 0.5
     option("Mesh.MeshSizeFromCurvature", segments)
     option("Mesh.MeshSizeMin", LEAST * diagonal)
     say("assumed", "least edge", 1, f"{LEAST * diagonal:.3g} m, {LEAST:g} of the diagonal")

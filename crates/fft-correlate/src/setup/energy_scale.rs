@@ -122,7 +122,7 @@ mod tests {
     fn the_pressing_area_of_a_convex_part_is_its_largest_shadow_in_any_frame() {
         let (a, b, c) = (0.02, 0.03, 0.007);
         let cuboid = shapes::cuboid(DVec3::new(a, b, c)).unwrap();
-        let sphere = shapes::icosphere(0.01, 5).unwrap();
+        let sphere = shapes::icosphere(0.01, 20).unwrap();
         let shadow = (a * b).hypot(b * c).hypot(c * a);
         for k in 0..6 {
             let found = pressing_area(&anywhere(&cuboid, f64::from(k)));

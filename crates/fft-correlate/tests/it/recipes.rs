@@ -13,9 +13,8 @@ use fft_correlate::{
 };
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, Silent, TriangleMesh, shapes};
-use serde_json::Value;
 
-use crate::store_support::StopAfter;
+use crate::store_support::{StopAfter, resealed};
 
 /// What a pair is made from, all that a scene can change.
 #[derive(Clone, Copy)]
@@ -157,10 +156,11 @@ fn an_interrupted_bake_goes_on_with_its_own_recipe_only() {
     );
     // A field version of another program.
     let file = path.join("zarr.json");
-    let whole = fs::read_to_string(&file).unwrap();
-    let mut group: Value = serde_json::from_str(&whole).unwrap();
-    group["attributes"]["pegfit"]["table"]["recipe"]["moving"]["version"] = 1.into();
-    fs::write(&file, group.to_string()).unwrap();
+    let whole = fs::read(&file).unwrap();
+    let changed = resealed(&whole, |own| {
+        own["table"]["recipe"]["moving"]["version"] = 1.into();
+    });
+    fs::write(&file, changed).unwrap();
     let [key, stored, _] = refused(baked(&path, &Made::FIRST, &Silent));
     assert_eq!((&key[..], &stored[..]), ("recipe.moving.version", "1"));
     fs::write(&file, whole).unwrap();

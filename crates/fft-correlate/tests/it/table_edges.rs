@@ -101,6 +101,10 @@ fn no_wall_stands_at_the_edge_of_a_window() {
                     table.spec().rotations
                 );
             }
+            // A symmetry turns what leaves one way into what leaves another.
+            if table.spec().symmetry.is_some() {
+                continue;
+            }
             assert!(at(0.98).energy != 0.0);
             let gone = at(1.001);
             assert_eq!((gone.energy, gone.coverage), (0.0, 0.0));

@@ -1,3 +1,6 @@
+use fft_correlate::Twist;
+use glam::DVec3;
+
 use super::*;
 
 fn bundle(stiffness: f64) -> Bundle {

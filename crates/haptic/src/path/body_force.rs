@@ -105,6 +105,12 @@ impl BodyForce {
         self.surplus = 0.0;
     }
 
+    /// Of a field that is not finite there is nothing to be felt.
+    fn lost(&mut self) -> BodyStep {
+        self.release();
+        BodyStep::default()
+    }
+
     /// The wrench for the next step. It is zero where the energy is level before and after it, and
     /// where the source gives a number that is not finite.
     pub fn step(&mut self, source: &dyn EnergySource, body: &BodyState) -> BodyStep {
@@ -131,10 +137,11 @@ impl BodyForce {
         };
         let inertia = Inertia::new(&body.mobility, body.dt);
         let Some(start) = field(&here) else {
-            self.release();
-            return BodyStep::default();
+            return self.lost();
         };
-        settle(&mut self.surplus, self.last.as_ref(), &here, body, &start);
+        if let Some(last) = self.last.filter(|_| body.elapsed > 0.0) {
+            self.surplus = settle(self.surplus, &last, &here, body, &inertia, &start);
+        }
         let step = Step {
             body,
             inertia,
@@ -146,8 +153,7 @@ impl BodyForce {
             .least(bundle, &mut field)
             .and_then(|found| step.paid(found, &mut field))
         else {
-            self.release();
-            return BodyStep::default();
+            return self.lost();
         };
         let wrench = step.wrench(&found.twist);
         if is_level(&start, &found.response) {
@@ -168,26 +174,40 @@ impl BodyForce {
     }
 }
 
-/// Counts what the step before brought, by the velocities that the body really had. A body that is
-/// not where its velocity took it was put there, which is nobody's work.
-fn settle(surplus: &mut f64, last: Option<&Last>, here: &Pose, body: &BodyState, now: &Response) {
-    let Some(last) = last.filter(|_| body.elapsed > 0.0) else {
-        return;
-    };
+/// The surplus after the step before, by the velocities that the body really had. A body that is not
+/// where its velocity took it was put there, which is nobody's work.
+fn settle(
+    surplus: f64,
+    last: &Last,
+    here: &Pose,
+    body: &BodyState,
+    inertia: &Inertia,
+    now: &Response,
+) -> f64 {
     let moved = last.at.twist_to(here);
     let rate = body.twist * body.elapsed;
     let change = (body.twist - last.twist) * body.elapsed;
     let near = |off: DVec3, by: DVec3, whole: DVec3| {
         off.length() <= 1e-9 + by.length() + 1e-3 * whole.length()
     };
-    if !near(moved.linear - rate.linear, change.linear, rate.linear)
+    // Another step than was foretold, as within RK4, is not accounted for.
+    if (body.elapsed - body.dt).abs() > 1e-6 * body.dt
+        || !near(moved.linear - rate.linear, change.linear, rate.linear)
         || !near(moved.angular - rate.angular, change.angular, rate.angular)
     {
-        *surplus = 0.0;
-        return;
+        return 0.0;
     }
-    let work = last.wrench.dot(&((last.twist + body.twist) * 0.5)) * body.elapsed;
-    *surplus = (*surplus + work + now.energy - last.energy).max(0.0);
+    let twists = [&last.twist, &body.twist];
+    let gained = gain(inertia, &last.wrench, twists, body.elapsed);
+    (surplus + gained + now.energy - last.energy).max(0.0)
+}
+
+/// The kinetic energy that a body gained from `before` to `after` in `dt` seconds, less the work of
+/// all forces but `wrench` over the way that it went, `after dt`: with inertia `M` and the change
+/// `c` of its velocity it is `wrench · after dt - c M c / 2`.
+fn gain(inertia: &Inertia, wrench: &Wrench, [before, after]: [&Twist; 2], dt: f64) -> f64 {
+    let change = Metric::Inertia(*inertia).scaled(&((*after - *before) * dt));
+    wrench.dot(after) * dt - 0.5 * dot(&change, &change)
 }
 
 /// Whether there is nothing to be felt from one place to the other.
@@ -241,11 +261,14 @@ impl Step<'_> {
             .wrench(&((*twist - self.body.free) * self.body.dt))
     }
 
-    /// What body and field would hold more after a step than they did, joules.
+    /// What body and field would hold more after a step than they did, but for the work of other
+    /// forces, joules.
     fn excess(&self, step: &Candidate) -> f64 {
-        let mean = (self.body.twist + step.twist) * 0.5;
-        let work = self.wrench(&step.twist).dot(&mean) * self.body.dt;
-        self.surplus + work + step.response.energy - self.start.energy
+        let (wrench, dt) = (self.wrench(&step.twist), self.body.dt);
+        self.surplus
+            + gain(&self.inertia, &wrench, [&self.body.twist, &step.twist], dt)
+            + step.response.energy
+            - self.start.energy
     }
 
     /// The step itself, or a slower one the same way that brings nothing; standing still costs all

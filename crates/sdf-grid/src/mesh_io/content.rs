@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use super::file::MeshFormat;
+use super::format::MeshFormat;
 use super::ledger::{Ledger, LedgerKind};
 use crate::mesh::error::MeshError;
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::format::MeshFormat;
 use super::ledger::{Ledger, LedgerKind};
 use super::soup::{Solid, Soup};
 use super::step::StepOptions;
@@ -14,21 +15,6 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The file name endings that are read.
 pub const FORMATS: &str = ".obj, .stl, .ply, .glb, .gltf, .3mf, .step or .stp";
-
-/// A mesh format that is read from bytes alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum MeshFormat {
-    /// Wavefront OBJ.
-    Obj,
-    /// STL, binary or ASCII.
-    Stl,
-    /// PLY, binary or ASCII.
-    Ply,
-    /// glTF 2.0, JSON or binary.
-    Gltf,
-    /// 3D Manufacturing Format.
-    ThreeMf,
-}
 
 /// How a mesh file is read.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 
-use super::boolean::{ClosedSurface, Common};
 use super::bvh::tree::Bvh;
 use super::shared_length::shared_volume;
+use crate::mesh::boolean::{ClosedSurface, Common};
 use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
 

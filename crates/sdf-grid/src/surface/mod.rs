@@ -1,7 +1,6 @@
 //! The boundary of a part as distances and integrals see it: flat faces and a tree over them.
 
 pub(crate) mod ball;
-pub(crate) mod boolean;
 pub(crate) mod bvh;
 pub(crate) mod coplanar;
 pub(crate) mod face;

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::edges::Edges;
 use super::report::ComponentReport;
 use crate::mesh::aabb::Aabb;
+use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::measure::{face_area, volume, winding_number};
-use crate::surface::boolean::ClosedSurface;
 
 /// Below this fraction of area times diagonal a component encloses nothing and has no outside.
 const FLAT: f64 = 1e-9;

@@ -17,7 +17,7 @@ type Cleaned = (Vec<DVec3>, Vec<[u32; 3]>, HygieneReport);
 /// Runs the pipeline; see the module documentation.
 pub(crate) fn run(
     name: &str,
-    vertices: Vec<DVec3>,
+    mut vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     options: &HygieneOptions,
 ) -> Result<Cleaned, MeshError> {
@@ -41,7 +41,6 @@ pub(crate) fn run(
         });
     }
 
-    let mut vertices = vertices;
     let mut oriented = orient::orient(&vertices, triangles);
     let flipped_faces = oriented.components.iter().map(|c| c.flipped_faces).sum();
     let mut united_components = 0;

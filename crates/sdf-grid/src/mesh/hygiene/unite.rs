@@ -7,8 +7,8 @@ use glam::DVec3;
 
 use super::orient::{Oriented, Shell};
 use crate::mesh::aabb::Aabb;
+use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::error::MeshError;
-use crate::surface::boolean::ClosedSurface;
 
 /// Changes of volume and area, as a share, up to which a union is what its parts were.
 const SAME: f64 = 1e-9;

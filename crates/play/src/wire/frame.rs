@@ -5,7 +5,7 @@ use glam::DVec3;
 use haptic::flags;
 
 /// Length of a [`Frame`] on the wire.
-pub const FRAME_BYTES: usize = 212;
+pub const FRAME_BYTES: usize = 216;
 
 /// First byte of a frame.
 const KIND: u8 = 1;
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn every_field_is_where_the_page_reads_it() {
         let mut flagged = [0; flags::NAMES.len()];
-        flagged[13] = 77;
+        flagged[14] = 77;
         let frame = Frame {
             is_hand: true,
             flags: 0x0201,
@@ -195,6 +195,6 @@ mod tests {
         assert_eq!([float(136), float(140)], [21.0, 22.0]);
         assert_eq!([count(144), count(148)], [u32::MAX, 24]);
         assert_eq!(bytes[152..156], [25, 26, 1, 0]);
-        assert_eq!(count(208), 77);
+        assert_eq!(count(212), 77);
     }
 }

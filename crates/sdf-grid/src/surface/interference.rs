@@ -162,7 +162,7 @@ mod tests {
                 );
                 // Half a side is reached in the middle of the face alone, beside the points.
                 let deep = f64::max(depth, 0.0);
-                let range = 0.95 * deep - 1e-12..=deep + 1e-12;
+                let range = 0.9 * deep - 1e-12..=deep + 1e-12;
                 assert!(range.contains(&found.depth), "{depth}: {found:?}");
             }
         }

@@ -140,7 +140,7 @@ fn open_shells_that_cut_through_each_other_are_refused_by_name() {
     let MeshError::Overlap { shells, .. } = &refused else {
         panic!("{refused}");
     };
-    assert_eq!(*shells, [1, 2]);
+    assert!(shells.contains(&1) && shells.contains(&2), "{refused}");
 }
 
 #[test]

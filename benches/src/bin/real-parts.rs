@@ -2,8 +2,7 @@
 //!
 //! `PARTS_DIR` holds the IndustReal assets of IsaacGymEnvs as OBJ files in metres (see
 //! `docs/docking.md`); the identity is the assembled pose. Prints, for each pair, where the energy
-//! along x, y and yaw is lowest, what docking finds in a domain of 10 mm and 30 degrees, and where
-//! the snap script ends.
+//! along x, y and yaw is lowest, and where the snap script ends.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,15 +10,13 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyScale, EnergySource, Pair, PairSetup, Pose,
-    RotationDomain, ScoreModel,
+    DirectEvaluator, DirectOptions, EnergyScale, EnergySource, Pair, PairSetup, Pose, ScoreModel,
 };
-use fft_correlate::{Docking, DockingOptions};
 use glam::{DQuat, DVec3};
 use haptic::{
     Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
 };
-use pegfit_benches::table::{Table, significant};
+use pegfit_benches::table::Table;
 use pegfit_benches::{Arguments, Outcome, ask};
 use pegfit_pictures::{LineChart, Series};
 use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
@@ -66,12 +63,8 @@ fn main() -> Outcome<()> {
         let (fixed, moving) = (read(fixed)?, read(moving)?);
         measure(name, &fixed, &moving, &arguments, &mut tables)?;
     }
-    let Tables {
-        curves,
-        docked,
-        snaps,
-    } = tables;
-    for table in [curves, docked, snaps] {
+    let Tables { curves, snaps } = tables;
+    for table in [curves, snaps] {
         arguments.publish(&table, None)?;
     }
     Ok(())
@@ -79,7 +72,6 @@ fn main() -> Outcome<()> {
 
 struct Tables {
     curves: Table,
-    docked: Table,
     snaps: Table,
 }
 
@@ -95,21 +87,6 @@ impl Tables {
                  about 0.5 mm; in the assembled pose the nodes of both lattices coincide, which \
                  may hold the part there.",
                 &["pair", "along", "lowest at", "unit", "depth there"],
-            ),
-            docked: Table::new(
-                "docked",
-                "Real parts: docking near the assembled pose",
-                "The deepest poses within 10 mm and 30 degrees of the assembled one, which is the \
-                 origin.",
-                &[
-                    "pair",
-                    "x, mm",
-                    "y, mm",
-                    "z, mm",
-                    "tilt, degrees",
-                    "yaw, degrees",
-                    "energy, J",
-                ],
             ),
             snaps: Table::new(
                 "snaps",
@@ -159,7 +136,6 @@ fn measure(
     );
     let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
     curves(name, &pair, &source, arguments, &mut tables.curves)?;
-    docking(name, fixed, moving, pair.model().gamma, &mut tables.docked)?;
     snap(name, &pair, moving, &mut tables.snaps)
 }
 
@@ -223,44 +199,6 @@ fn curves(
     }
     let png = pegfit_pictures::png("energy curves", (1000, 620), |sheet| chart.draw(sheet))?;
     std::fs::write(arguments.out.join(format!("real-{name}.png")), png)?;
-    Ok(())
-}
-
-fn docking(
-    name: &str,
-    fixed: &TriangleMesh,
-    moving: &TriangleMesh,
-    gamma: f64,
-    table: &mut Table,
-) -> Outcome<()> {
-    let setup = PairSetup {
-        model: MODEL,
-        energy: EnergyScale::Gamma(gamma),
-        half_extent: Some(DVec3::splat(0.010)),
-        ..PairSetup::new(Arc::new(fixed.clone()), Arc::new(moving.clone()))
-    };
-    let options = DockingOptions {
-        top: 3,
-        rotations: Some(RotationDomain::ball(30.0, 10.0)),
-        ..DockingOptions::default()
-    };
-    let report = Docking::new(&setup, options).run(&Silent)?;
-    let pivot = report.lattices.pivot;
-    for docked in &report.poses {
-        let pose = &docked.found.pose;
-        let d = 1e3 * (pose.apply(pivot) - pivot);
-        let tilt = (pose.rotation * DVec3::Z).angle_between(DVec3::Z);
-        let yaw = 2.0 * pose.rotation.z.atan2(pose.rotation.w);
-        table.push([
-            name.to_owned(),
-            format!("{:+.2}", d.x),
-            format!("{:+.2}", d.y),
-            format!("{:+.2}", d.z),
-            format!("{:.1}", tilt.to_degrees()),
-            format!("{:+.1}", yaw.to_degrees()),
-            significant(docked.model_energy, 4),
-        ]);
-    }
     Ok(())
 }
 

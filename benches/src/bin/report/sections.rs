@@ -18,7 +18,7 @@ pub(crate) struct Section {
     pub(crate) own_page: Option<&'static str>,
 }
 
-pub(crate) const SECTIONS: [Section; 13] = [
+pub(crate) const SECTIONS: [Section; 11] = [
     Section {
         key: "field",
         title: "Density fields",
@@ -46,10 +46,10 @@ pub(crate) const SECTIONS: [Section; 13] = [
         key: "parts",
         title: "Density fields of real parts",
         about: "Whether tolerances are kept on the IndustReal meshes.",
-        program: "accuracy",
-        quick: &[&["--quick"]],
-        full: &[&[]],
-        parts: Some("parts="),
+        program: "field",
+        quick: &[&["--quick", "only=industreal"]],
+        full: &[&["only=industreal"]],
+        parts: Some(""),
         needs_parts: true,
         own_page: None,
     },
@@ -59,18 +59,6 @@ pub(crate) const SECTIONS: [Section; 13] = [
         about: "What the scores of one rotation at all displacements cost; the stages are \
             explained in [correlation.md](correlation.md).",
         program: "correlate",
-        quick: &[&["--quick"]],
-        full: &[&[]],
-        parts: None,
-        needs_parts: false,
-        own_page: None,
-    },
-    Section {
-        key: "accuracy",
-        title: "Stage by stage",
-        about: "Run time against error of one stage at a time: fields, scores, tables, direct \
-            evaluation.",
-        program: "accuracy",
         quick: &[&["--quick"]],
         full: &[&[]],
         parts: None,
@@ -111,23 +99,12 @@ pub(crate) const SECTIONS: [Section; 13] = [
     Section {
         key: "docking",
         title: "Docking",
-        about: "Whether the true fit is found from any start, and how long it takes; the stages \
-            are explained in [docking.md](docking.md).",
+        about: "Whether docking finds the modelled fit however both parts lie in their frames, and \
+            how long it takes; [docking.md](docking.md) explains the stages.",
         program: "docking",
-        quick: &[&["--quick"]],
-        full: &[&[]],
-        parts: Some(""),
-        needs_parts: false,
-        own_page: None,
-    },
-    Section {
-        key: "frames",
-        title: "Docking in every frame",
-        about: "Whether docking finds the modelled fit however both parts lie in their frames.",
-        program: "dock-frames",
         quick: &[&["--quick", "--kinds", "shifted,both"]],
         full: &[&["--starts", "50", "--seeds", "0..50"]],
-        parts: None,
+        parts: Some(""),
         needs_parts: false,
         own_page: None,
     },

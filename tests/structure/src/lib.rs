@@ -12,7 +12,7 @@ mod source;
 mod surface;
 
 pub use graph::{Graph, circles};
-pub use lengths::{file_length, function_lengths};
+pub use lengths::file_length;
 pub use picture::flow_chart;
 pub use resolve::arrows;
 pub use source::{Module, SourceError, read_crate};

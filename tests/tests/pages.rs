@@ -7,6 +7,24 @@ use std::path::{Path, PathBuf};
 /// Longest line of a page, characters. Rows of tables are exempt: Markdown cannot break them.
 const WIDTH: usize = 100;
 
+/// Phrases that pages in plain English do without (CONTRIBUTING.md).
+const REFUSED: [&str; 6] = [
+    "is told",
+    "are told",
+    "is said",
+    "is looked for",
+    "ways in",
+    "what of",
+];
+
+/// Pages below `docs` that programs write.
+const GENERATED: [&str; 4] = [
+    "command-line.md",
+    "comparison.md",
+    "contact-measured.md",
+    "report.md",
+];
+
 /// Folders that hold no pages of ours.
 const SKIPPED: [&str; 5] = ["target", "out", "corpus", "node_modules", "pegfit-demo"];
 
@@ -146,6 +164,37 @@ fn lines_of_pages_are_at_most_100_characters() {
     assert!(long.is_empty(), "{}", long.join("\n"));
 }
 
+/// Refused phrases with the numbers of their lines. Parts that programs write, between marks, and
+/// code are exempt.
+fn refused(text: &str) -> Vec<(usize, &'static str)> {
+    let (mut generated, mut found) = (false, Vec::new());
+    for (number, line) in prose(text) {
+        generated |= line.starts_with("<!-- begin:");
+        generated &= !line.starts_with("<!-- end:");
+        let line = line.to_lowercase();
+        if !generated {
+            let phrases = REFUSED.into_iter().filter(|phrase| line.contains(phrase));
+            found.extend(phrases.map(|phrase| (number, phrase)));
+        }
+    }
+    found
+}
+
+#[test]
+fn pages_are_in_plain_english() {
+    let mut wrong = Vec::new();
+    for (path, text) in pages() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if !path.starts_with(root().join("docs")) || GENERATED.contains(&name.as_ref()) {
+            continue;
+        }
+        for (number, phrase) in refused(&text) {
+            wrong.push(format!("{}:{number}: \"{phrase}\"", path.display()));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 #[test]
 fn links_of_pages_lead_somewhere() {
     let mut wrong = Vec::new();
@@ -204,6 +253,8 @@ fn the_checks_see_what_is_wrong() {
         "# One `two` & three\n[a](b.md#c) `[no](link)`\n    [code](x)\n```\n# [no](y)\n```\n";
     assert_eq!(links(text), [(2, "b.md#c".to_owned())]);
     assert_eq!(anchors(text), BTreeSet::from(["one-two--three".to_owned()]));
+    let said = "It is told.\n```\nis told\n```\n<!-- begin: x -->\nis said\n<!-- end: x -->\nWhat of it?\n";
+    assert_eq!(refused(said), [(1, "is told"), (8, "what of")]);
     let page = root().join("README.md");
     assert!(broken(&page, "docs/no-such-page.md").is_some());
     assert!(broken(&page, "docs/accuracy.md#no-such-heading").is_some());

@@ -77,6 +77,72 @@ fn links_are_placed_and_all_that_is_left_out_is_listed() {
     );
 }
 
+/// What is replaced, by what, and what the refusal names.
+const REFUSED: [(&str, &str, &str); 14] = [
+    (
+        "<link name=\"tool\">",
+        "<xacro:hand/><link name=\"tool\">",
+        "<xacro:hand>",
+    ),
+    ("size=\"0.1 ", "size=\"${width} ", "${width}"),
+    (
+        "filename=\"meshes",
+        "filename=\"$(find arm)/meshes",
+        "expand it with xacro first",
+    ),
+    (
+        "</robot>",
+        "<group><link name=\"more\"/></group></robot>",
+        "found <group>",
+    ),
+    (
+        "</robot>",
+        "<include filename=\"x.urdf\"/></robot>",
+        "found <include>",
+    ),
+    (
+        "<inertial/>",
+        "<v:part><visual/></v:part>",
+        "found <v:part>",
+    ),
+    (
+        "rpy=",
+        "quat_xyzw=\"0 0 0 1\" rpy=",
+        "quat_xyzw=\"0 0 0 1\"",
+    ),
+    (
+        "<box size",
+        "<box rounding=\"0.1\" size",
+        "rounding=\"0.1\"",
+    ),
+    (
+        "<box size=\"0.1 0.2 0.3\"/>",
+        "<capsule radius=\"1\" length=\"1\"/>",
+        "found capsule",
+    ),
+    (
+        "<box size",
+        "<sphere radius=\"1\"/><box size",
+        "found 2 shapes",
+    ),
+    ("<box size=\"0.1 0.2 0.3\"/>", "", "found 0 shapes"),
+    (
+        "<child link=\"tool\"/>",
+        "<child link=\"hand\"/>",
+        "a link of this file, found \"hand\"",
+    ),
+    (
+        "</robot>",
+        "<link name=\"lost\"><visual><geometry><sphere radius=\"1\"/></geometry></visual></link></robot>",
+        "found 2 that no joint moves: base, lost",
+    ),
+    (
+        "</robot>",
+        "<link name=\"tool\"/></robot>",
+        "two of this one",
+    ),
+];
+
 #[test]
 fn what_could_change_a_solid_is_refused_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
@@ -92,73 +158,7 @@ fn what_could_change_a_solid_is_refused_by_its_name() {
             .unwrap_err()
             .to_string()
     };
-    let second = "<link name=\"lost\"><visual><geometry><sphere radius=\"1\"/></geometry></visual>\
-                  </link></robot>";
-    let cases = [
-        (
-            "<link name=\"tool\">",
-            "<xacro:hand/><link name=\"tool\">",
-            "<xacro:hand>",
-        ),
-        ("size=\"0.1 ", "size=\"${width} ", "${width}"),
-        (
-            "filename=\"meshes",
-            "filename=\"$(find arm)/meshes",
-            "expand it with xacro first",
-        ),
-        (
-            "</robot>",
-            "<group><link name=\"more\"/></group></robot>",
-            "found <group>",
-        ),
-        (
-            "</robot>",
-            "<include filename=\"x.urdf\"/></robot>",
-            "found <include>",
-        ),
-        (
-            "<inertial/>",
-            "<v:part><visual/></v:part>",
-            "found <v:part>",
-        ),
-        (
-            "rpy=",
-            "quat_xyzw=\"0 0 0 1\" rpy=",
-            "quat_xyzw=\"0 0 0 1\"",
-        ),
-        (
-            "<box size",
-            "<box rounding=\"0.1\" size",
-            "rounding=\"0.1\"",
-        ),
-        (
-            "<box size=\"0.1 0.2 0.3\"/>",
-            "<capsule radius=\"1\" length=\"1\"/>",
-            "found capsule",
-        ),
-        (
-            "<box size",
-            "<sphere radius=\"1\"/><box size",
-            "found 2 shapes",
-        ),
-        ("<box size=\"0.1 0.2 0.3\"/>", "", "found 0 shapes"),
-        (
-            "<child link=\"tool\"/>",
-            "<child link=\"hand\"/>",
-            "a link of this file, found \"hand\"",
-        ),
-        (
-            "</robot>",
-            second,
-            "found 2 that no joint moves: base, lost",
-        ),
-        (
-            "</robot>",
-            "<link name=\"tool\"/></robot>",
-            "two of this one",
-        ),
-    ];
-    for (from, to, named) in cases {
+    for (from, to, named) in REFUSED {
         let said = refused(from, to, false);
         assert!(
             said.contains(named) && said.contains("arm.urdf"),

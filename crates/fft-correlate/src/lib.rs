@@ -97,7 +97,7 @@ pub use table::error::TableError;
 pub use table::launcher::Launcher;
 pub use table::parts::PartialTable;
 pub use table::spec::TableSpec;
-pub use table::storage::{Numbers, Storage};
+pub use table::storage::Storage;
 pub use table::store::error::StoreError;
 pub use table::store::files::TableFiles;
 pub use table::store::table_store::TableStore;

@@ -77,19 +77,14 @@ impl EnergyTable {
     /// A table of a size already found acceptable, all of whose slots `fill` fills, in parallel.
     pub(crate) fn filled<E>(
         plan: Plan,
-        fill: impl FnOnce(&Plan, Vec<Slot<'_>>) -> Result<(), E>,
+        fill: impl FnOnce(&Plan, Vec<&mut [u16]>) -> Result<(), E>,
     ) -> Result<Self, E> {
         let (kept, length) = (plan.kept(), plan.layout.length());
         let mut codes = zeroed_pages(kept * length);
-        let mut scales = vec![1.0; kept];
-        let slots = codes.chunks_exact_mut(length).zip(&mut scales);
-        fill(
-            &plan,
-            slots.map(|(codes, scale)| Slot { codes, scale }).collect(),
-        )?;
+        fill(&plan, codes.chunks_exact_mut(length).collect())?;
         Ok(Self {
             plan: Arc::new(plan),
-            rows: Rows::Whole { codes, scales },
+            rows: Rows::Whole(codes),
         })
     }
 
@@ -153,10 +148,8 @@ impl EnergyTable {
         if slot == Chart::ABSENT {
             return Some(self.spec().far_energy);
         }
-        let (codes, scale) = self.row(slot)?;
-        let code = codes[self.plan.layout.place(index)];
-        let value = value_of(code, self.spec().storage.numbers.code());
-        Some(value * f64::from(scale) * self.unit())
+        let code = self.row(slot)?[self.plan.layout.place(index)];
+        Some(value_of(code) * self.unit())
     }
 
     /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that
@@ -213,17 +206,11 @@ impl EnergyTable {
         &self.plan
     }
 
-    /// The numbers of a slot and their scale; `None` if they are not in memory.
+    /// The numbers of a slot; `None` if they are not in memory.
     #[inline]
-    pub(crate) fn row(&self, slot: u32) -> Option<(&[u16], f32)> {
+    pub(crate) fn row(&self, slot: u32) -> Option<&[u16]> {
         self.rows.get(slot as usize, self.plan.layout.length())
     }
-}
-
-/// The numbers of one rotation node and what they are multiplied with, to be filled in.
-pub(crate) struct Slot<'a> {
-    pub(crate) codes: &'a mut [u16],
-    pub(crate) scale: &'a mut f32,
 }
 
 /// Fills the slots of a table.
@@ -234,10 +221,14 @@ struct Filler<'a> {
     encoded: Encoded,
 }
 
-impl<'a> Consumer<Slot<'a>> for Filler<'_> {
+impl<'a> Consumer<&'a mut [u16]> for Filler<'_> {
     type Error = TableError;
 
-    fn take(&mut self, node: Member<Slot<'a>>, energies: &mut [f32]) -> Result<(), TableError> {
+    fn take(
+        &mut self,
+        node: Member<&'a mut [u16]>,
+        energies: &mut [f32],
+    ) -> Result<(), TableError> {
         let Plan {
             spec,
             probe,
@@ -246,9 +237,8 @@ impl<'a> Consumer<Slot<'a>> for Filler<'_> {
         } = self.plan;
         let encoded = &mut self.encoded;
         encode(spec, probe, node.row, self.unit, energies, encoded)?;
-        let far = far_code(spec, probe.unit, encoded.scale);
-        layout.pack(&encoded.codes, far, node.target.codes);
-        *node.target.scale = encoded.scale;
+        let far = far_code(spec, probe.unit);
+        layout.pack(&encoded.codes, far, node.target);
         Ok(())
     }
 }

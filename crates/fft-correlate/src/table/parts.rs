@@ -115,11 +115,9 @@ impl PartialTable {
     pub fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
         let read = |&node: &usize| {
             let mut codes = zeroed_pages(self.plan.layout.length());
-            let scale = self
-                .store
-                .chunks()
-                .read_row(node, &self.plan.layout, &mut codes)?;
-            Ok((node, Arc::new(Row::new(codes, scale, &self.held))))
+            let chunks = self.store.chunks();
+            chunks.read_row(node, &self.plan.layout, &mut codes)?;
+            Ok((node, Arc::new(Row::new(codes, &self.held))))
         };
         let absent = nodes.par_iter().filter(|&&node| self.rows[node].is_none());
         let read: Vec<Result<_, StoreError>> = absent.map(read).collect();

@@ -251,8 +251,7 @@ impl<'t> Reader<'t> {
         let along_y = LaneWeights::new(ty, ty.nodes[0] / 4 * 4);
         let along_z = LaneWeights::new(tz, tz.nodes[0]);
         let stencil = self.stencil(translation, if along_y.long { 2 } else { 1 });
-        let code = self.plan.spec.storage.numbers.code();
-        let sums = stencil.sum(code, &taps[..count]);
+        let sums = stencil.sum(&taps[..count]);
         let total = |sum: usize, y: &[f64; 8], z: &[f64; 8]| -> f64 {
             let mut total = 0.0;
             for (group, sums) in sums.iter().enumerate().take(stencil.groups) {
@@ -309,10 +308,10 @@ impl<'t> Reader<'t> {
                         }
                         continue;
                     }
-                    let (codes, scale) = self.rows.get(slot as usize, self.plan.layout.length())?;
+                    let codes = self.rows.get(slot as usize, self.plan.layout.length())?;
                     taps[count] = RotationTap {
                         codes,
-                        weights: weights.map(|w| w as f32 * scale),
+                        weights: weights.map(|w| w as f32),
                     };
                     count += 1;
                 }

@@ -10,17 +10,15 @@ use sdf_grid::large;
 #[derive(Debug)]
 pub(crate) struct Row {
     codes: Vec<u16>,
-    scale: f32,
     /// Bytes of all such rows of the table that are still in memory, wherever they are held.
     held: Arc<AtomicU64>,
 }
 
 impl Row {
-    pub(crate) fn new(codes: Vec<u16>, scale: f32, held: &Arc<AtomicU64>) -> Self {
+    pub(crate) fn new(codes: Vec<u16>, held: &Arc<AtomicU64>) -> Self {
         held.fetch_add(2 * codes.len() as u64, Ordering::Relaxed);
         Self {
             codes,
-            scale,
             held: Arc::clone(held),
         }
     }
@@ -36,8 +34,8 @@ impl Drop for Row {
 /// The stored numbers of a table, by slot.
 #[derive(Debug, Clone)]
 pub(crate) enum Rows {
-    /// Slot after slot, and what the numbers of each are multiplied by.
-    Whole { codes: Vec<u16>, scales: Vec<f32> },
+    /// Slot after slot.
+    Whole(Vec<u16>),
     /// Slots that are in memory; shared with other states of the same table.
     Parts {
         rows: Vec<Option<Arc<Row>>>,
@@ -47,21 +45,19 @@ pub(crate) enum Rows {
 }
 
 impl Rows {
-    /// The numbers of a slot and what they are multiplied by; `None` if they are not in memory.
+    /// The numbers of a slot; `None` if they are not in memory.
     #[inline]
-    pub(crate) fn get(&self, slot: usize, length: usize) -> Option<(&[u16], f32)> {
+    pub(crate) fn get(&self, slot: usize, length: usize) -> Option<&[u16]> {
         match self {
-            Self::Whole { codes, scales } => {
-                Some((&codes[slot * length..][..length], scales[slot]))
-            }
-            Self::Parts { rows, .. } => rows[slot].as_ref().map(|row| (&row.codes[..], row.scale)),
+            Self::Whole(codes) => Some(&codes[slot * length..][..length]),
+            Self::Parts { rows, .. } => rows[slot].as_ref().map(|row| &row.codes[..]),
         }
     }
 
     /// Whether a slot is in memory.
     pub(crate) fn has(&self, slot: usize) -> bool {
         match self {
-            Self::Whole { .. } => true,
+            Self::Whole(_) => true,
             Self::Parts { rows, .. } => rows[slot].is_some(),
         }
     }
@@ -69,7 +65,7 @@ impl Rows {
     /// Whether every slot is in memory.
     pub(crate) fn all(&self) -> bool {
         match self {
-            Self::Whole { .. } => true,
+            Self::Whole(_) => true,
             Self::Parts { all, .. } => *all,
         }
     }
@@ -77,7 +73,7 @@ impl Rows {
     /// Bytes of the numbers in memory.
     pub(crate) fn bytes(&self) -> u64 {
         let numbers = match self {
-            Self::Whole { codes, .. } => codes.len(),
+            Self::Whole(codes) => codes.len(),
             Self::Parts { rows, .. } => rows.iter().flatten().map(|row| row.codes.len()).sum(),
         };
         2 * numbers as u64

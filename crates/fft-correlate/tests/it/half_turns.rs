@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::direct_support::{Blobs, model, pair};
 use crate::store_support::{SHARED, chunk, files};
 use fft_correlate::{
-    EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, Share,
-    TableSpec, TableStore, TranslationWindow, bake, half_turn_groups, search_rotations,
+    EnergyTable, HalfTurn, NodeEnergies, Pair, PairEnergies, RotationDomain, Share, TableSpec,
+    TableStore, TranslationWindow, bake, half_turn_groups, search_rotations,
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
@@ -14,12 +14,11 @@ use sdf_grid::Silent;
 
 const H: f64 = 0.001;
 
-/// A small pair and a table in whole numbers.
+/// A small pair and a table.
 fn scene(rotations: RotationDomain) -> (Pair, TranslationWindow, TableSpec) {
     let pair = pair(&Blobs::new(3), &Blobs::new(4), H, model(0.0));
     let window = TranslationWindow::cube(4.0 * H, H).unwrap();
-    let mut spec = TableSpec::for_pair(&pair, &window, rotations);
-    spec.storage.numbers = Numbers::Integer;
+    let spec = TableSpec::for_pair(&pair, &window, rotations);
     (pair, window, spec)
 }
 

@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, Numbers, Part, PartialTable, Pose, Response,
-    RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files,
+    AxisSymmetry, EnergySource, EnergyTable, Part, PartialTable, Pose, Response, RotationDomain,
+    Share, StoreError, TableFiles, TableSpec, TableStore, bake_files,
 };
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
@@ -72,7 +72,6 @@ fn specs() -> Vec<TableSpec> {
         spec.symmetry = Some(symmetric);
         specs.push(spec);
     }
-    specs[0].storage.numbers = Numbers::Integer;
     specs
 }
 

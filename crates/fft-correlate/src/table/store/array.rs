@@ -13,9 +13,7 @@ const LONGEST: u64 = 1 << 16;
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Numbers {
     Float16,
-    Float32,
     Float64,
-    Int16,
     UInt32,
 }
 
@@ -24,9 +22,7 @@ pub(super) enum Numbers {
 pub(super) enum Chunking {
     /// All of it in one, as it is.
     One,
-    /// A chunk for each place along the first dimension, as it is.
-    Rows,
-    /// The same, packed.
+    /// A chunk for each place along the first dimension, packed.
     PackedRows,
 }
 
@@ -51,9 +47,7 @@ impl TableArray {
     ) -> Self {
         let (kind, fill) = match numbers {
             Numbers::Float16 => ("float16", json!("NaN")),
-            Numbers::Float32 => ("float32", json!("NaN")),
             Numbers::Float64 => ("float64", json!("NaN")),
-            Numbers::Int16 => ("int16", json!(i16::MIN)),
             Numbers::UInt32 => ("uint32", json!(0)),
         };
         let shape: Vec<usize> = dimensions.iter().map(|(_, n)| *n).collect();
@@ -93,7 +87,7 @@ impl TableArray {
     pub(super) fn key(&self, row: usize) -> String {
         let separator = match self.chunking {
             Chunking::One => "/",
-            Chunking::Rows | Chunking::PackedRows => ".",
+            Chunking::PackedRows => ".",
         };
         let rest = format!("{separator}0").repeat(self.dimensions - 1);
         format!("{}/c{separator}{row}{rest}", self.names[0])

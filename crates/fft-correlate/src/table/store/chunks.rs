@@ -5,17 +5,17 @@ use std::io;
 use zarrs_storage::Bytes;
 
 use crate::rotations::grid::RotationGrid;
-use crate::table::encode::{Encoded, far_code, is_storable};
+use crate::table::encode::{Encoded, far_code};
 use crate::table::error::TableError;
 use crate::table::layout::Layout;
 use crate::table::spec::TableSpec;
-use crate::table::storage::Numbers;
+use crate::table::stencil::value_of;
 use crate::table::store::array::TableArray;
-use crate::table::store::coding::{CHECKSUM, checked, most_packed, pack, unpack, with_checksum};
+use crate::table::store::coding::{most_packed, pack, unpack};
 use crate::table::store::coordinates;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::format::{coefficient_array, scale_array};
+use crate::table::store::format::coefficient_array;
 use crate::table::store::header::Header;
 use crate::table::store::seal::Identity;
 use crate::table::store::surfaces;
@@ -38,8 +38,6 @@ pub(crate) struct Chunks {
     pub(super) grid: RotationGrid,
     identity: Identity,
     coefficients: TableArray,
-    /// Scales of whole numbers.
-    scales: Option<TableArray>,
 }
 
 impl Chunks {
@@ -54,11 +52,6 @@ impl Chunks {
         let grid = header.table.grid().map_err(TableError::from)?;
         let coefficients = coefficient_array(&header.table, header.energy_unit, &grid);
         coefficients.expect(files)?;
-        let scales = match header.table.storage.numbers {
-            Numbers::Half => None,
-            Numbers::Integer => Some(scale_array(header.energy_unit, &grid)),
-        };
-        scales.iter().try_for_each(|scales| scales.expect(files))?;
         coordinates::expect(files, &header, &grid)?;
         Ok(Self {
             files: files.clone(),
@@ -66,7 +59,6 @@ impl Chunks {
             header,
             grid,
             coefficients,
-            scales,
         })
     }
 
@@ -93,48 +85,23 @@ impl Chunks {
 
     /// The stored numbers of a rotation node, all finite and those that were baked for it; `None`
     /// if they are not there.
-    pub(super) fn chunk(&self, row: usize) -> Result<Option<Encoded>, StoreError> {
+    pub(super) fn chunk(&self, row: usize) -> Result<Option<Vec<u16>>, StoreError> {
         let (key, length) = (self.coefficients.key(row), self.bytes());
-        let packed = self.get(&key, most_packed(length as u64))?;
-        // It is written first, so one that is missing was lost.
-        let (Some(packed), Some(scale)) = (packed, self.scale(row)?) else {
+        let Some(packed) = self.get(&key, most_packed(length as u64))? else {
             return Ok(None);
         };
         let damaged = |reason| self.damaged(&key, reason);
         let (raw, stored) = unpack(&packed, length).map_err(damaged)?;
-        if self.identity.chunk(row, scale, &raw) != stored {
+        if self.identity.chunk(row, &raw) != stored {
             let reason = "its digest is that of another place or table, or of other numbers";
             return Err(self.damaged(&key, reason.into()));
         }
         let codes = raw.as_chunks().0.iter().map(|c| u16::from_le_bytes(*c));
         let codes: Vec<u16> = codes.collect();
-        let numbers = self.header.table.storage.numbers;
-        if let Some(bad) = codes.iter().position(|&c| !is_storable(c, numbers)) {
+        if let Some(bad) = codes.iter().position(|&c| !value_of(c).is_finite()) {
             return Err(self.damaged(&key, format!("value {bad} is not finite")));
         }
-        Ok(Some(Encoded {
-            codes,
-            scale,
-            ..Encoded::default()
-        }))
-    }
-
-    /// What the numbers of a rotation node are multiplied by; `None` if it is not there.
-    fn scale(&self, row: usize) -> Result<Option<f32>, StoreError> {
-        let Some(scales) = &self.scales else {
-            return Ok(Some(1.0));
-        };
-        let key = scales.key(row);
-        let most = size_of::<f32>() + CHECKSUM;
-        let Some(bytes) = self.get(&key, most as u64)? else {
-            return Ok(None);
-        };
-        let content = checked(&bytes).map_err(|reason| self.damaged(&key, reason))?;
-        let scale = content.try_into().map(f32::from_le_bytes);
-        match scale {
-            Ok(scale) if scale.is_normal() && scale > 0.0 => Ok(Some(scale)),
-            found => Err(self.damaged(&key, format!("the scale is {found:?}"))),
-        }
+        Ok(Some(codes))
     }
 
     /// Bytes of the numbers of a rotation node.
@@ -165,13 +132,9 @@ impl Chunks {
     pub(crate) fn write(&self, row: usize, encoded: &Encoded) -> Result<(), StoreError> {
         let nodes = self.header.table.window.len();
         assert_eq!(encoded.codes.len(), nodes, "one coefficient per node");
-        if let Some(scales) = &self.scales {
-            let bytes = with_checksum(encoded.scale.to_le_bytes().to_vec());
-            self.files.set(&scales.key(row), bytes)?;
-        }
         let codes = encoded.codes.iter().flat_map(|c| c.to_le_bytes());
         let raw: Vec<u8> = codes.collect();
-        let digest = self.identity.chunk(row, encoded.scale, &raw);
+        let digest = self.identity.chunk(row, &raw);
         let key = self.coefficients.key(row);
         let packed = pack(&raw, &digest);
         let packed = packed.map_err(|e| self.files.io(&key, e.into()))?;
@@ -183,10 +146,7 @@ impl Chunks {
     /// # Errors
     /// If the left-over file cannot be removed.
     pub(crate) fn clean(&self, row: usize) -> Result<(), StoreError> {
-        for array in self.scales.iter().chain([&self.coefficients]) {
-            self.files.clean(&array.key(row))?;
-        }
-        Ok(())
+        self.files.clean(&self.coefficients.key(row))
     }
 
     /// Checks, by the names of the files alone, that there is a chunk for every rotation node.
@@ -205,8 +165,7 @@ impl Chunks {
         self.expect_none(missing.map(|(row, _)| row).collect())
     }
 
-    /// Reads a rotation node into `out`, arranged by `layout`, checking its checksum, and gives its
-    /// scale.
+    /// Reads a rotation node into `out`, arranged by `layout`, checking its checksum.
     ///
     /// # Errors
     /// If it is not there or damaged.
@@ -215,13 +174,13 @@ impl Chunks {
         row: usize,
         layout: &Layout,
         out: &mut [u16],
-    ) -> Result<f32, StoreError> {
-        let Some(chunk) = self.chunk(row)? else {
+    ) -> Result<(), StoreError> {
+        let Some(codes) = self.chunk(row)? else {
             return Err(self.incomplete(1, row));
         };
-        let far = far_code(&self.header.table, self.header.energy_unit, chunk.scale);
-        layout.pack(&chunk.codes, far, out);
-        Ok(chunk.scale)
+        let far = far_code(&self.header.table, self.header.energy_unit);
+        layout.pack(&codes, far, out);
+        Ok(())
     }
 
     /// Refuses missing rotation nodes.

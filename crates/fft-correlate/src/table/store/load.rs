@@ -80,13 +80,13 @@ fn survey(chunks: &Chunks) -> Result<Survey, StoreError> {
         .try_fold(
             || Survey::empty(nx * groups),
             |mut survey, row| {
-                let Some(chunk) = chunks.chunk(row)? else {
+                let Some(codes) = chunks.chunk(row)? else {
                     survey.missing.push(row);
                     return Ok(survey);
                 };
-                let far = far_code(spec, chunks.header.energy_unit, chunk.scale);
+                let far = far_code(spec, chunks.header.energy_unit);
                 let mut occupied = false;
-                for (column, codes) in chunk.codes.chunks_exact(nz).enumerate() {
+                for (column, codes) in codes.chunks_exact(nz).enumerate() {
                     let Some(first) = codes.iter().position(|&c| c != far) else {
                         continue;
                     };
@@ -116,9 +116,6 @@ fn fill(chunks: &Chunks, layout: Layout, kept: &[usize]) -> Result<EnergyTable, 
     let plan = Plan::new(spec, grid, chunks.header.probe(), layout, slots);
     EnergyTable::filled(plan, |plan, slots| {
         let rows = slots.into_par_iter().zip(kept);
-        rows.try_for_each(|(slot, &row)| {
-            *slot.scale = chunks.read_row(row, &plan.layout, slot.codes)?;
-            Ok(())
-        })
+        rows.try_for_each(|(slot, &row)| chunks.read_row(row, &plan.layout, slot))
     })
 }

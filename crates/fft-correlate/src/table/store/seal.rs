@@ -20,12 +20,12 @@ impl Identity {
         Self(blake3::derive_key(CONTEXT, &text(material)))
     }
 
-    /// The digest of a rotation node's numbers, as little-endian bytes, and of what they are
-    /// multiplied by.
-    pub(super) fn chunk(&self, row: usize, scale: f32, codes: &[u8]) -> [u8; blake3::OUT_LEN] {
+    /// The digest of a rotation node's numbers, as little-endian bytes.
+    pub(super) fn chunk(&self, row: usize, codes: &[u8]) -> [u8; blake3::OUT_LEN] {
         let mut hasher = blake3::Hasher::new_keyed(&self.0);
         hasher.update(&(row as u64).to_le_bytes());
-        hasher.update(&scale.to_le_bytes());
+        // What numbers are multiplied by, which formats up to 6 could choose.
+        hasher.update(&1f32.to_le_bytes());
         hasher.update(codes);
         hasher.finalize().into()
     }

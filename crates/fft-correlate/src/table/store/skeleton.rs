@@ -7,11 +7,10 @@ use sdf_grid::atomic::AtomicFolder;
 
 use crate::rotations::grid::RotationGrid;
 use crate::table::error::TableError;
-use crate::table::storage::Numbers;
 use crate::table::store::coordinates;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::format::{coefficient_array, scale_array};
+use crate::table::store::format::coefficient_array;
 use crate::table::store::header::{Header, LONGEST};
 use crate::table::store::surfaces;
 
@@ -64,9 +63,6 @@ fn write_skeleton(
     grid: &RotationGrid,
 ) -> Result<(), StoreError> {
     coefficient_array(&header.table, header.energy_unit, grid).write(files)?;
-    if header.table.storage.numbers == Numbers::Integer {
-        scale_array(header.energy_unit, grid).write(files)?;
-    }
     coordinates::write(files, header, grid)?;
     if let Some(contact) = &header.table.contact {
         surfaces::write(files, contact)?;

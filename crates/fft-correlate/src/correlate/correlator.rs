@@ -1,26 +1,27 @@
 //! Correlators: a pair's spectra and fields, and the scores that they give.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use fearless_simd::Level;
+use fearless_simd::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
 use ndarray::{Array3, ArrayViewMut3};
 use num_complex::Complex;
 
-use super::contract::{MovingRows, StageTimes};
-use super::error::CorrelateError;
-use super::gradient::Derivative;
-use super::kernels::{self, Fused, FusedScratch};
-use super::overlap::IndexBox;
-use super::plan::{CorrelatorPlan, ProductPlan};
-use super::real::Real;
-use super::resample::{MovingField, SecondTurns, Turned};
-use super::support::PairSupport;
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
-use crate::geometry::rotation_sum::RotationSum;
+use crate::correlate::contract::{MovingRows, StageTimes};
+use crate::correlate::error::CorrelateError;
+use crate::correlate::kernels;
+use crate::correlate::kernels::{Fused, FusedScratch};
+use crate::correlate::overlap::IndexBox;
+use crate::correlate::plan::{CorrelatorPlan, ProductPlan};
+use crate::correlate::real::Real;
+use crate::correlate::resample::{MovingField, SecondTurns, Turned};
+use crate::correlate::support::PairSupport;
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum};
 use crate::geometry::translation::TranslationWindow;
-use crate::level;
 use crate::pair::fields::Pair;
+use crate::vectors;
 
 /// Scores one pair over one window; shared by all threads. In `f32`, or in `f64` for verification
 /// ([`Correlator::build_double`]).
@@ -95,7 +96,7 @@ impl Correlator {
     /// # Errors
     /// If `pair` is not the one that was planned for, or a density is not finite.
     pub fn build(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
-        Self::build_at(plan, pair, level::native())
+        Self::build_at(plan, pair, vectors::native())
     }
 
     /// Plans and builds for any rotations, one by one: [`CorrelatorPlan::new`] says what it would
@@ -105,12 +106,12 @@ impl Correlator {
     /// As [`PairSupport::of`] and [`CorrelatorPlan::new`].
     pub fn new(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
         let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, window)?;
-        Ok(Self::of(plan, pair, level::native()))
+        Ok(Self::of(plan, pair, vectors::native()))
     }
 
     /// As [`Correlator::build`], for the pair that was planned for.
     pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
-        Self::of(plan, pair, level::native())
+        Self::of(plan, pair, vectors::native())
     }
 
     /// The same for the rotations of `groups`, as [`CorrelatorPlan::for_groups`].
@@ -123,7 +124,7 @@ impl Correlator {
         groups: &[HalfTurnGroup],
     ) -> Result<Self, CorrelateError> {
         let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, groups)?;
-        Ok(Self::of(plan, pair, level::native()))
+        Ok(Self::of(plan, pair, vectors::native()))
     }
 }
 
@@ -135,7 +136,7 @@ impl Correlator<f64> {
     /// # Errors
     /// As [`Correlator::build`].
     pub fn build_double(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
-        Self::build_at(plan, pair, level::native())
+        Self::build_at(plan, pair, vectors::native())
     }
 }
 
@@ -358,6 +359,56 @@ fn correlate<T: Real, M: MovingRows<T>>(
             StageTimes::default()
         }
         _ => panic!("scratch of another correlator"),
+    }
+}
+
+/// One component of the gradient of a turned field.
+pub(crate) struct Derivative<'a, T> {
+    pub(super) turned: Turned<'a, T>,
+    pub(super) rotation: DMat3,
+    /// Position of index `[0, 0, 0]` relative to the pivot, cells of the fixed frame.
+    pub(super) corner: DVec3,
+    /// 0 to 2 the turn about x, y, z; 3 to 5 the displacement along them.
+    pub(super) component: usize,
+    /// What a derivative per cell is multiplied with.
+    pub(super) scale: f64,
+}
+
+impl<T: Real> Derivative<'_, T> {
+    fn at(&self, x: usize, y: usize, z: usize) -> Complex<T> {
+        let q = self.corner + DVec3::new(x as f64, y as f64, z as f64);
+        let Some([re, im]) = self.turned.gradient([x, y, z]) else {
+            return Complex::default();
+        };
+        let component = |gradient: DVec3| {
+            let gradient = self.rotation * gradient;
+            let value = if self.component < 3 {
+                q.cross(gradient)[self.component]
+            } else {
+                gradient[self.component - 3]
+            };
+            T::nearest(-self.scale * value)
+        };
+        Complex::new(component(re), component(im))
+    }
+}
+
+impl<T: Real> MovingRows<T> for Derivative<'_, T> {
+    fn bounds(&self) -> [Range<usize>; 3] {
+        self.turned.bounds()
+    }
+
+    fn fill_lanes<S: Simd>(&self, _: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
+        let lanes = T::Native::<S>::LEN;
+        let range = self.bounds()[2].clone();
+        for z in range.clone() {
+            for lane in 0..lanes {
+                let value = self.at(x, y + lane, z);
+                bundle[2 * z * lanes + lane] = value.re;
+                bundle[(2 * z + 1) * lanes + lane] = value.im;
+            }
+        }
+        range
     }
 }
 

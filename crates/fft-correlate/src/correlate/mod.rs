@@ -19,21 +19,15 @@
 //!
 //! From what is planned to what runs: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`].
 
-mod bound;
 mod contract;
 mod correlator;
-mod cost;
 mod error;
-mod factors;
 #[cfg(test)]
 mod fixtures;
-mod gradient;
 mod kernels;
 mod overlap;
 mod plan;
 mod real;
-#[cfg(test)]
-mod reference;
 mod resample;
 mod support;
 

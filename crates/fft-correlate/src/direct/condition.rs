@@ -14,8 +14,8 @@ use sdf_grid::DensityField;
 use crate::direct::terms::{Blend, Term, score_terms};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
+use crate::pair::model::Side;
 use crate::pair::reading::Reading;
-use crate::pair::side::Side;
 
 /// A score and the sum of the absolute values of its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -14,19 +14,17 @@ use fearless_simd::Level;
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
-use crate::direct::cells::cells;
 use crate::direct::lookup::{LookupGrid, PointSet, Sums, sum};
-use crate::direct::quadrature::{Blocks, Point, merge_limit};
+use crate::direct::quadrature::{Blocks, Point, cells, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
-use crate::level;
-use crate::pair::builder::PairBuildError;
-use crate::pair::coarser::coarser;
+use crate::pair::builder::{PairBuildError, coarser};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
+use crate::pair::model::Side;
 use crate::pair::reading::Reading;
-use crate::pair::side::Side;
+use crate::vectors;
 
 /// How many points a [`DirectEvaluator`] uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -259,7 +257,7 @@ impl DirectEvaluator {
             products,
             contact: None,
             gamma: pair.model().gamma,
-            level: level::native(),
+            level: vectors::native(),
             description,
         })
     }
@@ -291,7 +289,7 @@ impl DirectEvaluator {
             products: Vec::new(),
             contact: Some(contact.clone()),
             gamma: pair.model().gamma,
-            level: level::native(),
+            level: vectors::native(),
             description: DirectDescription {
                 terms: Vec::new(),
                 merge_tolerance: 0.0,

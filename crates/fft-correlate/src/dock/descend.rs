@@ -3,18 +3,18 @@
 use glam::DVec3;
 use rayon::prelude::*;
 use sdf_grid::Monitor;
+use serde::Serialize;
 
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
-use crate::dock::domain::SearchDomain;
 use crate::dock::error::SearchError;
-use crate::dock::measure;
-use crate::dock::options::SearchOptions;
+use crate::dock::options::{SearchDomain, SearchOptions};
 use crate::dock::peaks::PoseSpacing;
 use crate::dock::refine::Descent;
-use crate::dock::report::FoundPose;
-use crate::energy::EnergySource;
+use crate::energy::{EnergySource, Scratch};
+use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
+use crate::pair::model::ScoreModel;
 
 /// Points of the direct evaluator that descends first. With fewer, contact reaches so far that sums
 /// over curved faces take longer than they save.
@@ -100,7 +100,7 @@ fn of_points(pair: &Pair, most: usize) -> Result<Option<DirectEvaluator>, Direct
 
 /// Refined poses first, the lowest energy first among each: energies of different lattices differ a
 /// little.
-pub(super) fn sort(poses: &mut [FoundPose]) {
+pub(super) fn sort_poses(poses: &mut [FoundPose]) {
     poses.sort_by(|a, b| {
         let order = a.energy.total_cmp(&b.energy);
         b.refined.cmp(&a.refined).then(order)
@@ -189,7 +189,7 @@ impl<'a> Refinement<'a> {
             }
             self.monitor.advance(1);
         });
-        sort(&mut poses);
+        sort_poses(&mut poses);
         self.distinct(&poses, (SAME_ANGLE, 2.0 * h), count)
     }
 
@@ -199,7 +199,7 @@ impl<'a> Refinement<'a> {
         let mut poses = self.distinct(&poses, apart, self.options.top);
         poses.par_iter_mut().for_each(|p| {
             let scratch = &mut source.scratch();
-            p.half_width = measure::half_width(source, scratch, &p.pose, p.energy, self.radius);
+            p.half_width = half_width(source, scratch, &p.pose, p.energy, self.radius);
         });
         poses
     }
@@ -225,4 +225,139 @@ fn covers(window: &TranslationWindow, displacement: DVec3) -> bool {
     bounds
         .grown(0.5 * window.lattice().spacing())
         .contains(displacement)
+}
+
+/// How far from `pose`, along the axis of the fixed frame on which the energy rises fastest, it
+/// rises to half, metres, without rotation; none if it does not within `reach`. Resolved to a
+/// hundredth of the reach.
+pub(super) fn half_width(
+    source: &dyn EnergySource,
+    scratch: &mut Scratch,
+    pose: &Pose,
+    energy: f64,
+    reach: f64,
+) -> Option<f64> {
+    const STEPS: usize = 100;
+    let directions = [DVec3::X, DVec3::Y, DVec3::Z];
+    (1..=STEPS)
+        .map(|i| reach * i as f64 / STEPS as f64)
+        .find(|&s| {
+            directions.iter().any(|d| {
+                [s, -s].into_iter().any(|s| {
+                    let moved = Pose {
+                        translation: pose.translation + *d * s,
+                        ..*pose
+                    };
+                    source.evaluate(&moved, scratch).energy >= 0.5 * energy
+                })
+            })
+        })
+}
+
+/// Energies on the fine lattice differ by about 1 % of the depth with where its nodes happen to lie
+/// in the parts (`docs/docking.md`); poses within this share of the depth are not told apart by it.
+pub const CLOSE: f64 = 0.03;
+
+/// One pose found by a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FoundPose {
+    /// Where the moving part is.
+    pub pose: Pose,
+    /// Energy there under the docking weights, joules; 0 far away.
+    pub energy: f64,
+    /// False if downhill led out of the domain (or the monitor cancelled): the pose is then where
+    /// it was before that stage.
+    pub refined: bool,
+    /// How far along the axis on which the energy rises fastest it rises to half, metres; none if
+    /// it does not within the moving part's radius.
+    pub half_width: Option<f64>,
+    /// Index of the rotation from which it was reached, in the domain's.
+    pub rotation: usize,
+    /// Energy of the lattice pose from which it was reached, joules, coarse lattice.
+    pub lattice_energy: f64,
+}
+
+/// The stage that scores rotations.
+pub(super) const SCORING: &str = "scoring";
+
+/// What one stage did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SearchStage {
+    /// `sketch`, `scoring`, `coarse descent`, `fine descent`, `decision`.
+    pub name: &'static str,
+    /// Rotations scored or poses refined.
+    pub items: usize,
+    /// Wall time, seconds; scoring counts what a resumed search did before.
+    pub seconds: f64,
+}
+
+/// What a search found and what it cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchReport {
+    /// Distinct poses, lowest energy first; those that could not be refined last.
+    pub poses: Vec<FoundPose>,
+    /// Rotations scored; fewer than chosen if the monitor cancelled.
+    pub scored: usize,
+    /// Rotations that the sketch chose; all of the domain's without one.
+    pub chosen: usize,
+    /// Rotations of the domain.
+    pub rotations: usize,
+    /// Of the scored, those that a state file already held.
+    pub resumed: usize,
+    /// Translations scored per rotation, along x, y, z.
+    pub window: [usize; 3],
+    /// Points of the transforms.
+    pub transform_size: [usize; 3],
+    /// The model that ranked the poses.
+    pub model: ScoreModel,
+    /// The stages, in order.
+    pub stages: Vec<SearchStage>,
+}
+
+impl SearchReport {
+    /// How many of the poses, from the first on, are within [`CLOSE`] of the deepest: two or more
+    /// are too close for the fine lattice to tell apart ([`super::decide`]).
+    pub fn close(&self) -> usize {
+        let deepest = self.poses.first().map_or(0.0, |p| p.energy);
+        let near = |p: &&FoundPose| p.refined && p.energy < (1.0 - CLOSE) * deepest;
+        self.poses.iter().take_while(near).count()
+    }
+
+    /// Wall time per rotation scored, seconds, without the sketch.
+    pub fn seconds_per_rotation(&self) -> f64 {
+        let scoring = self.stages.iter().find(|s| s.name == SCORING);
+        scoring.map_or(0.0, |s| s.seconds) / self.scored.max(1) as f64
+    }
+
+    /// Wall time of all stages, seconds.
+    pub fn seconds(&self) -> f64 {
+        self.stages.iter().map(|s| s.seconds).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::energy::Response;
+
+    #[test]
+    fn width_of_a_known_well() {
+        struct Cone;
+        impl EnergySource for Cone {
+            fn scratch(&self) -> Scratch {
+                Scratch::default()
+            }
+            fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+                let t = pose.translation * DVec3::new(1.0, 4.0, 2.0);
+                Response {
+                    energy: -(1.0 - t.length()).max(0.0),
+                    ..Response::default()
+                }
+            }
+        }
+        let width =
+            |reach| half_width(&Cone, &mut Scratch::default(), &Pose::IDENTITY, -1.0, reach);
+        assert!((width(1.0).unwrap() - 0.125).abs() < 0.011);
+        assert_eq!(width(0.1), None);
+    }
 }

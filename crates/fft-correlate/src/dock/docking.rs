@@ -1,33 +1,33 @@
 //! Docking from two parts to ranked poses: frame, lattices, fields, search, and what is told of the
 //! poses found.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{Aabb, ContactError, MatingLimits, Monitor, TriangleMesh, snug_rotation};
+use rayon::prelude::*;
+use sdf_grid::{
+    Aabb, ContactError, Interference, InterferenceQuery, MatingLimits, MatingSurfaces, Monitor,
+    TriangleMesh, snug_rotation,
+};
 
 use crate::correlate::{CorrelatorPlan, PairSupport};
-use crate::dock::decide::decide;
-use crate::dock::docking_error::DockingError;
-use crate::dock::domain::{SearchDomain, SearchPairs};
+use crate::direct::condition::Condition;
+use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+use crate::dock::descend::{FoundPose, SearchReport, SearchStage};
+use crate::dock::error::{DockingError, SearchError};
 use crate::dock::lattices::{SearchLattices, domain_rotations};
-use crate::dock::options::SearchOptions;
-use crate::dock::plan::DockingPlan;
-use crate::dock::report::FoundPose;
-use crate::dock::report::SearchStage;
+use crate::dock::options::{SearchDomain, SearchOptions, SearchPairs, docking_weights};
 use crate::dock::rotations::symmetry_group;
-use crate::dock::search::search;
-use crate::dock::sketch::wants_sketch;
-use crate::dock::told::{DockingPose, mating_areas, told};
-use crate::dock::weights::docking_weights;
+use crate::dock::search::{decide, search, wants_sketch};
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
+use crate::pair::setup::PairSetup;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::symmetry_on_lattice;
-use crate::setup::pair_setup::PairSetup;
 
 /// Angle between rotations where no domain is given, degrees.
 const STEP_DEG: f64 = 15.0;
@@ -432,6 +432,135 @@ impl<'a> Docking<'a> {
         };
         let parts = [self.fixed(), &self.setup.moving];
         mating_areas(poses, parts, &limits, MATING_PIECES * fine)
+    }
+}
+
+/// How many of the best poses have the condition number of their score found, cell by cell.
+const CONDITION_POSES: usize = 16;
+
+/// One pose found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DockingPose {
+    /// Pose in the fixed part's own frame, energy under the docking weights, and width.
+    pub found: FoundPose,
+    /// Energy as a share of the deepest pose's; 0 if none is below zero.
+    pub depth: f64,
+    /// How good the fit is, 0 to 1: the score under the setup's model as a share of what the smaller
+    /// part would score in a perfect mould of itself ([`Pair::mould_score`]).
+    pub quality: f64,
+    /// How far the solids lie in one another, measured from their surfaces.
+    pub interference: Interference,
+    /// Share of the moving part's volume that the fixed part fills as well, 0 ..= 1.
+    pub overlap: f64,
+    /// Area of the moving part's faces that lie against opposite faces of the fixed part
+    /// ([`crate::MATING_ANGLE`], [`crate::DockingOptions::mating_clearance`]), square metres.
+    pub mating_area: f64,
+    /// Energy under the setup's own model and halo, on the fine lattice, joules: what an evaluator of
+    /// the setup's pair says at this pose, up to the error of the lattice.
+    pub model_energy: f64,
+    /// The sum of the absolute terms of the score under the docking weights over the score: how far
+    /// they cancel. Of the best poses only.
+    pub condition: Option<f64>,
+}
+
+/// The poses of a search, `back` from its frame to the fixed part's own, with what only the finest
+/// pair, the setup's own pair and the faces of both parts can tell.
+pub(super) fn told(
+    report: &SearchReport,
+    [finest, own]: [&Pair; 2],
+    [fixed, moving]: [&TriangleMesh; 2],
+    mating: &[f64],
+    back: &Pose,
+) -> Result<Vec<DockingPose>, SearchError> {
+    let ranking = finest.with_model(report.model)?;
+    let conditions: Vec<f64> = report
+        .poses
+        .par_iter()
+        .take(CONDITION_POSES)
+        .map(|p| Condition::at(&ranking, &p.pose).number())
+        .collect();
+    let source = DirectEvaluator::new(own, &DirectOptions::FULL)?;
+    let perfect = own.mould_score();
+    let query = InterferenceQuery::new(fixed, moving);
+    let volume = moving.volume();
+    let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
+    let told = |(index, p): (usize, &FoundPose)| {
+        let model_energy = source.evaluate_full(&p.pose).response.energy;
+        let interference = query.at(p.pose.rotation, p.pose.translation);
+        DockingPose {
+            found: FoundPose {
+                pose: *back * p.pose,
+                ..*p
+            },
+            depth: if deepest < 0.0 {
+                p.energy / deepest
+            } else {
+                0.0
+            },
+            quality: (-model_energy / (own.model().gamma * perfect)).clamp(0.0, 1.0),
+            overlap: (interference.volume / volume).clamp(0.0, 1.0),
+            interference,
+            mating_area: mating[index],
+            model_energy,
+            condition: conditions.get(index).copied(),
+        }
+    };
+    let poses: Vec<_> = report.poses.iter().enumerate().collect();
+    Ok(poses.into_par_iter().map(told).collect())
+}
+
+/// The mating area of each pose, square metres; the moving part in pieces `distance` wide, metres.
+pub(super) fn mating_areas(
+    poses: &[FoundPose],
+    [fixed, moving]: [&TriangleMesh; 2],
+    limits: &MatingLimits,
+    distance: f64,
+) -> Result<Vec<f64>, PairBuildError> {
+    let surfaces = MatingSurfaces::new(fixed, moving, distance)?;
+    let area = |p: &FoundPose| surfaces.area(p.pose.rotation, p.pose.translation, limits);
+    Ok(poses.par_iter().map(area).collect())
+}
+
+/// What docking will do and need, known before any field is computed: data to print and compare.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DockingPlan {
+    /// The pairs of [`crate::SearchPairs`]: sketch (without which a search over few rotations does),
+    /// coarse, fine.
+    pub pairs: [PairPlan; 3],
+    /// The pair under the setup's own halo, on the fine lattice, whose energies are reported; absent
+    /// where the halo of the search is the setup's.
+    pub own: Option<PairPlan>,
+    /// Rotations to look at.
+    pub rotations: usize,
+    /// The scores on the coarse lattice: sizes, memory and time, those of the computed pair at most.
+    pub scores: CorrelatorPlan,
+}
+
+impl DockingPlan {
+    /// Bytes that scoring with this many threads takes at most.
+    pub fn scoring_bytes(&self, threads: usize) -> u64 {
+        self.scores.bytes(threads)
+    }
+
+    /// Bytes of the fields that are held at once.
+    pub fn field_bytes(&self) -> u64 {
+        self.pairs
+            .iter()
+            .chain(&self.own)
+            .map(|pair| pair.bytes)
+            .sum()
+    }
+}
+
+impl fmt::Display for DockingPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, pair) in ["sketch", "coarse", "fine"].iter().zip(&self.pairs) {
+            write!(f, "{name}: {pair}; ")?;
+        }
+        if let Some(own) = &self.own {
+            write!(f, "own halo: {own}; ")?;
+        }
+        write!(f, "at most {} rotations x {}", self.rotations, self.scores)
     }
 }
 

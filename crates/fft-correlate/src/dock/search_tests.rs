@@ -7,12 +7,12 @@ use sdf_grid::{Aabb, Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
-use crate::dock::decide::decide;
 use crate::dock::error::StateError;
 use crate::dock::lattices::SearchLattices;
+use crate::dock::options::DOCKING_RATIO;
 use crate::dock::rotations::{search_rotations, symmetry_group};
-use crate::dock::score::BATCH;
-use crate::dock::weights::DOCKING_RATIO;
+use crate::dock::search::decide;
+use crate::dock::state::BATCH;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuilder, PairPlan};
 use crate::pair::model::ScoreModel;

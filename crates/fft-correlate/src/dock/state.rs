@@ -1,14 +1,16 @@
 //! What a docking search has done so far, in a file that is whole at any moment.
 
 use std::path::Path;
+use std::time::Instant;
 
 use sdf_grid::recipe::difference;
-use sdf_grid::{atomic, regular};
+use sdf_grid::{Monitor, atomic, regular};
 use serde::{Deserialize, Serialize};
 
-use crate::dock::error::StateError;
-use crate::dock::recipe::SearchRecipe;
-use crate::dock::scan::{Candidate, sort};
+use crate::dock::error::{SearchError, StateError};
+use crate::dock::options::SearchRecipe;
+use crate::dock::peaks::{Candidate, Scan, sort_candidates};
+use crate::geometry::half_turn::HalfTurnGroup;
 
 /// Candidates kept of all rotations: far more than any later stage looks at.
 const KEPT: usize = 4000;
@@ -75,7 +77,7 @@ impl State {
     /// Adds the candidates of the next rotations; only the best of all are kept.
     pub(super) fn add(&mut self, mut candidates: Vec<Candidate>, scored: usize) {
         self.candidates.append(&mut candidates);
-        sort(&mut self.candidates);
+        sort_candidates(&mut self.candidates);
         self.candidates.truncate(KEPT);
         self.scored += scored;
     }
@@ -95,15 +97,54 @@ fn io(path: &Path, source: std::io::Error) -> StateError {
     }
 }
 
+/// Rotations scored between two writes of the state.
+pub(super) const BATCH: usize = 256;
+
+/// Scores what is left to score of a search's chosen rotations; the state and how many rotations it
+/// held before.
+pub(super) fn score(
+    scan: &Scan,
+    groups: &[HalfTurnGroup],
+    file: Option<&Path>,
+    recipe: SearchRecipe,
+    monitor: &dyn Monitor,
+) -> Result<(State, usize), SearchError> {
+    let count = recipe.chosen.count;
+    let mut state = match file {
+        Some(path) => State::load(path, recipe, scan.window.shape())?,
+        None => State::new(recipe),
+    };
+    let resumed = state.scored;
+    monitor.begin("scoring rotations", (count - resumed) as u64);
+    while state.scored < count && !monitor.cancelled() {
+        let began = Instant::now();
+        let range = state.scored..(state.scored + BATCH).min(count);
+        let (found, scored) = scan.run(groups, &range, monitor);
+        // Which rotations of a batch that was cut short are done depends on the threads: a file
+        // holds whole batches only.
+        if file.is_some() && scored < range.len() {
+            break;
+        }
+        state.add(found, scored);
+        state.seconds += began.elapsed().as_secs_f64();
+        if let Some(path) = file {
+            state.save(path)?;
+        }
+    }
+    if state.scored == 0 {
+        return Err(SearchError::Cancelled);
+    }
+    Ok((state, resumed))
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
+    use crate::dock::options::RotationList;
     use crate::dock::options::SearchOptions;
-    use crate::dock::recipe::RotationList;
+    use crate::pair::model::PairRecipe;
     use crate::pair::model::ScoreModel;
-    use crate::pair::recipe::PairRecipe;
+    use glam::DVec3;
 
     fn candidate(rotation: usize, energy: f64) -> Candidate {
         Candidate {

@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldRecipe,
-    KernelError, Lattice, LatticeError, Monitor, Sampling, TriangleMesh, largest_ball_radius,
+    Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldCache,
+    FieldRecipe, KernelError, Lattice, LatticeError, Monitor, Sampling, Silent, TriangleMesh,
+    largest_ball_radius,
 };
 
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
-use crate::pair::model::ScoreModel;
+use crate::pair::model::{PairRecipe, ScoreModel};
 use crate::pair::reading::Reading;
-use crate::pair::recipe::PairRecipe;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -383,4 +383,48 @@ impl PairPlan {
         let pair = Pair::of(fixed, moving, self.model, self.pivot, contact)?;
         Ok(pair)
     }
+}
+
+impl PairPlan {
+    /// The pair; with a cache, fields that it holds are read and those that it lacks are kept there.
+    ///
+    /// # Errors
+    /// As [`DensityField::compute`], with the part's name.
+    pub fn build(
+        &self,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, PairBuildError> {
+        let pair = self.build_with(
+            fixed,
+            moving,
+            |mesh, kernel, lattice, options| match cache {
+                Some(cache) => cache.get_or_compute(mesh, kernel, lattice, options, monitor),
+                None => DensityField::compute(mesh, kernel, lattice, options, monitor),
+            },
+        )?;
+        Ok(pair.cached_in(cache.cloned()))
+    }
+}
+
+/// The pair of `contact`'s parts, that of `pair`, on lattices `factor` times as coarse: the same
+/// model, and the same energies up to what the coarser lattice leaves. Fields are looked for, and
+/// kept, where those of `pair` are.
+///
+/// # Errors
+/// As [`PairBuilder::build`].
+pub(crate) fn coarser(pair: &Pair, contact: &Contact, factor: f64) -> Result<Pair, PairBuildError> {
+    let recipe = &pair.fixed().recipe;
+    let builder = PairBuilder {
+        spacing: Some(factor * pair.spacing()),
+        halo: Some(recipe.halo),
+        tolerance: recipe.tolerance,
+        smoothing: Some(contact.smoothing().in_spacings()),
+        ..PairBuilder::default()
+    };
+    let [fixed, moving] = contact.parts();
+    let plan = builder.plan(fixed, moving, pair.model())?;
+    plan.build(fixed, moving, pair.cache(), &Silent)
 }

@@ -10,9 +10,8 @@ use sdf_grid::{DensityField, FieldCache, KernelError, Sampling};
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
-use crate::pair::model::{ModelError, ScoreModel};
+use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
 use crate::pair::reading::Reading;
-use crate::pair::recipe::PairRecipe;
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///

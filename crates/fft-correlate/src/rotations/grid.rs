@@ -10,16 +10,14 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 use glam::{DQuat, DVec3};
 
-use crate::geometry::half_turn::{HalfTurnGroup, groups_where};
-use crate::geometry::rotation_sum::RotationSum;
+use crate::geometry::half_turn::{HalfTurnGroup, RotationSum, groups_where};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::geometry::taps::{Edge, Reach, Taps};
-use crate::rotations::atlas::{Atlas, Away, Cover, Patch};
-use crate::rotations::chart::Chart;
+use crate::rotations::atlas::{Atlas, Away, Cover, Patch, Rest};
+use crate::rotations::build;
+use crate::rotations::chart::{Chart, node_sum};
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
-use crate::rotations::fold::{Fold, Symmetry};
-use crate::rotations::rest::Rest;
-use crate::rotations::{build, near, node_sum};
+use crate::rotations::symmetry::{Fold, Symmetry};
 
 /// Nodes over a rotation domain, in the order of a table's rows.
 #[derive(Debug, Clone)]
@@ -193,7 +191,7 @@ impl RotationGrid {
         match self.atlas.places.get(row) {
             Some([chart, flat]) => {
                 let chart = &self.atlas.charts[*chart as usize];
-                node_sum::node_sum(chart, chart.unravel(*flat as usize))
+                node_sum(chart, chart.unravel(*flat as usize))
             }
             // Listed rotations answer for themselves.
             None => RotationSum::one(self.atlas.nodes[row]),
@@ -270,7 +268,7 @@ impl RotationGrid {
     /// nodes: the greatest of the distances along a chart's axes, the least over charts and images.
     /// A query reads rows nearer than 2, on a grid of listed rotations only the nearest.
     pub(crate) fn distances(&self, rotation: DQuat, distances: &mut [f32]) {
-        near::distances(&self.atlas, rotation, distances);
+        node_distances(&self.atlas, rotation, distances);
     }
 
     /// Whether `has` holds for every row that a query at `pose` reads, and for those one node
@@ -281,7 +279,7 @@ impl RotationGrid {
         let mut all = true;
         self.visit(pose, |site| {
             if site.weight > 0.0 && all {
-                all = near::all_around(site.chart, &site.taps, wider, &mut has);
+                all = all_around(site.chart, &site.taps, wider, &mut has);
             }
         });
         all
@@ -400,6 +398,106 @@ impl RotationGrid {
             weight: covered.weight,
             weight_gradient: covered.gradient,
             fold: Fold::Identity,
+        }
+    }
+}
+
+/// [`super::grid::RotationGrid::distances`].
+fn node_distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
+    distances.fill(f32::INFINITY);
+    if let Cover::List { margin } = atlas.cover {
+        for (node, distance) in atlas.nodes.iter().zip(distances.iter_mut()) {
+            *distance = (node.angle_between(rotation) / margin) as f32;
+        }
+        // The nearest is read from far away, too.
+        let nearest = distances.iter_mut().min_by(|a, b| a.total_cmp(b));
+        if let Some(nearest) = nearest {
+            *nearest = nearest.min(1.0);
+        }
+        return;
+    }
+    let pose = Pose::new(rotation, DVec3::ZERO);
+    for patch in &atlas.patches {
+        let chart = &atlas.charts[patch.chart];
+        let folded = match &atlas.symmetry {
+            Some(s) => s.fold(&pose, patch.turn, chart.center).0,
+            None => pose,
+        };
+        let rest = atlas.rest(folded.rotation);
+        let read = rest.map_or(folded.rotation, |rest| rest.apply(folded.rotation));
+        let (mut x, _) = chart.locate(read);
+        if matches!(atlas.cover, Cover::Spin { .. }) && !chart.periodic {
+            x[2] = x[2].clamp(0.0, (chart.shape[2] - 1) as f64);
+        }
+        lower(chart, x, distances);
+    }
+}
+
+/// Whether `has` holds for every row of a chart that taps read, and for those `wider` nodes around
+/// them.
+fn all_around(
+    chart: &Chart,
+    taps: &[Taps; 3],
+    wider: usize,
+    mut has: impl FnMut(u32) -> bool,
+) -> bool {
+    let spans: [(usize, usize); 3] = std::array::from_fn(|k| {
+        let closed = chart.periodic && k == 2;
+        span(&taps[k], chart.shape[k], wider, closed)
+    });
+    let [_, ny, nz] = chart.shape;
+    let mut all = true;
+    for i in 0..spans[0].1 {
+        for j in 0..spans[1].1 {
+            for k in 0..spans[2].1 {
+                let (x, y) = (spans[0].0 + i, spans[1].0 + j);
+                let z = (spans[2].0 + k) % nz;
+                let row = chart.rows[(x * ny + y) * nz + z];
+                all &= row == Chart::ABSENT || has(row);
+            }
+        }
+    }
+    all
+}
+
+/// The first node and the number of nodes that taps read, `wider` nodes more on each side.
+fn span(taps: &Taps, n: usize, wider: usize, closed: bool) -> (usize, usize) {
+    let read = |s: &usize| taps.weights[*s] != 0.0 || taps.slopes[*s] != 0.0;
+    let (first, last) = ((0..4).find(read), (0..4).rfind(read));
+    let (first, last) = (first.unwrap_or(0), last.unwrap_or(0));
+    if closed {
+        let before = taps.nodes[first] + n - wider % n;
+        return (before % n, (last - first + 1 + 2 * wider).min(n));
+    }
+    let from = taps.nodes[first].saturating_sub(wider);
+    let to = (taps.nodes[last] + wider).min(n - 1);
+    (from, to - from + 1)
+}
+
+/// Lowers each row's distance to that from index `x`.
+fn lower(chart: &Chart, x: [f64; 3], distances: &mut [f32]) {
+    let along: [Vec<f32>; 3] = std::array::from_fn(|k| {
+        let n = chart.shape[k];
+        let away = |i: usize| {
+            let away = (x[k] - i as f64).abs();
+            match chart.periodic && k == 2 {
+                true => (away % n as f64).min(n as f64 - away % n as f64),
+                // The only node of an axis is read from anywhere.
+                false if n == 1 => 0.0,
+                false => away,
+            }
+        };
+        (0..n).map(|i| away(i) as f32).collect()
+    });
+    let mut rows = chart.rows.iter();
+    for dx in &along[0] {
+        for dy in &along[1] {
+            for dz in &along[2] {
+                let row = rows.next().copied().unwrap_or(Chart::ABSENT);
+                if let Some(distance) = distances.get_mut(row as usize) {
+                    *distance = distance.min(dx.max(*dy).max(*dz));
+                }
+            }
         }
     }
 }

@@ -12,15 +12,13 @@ use std::path::Path;
 use sdf_grid::Monitor;
 
 use crate::geometry::half_turn::HalfTurnGroup;
-use crate::sweep::producer::NodeEnergies;
-use crate::sweep::run::{Consumer, Group, Member, sweep};
+use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
 use crate::table::encode::{Encoded, Probe, encode, probe};
 use crate::table::error::TableError;
 use crate::table::spec::TableSpec;
-use crate::table::store::chunks::ChunkState;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::table_store::TableStore;
+use crate::table::store::table_store::{ChunkState, TableStore};
 
 /// One process's part of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

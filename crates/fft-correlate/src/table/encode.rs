@@ -5,12 +5,11 @@ use ndarray::ArrayViewMut3;
 use sdf_grid::Lattice;
 
 use crate::geometry::half_turn::HalfTurn;
-use crate::geometry::prefilter::Prefilter;
+use crate::geometry::taps::Prefilter;
 use crate::rotations::grid::RotationGrid;
-use crate::sweep::producer::NodeEnergies;
+use crate::sweep::NodeEnergies;
 use crate::table::error::TableError;
-use crate::table::spec::TableSpec;
-use crate::table::storage::Storage;
+use crate::table::spec::{Storage, TableSpec};
 
 /// What all rotation nodes of a table share, found by probing a few of them.
 #[derive(Debug, Clone, Copy, PartialEq)]

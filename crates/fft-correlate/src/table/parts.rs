@@ -6,10 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DQuat;
 use rayon::prelude::*;
 
-use crate::table::energy_table::EnergyTable;
-use crate::table::layout::Layout;
-use crate::table::plan::Plan;
-use crate::table::rows::{Row, zeroed_pages};
+use crate::table::energy_table::{EnergyTable, Plan};
+use crate::table::layout::{Layout, Row, zeroed_pages};
 use crate::table::spec::TableSpec;
 use crate::table::store::error::StoreError;
 use crate::table::store::table_store::TableStore;

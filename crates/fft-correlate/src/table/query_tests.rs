@@ -4,14 +4,14 @@ use sdf_grid::{Lattice, Silent};
 
 use super::*;
 use crate::geometry::placement::Placement;
+use crate::pair::model::PairRecipe;
 use crate::pair::model::ScoreModel;
-use crate::pair::recipe::PairRecipe;
 use crate::rotations::domain::RotationDomain;
-use crate::sweep::producer::NodeEnergies;
+use crate::sweep::NodeEnergies;
 use crate::table::energy_table::EnergyTable;
+use crate::table::spec::Storage;
 use crate::table::spec::TableSpec;
 use crate::table::stencil::value_of;
-use crate::table::storage::Storage;
 
 /// The definition: every product of six weights with a stored energy, in double precision.
 fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> Reading {

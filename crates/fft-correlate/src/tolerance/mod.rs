@@ -2,10 +2,9 @@
 
 pub(crate) mod direct;
 pub(crate) mod error;
-mod spacings;
 pub(crate) mod table;
 
+pub use direct::TRIALS;
 pub use direct::TolerantDirect;
 pub use error::{Limit, ToleranceError};
-pub use spacings::TRIALS;
 pub use table::{LATTICE_SHARE, TolerantDesign, Trial};

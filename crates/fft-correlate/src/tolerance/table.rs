@@ -10,15 +10,14 @@ use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::pair::fields::Pair;
+use crate::pair::setup::{EnergyScale, PairSetup};
 use crate::rotations::domain::RotationDomain;
-use crate::setup::energy_scale::EnergyScale;
-use crate::setup::pair_setup::PairSetup;
 use crate::table::accuracy::{HeldOut, random_pose, wrench_of_all};
 use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
+use crate::tolerance::direct::{BEYOND, Spacings, TRIALS};
 use crate::tolerance::error::{Limit, ToleranceError};
-use crate::tolerance::spacings::{BEYOND, Spacings, TRIALS};
 
 /// Poses at which lattices are compared.
 const LATTICE_POSES: usize = 300;

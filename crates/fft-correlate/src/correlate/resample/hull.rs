@@ -150,7 +150,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
 
     use super::*;
-    use crate::level::{dispatch_lanes, native};
+    use crate::vectors::{dispatch_lanes, native};
 
     const NODES: usize = 24;
 

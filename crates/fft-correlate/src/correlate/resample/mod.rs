@@ -2,8 +2,6 @@
 
 mod field;
 mod hull;
-mod occupied;
-mod rows;
 mod second_turns;
 mod turned;
 

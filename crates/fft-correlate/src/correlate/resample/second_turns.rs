@@ -11,10 +11,11 @@ use glam::{DMat3, DVec3};
 use ndarray::Array3;
 use num_complex::{Complex, Complex64};
 
-use super::field::{BORDER, MovingField};
 use crate::correlate::real::Real;
-use crate::geometry::rotation_sum::RotationSum;
-use crate::level::{self, dispatch_lanes};
+use crate::correlate::resample::field::{BORDER, MovingField};
+use crate::geometry::half_turn::RotationSum;
+use crate::vectors;
+use crate::vectors::dispatch_lanes;
 
 /// Pairs of axes, each once.
 const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
@@ -68,7 +69,7 @@ impl<T: Real> SecondTurns<T> {
         let fields = self.fields.each_ref().map(in_order);
         let to = sum.as_slice_mut().expect("fields in C order");
         assert_eq!(to.len(), field.values.len(), "nodes");
-        dispatch_lanes!(level::native(), simd => mix(simd, to, in_order(&field.values), fields, weights));
+        dispatch_lanes!(vectors::native(), simd => mix(simd, to, in_order(&field.values), fields, weights));
     }
 
     /// What each field counts in a sum.

@@ -11,8 +11,8 @@ use super::turned::Turned;
 use crate::correlate::contract::MovingRows;
 use crate::correlate::real::Real;
 use crate::correlate::support::MovingSupport;
-use crate::level::{dispatch_lanes, levels};
 use crate::pair::reading::Reading;
+use crate::vectors::{dispatch_lanes, levels};
 
 /// A shell with a hole and a separate grain: full, empty and partly filled blocks.
 fn field(rng: &mut SmallRng) -> Array3<Complex32> {

@@ -14,7 +14,7 @@ use zarrs_storage::storage_adapter::async_to_sync::{
     AsyncToSyncBlockOn, AsyncToSyncStorageAdapter,
 };
 
-use crate::table::store::backend::Backend;
+use crate::table::store::Backend;
 use crate::table::store::error::StoreError;
 
 /// How the names of settings in the environment begin, in lower case.

@@ -4,20 +4,22 @@
 //! folder by writing beside and renaming, an object store because a PUT is atomic, memory by its
 //! lock.
 
-use std::fs::{self, TryLockError};
-use std::io::{self, Write};
+use std::fs::TryLockError;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::{fs, io};
 
 use sdf_grid::atomic::AtomicFile;
-use sdf_grid::regular::{self, RegularError};
+use sdf_grid::regular;
+use sdf_grid::regular::RegularError;
 use serde_json::Value;
 use zarrs_filesystem::FilesystemStore;
 use zarrs_storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 use zarrs_storage::store::MemoryStore;
 use zarrs_storage::{Bytes, StorageError, StoreKey, StorePrefix};
 
-use crate::table::store::backend::Backend;
+use crate::table::store::Backend;
 use crate::table::store::error::StoreError;
 
 /// The place of a table. Clones are the same place.

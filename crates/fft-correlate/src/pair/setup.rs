@@ -1,11 +1,128 @@
-//! What fixes gamma, the scale from score to energy.
+//! Two parts and all that decides their pair: where docking, tables and the haptic loop begin.
+
+use std::sync::Arc;
 
 use glam::DVec3;
 use rayon::prelude::*;
-use sdf_grid::{KernelError, TriangleMesh};
+use sdf_grid::{DensityError, FieldCache, KernelError, Monitor, TriangleMesh};
 
+use crate::geometry::placement::Placement;
+use crate::geometry::se3::Pose;
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::contact::jump;
+use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
+
+/// Two parts, each in its own frame, and what is asked of their pair: all but the placement speaks
+/// of the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
+#[derive(Debug, Clone)]
+pub struct PairSetup {
+    /// The part that stays.
+    pub fixed: Arc<TriangleMesh>,
+    /// The part that moves.
+    pub moving: Arc<TriangleMesh>,
+    /// Weights and kernel thickness; gamma is what [`PairSetup::energy`] says.
+    pub model: ScoreModel,
+    /// How finely the densities are computed, and within which memory.
+    pub builder: PairBuilder,
+    /// What fixes gamma.
+    pub energy: EnergyScale,
+    /// Pose of the moving part in which the parts fit.
+    pub assembled: Pose,
+    /// Middle of the displacements of interest from the assembled pose, metres, along the fixed
+    /// part's own axes.
+    pub center: DVec3,
+    /// Half the sides of their box along these axes, metres; chosen from the moving part if absent
+    /// ([`PairSetup::reach`]).
+    pub half_extent: Option<DVec3>,
+    /// Where a scene puts the parts; decides nothing about the pair.
+    pub placement: Placement,
+    /// Where fields are kept between runs.
+    pub cache: Option<FieldCache>,
+}
+
+/// Why a setup gives no pair.
+#[derive(Debug, thiserror::Error)]
+pub enum PairSetupError {
+    /// The fields cannot be had.
+    #[error(transparent)]
+    Build(PairBuildError),
+    /// The energy scale cannot be had.
+    #[error(transparent)]
+    Energy(#[from] EnergyScaleError),
+    /// The monitor asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<PairBuildError> for PairSetupError {
+    fn from(error: PairBuildError) -> Self {
+        match error {
+            PairBuildError::Density {
+                source: DensityError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            other => Self::Build(other),
+        }
+    }
+}
+
+impl PairSetup {
+    /// Two parts that fit where they are: the guided model as it is, lattices chosen from the parts,
+    /// no memory limit, no cache.
+    pub fn new(fixed: Arc<TriangleMesh>, moving: Arc<TriangleMesh>) -> Self {
+        Self {
+            fixed,
+            moving,
+            model: ScoreModel::GUIDED,
+            builder: PairBuilder::default(),
+            energy: EnergyScale::Gamma(ScoreModel::GUIDED.gamma),
+            assembled: Pose::IDENTITY,
+            center: DVec3::ZERO,
+            half_extent: None,
+            placement: Placement::IDENTITY,
+            cache: None,
+        }
+    }
+
+    /// Half the sides of the box of displacements, metres: half the longest side of the moving part
+    /// either way unless given.
+    pub fn reach(&self) -> DVec3 {
+        let longest = || self.moving.bounds().size().max_element();
+        self.half_extent
+            .unwrap_or_else(|| DVec3::splat(0.5 * longest()))
+    }
+
+    /// The energy scale of the pair, joules per cubic metre; nothing else is computed.
+    ///
+    /// # Errors
+    /// As [`EnergyScale::gamma`].
+    pub fn gamma(&self) -> Result<f64, EnergyScaleError> {
+        self.energy.gamma(&self.model, &self.fixed, &self.moving)
+    }
+
+    /// Lattices, halo, pivot and memory of the pair; nothing of their size is allocated.
+    ///
+    /// # Errors
+    /// As [`PairBuilder::plan`].
+    pub fn plan(&self) -> Result<PairPlan, PairBuildError> {
+        self.builder.plan(&self.fixed, &self.moving, &self.model)
+    }
+
+    /// The pair, its fields computed or found in the cache, with the energy scale asked for.
+    ///
+    /// # Errors
+    /// As [`PairPlan::build`] and [`EnergyScale::gamma`].
+    pub fn load(&self, monitor: &dyn Monitor) -> Result<Pair, PairSetupError> {
+        let cache = self.cache.as_ref();
+        let pair = self
+            .plan()?
+            .build(&self.fixed, &self.moving, cache, monitor)?;
+        Ok(pair
+            .with_gamma(self.gamma()?)
+            .map_err(PairBuildError::from)?)
+    }
+}
 
 /// What fixes the energy scale gamma of a pair: the shapes and the model alone, never where the parts
 /// lie.
@@ -100,18 +217,43 @@ fn pressing_area(part: &TriangleMesh) -> f64 {
 /// The turn from one direction to the next that spreads them evenly, radians.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
+/// The distance between the nodes of both parts' lattices.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum LatticeStep {
+    /// Metres.
+    Spacing(f64),
+    /// Nodes along the longest side of the larger part.
+    Points(u32),
+    /// Chosen from the parts.
+    #[default]
+    Automatic,
+}
+
+impl LatticeStep {
+    /// Metres; `None` where it is to be chosen.
+    pub fn spacing(&self, fixed: &TriangleMesh, moving: &TriangleMesh) -> Option<f64> {
+        match *self {
+            Self::Spacing(spacing) => Some(spacing),
+            Self::Points(points) => {
+                let longest = |m: &TriangleMesh| m.bounds().size().max_element();
+                Some(longest(fixed).max(longest(moving)) / f64::from(points))
+            }
+            Self::Automatic => None,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
-    use glam::DQuat;
-    use sdf_grid::{Silent, shapes, shapes::PegInHole};
-
     use super::*;
+    use crate::basin::peak_force;
     use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
     use crate::geometry::se3::Pose;
-    use crate::setup::pair_setup::PairSetup;
-    use crate::well::peak_force;
+    use crate::pair::setup::PairSetup;
+    use glam::DQuat;
+    use glam::DVec3;
+    use sdf_grid::{Silent, shapes, shapes::PegInHole};
+    use std::sync::Arc;
 
     fn anywhere(part: &TriangleMesh, k: f64) -> TriangleMesh {
         let turn = DQuat::from_scaled_axis(DVec3::new(0.4 * k, -1.1, 0.7 + k));
@@ -181,5 +323,17 @@ mod tests {
             let (peak, _) = peak_force(&source, &Pose::IDENTITY, setup.reach());
             assert!((1.5..6.0).contains(&peak), "{kind:?}: {peak}");
         }
+    }
+
+    #[test]
+    fn points_are_counted_along_the_longest_side_of_the_larger_part() {
+        let small = shapes::cuboid(DVec3::new(0.01, 0.02, 0.03)).unwrap();
+        let large = shapes::cuboid(DVec3::new(0.04, 0.08, 0.02)).unwrap();
+        for (fixed, moving) in [(&small, &large), (&large, &small)] {
+            let spacing = LatticeStep::Points(40).spacing(fixed, moving).unwrap();
+            assert!((spacing - 0.002).abs() < 1e-12, "{spacing}");
+        }
+        assert_eq!(LatticeStep::Automatic.spacing(&small, &large), None);
+        assert_eq!(LatticeStep::Spacing(0.5).spacing(&small, &large), Some(0.5));
     }
 }

@@ -1,15 +1,20 @@
 //! The loop over rotations: groups of half turns handed out to all threads, one at a time.
 
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Mutex, PoisonError};
 
-use ndarray::ArrayViewMut3;
+use glam::DQuat;
+use ndarray::{Array3, ArrayViewMut3};
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
-use crate::geometry::rotation_sum::RotationSum;
-use crate::sweep::producer::NodeEnergies;
+use crate::correlate::{
+    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport,
+};
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum, half_turn_groups};
+use crate::geometry::translation::TranslationWindow;
+use crate::pair::fields::Pair;
 
 /// Rotations that differ by half turns, all or some of a [`HalfTurnGroup`], and what each is to be
 /// done with.
@@ -170,6 +175,154 @@ impl<P: NodeEnergies, C> Worker<'_, P, C> {
     }
 }
 
+/// Computes the energies of one rotation at all translations of a window.
+///
+/// A correlator is one; so is, in tests, a closed form. The same rotation must always give the same
+/// bits, whatever the thread or process.
+pub trait NodeEnergies: Sync {
+    /// Working memory of one thread.
+    type Scratch: Send;
+
+    /// Makes working memory.
+    fn scratch(&self) -> Self::Scratch;
+
+    /// Joules of one unit of the energies: 1 unless they come in another one, as scores do, whose
+    /// unit is `-gamma`.
+    fn unit(&self) -> f32 {
+        1.0
+    }
+
+    /// Writes to `out`, shaped as the window, the energies of the poses with this rotation, in
+    /// units of [`NodeEnergies::unit`].
+    fn energies(&self, rotation: DQuat, scratch: &mut Self::Scratch, out: ArrayViewMut3<'_, f32>);
+
+    /// The same for sums of the energies of near rotations: for each of `turns`, `sum` with all its
+    /// rotations followed by that half turn. What a turn gives may differ by rounding from the sum
+    /// of [`NodeEnergies::energies`], but not with the other turns asked for.
+    fn sums(
+        &self,
+        sum: &RotationSum,
+        turns: &[HalfTurn],
+        scratch: &mut Self::Scratch,
+        outs: &mut [ArrayViewMut3<'_, f32>],
+    ) {
+        for (turn, out) in turns.iter().zip(outs) {
+            let terms = sum.turned(*turn);
+            let [(rotation, weight), more @ ..] = terms.terms() else {
+                continue;
+            };
+            self.energies(*rotation, scratch, out.view_mut());
+            if more.is_empty() {
+                continue;
+            }
+            out.mapv_inplace(|e| *weight as f32 * e);
+            let mut other = Array3::zeros(out.raw_dim());
+            for (rotation, weight) in more {
+                self.energies(*rotation, scratch, other.view_mut());
+                out.scaled_add(*weight as f32, &other);
+            }
+        }
+    }
+}
+
+/// A pair's energies by FFT correlation: its scores, in the unit `-gamma` (eq_6).
+pub struct PairEnergies {
+    correlator: Correlator,
+    gamma: f64,
+}
+
+impl PairEnergies {
+    /// Plans the correlation of a pair over a window for single rotations.
+    ///
+    /// # Errors
+    /// As [`Correlator::new`].
+    pub fn plan(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
+        let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, window)?;
+        Ok(Self::planned(plan.for_sums(), pair))
+    }
+
+    /// The same for `rotations`: half turns share their work if there are enough among them.
+    ///
+    /// # Errors
+    /// As [`Correlator::new`].
+    pub fn plan_for(
+        pair: &Pair,
+        window: &TranslationWindow,
+        rotations: &[DQuat],
+    ) -> Result<Self, CorrelateError> {
+        let groups = half_turn_groups(rotations);
+        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, &groups)?;
+        Ok(Self::planned(plan.for_sums(), pair))
+    }
+
+    /// The same for rotations that have been grouped, and no sums of near ones.
+    pub(crate) fn plan_for_groups(
+        pair: &Pair,
+        window: &TranslationWindow,
+        groups: &[HalfTurnGroup],
+    ) -> Result<Self, CorrelateError> {
+        Ok(Self {
+            correlator: Correlator::for_groups(pair, window, groups)?,
+            gamma: pair.model().gamma,
+        })
+    }
+
+    /// The same as planned.
+    ///
+    /// # Errors
+    /// As [`Correlator::build`].
+    pub fn build(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
+        Ok(Self {
+            correlator: Correlator::build(plan, pair)?,
+            gamma: pair.model().gamma,
+        })
+    }
+
+    /// For the pair that was planned for.
+    fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
+        Self {
+            correlator: Correlator::planned(plan, pair),
+            gamma: pair.model().gamma,
+        }
+    }
+
+    /// The correlator.
+    pub fn correlator(&self) -> &Correlator {
+        &self.correlator
+    }
+}
+
+impl NodeEnergies for PairEnergies {
+    type Scratch = CorrelatorScratch;
+
+    fn scratch(&self) -> CorrelatorScratch {
+        self.correlator.scratch()
+    }
+
+    fn unit(&self) -> f32 {
+        -(self.gamma as f32)
+    }
+
+    fn energies(
+        &self,
+        rotation: DQuat,
+        scratch: &mut CorrelatorScratch,
+        out: ArrayViewMut3<'_, f32>,
+    ) {
+        self.correlator.score(rotation, scratch, out);
+    }
+
+    fn sums(
+        &self,
+        sum: &RotationSum,
+        turns: &[HalfTurn],
+        scratch: &mut CorrelatorScratch,
+        outs: &mut [ArrayViewMut3<'_, f32>],
+    ) {
+        self.correlator.score_sums(sum, turns, scratch, outs);
+    }
+}
+
 #[cfg(test)]
-#[path = "run_tests.rs"]
+#[path = "sweep_tests.rs"]
 mod tests;

@@ -2,9 +2,10 @@
 
 pub(crate) mod direct;
 pub(crate) mod error;
+mod refine;
 pub(crate) mod table;
 
-pub use direct::TRIALS;
 pub use direct::TolerantDirect;
 pub use error::{Limit, ToleranceError};
-pub use table::{LATTICE_SHARE, TolerantDesign, Trial};
+pub use refine::{TRIALS, Trial};
+pub use table::{LATTICE_SHARE, TolerantDesign};

@@ -10,14 +10,14 @@ use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::pair::fields::Pair;
-use crate::pair::setup::{EnergyScale, PairSetup};
+use crate::pair::setup::PairSetup;
 use crate::rotations::domain::RotationDomain;
 use crate::table::accuracy::{HeldOut, random_pose, wrench_of_all};
 use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
-use crate::tolerance::direct::{BEYOND, Spacings, TRIALS};
 use crate::tolerance::error::{Limit, ToleranceError};
+use crate::tolerance::refine::{BEYOND, SpacingSearch, TRIALS, Trial};
 
 /// Poses at which lattices are compared.
 const LATTICE_POSES: usize = 300;
@@ -72,26 +72,6 @@ pub struct TolerantDesign {
     pub reference_spacing: f64,
 }
 
-/// What was tried on the way, and the error of its probes: the greater of those of force and torque,
-/// each a share of its rms.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Trial {
-    /// A spacing.
-    Lattice {
-        /// Metres.
-        spacing: f64,
-        /// The error.
-        error: f64,
-    },
-    /// A rotation step.
-    Step {
-        /// Degrees.
-        step_deg: f64,
-        /// The error.
-        error: f64,
-    },
-}
-
 impl TableDesign {
     /// The coarsest table over a setup's box of displacements and `rotations` whose errors of force
     /// and of torque, the rms of each as a share of its own rms, are both within `tolerance` by its
@@ -136,26 +116,34 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// A lattice that is fine enough, and by as little as errors foretell; its quadrature, and error.
+    /// A table on a lattice that is fine enough, its lattice's quadrature, and its error.
     fn lattice(&mut self) -> Result<(TolerantDesign, DirectEvaluator, f64), ToleranceError> {
         let first = self.setup.load(self.monitor)?;
-        // The same scale for all, or forces could not be compared.
-        self.setup.energy = EnergyScale::Gamma(first.model().gamma);
-        let mut spacing = first.spacing();
-        drop(first);
-        let mut spacings = Spacings::new(LATTICE_SHARE * self.tolerance);
-        for _ in 0..TRIALS {
-            let (error, design, direct) = match self.lattice_error(spacing) {
-                Ok(found) => found,
-                Err(e) => return Err(spacings.ended(self.tolerance, spacing, e)),
+        let search = SpacingSearch::new(&self.setup, first, self.tolerance, LATTICE_SHARE);
+        let (rotations, memory, monitor) = (self.rotations, self.memory, self.monitor);
+        search.refine_until(self.tried, |setup, half| {
+            let at = |setup: &PairSetup| {
+                let pair = setup.load(monitor)?;
+                Ok::<_, ToleranceError>(TableDesign::new(setup, pair, rotations.clone())?)
             };
-            (self.tried)(Trial::Lattice { spacing, error });
-            if spacings.is_met(error) {
-                return Ok((design, direct, error));
-            }
-            spacing = spacings.after(spacing, error);
-        }
-        Err(spacings.missed(self.tolerance))
+            let fine = at(half)?;
+            let reference_spacing = fine.pair.spacing();
+            let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
+            drop(fine);
+            let design = at(setup)?;
+            design.scores(memory)?;
+            let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
+            let spec = &design.spec;
+            let held_out = HeldOut::drawn(spec, &truth, LATTICE_POSES, SEEDS[0]);
+            let report = held_out.errors_of(&direct, spec.pivot());
+            let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
+            let found = TolerantDesign {
+                design,
+                truth,
+                reference_spacing,
+            };
+            Ok((error, (found, direct, error)))
+        })
     }
 
     fn missed(&self, reached: f64, limit: Limit) -> ToleranceError {
@@ -164,36 +152,6 @@ impl Search<'_> {
             reached,
             limit,
         }
-    }
-
-    /// The table at a spacing, and its lattice's error and quadrature.
-    fn lattice_error(
-        &self,
-        spacing: f64,
-    ) -> Result<(f64, TolerantDesign, DirectEvaluator), ToleranceError> {
-        let at = |spacing: f64| {
-            let mut setup = self.setup.clone();
-            setup.builder.spacing = Some(spacing);
-            let pair = setup.load(self.monitor)?;
-            Ok::<_, ToleranceError>(TableDesign::new(&setup, pair, self.rotations.clone())?)
-        };
-        let reference_spacing = 0.5 * spacing;
-        let fine = at(reference_spacing)?;
-        let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
-        drop(fine);
-        let design = at(spacing)?;
-        design.scores(self.memory)?;
-        let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
-        let spec = &design.spec;
-        let held_out = HeldOut::drawn(spec, &truth, LATTICE_POSES, SEEDS[0]);
-        let report = held_out.errors_of(&direct, spec.pivot());
-        let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
-        let found = TolerantDesign {
-            design,
-            truth,
-            reference_spacing,
-        };
-        Ok((error, found, direct))
     }
 
     /// Refines the rotation step until the probes meet the tolerance, or coarsens it while they do

@@ -12,7 +12,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fft_correlate::{Docking, DockingOptions, DockingReport};
+use fft_correlate::{Docking, DockingRequest, DockingResult};
 use fft_correlate::{PairSetup, Pose};
 use glam::DVec3;
 use pegfit_benches::assemblies::{Assembly, in_own_frame, modelled, random_rotation};
@@ -147,9 +147,9 @@ fn run(
         let off = random_start(start);
         let moving = task.moving.transformed(off.rotation, off.translation);
         let setup = PairSetup::new(task.fixed.clone(), Arc::new(moving));
-        let options = DockingOptions {
+        let options = DockingRequest {
             exhaustive,
-            ..DockingOptions::default()
+            ..DockingRequest::default()
         };
         let report = Docking::new(&setup, options).run(&Silent)?;
         let judged = judge(task, &off, &report);
@@ -175,7 +175,7 @@ fn random_start(seed: u64) -> Pose {
     )
 }
 
-fn print(start: u64, off: &Pose, report: &DockingReport, judged: &Judged) {
+fn print(start: u64, off: &Pose, report: &DockingResult, judged: &Judged) {
     let seconds: Vec<String> = report
         .stages
         .iter()
@@ -227,7 +227,7 @@ fn write(
     csv: &mut csv::Writer<std::fs::File>,
     name: &str,
     start: u64,
-    report: &DockingReport,
+    report: &DockingResult,
     judged: &Judged,
 ) -> Outcome<()> {
     let mut row = vec![
@@ -273,7 +273,7 @@ struct Judged {
     next: (f64, f64),
 }
 
-fn judge(task: &Assembly, off: &Pose, report: &DockingReport) -> Judged {
+fn judge(task: &Assembly, off: &Pose, report: &DockingResult) -> Judged {
     let poses = || report.poses.iter().map(|p| &p.found);
     let group = in_own_frame(&report.symmetries, off);
     let pivot = off.inverse().apply(report.lattices.pivot);

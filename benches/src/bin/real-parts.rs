@@ -14,7 +14,7 @@ use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyScale, EnergySource, Pair, PairSetup, Pose,
     RotationDomain, ScoreModel,
 };
-use fft_correlate::{Docking, DockingOptions};
+use fft_correlate::{Docking, DockingRequest};
 use glam::{DQuat, DVec3};
 use haptic::{
     Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
@@ -239,10 +239,10 @@ fn docking(
         half_extent: Some(DVec3::splat(0.010)),
         ..PairSetup::new(Arc::new(fixed.clone()), Arc::new(moving.clone()))
     };
-    let options = DockingOptions {
+    let options = DockingRequest {
         top: 3,
         rotations: Some(RotationDomain::ball(30.0, 10.0)),
-        ..DockingOptions::default()
+        ..DockingRequest::default()
     };
     let report = Docking::new(&setup, options).run(&Silent)?;
     let pivot = report.lattices.pivot;

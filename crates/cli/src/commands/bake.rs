@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeReport, EnergyTable, ErrorReport, Launcher, Share, Storage, TableDesign, TableFiles,
+    BakeResult, EnergyTable, ErrorReport, Launcher, Share, Storage, TableDesign, TableFiles,
     TableSpec, TableStore, bake,
 };
 use pegfit_scene::{Scene, SceneSetup, TableReference, held_out_poses};
@@ -267,7 +267,7 @@ fn measure(
 fn summary(
     args: &BakeArgs,
     share: Part,
-    report: &BakeReport,
+    report: &BakeResult,
     store: &TableStore,
     seconds: f64,
 ) -> Result<Summary, CommandError> {

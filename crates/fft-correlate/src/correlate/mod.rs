@@ -34,6 +34,6 @@ mod support;
 pub use contract::StageTimes;
 pub use correlator::{Correlator, CorrelatorScratch};
 pub use error::CorrelateError;
-pub use plan::{CorrelatorPlan, ProductPlan};
+pub use plan::CorrelatorPlan;
 pub use real::Real;
 pub use support::PairSupport;

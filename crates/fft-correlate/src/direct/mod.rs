@@ -4,8 +4,6 @@ pub(crate) mod condition;
 pub(crate) mod evaluator;
 mod lookup;
 mod quadrature;
-mod terms;
+pub(crate) mod terms;
 
-pub use crate::pair::model::Side;
 pub use evaluator::{DirectDescription, FullResponse, TermDescription};
-pub use terms::{Blend, Term, score_terms};

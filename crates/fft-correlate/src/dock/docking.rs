@@ -15,12 +15,12 @@ use sdf_grid::{
 use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::direct::condition::Condition;
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
-use crate::dock::descend::{FoundPose, SearchReport, SearchStage};
-use crate::dock::error::{DockingError, SearchError};
-use crate::dock::lattices::{SearchLattices, domain_rotations};
+use crate::dock::error::DockingError;
+use crate::dock::grid_levels::{GridLevels, domain_rotations};
+use crate::dock::local_refinement::{FoundPose, SearchResult, SearchStage};
 use crate::dock::options::{SearchDomain, SearchOptions, SearchPairs, docking_weights};
 use crate::dock::rotations::symmetry_group;
-use crate::dock::search::{decide, search, wants_sketch};
+use crate::dock::search::{needs_screening, rerank, search};
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::Pair;
@@ -40,10 +40,10 @@ const MATING_PIECES: f64 = 0.5;
 
 /// What is asked of docking.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DockingOptions {
+pub struct DockingRequest {
     /// Distinct poses to return, at most.
     pub top: usize,
-    /// Score every rotation on the coarse lattice, without a sketch to choose among them.
+    /// Score every rotation on the coarse lattice, without a screening to choose among them.
     pub exhaustive: bool,
     /// Rotations of the moving part, fixed part's frame; all of them, 15 degrees apart, if absent.
     pub rotations: Option<RotationDomain>,
@@ -54,7 +54,7 @@ pub struct DockingOptions {
     pub state: Option<PathBuf>,
 }
 
-impl Default for DockingOptions {
+impl Default for DockingRequest {
     /// Ten poses, everywhere, without a state file.
     fn default() -> Self {
         Self {
@@ -69,16 +69,16 @@ impl Default for DockingOptions {
 
 /// What docking found and what it cost.
 #[derive(Debug)]
-pub struct DockingReport {
+pub struct DockingResult {
     /// Distinct poses, lowest energy first; those that could not be refined last.
     pub poses: Vec<DockingPose>,
     /// The lattices it worked on.
-    pub lattices: SearchLattices,
+    pub lattices: GridLevels,
     /// Motions that map the moving part onto itself: poses that differ by one count as the same.
     pub symmetries: Vec<Pose>,
     /// Rotations looked at.
     pub rotations: usize,
-    /// Of these, rotations that the sketch chose; all without one.
+    /// Of these, rotations that the screening chose; all without one.
     pub chosen: usize,
     /// Of the chosen, rotations scored; fewer if the monitor cancelled.
     pub scored: usize,
@@ -101,11 +101,11 @@ pub struct DockingReport {
     pub field_seconds: f64,
     /// The other stages, in order.
     pub stages: Vec<SearchStage>,
-    /// Wall time per rotation scored, seconds, without the sketch.
+    /// Wall time per rotation scored, seconds, without the screening.
     pub seconds_per_rotation: f64,
 }
 
-impl DockingReport {
+impl DockingResult {
     /// Wall time of all stages but the fields, seconds.
     pub fn seconds(&self) -> f64 {
         self.stages.iter().map(|s| s.seconds).sum()
@@ -121,17 +121,17 @@ impl DockingReport {
 #[derive(Debug, Clone)]
 pub struct Docking<'a> {
     setup: &'a PairSetup,
-    options: DockingOptions,
+    options: DockingRequest,
     /// From the fixed part's own frame to that of the search.
     frame: Pose,
     /// The fixed part in the latter; none if it stays.
     turned: Option<TriangleMesh>,
-    lattices: SearchLattices,
+    lattices: GridLevels,
 }
 
 /// The pairs of a search, at the scale of the setup.
 struct Fields {
-    sketch: Option<Pair>,
+    screening: Option<Pair>,
     coarse: Pair,
     fine: Pair,
     /// Under the setup's own halo, if that is not the search's.
@@ -147,18 +147,18 @@ impl<'a> Docking<'a> {
     /// A search for poses of a setup's moving part: in its box of displacements if it gives one, else
     /// wherever the parts can touch. A spacing or halo that the setup gives is kept for the fine
     /// lattice.
-    pub fn new(setup: &'a PairSetup, options: DockingOptions) -> Self {
+    pub fn new(setup: &'a PairSetup, options: DockingRequest) -> Self {
         let rotation = match setup.half_extent {
             Some(_) => DQuat::IDENTITY,
             None => snug_rotation(&setup.fixed),
         };
         let turned =
             (rotation != DQuat::IDENTITY).then(|| setup.fixed.transformed(rotation, DVec3::ZERO));
-        let mut lattices = SearchLattices::new(&setup.moving);
+        let mut lattices = GridLevels::new(&setup.moving);
         if let Some(spacing) = setup.builder.spacing {
             lattices.fine = spacing;
             lattices.coarse = lattices.coarse.max(spacing);
-            lattices.sketch = lattices.sketch.max(2.0 * spacing);
+            lattices.screening = lattices.screening.max(2.0 * spacing);
         }
         if let Some(halo) = setup.builder.halo {
             lattices.halo = halo;
@@ -180,14 +180,14 @@ impl<'a> Docking<'a> {
     /// If the domain, the model or the memory limit does not allow the search, a part has no interior
     /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
     /// any rotation is scored.
-    pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingReport, DockingError> {
+    pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         self.require_clearance()?;
         let domain = self.domain()?;
         let plan = self.planned(&domain)?;
         self.require_memory(&plan)?;
         tracing::debug!(%plan, "docking");
         let Fields {
-            sketch,
+            screening,
             coarse,
             fine: mut finest,
             own,
@@ -197,7 +197,7 @@ impl<'a> Docking<'a> {
         } = self.fields(&plan, monitor)?;
         let options = self.search_options();
         let pairs = SearchPairs {
-            sketch: sketch.as_ref(),
+            screening: screening.as_ref(),
             coarse: &coarse,
             fine: &finest,
         };
@@ -212,7 +212,7 @@ impl<'a> Docking<'a> {
             match finer {
                 Ok(finer) => {
                     finest = finer.with_gamma(gamma)?;
-                    decide(&mut found, &finest, &domain, &options, monitor)?;
+                    rerank(&mut found, &finest, &domain, &options, monitor)?;
                 }
                 Err(reason) => undecided = Some(reason),
             }
@@ -220,8 +220,8 @@ impl<'a> Docking<'a> {
         let mating = self.mating_areas(&found.poses)?;
         let pairs = [&finest, own.as_ref().unwrap_or(&finest)];
         let solids = [self.fixed(), &self.setup.moving];
-        let poses = told(&found, pairs, solids, &mating, &self.frame.inverse())?;
-        Ok(DockingReport {
+        let poses = pose_reports(&found, pairs, solids, &mating, &self.frame.inverse())?;
+        Ok(DockingResult {
             poses,
             lattices: self.lattices,
             symmetries: domain.symmetries,
@@ -263,7 +263,7 @@ impl<'a> Docking<'a> {
         };
         let support = PairSupport::planned(&weighed, fixed, &setup.moving);
         let window = domain.window(coarse.pivot, coarse.spacing())?;
-        // Whether half turns will share their work depends on the rotations that a sketch chooses.
+        // Whether half turns will share their work depends on the rotations that a screening chooses.
         let scores = CorrelatorPlan::largest(&support, &window, rayon::current_num_threads())?;
         let own = match setup.builder.halo {
             Some(_) => None,
@@ -277,9 +277,9 @@ impl<'a> Docking<'a> {
         })
     }
 
-    /// The pairs of the plan, the sketch's if there are enough rotations for one.
+    /// The pairs of the plan, the screening's if there are enough rotations for one.
     fn fields(&self, plan: &DockingPlan, monitor: &dyn Monitor) -> Result<Fields, DockingError> {
-        let [sketch, coarse, fine] = &plan.pairs;
+        let [screening, coarse, fine] = &plan.pairs;
         let began = Instant::now();
         let (fine, averaged) = self.ranking(fine, monitor)?;
         let own = match (&plan.own, &averaged) {
@@ -292,12 +292,12 @@ impl<'a> Docking<'a> {
         };
         let gamma = self.setup.gamma()?;
         let coarse = self.build(coarse, monitor)?.with_gamma(gamma)?;
-        let sketch = match !self.options.exhaustive && wants_sketch(plan.rotations) {
-            true => Some(self.build(sketch, monitor)?.with_gamma(gamma)?),
+        let screening = match !self.options.exhaustive && needs_screening(plan.rotations) {
+            true => Some(self.build(screening, monitor)?.with_gamma(gamma)?),
             false => None,
         };
         Ok(Fields {
-            sketch,
+            screening,
             coarse,
             fine: fine.with_gamma(gamma)?,
             own: own.map(|own| own.with_gamma(gamma)).transpose()?,
@@ -453,7 +453,7 @@ pub struct DockingPose {
     /// Share of the moving part's volume that the fixed part fills as well, 0 ..= 1.
     pub overlap: f64,
     /// Area of the moving part's faces that lie against opposite faces of the fixed part
-    /// ([`crate::MATING_ANGLE`], [`crate::DockingOptions::mating_clearance`]), square metres.
+    /// ([`crate::MATING_ANGLE`], [`crate::DockingRequest::mating_clearance`]), square metres.
     pub mating_area: f64,
     /// Energy under the setup's own model and halo, on the fine lattice, joules: what an evaluator of
     /// the setup's pair says at this pose, up to the error of the lattice.
@@ -465,13 +465,13 @@ pub struct DockingPose {
 
 /// The poses of a search, `back` from its frame to the fixed part's own, with what only the finest
 /// pair, the setup's own pair and the faces of both parts can tell.
-pub(super) fn told(
-    report: &SearchReport,
+pub(super) fn pose_reports(
+    report: &SearchResult,
     [finest, own]: [&Pair; 2],
     [fixed, moving]: [&TriangleMesh; 2],
     mating: &[f64],
     back: &Pose,
-) -> Result<Vec<DockingPose>, SearchError> {
+) -> Result<Vec<DockingPose>, DockingError> {
     let ranking = finest.with_model(report.model)?;
     let conditions: Vec<f64> = report
         .poses
@@ -484,7 +484,7 @@ pub(super) fn told(
     let query = InterferenceQuery::new(fixed, moving);
     let volume = moving.volume();
     let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
-    let told = |(index, p): (usize, &FoundPose)| {
+    let report_of = |(index, p): (usize, &FoundPose)| {
         let model_energy = source.evaluate_full(&p.pose).response.energy;
         let interference = query.at(p.pose.rotation, p.pose.translation);
         DockingPose {
@@ -506,7 +506,7 @@ pub(super) fn told(
         }
     };
     let poses: Vec<_> = report.poses.iter().enumerate().collect();
-    Ok(poses.into_par_iter().map(told).collect())
+    Ok(poses.into_par_iter().map(report_of).collect())
 }
 
 /// The mating area of each pose, square metres; the moving part in pieces `distance` wide, metres.
@@ -524,7 +524,7 @@ pub(super) fn mating_areas(
 /// What docking will do and need, known before any field is computed: data to print and compare.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockingPlan {
-    /// The pairs of [`crate::SearchPairs`]: sketch (without which a search over few rotations does),
+    /// The pairs of [`SearchPairs`]: screening (without which a search over few rotations does),
     /// coarse, fine.
     pub pairs: [PairPlan; 3],
     /// The pair under the setup's own halo, on the fine lattice, whose energies are reported; absent

@@ -1,4 +1,4 @@
-//! Why a search cannot start or go on.
+//! Why docking cannot start or go on.
 
 use std::path::PathBuf;
 
@@ -13,80 +13,6 @@ use crate::pair::fields::PairError;
 use crate::pair::setup::EnergyScaleError;
 use crate::rotations::domain::RotationError;
 
-/// Why a search cannot start or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum SearchError {
-    /// The correlator cannot be planned.
-    #[error(transparent)]
-    Correlate(#[from] CorrelateError),
-    /// No rotation was given.
-    #[error("docking needs at least one rotation, found none")]
-    NoRotations,
-    /// A rotation is not a unit quaternion.
-    #[error("rotation {index}: expected a unit quaternion, found {found}")]
-    Rotation {
-        /// Its place in the list.
-        index: usize,
-        /// What was given.
-        found: DQuat,
-    },
-    /// The translations do not make a window.
-    #[error("translations to search: {0}")]
-    Window(#[from] LatticeError),
-    /// The docking weights are out of range.
-    #[error(transparent)]
-    Pair(#[from] PairError),
-    /// A pair has no direct evaluator.
-    #[error(transparent)]
-    Direct(#[from] DirectError),
-    /// The state file.
-    #[error(transparent)]
-    State(#[from] StateError),
-    /// Two pairs are not of the same parts.
-    #[error("the pairs of a search must have one pivot, found {coarse} and {other}")]
-    Pivots {
-        /// The coarse pair's, metres.
-        coarse: DVec3,
-        /// Another pair's, metres.
-        other: DVec3,
-    },
-    /// The monitor cancelled before any rotation was scored.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-/// Why a search cannot go on from its file, or write it.
-#[derive(Debug, thiserror::Error)]
-pub enum StateError {
-    /// The file cannot be read or written.
-    #[error("{path}: {source}", path = path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file is not a search's state.
-    #[error("{path}: not the state of a docking search: {reason}", path = path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The file belongs to another search.
-    #[error(
-        "{}: state of another search: {} is {} there, {} here; delete it to start anew",
-        path.display(), difference.key, difference.stored, difference.given
-    )]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// What differs first.
-        difference: Difference,
-    },
-}
-
 /// Why docking cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DockingError {
@@ -99,6 +25,17 @@ pub enum DockingError {
     /// The rotations to look at are out of range.
     #[error("rotations: {0}")]
     Rotations(#[from] RotationError),
+    /// No rotation was given.
+    #[error("docking needs at least one rotation, found none")]
+    NoRotations,
+    /// A rotation is not a unit quaternion.
+    #[error("rotation {index}: expected a unit quaternion, found {found}")]
+    Rotation {
+        /// Its place in the list.
+        index: usize,
+        /// What was given.
+        found: DQuat,
+    },
     /// The translations to look at do not make a window.
     #[error("window: {0}")]
     Window(#[from] LatticeError),
@@ -113,22 +50,54 @@ pub enum DockingError {
         /// Bytes allowed.
         limit: u64,
     },
-    /// The search.
-    #[error(transparent)]
-    Search(SearchError),
     /// The model is out of range for the pair.
     #[error(transparent)]
     Pair(#[from] PairError),
+    /// Two pairs are not of the same parts.
+    #[error("the pairs of a search must have one pivot, found {coarse} and {other}")]
+    Pivots {
+        /// The coarse pair's, metres.
+        coarse: DVec3,
+        /// Another pair's, metres.
+        other: DVec3,
+    },
     /// A part has no interior on its lattice.
     #[error(transparent)]
     Direct(#[from] DirectError),
-    /// The clearance of mating faces is none.
+    /// The clearance of mating faces is negative or not finite.
     #[error("mating clearance: expected 0 m or more, found {found}")]
     MatingClearance {
         /// What was given, metres.
         found: f64,
     },
-    /// The monitor asked to stop before anything was found.
+    /// The state file cannot be read or written.
+    #[error("{path}: {source}", path = path.display())]
+    StateFile {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// The state file is not a search's state.
+    #[error("{path}: not the state of a docking search: {reason}", path = path.display())]
+    StateFormat {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The state file belongs to another search.
+    #[error(
+        "{}: state of another search: {} is {} there, {} here; delete it to start anew",
+        path.display(), difference.key, difference.stored, difference.given
+    )]
+    OtherState {
+        /// The file.
+        path: PathBuf,
+        /// The first key that differs.
+        difference: Difference,
+    },
+    /// The monitor asked to stop before any rotation was scored.
     #[error("cancelled")]
     Cancelled,
 }
@@ -141,15 +110,6 @@ impl From<PairBuildError> for DockingError {
                 ..
             } => Self::Cancelled,
             other => Self::Build(other),
-        }
-    }
-}
-
-impl From<SearchError> for DockingError {
-    fn from(error: SearchError) -> Self {
-        match error {
-            SearchError::Cancelled => Self::Cancelled,
-            other => Self::Search(other),
         }
     }
 }

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, LatticeError};
 use serde::{Deserialize, Serialize};
 
-use crate::dock::error::SearchError;
+use crate::dock::error::DockingError;
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::{Pair, PairError};
@@ -18,11 +18,11 @@ pub struct SearchOptions {
     pub top: usize,
     /// Local maxima kept of each rotation.
     pub per_rotation: usize,
-    /// Share of the rotations that goes on from the sketch at least, 0 ..= 1.
+    /// Share of the rotations that goes on from the screening at least, 0 ..= 1.
     pub chosen_share: f64,
     /// Distinct poses that begin to descend on the coarse lattice, at most.
     pub coarse_poses: usize,
-    /// Rotations whose best energy, as sketched, and poses whose energy, as scored, is shallower than
+    /// Rotations whose best energy, as screened, and poses whose energy, as scored, is shallower than
     /// the lowest by up to this share of it go on: what cell averages may hide of a fit. 0 ..= 1.
     pub blur: f64,
     /// Distinct poses that descend on the fine lattice; at least `top`.
@@ -95,11 +95,11 @@ pub struct SearchDomain {
     pub symmetries: Vec<Pose>,
 }
 
-/// The parts of a search on its lattices, with one pivot ([`crate::SearchLattices::plans`]).
+/// The parts of a search on its lattices, with one pivot ([`crate::GridLevels::plans`]).
 #[derive(Debug, Clone, Copy)]
 pub struct SearchPairs<'a> {
-    /// Where rotations are chosen ([`crate::wants_sketch`]); none if all are to be scored.
-    pub sketch: Option<&'a Pair>,
+    /// Where rotations are chosen ([`crate::needs_screening`]); none if all are to be scored.
+    pub screening: Option<&'a Pair>,
     /// Where rotations are scored.
     pub coarse: &'a Pair,
     /// Where poses are refined and ranked.
@@ -118,13 +118,13 @@ impl SearchDomain {
     }
 
     /// Refuses an empty list of rotations and those that are none.
-    pub(super) fn check(&self) -> Result<(), SearchError> {
+    pub(super) fn check(&self) -> Result<(), DockingError> {
         if self.rotations.is_empty() {
-            return Err(SearchError::NoRotations);
+            return Err(DockingError::NoRotations);
         }
         let valid = |q: &DQuat| q.is_finite() && (q.length() - 1.0).abs() < 1e-6;
         match self.rotations.iter().position(|q| !valid(q)) {
-            Some(index) => Err(SearchError::Rotation {
+            Some(index) => Err(DockingError::Rotation {
                 index,
                 found: self.rotations[index],
             }),
@@ -135,11 +135,11 @@ impl SearchDomain {
 
 impl SearchPairs<'_> {
     /// Refuses pairs of different parts.
-    pub(super) fn check(&self) -> Result<(), SearchError> {
+    pub(super) fn check(&self) -> Result<(), DockingError> {
         let pivot = self.coarse.pivot();
-        let others = self.sketch.into_iter().chain([self.fine]);
+        let others = self.screening.into_iter().chain([self.fine]);
         match others.map(Pair::pivot).find(|p| *p != pivot) {
-            Some(other) => Err(SearchError::Pivots {
+            Some(other) => Err(DockingError::Pivots {
                 coarse: pivot,
                 other,
             }),
@@ -155,7 +155,8 @@ pub(super) struct SearchRecipe {
     /// How the search proceeds.
     pub(super) options: SearchOptions,
     /// The pair on which rotations are chosen, if any.
-    pub(super) sketch: Option<PairRecipe>,
+    #[serde(rename = "sketch")]
+    pub(super) screening: Option<PairRecipe>,
     /// The pair on which they are scored, with the docking weights.
     pub(super) coarse: PairRecipe,
     /// The pair on which poses are refined and ranked, with the docking weights.
@@ -199,7 +200,7 @@ impl SearchRecipe {
     pub(super) fn new(
         domain: &SearchDomain,
         options: &SearchOptions,
-        sketch: Option<&Pair>,
+        screening: Option<&Pair>,
         [coarse, fine]: [&Pair; 2],
         chosen: &[DQuat],
     ) -> Self {
@@ -209,7 +210,7 @@ impl SearchRecipe {
         };
         Self {
             options: options.clone(),
-            sketch: sketch.map(Pair::recipe),
+            screening: screening.map(Pair::recipe),
             coarse: coarse.recipe(),
             fine: fine.recipe(),
             places: [domain.places.min.to_array(), domain.places.max.to_array()],

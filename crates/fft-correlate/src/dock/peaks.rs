@@ -63,7 +63,7 @@ fn is_peak(score: &ArrayView3<f32>, at: [usize; 3]) -> bool {
     let own = score[at];
     let shape = score.shape();
     let range = |a: usize| at[a].saturating_sub(1)..(at[a] + 2).min(shape[a]);
-    // Neighbours along z first: they decide most nodes and lie in the same cache line.
+    // Neighbours along z first: they rerank most nodes and lie in the same cache line.
     for i in [at[0]].into_iter().chain(range(0).filter(|i| *i != at[0])) {
         for j in [at[1]].into_iter().chain(range(1).filter(|j| *j != at[1])) {
             for k in range(2) {
@@ -84,7 +84,7 @@ fn is_peak(score: &ArrayView3<f32>, at: [usize; 3]) -> bool {
 /// Half width of a peak, nodes: how far, along the lattice axis and sense in which it falls
 /// fastest, the score takes to fall to half; `None` if it does not fall that far inside the window
 /// along any.
-pub fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
+fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
     let half = 0.5 * peak.score;
     let mut narrowest: Option<f64> = None;
     for axis in 0..3 {
@@ -112,22 +112,22 @@ pub fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
 
 /// When two poses count as the same.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PoseSpacing {
+pub(super) struct PoseSpacing {
     /// Rotations up to this angle apart, radians.
-    pub angle: f64,
+    pub(super) angle: f64,
     /// Pivots up to this distance apart, metres.
-    pub distance: f64,
+    pub(super) distance: f64,
     /// Point of the moving part whose positions are compared, metres in its frame.
-    pub pivot: DVec3,
+    pub(super) pivot: DVec3,
     /// Motions that map the moving part onto itself, in its own frame; the identity need not be
     /// among them.
-    pub symmetries: Vec<Pose>,
+    pub(super) symmetries: Vec<Pose>,
 }
 
 impl PoseSpacing {
     /// True if the rotations and the pivots are both close, for the part as it is or under one of
     /// its symmetries.
-    pub fn same(&self, a: &Pose, b: &Pose) -> bool {
+    fn same(&self, a: &Pose, b: &Pose) -> bool {
         let close = |b: &Pose| {
             (a.apply(self.pivot) - b.apply(self.pivot)).length() <= self.distance
                 && a.angle_to(b) <= self.angle
@@ -137,7 +137,7 @@ impl PoseSpacing {
 
     /// Indices of at most `count` poses, taken in order, none of which is the same as one taken
     /// before.
-    pub fn distinct<'a>(
+    pub(super) fn distinct<'a>(
         &self,
         poses: impl IntoIterator<Item = &'a Pose>,
         count: usize,

@@ -7,7 +7,7 @@ use sdf_grid::recipe::difference;
 use sdf_grid::{Monitor, atomic, regular};
 use serde::{Deserialize, Serialize};
 
-use crate::dock::error::{SearchError, StateError};
+use crate::dock::error::DockingError;
 use crate::dock::options::SearchRecipe;
 use crate::dock::peaks::{Candidate, Scan, sort_candidates};
 use crate::geometry::half_turn::HalfTurnGroup;
@@ -46,19 +46,19 @@ impl State {
         path: &Path,
         recipe: SearchRecipe,
         shape: [usize; 3],
-    ) -> Result<Self, StateError> {
+    ) -> Result<Self, DockingError> {
         let text = match regular::read(path, LONGEST) {
             Ok(Some(text)) => text,
             Ok(None) => return Ok(Self::new(recipe)),
             Err(e) => return Err(io(path, e.into())),
         };
-        let format = |reason: String| StateError::Format {
+        let format = |reason: String| DockingError::StateFormat {
             path: path.to_owned(),
             reason,
         };
         let state: Self = serde_json::from_slice(&text).map_err(|e| format(e.to_string()))?;
         if let Some(difference) = difference(&state.recipe, &recipe) {
-            return Err(StateError::Other {
+            return Err(DockingError::OtherState {
                 path: path.to_owned(),
                 difference,
             });
@@ -83,15 +83,15 @@ impl State {
     }
 
     /// Writes the state to `path`, whole or not at all.
-    pub(super) fn save(&self, path: &Path) -> Result<(), StateError> {
+    pub(super) fn save(&self, path: &Path) -> Result<(), DockingError> {
         let write =
             || -> std::io::Result<()> { Ok(atomic::write(path, &serde_json::to_vec(self)?)?) };
         write().map_err(|source| io(path, source))
     }
 }
 
-fn io(path: &Path, source: std::io::Error) -> StateError {
-    StateError::Io {
+fn io(path: &Path, source: std::io::Error) -> DockingError {
+    DockingError::StateFile {
         path: path.to_owned(),
         source,
     }
@@ -108,7 +108,7 @@ pub(super) fn score(
     file: Option<&Path>,
     recipe: SearchRecipe,
     monitor: &dyn Monitor,
-) -> Result<(State, usize), SearchError> {
+) -> Result<(State, usize), DockingError> {
     let count = recipe.chosen.count;
     let mut state = match file {
         Some(path) => State::load(path, recipe, scan.window.shape())?,
@@ -132,7 +132,7 @@ pub(super) fn score(
         }
     }
     if state.scored == 0 {
-        return Err(SearchError::Cancelled);
+        return Err(DockingError::Cancelled);
     }
     Ok((state, resumed))
 }
@@ -166,7 +166,7 @@ mod tests {
                 ratio,
                 ..SearchOptions::default()
             },
-            sketch: None,
+            screening: None,
             coarse: pair.clone(),
             fine: pair,
             places: [[0.0; 3]; 2],
@@ -194,14 +194,17 @@ mod tests {
             "{refused}"
         );
         let outside = load(12.0, [4, 4, 3]);
-        assert!(matches!(outside, Err(StateError::Format { .. })));
+        assert!(matches!(outside, Err(DockingError::StateFormat { .. })));
         let mut many = state.clone();
         many.scored = 6;
         many.save(&path).unwrap();
         let too_many = load(12.0, [4; 3]);
-        assert!(matches!(too_many, Err(StateError::Format { .. })));
+        assert!(matches!(too_many, Err(DockingError::StateFormat { .. })));
         std::fs::write(&path, "{\"recipe\":").unwrap();
-        assert!(matches!(load(12.0, [4; 3]), Err(StateError::Format { .. })));
+        assert!(matches!(
+            load(12.0, [4; 3]),
+            Err(DockingError::StateFormat { .. })
+        ));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

@@ -7,5 +7,5 @@ pub(crate) mod model;
 pub(crate) mod reading;
 pub(crate) mod setup;
 
-pub use builder::{default_halo, default_spacing};
+pub use builder::{PairPlan, default_halo, default_spacing};
 pub use contact::Contact;

@@ -23,7 +23,7 @@ pub fn symmetry_on_lattice(mesh: &TriangleMesh, spacing: f64) -> Vec<SymmetryAxi
 
 /// The symmetry by which a table of `rotations` leaves out nodes: the axis of highest order of
 /// either part, the fixed one's of two alike. Lists and spins are taken as they are written.
-pub fn table_symmetry(
+pub(crate) fn table_symmetry(
     rotations: &RotationDomain,
     fixed: &[SymmetryAxis],
     moving: &[SymmetryAxis],

@@ -42,7 +42,7 @@ impl Share {
 
 /// What a bake did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct BakeReport {
+pub struct BakeResult {
     /// Rotation nodes of the whole table.
     pub rotations: usize,
     /// Nodes of this process computed now.
@@ -104,7 +104,7 @@ pub fn bake<P: NodeEnergies>(
     producer: &P,
     share: Share,
     monitor: &dyn Monitor,
-) -> Result<BakeReport, BakeError> {
+) -> Result<BakeResult, BakeError> {
     bake_files(&TableFiles::at(path)?, spec, producer, share, monitor)
 }
 
@@ -118,7 +118,7 @@ pub fn bake_files<P: NodeEnergies>(
     producer: &P,
     share: Share,
     monitor: &dyn Monitor,
-) -> Result<BakeReport, BakeError> {
+) -> Result<BakeResult, BakeError> {
     let Share { rank, size, .. } = share;
     if rank >= size {
         return Err(BakeError::Share { rank, size });
@@ -138,15 +138,15 @@ pub fn bake_files<P: NodeEnergies>(
         store: &store,
         unit: producer.unit(),
         encoded: Encoded::default(),
-        done: BakeReport::default(),
+        done: BakeResult::default(),
     };
     let swept = sweep(producer, spec.window.shape(), groups, writer, monitor)?;
     if !swept.complete {
         return Err(BakeError::Cancelled);
     }
     let done = swept.consumers.into_iter().map(|w| w.done);
-    let done = done.fold(BakeReport::default(), BakeReport::plus);
-    Ok(BakeReport {
+    let done = done.fold(BakeResult::default(), BakeResult::plus);
+    Ok(BakeResult {
         rotations: grid.nodes().len(),
         kept: rows - done.computed,
         ..done
@@ -186,7 +186,7 @@ struct Writer<'a> {
     unit: f32,
     encoded: Encoded,
     /// What this thread has done.
-    done: BakeReport,
+    done: BakeResult,
 }
 
 impl Consumer<()> for Writer<'_> {
@@ -213,7 +213,7 @@ impl Consumer<()> for Writer<'_> {
     }
 }
 
-impl BakeReport {
+impl BakeResult {
     fn plus(self, other: Self) -> Self {
         Self {
             rotations: self.rotations + other.rotations,

@@ -14,7 +14,7 @@ mod stencil;
 pub(crate) mod store;
 
 pub use accuracy::Errors;
-pub use design::TableSetupError;
+pub use design::{TablePlan, TableSetupError};
 pub use launcher::LauncherError;
 pub use store::header::FORMAT_VERSION;
 pub use store::table_store::ChunkState;

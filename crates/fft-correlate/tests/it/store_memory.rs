@@ -8,9 +8,10 @@ use std::sync::atomic::AtomicU64;
 use crate::common::*;
 use crate::store_support::{SHARED, StopAfter};
 use fft_correlate::table::ChunkState;
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    BakeError, BakeReport, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore,
-    bake_files, measure_error,
+    BakeError, BakeResult, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore,
+    measure_error,
 };
 use sdf_grid::Silent;
 
@@ -19,7 +20,7 @@ fn small() -> (Gaussians, TableSpec) {
     (Gaussians::random(21), spec)
 }
 
-fn baked(files: &TableFiles, share: Share) -> Result<BakeReport, BakeError> {
+fn baked(files: &TableFiles, share: Share) -> Result<BakeResult, BakeError> {
     let (energy, spec) = small();
     bake_files(
         files,

@@ -8,9 +8,9 @@ use std::path::Path;
 use crate::common::*;
 use crate::store_support::*;
 use fft_correlate::table::ChunkState;
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    EnergyTable, PartialTable, RotationDomain, Share, StoreError, TableFiles, TableSpec,
-    TableStore, bake_files,
+    EnergyTable, PartialTable, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore,
 };
 use glam::DVec3;
 use sdf_grid::{Lattice, Silent};

@@ -1,9 +1,10 @@
 //! Tables in memory by parts: what is there answers as the whole table does, what is not is far away.
 
 use crate::common::*;
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
     AxisSymmetry, EnergySource, EnergyTable, Part, PartialTable, Pose, Response, RotationDomain,
-    Share, StoreError, TableFiles, TableSpec, TableStore, bake_files,
+    Share, StoreError, TableFiles, TableSpec, TableStore,
 };
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;

@@ -6,7 +6,7 @@ use sdf_grid::Monitor;
 use serde::Serialize;
 
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
-use crate::dock::error::SearchError;
+use crate::dock::error::DockingError;
 use crate::dock::options::{SearchDomain, SearchOptions};
 use crate::dock::peaks::PoseSpacing;
 use crate::dock::refine::Descent;
@@ -18,7 +18,7 @@ use crate::pair::model::ScoreModel;
 
 /// Points of the direct evaluator that descends first. With fewer, contact reaches so far that sums
 /// over curved faces take longer than they save.
-const FEW_POINTS: usize = 25_000;
+const COARSE_POINTS: usize = 25_000;
 
 /// Poses that descended to within this angle and two cells of each other count as one, radians.
 const SAME_ANGLE: f64 = 0.07;
@@ -58,22 +58,22 @@ impl Effort {
 
 /// Two evaluators of a pair that descend one after the other: of fewer points, standing on a coarser
 /// lattice of the same smoothed densities, with contact, and of every cell.
-pub(super) struct Sources {
-    few: Option<DirectEvaluator>,
+pub(super) struct Evaluators {
+    coarse: Option<DirectEvaluator>,
     full: DirectEvaluator,
 }
 
-impl Sources {
+impl Evaluators {
     pub(super) fn new(pair: &Pair) -> Result<Self, DirectError> {
         Ok(Self {
-            few: of_points(pair, FEW_POINTS)?,
+            coarse: of_points(pair, COARSE_POINTS)?,
             full: DirectEvaluator::new(pair, &DirectOptions::FULL)?,
         })
     }
 
     /// The one of fewer points; the other where there is none.
-    pub(super) fn few(&self) -> &DirectEvaluator {
-        self.few.as_ref().unwrap_or(&self.full)
+    pub(super) fn coarse(&self) -> &DirectEvaluator {
+        self.coarse.as_ref().unwrap_or(&self.full)
     }
 
     /// The one of every cell, whose energies rank.
@@ -108,7 +108,7 @@ pub(super) fn sort_poses(poses: &mut [FoundPose]) {
 }
 
 /// What all descents of a search share.
-pub(super) struct Refinement<'a> {
+pub(super) struct LocalRefinement<'a> {
     domain: &'a SearchDomain,
     pub(super) options: &'a SearchOptions,
     /// Of the lattice whose displacements limit the search.
@@ -119,14 +119,14 @@ pub(super) struct Refinement<'a> {
     pub(super) monitor: &'a dyn Monitor,
 }
 
-impl<'a> Refinement<'a> {
+impl<'a> LocalRefinement<'a> {
     /// `pair` gives the window and the moving part's radius.
     pub(super) fn new(
         pair: &Pair,
         domain: &'a SearchDomain,
         options: &'a SearchOptions,
         monitor: &'a dyn Monitor,
-    ) -> Result<Self, SearchError> {
+    ) -> Result<Self, DockingError> {
         Ok(Self {
             domain,
             options,
@@ -293,12 +293,12 @@ pub struct SearchStage {
 
 /// What a search found and what it cost.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SearchReport {
+pub struct SearchResult {
     /// Distinct poses, lowest energy first; those that could not be refined last.
     pub poses: Vec<FoundPose>,
     /// Rotations scored; fewer than chosen if the monitor cancelled.
     pub scored: usize,
-    /// Rotations that the sketch chose; all of the domain's without one.
+    /// Rotations that the screening chose; all of the domain's without one.
     pub chosen: usize,
     /// Rotations of the domain.
     pub rotations: usize,
@@ -314,16 +314,16 @@ pub struct SearchReport {
     pub stages: Vec<SearchStage>,
 }
 
-impl SearchReport {
+impl SearchResult {
     /// How many of the poses, from the first on, are within [`CLOSE`] of the deepest: two or more
-    /// are too close for the fine lattice to tell apart ([`super::decide`]).
+    /// are too close for the fine lattice to tell apart ([`rerank`](super::search::rerank)).
     pub fn close(&self) -> usize {
         let deepest = self.poses.first().map_or(0.0, |p| p.energy);
         let near = |p: &&FoundPose| p.refined && p.energy < (1.0 - CLOSE) * deepest;
         self.poses.iter().take_while(near).count()
     }
 
-    /// Wall time per rotation scored, seconds, without the sketch.
+    /// Wall time per rotation scored, seconds, without the screening.
     pub fn seconds_per_rotation(&self) -> f64 {
         let scoring = self.stages.iter().find(|s| s.name == SCORING);
         scoring.map_or(0.0, |s| s.seconds) / self.scored.max(1) as f64

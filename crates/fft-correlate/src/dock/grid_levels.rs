@@ -12,9 +12,9 @@ use crate::rotations::grid::RotationGrid;
 /// Cells across the narrow side of the moving part, fine lattice.
 const FINE_CELLS: f64 = 14.0;
 
-/// Cells across the bounding radius and at least across the narrow side, lattice of the sketch and
+/// Cells across the bounding radius and at least across the narrow side, lattice of the screening and
 /// coarse lattice. Wider coarse ones blur tight stepped fits too much.
-const SKETCH_CELLS: [f64; 2] = [6.5, 2.0];
+const SCREENING_CELLS: [f64; 2] = [6.5, 2.0];
 const COARSE_CELLS: [f64; 2] = [17.5, 5.4];
 
 /// Reach of the exterior densities, in radii of the moving part: shorter than for forces, which are
@@ -23,9 +23,9 @@ const HALO: f64 = 0.4;
 
 /// Spacings, halo and pivot of a search; none depends on how the moving part's frame is turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SearchLattices {
-    /// Spacing of the lattice on which a sketch chooses rotations, metres.
-    pub sketch: f64,
+pub struct GridLevels {
+    /// Spacing of the lattice on which a screening chooses rotations, metres.
+    pub screening: f64,
     /// Spacing of the lattice on which rotations are scored, metres.
     pub coarse: f64,
     /// Spacing of the lattice on which poses are refined and ranked, metres.
@@ -38,7 +38,7 @@ pub struct SearchLattices {
     pub radius: f64,
 }
 
-impl SearchLattices {
+impl GridLevels {
     /// For a moving part: coarse, 17.5 cells across its bounding radius, of which a quarter of 15
     /// degrees moves its rim by one, and at least 5.4 across its narrow side; fine, 14 cells across
     /// that. The narrow side is the edge of the square rod with the part's volume between two ends a
@@ -49,7 +49,7 @@ impl SearchLattices {
         let narrow = (moving.volume() / (2.0 * radius)).sqrt();
         let across = |[all, side]: [f64; 2]| (radius / all).min(narrow / side);
         Self {
-            sketch: across(SKETCH_CELLS),
+            screening: across(SCREENING_CELLS),
             coarse: across(COARSE_CELLS),
             fine: narrow / FINE_CELLS,
             halo: HALO * radius,
@@ -64,7 +64,7 @@ impl SearchLattices {
         fixed.grown(0.75 * self.radius)
     }
 
-    /// The plans of the pairs of [`super::SearchPairs`]: sketch, coarse, fine. `builder` says all
+    /// The plans of the pairs of [`SearchPairs`](super::options::SearchPairs): screening, coarse, fine. `builder` says all
     /// but spacing and halo.
     ///
     /// # Errors
@@ -84,13 +84,13 @@ impl SearchLattices {
             ..*builder
         };
         Ok([
-            plan(self.sketch, &averaged)?,
+            plan(self.screening, &averaged)?,
             plan(self.coarse, &averaged)?,
             plan(self.fine, builder)?,
         ])
     }
 
-    /// The plan of the pair by which [`super::decide`] tells close poses apart: half the fine
+    /// The plan of the pair by which [`rerank`](super::search::rerank) tells close poses apart: half the fine
     /// spacing, eight times its memory and time.
     ///
     /// # Errors
@@ -131,7 +131,7 @@ impl SearchLattices {
 ///
 /// # Errors
 /// If a number of the domain is out of range.
-pub fn domain_rotations(
+pub(super) fn domain_rotations(
     domain: &RotationDomain,
     axes: &[sdf_grid::SymmetryAxis],
 ) -> Result<(Vec<glam::DQuat>, f64), RotationError> {
@@ -167,14 +167,14 @@ mod tests {
     fn lattices_do_not_depend_on_the_frame() {
         let rod = shapes::cuboid(DVec3::new(0.008, 0.007, 0.05)).unwrap();
         let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -1.0, 0.3));
-        let a = SearchLattices::new(&rod);
-        let b = SearchLattices::new(&rod.transformed(turn, DVec3::splat(0.1)));
-        let lengths = |l: &SearchLattices| [l.sketch, l.coarse, l.fine, l.halo];
+        let a = GridLevels::new(&rod);
+        let b = GridLevels::new(&rod.transformed(turn, DVec3::splat(0.1)));
+        let lengths = |l: &GridLevels| [l.screening, l.coarse, l.fine, l.halo];
         for (a, b) in lengths(&a).into_iter().zip(lengths(&b)) {
             assert!((a - b).abs() < 1e-9 * a);
         }
         assert!(a.coarse > 2.5 * a.fine && a.coarse < 0.0015, "{a:?}");
-        assert!(a.sketch > 2.5 * a.coarse && a.sketch < 0.004, "{a:?}");
+        assert!(a.screening > 2.5 * a.coarse && a.screening < 0.004, "{a:?}");
         assert!((b.pivot - DVec3::splat(0.1)).length() < 1e-12);
     }
 

@@ -62,7 +62,7 @@ impl Well {
         options: &WellOptions,
     ) -> Result<Self, WellError> {
         options.validate()?;
-        let mut around = Around {
+        let mut around = LocalEnergy {
             source,
             scratch: source.scratch(),
             base: *pose,
@@ -206,7 +206,7 @@ fn scan_points(reach: f64, length: f64) -> usize {
 }
 
 /// An energy source at poses counted from a base pose by pivot displacement and rotation vector.
-pub(super) struct Around<'a> {
+pub(super) struct LocalEnergy<'a> {
     pub(super) source: &'a dyn EnergySource,
     pub(super) scratch: Scratch,
     pub(super) base: Pose,
@@ -220,7 +220,7 @@ pub(super) struct Step {
     pub(super) shift: DVec3,
 }
 
-impl Around<'_> {
+impl LocalEnergy<'_> {
     pub(super) fn pose(&self, step: Step) -> Pose {
         let rotation = DQuat::from_scaled_axis(step.turn) * self.base.rotation;
         let pivot = self.base.apply(self.pivot) + step.shift;

@@ -24,12 +24,12 @@ pub struct Response {
 /// for a source that needs none.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    inside: Option<Inside>,
+    inside: Option<TypedValue>,
 }
 
 /// A value, and the name of its type for the message when another one is asked for.
 #[derive(Debug)]
-struct Inside {
+struct TypedValue {
     value: Box<dyn Any + Send>,
     name: &'static str,
 }
@@ -39,7 +39,7 @@ impl Scratch {
     pub fn new<T: Send + 'static>(value: T) -> Self {
         let (value, name) = (Box::new(value), std::any::type_name::<T>());
         Self {
-            inside: Some(Inside { value, name }),
+            inside: Some(TypedValue { value, name }),
         }
     }
 

@@ -68,7 +68,7 @@ pub(crate) trait Consumer<T>: Send {
     type Error: Send;
 
     /// Whether a rotation's energies are wanted; asked once, right before they are computed.
-    fn wants(&mut self, _member: &Member<T>) -> Result<bool, Self::Error> {
+    fn is_wanted(&mut self, _member: &Member<T>) -> Result<bool, Self::Error> {
         Ok(true)
     }
 
@@ -78,7 +78,7 @@ pub(crate) trait Consumer<T>: Send {
 }
 
 /// What became of a sweep.
-pub(crate) struct Swept<C> {
+pub(crate) struct SweepOutcome<C> {
     /// What the threads had, in no particular order.
     pub(crate) consumers: Vec<C>,
     /// False if the monitor cancelled before all groups were done.
@@ -98,7 +98,7 @@ pub(crate) fn sweep<P: NodeEnergies, T: Send, C: Consumer<T>>(
     groups: Vec<Group<T>>,
     consumer: impl Fn() -> C + Sync,
     monitor: &dyn Monitor,
-) -> Result<Swept<C>, C::Error> {
+) -> Result<SweepOutcome<C>, C::Error> {
     let threads = rayon::current_num_threads().min(groups.len());
     let left = Mutex::new(groups.into_iter());
     let failed = AtomicBool::new(false);
@@ -123,7 +123,7 @@ pub(crate) fn sweep<P: NodeEnergies, T: Send, C: Consumer<T>>(
     // A piece of work per thread, which takes groups until there are none.
     let consumers = (0..threads).into_par_iter().with_max_len(1).map(work);
     let consumers: Vec<Option<C>> = consumers.collect::<Result<_, _>>()?;
-    Ok(Swept {
+    Ok(SweepOutcome {
         consumers: consumers.into_iter().flatten().collect(),
         complete: next().is_none(),
     })
@@ -147,7 +147,7 @@ impl<P: NodeEnergies, C> Worker<'_, P, C> {
     {
         let mut wanted = Vec::with_capacity(group.members.len());
         for member in group.members {
-            match self.consumer.wants(&member)? {
+            match self.consumer.is_wanted(&member)? {
                 true => wanted.push(member),
                 false => monitor.advance(1),
             }

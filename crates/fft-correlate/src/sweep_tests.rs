@@ -37,7 +37,7 @@ struct Keeper {
 impl Consumer<()> for Keeper {
     type Error = usize;
 
-    fn wants(&mut self, member: &Member) -> Result<bool, usize> {
+    fn is_wanted(&mut self, member: &Member) -> Result<bool, usize> {
         Ok(member.row % 5 != 3)
     }
 
@@ -81,7 +81,7 @@ fn run(
     refused: Option<usize>,
     threads: usize,
     monitor: &dyn Monitor,
-) -> Result<Swept<Keeper>, usize> {
+) -> Result<SweepOutcome<Keeper>, usize> {
     let groups = half_turn_groups(&rotations());
     let groups = groups
         .iter()

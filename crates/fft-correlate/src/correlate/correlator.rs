@@ -16,7 +16,7 @@ use crate::correlate::kernels::{Fused, FusedScratch};
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::plan::{CorrelatorPlan, ProductPlan};
 use crate::correlate::real::Real;
-use crate::correlate::resample::{MovingField, SecondTurns, Turned};
+use crate::correlate::resample::{MovingField, RotatedField, RotationMoments};
 use crate::correlate::support::PairSupport;
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum};
 use crate::geometry::translation::TranslationWindow;
@@ -30,7 +30,7 @@ pub struct Correlator<T: Real = f32> {
     /// None where nothing meets in the window.
     kernels: Option<Box<Fused<T>>>,
     products: Vec<MovingFactor<T>>,
-    compiled: Compiled<T>,
+    entries: KernelEntries<T>,
 }
 
 /// Working memory of one thread; see [`Correlator::scratch`].
@@ -52,7 +52,7 @@ impl<T: Real> CorrelatorScratch<T> {
 struct MovingFactor<T> {
     field: MovingField<T>,
     /// For sums.
-    second: Option<SecondTurns<T>>,
+    second: Option<RotationMoments<T>>,
     /// Where the field may be nonzero and meet the fixed one, and the box that the transforms are
     /// given.
     within: IndexBox,
@@ -66,16 +66,16 @@ impl<T: Real> MovingFactor<T> {
         values: Option<&'a Array3<Complex<T>>>,
         rotation: DQuat,
         origin: DVec3,
-    ) -> Turned<'a, T> {
+    ) -> RotatedField<'a, T> {
         let values = values.unwrap_or(self.field.values());
         let (placed, within) = (self.placed, self.within);
-        Turned::new(&self.field, values, rotation, origin, placed, within)
+        RotatedField::new(&self.field, values, rotation, origin, placed, within)
     }
 }
 
 /// The kernels' entries. Called through pointers that are made here: crates that name a generic
 /// `Correlator<T>` would else compile all kernels again.
-struct Compiled<T: Real> {
+struct KernelEntries<T: Real> {
     score: Score<T>,
     gradient: Gradient<T>,
 }
@@ -157,12 +157,12 @@ impl<T: Real> Correlator<T> {
             let of = support(p);
             let value = |at| of.product.moving.value(pair.moving(), at);
             let nodes = of.moving?.nodes;
-            let (first, reading) = (plan.support.moving_first, plan.support.reading);
-            let field = MovingField::new(&nodes, value, first, reading);
+            let (first, interpolation) = (plan.support.moving_first, plan.support.interpolation);
+            let field = MovingField::new(&nodes, value, first, interpolation);
             Some(MovingFactor {
-                second: plan.sums.then(|| SecondTurns::new(&field)),
+                second: plan.sums.then(|| RotationMoments::new(&field)),
                 field,
-                within: p.crop.met.moving,
+                within: p.crop.overlap.moving,
                 placed: p.crop.placed,
             })
         });
@@ -170,7 +170,7 @@ impl<T: Real> Correlator<T> {
         let scale = T::nearest(plan.support.spacing.powi(3));
         let fixed = |term: usize| {
             let p: &ProductPlan = &plan.products[term];
-            let (kept, first) = (&p.crop.met.fixed, p.crop.placed.lo);
+            let (kept, first) = (&p.crop.overlap.fixed, p.crop.placed.lo);
             let (window_first, size) = (plan.window_first, plan.transform_size);
             let factor = &support(p).product.fixed;
             factor.periodic(pair.fixed(), kept, first, window_first, size, scale)
@@ -180,7 +180,7 @@ impl<T: Real> Correlator<T> {
             kernels: kernels.map(Box::new),
             products,
             plan,
-            compiled: Compiled {
+            entries: KernelEntries {
                 score: score::<T>,
                 gradient: gradient::<T>,
             },
@@ -216,7 +216,7 @@ impl<T: Real> Correlator<T> {
         mut out: ArrayViewMut3<T>,
     ) {
         let outs = std::slice::from_mut(&mut out);
-        (self.compiled.score)(self, &RotationSum::one(rotation), &[], scratch, outs);
+        (self.entries.score)(self, &RotationSum::one(rotation), &[], scratch, outs);
     }
 
     /// The scores of `rotation` followed by each of `turns`, one output each, as
@@ -256,12 +256,12 @@ impl<T: Real> Correlator<T> {
             return;
         }
         if self.plan.shares_half_turns {
-            return (self.compiled.score)(self, sum, turns, scratch, outs);
+            return (self.entries.score)(self, sum, turns, scratch, outs);
         }
         let mut times = StageTimes::default();
         for (turn, out) in turns.iter().zip(outs) {
             let out = std::slice::from_mut(out);
-            (self.compiled.score)(self, &sum.turned(*turn), &[], scratch, out);
+            (self.entries.score)(self, &sum.turned(*turn), &[], scratch, out);
             times += scratch.times;
         }
         scratch.times = times;
@@ -285,7 +285,7 @@ impl<T: Real> Correlator<T> {
         scratch: &mut CorrelatorScratch<T>,
         out: [ArrayViewMut3<'_, T>; 6],
     ) {
-        (self.compiled.gradient)(self, rotation, scratch, out);
+        (self.entries.gradient)(self, rotation, scratch, out);
     }
 }
 
@@ -364,7 +364,7 @@ fn correlate<T: Real, M: MovingRows<T>>(
 
 /// One component of the gradient of a turned field.
 pub(crate) struct Derivative<'a, T> {
-    pub(super) turned: Turned<'a, T>,
+    pub(super) turned: RotatedField<'a, T>,
     pub(super) rotation: DMat3,
     /// Position of index `[0, 0, 0]` relative to the pivot, cells of the fixed frame.
     pub(super) corner: DVec3,

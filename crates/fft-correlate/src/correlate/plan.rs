@@ -8,10 +8,10 @@ use serde::Serialize;
 use crate::correlate::contract::Sizes;
 use crate::correlate::error::CorrelateError;
 use crate::correlate::kernels::Fused;
-use crate::correlate::kernels::lane_fft::{Ends, Step, cost, known, steps, turning_steps};
+use crate::correlate::kernels::lane_fft::{LineEnds, RadixStep, cost, known, steps, turning_steps};
 use crate::correlate::overlap::{IndexBox, Overlap, overlap};
 use crate::correlate::real::Real;
-use crate::correlate::resample::{MovingField, SecondTurns};
+use crate::correlate::resample::{MovingField, RotationMoments};
 use crate::correlate::support::{PairSupport, ProductSupport};
 use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::translation::TranslationWindow;
@@ -64,9 +64,9 @@ pub struct CorrelatorPlan {
 pub struct ProductPlan {
     /// The two factors: fixed, then moving.
     pub factors: &'static str,
-    /// Nodes of the fixed factor that can meet the moving one inside the window.
+    /// QuadraticReader of the fixed factor that can meet the moving one inside the window.
     pub fixed_nodes: [usize; 3],
-    /// Nodes of the moving factor, under any rotation, that can meet the fixed one.
+    /// QuadraticReader of the moving factor, under any rotation, that can meet the fixed one.
     pub moving_nodes: [usize; 3],
     /// Its number in the support.
     #[serde(skip)]
@@ -78,15 +78,15 @@ pub struct ProductPlan {
 /// What of a product's factors is kept, as indices of the fixed lattice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Crop {
-    pub(super) met: Overlap,
-    /// The moving box that the transforms are given; holds that of `met`.
+    pub(super) overlap: Overlap,
+    /// The moving box that the transforms are given; holds that of `overlap`.
     pub(super) placed: IndexBox,
 }
 
 impl Crop {
-    fn new(met: Overlap) -> Self {
-        let placed = met.moving;
-        Self { met, placed }
+    fn new(overlap: Overlap) -> Self {
+        let placed = overlap.moving;
+        Self { overlap, placed }
     }
 }
 
@@ -191,7 +191,7 @@ impl CorrelatorPlan {
             .map(|p| crop(p, window_box, origin))
             .collect();
         let kept: Vec<Crop> = crops.iter().flatten().copied().collect();
-        let periods = kept.iter().map(|k| k.met.min_period);
+        let periods = kept.iter().map(|k| k.overlap.min_period);
         let mut size = transform_size(periods, shape, &shapes(&kept))?;
         let mirrored = if half_turns {
             symmetric(support, &crops, window_box, size)
@@ -227,8 +227,8 @@ impl CorrelatorPlan {
             match crop {
                 Some(crop) => self.products.push(ProductPlan {
                     factors: of.product.name,
-                    fixed_nodes: crop.met.fixed.shape(),
-                    moving_nodes: crop.met.moving.shape(),
+                    fixed_nodes: crop.overlap.fixed.shape(),
+                    moving_nodes: crop.overlap.moving.shape(),
                     number,
                     crop,
                 }),
@@ -249,14 +249,17 @@ impl CorrelatorPlan {
         let memory = Fused::<T>::memory(level, &sizes);
         let fields = self.products.iter().filter_map(|p| {
             let moving = self.support.products[p.number].moving.as_ref()?;
-            Some(MovingField::<T>::bytes(&moving.nodes, self.support.reading))
+            Some(MovingField::<T>::bytes(
+                &moving.nodes,
+                self.support.interpolation,
+            ))
         });
         let fields: u64 = fields.sum();
         self.shared_bytes = memory.spectra + fields;
         self.building_bytes = memory.building;
         self.scratch_bytes = memory.scratch;
         if self.sums {
-            self.shared_bytes += SecondTurns::<T>::bytes(fields);
+            self.shared_bytes += RotationMoments::<T>::bytes(fields);
             self.scratch_bytes += fields;
         }
         self.forward_transforms = 2 * self.products.len();
@@ -332,8 +335,8 @@ fn symmetric(
     }
     let middle = middle.round().to_array().map(|v| v as i64);
     let mirrored = crops.iter().zip(&support.products).map(|(crop, of)| {
-        let met = crop.as_ref()?.met;
-        Some(Crop::new(met.symmetric(of.fixed?, window, middle)))
+        let overlap = crop.as_ref()?.overlap;
+        Some(Crop::new(overlap.symmetric(of.fixed?, window, middle)))
     });
     let mut mirrored: Vec<_> = mirrored.collect();
     let kept: Vec<Crop> = mirrored.iter().flatten().copied().collect();
@@ -343,7 +346,7 @@ fn symmetric(
     }
     let shape = window.shape();
     let placed_shapes = vec![placed.shape(); kept.len()];
-    let periods = kept.iter().map(|k| k.met.min_period);
+    let periods = kept.iter().map(|k| k.overlap.min_period);
     let longer = transform_size(periods.chain([placed.shape()]), shape, &placed_shapes).ok()?;
     let alone: Vec<Crop> = crops.iter().flatten().copied().collect();
     let one = seconds(size, shape, &shapes(&alone), 1)?;
@@ -411,15 +414,15 @@ pub(crate) fn seconds(
     let [x, x_back] = turning_steps(nx, from_half, to_half)?.map(|s| line(nx, &s));
     let (from_half, to_half) = halves(1);
     let y = |from_half, to_half| {
-        let ends = Ends {
+        let ends = LineEnds {
             from_half,
             to_half,
-            ..Ends::default()
+            ..LineEnds::default()
         };
         Some(line(ny, &steps(ny, ends)?))
     };
     let (y, y_back) = (y(from_half, false)?, y(false, to_half)?);
-    let z = line(half, &steps(half, Ends::default())?);
+    let z = line(half, &steps(half, LineEnds::default())?);
     let bundles = |rows: usize| rows.div_ceil(LANES) as f64;
     let columns = (blocks * ny) as f64;
     let (mut shared, mut total) = (0.0, 0.0);
@@ -438,7 +441,7 @@ pub(crate) fn seconds(
 }
 
 /// Nanoseconds of one transform of lines of `len` points.
-fn line(len: usize, steps: &[Step]) -> f64 {
+fn line(len: usize, steps: &[RadixStep]) -> f64 {
     len as f64 * (PASS * cost(steps) + MOVE)
 }
 

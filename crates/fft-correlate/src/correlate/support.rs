@@ -10,8 +10,8 @@ use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
 use crate::pair::builder::PairPlan;
 use crate::pair::fields::Pair;
+use crate::pair::interpolation::Interpolation;
 use crate::pair::model::ScoreModel;
-use crate::pair::reading::Reading;
 
 /// Where the factors of a pair's score are nonzero. To find it every density is read once or twice;
 /// nothing is allocated for it, and plans made from it read no density.
@@ -20,7 +20,7 @@ pub struct PairSupport {
     /// Metres per cell.
     pub(super) spacing: f64,
     /// How the moving part's density is read between nodes.
-    pub(super) reading: Reading,
+    pub(super) interpolation: Interpolation,
     /// Node 0 of the fixed and of the moving lattice relative to the pivot, cells.
     pub(super) fixed_first: DVec3,
     pub(super) moving_first: DVec3,
@@ -58,7 +58,7 @@ impl PairSupport {
         let h = pair.spacing();
         let first = |field: &DensityField| (field.lattice().origin() - pair.pivot()) / h;
         let moving_first = first(pair.moving());
-        let reading = pair.reading();
+        let interpolation = pair.interpolation();
         let of_product = |product: Product| {
             let fixed = |at| product.fixed.value(pair.fixed(), at);
             let moving = |at| product.moving.value(pair.moving(), at);
@@ -68,14 +68,14 @@ impl PairSupport {
                     pair.moving().lattice().shape(),
                     moving,
                     moving_first,
-                    reading,
+                    interpolation,
                 ),
                 product,
             }
         };
         Ok(Self {
             spacing: h,
-            reading,
+            interpolation,
             fixed_first: first(pair.fixed()),
             moving_first,
             products: products(pair.model()).map(of_product).collect(),
@@ -89,7 +89,7 @@ impl MovingSupport {
         shape: [usize; 3],
         value: impl Fn([usize; 3]) -> Complex32,
         first: DVec3,
-        reading: Reading,
+        interpolation: Interpolation,
     ) -> Option<Self> {
         let nodes = support(shape, &value)?;
         let size = |at| f64::from(value(at).norm_sqr()).sqrt();
@@ -98,10 +98,10 @@ impl MovingSupport {
         for at in nodes.indices() {
             let p = first + DVec3::from_array(at.map(|a| a as f64));
             // The outermost values of a smoothed density are small, and so are their weights beyond.
-            let farthest = p.length() + corner(reading);
+            let farthest = p.length() + corner(interpolation);
             if farthest > radius && value(at) != Complex32::default() {
                 let least = NOTHING * largest / size(at);
-                radius = radius.max(p.length() + reading.reach_of_weight(least));
+                radius = radius.max(p.length() + interpolation.reach_of_weight(least));
             }
         }
         Some(Self { nodes, radius })
@@ -109,12 +109,17 @@ impl MovingSupport {
 
     /// Of nodes in a box of which [0, 0, 0] lies `first` cells from the pivot, and none that is not
     /// zero farther than `reach` cells from it.
-    pub(super) fn within(nodes: IndexBox, first: DVec3, reach: f64, reading: Reading) -> Self {
+    pub(super) fn within(
+        nodes: IndexBox,
+        first: DVec3,
+        reach: f64,
+        interpolation: Interpolation,
+    ) -> Self {
         let place = |v: [i64; 3]| (first + DVec3::from_array(v.map(|v| v as f64))).abs();
         let farthest = place(nodes.lo).max(place(nodes.hi.map(|v| v - 1)));
         Self {
             nodes,
-            radius: reach.min(farthest.length()) + corner(reading),
+            radius: reach.min(farthest.length()) + corner(interpolation),
         }
     }
 
@@ -131,8 +136,8 @@ impl MovingSupport {
 }
 
 /// How far a node counts at most, cells.
-fn corner(reading: Reading) -> f64 {
-    reading.reach_of_weight(0.0)
+fn corner(interpolation: Interpolation) -> f64 {
+    interpolation.reach_of_weight(0.0)
 }
 
 /// The bounding box of the nonzero values, or `None`.
@@ -278,14 +283,14 @@ impl PairSupport {
                     nodes,
                     moving_first,
                     (reach + spread) / h + CUT,
-                    plan.reading(),
+                    plan.interpolation(),
                 )),
                 product,
             }
         };
         Self {
             spacing: h,
-            reading: plan.reading(),
+            interpolation: plan.interpolation(),
             fixed_first,
             moving_first,
             products: products(&plan.model).map(of_product).collect(),

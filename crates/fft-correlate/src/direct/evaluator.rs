@@ -22,8 +22,8 @@ use crate::geometry::se3::{Pose, Wrench};
 use crate::pair::builder::{PairBuildError, coarser};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
+use crate::pair::interpolation::Interpolation;
 use crate::pair::model::Side;
-use crate::pair::reading::Reading;
 use crate::vectors;
 
 /// How many points a [`DirectEvaluator`] uses.
@@ -230,7 +230,7 @@ impl DirectEvaluator {
                 field(looked_up),
                 term.lookup,
                 coarsest.map_or(0, |l| l + 1),
-                Reading::Trilinear,
+                Interpolation::Trilinear,
             )
             .map_err(|found| DirectError::Size {
                 side: looked_up,
@@ -305,7 +305,7 @@ impl DirectEvaluator {
     /// Adds a product of points with a smoothed density.
     fn add(&mut self, term: &Term, points: &[Point], to: &DensityField) -> Result<(), DirectError> {
         let grids =
-            LookupGrid::pyramid(to, term.lookup, 1, Reading::Quadratic).map_err(|found| {
+            LookupGrid::pyramid(to, term.lookup, 1, Interpolation::Quadratic).map_err(|found| {
                 DirectError::Size {
                     side: term.points.other(),
                     limit: LookupGrid::MAX_NODES,

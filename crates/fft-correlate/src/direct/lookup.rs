@@ -15,7 +15,7 @@ use sdf_grid::DensityField;
 use crate::direct::quadrature::Point;
 use crate::direct::terms::Blend;
 use crate::geometry::se3::Pose;
-use crate::pair::reading::Reading;
+use crate::pair::interpolation::Interpolation;
 use crate::vectors::{dispatch_lanes, inlined, transposed};
 
 /// Layers of zeros around the values: in the outermost layer of cells value and gradient are zero,
@@ -34,7 +34,7 @@ pub(super) struct LookupGrid {
     spacing: f64,
     /// Spacing of the density's lattice, metres; the unit of point sets.
     cell: f64,
-    reading: Reading,
+    interpolation: Interpolation,
 }
 
 impl LookupGrid {
@@ -48,21 +48,25 @@ impl LookupGrid {
         field: &DensityField,
         blend: Blend,
         levels: usize,
-        reading: Reading,
+        interpolation: Interpolation,
     ) -> Result<Vec<Self>, u64> {
         let Some(values) = Values::new(field, blend) else {
             return Ok(Vec::new());
         };
-        let cell = Self::new(&values, field.lattice().spacing(), reading)?;
+        let cell = Self::new(&values, field.lattice().spacing(), interpolation)?;
         let mut grids = vec![cell];
         for level in 1..levels {
-            let smoothed = values.for_blocks(level, reading);
-            grids.push(Self::new(&smoothed, field.lattice().spacing(), reading)?);
+            let smoothed = values.for_blocks(level, interpolation);
+            grids.push(Self::new(
+                &smoothed,
+                field.lattice().spacing(),
+                interpolation,
+            )?);
         }
         Ok(grids)
     }
 
-    fn new(values: &Values, cell: f64, reading: Reading) -> Result<Self, u64> {
+    fn new(values: &Values, cell: f64, interpolation: Interpolation) -> Result<Self, u64> {
         let inner = values.shape;
         let shape = inner.map(|n| n + 2 * PAD);
         let nodes = shape.iter().map(|&n| n as u64).product::<u64>();
@@ -86,7 +90,7 @@ impl LookupGrid {
             origin: values.origin - spacing * PAD as f64,
             spacing,
             cell,
-            reading,
+            interpolation,
         })
     }
 
@@ -132,9 +136,9 @@ impl Values {
 
     /// The values that a point standing for a block of `2^level` cells per side should see: the
     /// mean over the block.
-    fn for_blocks(&self, level: usize, reading: Reading) -> Self {
+    fn for_blocks(&self, level: usize, interpolation: Interpolation) -> Self {
         let stride = 1 << (level - 1);
-        let width = box_nodes(reading, stride);
+        let width = box_nodes(interpolation, stride);
         let mut out = Self {
             values: self.values.clone(),
             shape: self.shape,
@@ -194,15 +198,15 @@ fn occupied(field: &DensityField, blend: Blend) -> Option<([usize; 3], [usize; 3
 /// Nodes per side of the box of nodes over which a point sees the mean that stands for `2^level`
 /// of them per side, when it looks at every `stride`-th node.
 ///
-/// Reading at a spacing of `s` cells smooths with variance s²/6 per axis trilinearly, in the
+/// Interpolation at a spacing of `s` cells smooths with variance s²/6 per axis trilinearly, in the
 /// mean over all places, s²/4 by B-splines; the block asks for `(4^level - 1) / 12` on top of
 /// what reading single cells does. A box of n nodes makes up the difference:
 /// `n² = 2 s² + 2`, or `s² + 3`. Cubes have isotropic covariance, so this holds for every
 /// rotation between the two.
-fn box_nodes(reading: Reading, stride: usize) -> usize {
-    let squared = match reading {
-        Reading::Trilinear => 2 * stride * stride + 2,
-        Reading::Quadratic => stride * stride + 3,
+fn box_nodes(interpolation: Interpolation, stride: usize) -> usize {
+    let squared = match interpolation {
+        Interpolation::Trilinear => 2 * stride * stride + 2,
+        Interpolation::Quadratic => stride * stride + 3,
     };
     (squared as f64).sqrt().round() as usize
 }
@@ -234,7 +238,7 @@ impl Map {
     #[inline(always)]
     fn misses(&self, cluster: &Cluster, grid: &LookupGrid) -> bool {
         // The first value stands at index PAD.
-        let inside = (PAD as f64 - grid.reading.reach()) as f32;
+        let inside = (PAD as f64 - grid.interpolation.reach()) as f32;
         (0..3).any(|a| {
             let r = self.rows[a];
             let c = cluster.centre;
@@ -686,10 +690,10 @@ pub(super) fn sum<const IMAGINARY: bool>(
 ) -> Sums {
     let map = Map::new(points, grid, motion);
     let mut totals = [0.0f64; 8];
-    match grid.reading {
-        Reading::Trilinear => dispatch_lanes!(level, simd =>
+    match grid.interpolation {
+        Interpolation::Trilinear => dispatch_lanes!(level, simd =>
             sum_trilinear::<_, IMAGINARY>(simd, points, grid, &map, &mut totals)),
-        Reading::Quadratic => dispatch_lanes!(level, simd =>
+        Interpolation::Quadratic => dispatch_lanes!(level, simd =>
             sum_quadratic::<_, IMAGINARY>(simd, points, grid, &map, &mut totals)),
     }
     let [re, im, gx, gy, gz, mx, my, mz] = totals;

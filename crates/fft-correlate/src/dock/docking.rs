@@ -94,7 +94,7 @@ pub struct DockingResult {
     pub close: usize,
     /// Why these were not decided on a finer lattice, if they should have been.
     pub undecided: Option<PairBuildError>,
-    /// Why poses were ranked by cell averages instead of smoothed densities and contact, if they
+    /// Why poses were ranked by cell averaging_builder instead of smoothed densities and contact, if they
     /// were: faces too many to be summed over.
     pub averaged: Option<ContactError>,
     /// Wall time of the density fields, seconds.
@@ -137,7 +137,7 @@ struct Fields {
     /// Under the setup's own halo, if that is not the search's.
     own: Option<Pair>,
     gamma: f64,
-    /// Why the fine pair is of cell averages, if it had to be.
+    /// Why the fine pair is of cell averaging_builder, if it had to be.
     averaged: Option<ContactError>,
     /// Wall time they took.
     seconds: f64,
@@ -207,7 +207,9 @@ impl<'a> Docking<'a> {
         let mut undecided = None;
         if close > 1 && !monitor.cancelled() {
             let began = Instant::now();
-            let finer = self.deciding().and_then(|plan| self.build(&plan, monitor));
+            let finer = self
+                .rerank_plan()
+                .and_then(|plan| self.build(&plan, monitor));
             field_seconds += began.elapsed().as_secs_f64();
             match finer {
                 Ok(finer) => {
@@ -281,12 +283,12 @@ impl<'a> Docking<'a> {
     fn fields(&self, plan: &DockingPlan, monitor: &dyn Monitor) -> Result<Fields, DockingError> {
         let [screening, coarse, fine] = &plan.pairs;
         let began = Instant::now();
-        let (fine, averaged) = self.ranking(fine, monitor)?;
+        let (fine, averaged) = self.ranking_pair(fine, monitor)?;
         let own = match (&plan.own, &averaged) {
             (None, _) => None,
             (Some(own), None) => Some(self.build(own, monitor)?),
             (Some(_), Some(_)) => {
-                let plan = self.own_plan(&self.averages())?;
+                let plan = self.own_plan(&self.averaging_builder())?;
                 Some(self.build(&plan, monitor)?)
             }
         };
@@ -307,8 +309,8 @@ impl<'a> Docking<'a> {
         })
     }
 
-    /// The pair by which poses are ranked: of cell averages where the surfaces cannot be summed over.
-    fn ranking(
+    /// The pair by which poses are ranked: of cell averaging_builder where the surfaces cannot be summed over.
+    fn ranking_pair(
         &self,
         plan: &PairPlan,
         monitor: &dyn Monitor,
@@ -316,7 +318,7 @@ impl<'a> Docking<'a> {
         let setup = self.setup;
         match self.build(plan, monitor) {
             Err(PairBuildError::Contact(reason)) => {
-                let builder = self.averages();
+                let builder = self.averaging_builder();
                 let [_, _, plan] =
                     (self.lattices).plans(self.fixed(), &setup.moving, &setup.model, &builder)?;
                 Ok((self.build(&plan, monitor)?, Some(reason)))
@@ -335,11 +337,17 @@ impl<'a> Docking<'a> {
         plan.build(self.fixed(), &self.setup.moving, cache, monitor)
     }
 
-    /// The pair on half the fine spacing.
-    fn deciding(&self) -> Result<PairPlan, PairBuildError> {
-        let setup = self.setup;
-        self.lattices
-            .deciding_plan(self.fixed(), &setup.moving, &setup.model, &setup.builder)
+    /// The pair by which close poses are ranked anew: on half the fine spacing, with eight times its
+    /// memory and time.
+    fn rerank_plan(&self) -> Result<PairPlan, PairBuildError> {
+        let (setup, spacing) = (self.setup, 0.5 * self.lattices.fine);
+        (self.lattices).plan(
+            spacing,
+            self.fixed(),
+            &setup.moving,
+            &setup.model,
+            &setup.builder,
+        )
     }
 
     /// The setup's pair on the fine lattice, with as long a halo as it chooses itself.
@@ -352,7 +360,7 @@ impl<'a> Docking<'a> {
     }
 
     /// How pairs are built whose surfaces cannot be summed over.
-    fn averages(&self) -> PairBuilder {
+    fn averaging_builder(&self) -> PairBuilder {
         PairBuilder {
             smoothing: None,
             ..self.setup.builder
@@ -472,12 +480,12 @@ pub(super) fn pose_reports(
     mating: &[f64],
     back: &Pose,
 ) -> Result<Vec<DockingPose>, DockingError> {
-    let ranking = finest.with_model(report.model)?;
+    let ranking_pair = finest.with_model(report.model)?;
     let conditions: Vec<f64> = report
         .poses
         .par_iter()
         .take(CONDITION_POSES)
-        .map(|p| Condition::at(&ranking, &p.pose).number())
+        .map(|p| Condition::at(&ranking_pair, &p.pose).number())
         .collect();
     let source = DirectEvaluator::new(own, &DirectOptions::FULL)?;
     let perfect = own.mould_score();

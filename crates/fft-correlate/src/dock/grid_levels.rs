@@ -90,22 +90,11 @@ impl GridLevels {
         ])
     }
 
-    /// The plan of the pair by which [`rerank`](super::search::rerank) tells close poses apart: half the fine
-    /// spacing, eight times its memory and time.
+    /// The plan of the pair on one spacing, metres; `builder` gives all but spacing and halo.
     ///
     /// # Errors
     /// As [`PairBuilder::plan`].
-    pub fn deciding_plan(
-        &self,
-        fixed: &TriangleMesh,
-        moving: &TriangleMesh,
-        model: &ScoreModel,
-        builder: &PairBuilder,
-    ) -> Result<PairPlan, PairBuildError> {
-        self.plan(0.5 * self.fine, fixed, moving, model, builder)
-    }
-
-    fn plan(
+    pub fn plan(
         &self,
         spacing: f64,
         fixed: &TriangleMesh,

@@ -205,7 +205,7 @@ impl Scan<'_> {
     ) -> (Vec<Candidate>, usize) {
         let here = |row| range.contains(&row).then_some(());
         let groups = groups.iter().filter_map(|g| Group::of(g, here));
-        let best = || Best {
+        let best = || BestMaxima {
             scan: self,
             found: Vec::new(),
             scored: 0,
@@ -240,13 +240,13 @@ impl Scan<'_> {
 }
 
 /// What one thread has found.
-struct Best<'a> {
+struct BestMaxima<'a> {
     scan: &'a Scan<'a>,
     found: Vec<Candidate>,
     scored: usize,
 }
 
-impl Consumer<()> for Best<'_> {
+impl Consumer<()> for BestMaxima<'_> {
     type Error = Infallible;
 
     fn take(&mut self, node: Member, scores: &mut [f32]) -> Result<(), Infallible> {

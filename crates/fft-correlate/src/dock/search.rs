@@ -92,11 +92,11 @@ pub fn search(
         .collect();
     let apart = (0.7 * domain.step, 2.0 * coarse.spacing());
     let mut poses = refinement.distinct(&poses, apart, options.coarse_poses);
-    poses.truncate(promising(&poses, options));
+    poses.truncate(count_promising(&poses, options));
     if monitor.cancelled() {
         poses.truncate(options.top);
     } else {
-        poses = refined(poses, [&coarse, &fine], &refinement, &mut stages)?;
+        poses = refine_on_both_levels(poses, [&coarse, &fine], &refinement, &mut stages)?;
     }
     for p in &mut poses {
         p.rotation = chosen[p.rotation];
@@ -154,7 +154,7 @@ fn choose_rotations(
 }
 
 /// Coarse and fine descent.
-fn refined(
+fn refine_on_both_levels(
     poses: Vec<FoundPose>,
     [coarse, fine]: [&Pair; 2],
     refinement: &LocalRefinement<'_>,
@@ -184,7 +184,7 @@ fn refined(
 
 /// How many of the poses, lowest energy first, may lead to the deepest: those that the coarse
 /// lattice could have blurred so, but at least twice as many as go on from the first steps.
-fn promising(poses: &[FoundPose], options: &SearchOptions) -> usize {
+fn count_promising(poses: &[FoundPose], options: &SearchOptions) -> usize {
     let lowest = poses.first().map_or(0.0, |p| p.energy);
     let near = |p: &FoundPose| p.energy <= (1.0 - options.blur) * lowest;
     poses
@@ -272,11 +272,10 @@ fn screen_rotations(
     Ok(chosen)
 }
 
-/// Ranks the poses of a search anew where it left them too close to call ([`SearchResult::close`]):
-/// those go downhill on the lattice of `finer`, and all take their energy, and width from
-/// it. `finer` is the same parts with the search's pivot, usually on half the spacing
-/// ([`crate::GridLevels::deciding_plan`]); `domain` and `options` are the search's. When the
-/// monitor cancels, the report stays as it is.
+/// Ranks poses anew that a search left too close to call ([`SearchResult::close`]): they are refined
+/// on the lattice of `finer`, and all poses take energy and width from it. `finer` is the pair of
+/// the same parts and pivot, usually on half the spacing; `domain` and `options` are the search's.
+/// When the monitor cancels, the result stays as it is.
 ///
 /// # Errors
 /// If the weights are out of range or a part has no interior on the lattice.

@@ -148,7 +148,13 @@ fn close_poses_are_told_apart_on_a_finer_lattice() {
     let lattices = GridLevels::new(&moving);
     let builder = PairBuilder::default();
     let plan = lattices
-        .deciding_plan(&fixed, &moving, &ScoreModel::GUIDED, &builder)
+        .plan(
+            0.5 * lattices.fine,
+            &fixed,
+            &moving,
+            &ScoreModel::GUIDED,
+            &builder,
+        )
         .unwrap();
     let finer = built(&plan, &fixed, &moving);
     rerank(

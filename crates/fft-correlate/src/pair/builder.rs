@@ -13,8 +13,8 @@ use sdf_grid::{
 
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
+use crate::pair::interpolation::Interpolation;
 use crate::pair::model::{PairRecipe, ScoreModel};
-use crate::pair::reading::Reading;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -322,10 +322,10 @@ impl PairPlan {
     }
 
     /// How the densities are read between nodes.
-    pub(crate) fn reading(&self) -> Reading {
+    pub(crate) fn interpolation(&self) -> Interpolation {
         match self.smoothing {
-            Some(_) => Reading::Quadratic,
-            None => Reading::Trilinear,
+            Some(_) => Interpolation::Quadratic,
+            None => Interpolation::Trilinear,
         }
     }
 

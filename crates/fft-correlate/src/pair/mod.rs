@@ -3,8 +3,8 @@
 pub(crate) mod builder;
 pub(crate) mod contact;
 pub(crate) mod fields;
+pub(crate) mod interpolation;
 pub(crate) mod model;
-pub(crate) mod reading;
 pub(crate) mod setup;
 
 pub use builder::{PairPlan, default_halo, default_spacing};

@@ -64,9 +64,11 @@ pub(super) enum Cover {
 
 impl Atlas {
     /// Where a rotation, turned onto its chart, is read instead.
-    pub(super) fn rest(&self, q: DQuat) -> Option<Rest> {
+    pub(super) fn rest(&self, q: DQuat) -> Option<RadialStop> {
         match self.cover {
-            Cover::Ball { center, angle, .. } => Away::of(q, center).rest(angle, REST * self.step),
+            Cover::Ball { center, angle, .. } => {
+                RelativeRotation::of(q, center).rest(angle, REST * self.step)
+            }
             _ => None,
         }
     }
@@ -138,13 +140,13 @@ fn seam_width(a: DQuat, b: DQuat, symmetry: &Option<Symmetry>, half_step: f64) -
 
 /// A rotation from another by an angle, scalar part not negative.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Away {
+pub(super) struct RelativeRotation {
     pub(super) rotation: DQuat,
     /// Radians.
     pub(super) angle: f64,
 }
 
-impl Away {
+impl RelativeRotation {
     /// From `center` to `q`.
     pub(super) fn of(q: DQuat, center: DQuat) -> Self {
         Self::by(q * center.conjugate())
@@ -170,15 +172,15 @@ impl Away {
     }
 
     /// Where a rotation outside a ball of radius `angle` is read; `None` inside.
-    pub(super) fn rest(&self, angle: f64, margin: f64) -> Option<Rest> {
-        (self.angle > angle).then(|| Rest::new(self.rotation, self.angle, angle, margin))
+    pub(super) fn rest(&self, angle: f64, margin: f64) -> Option<RadialStop> {
+        (self.angle > angle).then(|| RadialStop::new(self.rotation, self.angle, angle, margin))
     }
 }
 
 /// How a rotation outside a ball moves where it is read: towards the centre about the axis that
 /// leads there, so that the radial slope comes to rest just outside.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Rest {
+pub(crate) struct RadialStop {
     axis: DVec3,
     /// Angle by which the rotation is turned, about the axis.
     turn: f64,
@@ -188,7 +190,7 @@ pub(crate) struct Rest {
     across: f64,
 }
 
-impl Rest {
+impl RadialStop {
     /// For a rotation `r` from the ball's centre (`r.w >= 0`) by an angle of `found`, greater than
     /// the ball's `angle`; the slope comes to rest over `margin`. Radians.
     pub(crate) fn new(r: DQuat, found: f64, angle: f64, margin: f64) -> Self {
@@ -229,7 +231,7 @@ mod tests {
             let r = q * center.conjugate();
             let r = if r.w < 0.0 { -r } else { r };
             let found = 2.0 * r.xyz().length().atan2(r.w);
-            let rest = Rest::new(r, found, angle, margin);
+            let rest = RadialStop::new(r, found, angle, margin);
             (rest.apply(q), rest)
         };
         let probe = DVec3::new(0.4, -0.7, 0.2);

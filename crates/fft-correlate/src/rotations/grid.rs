@@ -13,7 +13,7 @@ use glam::{DQuat, DVec3};
 use crate::geometry::half_turn::{HalfTurnGroup, RotationSum, groups_where};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::geometry::taps::{Edge, Reach, Taps};
-use crate::rotations::atlas::{Atlas, Away, Cover, Patch, Rest};
+use crate::rotations::atlas::{Atlas, Cover, Patch, RadialStop, RelativeRotation};
 use crate::rotations::build;
 use crate::rotations::chart::{Chart, node_sum};
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
@@ -33,7 +33,7 @@ pub(crate) struct Site<'a> {
     /// The pose to read at, but for [`Site::rest`].
     pub(crate) pose: Pose,
     /// Where a rotation outside the domain is read instead.
-    pub(crate) rest: Option<Rest>,
+    pub(crate) rest: Option<RadialStop>,
     pub(crate) chart: &'a Chart,
     pub(crate) taps: [Taps; 3],
     /// Gradients of the three chart coordinates (in nodes) by a turn of what is read.
@@ -47,13 +47,13 @@ pub(crate) struct Site<'a> {
 }
 
 /// How far a rotation is covered, and what is read there counts, with the gradient by a turn.
-struct Covered {
+struct Coverage {
     coverage: f64,
     weight: f64,
     gradient: DVec3,
 }
 
-impl Covered {
+impl Coverage {
     const WHOLE: Self = Self {
         coverage: 1.0,
         weight: 1.0,
@@ -61,7 +61,7 @@ impl Covered {
     };
 
     /// Beyond `angle` coverage ends over `margin`, what is read fades over `fade`; radians.
-    fn beyond(away: &Away, angle: f64, margin: f64, fade: f64) -> Self {
+    fn beyond(away: &RelativeRotation, angle: f64, margin: f64, fade: f64) -> Self {
         let (weight, gradient) = away.beyond(angle, fade);
         Self {
             coverage: away.beyond(angle, margin).0,
@@ -347,15 +347,15 @@ impl RotationGrid {
     }
 
     /// How far a folded rotation is covered.
-    fn covered(&self, chart: &Chart, q: DQuat) -> Covered {
+    fn covered(&self, chart: &Chart, q: DQuat) -> Coverage {
         let (step, fade) = (self.atlas.step, self.atlas.fade);
         match self.atlas.cover {
-            Cover::All | Cover::List { .. } => Covered::WHOLE,
+            Cover::All | Cover::List { .. } => Coverage::WHOLE,
             Cover::Ball {
                 center,
                 angle,
                 margin,
-            } => Covered::beyond(&Away::of(q, center), angle, margin, fade),
+            } => Coverage::beyond(&RelativeRotation::of(q, center), angle, margin, fade),
             Cover::Spin { margin } => {
                 let r = chart.relative(q);
                 let twist = DQuat::from_xyzw(0.0, 0.0, r.z, r.w);
@@ -364,8 +364,9 @@ impl RotationGrid {
                     _ => r,
                 };
                 // A turn of r turns its swing alike, up to a twist, which leaves the tilt as it is.
-                let covered = Covered::beyond(&Away::by(swing), 0.0, margin * step, fade);
-                Covered {
+                let covered =
+                    Coverage::beyond(&RelativeRotation::by(swing), 0.0, margin * step, fade);
+                Coverage {
                     gradient: chart.frame * covered.gradient,
                     ..covered
                 }
@@ -382,8 +383,8 @@ impl RotationGrid {
                 (row, best) = (k, closeness);
             }
         }
-        let away = Away::of(q, self.atlas.nodes[row]);
-        let covered = Covered::beyond(&away, 0.0, margin, self.atlas.fade);
+        let away = RelativeRotation::of(q, self.atlas.nodes[row]);
+        let covered = Coverage::beyond(&away, 0.0, margin, self.atlas.fade);
         let mut taps = [Taps::open(0.0, 1); 3];
         taps[0].nodes = [row; 4];
         Site {

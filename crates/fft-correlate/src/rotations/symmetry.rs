@@ -83,18 +83,18 @@ pub(crate) enum Fold {
     /// metres).
     Moving {
         shift: DVec3,
-        slide: Option<Slide>,
+        slide: Option<TwistCorrection>,
     },
     /// The fixed part was turned: the whole pose by `turn`.
     Fixed {
         turn: DQuat,
-        slide: Option<Slide>,
+        slide: Option<TwistCorrection>,
     },
 }
 
 /// A turn that itself depends on the pose: it keeps the twist about the axis at zero.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Slide {
+pub(crate) struct TwistCorrection {
     /// The axis at the folded pose: direction, and a point relative to the moving part's origin.
     axis: DVec3,
     arm: DVec3,
@@ -102,7 +102,7 @@ pub(crate) struct Slide {
     rate: DVec3,
 }
 
-impl Slide {
+impl TwistCorrection {
     /// The wrench against perturbations of the pose before the slide.
     fn pull_back(&self, wrench: &Wrench) -> Wrench {
         let work = self.axis.dot(wrench.about(self.arm).torque);
@@ -259,7 +259,13 @@ impl Symmetry {
         }
     }
 
-    fn slide(&self, folded: &Pose, center: DQuat, axis: DVec3, arm: DVec3) -> Option<Slide> {
+    fn slide(
+        &self,
+        folded: &Pose,
+        center: DQuat,
+        axis: DVec3,
+        arm: DVec3,
+    ) -> Option<TwistCorrection> {
         if !self.is_continuous() {
             return None;
         }
@@ -270,7 +276,7 @@ impl Symmetry {
         // No twist: v . a = 0. A turn changes it by omega . k / 2, the slide by w / 2 per radian.
         let k = p.w * self.axis + p.xyz().cross(self.axis);
         let rate = self.in_fixed_frame(k / p.w.max(1e-9), center);
-        Some(Slide { axis, arm, rate })
+        Some(TwistCorrection { axis, arm, rate })
     }
 }
 

@@ -13,7 +13,7 @@ use sdf_grid::Monitor;
 
 use crate::geometry::half_turn::HalfTurnGroup;
 use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
-use crate::table::encode::{Encoded, Probe, encode, probe};
+use crate::table::encode::{EncodedNode, Probe, encode, probe};
 use crate::table::error::TableError;
 use crate::table::spec::TableSpec;
 use crate::table::store::error::StoreError;
@@ -123,7 +123,7 @@ pub fn bake_files<P: NodeEnergies>(
     if rank >= size {
         return Err(BakeError::Share { rank, size });
     }
-    let store = begun(files, spec, producer, share)?;
+    let store = open_or_create(files, spec, producer, share)?;
     let _held = files.hold(size == 1)?;
     let grid = store.grid();
     let groups = grid.half_turn_groups();
@@ -137,7 +137,7 @@ pub fn bake_files<P: NodeEnergies>(
     let writer = || Writer {
         store: &store,
         unit: producer.unit(),
-        encoded: Encoded::default(),
+        encoded: EncodedNode::default(),
         done: BakeResult::default(),
     };
     let swept = sweep(producer, spec.window.shape(), groups, writer, monitor)?;
@@ -154,7 +154,7 @@ pub fn bake_files<P: NodeEnergies>(
 }
 
 /// The table that is there, or a new one.
-fn begun<P: NodeEnergies>(
+fn open_or_create<P: NodeEnergies>(
     files: &TableFiles,
     spec: &TableSpec,
     producer: &P,
@@ -184,7 +184,7 @@ struct Writer<'a> {
     store: &'a TableStore,
     /// The producer's, joules.
     unit: f32,
-    encoded: Encoded,
+    encoded: EncodedNode,
     /// What this thread has done.
     done: BakeResult,
 }
@@ -192,7 +192,7 @@ struct Writer<'a> {
 impl Consumer<()> for Writer<'_> {
     type Error = BakeError;
 
-    fn wants(&mut self, node: &Member) -> Result<bool, BakeError> {
+    fn is_wanted(&mut self, node: &Member) -> Result<bool, BakeError> {
         self.store.chunks().clean(node.row)?;
         let state = self.store.state(node.row)?;
         let damaged = !matches!(state, ChunkState::Finished | ChunkState::Missing);

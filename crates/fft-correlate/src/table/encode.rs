@@ -79,7 +79,7 @@ fn to_joules(
 
 /// Stored numbers of one rotation node, C order.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Encoded {
+pub(crate) struct EncodedNode {
     pub(crate) codes: Vec<u16>,
     /// Bricks in which every energy is the far energy, and all bricks.
     pub(crate) bricks: [usize; 2],
@@ -94,7 +94,7 @@ pub(crate) fn encode(
     row: usize,
     unit: f32,
     energies: &mut [f32],
-    out: &mut Encoded,
+    out: &mut EncodedNode,
 ) -> Result<(), TableError> {
     to_joules(&spec.window, unit, row, energies)?;
     let joules = energies;

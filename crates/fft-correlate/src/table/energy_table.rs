@@ -16,7 +16,7 @@ use crate::rotations::atlas::MARGIN;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::{RotationGrid, Site};
 use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
-use crate::table::encode::{Encoded, Probe, encode, far_code, probe};
+use crate::table::encode::{EncodedNode, Probe, encode, far_code, probe};
 use crate::table::error::TableError;
 use crate::table::layout::{Layout, Row, Rows, zeroed_pages};
 use crate::table::spec::TableSpec;
@@ -63,7 +63,7 @@ impl EnergyTable {
             let filler = || Filler {
                 plan,
                 unit,
-                encoded: Encoded::default(),
+                encoded: EncodedNode::default(),
             };
             let shape = plan.spec.window.shape();
             match sweep(producer, shape, groups.collect(), filler, monitor)?.complete {
@@ -217,7 +217,7 @@ struct Filler<'a> {
     plan: &'a Plan,
     /// The producer's, joules.
     unit: f32,
-    encoded: Encoded,
+    encoded: EncodedNode,
 }
 
 impl<'a> Consumer<&'a mut [u16]> for Filler<'_> {
@@ -258,14 +258,14 @@ impl EnergySource for EnergyTable {
 
 /// An interpolated value and its slopes per node, above the far energy, joules.
 #[derive(Debug, Clone, Copy)]
-struct Reading {
+struct PatchValue {
     energy: f64,
     translation: DVec3,
     rotation: [f64; 3],
 }
 
 /// What is read at a place, above the far energy.
-struct Read {
+struct Contribution {
     /// Joules.
     energy: f64,
     /// Slopes per node.
@@ -274,7 +274,7 @@ struct Read {
     turn: DVec3,
 }
 
-impl Read {
+impl Contribution {
     /// One everywhere.
     const ONE: Self = Self {
         energy: 1.0,
@@ -282,7 +282,7 @@ impl Read {
         turn: DVec3::ZERO,
     };
 
-    fn new(reading: &Reading, site: &Site<'_>) -> Self {
+    fn new(reading: &PatchValue, site: &Site<'_>) -> Self {
         Self {
             energy: reading.energy,
             translation: reading.translation,
@@ -305,7 +305,7 @@ struct Place<'a> {
 impl Place<'_> {
     /// Adds the patch's share of what is read, as far as it counts here, to an energy and its
     /// wrench, differentiated as a product.
-    fn add(&self, read: &Read, to: &mut Response) {
+    fn add(&self, read: &Contribution, to: &mut Response) {
         let (site, reach) = (self.site, &self.displacement.reach);
         let [cx, cy, cz] = reach.each_ref().map(|r| r.weight);
         let [sx, sy, sz] = reach.each_ref().map(|r| r.weight_slope);
@@ -421,11 +421,11 @@ impl<'t> Reader<'t> {
             displacement: &displacement,
             spacing: window.spacing(),
         };
-        place.add(&Read::new(&reading, site), response);
+        place.add(&Contribution::new(&reading, site), response);
         // Outside, contact is that of the pose that is read.
         match (&self.plan.spec.contact, place.is_inside()) {
             (Some(contact), false) => place.add(&self.contact_at(contact, &place), response),
-            _ => place.add(&Read::ONE, covered),
+            _ => place.add(&Contribution::ONE, covered),
         }
         let window_coverage: f64 = displacement.reach.iter().map(|r| r.coverage).product();
         let coverage = site.coverage * window_coverage;
@@ -434,7 +434,7 @@ impl<'t> Reader<'t> {
     }
 
     /// What smoothing took from the energy where a place is read.
-    fn contact_at(&self, contact: &Contact, place: &Place<'_>) -> Read {
+    fn contact_at(&self, contact: &Contact, place: &Place<'_>) -> Contribution {
         let (window, pivot) = (&self.plan.spec.window, self.plan.spec.pivot());
         let rotation = place.site.rotation();
         let at = DVec3::from_array(place.displacement.reach.each_ref().map(|r| r.at));
@@ -444,7 +444,7 @@ impl<'t> Reader<'t> {
             translation: displacement + pivot - arm,
         });
         let gamma = self.plan.spec.model().gamma;
-        Read {
+        Contribution {
             energy: -gamma * lost.score,
             translation: -gamma * window.spacing() * lost.gradient,
             turn: -gamma * (lost.moment - arm.cross(lost.gradient)),
@@ -487,7 +487,7 @@ impl<'t> Reader<'t> {
         chart: &Chart,
         rotation: &[Taps; 3],
         translation: &[Taps; 3],
-    ) -> Option<Reading> {
+    ) -> Option<PatchValue> {
         let mut taps = [RotationTap::default(); 64];
         let (count, absent) = self.rotation_taps(chart, rotation, &mut taps)?;
         let [_, ty, tz] = translation;
@@ -506,7 +506,7 @@ impl<'t> Reader<'t> {
         };
         let (y, z) = (&along_y.weights, &along_z.weights);
         let far = self.plan.spec.far_energy;
-        Some(Reading {
+        Some(PatchValue {
             energy: total(0, y, z) + far * absent[0] - far,
             translation: DVec3::new(
                 total(1, y, z),

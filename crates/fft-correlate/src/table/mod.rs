@@ -16,5 +16,5 @@ pub(crate) mod store;
 pub use accuracy::Errors;
 pub use design::{TablePlan, TableSetupError};
 pub use launcher::LauncherError;
-pub use store::header::FORMAT_VERSION;
+pub use store::metadata::FORMAT_VERSION;
 pub use store::table_store::ChunkState;

@@ -14,7 +14,7 @@ use crate::table::spec::TableSpec;
 use crate::table::stencil::value_of;
 
 /// The definition: every product of six weights with a stored energy, in double precision.
-fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> Reading {
+fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> PatchValue {
     let far = table.spec().far_energy;
     let stored = |rotation: [usize; 3], node: [usize; 3]| {
         let [_, ny, nz] = chart.shape;
@@ -40,7 +40,7 @@ fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3])
             *sum += (0..6).map(weight).product::<f64>() * e;
         }
     }
-    Reading {
+    PatchValue {
         energy: sums[0] - far,
         translation: DVec3::new(sums[1], sums[2], sums[3]),
         rotation: [sums[4], sums[5], sums[6]],
@@ -95,7 +95,7 @@ fn readings_are_those_of_the_definition() {
                 let (r, t) = (&site.taps, &displacement.taps);
                 let fast = table.reader().read(site.chart, r, t).unwrap();
                 let slow = read_slowly(&table, site.chart, r, t);
-                let numbers = |r: &Reading| {
+                let numbers = |r: &PatchValue| {
                     [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()
                 };
                 for (a, b) in numbers(&fast).iter().zip(numbers(&slow)) {

@@ -197,7 +197,7 @@ impl Search<'_> {
                 true => met = met.max(step),
                 false => missed = missed.min(step),
             }
-            let next = foretold(step, error, lattice, asked).min(MAX_STEP);
+            let next = predicted_step(step, error, lattice, asked).min(MAX_STEP);
             // Between the two there is little to gain.
             if met > 0.0 && (next.min(missed / WORTHWHILE) < WORTHWHILE * met) {
                 break;
@@ -231,7 +231,7 @@ impl Search<'_> {
         }
     }
 
-    /// How far small tables around the rotations held out, with rotation nodes `step` degrees apart, are
+    /// How far small tables probe_rotations the rotations held out, with rotation nodes `step` degrees apart, are
     /// from direct quadrature.
     fn probe(
         &self,
@@ -245,7 +245,7 @@ impl Search<'_> {
         for (index, held_out) in held_out.iter().enumerate() {
             let rotation = held_out_rotation(whole, index as u64);
             let spec = TableSpec {
-                rotations: around(&whole.rotations, rotation, ASIDE[index], step),
+                rotations: probe_rotations(&whole.rotations, rotation, ASIDE[index], step),
                 symmetry: None,
                 ..whole.clone()
             };
@@ -258,7 +258,7 @@ impl Search<'_> {
 
 /// The step at which the error should be the one asked for, where it is `error` with `step` and
 /// `lattice` with none: errors add like squares.
-fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
+fn predicted_step(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
     let share = |whole: f64| (whole * whole - lattice * lattice).max(0.0).sqrt();
     let wanted = share(asked) / share(error).max(f64::MIN_POSITIVE);
     step * wanted
@@ -270,7 +270,7 @@ fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
 fn held_out(whole: &TableSpec, direct: &DirectEvaluator) -> Vec<HeldOut> {
     let at = |index| {
         let spec = TableSpec {
-            rotations: alone(held_out_rotation(whole, index)),
+            rotations: single_rotation(held_out_rotation(whole, index)),
             ..whole.clone()
         };
         HeldOut::drawn(&spec, direct, POSES, SEEDS[1] + index)
@@ -283,7 +283,7 @@ fn held_out_rotation(whole: &TableSpec, index: u64) -> DQuat {
     random_pose(whole, 17, index).rotation
 }
 
-fn alone(rotation: DQuat) -> RotationDomain {
+fn single_rotation(rotation: DQuat) -> RotationDomain {
     RotationDomain::List {
         rotations: vec![rotation.to_array()],
         margin_deg: 5.0,
@@ -291,9 +291,14 @@ fn alone(rotation: DQuat) -> RotationDomain {
 }
 
 /// The rotations of a probe that holds `rotation`, `aside` steps from its middle.
-fn around(whole: &RotationDomain, rotation: DQuat, aside: DVec3, step_deg: f64) -> RotationDomain {
+fn probe_rotations(
+    whole: &RotationDomain,
+    rotation: DQuat,
+    aside: DVec3,
+    step_deg: f64,
+) -> RotationDomain {
     match whole {
-        RotationDomain::List { .. } => alone(rotation),
+        RotationDomain::List { .. } => single_rotation(rotation),
         RotationDomain::Spin { axis, .. } => {
             let along = DVec3::from_array(*axis).normalize();
             let back = DQuat::from_axis_angle(along, -aside.x * step_deg.to_radians());

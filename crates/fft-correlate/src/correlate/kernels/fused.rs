@@ -10,7 +10,7 @@ use rustfft::FftPlanner;
 
 use crate::correlate::contract::{Memory, MovingRows, Sizes};
 use crate::correlate::kernels::image::{Image, ImageSizes};
-use crate::correlate::kernels::lane_fft::{Ends, LaneFft};
+use crate::correlate::kernels::lane_fft::{LaneFft, LineEnds};
 use crate::correlate::kernels::layout::{Layout, MAX_TERMS, halves, lanes, planes};
 use crate::correlate::kernels::tile::{Buffer, Tile};
 use crate::correlate::real::Real;
@@ -96,10 +96,10 @@ impl<T: Real> Fused<T> {
         );
         let layout = Layout::new(&sizes, lanes::<T>(level));
         let y = |from_half, to_half| {
-            let ends = Ends {
+            let ends = LineEnds {
                 from_half,
                 to_half,
-                ..Ends::default()
+                ..LineEnds::default()
             };
             fft(size[1], ends)
         };
@@ -123,7 +123,7 @@ impl<T: Real> Fused<T> {
             is_large: Self::memory(level, &sizes).spectra > CACHED,
             x,
             y: y(y_from_half, false),
-            z: fft(layout.half, Ends::default()),
+            z: fft(layout.half, LineEnds::default()),
             twist,
             places: (0..layout.line_elements.max(size[0]).max(size[1]))
                 .map(|y| y * 2 * layout.lanes)

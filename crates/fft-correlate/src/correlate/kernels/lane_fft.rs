@@ -31,14 +31,14 @@ pub(crate) struct LaneFft<T> {
 
 #[derive(Debug, Clone)]
 struct Pass<T> {
-    step: Step,
+    step: RadixStep,
     /// For every block of the pass, the factors of outputs 1 to `radix - 1`.
     twiddles: Vec<[T; 2]>,
 }
 
 impl<T: Real> LaneFft<T> {
     /// A transform of `len` points; `None` if `len` is zero or has a prime factor above 5.
-    pub(crate) fn new(len: usize, ends: Ends) -> Option<Self> {
+    pub(crate) fn new(len: usize, ends: LineEnds) -> Option<Self> {
         Some(Self::of(len, steps(len, ends)?))
     }
 
@@ -49,7 +49,7 @@ impl<T: Real> LaneFft<T> {
         Some([Self::of(len, there), Self::of(len, back)])
     }
 
-    fn of(len: usize, steps: Vec<Step>) -> Self {
+    fn of(len: usize, steps: Vec<RadixStep>) -> Self {
         let mut rest = len;
         let passes = steps.into_iter().map(|step| {
             let radix = step.radix;
@@ -173,7 +173,7 @@ impl<T: Real> LaneFft<T> {
             }
             return;
         }
-        let Step { radix, half } = self.passes[count - 1].step;
+        let RadixStep { radix, half } = self.passes[count - 1].step;
         let stride = self.len / radix;
         match (half, radix) {
             (true, 8) => pass_to_half::<S, T, 4>(simd, stride, self.first_output, read, store),
@@ -301,7 +301,7 @@ fn middle_pass<S: Simd, T: Real>(
 
 /// What is known of both ends of a transform, and how its passes must begin and end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Ends {
+pub(crate) struct LineEnds {
     /// The second half of the input is zero and not read.
     pub(crate) from_half: bool,
     /// The second half of the output is not wanted and not written.
@@ -313,7 +313,7 @@ pub(crate) struct Ends {
 
 /// One pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Step {
+pub(crate) struct RadixStep {
     pub(crate) radix: usize,
     /// Half of the inputs (of a first pass) or of the outputs (of a last one) are left out.
     pub(crate) half: bool,
@@ -327,7 +327,7 @@ const HALF: [(usize, f64); 2] = [(16, 2.1), (8, 1.5)];
 /// Cost of a pass that only copies: at an end whose pass does not read or write by itself.
 const COPY: f64 = 0.9;
 
-impl Step {
+impl RadixStep {
     /// Whether the pass reads the input, or writes the result, by itself.
     pub(crate) fn streams(self) -> bool {
         self.half || matches!(self.radix, 4 | 8)
@@ -342,15 +342,15 @@ impl Step {
 
 /// The cheapest passes for a transform; `None` if `len` is zero, has a prime factor above 5, or no
 /// passes end as asked.
-pub(crate) fn steps(len: usize, ends: Ends) -> Option<Vec<Step>> {
-    let mut best: Option<(f64, Vec<Step>)> = None;
-    let mut offer = |steps: Vec<Step>| {
+pub(crate) fn steps(len: usize, ends: LineEnds) -> Option<Vec<RadixStep>> {
+    let mut best: Option<(f64, Vec<RadixStep>)> = None;
+    let mut offer = |steps: Vec<RadixStep>| {
         let cost = cost(&steps);
         if best.as_ref().is_none_or(|b| cost < b.0) {
             best = Some((cost, steps));
         }
     };
-    let whole = |radix| Step { radix, half: false };
+    let whole = |radix| RadixStep { radix, half: false };
     if len == 1
         && [ends.first, ends.last]
             .iter()
@@ -375,22 +375,26 @@ pub(crate) fn steps(len: usize, ends: Ends) -> Option<Vec<Step>> {
 
 /// Whether a transform of this length has passes at all.
 pub(crate) fn known(len: usize) -> bool {
-    steps(len, Ends::default()).is_some()
+    steps(len, LineEnds::default()).is_some()
 }
 
 /// Passes there and back such that the last radix there is the first one back: with two transforms
 /// there for each one back, the cheapest.
-pub(crate) fn turning_steps(len: usize, from_half: bool, to_half: bool) -> Option<[Vec<Step>; 2]> {
+pub(crate) fn turning_steps(
+    len: usize,
+    from_half: bool,
+    to_half: bool,
+) -> Option<[Vec<RadixStep>; 2]> {
     let pair = |radix: usize| {
-        let there = Ends {
+        let there = LineEnds {
             from_half,
             last: Some(radix),
-            ..Ends::default()
+            ..LineEnds::default()
         };
-        let back = Ends {
+        let back = LineEnds {
             to_half,
             first: Some(radix),
-            ..Ends::default()
+            ..LineEnds::default()
         };
         Some([steps(len, there)?, steps(len, back)?])
     };
@@ -398,19 +402,19 @@ pub(crate) fn turning_steps(len: usize, from_half: bool, to_half: bool) -> Optio
         .into_iter()
         .filter_map(pair)
         .min_by(|[a, b], [c, d]| {
-            let cost = |there: &[Step], back: &[Step]| 2.0 * cost(there) + cost(back);
+            let cost = |there: &[RadixStep], back: &[RadixStep]| 2.0 * cost(there) + cost(back);
             cost(a, b).total_cmp(&cost(c, d))
         })
 }
 
 /// Passes that a transform of `len` points may begin or end with.
-fn candidates(len: usize, asked: Option<usize>, half: bool) -> impl Iterator<Item = Step> {
+fn candidates(len: usize, asked: Option<usize>, half: bool) -> impl Iterator<Item = RadixStep> {
     let halves = HALF.iter().filter(move |_| half && asked.is_none());
-    let halves = halves.map(|(radix, _)| Step {
+    let halves = halves.map(|(radix, _)| RadixStep {
         radix: *radix,
         half: true,
     });
-    let whole = WHOLE.iter().map(|(radix, _)| Step {
+    let whole = WHOLE.iter().map(|(radix, _)| RadixStep {
         radix: *radix,
         half: false,
     });
@@ -434,7 +438,7 @@ fn middle(len: usize) -> Option<Vec<usize>> {
 }
 
 /// Cost per element, compared with a pass of radix 2.
-pub(crate) fn cost(steps: &[Step]) -> f64 {
+pub(crate) fn cost(steps: &[RadixStep]) -> f64 {
     let copies = match steps {
         [] => 2,
         [_] => 1,
@@ -474,7 +478,7 @@ mod tests {
     fn error<T: Real>(
         level: Level,
         len: usize,
-        ends: Ends,
+        ends: LineEnds,
         first: usize,
         rng: &mut SmallRng,
     ) -> f64 {
@@ -490,7 +494,7 @@ mod tests {
         // A plan may do without leaving out halves.
         let mut steps = ours.passes.iter().map(|p| p.step);
         let kept = |half: bool| if half { len / 2 } else { len };
-        let half = |s: Option<Step>| s.is_some_and(|s| s.half);
+        let half = |s: Option<RadixStep>| s.is_some_and(|s| s.half);
         let read = kept(ends.from_half && half(steps.clone().next()));
         let written = kept(ends.to_half && half(steps.next_back()));
         let (mut wrong, mut size) = (0.0, 0.0);
@@ -525,10 +529,10 @@ mod tests {
         for len in (1..=longest).filter(|n| known(*n)) {
             seen += 1;
             for (from_half, to_half) in [(false, false), (true, false), (false, true)] {
-                let ends = Ends {
+                let ends = LineEnds {
                     from_half,
                     to_half,
-                    ..Ends::default()
+                    ..LineEnds::default()
                 };
                 let first = if to_half { rng.random_range(0..len) } else { 0 };
                 for level in levels() {
@@ -543,14 +547,14 @@ mod tests {
         assert_eq!(seen, expected, "lengths of the form 2^a 3^b 5^c");
     }
 
-    fn product(steps: &[Step]) -> usize {
+    fn product(steps: &[RadixStep]) -> usize {
         steps.iter().map(|s| s.radix).product()
     }
 
     #[test]
     fn radices_multiply_to_the_length_or_there_are_none() {
         for len in 1..2000 {
-            match steps(len, Ends::default()) {
+            match steps(len, LineEnds::default()) {
                 Some(s) => assert_eq!(product(&s), len),
                 None => assert!((7..=len).any(|p| len % p == 0 && p % 2 * (p % 3) * (p % 5) > 0)),
             }
@@ -561,7 +565,7 @@ mod tests {
                     continue;
                 };
                 assert_eq!((product(&there), product(&back)), (len, len));
-                let turn = |s: Option<&Step>| s.map_or(1, |s| s.radix);
+                let turn = |s: Option<&RadixStep>| s.map_or(1, |s| s.radix);
                 assert_eq!(turn(there.last()), turn(back.first()), "{len}");
                 // Only the outer ends may leave out halves.
                 assert!(
@@ -580,9 +584,9 @@ mod tests {
     #[test]
     fn halves_are_left_out_where_that_saves_a_pass() {
         let radices = |len, from_half| -> Vec<usize> {
-            let ends = Ends {
+            let ends = LineEnds {
                 from_half,
-                ..Ends::default()
+                ..LineEnds::default()
             };
             let steps = steps(len, ends).unwrap();
             steps.iter().map(|s| s.radix).collect()

@@ -21,13 +21,13 @@
 //!
 //! # Memory safety
 //! Kernels reach their memory through [`tile::Tile`]s, whose every access is checked, and the
-//! moving field through [`corners::Corners`] or [`nodes::Nodes`], which check a place once for all
-//! nodes around it. All `unsafe` code of correlations is in these three files and in [`buffer`]
-//! (hints to the caches).
+//! moving field through [`interpolation::TrilinearReader`] or [`interpolation::QuadraticReader`],
+//! which check a place once for all nodes around it. All `unsafe` code of correlations is in these
+//! two files.
 
-pub(crate) mod corners;
 mod fused;
 mod image;
+pub(crate) mod interpolation;
 pub(crate) mod lane_fft;
 mod layout;
 pub(crate) mod radix;

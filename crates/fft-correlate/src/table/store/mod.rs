@@ -9,7 +9,7 @@ mod array;
 mod cloud;
 pub(crate) mod error;
 pub(crate) mod files;
-pub(crate) mod header;
+pub(crate) mod metadata;
 pub(crate) mod table_store;
 
 /// A folder, an object store or memory.

@@ -11,7 +11,7 @@ use crate::pair::model::PairRecipe;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
-use crate::table::encode::{Encoded, Probe, far_code};
+use crate::table::encode::{EncodedNode, Probe, far_code};
 use crate::table::energy_table::{EnergyTable, Plan};
 use crate::table::error::TableError;
 use crate::table::layout::Layout;
@@ -20,7 +20,7 @@ use crate::table::stencil::value_of;
 use crate::table::store::array::{TableArray, most_packed, pack, unpack};
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::header::{
+use crate::table::store::metadata::{
     FORMAT_VERSION, Header, Identity, PartSize, coefficient_array, expect_coordinates,
     read_surfaces, write_empty_table,
 };
@@ -332,7 +332,7 @@ impl Chunks {
     ///
     /// # Panics
     /// If there are not as many coefficients as the window has nodes.
-    pub(crate) fn write(&self, row: usize, encoded: &Encoded) -> Result<(), StoreError> {
+    pub(crate) fn write(&self, row: usize, encoded: &EncodedNode) -> Result<(), StoreError> {
         let nodes = self.header.table.window.len();
         assert_eq!(encoded.codes.len(), nodes, "one coefficient per node");
         let codes = encoded.codes.iter().flat_map(|c| c.to_le_bytes());

@@ -45,7 +45,7 @@ pub(super) struct Header {
 
 /// What a table's identity is made of.
 #[derive(Serialize)]
-struct Material<'a> {
+struct IdentityKeys<'a> {
     format: u32,
     energy_unit: f64,
     negligible: f64,
@@ -66,7 +66,7 @@ struct Attributes<T> {
 
 /// Another format may have other keys.
 #[derive(Deserialize)]
-struct Numbered {
+struct FormatNumber {
     format: u64,
 }
 
@@ -92,7 +92,7 @@ impl Header {
 
     /// What the energies depend on: all of this but the placement, the error and who made it.
     pub(super) fn identity(&self) -> Identity {
-        Identity::of(&Material {
+        Identity::of(&IdentityKeys {
             format: self.format,
             energy_unit: self.energy_unit,
             negligible: self.negligible,
@@ -126,7 +126,7 @@ impl Header {
             item,
             reason,
         };
-        let numbered: Group<Numbered> =
+        let numbered: Group<FormatNumber> =
             serde_json::from_slice(text).map_err(|e| metadata("zarr.json", e.to_string()))?;
         let found = numbered.attributes.pegfit.format;
         if found != u64::from(FORMAT_VERSION) {

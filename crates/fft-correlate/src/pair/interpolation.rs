@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// How densities are read between the nodes of their lattices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Reading {
+pub(crate) enum Interpolation {
     /// From eight nodes; passes through the values.
     Trilinear,
     /// By quadratic B-splines from 27 nodes: smooths by a quarter of a squared spacing per axis,
@@ -12,10 +12,10 @@ pub(crate) enum Reading {
     Quadratic,
 }
 
-/// Weights up to which [`Reading::reach_of_weight`] is told apart.
+/// Weights up to which [`Interpolation::reach_of_weight`] is told apart.
 const SMALL: f64 = 0.01;
 
-impl Reading {
+impl Interpolation {
     /// Distance per axis beyond which a node counts for nothing, cells.
     pub(crate) fn reach(self) -> f64 {
         match self {
@@ -77,12 +77,12 @@ mod tests {
     use super::*;
 
     /// Weight of a node at a place relative to it.
-    fn weight(reading: Reading, place: DVec3) -> f64 {
-        let first = reading.first(place);
+    fn weight(interpolation: Interpolation, place: DVec3) -> f64 {
+        let first = interpolation.first(place);
         let of = |a: usize| {
             let n = -first[a];
-            let read = (0.0..reading.nodes() as f64).contains(&n);
-            read.then(|| reading.tap(place[a] - first[a], n as usize).0)
+            let read = (0.0..interpolation.nodes() as f64).contains(&n);
+            read.then(|| interpolation.tap(place[a] - first[a], n as usize).0)
         };
         (0..3).map(|a| of(a).unwrap_or(0.0)).product()
     }
@@ -91,16 +91,16 @@ mod tests {
     fn beyond_the_reach_of_a_weight_there_is_none_larger() {
         let mut rng = SmallRng::seed_from_u64(3);
         for least in [0.0, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.2, 1.0] {
-            for reading in [Reading::Trilinear, Reading::Quadratic] {
-                let reach = reading.reach_of_weight(least);
-                assert!((1.0..=3f64.sqrt() * reading.reach()).contains(&reach));
+            for interpolation in [Interpolation::Trilinear, Interpolation::Quadratic] {
+                let reach = interpolation.reach_of_weight(least);
+                assert!((1.0..=3f64.sqrt() * interpolation.reach()).contains(&reach));
                 for _ in 0..100_000 {
                     let mut c = || rng.random_range(-1.5..1.5);
                     let place = DVec3::new(c(), c(), c());
-                    let found = weight(reading, place);
+                    let found = weight(interpolation, place);
                     assert!(
                         place.length() <= reach || found <= least.max(1e-12) * (1.0 + 1e-9),
-                        "{reading:?} {least}: {found} at {place}"
+                        "{interpolation:?} {least}: {found} at {place}"
                     );
                 }
             }

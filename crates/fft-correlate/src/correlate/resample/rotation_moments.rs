@@ -1,6 +1,6 @@
 //! Sums of a field over a few near rotations, as a table's nodes need them, by one rotation.
 //!
-//! Turned by small `t` about the pivot, a field is `g + L_t g + L_t² g / 2` with `L_t g = -(t × q) ·
+//! RotatedField by small `t` about the pivot, a field is `g + L_t g + L_t² g / 2` with `L_t g = -(t × q) ·
 //! ∇g`. Over the rotations of a sum first orders cancel, and second orders add up to products of
 //! six fields, made once, with the second moments of the `t`. What is left out is of fourth order
 //! in them and, where a chart of rotations is curved, a first order that does not quite cancel.
@@ -12,7 +12,7 @@ use ndarray::Array3;
 use num_complex::{Complex, Complex64};
 
 use crate::correlate::real::Real;
-use crate::correlate::resample::field::{BORDER, MovingField};
+use crate::correlate::resample::moving_field::{BORDER, MovingField};
 use crate::geometry::half_turn::RotationSum;
 use crate::vectors;
 use crate::vectors::dispatch_lanes;
@@ -21,13 +21,13 @@ use crate::vectors::dispatch_lanes;
 const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
 /// What turns about the pivot change in second order; see the file.
-pub(crate) struct SecondTurns<T> {
+pub(crate) struct RotationMoments<T> {
     /// The second derivatives by turns about two axes of the moving frame.
     fields: [Array3<Complex<T>>; PAIRS.len()],
 }
 
-impl<T: Real> SecondTurns<T> {
-    /// Of a field, by differences of fourth order. Nodes that hold nothing stay empty.
+impl<T: Real> RotationMoments<T> {
+    /// Of a field, by differences of fourth order. QuadraticReader that hold nothing stay empty.
     pub(crate) fn new(field: &MovingField<T>) -> Self {
         let shape = field.values.dim();
         let mut fields = [(); PAIRS.len()].map(|()| Array3::zeros(shape));
@@ -196,7 +196,7 @@ mod tests {
 
     use super::*;
     use crate::correlate::overlap::IndexBox;
-    use crate::pair::reading::Reading;
+    use crate::pair::interpolation::Interpolation;
 
     /// Blobs some four cells wide: sums of a few turned fields against the one field that stands
     /// for them. Turns by 0.05 move the rim by half a cell; the sum differs from the field by 7 %, of
@@ -215,14 +215,14 @@ mod tests {
             num_complex::Complex32::new(v.re as f32, v.im as f32)
         };
         let support = IndexBox::of_shape([42; 3]);
-        let field = MovingField::<f64>::new(&support, value, first, Reading::Quadratic);
+        let field = MovingField::<f64>::new(&support, value, first, Interpolation::Quadratic);
         let mut found = Array3::zeros(field.values.dim());
         let base = DQuat::from_xyzw(0.3, -0.2, 0.5, 0.7).normalize();
         let corners = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]];
         let turns = corners.map(|c| 0.03 * DVec3::from_array(c.map(f64::from)));
         let others = turns.map(|t| DQuat::from_scaled_axis(t) * base);
         let sum = RotationSum::less(base, &others, 1.1);
-        SecondTurns::new(&field).sum(&field, &sum, &mut found);
+        RotationMoments::new(&field).sum(&field, &sum, &mut found);
         let (mut off, mut changed, mut size) = (0f64, 0f64, 0f64);
         for at in support.indices() {
             let q = place(at);

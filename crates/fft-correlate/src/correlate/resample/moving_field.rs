@@ -8,10 +8,10 @@ use crate::correlate::kernels::lanes;
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
 use crate::correlate::resample::hull::Hull;
-use crate::pair::reading::Reading;
+use crate::pair::interpolation::Interpolation;
 use crate::vectors;
 
-/// Nodes of zeros around the stored values: a coordinate beyond them, moved into the outermost
+/// QuadraticReader of zeros around the stored values: a coordinate beyond them, moved into the outermost
 /// cell, reads zeros, so that interpolation needs no case at the rim.
 pub(super) const BORDER: usize = 2;
 
@@ -21,9 +21,9 @@ pub(crate) struct MovingField<T> {
     pub(super) values: Array3<Complex<T>>,
     /// Position of `values[[0, 0, 0]]` relative to the pivot, in cells of the moving frame.
     pub(super) first: DVec3,
-    pub(super) occupied: Occupied,
+    pub(super) occupied: Occupancy,
     pub(super) hull: Hull,
-    pub(super) reading: Reading,
+    pub(super) interpolation: Interpolation,
 }
 
 impl<T: Real> MovingField<T> {
@@ -33,10 +33,10 @@ impl<T: Real> MovingField<T> {
         support: &IndexBox,
         value: impl Fn([usize; 3]) -> Complex32,
         first: DVec3,
-        reading: Reading,
+        interpolation: Interpolation,
     ) -> Self {
         let offset = support.lo.map(|lo| lo - BORDER as i64);
-        let mut values = Array3::zeros(stored(support, reading));
+        let mut values = Array3::zeros(stored(support, interpolation));
         for at in support.indices() {
             let v = value(at);
             if v != Complex32::default() {
@@ -45,10 +45,10 @@ impl<T: Real> MovingField<T> {
             }
         }
         Self {
-            occupied: Occupied::new(&values, lanes::<T>(vectors::native()), reading),
-            hull: Hull::new(&values, reading),
+            occupied: Occupancy::new(&values, lanes::<T>(vectors::native()), interpolation),
+            hull: Hull::new(&values, interpolation),
             values,
-            reading,
+            interpolation,
             first: first + DVec3::from_array(offset.map(|o| o as f64)),
         }
     }
@@ -59,15 +59,15 @@ impl<T: Real> MovingField<T> {
         &self,
         at: DVec3,
     ) -> Option<impl Iterator<Item = ([usize; 3], DVec3, DVec3)>> {
-        let (count, first) = (self.reading.nodes(), self.reading.first(at));
+        let (count, first) = (self.interpolation.nodes(), self.interpolation.first(at));
         let (nx, ny, nz) = self.values.dim();
         let end = first + count as f64;
         let shape = DVec3::new(nx as f64, ny as f64, nz as f64);
         if !(first.cmpge(DVec3::ZERO).all() && end.cmple(shape).all()) {
             return None;
         }
-        let reading = self.reading;
-        let of = move |a: usize, n: usize| reading.tap(at[a] - first[a], n);
+        let interpolation = self.interpolation;
+        let of = move |a: usize, n: usize| interpolation.tap(at[a] - first[a], n);
         Some((0..count * count * count).map(move |flat| {
             let n = [flat / count / count, flat / count % count, flat % count];
             let [x, y, z] = [0, 1, 2].map(|a| of(a, n[a]));
@@ -87,42 +87,46 @@ impl<T: Real> MovingField<T> {
     }
 
     /// Bytes of the stored values.
-    pub(crate) fn bytes(support: &IndexBox, reading: Reading) -> u64 {
-        let nodes: usize = stored(support, reading).iter().product();
+    pub(crate) fn bytes(support: &IndexBox, interpolation: Interpolation) -> u64 {
+        let nodes: usize = stored(support, interpolation).iter().product();
         (nodes * size_of::<Complex<T>>()) as u64
     }
 }
 
 /// The shape of the stored values. Three nodes in a row are read with a fourth.
-fn stored(support: &IndexBox, reading: Reading) -> [usize; 3] {
+fn stored(support: &IndexBox, interpolation: Interpolation) -> [usize; 3] {
     let [x, y, z] = support.shape().map(|s| s + 2 * BORDER);
-    [x, y, z + usize::from(reading == Reading::Quadratic)]
+    [
+        x,
+        y,
+        z + usize::from(interpolation == Interpolation::Quadratic),
+    ]
 }
 
-/// Nodes along each side of the blocks whose emptiness is known.
+/// QuadraticReader along each side of the blocks whose emptiness is known.
 const BLOCK: f64 = 4.0;
 
 /// Samples along z that are taken or skipped together, for all lanes of y.
 pub(super) const PATCH: usize = 8;
 
 /// Where a field may be nonzero within reach of a patch of samples.
-pub(super) struct Occupied {
+pub(super) struct Occupancy {
     /// Whether a patch with its middle in this block of [`BLOCK`] cells may see anything.
     blocks: Array3<bool>,
     /// Blocks before the one that holds node 0.
     before: f64,
 }
 
-impl Occupied {
+impl Occupancy {
     /// For patches of `lanes` times [`PATCH`] samples one cell apart.
     pub(super) fn new<T: Real>(
         values: &Array3<Complex<T>>,
         lanes: usize,
-        reading: Reading,
+        interpolation: Interpolation,
     ) -> Self {
         let half = |n: usize| (n as f64 - 1.0) / 2.0;
         // From the middle to the farthest sample, and on to the farthest node that it reads.
-        let reach = half(lanes).hypot(half(PATCH)) + 3f64.sqrt() * reading.reach();
+        let reach = half(lanes).hypot(half(PATCH)) + 3f64.sqrt() * interpolation.reach();
         let before = (reach / BLOCK).ceil() as usize;
         let shape = values.dim();
         let count = |n: usize| n.div_ceil(BLOCK as usize) + 2 * before;

@@ -10,7 +10,7 @@ use crate::vectors::transposed;
 
 /// A field's numbers, read at the corners of cells.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Corners<'a, T> {
+pub(crate) struct TrilinearReader<'a, T> {
     /// From the near and the far y of the near and the far x of the first cell on: each begins
     /// later than the one before, and all end together.
     rows: [&'a [T]; 4],
@@ -44,7 +44,7 @@ pub(super) fn first_number(place: i32, count: usize, length: usize) -> usize {
     }
 }
 
-impl<'a, T: Real> Corners<'a, T> {
+impl<'a, T: Real> TrilinearReader<'a, T> {
     /// Of a field in standard layout.
     pub(crate) fn new(values: &'a Array3<Complex<T>>) -> Self {
         let (_, ny, nz) = values.dim();
@@ -131,13 +131,13 @@ const READ: usize = 8;
 
 /// A field's numbers, read at the 27 nodes around a place.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Nodes<'a, T> {
+pub(crate) struct QuadraticReader<'a, T> {
     /// From the first node on, for three x and each three y: each begins later than the one before,
     /// and all end together.
     rows: [&'a [T]; 9],
 }
 
-impl<'a, T: Real> Nodes<'a, T> {
+impl<'a, T: Real> QuadraticReader<'a, T> {
     /// Of a field in standard layout.
     pub(crate) fn new(values: &'a Array3<Complex<T>>) -> Self {
         let (_, ny, nz) = values.dim();

@@ -9,16 +9,16 @@ use ndarray::Array3;
 use num_complex::Complex;
 
 use crate::correlate::contract::MovingRows;
-use crate::correlate::kernels::corners::{Cells, Corners, Nodes};
+use crate::correlate::kernels::interpolation::{Cells, QuadraticReader, TrilinearReader};
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
-use crate::correlate::resample::field::{BORDER, MovingField, PATCH};
-use crate::correlate::resample::hull::TurnedHull;
-use crate::pair::reading::Reading;
+use crate::correlate::resample::hull::RotatedHull;
+use crate::correlate::resample::moving_field::{BORDER, MovingField, PATCH};
+use crate::pair::interpolation::Interpolation;
 use crate::vectors::inlined;
 
-/// A field turned by one rotation; see [`Turned::new`].
-pub(crate) struct Turned<'a, T> {
+/// A field turned by one rotation; see [`RotatedField::new`].
+pub(crate) struct RotatedField<'a, T> {
     pub(super) field: &'a MovingField<T>,
     /// The field's own, or others at its nodes.
     pub(super) values: &'a Array3<Complex<T>>,
@@ -26,11 +26,11 @@ pub(crate) struct Turned<'a, T> {
     pub(super) step: DMat3,
     /// Moving-lattice index of fixed-lattice index `[0, 0, 0]` of the box.
     pub(super) start: DVec3,
-    pub(super) hull: TurnedHull,
+    pub(super) hull: RotatedHull,
     pub(super) bounds: [Range<usize>; 3],
 }
 
-impl<'a, T: Real> Turned<'a, T> {
+impl<'a, T: Real> RotatedField<'a, T> {
     /// `values` at the nodes of `field`, empty where it is, turned by `rotation`, at the fixed-lattice
     /// indices of `within`, counted from the corner of `placed`, a box around it; index 0 lies
     /// `origin` cells from the pivot.
@@ -85,7 +85,7 @@ fn bounds<T: Real>(
     let (nx, ny, nz) = field.values.dim();
     let half = DVec3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0) / 2.0;
     // What reads no node but those of the border.
-    let outer = BORDER as f64 - field.reading.reach();
+    let outer = BORDER as f64 - field.interpolation.reach();
     let middle = *matrix * (field.first + half) - corner;
     let reach = DVec3::from_array(std::array::from_fn(|a| {
         matrix.row(a).abs().dot(half - outer)
@@ -99,15 +99,15 @@ fn bounds<T: Real>(
     })
 }
 
-impl<T: Real> MovingRows<T> for Turned<'_, T> {
+impl<T: Real> MovingRows<T> for RotatedField<'_, T> {
     fn bounds(&self) -> [Range<usize>; 3] {
         self.bounds.clone()
     }
 
     fn fill_lanes<S: Simd>(&self, simd: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
-        match self.field.reading {
-            Reading::Trilinear => sample::<S, T, false>(simd, self, x, y, bundle),
-            Reading::Quadratic => sample::<S, T, true>(simd, self, x, y, bundle),
+        match self.field.interpolation {
+            Interpolation::Trilinear => sample::<S, T, false>(simd, self, x, y, bundle),
+            Interpolation::Quadratic => sample::<S, T, true>(simd, self, x, y, bundle),
         }
     }
 }
@@ -117,7 +117,7 @@ impl<T: Real> MovingRows<T> for Turned<'_, T> {
 #[simd]
 fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
-    turned: &Turned<'_, T>,
+    turned: &RotatedField<'_, T>,
     x: usize,
     y: usize,
     bundle: &mut [T],
@@ -167,15 +167,15 @@ fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
 /// A field's numbers, as they are read in either way.
 #[derive(Clone, Copy)]
 struct Values<'a, T> {
-    corners: Corners<'a, T>,
-    nodes: Nodes<'a, T>,
+    corners: TrilinearReader<'a, T>,
+    nodes: QuadraticReader<'a, T>,
 }
 
 impl<'a, T: Real> Values<'a, T> {
     fn new(values: &'a Array3<Complex<T>>) -> Self {
         Self {
-            corners: Corners::new(values),
-            nodes: Nodes::new(values),
+            corners: TrilinearReader::new(values),
+            nodes: QuadraticReader::new(values),
         }
     }
 
@@ -197,7 +197,7 @@ const MOST_PARTS: usize = 2;
 #[inline(always)]
 fn find_patch<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
-    turned: &Turned<'_, T>,
+    turned: &RotatedField<'_, T>,
     at: DVec3,
     cells: &mut [Cells<T::Eight<S>>],
 ) {
@@ -262,7 +262,7 @@ fn span<const QUADRATIC: bool>(ny: usize, nz: usize) -> usize {
 #[inline(always)]
 fn find_cells<S: Simd, T: Real, const QUADRATIC: bool>(
     simd: S,
-    turned: &Turned<'_, T>,
+    turned: &RotatedField<'_, T>,
     at: DVec3,
     first: usize,
     cells: &mut [Cells<T::Eight<S>>],

@@ -14,7 +14,7 @@ use crate::dock::rotations::{search_rotations, symmetry_group};
 use crate::dock::search::rerank;
 use crate::dock::state::BATCH;
 use crate::geometry::se3::Pose;
-use crate::pair::builder::{PairBuilder, PairPlan};
+use crate::pair::builder::PairBuilder;
 use crate::pair::model::ScoreModel;
 
 fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
@@ -28,13 +28,6 @@ fn parts(off: &Pose) -> [TriangleMesh; 2] {
     let plate = shapes::prism(&rectangle(28.0, 32.0), &[rectangle(8.0, 14.0)], 0.012).unwrap();
     let rod = shapes::prism(&rectangle(8.0, 14.0), &[], 0.012).unwrap();
     [plate, rod.transformed(off.rotation, off.translation)]
-}
-
-fn built(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Pair {
-    plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-        sdf_grid::DensityField::compute(mesh, kernel, lattice, options, &Silent)
-    })
-    .unwrap()
 }
 
 struct Setup {
@@ -52,7 +45,7 @@ fn setup(off: &Pose, step: f64) -> Setup {
     let plans = lattices
         .plans(&fixed, &moving, &ScoreModel::GUIDED, &builder)
         .unwrap();
-    let pairs = plans.map(|plan| built(&plan, &fixed, &moving));
+    let pairs = plans.map(|plan| plan.build(&fixed, &moving, None, &Silent).unwrap());
     let step = step.to_radians();
     Setup {
         pairs,
@@ -156,7 +149,7 @@ fn close_poses_are_told_apart_on_a_finer_lattice() {
             &builder,
         )
         .unwrap();
-    let finer = built(&plan, &fixed, &moving);
+    let finer = plan.build(&fixed, &moving, None, &Silent).unwrap();
     rerank(
         &mut report,
         &finer,

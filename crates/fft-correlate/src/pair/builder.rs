@@ -272,9 +272,7 @@ impl PairBuilder {
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
         let plan = self.plan(fixed, moving, model)?;
-        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-            DensityField::compute(mesh, kernel, lattice, options, monitor)
-        })
+        plan.build(fixed, moving, None, monitor)
     }
 }
 
@@ -349,26 +347,24 @@ impl PairPlan {
         }
     }
 
-    /// Computes both densities with `compute` (mesh, kernel, lattice, options), first the fixed
-    /// part's: the place for a cache.
+    /// The pair; with a cache, fields that it holds are read and those that it lacks are kept there.
     ///
     /// # Errors
-    /// What `compute` returns, with the part's name, or a mismatch of the fields it returned.
-    pub fn build_with(
+    /// As [`DensityField::compute`], with the part's name.
+    pub fn build(
         &self,
         fixed: &TriangleMesh,
         moving: &TriangleMesh,
-        mut compute: impl FnMut(
-            &TriangleMesh,
-            &DensityKernel,
-            &Lattice,
-            &DensityOptions,
-        ) -> Result<DensityField, DensityError>,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let mut field = |part, mesh, lattice, options| {
-            compute(mesh, &self.kernel, lattice, options)
-                .map(Arc::new)
-                .map_err(|source| PairBuildError::Density { part, source })
+        let field = |part, mesh, lattice, options| {
+            match cache {
+                Some(cache) => cache.get_or_compute(mesh, &self.kernel, lattice, options, monitor),
+                None => DensityField::compute(mesh, &self.kernel, lattice, options, monitor),
+            }
+            .map(Arc::new)
+            .map_err(|source| PairBuildError::Density { part, source })
         };
         let contact = match &self.smoothing {
             Some(smoothing) => {
@@ -381,30 +377,6 @@ impl PairPlan {
         let of_moving = self.density_of_moving();
         let moving = field("moving", moving, &self.moving_lattice, &of_moving)?;
         let pair = Pair::of(fixed, moving, self.model, self.pivot, contact)?;
-        Ok(pair)
-    }
-}
-
-impl PairPlan {
-    /// The pair; with a cache, fields that it holds are read and those that it lacks are kept there.
-    ///
-    /// # Errors
-    /// As [`DensityField::compute`], with the part's name.
-    pub fn build(
-        &self,
-        fixed: &TriangleMesh,
-        moving: &TriangleMesh,
-        cache: Option<&FieldCache>,
-        monitor: &dyn Monitor,
-    ) -> Result<Pair, PairBuildError> {
-        let pair = self.build_with(
-            fixed,
-            moving,
-            |mesh, kernel, lattice, options| match cache {
-                Some(cache) => cache.get_or_compute(mesh, kernel, lattice, options, monitor),
-                None => DensityField::compute(mesh, kernel, lattice, options, monitor),
-            },
-        )?;
         Ok(pair.cached_in(cache.cloned()))
     }
 }

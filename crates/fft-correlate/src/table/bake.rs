@@ -193,7 +193,7 @@ impl Consumer<()> for Writer<'_> {
     type Error = BakeError;
 
     fn is_wanted(&mut self, node: &Member) -> Result<bool, BakeError> {
-        self.store.chunks().clean(node.row)?;
+        self.store.clean(node.row)?;
         let state = self.store.state(node.row)?;
         let damaged = !matches!(state, ChunkState::Finished | ChunkState::Missing);
         self.done.repaired += usize::from(damaged);
@@ -204,7 +204,7 @@ impl Consumer<()> for Writer<'_> {
         let (row, store, encoded) = (node.row, self.store, &mut self.encoded);
         let spec = store.spec();
         encode(spec, &store.probe(), row, self.unit, energies, encoded)?;
-        store.chunks().write(row, encoded)?;
+        store.write(row, encoded)?;
         tracing::debug!(row, "rotation finished");
         self.done.computed += 1;
         self.done.bricks_left_out += encoded.bricks[0];

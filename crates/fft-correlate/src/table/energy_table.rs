@@ -155,7 +155,23 @@ impl EnergyTable {
     /// would be read is not in memory, and for an invalid pose, the energy is the specification's
     /// far energy, the wrench and coverage zero.
     pub fn respond(&self, pose: &Pose) -> Response {
-        self.reader().respond(pose)
+        let far = Response {
+            energy: self.plan.spec.far_energy,
+            ..Response::default()
+        };
+        let (mut response, mut whole) = (far, true);
+        // How far the answer is the table's, with its slopes as a wrench.
+        let mut covered = Response::default();
+        if pose.is_valid() {
+            self.plan.grid.visit(pose, |site| {
+                whole &= self.add(&site, &mut response, &mut covered).is_some();
+            });
+        }
+        if !whole {
+            return far;
+        }
+        self.add_contact(pose, &covered, &mut response);
+        response
     }
 
     /// [`EnergyTable::respond`] for many poses, on all threads of the current rayon pool.
@@ -180,16 +196,9 @@ impl EnergyTable {
         assert_eq!(poses.len(), responses.len(), "one response per pose");
         for (n, (pose, response)) in poses.iter().zip(responses).enumerate() {
             if let Some(next) = poses.get(n + 1) {
-                self.reader().prefetch(next);
+                self.prefetch(next);
             }
             *response = self.respond(pose);
-        }
-    }
-
-    pub(super) fn reader(&self) -> Reader<'_> {
-        Reader {
-            plan: &self.plan,
-            rows: &self.rows,
         }
     }
 
@@ -198,11 +207,6 @@ impl EnergyTable {
     fn has_around(&self, pose: &Pose) -> bool {
         let has = |slot| self.rows.has(slot as usize);
         self.rows.all() || !pose.is_valid() || self.grid().all_around(pose, has)
-    }
-
-    #[cfg(test)]
-    pub(crate) fn plan(&self) -> &Arc<Plan> {
-        &self.plan
     }
 
     /// The numbers of a slot; `None` if they are not in memory.
@@ -341,37 +345,9 @@ struct Displacement {
     reach: [Reach; 3],
 }
 
-/// A table's plan and the energies of it that are in memory, to be read.
-#[derive(Clone, Copy)]
-pub(super) struct Reader<'t> {
-    pub(super) plan: &'t Plan,
-    pub(super) rows: &'t Rows,
-}
-
-impl<'t> Reader<'t> {
-    /// Energy, wrench and coverage at a pose ([`super::energy_table::EnergyTable::respond`]).
-    pub(super) fn respond(&self, pose: &Pose) -> Response {
-        let far = Response {
-            energy: self.plan.spec.far_energy,
-            ..Response::default()
-        };
-        let (mut response, mut whole) = (far, true);
-        // How far the answer is the table's, with its slopes as a wrench.
-        let mut covered = Response::default();
-        if pose.is_valid() {
-            self.plan.grid.visit(pose, |site| {
-                whole &= self.add(&site, &mut response, &mut covered).is_some();
-            });
-        }
-        if !whole {
-            return far;
-        }
-        self.add_contact(pose, &covered, &mut response);
-        response
-    }
-
+impl EnergyTable {
     /// Asks the processor to fetch what a query at `pose` will read.
-    pub(super) fn prefetch(&self, pose: &Pose) {
+    fn prefetch(&self, pose: &Pose) {
         if !pose.is_valid() {
             return;
         }
@@ -384,11 +360,7 @@ impl<'t> Reader<'t> {
                 return;
             };
             let [_, ty, _] = &displacement.taps;
-            let groups = if ty.nodes[3] / 4 > ty.nodes[0] / 4 {
-                2
-            } else {
-                1
-            };
+            let groups = 1 + usize::from(ty.nodes[3] / 4 > ty.nodes[0] / 4);
             self.stencil(&displacement.taps, groups)
                 .prefetch(&taps[..count]);
         });
@@ -429,7 +401,7 @@ impl<'t> Reader<'t> {
         }
         let window_coverage: f64 = displacement.reach.iter().map(|r| r.coverage).product();
         let coverage = site.coverage * window_coverage;
-        response.coverage += site.share * coverage * self.kept(&displacement);
+        response.coverage += site.share * coverage * self.kept_share(&displacement);
         Some(())
     }
 
@@ -519,8 +491,8 @@ impl<'t> Reader<'t> {
 
     /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones.
     /// `None` if one is not in memory.
-    fn rotation_taps(
-        &self,
+    fn rotation_taps<'t>(
+        &'t self,
         chart: &Chart,
         [tx, ty, tz]: &[Taps; 3],
         taps: &mut [RotationTap<'t>; 64],
@@ -579,7 +551,7 @@ impl<'t> Reader<'t> {
 
     /// Share of the nodes around a displacement that were not left out, changing linearly between
     /// nodes; 1 where everything is kept.
-    fn kept(&self, displacement: &Displacement) -> f64 {
+    fn kept_share(&self, displacement: &Displacement) -> f64 {
         if self.plan.layout.is_dense() {
             return 1.0;
         }

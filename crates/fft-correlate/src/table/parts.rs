@@ -36,7 +36,7 @@ impl PartialTable {
     /// # Errors
     /// If the table is not finished, or its files cannot be listed.
     pub fn new(store: TableStore) -> Result<Self, StoreError> {
-        store.chunks().expect_all_there()?;
+        store.expect_all_there()?;
         let rotations = store.grid().nodes().len();
         let plan = Plan::new(
             store.whole_spec()?,
@@ -113,8 +113,7 @@ impl PartialTable {
     pub fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
         let read = |&node: &usize| {
             let mut codes = zeroed_pages(self.plan.layout.length());
-            let chunks = self.store.chunks();
-            chunks.read_row(node, &self.plan.layout, &mut codes)?;
+            self.store.read_row(node, &self.plan.layout, &mut codes)?;
             Ok((node, Arc::new(Row::new(codes, &self.held))))
         };
         let absent = nodes.par_iter().filter(|&&node| self.rows[node].is_none());

@@ -23,7 +23,7 @@ fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3])
             return far;
         }
         let codes = table.row(slot).unwrap();
-        value_of(codes[table.plan().layout.place(node)]) * table.unit()
+        value_of(codes[table.plan.layout.place(node)]) * table.unit()
     };
     // Value, then slopes along x, y, z and the three rotation coordinates.
     let mut sums = [0.0; 7];
@@ -88,12 +88,12 @@ fn readings_are_those_of_the_definition() {
             let x = DVec3::from_array(std::array::from_fn(|k| {
                 (0.5 + 0.62 * (s * (1.1 + k as f64)).sin()) * (shape[k] - 1) as f64
             }));
-            let Some(displacement) = table.reader().displacement(x) else {
+            let Some(displacement) = table.displacement(x) else {
                 continue;
             };
             table.grid().visit(&pose, |site| {
                 let (r, t) = (&site.taps, &displacement.taps);
-                let fast = table.reader().read(site.chart, r, t).unwrap();
+                let fast = table.read(site.chart, r, t).unwrap();
                 let slow = read_slowly(&table, site.chart, r, t);
                 let numbers = |r: &PatchValue| {
                     [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()

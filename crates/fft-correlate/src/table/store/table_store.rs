@@ -27,16 +27,18 @@ use crate::table::store::metadata::{
 
 /// A table on disk or in an object store, finished or not.
 pub struct TableStore {
-    chunks: Chunks,
+    files: TableFiles,
+    header: Header,
+    grid: RotationGrid,
+    identity: Identity,
+    coefficients: TableArray,
 }
 
 impl std::fmt::Debug for TableStore {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Chunks { files, header, .. } = &self.chunks;
-        let fields = &mut f.debug_struct("TableStore");
-        fields
-            .field("files", files)
-            .field("header", header)
+        f.debug_struct("TableStore")
+            .field("files", &self.files)
+            .field("header", &self.header)
             .finish_non_exhaustive()
     }
 }
@@ -86,48 +88,59 @@ impl TableStore {
     /// # Errors
     /// As [`TableStore::open`].
     pub fn open_files(files: &TableFiles) -> Result<Self, StoreError> {
+        let header = Header::read(files)?;
+        header.table.validate()?;
+        expect_rotations(files, &header)?;
+        let grid = header.table.grid().map_err(TableError::from)?;
+        let coefficients = coefficient_array(&header.table, header.energy_unit, &grid);
+        coefficients.expect(files)?;
+        expect_coordinates(files, &header, &grid)?;
         Ok(Self {
-            chunks: Chunks::open(files)?,
+            files: files.clone(),
+            identity: header.identity(),
+            header,
+            grid,
+            coefficients,
         })
     }
 
     /// Where the table is: a path or a URL.
     pub fn path(&self) -> &Path {
-        self.chunks.files.place()
+        self.files.place()
     }
 
     /// What the table holds.
     pub fn spec(&self) -> &TableSpec {
-        &self.chunks.header.table
+        &self.header.table
     }
 
     /// The rotation nodes; chunk `i` holds node `i`.
     pub fn grid(&self) -> &RotationGrid {
-        &self.chunks.grid
+        &self.grid
     }
 
     /// Joules per stored unit.
     pub fn unit(&self) -> f64 {
-        self.chunks.header.energy_unit
+        self.header.energy_unit
     }
 
     /// Distance from the far energy up to which energies were left out, joules.
     pub fn negligible(&self) -> f64 {
-        self.chunks.header.negligible
+        self.header.negligible
     }
 
     pub(crate) fn probe(&self) -> Probe {
-        self.chunks.header.probe()
+        self.header.probe()
     }
 
     /// Name and version of the program that made the table.
     pub fn program(&self) -> &str {
-        &self.chunks.header.program
+        &self.header.program
     }
 
     /// The error measured on held-out poses, if it was.
     pub fn error_report(&self) -> Option<&ErrorReport> {
-        self.chunks.header.error.as_ref()
+        self.header.error.as_ref()
     }
 
     /// Checks that the table was baked from this pair.
@@ -156,14 +169,6 @@ impl TableStore {
         }
     }
 
-    /// Whether the chunk of a rotation node is finished.
-    ///
-    /// # Errors
-    /// If the chunk is there but cannot be read.
-    pub fn state(&self, row: usize) -> Result<ChunkState, StoreError> {
-        self.chunks.state(row)
-    }
-
     /// Checks that one rotation node fits in `limit` bytes of memory: more is not read at once.
     ///
     /// # Errors
@@ -179,20 +184,7 @@ impl TableStore {
     /// # Errors
     /// If the table is too large, incomplete or damaged.
     pub fn load(&self, memory_limit: u64) -> Result<EnergyTable, StoreError> {
-        load(&self.chunks, memory_limit)
-    }
-
-    /// What the table holds, with what smoothing took from the energies.
-    ///
-    /// # Errors
-    /// If the surfaces cannot be read.
-    pub(crate) fn whole_spec(&self) -> Result<TableSpec, StoreError> {
-        self.chunks.whole_spec()
-    }
-
-    /// The chunks, for those who fill them or read some.
-    pub(crate) fn chunks(&self) -> &Chunks {
-        &self.chunks
+        load(self, memory_limit)
     }
 
     /// Bytes of the files or objects that hold energies.
@@ -200,7 +192,7 @@ impl TableStore {
     /// # Errors
     /// If they cannot be listed.
     pub fn bytes_on_disk(&self) -> Result<u64, StoreError> {
-        self.chunks.files.bytes("coefficients/")
+        self.files.bytes("coefficients/")
     }
 
     /// Writes the measured error into the table's attributes.
@@ -210,15 +202,15 @@ impl TableStore {
     pub fn write_error_report(&mut self, report: &ErrorReport) -> Result<(), StoreError> {
         let header = Header {
             error: Some(report.clone()),
-            ..self.chunks.header.clone()
+            ..self.header.clone()
         }
         .sealed();
         let text = serde_json::to_vec_pretty(&header.group()).map_err(|e| StoreError::Io {
             path: self.path().join("zarr.json"),
             source: e.into(),
         })?;
-        self.chunks.files.replace("zarr.json", text)?;
-        self.chunks.header = header;
+        self.files.replace("zarr.json", text)?;
+        self.header = header;
         Ok(())
     }
 }
@@ -234,39 +226,12 @@ pub enum ChunkState {
     Damaged(String),
 }
 
-/// What the files of a table say, and its arrays.
-pub(crate) struct Chunks {
-    pub(super) files: TableFiles,
-    pub(super) header: Header,
-    pub(super) grid: RotationGrid,
-    identity: Identity,
-    coefficients: TableArray,
-}
-
-impl Chunks {
-    /// Reads all metadata of a table; no coefficients.
+impl TableStore {
+    /// What the table holds, with the parts' surfaces that the contact energy needs.
     ///
     /// # Errors
-    /// If there is no table, or its metadata is of another format, damaged or out of range.
-    pub(super) fn open(files: &TableFiles) -> Result<Self, StoreError> {
-        let header = Header::read(files)?;
-        header.table.validate()?;
-        expect_rotations(files, &header)?;
-        let grid = header.table.grid().map_err(TableError::from)?;
-        let coefficients = coefficient_array(&header.table, header.energy_unit, &grid);
-        coefficients.expect(files)?;
-        expect_coordinates(files, &header, &grid)?;
-        Ok(Self {
-            files: files.clone(),
-            identity: header.identity(),
-            header,
-            grid,
-            coefficients,
-        })
-    }
-
-    /// What the table holds, with what smoothing took from the energies.
-    pub(super) fn whole_spec(&self) -> Result<TableSpec, StoreError> {
+    /// If the surfaces cannot be read.
+    pub(crate) fn whole_spec(&self) -> Result<TableSpec, StoreError> {
         Ok(TableSpec {
             contact: read_surfaces(&self.files, &self.header)?,
             ..self.header.table.clone()
@@ -277,7 +242,7 @@ impl Chunks {
     ///
     /// # Errors
     /// If the chunk is there but cannot be read.
-    pub(super) fn state(&self, row: usize) -> Result<ChunkState, StoreError> {
+    pub fn state(&self, row: usize) -> Result<ChunkState, StoreError> {
         match self.chunk(row) {
             Ok(Some(_)) => Ok(ChunkState::Finished),
             Ok(None) => Ok(ChunkState::Missing),
@@ -288,7 +253,7 @@ impl Chunks {
 
     /// The stored numbers of a rotation node, all finite and those that were baked for it; `None`
     /// if they are not there.
-    pub(super) fn chunk(&self, row: usize) -> Result<Option<Vec<u16>>, StoreError> {
+    fn chunk(&self, row: usize) -> Result<Option<Vec<u16>>, StoreError> {
         let (key, length) = (self.coefficients.key(row), self.bytes());
         let Some(packed) = self.get(&key, most_packed(length as u64))? else {
             return Ok(None);
@@ -387,7 +352,7 @@ impl Chunks {
     }
 
     /// Refuses missing rotation nodes.
-    pub(super) fn expect_none(&self, missing: Vec<usize>) -> Result<(), StoreError> {
+    fn expect_none(&self, missing: Vec<usize>) -> Result<(), StoreError> {
         match missing.iter().min() {
             None => Ok(()),
             Some(&first) => Err(self.incomplete(missing.len(), first)),
@@ -453,20 +418,15 @@ impl Survey {
     }
 }
 
-/// Reads all energies into memory, in parallel, checking every checksum. What was left out of
-/// every rotation takes no memory, nor do rotations of which all was left out. `memory_limit`
-/// bounds the bytes of energies.
-///
-/// # Errors
-/// If the table is too large, incomplete or damaged.
-pub(super) fn load(chunks: &Chunks, memory_limit: u64) -> Result<EnergyTable, StoreError> {
-    let spec = &chunks.header.table;
-    let rotations = chunks.grid.nodes().len();
+/// [`TableStore::load`].
+fn load(store: &TableStore, memory_limit: u64) -> Result<EnergyTable, StoreError> {
+    let spec = &store.header.table;
+    let rotations = store.grid.nodes().len();
     // Not even one chunk is decoded before this.
     spec.check_memory(1, memory_limit)?;
-    let (layout, kept) = if chunks.header.negligible > 0.0 {
-        let survey = survey(chunks)?;
-        chunks.expect_none(survey.missing)?;
+    let (layout, kept) = if store.header.negligible > 0.0 {
+        let survey = survey(store)?;
+        store.expect_none(survey.missing)?;
         let groups = spec.window.shape()[1].div_ceil(4);
         let needed = |x: usize, group: usize| {
             let [first, end] = survey.needed[x * groups + group];
@@ -481,24 +441,24 @@ pub(super) fn load(chunks: &Chunks, memory_limit: u64) -> Result<EnergyTable, St
     };
     let bytes = 2 * kept.len() as u128 * layout.length() as u128;
     spec.check_bytes(kept.len(), bytes, memory_limit)?;
-    fill(chunks, layout, &kept)
+    fill(store, layout, &kept)
 }
 
 /// Looks through all chunks for what they hold.
-fn survey(chunks: &Chunks) -> Result<Survey, StoreError> {
-    let spec = &chunks.header.table;
+fn survey(store: &TableStore) -> Result<Survey, StoreError> {
+    let spec = &store.header.table;
     let [nx, ny, nz] = spec.window.shape();
     let groups = ny.div_ceil(4);
-    let mut survey = (0..chunks.grid.nodes().len())
+    let mut survey = (0..store.grid.nodes().len())
         .into_par_iter()
         .try_fold(
             || Survey::empty(nx * groups),
             |mut survey, row| {
-                let Some(codes) = chunks.chunk(row)? else {
+                let Some(codes) = store.chunk(row)? else {
                     survey.missing.push(row);
                     return Ok(survey);
                 };
-                let far = far_code(spec, chunks.header.energy_unit);
+                let far = far_code(spec, store.header.energy_unit);
                 let mut occupied = false;
                 for (column, codes) in codes.chunks_exact(nz).enumerate() {
                     let Some(first) = codes.iter().position(|&c| c != far) else {
@@ -521,15 +481,15 @@ fn survey(chunks: &Chunks) -> Result<Survey, StoreError> {
     Ok(survey)
 }
 
-fn fill(chunks: &Chunks, layout: Layout, kept: &[usize]) -> Result<EnergyTable, StoreError> {
-    let mut slots = vec![Chart::ABSENT; chunks.grid.nodes().len()];
+fn fill(store: &TableStore, layout: Layout, kept: &[usize]) -> Result<EnergyTable, StoreError> {
+    let mut slots = vec![Chart::ABSENT; store.grid.nodes().len()];
     for (slot, &row) in kept.iter().enumerate() {
         slots[row] = slot as u32;
     }
-    let (spec, grid) = (chunks.whole_spec()?, chunks.grid.clone());
-    let plan = Plan::new(spec, grid, chunks.header.probe(), layout, slots);
+    let (spec, grid) = (store.whole_spec()?, store.grid.clone());
+    let plan = Plan::new(spec, grid, store.header.probe(), layout, slots);
     EnergyTable::filled(plan, |plan, slots| {
         let rows = slots.into_par_iter().zip(kept);
-        rows.try_for_each(|(slot, &row)| chunks.read_row(row, &plan.layout, slot))
+        rows.try_for_each(|(slot, &row)| store.read_row(row, &plan.layout, slot))
     })
 }

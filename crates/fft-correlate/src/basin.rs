@@ -1,4 +1,4 @@
-//! The energy well about a pose in numbers.
+//! Analysis of the energy well (basin) about a pose: depth, stiffness, barriers.
 
 use glam::{DQuat, DVec3};
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::energy::{EnergySource, Scratch};
 use crate::geometry::se3::{Pose, Twist};
 
-/// What [`Well::analyse`] looks at.
+/// Options of [`Well::analyse`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct WellOptions {
     /// Length over which stiffness is measured, metres: at zero clearance the energy is V-shaped
@@ -31,9 +31,9 @@ pub struct Well {
     pub position: [f64; 3],
     /// Its rotation there, quaternion x, y, z, w.
     pub rotation: [f64; 4],
-    /// From the pose asked about: displacement of the pivot, metres.
+    /// Displacement of the pivot from the given pose, metres.
     pub offset: [f64; 3],
-    /// From the pose asked about: rotation vector, radians.
+    /// Rotation vector from the given pose, radians.
     pub turn: [f64; 3],
     /// Energy at the minimum, joules.
     pub energy: f64,
@@ -47,7 +47,7 @@ pub struct Well {
     pub translations: [Axis; 3],
     /// About x, y, z.
     pub rotations: [Axis; 3],
-    /// Along the directions asked for.
+    /// Along [`WellOptions`]' directions.
     pub barriers: Vec<Barrier>,
 }
 

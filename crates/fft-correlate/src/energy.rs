@@ -1,4 +1,4 @@
-//! What the haptic loop and every scorer ask: the energy and wrench at a pose.
+//! Energy sources: the energy and wrench at a pose, for the haptic loop and every scorer.
 
 use std::any::Any;
 
@@ -110,9 +110,9 @@ pub trait EnergySource: Send + Sync {
     /// Energy, wrench and coverage at `pose`.
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response;
 
-    /// Takes over what has changed in the source since the last call, and says by how much that
-    /// changed the response at `pose` (new minus old); `None`, as always for a source that never
-    /// changes, if nothing did. Between two calls `evaluate` is one function of the pose. Like
+    /// Takes over changes of the source since the last call and returns by how much they changed
+    /// the response at `pose` (new minus old); `None` if nothing changed, as always for a source
+    /// that never changes. Between two calls `evaluate` is one function of the pose. Like
     /// `evaluate` it allocates nothing and takes no lock.
     fn refresh(&self, _pose: &Pose, _scratch: &mut Scratch) -> Option<Response> {
         None
@@ -127,8 +127,8 @@ pub trait EnergySource: Send + Sync {
     }
 }
 
-/// A source that knows poses of the shapes, asked at poses in the scene: wrenches are along the
-/// scene's axes, about the origin of what the pose moves.
+/// A source of the shapes' poses, evaluated at poses of the scene. Wrenches are along the scene's
+/// axes, about the origin of the moving part.
 #[derive(Debug, Clone)]
 pub struct InScene<S> {
     source: S,
@@ -141,7 +141,7 @@ impl<S> InScene<S> {
         Self { source, placement }
     }
 
-    /// What answers for the shapes.
+    /// The source of the shapes' poses.
     pub fn source(&self) -> &S {
         &self.source
     }

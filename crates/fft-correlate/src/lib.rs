@@ -31,8 +31,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`Condition::at`] says how far the terms of a score cancel; [`measure_error`] compares a table
-//! with any other source at poses it has never seen.
+//! [`Condition::at`] measures how far the terms of a score cancel; [`measure_error`] compares a table
+//! with any other source at held-out poses.
 
 pub mod basin;
 mod correlate;

@@ -29,7 +29,7 @@ pub(crate) struct Member<T = ()> {
     turn: HalfTurn,
     /// Its place in the list of rotations.
     pub(crate) row: usize,
-    /// Where its energies go, for those who need to be told.
+    /// Where its energies go.
     pub(crate) target: T,
 }
 
@@ -62,7 +62,7 @@ impl<T> Group<T> {
     }
 }
 
-/// What is done with the energies of rotations, by one thread.
+/// Takes the energies of rotations, on one thread.
 pub(crate) trait Consumer<T>: Send {
     /// Why it cannot go on.
     type Error: Send;
@@ -77,7 +77,7 @@ pub(crate) trait Consumer<T>: Send {
     fn take(&mut self, member: Member<T>, energies: &mut [f32]) -> Result<(), Self::Error>;
 }
 
-/// What became of a sweep.
+/// The result of a sweep.
 pub(crate) struct SweepOutcome<C> {
     /// What the threads had, in no particular order.
     pub(crate) consumers: Vec<C>,
@@ -88,7 +88,7 @@ pub(crate) struct SweepOutcome<C> {
 /// Computes the energies of all groups at the translations of a window of `shape` nodes, on all
 /// threads of the current rayon pool, each with one scratch of the producer and a consumer of its
 /// own. Groups are handed out in order, one by one, and begun ones are finished. The monitor
-/// is told of every rotation, taken or not wanted, and asked to cancel before every group.
+/// advances with every rotation, taken or not, and may cancel before every group.
 ///
 /// # Errors
 /// The first of a consumer; groups not yet begun are then left undone.

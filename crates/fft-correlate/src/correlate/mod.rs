@@ -17,7 +17,9 @@
 //! meet the other inside the window, and the transforms have the shortest good length at which
 //! nothing wraps into the window.
 //!
-//! From what is planned to what runs: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`].
+//! From plan to run: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`]. A correlator enters the
+//! kernels through two function pointers (`KernelEntries` in `correlator.rs`), so that crates that
+//! name a `Correlator<T>` do not compile the kernels again.
 
 mod contract;
 mod correlator;

@@ -64,9 +64,9 @@ pub struct CorrelatorPlan {
 pub struct ProductPlan {
     /// The two factors: fixed, then moving.
     pub factors: &'static str,
-    /// QuadraticReader of the fixed factor that can meet the moving one inside the window.
+    /// Nodes of the fixed factor that can meet the moving one inside the window.
     pub fixed_nodes: [usize; 3],
-    /// QuadraticReader of the moving factor, under any rotation, that can meet the fixed one.
+    /// Nodes of the moving factor, under any rotation, that can meet the fixed one.
     pub moving_nodes: [usize; 3],
     /// Its number in the support.
     #[serde(skip)]

@@ -1,5 +1,5 @@
-//! Docking from two parts to ranked poses: frame, lattices, fields, search, and what is told of the
-//! poses found.
+//! Docking from two parts to ranked poses: frame, lattices, fields, search, and the report of each
+//! pose.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -35,22 +35,22 @@ const STEP_DEG: f64 = 15.0;
 /// Faces that turn from being opposite by more than this do not mate, radians: 10 degrees.
 pub const MATING_ANGLE: f64 = 0.1745;
 
-/// Width of the pieces of the moving part's surface whose mating is asked, fine spacings.
+/// Width of the pieces of the moving part's surface whose mating area is measured, fine spacings.
 const MATING_PIECES: f64 = 0.5;
 
-/// What is asked of docking.
+/// The options of a docking run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockingRequest {
     /// Distinct poses to return, at most.
     pub top: usize,
-    /// Score every rotation on the coarse lattice, without a screening to choose among them.
+    /// Score every rotation on the coarse lattice, without screening.
     pub exhaustive: bool,
     /// Rotations of the moving part, fixed part's frame; all of them, 15 degrees apart, if absent.
     pub rotations: Option<RotationDomain>,
-    /// Faces at most this far apart count as mating ([`DockingPose::mating_area`]), metres; the fine
-    /// spacing if absent.
+    /// Faces at most this far apart count as mating ([`DockingPose::mating_area`]), metres; by
+    /// default the fine spacing.
     pub mating_clearance: Option<f64>,
-    /// File in which scored rotations are kept, and found again by a later run.
+    /// File that keeps the scored rotations, from which a later run goes on.
     pub state: Option<PathBuf>,
 }
 
@@ -76,13 +76,13 @@ pub struct DockingResult {
     pub lattices: GridLevels,
     /// Motions that map the moving part onto itself: poses that differ by one count as the same.
     pub symmetries: Vec<Pose>,
-    /// Rotations looked at.
+    /// Rotations of the domain.
     pub rotations: usize,
-    /// Of these, rotations that the screening chose; all without one.
+    /// Rotations that the screening chose; all without one.
     pub chosen: usize,
-    /// Of the chosen, rotations scored; fewer if the monitor cancelled.
+    /// Chosen rotations that were scored; fewer if the monitor cancelled.
     pub scored: usize,
-    /// Of the scored, those that the state file already held.
+    /// Scored rotations that the state file already held.
     pub resumed: usize,
     /// Translations scored per rotation, along x, y, z.
     pub window: [usize; 3],
@@ -90,12 +90,12 @@ pub struct DockingResult {
     pub transform_size: [usize; 3],
     /// The model that ranked the poses.
     pub model: ScoreModel,
-    /// Poses that the fine lattice could not tell from the deepest, that one included.
+    /// Poses within [`super::CLOSE`] of the deepest on the fine lattice, the deepest included.
     pub close: usize,
-    /// Why these were not decided on a finer lattice, if they should have been.
+    /// Why close poses were not ranked anew on a finer lattice, if they should have been.
     pub undecided: Option<PairBuildError>,
-    /// Why poses were ranked by cell averaging_builder instead of smoothed densities and contact, if they
-    /// were: faces too many to be summed over.
+    /// Why poses were ranked by cell averages instead of smoothed densities and contact: the parts
+    /// have too many faces for the contact sum.
     pub averaged: Option<ContactError>,
     /// Wall time of the density fields, seconds.
     pub field_seconds: f64,
@@ -112,19 +112,18 @@ impl DockingResult {
     }
 }
 
-/// Where does the moving part belong? Two parts, turned into a frame that suits the search.
+/// A search for the poses in which two parts fit.
 ///
 /// The fixed part is turned so that it fills its box along the axes: lattices and transforms become
-/// smaller. A setup that gives a box of displacements is looked at in its own frame. The moving part
-/// stays as it is: with lattices that lie parallel, errors at touching faces add up
-/// (`docs/docking.md`).
+/// smaller. With a box of displacements in the setup it keeps its own frame. The moving part is not
+/// turned: on parallel lattices errors at touching faces add up (`docs/docking.md`).
 #[derive(Debug, Clone)]
 pub struct Docking<'a> {
     setup: &'a PairSetup,
     options: DockingRequest,
     /// From the fixed part's own frame to that of the search.
     frame: Pose,
-    /// The fixed part in the latter; none if it stays.
+    /// The fixed part in the frame of the search; none if it is its own.
     turned: Option<TriangleMesh>,
     lattices: GridLevels,
 }
@@ -137,7 +136,7 @@ struct Fields {
     /// Under the setup's own halo, if that is not the search's.
     own: Option<Pair>,
     gamma: f64,
-    /// Why the fine pair is of cell averaging_builder, if it had to be.
+    /// Why the fine pair has cell averages instead of smoothed densities.
     averaged: Option<ContactError>,
     /// Wall time they took.
     seconds: f64,
@@ -172,9 +171,9 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// Computes the fields, searches, and looks closer at the poses found. With a state file, what a
-    /// cancelled run has scored is not lost. When the monitor cancels after rotations have been
-    /// scored, the best of these are returned unrefined.
+    /// Computes the fields, searches, and reports the poses found. A state file keeps the scores of
+    /// a cancelled run. When the monitor cancels after rotations have been scored, the best of these
+    /// are returned unrefined.
     ///
     /// # Errors
     /// If the domain, the model or the memory limit does not allow the search, a part has no interior
@@ -309,7 +308,8 @@ impl<'a> Docking<'a> {
         })
     }
 
-    /// The pair by which poses are ranked: of cell averaging_builder where the surfaces cannot be summed over.
+    /// The pair that ranks poses: with cell averages where the parts have too many faces for the
+    /// contact sum.
     fn ranking_pair(
         &self,
         plan: &PairPlan,
@@ -359,7 +359,7 @@ impl<'a> Docking<'a> {
         builder.plan(self.fixed(), &self.setup.moving, &self.setup.model)
     }
 
-    /// How pairs are built whose surfaces cannot be summed over.
+    /// Options for pairs with too many faces for the contact sum.
     fn averaging_builder(&self) -> PairBuilder {
         PairBuilder {
             smoothing: None,
@@ -412,7 +412,7 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// Refuses a clearance of mating faces that is none.
+    /// Refuses a clearance of mating faces that is negative or not finite.
     fn require_clearance(&self) -> Result<(), DockingError> {
         match self.options.mating_clearance {
             Some(found) if !(found.is_finite() && found >= 0.0) => {
@@ -464,15 +464,15 @@ pub struct DockingPose {
     /// ([`crate::MATING_ANGLE`], [`crate::DockingRequest::mating_clearance`]), square metres.
     pub mating_area: f64,
     /// Energy under the setup's own model and halo, on the fine lattice, joules: what an evaluator of
-    /// the setup's pair says at this pose, up to the error of the lattice.
+    /// the setup's pair gives at this pose, up to the error of the lattice.
     pub model_energy: f64,
     /// The sum of the absolute terms of the score under the docking weights over the score: how far
     /// they cancel. Of the best poses only.
     pub condition: Option<f64>,
 }
 
-/// The poses of a search, `back` from its frame to the fixed part's own, with what only the finest
-/// pair, the setup's own pair and the faces of both parts can tell.
+/// The reports of a search's poses. `back` leads from the frame of the search to the fixed part's
+/// own; `mating` is the mating area of each pose, square metres.
 pub(super) fn pose_reports(
     report: &SearchResult,
     [finest, own]: [&Pair; 2],
@@ -529,16 +529,15 @@ pub(super) fn mating_areas(
     Ok(poses.par_iter().map(area).collect())
 }
 
-/// What docking will do and need, known before any field is computed: data to print and compare.
+/// The lattices, rotations, memory and time of a docking run, known before any field is computed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockingPlan {
-    /// The pairs of [`SearchPairs`]: screening (without which a search over few rotations does),
-    /// coarse, fine.
+    /// The pairs of a search: screening (unused for few rotations), coarse, fine.
     pub pairs: [PairPlan; 3],
     /// The pair under the setup's own halo, on the fine lattice, whose energies are reported; absent
     /// where the halo of the search is the setup's.
     pub own: Option<PairPlan>,
-    /// Rotations to look at.
+    /// Rotations of the domain.
     pub rotations: usize,
     /// The scores on the coarse lattice: sizes, memory and time, those of the computed pair at most.
     pub scores: CorrelatorPlan,

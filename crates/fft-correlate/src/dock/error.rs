@@ -16,13 +16,13 @@ use crate::rotations::domain::RotationError;
 /// Why docking cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DockingError {
-    /// A pair cannot be had.
+    /// A pair cannot be built.
     #[error(transparent)]
     Build(PairBuildError),
-    /// The energy scale cannot be had.
+    /// The energy scale is out of range.
     #[error(transparent)]
     Energy(#[from] EnergyScaleError),
-    /// The rotations to look at are out of range.
+    /// The rotations are out of range.
     #[error("rotations: {0}")]
     Rotations(#[from] RotationError),
     /// No rotation was given.
@@ -36,7 +36,7 @@ pub enum DockingError {
         /// What was given.
         found: DQuat,
     },
-    /// The translations to look at do not make a window.
+    /// The translations do not make a window.
     #[error("window: {0}")]
     Window(#[from] LatticeError),
     /// The correlation cannot be planned.

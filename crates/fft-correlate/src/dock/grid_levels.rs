@@ -1,4 +1,4 @@
-//! On which lattices a search works.
+//! The lattices of a search: one for screening, one for scoring, one for ranking.
 
 use glam::DVec3;
 use sdf_grid::{Aabb, TriangleMesh};
@@ -64,8 +64,8 @@ impl GridLevels {
         fixed.grown(0.75 * self.radius)
     }
 
-    /// The plans of the pairs of [`SearchPairs`](super::options::SearchPairs): screening, coarse, fine. `builder` says all
-    /// but spacing and halo.
+    /// The plans of a search's pairs: screening, coarse, fine. `builder` gives all but spacing and
+    /// halo.
     ///
     /// # Errors
     /// As [`PairBuilder::plan`].

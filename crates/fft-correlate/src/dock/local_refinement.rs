@@ -1,4 +1,4 @@
-//! Refining poses: downhill, distinct, measured.
+//! Local refinement of poses: descent, removal of duplicates, width of the well.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -30,8 +30,8 @@ pub(super) struct Effort {
     pub(super) steps: usize,
     /// A trial step shorter than this ends it, cells.
     pub(super) last_step: f64,
-    /// How far from the pose it begins, cells: poses of a lattice may have walls exactly flush, where
-    /// slopes are two-valued and lead nowhere.
+    /// Distance from the pose to the start, cells: at a pose of a lattice walls may be exactly
+    /// flush, where slopes are two-valued and lead nowhere.
     pub(super) nudge: f64,
 }
 
@@ -56,8 +56,8 @@ impl Effort {
     };
 }
 
-/// Two evaluators of a pair that descend one after the other: of fewer points, standing on a coarser
-/// lattice of the same smoothed densities, with contact, and of every cell.
+/// Two evaluators of a pair, used one after the other: one with fewer points, on a coarser lattice
+/// of the same smoothed densities, with contact, and one with every cell.
 pub(super) struct Evaluators {
     coarse: Option<DirectEvaluator>,
     full: DirectEvaluator,
@@ -71,19 +71,19 @@ impl Evaluators {
         })
     }
 
-    /// The one of fewer points; the other where there is none.
+    /// The evaluator with fewer points; the full one where there is none.
     pub(super) fn coarse(&self) -> &DirectEvaluator {
         self.coarse.as_ref().unwrap_or(&self.full)
     }
 
-    /// The one of every cell, whose energies rank.
+    /// The evaluator with every cell, whose energies rank poses.
     pub(super) fn full(&self) -> &DirectEvaluator {
         &self.full
     }
 }
 
-/// An evaluator of at most so many points; none where the surfaces have too many faces for a coarser
-/// lattice.
+/// An evaluator with at most `most` points; none where the surfaces have too many faces for a
+/// coarser lattice.
 fn of_points(pair: &Pair, most: usize) -> Result<Option<DirectEvaluator>, DirectError> {
     let options = DirectOptions {
         max_points: Some(most),
@@ -154,9 +154,8 @@ impl<'a> LocalRefinement<'a> {
         kept.into_iter().map(|i| poses[i]).collect()
     }
 
-    /// Sends every pose downhill on the sources in turn, by steps of at most a cell of `pair`; the
-    /// `count` lowest distinct ones, ranked by the
-    /// last source.
+    /// Minimizes the energy from every pose, on the sources in turn, by steps of at most a cell of
+    /// `pair`. Returns the `count` lowest distinct poses, ranked by the last source.
     pub(super) fn descend(
         &self,
         mut poses: Vec<FoundPose>,
@@ -255,7 +254,7 @@ pub(super) fn half_width(
 }
 
 /// Energies on the fine lattice differ by about 1 % of the depth with where its nodes happen to lie
-/// in the parts (`docs/docking.md`); poses within this share of the depth are not told apart by it.
+/// in the parts (`docs/docking.md`); it cannot distinguish poses within this share of the depth.
 pub const CLOSE: f64 = 0.03;
 
 /// One pose found by a search.
@@ -280,7 +279,7 @@ pub struct FoundPose {
 /// The stage that scores rotations.
 pub(super) const SCORING: &str = "scoring";
 
-/// What one stage did.
+/// The work and time of one stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SearchStage {
     /// `sketch`, `scoring`, `coarse descent`, `fine descent`, `decision`.
@@ -291,7 +290,7 @@ pub struct SearchStage {
     pub seconds: f64,
 }
 
-/// What a search found and what it cost.
+/// The poses and the cost of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchResult {
     /// Distinct poses, lowest energy first; those that could not be refined last.
@@ -302,7 +301,7 @@ pub struct SearchResult {
     pub chosen: usize,
     /// Rotations of the domain.
     pub rotations: usize,
-    /// Of the scored, those that a state file already held.
+    /// Scored rotations that a state file already held.
     pub resumed: usize,
     /// Translations scored per rotation, along x, y, z.
     pub window: [usize; 3],

@@ -13,15 +13,15 @@ use crate::pair::contact::jump;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
 
-/// Two parts, each in its own frame, and what is asked of their pair: all but the placement speaks
-/// of the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
+/// Two parts, each in its own frame, and the options of their pair. All but the placement refers to
+/// the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
 #[derive(Debug, Clone)]
 pub struct PairSetup {
     /// The part that stays.
     pub fixed: Arc<TriangleMesh>,
     /// The part that moves.
     pub moving: Arc<TriangleMesh>,
-    /// Weights and kernel thickness; gamma is what [`PairSetup::energy`] says.
+    /// Weights and kernel thickness; [`PairSetup::energy`] replaces gamma.
     pub model: ScoreModel,
     /// How finely the densities are computed, and within which memory.
     pub builder: PairBuilder,
@@ -44,10 +44,10 @@ pub struct PairSetup {
 /// Why a setup gives no pair.
 #[derive(Debug, thiserror::Error)]
 pub enum PairSetupError {
-    /// The fields cannot be had.
+    /// The fields cannot be computed.
     #[error(transparent)]
     Build(PairBuildError),
-    /// The energy scale cannot be had.
+    /// The energy scale is out of range.
     #[error(transparent)]
     Energy(#[from] EnergyScaleError),
     /// The monitor asked to stop.
@@ -109,7 +109,7 @@ impl PairSetup {
         self.builder.plan(&self.fixed, &self.moving, &self.model)
     }
 
-    /// The pair, its fields computed or found in the cache, with the energy scale asked for.
+    /// The pair with its energy scale; fields come from the cache or are computed.
     ///
     /// # Errors
     /// As [`PairPlan::build`] and [`EnergyScale::gamma`].

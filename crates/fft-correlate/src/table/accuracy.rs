@@ -61,7 +61,7 @@ pub struct Excess {
     pub quantity: &'static str,
     /// `rms` or `p99`.
     pub statistic: &'static str,
-    /// What the table says of itself; joules, newtons or newton metres.
+    /// The error that the table states; joules, newtons or newton metres.
     pub claimed: f64,
     /// What was measured now.
     pub found: f64,

@@ -63,7 +63,7 @@ pub enum BakeError {
     /// The table cannot be made, read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A table is already there and `resume` was not asked for.
+    /// A table is already there and `resume` is not set.
     #[error("{}: there is already a table; resume it or choose another path", path.display())]
     Exists {
         /// Where.

@@ -49,7 +49,7 @@ const OPEN_MPI: Kind = ["Open MPI", "OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZ
 const PMI: Kind = ["PMI", "PMI_RANK", "PMI_SIZE"];
 /// The step that srun started.
 const SLURM: Kind = ["Slurm", "SLURM_PROCID", "SLURM_STEP_NUM_TASKS"];
-/// The tasks that were asked for, whether or not srun started them.
+/// The tasks of the job, whether or not srun started them.
 const SLURM_JOB: Kind = ["Slurm", "SLURM_PROCID", "SLURM_NTASKS"];
 
 /// Number of the step in which salloc starts its shell.

@@ -1,4 +1,4 @@
-//! Choosing lattices and rotation steps for an error that was asked for.
+//! Choosing lattices and rotation steps that meet a tolerance.
 
 pub(crate) mod direct;
 pub(crate) mod error;

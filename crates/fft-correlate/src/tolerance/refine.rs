@@ -1,11 +1,11 @@
-//! Refining the lattice until an error is as small as asked for.
+//! Refining the lattice until its error meets a tolerance.
 
 use crate::pair::fields::Pair;
 use crate::pair::setup::{EnergyScale, PairSetup};
 use crate::tolerance::error::{Limit, ToleranceError};
 
-/// What was tried on the way, and the error of its probes: the greater of those of force and torque,
-/// each a share of its rms.
+/// One trial and the error of its probes: the greater of those of force and torque, each a share of
+/// its rms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trial {
     /// A spacing.
@@ -34,7 +34,7 @@ pub(super) const BEYOND: f64 = 4.0 / 3.0;
 /// From one spacing to the next, at least and at most: as errors fall with the spacing.
 const REFINEMENTS: [f64; 2] = [1.15, 2.5];
 
-/// Share of what is asked for that the next spacing aims at.
+/// Share of the tolerance that the next spacing aims at.
 const MARGIN: f64 = 0.92;
 
 /// The order by which errors fall with the spacing, until two are known.

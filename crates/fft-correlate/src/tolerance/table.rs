@@ -231,7 +231,7 @@ impl Search<'_> {
         }
     }
 
-    /// How far small tables probe_rotations the rotations held out, with rotation nodes `step` degrees apart, are
+    /// How far small tables around the rotations held out, with rotation nodes `step` degrees apart, are
     /// from direct quadrature.
     fn probe(
         &self,

@@ -61,7 +61,7 @@ pub(super) struct ImageSizes<'a> {
     pub(super) layout: &'a Layout,
     pub(super) size: [usize; 3],
     pub(super) window: [usize; 3],
-    /// QuadraticReader of the moving box.
+    /// Nodes of the moving box.
     pub(super) extent: [usize; 3],
     /// x planes of the sum.
     pub(super) planes: usize,

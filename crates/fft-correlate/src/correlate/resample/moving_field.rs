@@ -11,7 +11,7 @@ use crate::correlate::resample::hull::Hull;
 use crate::pair::interpolation::Interpolation;
 use crate::vectors;
 
-/// QuadraticReader of zeros around the stored values: a coordinate beyond them, moved into the outermost
+/// Nodes of zeros around the stored values: a coordinate beyond them, moved into the outermost
 /// cell, reads zeros, so that interpolation needs no case at the rim.
 pub(super) const BORDER: usize = 2;
 
@@ -103,7 +103,7 @@ fn stored(support: &IndexBox, interpolation: Interpolation) -> [usize; 3] {
     ]
 }
 
-/// QuadraticReader along each side of the blocks whose emptiness is known.
+/// Nodes along each side of the blocks whose emptiness is known.
 const BLOCK: f64 = 4.0;
 
 /// Samples along z that are taken or skipped together, for all lanes of y.

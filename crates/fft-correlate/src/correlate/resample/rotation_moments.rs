@@ -1,6 +1,6 @@
 //! Sums of a field over a few near rotations, as a table's nodes need them, by one rotation.
 //!
-//! RotatedField by small `t` about the pivot, a field is `g + L_t g + L_t² g / 2` with `L_t g = -(t × q) ·
+//! Turned by small `t` about the pivot, a field is `g + L_t g + L_t² g / 2` with `L_t g = -(t × q) ·
 //! ∇g`. Over the rotations of a sum first orders cancel, and second orders add up to products of
 //! six fields, made once, with the second moments of the `t`. What is left out is of fourth order
 //! in them and, where a chart of rotations is curved, a first order that does not quite cancel.
@@ -27,7 +27,7 @@ pub(crate) struct RotationMoments<T> {
 }
 
 impl<T: Real> RotationMoments<T> {
-    /// Of a field, by differences of fourth order. QuadraticReader that hold nothing stay empty.
+    /// Of a field, by differences of fourth order. Nodes that hold nothing stay empty.
     pub(crate) fn new(field: &MovingField<T>) -> Self {
         let shape = field.values.dim();
         let mut fields = [(); PAIRS.len()].map(|()| Array3::zeros(shape));

@@ -43,7 +43,7 @@ pub(super) struct Header {
     pub(super) digest: String,
 }
 
-/// What a table's identity is made of.
+/// The keys that make a table's identity.
 #[derive(Serialize)]
 struct IdentityKeys<'a> {
     format: u32,
@@ -83,7 +83,7 @@ impl Header {
         json!({ "zarr_format": 3, "node_type": "group", "attributes": { "pegfit": self } })
     }
 
-    /// With the digest of what it says.
+    /// With the digest of its other keys.
     pub(super) fn sealed(mut self) -> Self {
         self.digest = String::new();
         self.digest = digest(&self);
@@ -259,7 +259,7 @@ impl Identity {
     }
 }
 
-/// The digest of what a table says of itself.
+/// The digest of a table's attributes.
 pub(super) fn digest(header: &impl Serialize) -> String {
     blake3::hash(&text(header)).to_hex().to_string()
 }

@@ -234,7 +234,7 @@ impl LocalEnergy<'_> {
     }
 
     /// Energy and the force (torque) along a unit twist through the pivot.
-    fn along(&mut self, step: Step, axis: Step) -> (f64, f64) {
+    fn energy_and_force(&mut self, step: Step, axis: Step) -> (f64, f64) {
         let pose = self.pose(step);
         let response = self.source.evaluate(&pose, &mut self.scratch);
         let twist = Twist {
@@ -299,7 +299,7 @@ impl LocalEnergy<'_> {
         for i in 1..=n {
             let s = reach * i as f64 / n as f64;
             let at = Step::default().plus(&outwards, s);
-            let restoring = -self.along(at, outwards).1;
+            let restoring = -self.energy_and_force(at, outwards).1;
             if restoring > side.peak {
                 (side.peak, side.convex) = (restoring, s);
             } else if restoring < -0.01 * side.peak && s > length {

@@ -198,7 +198,7 @@ impl<T: Real> Correlator<T> {
         CorrelatorScratch {
             kernels: self.kernels.as_ref().map(|f| FusedScratch::new(f)),
             sums: (self.products.iter().filter(|p| p.second.is_some()))
-                .map(|p| p.field.room())
+                .map(|p| p.field.empty_values())
                 .collect(),
             times: StageTimes::default(),
         }

@@ -8,7 +8,9 @@ use serde::Serialize;
 use crate::correlate::contract::Sizes;
 use crate::correlate::error::CorrelateError;
 use crate::correlate::kernels::Fused;
-use crate::correlate::kernels::lane_fft::{LineEnds, RadixStep, cost, known, steps, turning_steps};
+use crate::correlate::kernels::lane_fft::{
+    LineEnds, RadixStep, cost, is_supported_length, steps, turning_steps,
+};
 use crate::correlate::overlap::{IndexBox, Overlap, overlap};
 use crate::correlate::real::Real;
 use crate::correlate::resample::{MovingField, RotationMoments};
@@ -217,12 +219,12 @@ impl CorrelatorPlan {
             support: support.clone(),
             window_first: first,
         };
-        plan.list(crops);
+        plan.add_products(crops);
         Ok(plan.with_needs::<f32>(vectors::native()))
     }
 
     /// Takes up what is kept of each product.
-    fn list(&mut self, crops: Vec<Option<Crop>>) {
+    fn add_products(&mut self, crops: Vec<Option<Crop>>) {
         for (number, (crop, of)) in crops.into_iter().zip(&self.support.products).enumerate() {
             match crop {
                 Some(crop) => self.products.push(ProductPlan {
@@ -450,7 +452,7 @@ pub(crate) fn best_size(min: [usize; 3], window: [usize; 3], moving: &[Moving]) 
     // Per axis the shortest lengths; a power of two lies below twice the least.
     let lengths = |axis: usize| -> Vec<usize> {
         let (min, step) = (min[axis].max(1), if axis == 2 { 2 } else { 1 });
-        let fits = |n: &usize| n.is_multiple_of(step) && known(n / step);
+        let fits = |n: &usize| n.is_multiple_of(step) && is_supported_length(n / step);
         (min..=2 * min).filter(fits).take(6).collect()
     };
     let mut best = (f64::INFINITY, min);

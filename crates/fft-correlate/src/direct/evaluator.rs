@@ -19,7 +19,7 @@ use crate::direct::quadrature::{Blocks, Point, cells, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
-use crate::pair::builder::{PairBuildError, coarser};
+use crate::pair::builder::{PairBuildError, coarser_pair};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
 use crate::pair::interpolation::Interpolation;
@@ -281,7 +281,7 @@ impl DirectEvaluator {
         let count: usize = points.iter().map(Vec::len).sum();
         if let Some(most) = options.max_points.filter(|most| count > *most) {
             let factor = (count as f64 / most as f64).powf(POINTS_BY_SPACING);
-            let coarser = coarser(pair, contact, COARSER * factor)
+            let coarser = coarser_pair(pair, contact, COARSER * factor)
                 .map_err(|e| DirectError::Coarser(Box::new(e)))?;
             return Self::new(&coarser, options);
         }

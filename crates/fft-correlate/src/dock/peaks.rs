@@ -127,7 +127,7 @@ pub(super) struct PoseSpacing {
 impl PoseSpacing {
     /// True if the rotations and the pivots are both close, for the part as it is or under one of
     /// its symmetries.
-    fn same(&self, a: &Pose, b: &Pose) -> bool {
+    fn is_same(&self, a: &Pose, b: &Pose) -> bool {
         let close = |b: &Pose| {
             (a.apply(self.pivot) - b.apply(self.pivot)).length() <= self.distance
                 && a.angle_to(b) <= self.angle
@@ -152,7 +152,10 @@ impl PoseSpacing {
             }
             let place = pose.apply(self.pivot);
             let near = |k: &DVec3| k.distance(place) <= reach;
-            if !kept.iter().any(|(_, k, at)| near(at) && self.same(k, pose)) {
+            if !kept
+                .iter()
+                .any(|(_, k, at)| near(at) && self.is_same(k, pose))
+            {
                 kept.push((index, pose, place));
             }
         }
@@ -331,6 +334,6 @@ mod tests {
         assert_eq!(spacing.distinct(&poses, 9), [0, 3]);
         assert_eq!(spacing.distinct(&poses, 1), [0]);
         let shifted = Pose::from_translation(DVec3::new(0.02, 0.0, 0.0));
-        assert!(!spacing.same(&shifted, &poses[0]));
+        assert!(!spacing.is_same(&shifted, &poses[0]));
     }
 }

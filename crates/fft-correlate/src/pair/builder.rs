@@ -387,7 +387,11 @@ impl PairPlan {
 ///
 /// # Errors
 /// As [`PairBuilder::build`].
-pub(crate) fn coarser(pair: &Pair, contact: &Contact, factor: f64) -> Result<Pair, PairBuildError> {
+pub(crate) fn coarser_pair(
+    pair: &Pair,
+    contact: &Contact,
+    factor: f64,
+) -> Result<Pair, PairBuildError> {
     let recipe = &pair.fixed().recipe;
     let builder = PairBuilder {
         spacing: Some(factor * pair.spacing()),

@@ -64,10 +64,10 @@ pub(super) enum Cover {
 
 impl Atlas {
     /// Where a rotation, turned onto its chart, is read instead.
-    pub(super) fn rest(&self, q: DQuat) -> Option<RadialStop> {
+    pub(super) fn radial_stop(&self, q: DQuat) -> Option<RadialStop> {
         match self.cover {
             Cover::Ball { center, angle, .. } => {
-                RelativeRotation::of(q, center).rest(angle, REST * self.step)
+                RelativeRotation::of(q, center).radial_stop(angle, REST * self.step)
             }
             _ => None,
         }
@@ -96,7 +96,7 @@ impl Atlas {
     }
 
     /// Share of a patch before division by the sum: a product over the seams with all others.
-    pub(super) fn share(&self, patch: usize, q: DQuat) -> (f64, DVec3) {
+    pub(super) fn blend_weight(&self, patch: usize, q: DQuat) -> (f64, DVec3) {
         let own = self.closeness(patch, q);
         let own_gradient = self.closeness_gradient(patch, q);
         let (mut share, mut log_gradient) = (1.0, DVec3::ZERO);
@@ -149,10 +149,10 @@ pub(super) struct RelativeRotation {
 impl RelativeRotation {
     /// From `center` to `q`.
     pub(super) fn of(q: DQuat, center: DQuat) -> Self {
-        Self::by(q * center.conjugate())
+        Self::from_rotation(q * center.conjugate())
     }
 
-    pub(super) fn by(r: DQuat) -> Self {
+    pub(super) fn from_rotation(r: DQuat) -> Self {
         let rotation = if r.w < 0.0 { -r } else { r };
         Self {
             rotation,
@@ -172,7 +172,7 @@ impl RelativeRotation {
     }
 
     /// Where a rotation outside a ball of radius `angle` is read; `None` inside.
-    pub(super) fn rest(&self, angle: f64, margin: f64) -> Option<RadialStop> {
+    pub(super) fn radial_stop(&self, angle: f64, margin: f64) -> Option<RadialStop> {
         (self.angle > angle).then(|| RadialStop::new(self.rotation, self.angle, angle, margin))
     }
 }

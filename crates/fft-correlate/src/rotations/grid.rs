@@ -250,12 +250,12 @@ impl RotationGrid {
         let near = |k: &usize| self.atlas.closeness(*k, q) > least;
         let (mut total, mut total_gradient) = (0.0, DVec3::ZERO);
         for k in (0..self.atlas.patches.len()).filter(near) {
-            let (share, gradient) = self.atlas.share(k, q);
+            let (share, gradient) = self.atlas.blend_weight(k, q);
             total += share;
             total_gradient += gradient;
         }
         for k in (0..self.atlas.patches.len()).filter(near) {
-            let (share, gradient) = self.atlas.share(k, q);
+            let (share, gradient) = self.atlas.blend_weight(k, q);
             if share > 0.0 {
                 let share = share / total;
                 let gradient = (gradient - share * total_gradient) / total;
@@ -292,14 +292,14 @@ impl RotationGrid {
             Some(s) => s.fold(pose, turn, chart.center),
             None => (*pose, Fold::Identity),
         };
-        let rest = self.atlas.rest(pose.rotation);
+        let rest = self.atlas.radial_stop(pose.rotation);
         let read = rest.map_or(pose.rotation, |rest| rest.apply(pose.rotation));
         let (mut x, mut gradients) = chart.locate(read);
-        let mut covered = self.covered(chart, pose.rotation);
+        let mut covered = self.coverage(chart, pose.rotation);
         if let Cover::Spin { margin } = self.atlas.cover
             && !chart.periodic
         {
-            match Reach::new(x[2], chart.shape[2], &self.ends(chart, margin)) {
+            match Reach::new(x[2], chart.shape[2], &self.edge(chart, margin)) {
                 Some(reach) => {
                     covered.gradient = covered.gradient * reach.weight
                         + covered.weight * reach.weight_slope * gradients[2];
@@ -337,7 +337,7 @@ impl RotationGrid {
     }
 
     /// How an open spin ends, in nodes; the fade ends before the middle of what is left of the turn.
-    fn ends(&self, chart: &Chart, margin: f64) -> Edge {
+    fn edge(&self, chart: &Chart, margin: f64) -> Edge {
         let cells = (chart.shape[2] - 1) as f64;
         let left = 0.5 * (2.0 * PI / self.atlas.step - cells);
         Edge {
@@ -347,7 +347,7 @@ impl RotationGrid {
     }
 
     /// How far a folded rotation is covered.
-    fn covered(&self, chart: &Chart, q: DQuat) -> Coverage {
+    fn coverage(&self, chart: &Chart, q: DQuat) -> Coverage {
         let (step, fade) = (self.atlas.step, self.atlas.fade);
         match self.atlas.cover {
             Cover::All | Cover::List { .. } => Coverage::WHOLE,
@@ -364,8 +364,12 @@ impl RotationGrid {
                     _ => r,
                 };
                 // A turn of r turns its swing alike, up to a twist, which leaves the tilt as it is.
-                let covered =
-                    Coverage::beyond(&RelativeRotation::by(swing), 0.0, margin * step, fade);
+                let covered = Coverage::beyond(
+                    &RelativeRotation::from_rotation(swing),
+                    0.0,
+                    margin * step,
+                    fade,
+                );
                 Coverage {
                     gradient: chart.frame * covered.gradient,
                     ..covered
@@ -391,7 +395,7 @@ impl RotationGrid {
             share: 1.0,
             share_gradient: DVec3::ZERO,
             pose: *pose,
-            rest: away.rest(0.0, margin),
+            rest: away.radial_stop(0.0, margin),
             chart: &self.atlas.charts[0],
             taps,
             gradients: [DVec3::ZERO; 3],
@@ -424,13 +428,13 @@ fn node_distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
             Some(s) => s.fold(&pose, patch.turn, chart.center).0,
             None => pose,
         };
-        let rest = atlas.rest(folded.rotation);
+        let rest = atlas.radial_stop(folded.rotation);
         let read = rest.map_or(folded.rotation, |rest| rest.apply(folded.rotation));
         let (mut x, _) = chart.locate(read);
         if matches!(atlas.cover, Cover::Spin { .. }) && !chart.periodic {
             x[2] = x[2].clamp(0.0, (chart.shape[2] - 1) as f64);
         }
-        lower(chart, x, distances);
+        lower_distances(chart, x, distances);
     }
 }
 
@@ -476,7 +480,7 @@ fn span(taps: &Taps, n: usize, wider: usize, closed: bool) -> (usize, usize) {
 }
 
 /// Lowers each row's distance to that from index `x`.
-fn lower(chart: &Chart, x: [f64; 3], distances: &mut [f32]) {
+fn lower_distances(chart: &Chart, x: [f64; 3], distances: &mut [f32]) {
     let along: [Vec<f32>; 3] = std::array::from_fn(|k| {
         let n = chart.shape[k];
         let away = |i: usize| {

@@ -159,7 +159,8 @@ pub fn measure_error(
     poses: usize,
     seed: u64,
 ) -> ErrorReport {
-    HeldOut::drawn(table.spec(), truth, poses, seed).errors_of(table, table.spec().pivot())
+    HeldOut::at_random_poses(table.spec(), truth, poses, seed)
+        .errors_of(table, table.spec().pivot())
 }
 
 /// Poses and what the truth is there.
@@ -171,7 +172,7 @@ pub(crate) struct HeldOut {
 
 impl HeldOut {
     /// At poses drawn from the rotations and the window of `spec`.
-    pub(crate) fn drawn(
+    pub(crate) fn at_random_poses(
         spec: &TableSpec,
         truth: &dyn EnergySource,
         poses: usize,

@@ -124,7 +124,7 @@ pub fn bake_files<P: NodeEnergies>(
         return Err(BakeError::Share { rank, size });
     }
     let store = open_or_create(files, spec, producer, share)?;
-    let _held = files.hold(size == 1)?;
+    let _held = files.lock(size == 1)?;
     let grid = store.grid();
     let groups = grid.half_turn_groups();
     let groups = groups.iter().skip(rank).step_by(size);
@@ -145,7 +145,7 @@ pub fn bake_files<P: NodeEnergies>(
         return Err(BakeError::Cancelled);
     }
     let done = swept.consumers.into_iter().map(|w| w.done);
-    let done = done.fold(BakeResult::default(), BakeResult::plus);
+    let done = done.fold(BakeResult::default(), BakeResult::merge);
     Ok(BakeResult {
         rotations: grid.nodes().len(),
         kept: rows - done.computed,
@@ -214,7 +214,7 @@ impl Consumer<()> for Writer<'_> {
 }
 
 impl BakeResult {
-    fn plus(self, other: Self) -> Self {
+    fn merge(self, other: Self) -> Self {
         Self {
             rotations: self.rotations + other.rotations,
             computed: self.computed + other.computed,

@@ -105,10 +105,10 @@ impl SpacingSearch {
             spacing = self.orders.finer(spacing, error);
         }
         let best = self.orders.best.map_or(0.0, |(_, best)| best);
-        Err(self.missed(Limit::Spacings { best }))
+        Err(self.missed_error(Limit::Spacings { best }))
     }
 
-    fn missed(&self, limit: Limit) -> ToleranceError {
+    fn missed_error(&self, limit: Limit) -> ToleranceError {
         ToleranceError::Missed {
             asked: self.tolerance,
             reached: self.orders.best.map_or(f64::INFINITY, |(error, _)| error),
@@ -119,13 +119,15 @@ impl SpacingSearch {
     /// Too little memory for `next` ends a search that has found something.
     fn out_of_memory(&self, next: f64, error: ToleranceError) -> ToleranceError {
         match (error.memory(), self.orders.best) {
-            (Some((what, needed, limit)), Some((_, best))) => self.missed(Limit::LatticeMemory {
-                best,
-                next,
-                what,
-                needed,
-                limit,
-            }),
+            (Some((what, needed, limit)), Some((_, best))) => {
+                self.missed_error(Limit::LatticeMemory {
+                    best,
+                    next,
+                    what,
+                    needed,
+                    limit,
+                })
+            }
             _ => error,
         }
     }

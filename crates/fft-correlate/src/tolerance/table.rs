@@ -134,7 +134,7 @@ impl Search<'_> {
             design.scores(memory)?;
             let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
             let spec = &design.spec;
-            let held_out = HeldOut::drawn(spec, &truth, LATTICE_POSES, SEEDS[0]);
+            let held_out = HeldOut::at_random_poses(spec, &truth, LATTICE_POSES, SEEDS[0]);
             let report = held_out.errors_of(&direct, spec.pivot());
             let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
             let found = TolerantDesign {
@@ -146,7 +146,7 @@ impl Search<'_> {
         })
     }
 
-    fn missed(&self, reached: f64, limit: Limit) -> ToleranceError {
+    fn missed_error(&self, reached: f64, limit: Limit) -> ToleranceError {
         ToleranceError::Missed {
             asked: self.tolerance,
             reached,
@@ -183,7 +183,7 @@ impl Search<'_> {
                     needed,
                     limit: self.memory,
                 };
-                return Err(self.missed(least.0, limit));
+                return Err(self.missed_error(least.0, limit));
             }
             let error = lattice.hypot(self.probe(design, &held_out, step)?);
             (self.tried)(Trial::Step {
@@ -205,7 +205,7 @@ impl Search<'_> {
             step = next.clamp(WORTHWHILE * met, missed / WORTHWHILE);
         }
         if met == 0.0 {
-            return Err(self.missed(least.0, Limit::Steps { best: least.1 }));
+            return Err(self.missed_error(least.0, Limit::Steps { best: least.1 }));
         }
         set_step(&mut design.spec.rotations, met);
         Ok(())
@@ -273,7 +273,7 @@ fn held_out(whole: &TableSpec, direct: &DirectEvaluator) -> Vec<HeldOut> {
             rotations: single_rotation(held_out_rotation(whole, index)),
             ..whole.clone()
         };
-        HeldOut::drawn(&spec, direct, POSES, SEEDS[1] + index)
+        HeldOut::at_random_poses(&spec, direct, POSES, SEEDS[1] + index)
     };
     (0..ROTATIONS).map(at).collect()
 }

@@ -27,7 +27,7 @@ pub(crate) struct Cells<V> {
 
 #[cold]
 #[inline(never)]
-fn beyond() -> ! {
+fn out_of_bounds() -> ! {
     panic!("a sample beyond the field");
 }
 
@@ -40,7 +40,7 @@ pub(super) fn first_number(place: i32, count: usize, length: usize) -> usize {
     let at = 2 * place as u32 as usize;
     match length.checked_sub(count) {
         Some(last) if at <= last => at,
-        _ => beyond(),
+        _ => out_of_bounds(),
     }
 }
 

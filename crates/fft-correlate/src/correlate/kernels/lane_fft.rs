@@ -374,7 +374,7 @@ pub(crate) fn steps(len: usize, ends: LineEnds) -> Option<Vec<RadixStep>> {
 }
 
 /// Whether a transform of this length has passes at all.
-pub(crate) fn known(len: usize) -> bool {
+pub(crate) fn is_supported_length(len: usize) -> bool {
     steps(len, LineEnds::default()).is_some()
 }
 
@@ -450,7 +450,6 @@ pub(crate) fn cost(steps: &[RadixStep]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correlate::kernels::lane_fft::known;
     use crate::correlate::kernels::tile::Buffer;
     use crate::vectors::{dispatch_lanes, levels};
     use fearless_simd::Level;
@@ -526,7 +525,7 @@ mod tests {
         let mut rng = SmallRng::seed_from_u64(4);
         let mut seen = 0;
         let longest = if cfg!(miri) { 40 } else { 512 };
-        for len in (1..=longest).filter(|n| known(*n)) {
+        for len in (1..=longest).filter(|n| is_supported_length(*n)) {
             seen += 1;
             for (from_half, to_half) in [(false, false), (true, false), (false, true)] {
                 let ends = LineEnds {
@@ -561,7 +560,7 @@ mod tests {
             for (from_half, to_half) in [(false, false), (true, false), (false, true), (true, true)]
             {
                 let Some([there, back]) = turning_steps(len, from_half, to_half) else {
-                    assert!(!known(len), "{len}");
+                    assert!(!is_supported_length(len), "{len}");
                     continue;
                 };
                 assert_eq!((product(&there), product(&back)), (len, len));
@@ -578,7 +577,7 @@ mod tests {
                 );
             }
         }
-        assert!(!known(0));
+        assert!(!is_supported_length(0));
     }
 
     #[test]

@@ -33,7 +33,7 @@ impl<T> Copy for Tile<'_, T> {}
 /// Without arguments, so that hot loops keep no registers for it.
 #[cold]
 #[inline(never)]
-fn beyond() -> ! {
+fn out_of_bounds() -> ! {
     panic!("access beyond the end of a tile");
 }
 
@@ -47,7 +47,7 @@ impl<'a, T: Real> Tile<'a, T> {
     pub(crate) fn from(self, offset: usize) -> Self {
         match self.0.get(offset..) {
             Some(cells) => Self(cells),
-            None => beyond(),
+            None => out_of_bounds(),
         }
     }
 
@@ -57,7 +57,7 @@ impl<'a, T: Real> Tile<'a, T> {
         match self.0.len().checked_sub(count) {
             // SAFETY: `offset + count` is at most the length.
             Some(last) if offset <= last => unsafe { self.0.get_unchecked(offset..offset + count) },
-            _ => beyond(),
+            _ => out_of_bounds(),
         }
     }
 

@@ -77,7 +77,7 @@ impl<T: Real> MovingField<T> {
     }
 
     /// Room for a field of the same nodes.
-    pub(crate) fn room(&self) -> Array3<Complex<T>> {
+    pub(crate) fn empty_values(&self) -> Array3<Complex<T>> {
         Array3::zeros(self.values.dim())
     }
 
@@ -150,7 +150,7 @@ impl Occupancy {
     }
 
     /// Whether a patch with its middle at this index may see anything.
-    pub(super) fn near(&self, middle: DVec3) -> bool {
+    pub(super) fn is_occupied_near(&self, middle: DVec3) -> bool {
         let at = (middle / BLOCK + self.before).floor();
         at.min_element() >= 0.0
             && self

@@ -142,7 +142,7 @@ fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
     for z in (start..end).step_by(PATCH) {
         let patch = z..(z + PATCH).min(end);
         let at = corner + sz * z as f64;
-        if !turned.field.occupied.near(at + middle) {
+        if !turned.field.occupied.is_occupied_near(at + middle) {
             bundle[numbers(patch)].fill(T::zero());
             continue;
         }

@@ -42,7 +42,7 @@ impl<T: Real> RotationMoments<T> {
                 let [a, b] = [a, b].map(|axis| DVec3::AXES[axis]);
                 let (by_a, by_b) = (a.cross(q), b.cross(q));
                 let bent = 0.5 * (a.cross(by_b) + b.cross(by_a));
-                let sum = slopes.along(by_a, by_b) + slopes.by(bent);
+                let sum = slopes.second_derivative(by_a, by_b) + slopes.first_derivative(bent);
                 field[node] = Complex::new(T::nearest(sum.re), T::nearest(sum.im));
             }
         }
@@ -174,7 +174,7 @@ impl Slopes {
     }
 
     /// The second derivative along two directions.
-    fn along(&self, u: DVec3, v: DVec3) -> Complex64 {
+    fn second_derivative(&self, u: DVec3, v: DVec3) -> Complex64 {
         let mut sum = Complex64::default();
         for a in 0..3 {
             for b in 0..3 {
@@ -185,7 +185,7 @@ impl Slopes {
     }
 
     /// The first derivative along a direction.
-    fn by(&self, u: DVec3) -> Complex64 {
+    fn first_derivative(&self, u: DVec3) -> Complex64 {
         (0..3).map(|a| u[a] * self.first[a]).sum()
     }
 }

@@ -141,7 +141,7 @@ impl TableFiles {
     ///
     /// # Errors
     /// If another process holds it otherwise, or the table cannot be opened.
-    pub(crate) fn hold(&self, alone: bool) -> Result<Option<fs::File>, StoreError> {
+    pub(crate) fn lock(&self, alone: bool) -> Result<Option<fs::File>, StoreError> {
         let Some(folder) = self.folder().filter(|_| cfg!(unix)) else {
             return Ok(None);
         };

@@ -105,7 +105,7 @@ fn prepare(
     if let (Some(tolerance), false) = (args.tolerance, chosen) {
         let found = tolerance::choose(&setup, tolerance, context)?;
         let reference = TableReference {
-            truth: found.truth,
+            truth: found.reference,
             spacing: found.reference_spacing,
         };
         let table = found.design;

@@ -146,6 +146,25 @@ impl TableSpec {
             limit,
         })
     }
+
+    /// How far outside the window the energy has faded to [`TableSpec::far_energy`], metres: the
+    /// moving part's radius about the pivot, its halo included (the window's diagonal where energies
+    /// come from no density), and never less than two nodes.
+    ///
+    /// Where a window ends, the energy is seldom the far one. What is read there goes on outside,
+    /// without its slope outwards, and fades over `L`, which adds a force of up to
+    /// `1.5 |energy - far| / L`. The parts themselves lose that energy over a way that is about as
+    /// long as the moving part, so this is less than contact has. Outside the rotations the energy
+    /// fades over what is left of the half turn.
+    pub fn fade_length(&self) -> f64 {
+        let window = &self.window;
+        let sides = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
+        let length = match &self.recipe.moving {
+            Some(part) => radius(part, self.pivot()),
+            None => sides.length(),
+        };
+        length.max(2.0 * window.spacing())
+    }
 }
 
 /// How a table stores energies: in half precision, with a relative error of at most 4.9e-4.
@@ -208,27 +227,6 @@ impl Storage {
             expected: "in 0 ..= 0.1",
             found: self.leave_out.to_string(),
         })
-    }
-}
-
-impl TableSpec {
-    /// How far outside the window the energy has faded to [`TableSpec::far_energy`], metres: the
-    /// moving part's radius about the pivot, its halo included (the window's diagonal where energies
-    /// come from no density), and never less than two nodes.
-    ///
-    /// Where a window ends, the energy is seldom the far one. What is read there goes on outside,
-    /// without its slope outwards, and fades over `L`, which adds a force of up to
-    /// `1.5 |energy - far| / L`. The parts themselves lose that energy over a way that is about as
-    /// long as the moving part, so this is less than contact has. Outside the rotations the energy
-    /// fades over what is left of the half turn.
-    pub fn fade_length(&self) -> f64 {
-        let window = &self.window;
-        let sides = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
-        let length = match &self.recipe.moving {
-            Some(part) => radius(part, self.pivot()),
-            None => sides.length(),
-        };
-        length.max(2.0 * window.spacing())
     }
 }
 

@@ -67,8 +67,8 @@ pub struct TolerantDesign {
     /// The table.
     pub design: TableDesign,
     /// On lattices of half the spacing.
-    pub truth: DirectEvaluator,
-    /// Spacing of `truth`, metres.
+    pub reference: DirectEvaluator,
+    /// Spacing of `reference`, metres.
     pub reference_spacing: f64,
 }
 
@@ -128,18 +128,18 @@ impl Search<'_> {
             };
             let fine = at(half)?;
             let reference_spacing = fine.pair.spacing();
-            let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
+            let reference = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
             drop(fine);
             let design = at(setup)?;
             design.scores(memory)?;
             let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
             let spec = &design.spec;
-            let held_out = HeldOut::at_random_poses(spec, &truth, LATTICE_POSES, SEEDS[0]);
+            let held_out = HeldOut::at_random_poses(spec, &reference, LATTICE_POSES, SEEDS[0]);
             let report = held_out.errors_of(&direct, spec.pivot());
             let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
             let found = TolerantDesign {
                 design,
-                truth,
+                reference,
                 reference_spacing,
             };
             Ok((error, (found, direct, error)))

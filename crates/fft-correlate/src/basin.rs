@@ -68,6 +68,7 @@ impl Well {
             base: *pose,
             pivot: options.pivot,
         };
+        // The minimum, which must lie below the far energy.
         let far_energy = around.far_energy();
         let lowest = around.descend(options.length, options.radius);
         around.base = around.pose(lowest);
@@ -84,6 +85,7 @@ impl Well {
             reach,
             ..
         } = *options;
+        // Scans along and about all axes, then along the directions for barriers.
         let turn_reach = (reach / radius).min(std::f64::consts::PI);
         let [x, y, z, rx, ry, rz] = axes(1.0);
         let mut axis = |a, length, reach| around.axis(a, length, reach);

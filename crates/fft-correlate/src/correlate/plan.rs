@@ -181,6 +181,7 @@ impl CorrelatorPlan {
         if (found - expected).abs() > 1e-9 * expected {
             return Err(CorrelateError::Spacing { expected, found });
         }
+        // Crop every product to what can meet inside the window.
         let (shape, first) = (window.shape(), window.first());
         let window_box = IndexBox {
             lo: first,
@@ -194,6 +195,7 @@ impl CorrelatorPlan {
             .collect();
         let kept: Vec<Crop> = crops.iter().flatten().copied().collect();
         let periods = kept.iter().map(|k| k.overlap.min_period);
+        // Transform lengths, longer ones if half turns share work.
         let mut size = transform_size(periods, shape, &shapes(&kept))?;
         let mirrored = if half_turns {
             symmetric(support, &crops, window_box, size)

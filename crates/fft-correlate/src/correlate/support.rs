@@ -263,6 +263,7 @@ impl PairSupport {
         let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
         let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
         let grown = h + spread;
+        // Solids fill their bounds, exteriors the whole lattice.
         let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
         let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
         let radius = moving.radius_about(plan.pivot);

@@ -400,6 +400,7 @@ fn place_quadratic<S: Simd, const IMAGINARY: bool>(
         #[inline(always)]
         |v: f32| f32x8::splat(simd, v),
     );
+    // Per axis: the place in the grid, its nearest node, and the weights of three nodes.
     let of = first..first + EIGHT;
     let x = f32x8::from_slice(simd, &block.position[0][of.clone()]);
     let y = f32x8::from_slice(simd, &block.position[1][of.clone()]);
@@ -435,6 +436,7 @@ fn place_quadratic<S: Simd, const IMAGINARY: bool>(
         }
     }
     lanes.offset = offset.into();
+    // Weights along z times the points' complex weights.
     let re = f32x8::from_slice(simd, &block.weight[0][of.clone()]);
     let im = f32x8::from_slice(simd, &block.weight[1][of]);
     let minus = splat(0.0) - im;
@@ -487,6 +489,7 @@ fn accumulate_quadratic<S: Simd, const IMAGINARY: bool>(
     for v in 0..EIGHT {
         let values = &grid.values[lanes.offset[v] as u32 as usize..];
         let (mut value, mut dx, mut dy) = (zero, zero, zero);
+        // Weighted sums over three nodes along x, then along y.
         for j in 0..3 {
             let (mut across, mut along) = (zero, zero);
             for i in 0..3 {
@@ -500,23 +503,20 @@ fn accumulate_quadratic<S: Simd, const IMAGINARY: bool>(
             dx = along.mul_add(w, dx);
             dy = across.mul_add(f32x8::splat(simd, lanes.slope[1][j][v]), dy);
         }
-        let weight = f32x8::from_slice(simd, &lanes.along[0][v]);
-        let (gx, gy) = (dx * weight, dy * weight);
-        let gz = value * f32x8::from_slice(simd, &lanes.along[1][v]);
-        let rx = f32x8::splat(simd, lanes.lever[0][v]);
-        let ry = f32x8::splat(simd, lanes.lever[1][v]);
-        let rz = f32x8::splat(simd, lanes.lever[2][v]);
-        sums[0] = value.mul_add(weight, sums[0]);
-        if IMAGINARY {
-            let weight = f32x8::from_slice(simd, &lanes.along[2][v]);
-            sums[1] = value.mul_add(weight, sums[1]);
-        }
-        sums[2] += gx;
-        sums[3] += gy;
-        sums[4] += gz;
-        sums[5] = ry.mul_add(gz, sums[5] - rz * gy);
-        sums[6] = rz.mul_add(gx, sums[6] - rx * gz);
-        sums[7] = rx.mul_add(gy, sums[7] - ry * gx);
+        // Weights of value, z slope and imaginary part; the lever from the set's centre.
+        let [weight, slope, imaginary] = &lanes.along;
+        let weights = [
+            f32x8::from_slice(simd, &weight[v]),
+            f32x8::from_slice(simd, &slope[v]),
+            f32x8::from_slice(simd, &imaginary[v]),
+        ];
+        let [x, y, z] = &lanes.lever;
+        let lever = [
+            f32x8::splat(simd, x[v]),
+            f32x8::splat(simd, y[v]),
+            f32x8::splat(simd, z[v]),
+        ];
+        add_lookup::<S, IMAGINARY>([value, dx, dy], weights, lever, sums);
     }
 }
 
@@ -570,6 +570,7 @@ fn place_trilinear<const IMAGINARY: bool>(
     map: &Map,
     lanes: &mut TrilinearLanes,
 ) {
+    // The cell of every point and the fraction within it.
     let [x, y, z] = &block.position;
     let mut lever = [[0.0f32; LANES]; 3];
     let mut cell = [[0u32; LANES]; 3];
@@ -633,6 +634,7 @@ fn accumulate_trilinear<S: Simd, const IMAGINARY: bool>(
     let row = 2 * grid.shape[2];
     let plane = row * grid.shape[1];
     let values = grid.values.as_slice();
+    // Two points at a time: four corners of x and y, each with both neighbours along z.
     for pair in 0..LANES / 2 {
         let at = [
             lanes.offset[2 * pair] as usize,
@@ -649,24 +651,43 @@ fn accumulate_trilinear<S: Simd, const IMAGINARY: bool>(
         let dx = high - low;
         let dy = fx.mul_add(dy1 - dy0, dy0);
         let value = fx.mul_add(dx, low);
-
-        let weight = load(simd, &lanes.weight[0], pair);
-        let (gx, gy) = (dx * weight, dy * weight);
-        let gz = value * load(simd, &lanes.weight[1], pair);
-        let rx = load(simd, &lanes.lever[0], pair);
-        let ry = load(simd, &lanes.lever[1], pair);
-        let rz = load(simd, &lanes.lever[2], pair);
-        sums[0] = value.mul_add(weight, sums[0]);
-        if IMAGINARY {
-            sums[1] = value.mul_add(load(simd, &lanes.weight[2], pair), sums[1]);
-        }
-        sums[2] += gx;
-        sums[3] += gy;
-        sums[4] += gz;
-        sums[5] = ry.mul_add(gz, sums[5] - rz * gy);
-        sums[6] = rz.mul_add(gx, sums[6] - rx * gz);
-        sums[7] = rx.mul_add(gy, sums[7] - ry * gx);
+        let [weight, slope, imaginary] = &lanes.weight;
+        let weights = [
+            load(simd, weight, pair),
+            load(simd, slope, pair),
+            load(simd, imaginary, pair),
+        ];
+        let [x, y, z] = &lanes.lever;
+        let lever = [
+            load(simd, x, pair),
+            load(simd, y, pair),
+            load(simd, z, pair),
+        ];
+        add_lookup::<S, IMAGINARY>([value, dx, dy], weights, lever, sums);
     }
+}
+
+/// Adds looked-up values with their x and y slopes to the sums of value (real, imaginary), gradient
+/// and moment. `weights` are those of the real part's value, of its z slope (which the value's
+/// numbers hold, too), and of the imaginary part's value.
+#[inline(always)]
+fn add_lookup<S: Simd, const IMAGINARY: bool>(
+    [value, dx, dy]: [f32x8<S>; 3],
+    weights: [f32x8<S>; 3],
+    [rx, ry, rz]: [f32x8<S>; 3],
+    sums: &mut [f32x8<S>; 8],
+) {
+    sums[0] = value.mul_add(weights[0], sums[0]);
+    if IMAGINARY {
+        sums[1] = value.mul_add(weights[2], sums[1]);
+    }
+    let (gx, gy, gz) = (dx * weights[0], dy * weights[0], value * weights[1]);
+    sums[2] += gx;
+    sums[3] += gy;
+    sums[4] += gz;
+    sums[5] = ry.mul_add(gz, sums[5] - rz * gy);
+    sums[6] = rz.mul_add(gx, sums[6] - rx * gz);
+    sums[7] = rx.mul_add(gy, sums[7] - ry * gx);
 }
 
 /// Sum of weighted lookups and its first derivatives, in the looked-up part's frame.

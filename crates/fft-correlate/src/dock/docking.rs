@@ -200,6 +200,7 @@ impl<'a> Docking<'a> {
             coarse: &coarse,
             fine: &finest,
         };
+        // Search; rank close poses anew on a finer lattice.
         let state = self.options.state.as_deref();
         let mut found = search(&pairs, &domain, &options, state, monitor)?;
         let close = found.close();
@@ -218,6 +219,7 @@ impl<'a> Docking<'a> {
                 Err(reason) => undecided = Some(reason),
             }
         }
+        // Report the poses in the fixed part's own frame.
         let mating = self.mating_areas(&found.poses)?;
         let pairs = [&finest, own.as_ref().unwrap_or(&finest)];
         let solids = [self.fixed(), &self.setup.moving];

@@ -57,9 +57,11 @@ pub fn search(
 ) -> Result<SearchResult, DockingError> {
     domain.check()?;
     pairs.check()?;
+    // Screening chooses rotations.
     let mut stages = Stages(Vec::new());
     let chosen = choose_rotations(pairs, domain, options, &mut stages, monitor)?;
     let rotations: Vec<DQuat> = chosen.iter().map(|i| domain.rotations[*i]).collect();
+    // Scoring: the local maxima of every chosen rotation, on the coarse lattice.
     let coarse = with_docking_weights(pairs.coarse, options.ratio)?;
     let fine = with_docking_weights(pairs.fine, options.ratio)?;
     let window = domain.window(coarse.pivot(), coarse.spacing())?;
@@ -85,6 +87,7 @@ pub fn search(
         items: done.scored,
         seconds: done.seconds,
     });
+    // Local refinement of the distinct poses that may lead to the deepest.
     let refinement = LocalRefinement::new(&coarse, domain, options, monitor)?;
     let candidates = done.candidates.iter();
     let poses: Vec<_> = candidates
@@ -249,10 +252,12 @@ fn screen_rotations(
     if scored < count {
         return Err(DockingError::Cancelled);
     }
+    // As many as asked for, and all that wide cells could have blurred to their depth.
     sort_candidates(&mut found);
     let wanted = ((options.chosen_share * count as f64).ceil() as usize).max(LEAST);
     let blurred = (1.0 - options.blur) * found.first().map_or(0.0, |c| c.energy);
     let wanted = wanted.max(found.partition_point(|c| c.energy <= blurred));
+    // The best of each neighbourhood as well.
     let rotations: Vec<DQuat> = (found.iter())
         .map(|c| domain.rotations[c.rotation])
         .collect();

@@ -201,6 +201,7 @@ impl PairBuilder {
             .spacing
             .unwrap_or_else(|| default_spacing(fixed, moving, halo));
         expect_larger([("fixed", &a), ("moving", &b)], spacing)?;
+        // Lattices hold the parts, their halo and what smoothing spreads.
         let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
         let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));
         let lattice = |part, bounds| {

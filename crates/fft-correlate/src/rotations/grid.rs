@@ -292,9 +292,11 @@ impl RotationGrid {
             Some(s) => s.fold(pose, turn, chart.center),
             None => (*pose, Fold::Identity),
         };
+        // The rotation at which the chart is read.
         let rest = self.atlas.radial_stop(pose.rotation);
         let read = rest.map_or(pose.rotation, |rest| rest.apply(pose.rotation));
         let (mut x, mut gradients) = chart.locate(read);
+        // Coverage, which ends with the open axis of a spin.
         let mut covered = self.coverage(chart, pose.rotation);
         if let Cover::Spin { margin } = self.atlas.cover
             && !chart.periodic

@@ -95,6 +95,7 @@ impl<T: Real> Fused<T> {
             "one or two terms"
         );
         let layout = Layout::new(&sizes, lanes::<T>(level));
+        // Transforms along each axis; halves of the box that are zero save passes.
         let y = |from_half, to_half| {
             let ends = LineEnds {
                 from_half,
@@ -107,6 +108,7 @@ impl<T: Real> Fused<T> {
         let (y_from_half, y_to_half) = halves(&sizes, 1);
         let pair = LaneFft::pair(size[0], x_from_half, x_to_half);
         let [x, x_back] = pair.expect("lengths of factors 2, 3 and 5");
+        // The fixed spectra, in the order in which the products read them.
         let twist = twist(layout.half);
         let radix = x_back.first_radix();
         let images = images(&layout, &sizes, [x_back, y(false, y_to_half)], &twist);

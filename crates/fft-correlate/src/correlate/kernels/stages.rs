@@ -75,6 +75,7 @@ pub(super) fn forward_plane<S: Simd, T: Real>(
             );
         }
     }
+    // Blocks from lanes of y to lanes of kz; lines outside the rows become zero.
     let element = 2 * l.lanes;
     let zero = [T::Native::<S>::splat(simd, T::zero()); 2];
     for block in 0..l.blocks {
@@ -113,6 +114,7 @@ fn z_forward<S: Simd, T: Real>(
         #[inline(always)]
         |k: usize, v| to.put(simd, k, v),
     );
+    // A bundle without values transforms to zero.
     if filled.is_empty() {
         for k in 0..half {
             store(k, [zero; 2]);

@@ -123,6 +123,7 @@ fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
     bundle: &mut [T],
 ) -> Range<usize> {
     let lanes = T::Native::<S>::LEN;
+    // The first sample, and the range of z that can meet the hull.
     let (sx, sy, sz) = (turned.step.x_axis, turned.step.y_axis, turned.step.z_axis);
     let corner = turned.start + sx * x as f64 + sy * y as f64;
     let middle = sy * (lanes as f64 - 1.0) / 2.0 + sz * (PATCH as f64 - 1.0) / 2.0;
@@ -139,6 +140,7 @@ fn sample<S: Simd, T: Real, const QUADRATIC: bool>(
     let numbers = |z: Range<usize>| 2 * lanes * z.start..2 * lanes * z.end;
     // The patch whose cells are known, and whose values are on their way.
     let mut known = start..start;
+    // Patch by patch: find cells, fetch their values, sample the patch before.
     for z in (start..end).step_by(PATCH) {
         let patch = z..(z + PATCH).min(end);
         let at = corner + sz * z as f64;

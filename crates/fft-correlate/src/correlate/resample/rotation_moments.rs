@@ -157,6 +157,7 @@ impl Slopes {
                 slopes.second[a][a] += SECOND[n as usize] * (ahead + behind);
             }
         }
+        // Mixed derivatives: products of first differences.
         for [a, b] in [[0, 1], [0, 2], [1, 2]] {
             let mut mixed = Complex64::default();
             for n in [-2i64, -1, 1, 2] {

@@ -35,7 +35,7 @@
 //! with any other source at held-out poses.
 
 pub mod basin;
-mod correlate;
+pub mod correlate;
 pub mod direct;
 pub mod dock;
 mod energy;
@@ -48,9 +48,8 @@ pub mod tolerance;
 mod vectors;
 
 pub use basin::{Well, WellError, WellOptions};
-pub use correlate::{
-    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport, Real, StageTimes,
-};
+pub use correlate::correlator::Correlator;
+pub use correlate::error::CorrelateError;
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::docking::{Docking, DockingPose, DockingRequest, DockingResult};
@@ -58,7 +57,6 @@ pub use dock::error::DockingError;
 pub use dock::peaks::{Peak, top_peaks};
 pub use dock::rotations::symmetry_group;
 pub use energy::{EnergySource, InScene, Response, Scratch};
-pub use geometry::half_turn::{HalfTurn, RotationSum};
 pub use geometry::placement::Placement;
 pub use geometry::se3::{Pose, Twist, Wrench};
 pub use geometry::translation::TranslationWindow;

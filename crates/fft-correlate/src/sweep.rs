@@ -9,9 +9,9 @@ use ndarray::{Array3, ArrayViewMut3};
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
-use crate::correlate::{
-    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport,
-};
+use crate::correlate::correlator::Correlator;
+use crate::correlate::error::CorrelateError;
+use crate::correlate::{CorrelatorPlan, CorrelatorScratch, PairSupport};
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum, half_turn_groups};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;

@@ -22,8 +22,8 @@
 //! name a `Correlator<T>` do not compile the kernels again.
 
 mod contract;
-mod correlator;
-mod error;
+pub(crate) mod correlator;
+pub(crate) mod error;
 #[cfg(test)]
 mod fixtures;
 mod kernels;
@@ -33,9 +33,9 @@ mod real;
 mod resample;
 mod support;
 
+pub use crate::geometry::half_turn::{HalfTurn, RotationSum};
 pub use contract::StageTimes;
-pub use correlator::{Correlator, CorrelatorScratch};
-pub use error::CorrelateError;
-pub use plan::CorrelatorPlan;
+pub use correlator::CorrelatorScratch;
+pub use plan::{CorrelatorPlan, ProductPlan};
 pub use real::Real;
 pub use support::PairSupport;

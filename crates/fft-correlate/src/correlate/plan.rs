@@ -109,7 +109,7 @@ impl CorrelatorPlan {
         Self::of(support, window, false)
     }
 
-    /// For [`Correlator::score_half_turns`](super::Correlator::score_half_turns): with room for the
+    /// For [`Correlator::score_half_turns`](crate::Correlator::score_half_turns): with room for the
     /// half turns' results and, if that costs less in all, somewhat longer transforms. Single
     /// scores are as good, but may take longer.
     ///
@@ -137,7 +137,7 @@ impl CorrelatorPlan {
         Self::of(support, window, shared)
     }
 
-    /// The same for [`Correlator::score_sums`](super::Correlator::score_sums), too: six more fields
+    /// The same for [`Correlator::score_sums`](crate::Correlator::score_sums), too: six more fields
     /// for each product, and one for each thread.
     #[must_use]
     pub fn for_sums(mut self) -> Self {

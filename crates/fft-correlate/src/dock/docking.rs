@@ -90,7 +90,7 @@ pub struct DockingResult {
     pub transform_size: [usize; 3],
     /// The model that ranked the poses.
     pub model: ScoreModel,
-    /// Poses within [`super::CLOSE`] of the deepest on the fine lattice, the deepest included.
+    /// Poses within [`CLOSE`](super::CLOSE) of the deepest on the fine lattice, the deepest included.
     pub close: usize,
     /// Why close poses were not ranked anew on a finer lattice, if they should have been.
     pub undecided: Option<PairBuildError>,
@@ -463,7 +463,7 @@ pub struct DockingPose {
     /// Share of the moving part's volume that the fixed part fills as well, 0 ..= 1.
     pub overlap: f64,
     /// Area of the moving part's faces that lie against opposite faces of the fixed part
-    /// ([`crate::MATING_ANGLE`], [`crate::DockingRequest::mating_clearance`]), square metres.
+    /// ([`MATING_ANGLE`], [`crate::DockingRequest::mating_clearance`]), square metres.
     pub mating_area: f64,
     /// Energy under the setup's own model and halo, on the fine lattice, joules: what an evaluator of
     /// the setup's pair gives at this pose, up to the error of the lattice.

@@ -315,7 +315,7 @@ pub struct SearchResult {
 
 impl SearchResult {
     /// How many of the poses, from the first on, are within [`CLOSE`] of the deepest: two or more
-    /// are too close for the fine lattice to tell apart ([`rerank`](super::search::rerank)).
+    /// are too close for the fine lattice to tell apart (`rerank`).
     pub fn close(&self) -> usize {
         let deepest = self.poses.first().map_or(0.0, |p| p.energy);
         let near = |p: &&FoundPose| p.refined && p.energy < (1.0 - CLOSE) * deepest;

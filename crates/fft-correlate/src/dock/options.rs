@@ -84,7 +84,7 @@ fn weights(model: &ScoreModel, ratio: f64) -> ScoreModel {
 /// Where a search looks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchDomain {
-    /// Rotations scored (unit quaternions), for example by [`crate::search_rotations`].
+    /// Rotations scored (unit quaternions), for example by `search_rotations`.
     pub rotations: Vec<DQuat>,
     /// Angle between neighbouring rotations, radians.
     pub step: f64,
@@ -95,10 +95,10 @@ pub struct SearchDomain {
     pub symmetries: Vec<Pose>,
 }
 
-/// The parts of a search on its lattices, with one pivot ([`crate::GridLevels::plans`]).
+/// The parts of a search on its lattices, with one pivot ([`crate::dock::GridLevels::plans`]).
 #[derive(Debug, Clone, Copy)]
 pub struct SearchPairs<'a> {
-    /// Where rotations are chosen ([`crate::needs_screening`]); none if all are to be scored.
+    /// Where rotations are chosen ; none if all are to be scored.
     pub screening: Option<&'a Pair>,
     /// Where rotations are scored.
     pub coarse: &'a Pair,

@@ -1,7 +1,7 @@
 //! Cubic B-splines along one axis of nodes: which coefficients, with which weights and slopes.
 //!
 //! Value, slope and curvature are continuous. The coefficients are those of
-//! [`super::prefilter`] along translations, of [`crate::rotations::chart`] along rotations.
+//! [`Prefilter`] along translations, of [`crate::rotations::chart`] along rotations.
 
 /// Four neighbouring nodes of one axis, the weights of their coefficients, and the weights'
 /// derivatives by the coordinate (in units of the spacing). Absent nodes repeat the last one with weight 0.

@@ -409,7 +409,7 @@ impl RotationGrid {
     }
 }
 
-/// [`super::grid::RotationGrid::distances`].
+/// [`RotationGrid::distances`].
 fn node_distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
     distances.fill(f32::INFINITY);
     if let Cover::List { margin } = atlas.cover {

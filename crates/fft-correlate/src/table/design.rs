@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use crate::correlate::{CorrelateError, CorrelatorPlan, PairSupport};
+use crate::correlate::error::CorrelateError;
+use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::builder::PairBuildError;
 use crate::pair::contact::Smoothing;

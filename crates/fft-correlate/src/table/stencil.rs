@@ -2,7 +2,7 @@
 //! nodes.
 //!
 //! Weights along x and over rotations are applied while reading; those along y and z belong to the
-//! lanes of a run (see [`crate::layout`]) and are applied once, at the end, by the caller.
+//! lanes of a run (see [`crate::table::layout`]) and are applied once, at the end, by the caller.
 
 use half::f16;
 

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use crate::direct_support::{Blobs, model, pair};
 use crate::store_support::{SHARED, chunk, files};
+use fft_correlate::correlate::HalfTurn;
 use fft_correlate::testing::{half_turn_groups, search_rotations};
 use fft_correlate::{
-    EnergyTable, HalfTurn, NodeEnergies, Pair, PairEnergies, RotationDomain, Share, TableSpec,
-    TableStore, TranslationWindow, bake,
+    EnergyTable, NodeEnergies, Pair, PairEnergies, RotationDomain, Share, TableSpec, TableStore,
+    TranslationWindow, bake,
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;

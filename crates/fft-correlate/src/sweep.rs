@@ -12,7 +12,7 @@ use sdf_grid::Monitor;
 use crate::correlate::correlator::Correlator;
 use crate::correlate::error::CorrelateError;
 use crate::correlate::{CorrelatorPlan, CorrelatorScratch, PairSupport};
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum, half_turn_groups};
+use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 
@@ -241,30 +241,15 @@ impl PairEnergies {
         Ok(Self::planned(plan.for_sums(), pair))
     }
 
-    /// The same for `rotations`: half turns share their work if there are enough among them.
-    ///
-    /// # Errors
-    /// As [`Correlator::new`].
-    pub fn plan_for(
-        pair: &Pair,
-        window: &TranslationWindow,
-        rotations: &[DQuat],
-    ) -> Result<Self, CorrelateError> {
-        let groups = half_turn_groups(rotations);
-        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, &groups)?;
-        Ok(Self::planned(plan.for_sums(), pair))
-    }
-
-    /// The same for rotations that have been grouped, and no sums of near ones.
+    /// The same for the rotations of `groups`, which share work if they are large enough, without
+    /// sums of near rotations.
     pub(crate) fn plan_for_groups(
         pair: &Pair,
         window: &TranslationWindow,
         groups: &[HalfTurnGroup],
     ) -> Result<Self, CorrelateError> {
-        Ok(Self {
-            correlator: Correlator::for_groups(pair, window, groups)?,
-            gamma: pair.model().gamma,
-        })
+        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, groups)?;
+        Ok(Self::planned(plan, pair))
     }
 
     /// The same as planned.

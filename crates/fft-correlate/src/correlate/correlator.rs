@@ -18,7 +18,7 @@ use crate::correlate::plan::{CorrelatorPlan, ProductPlan};
 use crate::correlate::real::Real;
 use crate::correlate::resample::{MovingField, RotatedField, RotationMoments};
 use crate::correlate::support::PairSupport;
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum};
+use crate::geometry::half_turn::{HalfTurn, RotationSum};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::vectors;
@@ -112,19 +112,6 @@ impl Correlator {
     /// As [`Correlator::build`], for the pair that was planned for.
     pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
         Self::of(plan, pair, vectors::native())
-    }
-
-    /// The same for the rotations of `groups`, as [`CorrelatorPlan::for_groups`].
-    ///
-    /// # Errors
-    /// As [`Correlator::new`].
-    pub fn for_groups(
-        pair: &Pair,
-        window: &TranslationWindow,
-        groups: &[HalfTurnGroup],
-    ) -> Result<Self, CorrelateError> {
-        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, groups)?;
-        Ok(Self::of(plan, pair, vectors::native()))
     }
 }
 

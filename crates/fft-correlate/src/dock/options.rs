@@ -98,7 +98,7 @@ pub struct SearchDomain {
 /// The parts of a search on its lattices, with one pivot ([`crate::dock::GridLevels::plans`]).
 #[derive(Debug, Clone, Copy)]
 pub struct SearchPairs<'a> {
-    /// Where rotations are chosen ; none if all are to be scored.
+    /// Where rotations are screened; none if all are to be scored.
     pub screening: Option<&'a Pair>,
     /// Where rotations are scored.
     pub coarse: &'a Pair,

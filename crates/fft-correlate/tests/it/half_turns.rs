@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::direct_support::{Blobs, model, pair};
 use crate::store_support::{SHARED, chunk, files};
-use fft_correlate::correlate::HalfTurn;
+use fft_correlate::correlate::{CorrelatorPlan, HalfTurn, PairSupport};
 use fft_correlate::testing::{half_turn_groups, search_rotations};
 use fft_correlate::{
     EnergyTable, NodeEnergies, Pair, PairEnergies, RotationDomain, Share, TableSpec, TableStore,
@@ -24,9 +24,14 @@ fn scene(rotations: RotationDomain) -> (Pair, TranslationWindow, TableSpec) {
     (pair, window, spec)
 }
 
+fn energies_of(pair: &Pair, window: &TranslationWindow, rotations: &[DQuat]) -> PairEnergies {
+    let (support, groups) = (PairSupport::of(pair).unwrap(), half_turn_groups(rotations));
+    let plan = CorrelatorPlan::for_groups(&support, window, &groups).unwrap();
+    PairEnergies::build(&plan.for_sums(), pair).unwrap()
+}
+
 fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEnergies {
-    let energies =
-        PairEnergies::plan_for(pair, window, spec.grid().unwrap().nodes()).expect("plannable");
+    let energies = energies_of(pair, window, spec.grid().unwrap().nodes());
     assert!(energies.correlator().plan().shares_half_turns);
     energies
 }
@@ -36,7 +41,7 @@ fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEn
 fn a_few_half_turns_are_not_shared() {
     let (pair, window, _) = scene(RotationDomain::full(30.0));
     let shares = |rotations: &[DQuat]| {
-        let energies = PairEnergies::plan_for(&pair, &window, rotations).unwrap();
+        let energies = energies_of(&pair, &window, rotations);
         energies.correlator().plan().shares_half_turns
     };
     let alone: Vec<_> = (0..6)

@@ -121,13 +121,9 @@ def main(program, path):
     assert np.allclose(np.diff(table.x.values), spacing)
     assert np.allclose(np.linalg.norm(table.quaternion.values, axis=1), 1)
 
-    # By the CF attributes coefficients are in joules: at once, or as the product with the scale.
+    # By the CF attributes coefficients are in joules.
     joules = table.coefficients
-    if "scale" in table:
-        assert table.scale.attrs["units"] == "J", table.scale.attrs
-        joules = joules * table.scale
-    else:
-        assert table.coefficients.attrs["units"] == "J", table.coefficients.attrs
+    assert joules.attrs["units"] == "J", joules.attrs
     assert all("long_name" in table[name].attrs for name in ["coefficients", "x", "quaternion"])
     assert [table[axis].attrs["units"] for axis in "xyz"] == ["m"] * 3
 
@@ -135,8 +131,6 @@ def main(program, path):
     group = zarr.open_group(path, mode="r")
     raw = group["coefficients"][:]
     joules_too = raw.astype("f8") * pegfit["energy_unit"]
-    if "scale" in group:
-        joules_too *= group["scale"][:].astype("f8")[:, None, None, None]
     assert np.isfinite(joules_too).all()
     np.testing.assert_allclose(joules.values, joules_too, rtol=1e-6)
 

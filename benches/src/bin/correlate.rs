@@ -14,10 +14,10 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Instant;
 
-use fft_correlate::{
-    Correlator, CorrelatorPlan, CorrelatorScratch, HalfTurn, Pair, PairBuilder, PairSupport,
-    ScoreModel, StageTimes, TranslationWindow,
+use fft_correlate::correlate::{
+    CorrelatorPlan, CorrelatorScratch, HalfTurn, PairSupport, StageTimes,
 };
+use fft_correlate::{Correlator, Pair, PairBuilder, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::{Complex, Complex32};

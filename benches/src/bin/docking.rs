@@ -13,9 +13,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use fft_correlate::testing::Descent;
 use fft_correlate::{
-    Descent, DirectEvaluator, DirectOptions, Docking, DockingOptions, DockingReport, Pair,
-    PairBuilder, PairSetup, Pose,
+    DirectEvaluator, DirectOptions, Docking, DockingRequest, DockingResult, Pair, PairBuilder,
+    PairSetup, Pose,
 };
 use glam::DVec3;
 use pegfit_benches::assemblies::{Assembly, generated, in_own_frame, modelled, random_rotation};
@@ -212,7 +213,7 @@ struct Truth {
 }
 
 impl Truth {
-    fn new(pair: &Assembly, report: &DockingReport, motion: &Pose) -> Outcome<Self> {
+    fn new(pair: &Assembly, report: &DockingResult, motion: &Pose) -> Outcome<Self> {
         let frame = Frame::turned();
         let builder = PairBuilder {
             spacing: Some(0.5 * report.lattices.fine),
@@ -331,9 +332,9 @@ fn dock(
         Arc::new(part.transformed(by.rotation, by.translation))
     };
     let setup = PairSetup::new(moved(&pair.fixed, &fixed), moved(&pair.moving, &moving));
-    let options = DockingOptions {
+    let options = DockingRequest {
         exhaustive,
-        ..DockingOptions::default()
+        ..DockingRequest::default()
     };
     let report = Docking::new(&setup, options).run(&Silent)?;
     let truth = match truth {
@@ -374,7 +375,7 @@ fn dock(
 }
 
 /// Whether a modelled pose is first by each ranking.
-fn ranked_first(report: &DockingReport, is_fit: &[bool]) -> [bool; 4] {
+fn ranked_first(report: &DockingResult, is_fit: &[bool]) -> [bool; 4] {
     let widest = report
         .poses
         .iter()

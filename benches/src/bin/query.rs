@@ -8,9 +8,8 @@
 use std::time::Instant;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, NodeEnergies, Numbers, Pair,
-    PairBuilder, PairEnergies, Pose, Response, RotationDomain, ScoreModel, Storage, TableSpec,
-    TranslationWindow, Twist,
+    DirectEvaluator, DirectOptions, EnergySource, EnergyTable, NodeEnergies, Pair, PairBuilder,
+    PairEnergies, Pose, Response, RotationDomain, ScoreModel, TableSpec, TranslationWindow, Twist,
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
@@ -55,9 +54,7 @@ fn main() -> Outcome<()> {
     );
     small_table(&pair, h, arguments.quick, &mut latency, &mut many)?;
     direct(&pair, &mut latency)?;
-    for numbers in [Numbers::Half, Numbers::Integer] {
-        large_table(&pair, numbers, arguments.quick, &mut latency, &mut many)?;
-    }
+    large_table(&pair, arguments.quick, &mut latency, &mut many)?;
     let contact = in_contact(arguments.quick, &mut many)?;
     arguments.publish(&latency, None)?;
     arguments.publish(&contact, None)?;
@@ -173,29 +170,16 @@ impl NodeEnergies for Waves {
     }
 }
 
-fn large_table(
-    pair: &Pair,
-    numbers: Numbers,
-    quick: bool,
-    latency: &mut Table,
-    many: &mut Table,
-) -> Outcome<()> {
+fn large_table(pair: &Pair, quick: bool, latency: &mut Table, many: &mut Table) -> Outcome<()> {
     let (angle, step) = if quick { (20.0, 5.0) } else { (30.0, 4.0) };
     let window = TranslationWindow::cube(0.030, 1e-3)?;
-    let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(angle, step));
-    spec.storage = Storage {
-        numbers,
-        ..Storage::default()
-    };
+    let spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(angle, step));
     let waves = Waves(spec.window);
     let table = EnergyTable::compute(spec, &waves, 8 << 30, &Silent)?;
     let mut rng = SmallRng::seed_from_u64(6);
     let count = if quick { 100_000 } else { 1_000_000 };
     let random = random_poses(pair, &mut rng, f64::to_radians(angle), 0.029, count);
-    let name = match numbers {
-        Numbers::Half => "large, float16",
-        Numbers::Integer => "large, int16",
-    };
+    let name = "large, float16";
     let path = path_through(&random[..20], 1000);
     latency.push(latencies(name, "along a path", &table, &path));
     latency.push(latencies(name, "random", &table, &random[..20_000]));

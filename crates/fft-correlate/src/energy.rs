@@ -1,7 +1,8 @@
-//! What the haptic loop and every scorer ask: the energy and wrench at a pose.
+//! Energy sources: the energy and wrench at a pose, for the haptic loop and every scorer.
 
 use std::any::Any;
 
+use crate::geometry::placement::Placement;
 use crate::geometry::se3::{Pose, Wrench};
 
 /// Energy, its negative gradient, and how far the pose is covered by the source.
@@ -23,12 +24,12 @@ pub struct Response {
 /// for a source that needs none.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    inside: Option<Inside>,
+    inside: Option<TypedValue>,
 }
 
 /// A value, and the name of its type for the message when another one is asked for.
 #[derive(Debug)]
-struct Inside {
+struct TypedValue {
     value: Box<dyn Any + Send>,
     name: &'static str,
 }
@@ -38,7 +39,7 @@ impl Scratch {
     pub fn new<T: Send + 'static>(value: T) -> Self {
         let (value, name) = (Box::new(value), std::any::type_name::<T>());
         Self {
-            inside: Some(Inside { value, name }),
+            inside: Some(TypedValue { value, name }),
         }
     }
 
@@ -109,9 +110,9 @@ pub trait EnergySource: Send + Sync {
     /// Energy, wrench and coverage at `pose`.
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response;
 
-    /// Takes over what has changed in the source since the last call, and says by how much that
-    /// changed the response at `pose` (new minus old); `None`, as always for a source that never
-    /// changes, if nothing did. Between two calls `evaluate` is one function of the pose. Like
+    /// Takes over changes of the source since the last call and returns by how much they changed
+    /// the response at `pose` (new minus old); `None` if nothing changed, as always for a source
+    /// that never changes. Between two calls `evaluate` is one function of the pose. Like
     /// `evaluate` it allocates nothing and takes no lock.
     fn refresh(&self, _pose: &Pose, _scratch: &mut Scratch) -> Option<Response> {
         None
@@ -126,9 +127,66 @@ pub trait EnergySource: Send + Sync {
     }
 }
 
+/// A source of the shapes' poses, evaluated at poses of the scene. Wrenches are along the scene's
+/// axes, about the origin of the moving part.
+#[derive(Debug, Clone)]
+pub struct InScene<S> {
+    source: S,
+    placement: Placement,
+}
+
+impl<S> InScene<S> {
+    /// `source` as seen from the scene that places its shapes so.
+    pub fn new(source: S, placement: Placement) -> Self {
+        Self { source, placement }
+    }
+
+    /// The source of the shapes' poses.
+    pub fn source(&self) -> &S {
+        &self.source
+    }
+
+    /// Where the scene puts the shapes.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
+    fn to_scene(&self, pose: &Pose, response: Response) -> Response {
+        Response {
+            wrench: self.placement.wrench_to_scene(pose, &response.wrench),
+            ..response
+        }
+    }
+}
+
+impl<S: EnergySource> EnergySource for InScene<S> {
+    fn scratch(&self) -> Scratch {
+        self.source.scratch()
+    }
+
+    fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+        let shapes = self.placement.to_shapes(pose);
+        self.to_scene(pose, self.source.evaluate(&shapes, scratch))
+    }
+
+    fn refresh(&self, pose: &Pose, scratch: &mut Scratch) -> Option<Response> {
+        let change = self
+            .source
+            .refresh(&self.placement.to_shapes(pose), scratch);
+        change.map(|response| self.to_scene(pose, response))
+    }
+
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        self.source
+            .is_loaded(&self.placement.to_shapes(pose), scratch)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::se3::{Twist, Wrench};
+    use glam::{DQuat, DVec3};
 
     #[test]
     fn a_scratch_gives_back_what_was_put_in() {
@@ -147,5 +205,54 @@ mod tests {
     #[should_panic(expected = "expected f64, found nothing")]
     fn an_empty_scratch_holds_nothing() {
         Scratch::default().get::<f64>();
+    }
+
+    /// `E = |t|² + t·(R x)`, whose wrench depends on every part of the pose.
+    struct Spring;
+
+    impl EnergySource for Spring {
+        fn scratch(&self) -> Scratch {
+            Scratch::default()
+        }
+
+        fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+            let (t, axis) = (pose.translation, pose.rotation * DVec3::X);
+            Response {
+                energy: t.length_squared() + t.dot(axis),
+                wrench: Wrench {
+                    torque: -axis.cross(t),
+                    force: -2.0 * t - axis,
+                },
+                coverage: 0.25,
+            }
+        }
+    }
+
+    #[test]
+    fn the_wrench_in_the_scene_is_minus_the_gradient_there() {
+        let turn = |x, y, z| DQuat::from_scaled_axis(DVec3::new(x, y, z));
+        let placement = Placement {
+            fixed: Pose::new(turn(0.4, -1.1, 0.7), DVec3::new(0.3, -0.2, 0.9)),
+            moving: Pose::new(turn(-0.8, 0.2, 2.1), DVec3::new(-0.1, 0.5, 0.4)),
+        };
+        let source = InScene::new(Spring, placement);
+        let mut scratch = source.scratch();
+        let pose = Pose::new(turn(0.9, 0.3, -0.5), DVec3::new(0.2, 0.1, -0.7));
+        let answer = source.evaluate(&pose, &mut scratch);
+        assert_eq!(answer.coverage, 0.25);
+        let h = 1e-5;
+        for k in 0..6 {
+            let mut v = [0.0; 6];
+            v[k] = h;
+            let step = Twist {
+                angular: DVec3::new(v[0], v[1], v[2]),
+                linear: DVec3::new(v[3], v[4], v[5]),
+            };
+            let mut at = |t: &Twist| source.evaluate(&pose.perturbed(t), &mut scratch).energy;
+            let slope = (at(&step) - at(&-step)) / (2.0 * h);
+            // Central differences of order h²; numbers of order one.
+            let error = slope + answer.wrench.dot(&(step * (1.0 / h)));
+            assert!(error.abs() < 1e-8, "{k}: {error}");
+        }
     }
 }

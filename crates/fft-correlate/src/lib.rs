@@ -31,75 +31,66 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`Condition::at`] says how far the terms of a score cancel; [`measure_error`] compares a table
-//! with any other source at poses it has never seen.
+//! [`Condition::at`] measures how far the terms of a score cancel; [`measure_error`] compares a table
+//! with any other source at held-out poses.
 
-mod correlate;
+pub mod basin;
+pub mod correlate;
 pub mod direct;
 pub mod dock;
 mod energy;
 mod geometry;
-mod level;
 pub mod pair;
 mod rotations;
-mod setup;
 mod sweep;
 pub mod table;
 pub mod tolerance;
 mod vectors;
-pub mod well;
 
-pub use correlate::{
-    CorrelateError, Correlator, CorrelatorPlan, CorrelatorScratch, PairSupport, ProductPlan, Real,
-    StageTimes,
-};
+pub use basin::{Well, WellError, WellOptions};
+pub use correlate::correlator::Correlator;
+pub use correlate::error::CorrelateError;
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
-pub use dock::decide::decide;
-pub use dock::docking::{Docking, DockingOptions, DockingReport, MATING_ANGLE};
-pub use dock::docking_error::DockingError;
-pub use dock::domain::{SearchDomain, SearchPairs};
-pub use dock::error::SearchError;
-pub use dock::lattices::{SearchLattices, domain_rotations};
-pub use dock::options::SearchOptions;
-pub use dock::peaks::{Peak, PoseSpacing, half_width, top_peaks};
-pub use dock::plan::DockingPlan;
-pub use dock::refine::Descent;
-pub use dock::report::{FoundPose, SearchReport};
-pub use dock::rotations::{search_rotations, symmetry_group};
-pub use dock::search::search;
-pub use dock::sketch::wants_sketch;
-pub use dock::told::DockingPose;
-pub use energy::{EnergySource, Response, Scratch};
-pub use geometry::half_turn::{HalfTurn, HalfTurnGroup, half_turn_groups};
+pub use dock::docking::{Docking, DockingPose, DockingRequest, DockingResult};
+pub use dock::error::DockingError;
+pub use dock::peaks::{Peak, top_peaks};
+pub use dock::rotations::symmetry_group;
+pub use energy::{EnergySource, InScene, Response, Scratch};
 pub use geometry::placement::Placement;
-pub use geometry::rotation_sum::RotationSum;
 pub use geometry::se3::{Pose, Twist, Wrench};
 pub use geometry::translation::TranslationWindow;
-pub use pair::builder::{PairBuildError, PairBuilder, PairPlan};
+pub use pair::builder::{PairBuildError, PairBuilder};
 pub use pair::fields::{Pair, PairError};
-pub use pair::lattice_step::LatticeStep;
-pub use pair::model::{ModelError, ScoreModel};
-pub use pair::recipe::PairRecipe;
+pub use pair::model::{ModelError, PairRecipe, ScoreModel};
+pub use pair::setup::{EnergyScale, EnergyScaleError, LatticeStep, PairSetup, PairSetupError};
 pub use rotations::domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotations::grid::RotationGrid;
-pub use rotations::symmetry::{from_fit, symmetry_on_lattice, table_symmetry};
-pub use setup::energy_scale::{EnergyScale, EnergyScaleError};
-pub use setup::in_scene::InScene;
-pub use setup::pair_setup::{PairSetup, PairSetupError};
-pub use sweep::pair_energies::PairEnergies;
-pub use sweep::producer::NodeEnergies;
-pub use table::accuracy::{ErrorReport, Excess, measure_error, random_pose, typical_condition};
-pub use table::bake::{BakeError, BakeReport, Share, bake, bake_files};
-pub use table::design::{TableDesign, TableDesignError, TablePlan};
+pub use rotations::symmetry::{from_fit, symmetry_on_lattice};
+pub use sweep::{NodeEnergies, PairEnergies};
+pub use table::accuracy::{ErrorReport, Excess, measure_error, typical_condition};
+pub use table::bake::{BakeError, BakeResult, Share, bake};
+pub use table::design::{TableDesign, TableDesignError};
 pub use table::energy_table::EnergyTable;
 pub use table::error::TableError;
 pub use table::launcher::Launcher;
 pub use table::parts::PartialTable;
-pub use table::spec::TableSpec;
-pub use table::storage::{Numbers, Storage};
+pub use table::spec::{Storage, TableSpec};
 pub use table::store::error::StoreError;
 pub use table::store::files::TableFiles;
 pub use table::store::table_store::TableStore;
-pub use well::analysis::{Well, WellOptions};
-pub use well::error::WellError;
+
+/// Inner parts that only the tests and benchmarks of this workspace use; they may change at any
+/// time.
+#[doc(hidden)]
+pub mod testing {
+    pub use crate::direct::terms::{Blend, Term, score_terms};
+    pub use crate::dock::options::{SearchDomain, SearchOptions, SearchPairs};
+    pub use crate::dock::refine::Descent;
+    pub use crate::dock::rotations::search_rotations;
+    pub use crate::dock::search::search;
+    pub use crate::geometry::half_turn::half_turn_groups;
+    pub use crate::pair::model::Side;
+    pub use crate::table::accuracy::random_pose;
+    pub use crate::table::bake::bake_files;
+}

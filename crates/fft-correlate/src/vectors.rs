@@ -1,6 +1,12 @@
 //! What vector code shares.
 
-use fearless_simd::{SimdFloat, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, SimdFloat};
+use sdf_grid::level;
+
+pub(crate) use sdf_grid::dispatch_lanes;
+#[cfg(test)]
+pub(crate) use sdf_grid::level::tested as levels;
 
 /// Rows of a square of numbers as columns.
 #[inline(always)]
@@ -17,4 +23,12 @@ pub(crate) fn transposed<S: Simd, V: SimdFloat<S>>(rows: [V; 4]) -> [V; 4] {
 #[inline(always)]
 pub(crate) fn inlined<F>(closure: F) -> F {
     closure
+}
+
+/// The best vectors that this machine has and this crate was compiled for.
+pub(crate) fn native() -> Level {
+    match cfg!(test) {
+        true => level::before_last().unwrap_or_else(level::native),
+        false => level::native(),
+    }
 }

@@ -11,8 +11,8 @@ mod report;
 mod truth;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyTable, Numbers, Pair, PairEnergies, RotationDomain,
-    TableSpec, TranslationWindow,
+    DirectEvaluator, DirectOptions, EnergyTable, Pair, PairEnergies, RotationDomain, TableSpec,
+    TranslationWindow,
 };
 use pegfit_benches::truths::BALL;
 use pegfit_benches::{Arguments, Outcome, ask, rms};
@@ -88,8 +88,7 @@ fn main() -> Outcome<()> {
                 found.push(direct(&case, &pair, fields, &base, *points)?);
             }
             for &step in sweep.steps_deg {
-                let all_numbers = mm == sweep.spacings_mm[1] && step == sweep.steps_deg[1];
-                found.extend(tables(&case, &pair, fields, &base, step, all_numbers)?);
+                found.push(table(&case, &pair, fields, &base, step)?);
             }
         }
     }
@@ -139,46 +138,27 @@ fn direct(
     })
 }
 
-/// A table in half precision; with `all_numbers` in whole numbers, too.
-fn tables(
+/// A table.
+fn table(
     case: &Case,
     pair: &Pair,
     fields: f64,
     base: &[String; 2],
     step: f64,
-    all_numbers: bool,
-) -> Outcome<Vec<Measured>> {
+) -> Outcome<Measured> {
     let window = TranslationWindow::cube(case.reach() / INNER, pair.spacing())?;
     let energies = PairEnergies::plan(pair, &window)?;
-    let spec = |numbers| {
-        let mut spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(BALL / INNER, step));
-        spec.storage.numbers = numbers;
-        spec
-    };
-    let half = spec(Numbers::Half);
-    let (table, seconds) =
-        charged(|| EnergyTable::compute(half.clone(), &energies, 4 << 30, &Silent));
+    let spec = TableSpec::for_pair(pair, &window, RotationDomain::ball(BALL / INNER, step));
+    let (table, seconds) = charged(|| EnergyTable::compute(spec, &energies, 4 << 30, &Silent));
     let table = table?;
     let [mm, scheme] = base.clone();
-    let row = |numbers: &str, bytes, (query, errors)| Measured {
+    let (query, errors) = case.compare(|pose| table.respond(pose));
+    Ok(Measured {
         kind: "table".into(),
-        setting: [
-            mm.clone(),
-            scheme.clone(),
-            format!("{step}"),
-            numbers.into(),
-        ],
+        setting: [mm, scheme, format!("{step}"), "float16".into()],
         bake: fields + seconds,
         query,
-        bytes,
+        bytes: table.memory(),
         errors,
-    };
-    let compared = case.compare(|pose| table.respond(pose));
-    let mut rows = vec![row("float16", table.memory(), compared)];
-    if all_numbers {
-        let whole = EnergyTable::compute(spec(Numbers::Integer), &energies, 4 << 30, &Silent)?;
-        let compared = case.compare(|pose| whole.respond(pose));
-        rows.push(row("int16", whole.memory(), compared));
-    }
-    Ok(rows)
+    })
 }

@@ -203,9 +203,9 @@ pub struct BakeArgs {
     /// share of the rms of either, such as 5% or 0.05
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub tolerance: Option<f64>,
-    /// How energies are stored
-    #[arg(long, value_enum, default_value_t = NumbersChoice::Float16)]
-    pub numbers: NumbersChoice,
+    /// How energies are stored: always in half precision
+    #[arg(long, hide = true, value_parser = float16)]
+    pub numbers: Option<String>,
     /// Leave out bricks of 8 x 8 x 8 displacements in which no energy differs from the far one by
     /// more than this share of the largest; 0 keeps all
     #[arg(long, value_name = "SHARE", default_value = "0.0005", value_parser = share)]
@@ -216,13 +216,14 @@ pub struct BakeArgs {
     pub poses: Option<usize>,
 }
 
-/// Kinds of stored numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum NumbersChoice {
-    /// Half precision
-    Float16,
-    /// Whole numbers, with one scale for each rotation
-    Int16,
+/// The only kind of stored numbers, of which there were others before.
+fn float16(text: &str) -> Result<String, String> {
+    match text {
+        "float16" => Ok(text.into()),
+        _ => Err(
+            "tables hold float16 only, which is as accurate as int16; leave --numbers out".into(),
+        ),
+    }
 }
 
 /// A share written as `0.05` or `5%`.

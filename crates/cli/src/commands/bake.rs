@@ -4,14 +4,14 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeReport, EnergyTable, ErrorReport, Launcher, Numbers, Share, Storage, TableDesign,
-    TableFiles, TableSpec, TableStore, bake,
+    BakeResult, EnergyTable, ErrorReport, Launcher, Share, Storage, TableDesign, TableFiles,
+    TableSpec, TableStore, bake,
 };
 use pegfit_scene::{Scene, SceneSetup, TableReference, held_out_poses};
 use serde::Serialize;
 
 use super::{scenes, stored, tolerance};
-use crate::args::{BakeArgs, NumbersChoice};
+use crate::args::BakeArgs;
 use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
@@ -88,10 +88,6 @@ struct Design {
 
 fn storage(args: &BakeArgs) -> Storage {
     Storage {
-        numbers: match args.numbers {
-            NumbersChoice::Float16 => Numbers::Half,
-            NumbersChoice::Int16 => Numbers::Integer,
-        },
         leave_out: args.leave_out,
     }
 }
@@ -109,7 +105,7 @@ fn prepare(
     if let (Some(tolerance), false) = (args.tolerance, chosen) {
         let found = tolerance::choose(&setup, tolerance, context)?;
         let reference = TableReference {
-            truth: found.truth,
+            truth: found.reference,
             spacing: found.reference_spacing,
         };
         let table = found.design;
@@ -271,7 +267,7 @@ fn measure(
 fn summary(
     args: &BakeArgs,
     share: Part,
-    report: &BakeReport,
+    report: &BakeResult,
     store: &TableStore,
     seconds: f64,
 ) -> Result<Summary, CommandError> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fft_correlate::{DockingOptions, DockingPose, DockingReport, Placement, ScoreModel, from_fit};
+use fft_correlate::{DockingPose, DockingRequest, DockingResult, Placement, ScoreModel, from_fit};
 use pegfit_scene::SceneSetup;
 use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
 use sdf_grid::atomic;
@@ -78,7 +78,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     }
     let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
-    let options = DockingOptions {
+    let options = DockingRequest {
         top: args.top,
         exhaustive: args.exhaustive,
         state: args.state.clone(),
@@ -116,9 +116,9 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
 /// Docks the parts of a scene; the poses found are those of the shapes.
 pub(super) fn look(
     setup: &SceneSetup,
-    options: DockingOptions,
+    options: DockingRequest,
     context: &Context,
-) -> Result<DockingReport, CommandError> {
+) -> Result<DockingResult, CommandError> {
     let found = setup.dock(options, &context.progress);
     context.progress.finish();
     let report = found?;
@@ -131,7 +131,7 @@ pub(super) fn look(
     Ok(report)
 }
 
-fn summary(report: &DockingReport, placement: &Placement) -> Summary {
+fn summary(report: &DockingResult, placement: &Placement) -> Summary {
     Summary {
         rotations: report.rotations,
         rotations_chosen: report.chosen,
@@ -175,7 +175,7 @@ impl Found {
 
 /// The poses in the scene that places the shapes so.
 fn write(
-    report: &DockingReport,
+    report: &DockingResult,
     placement: &Placement,
     out: impl std::io::Write,
 ) -> csv::Result<()> {
@@ -219,7 +219,7 @@ fn write(
     Ok(rows.flush()?)
 }
 
-fn say(setup: &SceneSetup, report: &DockingReport) {
+fn say(setup: &SceneSetup, report: &DockingResult) {
     let sketch = report.stages.iter().find(|s| s.name == "sketch");
     if let Some(stage) = sketch {
         crate::say!(

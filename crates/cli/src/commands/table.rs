@@ -135,8 +135,7 @@ fn print_recipe(spec: &TableSpec) {
 /// What is there.
 fn print_contents(d: &Description) {
     crate::say!(
-        "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
-        d.spec.storage.numbers,
+        "  storage        Half, unit {:e} J, energies within {:.3e} J of the far one left out",
         d.energy_unit,
         d.negligible
     );

@@ -87,51 +87,55 @@ fn a_table_is_baked_and_read() {
 fn a_table_says_what_it_is_and_is_held_to_it() {
     let folder = scene_folder(BALL);
     let root = folder.path();
-    for numbers in ["float16", "int16"] {
-        let args = [
-            "bake",
-            "scene.toml",
-            "-o",
-            numbers,
-            "--numbers",
-            numbers,
-            "-q",
-        ];
-        let said = succeed(root, &args);
-        assert!(
-            said.contains("left out") && said.contains("worst"),
-            "{said}"
-        );
-        let described: serde_json::Value =
-            serde_json::from_str(&succeed(root, &["table", numbers, "--json"])).unwrap();
-        assert_eq!(described["spec"]["storage"]["numbers"], numbers);
-        assert_eq!(described["finished"], described["rotations"]);
-        let sampling = &described["spec"]["recipe"]["fixed"]["sampling"];
-        assert!(sampling["smoothed"]["deviation"].as_f64().unwrap() > 0.0);
-        assert!(described["error"]["reference_spacing"].as_f64().unwrap() > 0.0);
-        assert!(succeed(root, &["table", numbers]).contains("torque"));
-        // Other poses than those of the bake.
-        let verify = ["verify", numbers, "--scene", "scene.toml", "-q"];
-        let said = succeed(root, &verify);
-        assert!(said.contains("holds"), "{said}");
-        // Fresh poses cancel about as much as those that the table was measured at.
-        let line = said.lines().find(|l| l.starts_with("terms of a score"));
-        let words = line.unwrap().split([' ', ',']);
-        let [stated, found] = words.flat_map(str::parse).collect::<Vec<f64>>()[..] else {
-            panic!("{said}");
-        };
-        assert!(
-            stated >= 1.0 && (0.5..2.0).contains(&(found / stated)),
-            "{said}"
-        );
-    }
+    let args = [
+        "bake",
+        "scene.toml",
+        "-o",
+        "t",
+        "--numbers",
+        "float16",
+        "-q",
+    ];
+    let said = succeed(root, &args);
+    assert!(
+        said.contains("left out") && said.contains("worst"),
+        "{said}"
+    );
+    let described: serde_json::Value =
+        serde_json::from_str(&succeed(root, &["table", "t", "--json"])).unwrap();
+    assert_eq!(described["spec"]["storage"]["numbers"], "float16");
+    assert_eq!(described["finished"], described["rotations"]);
+    let sampling = &described["spec"]["recipe"]["fixed"]["sampling"];
+    assert!(sampling["smoothed"]["deviation"].as_f64().unwrap() > 0.0);
+    assert!(described["error"]["reference_spacing"].as_f64().unwrap() > 0.0);
+    assert!(succeed(root, &["table", "t"]).contains("torque"));
+    // Other poses than those of the bake.
+    let verify = ["verify", "t", "--scene", "scene.toml", "-q"];
+    let said = succeed(root, &verify);
+    assert!(said.contains("holds"), "{said}");
+    // Fresh poses cancel about as much as those that the table was measured at.
+    let line = said.lines().find(|l| l.starts_with("terms of a score"));
+    let words = line.unwrap().split([' ', ',']);
+    let [stated, found] = words.flat_map(str::parse).collect::<Vec<f64>>()[..] else {
+        panic!("{said}");
+    };
+    assert!(
+        stated >= 1.0 && (0.5..2.0).contains(&(found / stated)),
+        "{said}"
+    );
+
+    let said = refuse(
+        root,
+        &["bake", "scene.toml", "-o", "u", "--numbers", "int16"],
+    );
+    assert!(said.contains("leave --numbers out"), "{said}");
 
     // A table that claims too much.
-    reseal(&root.join("int16"), |own| {
+    reseal(&root.join("t"), |own| {
         let claim = &mut own["error"]["force"]["rms"];
         *claim = (0.2 * claim.as_f64().unwrap()).into();
     });
-    let output = pegfit(root, &["verify", "int16", "--scene", "scene.toml", "-q"]);
+    let output = pegfit(root, &["verify", "t", "--scene", "scene.toml", "-q"]);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(
         stdout(&output).contains("BEYOND: rms of force"),
@@ -142,7 +146,7 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
     // Of other parts, or of another model.
     let scene = std::fs::read_to_string(root.join("scene.toml")).unwrap();
     std::fs::write(root.join("other.toml"), scene + "[model]\nsigma = 0.15\n").unwrap();
-    let said = refuse(root, &["verify", "float16", "--scene", "other.toml", "-q"]);
+    let said = refuse(root, &["verify", "t", "--scene", "other.toml", "-q"]);
     assert!(said.contains("other.toml: fixed.sigma"), "{said}");
 }
 

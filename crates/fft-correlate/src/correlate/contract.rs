@@ -1,5 +1,5 @@
-//! What the two sides of a correlation ask of each other: sampling gives the moving fields' rows,
-//! the kernels turn them into `f[n] = Re sum_terms sum_i A_t[i] B_t[i - n]` for `n` in a window.
+//! The interface between the two sides of a correlation: sampling gives the moving fields' rows, the
+//! kernels turn them into `f[n] = Re sum_terms sum_i A_t[i] B_t[i - n]` for `n` in a window.
 
 use std::ops::Range;
 

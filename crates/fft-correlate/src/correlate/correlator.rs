@@ -1,26 +1,27 @@
 //! Correlators: a pair's spectra and fields, and the scores that they give.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use fearless_simd::Level;
+use fearless_simd::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
 use ndarray::{Array3, ArrayViewMut3};
 use num_complex::Complex;
 
-use super::contract::{MovingRows, StageTimes};
-use super::error::CorrelateError;
-use super::gradient::Derivative;
-use super::kernels::{self, Fused, FusedScratch};
-use super::overlap::IndexBox;
-use super::plan::{CorrelatorPlan, ProductPlan};
-use super::real::Real;
-use super::resample::{MovingField, SecondTurns, Turned};
-use super::support::PairSupport;
-use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup};
-use crate::geometry::rotation_sum::RotationSum;
+use crate::correlate::contract::{MovingRows, StageTimes};
+use crate::correlate::error::CorrelateError;
+use crate::correlate::kernels;
+use crate::correlate::kernels::{Fused, FusedScratch};
+use crate::correlate::overlap::IndexBox;
+use crate::correlate::plan::{CorrelatorPlan, ProductPlan};
+use crate::correlate::real::Real;
+use crate::correlate::resample::{MovingField, RotatedField, RotationMoments};
+use crate::correlate::support::PairSupport;
+use crate::geometry::half_turn::{HalfTurn, RotationSum};
 use crate::geometry::translation::TranslationWindow;
-use crate::level;
 use crate::pair::fields::Pair;
+use crate::vectors;
 
 /// Scores one pair over one window; shared by all threads. In `f32`, or in `f64` for verification
 /// ([`Correlator::build_double`]).
@@ -29,7 +30,7 @@ pub struct Correlator<T: Real = f32> {
     /// None where nothing meets in the window.
     kernels: Option<Box<Fused<T>>>,
     products: Vec<MovingFactor<T>>,
-    compiled: Compiled<T>,
+    entries: KernelEntries<T>,
 }
 
 /// Working memory of one thread; see [`Correlator::scratch`].
@@ -51,7 +52,7 @@ impl<T: Real> CorrelatorScratch<T> {
 struct MovingFactor<T> {
     field: MovingField<T>,
     /// For sums.
-    second: Option<SecondTurns<T>>,
+    second: Option<RotationMoments<T>>,
     /// Where the field may be nonzero and meet the fixed one, and the box that the transforms are
     /// given.
     within: IndexBox,
@@ -65,16 +66,16 @@ impl<T: Real> MovingFactor<T> {
         values: Option<&'a Array3<Complex<T>>>,
         rotation: DQuat,
         origin: DVec3,
-    ) -> Turned<'a, T> {
+    ) -> RotatedField<'a, T> {
         let values = values.unwrap_or(self.field.values());
         let (placed, within) = (self.placed, self.within);
-        Turned::new(&self.field, values, rotation, origin, placed, within)
+        RotatedField::new(&self.field, values, rotation, origin, placed, within)
     }
 }
 
 /// The kernels' entries. Called through pointers that are made here: crates that name a generic
 /// `Correlator<T>` would else compile all kernels again.
-struct Compiled<T: Real> {
+struct KernelEntries<T: Real> {
     score: Score<T>,
     gradient: Gradient<T>,
 }
@@ -95,7 +96,7 @@ impl Correlator {
     /// # Errors
     /// If `pair` is not the one that was planned for, or a density is not finite.
     pub fn build(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
-        Self::build_at(plan, pair, level::native())
+        Self::build_at(plan, pair, vectors::native())
     }
 
     /// Plans and builds for any rotations, one by one: [`CorrelatorPlan::new`] says what it would
@@ -105,25 +106,12 @@ impl Correlator {
     /// As [`PairSupport::of`] and [`CorrelatorPlan::new`].
     pub fn new(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
         let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, window)?;
-        Ok(Self::of(plan, pair, level::native()))
+        Ok(Self::of(plan, pair, vectors::native()))
     }
 
     /// As [`Correlator::build`], for the pair that was planned for.
     pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
-        Self::of(plan, pair, level::native())
-    }
-
-    /// The same for the rotations of `groups`, as [`CorrelatorPlan::for_groups`].
-    ///
-    /// # Errors
-    /// As [`Correlator::new`].
-    pub fn for_groups(
-        pair: &Pair,
-        window: &TranslationWindow,
-        groups: &[HalfTurnGroup],
-    ) -> Result<Self, CorrelateError> {
-        let plan = CorrelatorPlan::for_groups(&PairSupport::of(pair)?, window, groups)?;
-        Ok(Self::of(plan, pair, level::native()))
+        Self::of(plan, pair, vectors::native())
     }
 }
 
@@ -135,7 +123,7 @@ impl Correlator<f64> {
     /// # Errors
     /// As [`Correlator::build`].
     pub fn build_double(plan: &CorrelatorPlan, pair: &Pair) -> Result<Self, CorrelateError> {
-        Self::build_at(plan, pair, level::native())
+        Self::build_at(plan, pair, vectors::native())
     }
 }
 
@@ -156,12 +144,12 @@ impl<T: Real> Correlator<T> {
             let of = support(p);
             let value = |at| of.product.moving.value(pair.moving(), at);
             let nodes = of.moving?.nodes;
-            let (first, reading) = (plan.support.moving_first, plan.support.reading);
-            let field = MovingField::new(&nodes, value, first, reading);
+            let (first, interpolation) = (plan.support.moving_first, plan.support.interpolation);
+            let field = MovingField::new(&nodes, value, first, interpolation);
             Some(MovingFactor {
-                second: plan.sums.then(|| SecondTurns::new(&field)),
+                second: plan.sums.then(|| RotationMoments::new(&field)),
                 field,
-                within: p.crop.met.moving,
+                within: p.crop.overlap.moving,
                 placed: p.crop.placed,
             })
         });
@@ -169,7 +157,7 @@ impl<T: Real> Correlator<T> {
         let scale = T::nearest(plan.support.spacing.powi(3));
         let fixed = |term: usize| {
             let p: &ProductPlan = &plan.products[term];
-            let (kept, first) = (&p.crop.met.fixed, p.crop.placed.lo);
+            let (kept, first) = (&p.crop.overlap.fixed, p.crop.placed.lo);
             let (window_first, size) = (plan.window_first, plan.transform_size);
             let factor = &support(p).product.fixed;
             factor.periodic(pair.fixed(), kept, first, window_first, size, scale)
@@ -179,7 +167,7 @@ impl<T: Real> Correlator<T> {
             kernels: kernels.map(Box::new),
             products,
             plan,
-            compiled: Compiled {
+            entries: KernelEntries {
                 score: score::<T>,
                 gradient: gradient::<T>,
             },
@@ -197,7 +185,7 @@ impl<T: Real> Correlator<T> {
         CorrelatorScratch {
             kernels: self.kernels.as_ref().map(|f| FusedScratch::new(f)),
             sums: (self.products.iter().filter(|p| p.second.is_some()))
-                .map(|p| p.field.room())
+                .map(|p| p.field.empty_values())
                 .collect(),
             times: StageTimes::default(),
         }
@@ -215,7 +203,7 @@ impl<T: Real> Correlator<T> {
         mut out: ArrayViewMut3<T>,
     ) {
         let outs = std::slice::from_mut(&mut out);
-        (self.compiled.score)(self, &RotationSum::one(rotation), &[], scratch, outs);
+        (self.entries.score)(self, &RotationSum::one(rotation), &[], scratch, outs);
     }
 
     /// The scores of `rotation` followed by each of `turns`, one output each, as
@@ -255,12 +243,12 @@ impl<T: Real> Correlator<T> {
             return;
         }
         if self.plan.shares_half_turns {
-            return (self.compiled.score)(self, sum, turns, scratch, outs);
+            return (self.entries.score)(self, sum, turns, scratch, outs);
         }
         let mut times = StageTimes::default();
         for (turn, out) in turns.iter().zip(outs) {
             let out = std::slice::from_mut(out);
-            (self.compiled.score)(self, &sum.turned(*turn), &[], scratch, out);
+            (self.entries.score)(self, &sum.turned(*turn), &[], scratch, out);
             times += scratch.times;
         }
         scratch.times = times;
@@ -284,7 +272,7 @@ impl<T: Real> Correlator<T> {
         scratch: &mut CorrelatorScratch<T>,
         out: [ArrayViewMut3<'_, T>; 6],
     ) {
-        (self.compiled.gradient)(self, rotation, scratch, out);
+        (self.entries.gradient)(self, rotation, scratch, out);
     }
 }
 
@@ -358,6 +346,56 @@ fn correlate<T: Real, M: MovingRows<T>>(
             StageTimes::default()
         }
         _ => panic!("scratch of another correlator"),
+    }
+}
+
+/// One component of the gradient of a turned field.
+pub(crate) struct Derivative<'a, T> {
+    pub(super) turned: RotatedField<'a, T>,
+    pub(super) rotation: DMat3,
+    /// Position of index `[0, 0, 0]` relative to the pivot, cells of the fixed frame.
+    pub(super) corner: DVec3,
+    /// 0 to 2 the turn about x, y, z; 3 to 5 the displacement along them.
+    pub(super) component: usize,
+    /// What a derivative per cell is multiplied with.
+    pub(super) scale: f64,
+}
+
+impl<T: Real> Derivative<'_, T> {
+    fn at(&self, x: usize, y: usize, z: usize) -> Complex<T> {
+        let q = self.corner + DVec3::new(x as f64, y as f64, z as f64);
+        let Some([re, im]) = self.turned.gradient([x, y, z]) else {
+            return Complex::default();
+        };
+        let component = |gradient: DVec3| {
+            let gradient = self.rotation * gradient;
+            let value = if self.component < 3 {
+                q.cross(gradient)[self.component]
+            } else {
+                gradient[self.component - 3]
+            };
+            T::nearest(-self.scale * value)
+        };
+        Complex::new(component(re), component(im))
+    }
+}
+
+impl<T: Real> MovingRows<T> for Derivative<'_, T> {
+    fn bounds(&self) -> [Range<usize>; 3] {
+        self.turned.bounds()
+    }
+
+    fn fill_lanes<S: Simd>(&self, _: S, x: usize, y: usize, bundle: &mut [T]) -> Range<usize> {
+        let lanes = T::Native::<S>::LEN;
+        let range = self.bounds()[2].clone();
+        for z in range.clone() {
+            for lane in 0..lanes {
+                let value = self.at(x, y + lane, z);
+                bundle[2 * z * lanes + lane] = value.re;
+                bundle[(2 * z + 1) * lanes + lane] = value.im;
+            }
+        }
+        range
     }
 }
 

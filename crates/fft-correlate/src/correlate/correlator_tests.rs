@@ -8,8 +8,8 @@ use sdf_grid::{DensityField, Lattice};
 
 use super::*;
 use crate::correlate::fixtures::{H, fixed_part, moving_part, pair, window};
-use crate::level::levels;
 use crate::pair::model::ScoreModel;
+use crate::vectors::levels;
 
 /// The trilinear interpolant of a field in double precision, zero beyond the lattice.
 fn interpolate(values: &Array3<Complex32>, at: DVec3) -> Complex64 {

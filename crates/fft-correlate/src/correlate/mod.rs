@@ -17,29 +17,25 @@
 //! meet the other inside the window, and the transforms have the shortest good length at which
 //! nothing wraps into the window.
 //!
-//! From what is planned to what runs: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`].
+//! From plan to run: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`]. A correlator enters the
+//! kernels through two function pointers (`KernelEntries` in `correlator.rs`), so that crates that
+//! name a `Correlator<T>` do not compile the kernels again.
 
-mod bound;
 mod contract;
-mod correlator;
-mod cost;
-mod error;
-mod factors;
+pub(crate) mod correlator;
+pub(crate) mod error;
 #[cfg(test)]
 mod fixtures;
-mod gradient;
 mod kernels;
 mod overlap;
 mod plan;
 mod real;
-#[cfg(test)]
-mod reference;
 mod resample;
 mod support;
 
+pub use crate::geometry::half_turn::{HalfTurn, RotationSum};
 pub use contract::StageTimes;
-pub use correlator::{Correlator, CorrelatorScratch};
-pub use error::CorrelateError;
+pub use correlator::CorrelatorScratch;
 pub use plan::{CorrelatorPlan, ProductPlan};
 pub use real::Real;
 pub use support::PairSupport;

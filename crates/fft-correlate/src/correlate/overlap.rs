@@ -76,7 +76,7 @@ pub(crate) fn overlap(fixed: IndexBox, moving: IndexBox, window: IndexBox) -> Op
         if fixed.is_empty() || moving.is_empty() || window.is_empty() {
             return None;
         }
-        fixed = fixed.intersect(&reached(&moving, &window));
+        fixed = fixed.intersect(&reachable_indices(&moving, &window));
         moving = moving.intersect(&IndexBox {
             lo: std::array::from_fn(|a| fixed.lo[a] - (window.hi[a] - 1)),
             hi: std::array::from_fn(|a| fixed.hi[a] - window.lo[a]),
@@ -101,7 +101,7 @@ impl Overlap {
             lo: std::array::from_fn(|a| moving.lo[a].min(middle[a] - moving.hi[a] + 1)),
             hi: std::array::from_fn(|a| moving.hi[a].max(middle[a] - moving.lo[a] + 1)),
         };
-        let fixed = fixed.intersect(&reached(&moving, &window));
+        let fixed = fixed.intersect(&reachable_indices(&moving, &window));
         Self {
             fixed,
             moving,
@@ -111,7 +111,7 @@ impl Overlap {
 }
 
 /// The indices of `A` that a moving box meets from some place of the window.
-fn reached(moving: &IndexBox, window: &IndexBox) -> IndexBox {
+fn reachable_indices(moving: &IndexBox, window: &IndexBox) -> IndexBox {
     IndexBox {
         lo: std::array::from_fn(|a| moving.lo[a] + window.lo[a]),
         hi: std::array::from_fn(|a| moving.hi[a] + window.hi[a] - 1),

@@ -5,17 +5,19 @@ use std::fmt;
 use fearless_simd::Level;
 use serde::Serialize;
 
-use super::contract::Sizes;
-use super::cost::{best_size, seconds};
-use super::error::CorrelateError;
-use super::kernels::Fused;
-use super::overlap::{IndexBox, Overlap, overlap};
-use super::real::Real;
-use super::resample::{MovingField, SecondTurns};
-use super::support::{PairSupport, ProductSupport};
+use crate::correlate::contract::Sizes;
+use crate::correlate::error::CorrelateError;
+use crate::correlate::kernels::Fused;
+use crate::correlate::kernels::lane_fft::{
+    LineEnds, RadixStep, cost, is_supported_length, steps, turning_steps,
+};
+use crate::correlate::overlap::{IndexBox, Overlap, overlap};
+use crate::correlate::real::Real;
+use crate::correlate::resample::{MovingField, RotationMoments};
+use crate::correlate::support::{PairSupport, ProductSupport};
 use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::translation::TranslationWindow;
-use crate::level;
+use crate::vectors;
 
 /// What a correlator does for each rotation and what it needs: data to print, compare and test.
 /// Planning reads no density and allocates a few hundred bytes, whatever the window.
@@ -78,15 +80,15 @@ pub struct ProductPlan {
 /// What of a product's factors is kept, as indices of the fixed lattice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Crop {
-    pub(super) met: Overlap,
-    /// The moving box that the transforms are given; holds that of `met`.
+    pub(super) overlap: Overlap,
+    /// The moving box that the transforms are given; holds that of `overlap`.
     pub(super) placed: IndexBox,
 }
 
 impl Crop {
-    fn new(met: Overlap) -> Self {
-        let placed = met.moving;
-        Self { met, placed }
+    fn new(overlap: Overlap) -> Self {
+        let placed = overlap.moving;
+        Self { overlap, placed }
     }
 }
 
@@ -107,7 +109,7 @@ impl CorrelatorPlan {
         Self::of(support, window, false)
     }
 
-    /// For [`Correlator::score_half_turns`](super::Correlator::score_half_turns): with room for the
+    /// For [`Correlator::score_half_turns`](crate::Correlator::score_half_turns): with room for the
     /// half turns' results and, if that costs less in all, somewhat longer transforms. Single
     /// scores are as good, but may take longer.
     ///
@@ -135,12 +137,12 @@ impl CorrelatorPlan {
         Self::of(support, window, shared)
     }
 
-    /// The same for [`Correlator::score_sums`](super::Correlator::score_sums), too: six more fields
+    /// The same for [`Correlator::score_sums`](crate::Correlator::score_sums), too: six more fields
     /// for each product, and one for each thread.
     #[must_use]
     pub fn for_sums(mut self) -> Self {
         self.sums = true;
-        self.with_needs::<f32>(level::native())
+        self.with_needs::<f32>(vectors::native())
     }
 
     /// Of [`CorrelatorPlan::new`] and [`CorrelatorPlan::for_half_turns`] the one that takes more
@@ -179,6 +181,7 @@ impl CorrelatorPlan {
         if (found - expected).abs() > 1e-9 * expected {
             return Err(CorrelateError::Spacing { expected, found });
         }
+        // Crop every product to what can meet inside the window.
         let (shape, first) = (window.shape(), window.first());
         let window_box = IndexBox {
             lo: first,
@@ -191,7 +194,8 @@ impl CorrelatorPlan {
             .map(|p| crop(p, window_box, origin))
             .collect();
         let kept: Vec<Crop> = crops.iter().flatten().copied().collect();
-        let periods = kept.iter().map(|k| k.met.min_period);
+        let periods = kept.iter().map(|k| k.overlap.min_period);
+        // Transform lengths, longer ones if half turns share work.
         let mut size = transform_size(periods, shape, &shapes(&kept))?;
         let mirrored = if half_turns {
             symmetric(support, &crops, window_box, size)
@@ -217,18 +221,18 @@ impl CorrelatorPlan {
             support: support.clone(),
             window_first: first,
         };
-        plan.list(crops);
-        Ok(plan.with_needs::<f32>(level::native()))
+        plan.add_products(crops);
+        Ok(plan.with_needs::<f32>(vectors::native()))
     }
 
     /// Takes up what is kept of each product.
-    fn list(&mut self, crops: Vec<Option<Crop>>) {
+    fn add_products(&mut self, crops: Vec<Option<Crop>>) {
         for (number, (crop, of)) in crops.into_iter().zip(&self.support.products).enumerate() {
             match crop {
                 Some(crop) => self.products.push(ProductPlan {
                     factors: of.product.name,
-                    fixed_nodes: crop.met.fixed.shape(),
-                    moving_nodes: crop.met.moving.shape(),
+                    fixed_nodes: crop.overlap.fixed.shape(),
+                    moving_nodes: crop.overlap.moving.shape(),
                     number,
                     crop,
                 }),
@@ -249,14 +253,17 @@ impl CorrelatorPlan {
         let memory = Fused::<T>::memory(level, &sizes);
         let fields = self.products.iter().filter_map(|p| {
             let moving = self.support.products[p.number].moving.as_ref()?;
-            Some(MovingField::<T>::bytes(&moving.nodes, self.support.reading))
+            Some(MovingField::<T>::bytes(
+                &moving.nodes,
+                self.support.interpolation,
+            ))
         });
         let fields: u64 = fields.sum();
         self.shared_bytes = memory.spectra + fields;
         self.building_bytes = memory.building;
         self.scratch_bytes = memory.scratch;
         if self.sums {
-            self.shared_bytes += SecondTurns::<T>::bytes(fields);
+            self.shared_bytes += RotationMoments::<T>::bytes(fields);
             self.scratch_bytes += fields;
         }
         self.forward_transforms = 2 * self.products.len();
@@ -332,8 +339,8 @@ fn symmetric(
     }
     let middle = middle.round().to_array().map(|v| v as i64);
     let mirrored = crops.iter().zip(&support.products).map(|(crop, of)| {
-        let met = crop.as_ref()?.met;
-        Some(Crop::new(met.symmetric(of.fixed?, window, middle)))
+        let overlap = crop.as_ref()?.overlap;
+        Some(Crop::new(overlap.symmetric(of.fixed?, window, middle)))
     });
     let mut mirrored: Vec<_> = mirrored.collect();
     let kept: Vec<Crop> = mirrored.iter().flatten().copied().collect();
@@ -343,7 +350,7 @@ fn symmetric(
     }
     let shape = window.shape();
     let placed_shapes = vec![placed.shape(); kept.len()];
-    let periods = kept.iter().map(|k| k.met.min_period);
+    let periods = kept.iter().map(|k| k.overlap.min_period);
     let longer = transform_size(periods.chain([placed.shape()]), shape, &placed_shapes).ok()?;
     let alone: Vec<Crop> = crops.iter().flatten().copied().collect();
     let one = seconds(size, shape, &shapes(&alone), 1)?;
@@ -372,6 +379,98 @@ fn transform_size(
         Ok(size)
     };
     checked(best_size(checked(min)?, window, moving))
+}
+
+/// Nanoseconds of a radix-2 pass over one complex element of eight lanes.
+const PASS: f64 = 1.1;
+
+/// Nanoseconds to read, write and transpose one complex element of eight lanes, of one product with
+/// a spectrum that comes from memory, and of one resampled value where half of the box is empty.
+const MOVE: f64 = 1.6;
+const PRODUCT: f64 = 0.5;
+const SAMPLE: f64 = 2.3;
+
+/// Lanes that the times are for.
+const LANES: usize = 8;
+
+/// What one product needs: nodes of the moving box.
+pub(crate) type Moving = [usize; 3];
+
+/// Seconds of one rotation on one thread, for transforms of this size, if the moving transforms are
+/// shared by as many as `sharing`; `None` if the kernels have not all factors of it.
+pub(crate) fn seconds(
+    size: [usize; 3],
+    window: [usize; 3],
+    moving: &[Moving],
+    sharing: usize,
+) -> Option<f64> {
+    let [nx, ny, nz] = size;
+    if !nz.is_multiple_of(2) {
+        return None;
+    }
+    let half = nz / 2;
+    let blocks = half.div_ceil(LANES);
+    let halves = |axis: usize| {
+        let half = size[axis] / 2;
+        (moving.iter().all(|m| m[axis] <= half), window[axis] <= half)
+    };
+    let (from_half, to_half) = halves(0);
+    let [x, x_back] = turning_steps(nx, from_half, to_half)?.map(|s| line(nx, &s));
+    let (from_half, to_half) = halves(1);
+    let y = |from_half, to_half| {
+        let ends = LineEnds {
+            from_half,
+            to_half,
+            ..LineEnds::default()
+        };
+        Some(line(ny, &steps(ny, ends)?))
+    };
+    let (y, y_back) = (y(from_half, false)?, y(false, to_half)?);
+    let z = line(half, &steps(half, LineEnds::default())?);
+    let bundles = |rows: usize| rows.div_ceil(LANES) as f64;
+    let columns = (blocks * ny) as f64;
+    let (mut shared, mut total) = (0.0, 0.0);
+    for [mx, my, mz] in moving {
+        let planes = *mx as f64;
+        shared += SAMPLE * planes * (my * mz) as f64;
+        // Two real parts each: z lines of the bundles, y lines of the blocks, x lines.
+        shared += 2.0 * planes * (bundles(*my) * z + blocks as f64 * y);
+        shared += columns * 2.0 * x;
+        total += columns * nx as f64 * PRODUCT;
+    }
+    total += shared / sharing as f64;
+    let planes = window[0] as f64;
+    total += columns * x_back + planes * (blocks as f64 * y_back + bundles(window[1]) * z);
+    Some(1e-9 * total)
+}
+
+/// Nanoseconds of one transform of lines of `len` points.
+fn line(len: usize, steps: &[RadixStep]) -> f64 {
+    len as f64 * (PASS * cost(steps) + MOVE)
+}
+
+/// The cheapest transform size of at least `min` points along each axis.
+pub(crate) fn best_size(min: [usize; 3], window: [usize; 3], moving: &[Moving]) -> [usize; 3] {
+    // Per axis the shortest lengths; a power of two lies below twice the least.
+    let lengths = |axis: usize| -> Vec<usize> {
+        let (min, step) = (min[axis].max(1), if axis == 2 { 2 } else { 1 });
+        let fits = |n: &usize| n.is_multiple_of(step) && is_supported_length(n / step);
+        (min..=2 * min).filter(fits).take(6).collect()
+    };
+    let mut best = (f64::INFINITY, min);
+    let (xs, ys, zs) = (lengths(0), lengths(1), lengths(2));
+    for x in &xs {
+        for y in &ys {
+            for z in &zs {
+                let size = [*x, *y, *z];
+                let cost = seconds(size, window, moving, 1).unwrap_or(f64::MAX);
+                if cost < best.0 {
+                    best = (cost, size);
+                }
+            }
+        }
+    }
+    best.1
 }
 
 #[cfg(test)]

@@ -132,3 +132,35 @@ fn plans_from_the_parts_bound_those_of_their_densities() {
         }
     }
 }
+
+#[test]
+fn sizes_are_known_large_enough_and_no_worse_than_their_neighbours() {
+    for min in (1..300).step_by(7) {
+        let min = [min, 2 * min / 3 + 1, min / 2 + 1];
+        let window = min.map(|n| n / 2 + 1);
+        let moving = [window];
+        let size = best_size(min, window, &moving);
+        let cost = seconds(size, window, &moving, 1).expect("a size of known factors");
+        for axis in 0..3 {
+            assert!(size[axis] >= min[axis], "{min:?} -> {size:?}");
+            let mut longer = size;
+            longer[axis] = 2 * size[axis];
+            assert!(seconds(longer, window, &moving, 1).is_none_or(|c| c > cost));
+        }
+    }
+    let half = [64; 3];
+    assert_eq!(best_size([127; 3], half, &[half]), [128; 3]);
+}
+
+#[test]
+fn more_work_costs_more() {
+    let cost = |moving: usize, window: usize, terms: usize| {
+        seconds([128; 3], [window; 3], &vec![[moving; 3]; terms], 1).unwrap()
+    };
+    assert!(cost(64, 64, 1) < cost(96, 64, 1));
+    assert!(cost(64, 64, 1) < cost(64, 96, 1));
+    assert!(cost(64, 64, 1) < cost(64, 64, 2));
+    assert!(
+        seconds([7, 8, 8], [1; 3], &[], 1).is_none() && seconds([8; 3], [1; 3], &[], 1).is_some()
+    );
+}

@@ -14,8 +14,8 @@ use sdf_grid::DensityField;
 use crate::direct::terms::{Blend, Term, score_terms};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
-use crate::pair::reading::Reading;
-use crate::pair::side::Side;
+use crate::pair::interpolation::Interpolation;
+use crate::pair::model::Side;
 
 /// A score and the sum of the absolute values of its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -49,7 +49,7 @@ impl Condition {
                 Side::Moving => (pair.moving(), pair.fixed(), pose),
                 Side::Fixed => (pair.fixed(), pair.moving(), &inverse),
             };
-            let part = Self::of_term(&term, pair.reading(), [points, looked_up], motion);
+            let part = Self::of_term(&term, pair.interpolation(), [points, looked_up], motion);
             total.score += part.score;
             total.magnitude += part.magnitude;
         }
@@ -64,7 +64,7 @@ impl Condition {
     /// `motion` brings the points into the frame of the part that is looked up.
     fn of_term(
         term: &Term,
-        reading: Reading,
+        interpolation: Interpolation,
         [points, looked_up]: [&DensityField; 2],
         motion: &Pose,
     ) -> Self {
@@ -76,7 +76,7 @@ impl Condition {
                 continue;
             }
             let place = motion.apply(points.lattice().position([i, j, k]));
-            let Some(there) = interpolated(looked_up, &term.lookup, reading, place) else {
+            let Some(there) = interpolated(looked_up, &term.lookup, interpolation, place) else {
                 continue;
             };
             for product in here.iter().flat_map(|a| there.map(|b| (a * b).re)) {
@@ -106,16 +106,16 @@ fn weighted(blend: &Blend, exterior: Complex32, interior: Complex32) -> [Complex
 fn interpolated(
     field: &DensityField,
     blend: &Blend,
-    reading: Reading,
+    interpolation: Interpolation,
     place: DVec3,
 ) -> Option<[Complex64; 2]> {
     let at = field.lattice().fractional_index(place);
-    let (shape, reach) = (field.lattice().shape(), reading.reach());
+    let (shape, reach) = (field.lattice().shape(), interpolation.reach());
     let reached = |(u, n): (f64, usize)| u > -reach && u < n as f64 - 1.0 + reach;
     if !at.to_array().into_iter().zip(shape).all(reached) {
         return None;
     }
-    let (first, count) = (reading.first(at), reading.nodes());
+    let (first, count) = (interpolation.first(at), interpolation.nodes());
     let mut values = [Complex64::ZERO; 2];
     for flat in 0..count.pow(3) {
         let n = [flat / count / count, flat / count % count, flat % count];
@@ -123,7 +123,7 @@ fn interpolated(
         if (0..3).any(|a| node[a] < 0.0 || node[a] >= shape[a] as f64) {
             continue;
         }
-        let weight = |a: usize| reading.tap(at[a] - first[a], n[a]).0;
+        let weight = |a: usize| interpolation.tap(at[a] - first[a], n[a]).0;
         let share: f64 = (0..3).map(weight).product();
         let node = node.map(|n| n as usize);
         let [exterior, interior] = weighted(blend, field.exterior[node], field.interior[node]);

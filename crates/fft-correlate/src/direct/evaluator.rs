@@ -14,19 +14,17 @@ use fearless_simd::Level;
 use num_complex::Complex64;
 use sdf_grid::DensityField;
 
-use crate::direct::cells::cells;
 use crate::direct::lookup::{LookupGrid, PointSet, Sums, sum};
-use crate::direct::quadrature::{Blocks, Point, merge_limit};
+use crate::direct::quadrature::{Blocks, Point, cells, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
-use crate::level;
-use crate::pair::builder::PairBuildError;
-use crate::pair::coarser::coarser;
+use crate::pair::builder::{PairBuildError, coarser_pair};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
-use crate::pair::reading::Reading;
-use crate::pair::side::Side;
+use crate::pair::interpolation::Interpolation;
+use crate::pair::model::Side;
+use crate::vectors;
 
 /// How many points a [`DirectEvaluator`] uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -232,7 +230,7 @@ impl DirectEvaluator {
                 field(looked_up),
                 term.lookup,
                 coarsest.map_or(0, |l| l + 1),
-                Reading::Trilinear,
+                Interpolation::Trilinear,
             )
             .map_err(|found| DirectError::Size {
                 side: looked_up,
@@ -259,7 +257,7 @@ impl DirectEvaluator {
             products,
             contact: None,
             gamma: pair.model().gamma,
-            level: level::native(),
+            level: vectors::native(),
             description,
         })
     }
@@ -283,7 +281,7 @@ impl DirectEvaluator {
         let count: usize = points.iter().map(Vec::len).sum();
         if let Some(most) = options.max_points.filter(|most| count > *most) {
             let factor = (count as f64 / most as f64).powf(POINTS_BY_SPACING);
-            let coarser = coarser(pair, contact, COARSER * factor)
+            let coarser = coarser_pair(pair, contact, COARSER * factor)
                 .map_err(|e| DirectError::Coarser(Box::new(e)))?;
             return Self::new(&coarser, options);
         }
@@ -291,7 +289,7 @@ impl DirectEvaluator {
             products: Vec::new(),
             contact: Some(contact.clone()),
             gamma: pair.model().gamma,
-            level: level::native(),
+            level: vectors::native(),
             description: DirectDescription {
                 terms: Vec::new(),
                 merge_tolerance: 0.0,
@@ -307,7 +305,7 @@ impl DirectEvaluator {
     /// Adds a product of points with a smoothed density.
     fn add(&mut self, term: &Term, points: &[Point], to: &DensityField) -> Result<(), DirectError> {
         let grids =
-            LookupGrid::pyramid(to, term.lookup, 1, Reading::Quadratic).map_err(|found| {
+            LookupGrid::pyramid(to, term.lookup, 1, Interpolation::Quadratic).map_err(|found| {
                 DirectError::Size {
                     side: term.points.other(),
                     limit: LookupGrid::MAX_NODES,

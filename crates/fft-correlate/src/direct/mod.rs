@@ -1,12 +1,9 @@
 //! The score by direct quadrature: any rotation, no table, a few megabytes.
 
-mod cells;
 pub(crate) mod condition;
 pub(crate) mod evaluator;
 mod lookup;
 mod quadrature;
-mod terms;
+pub(crate) mod terms;
 
-pub use crate::pair::side::Side;
 pub use evaluator::{DirectDescription, FullResponse, TermDescription};
-pub use terms::{Blend, Term, score_terms};

@@ -2,8 +2,7 @@
 
 use sdf_grid::DensityField;
 
-use crate::pair::model::ScoreModel;
-use crate::pair::side::Side;
+use crate::pair::model::{ScoreModel, Side};
 
 /// Real weights of a part's two unit densities: `exterior * O + interior * I`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -30,7 +30,7 @@ fn a_correlation_beyond_the_limit_is_refused_before_any_field_is_computed() {
 fn refused_for_its_scores() {
     let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
     let mut setup = PairSetup::new(Arc::new(hole), Arc::new(peg));
-    let plan = Docking::new(&setup, DockingOptions::default())
+    let plan = Docking::new(&setup, DockingRequest::default())
         .plan()
         .unwrap();
     let needed = plan.scoring_bytes(rayon::current_num_threads());
@@ -43,7 +43,7 @@ fn refused_for_its_scores() {
     let limit = needed - 1;
     assert!(plan.pairs.iter().all(|p| p.bytes <= limit), "{said}");
     setup.builder.memory_limit = Some(limit);
-    let refused = Docking::new(&setup, DockingOptions::default()).run(&Nothing);
+    let refused = Docking::new(&setup, DockingRequest::default()).run(&Nothing);
     match refused {
         Err(DockingError::Memory {
             needed: n,
@@ -55,12 +55,12 @@ fn refused_for_its_scores() {
 
 /// A generated peg and its hole, each moved, docked: how far the first pose is from the assembled
 /// one (metres, radians, up to the peg's symmetry), and the report.
-fn docked(seed: u64, [fixed, moving]: [Pose; 2]) -> (f64, f64, DockingReport) {
+fn docked(seed: u64, [fixed, moving]: [Pose; 2]) -> (f64, f64, DockingResult) {
     let fit = shapes::random_fit(seed).unwrap();
     let put =
         |part: &TriangleMesh, at: Pose| Arc::new(part.transformed(at.rotation, at.translation));
     let setup = PairSetup::new(put(&fit.fixed, fixed), put(&fit.moving, moving));
-    let report = Docking::new(&setup, DockingOptions::default())
+    let report = Docking::new(&setup, DockingRequest::default())
         .run(&Silent)
         .unwrap();
     let (pose, pivot) = (report.poses[0].found.pose, report.lattices.pivot);
@@ -81,9 +81,9 @@ fn the_energy_of_a_pose_is_that_of_the_setups_own_pair() {
     let turn = DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.4));
     let fixed = Arc::new(fit.fixed.transformed(turn, DVec3::new(0.01, 0.0, -0.02)));
     let setup = PairSetup::new(fixed, Arc::new(fit.moving));
-    let options = DockingOptions {
+    let options = DockingRequest {
         top: 2,
-        ..DockingOptions::default()
+        ..DockingRequest::default()
     };
     let report = Docking::new(&setup, options).run(&Silent).unwrap();
     let own = setup.load(&Silent).unwrap();
@@ -133,9 +133,9 @@ fn a_mating_clearance_below_zero_is_refused() {
     let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
     let setup = PairSetup::new(Arc::new(hole), Arc::new(peg));
     for found in [-1e-3, f64::NAN, f64::INFINITY] {
-        let options = DockingOptions {
+        let options = DockingRequest {
             mating_clearance: Some(found),
-            ..DockingOptions::default()
+            ..DockingRequest::default()
         };
         let refused = Docking::new(&setup, options).run(&Nothing);
         assert!(

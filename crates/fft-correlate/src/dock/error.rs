@@ -1,21 +1,30 @@
-//! Why a search cannot start or go on.
+//! Why docking cannot start or go on.
 
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::LatticeError;
 use sdf_grid::recipe::Difference;
+use sdf_grid::{DensityError, LatticeError};
 
-use crate::correlate::CorrelateError;
+use crate::correlate::error::CorrelateError;
 use crate::direct::evaluator::DirectError;
+use crate::pair::builder::PairBuildError;
 use crate::pair::fields::PairError;
+use crate::pair::setup::EnergyScaleError;
+use crate::rotations::domain::RotationError;
 
-/// Why a search cannot start or go on.
+/// Why docking cannot start or go on.
 #[derive(Debug, thiserror::Error)]
-pub enum SearchError {
-    /// The correlator cannot be planned.
+pub enum DockingError {
+    /// A pair cannot be built.
     #[error(transparent)]
-    Correlate(#[from] CorrelateError),
+    Build(PairBuildError),
+    /// The energy scale is out of range.
+    #[error(transparent)]
+    Energy(#[from] EnergyScaleError),
+    /// The rotations are out of range.
+    #[error("rotations: {0}")]
+    Rotations(#[from] RotationError),
     /// No rotation was given.
     #[error("docking needs at least one rotation, found none")]
     NoRotations,
@@ -28,17 +37,22 @@ pub enum SearchError {
         found: DQuat,
     },
     /// The translations do not make a window.
-    #[error("translations to search: {0}")]
+    #[error("window: {0}")]
     Window(#[from] LatticeError),
-    /// The docking weights are out of range.
+    /// The correlation cannot be planned.
+    #[error(transparent)]
+    Correlate(#[from] CorrelateError),
+    /// The correlation may not fit in memory.
+    #[error("the correlation may need {needed} bytes, expected at most {limit}")]
+    Memory {
+        /// Bytes needed, at most.
+        needed: u64,
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// The model is out of range for the pair.
     #[error(transparent)]
     Pair(#[from] PairError),
-    /// A pair has no direct evaluator.
-    #[error(transparent)]
-    Direct(#[from] DirectError),
-    /// The state file.
-    #[error(transparent)]
-    State(#[from] StateError),
     /// Two pairs are not of the same parts.
     #[error("the pairs of a search must have one pivot, found {coarse} and {other}")]
     Pivots {
@@ -47,39 +61,55 @@ pub enum SearchError {
         /// Another pair's, metres.
         other: DVec3,
     },
-    /// The monitor cancelled before any rotation was scored.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-/// Why a search cannot go on from its file, or write it.
-#[derive(Debug, thiserror::Error)]
-pub enum StateError {
-    /// The file cannot be read or written.
+    /// A part has no interior on its lattice.
+    #[error(transparent)]
+    Direct(#[from] DirectError),
+    /// The clearance of mating faces is negative or not finite.
+    #[error("mating clearance: expected 0 m or more, found {found}")]
+    MatingClearance {
+        /// What was given, metres.
+        found: f64,
+    },
+    /// The state file cannot be read or written.
     #[error("{path}: {source}", path = path.display())]
-    Io {
+    StateFile {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file is not a search's state.
+    /// The state file is not a search's state.
     #[error("{path}: not the state of a docking search: {reason}", path = path.display())]
-    Format {
+    StateFormat {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
     },
-    /// The file belongs to another search.
+    /// The state file belongs to another search.
     #[error(
         "{}: state of another search: {} is {} there, {} here; delete it to start anew",
         path.display(), difference.key, difference.stored, difference.given
     )]
-    Other {
+    OtherState {
         /// The file.
         path: PathBuf,
-        /// What differs first.
+        /// The first key that differs.
         difference: Difference,
     },
+    /// The monitor asked to stop before any rotation was scored.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<PairBuildError> for DockingError {
+    fn from(error: PairBuildError) -> Self {
+        match error {
+            PairBuildError::Density {
+                source: DensityError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            other => Self::Build(other),
+        }
+    }
 }

@@ -1,11 +1,19 @@
 //! The best places of a score: local maxima over translations, and distinct poses among many.
 
 use std::cmp::Ordering;
+use std::convert::Infallible;
+use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use ndarray::ArrayView3;
+use sdf_grid::Monitor;
+use serde::{Deserialize, Serialize};
 
+use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::se3::Pose;
+use crate::geometry::translation::TranslationWindow;
+use crate::pair::fields::Pair;
+use crate::sweep::{Consumer, Group, Member, PairEnergies, sweep};
 
 /// A local maximum of a score over a translation window.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +63,7 @@ fn is_peak(score: &ArrayView3<f32>, at: [usize; 3]) -> bool {
     let own = score[at];
     let shape = score.shape();
     let range = |a: usize| at[a].saturating_sub(1)..(at[a] + 2).min(shape[a]);
-    // Neighbours along z first: they decide most nodes and lie in the same cache line.
+    // Neighbours along z first: they rerank most nodes and lie in the same cache line.
     for i in [at[0]].into_iter().chain(range(0).filter(|i| *i != at[0])) {
         for j in [at[1]].into_iter().chain(range(1).filter(|j| *j != at[1])) {
             for k in range(2) {
@@ -76,7 +84,7 @@ fn is_peak(score: &ArrayView3<f32>, at: [usize; 3]) -> bool {
 /// Half width of a peak, nodes: how far, along the lattice axis and sense in which it falls
 /// fastest, the score takes to fall to half; `None` if it does not fall that far inside the window
 /// along any.
-pub fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
+fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
     let half = 0.5 * peak.score;
     let mut narrowest: Option<f64> = None;
     for axis in 0..3 {
@@ -104,22 +112,22 @@ pub fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
 
 /// When two poses count as the same.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PoseSpacing {
+pub(super) struct PoseSpacing {
     /// Rotations up to this angle apart, radians.
-    pub angle: f64,
+    pub(super) angle: f64,
     /// Pivots up to this distance apart, metres.
-    pub distance: f64,
+    pub(super) distance: f64,
     /// Point of the moving part whose positions are compared, metres in its frame.
-    pub pivot: DVec3,
+    pub(super) pivot: DVec3,
     /// Motions that map the moving part onto itself, in its own frame; the identity need not be
     /// among them.
-    pub symmetries: Vec<Pose>,
+    pub(super) symmetries: Vec<Pose>,
 }
 
 impl PoseSpacing {
     /// True if the rotations and the pivots are both close, for the part as it is or under one of
     /// its symmetries.
-    pub fn same(&self, a: &Pose, b: &Pose) -> bool {
+    fn is_same(&self, a: &Pose, b: &Pose) -> bool {
         let close = |b: &Pose| {
             (a.apply(self.pivot) - b.apply(self.pivot)).length() <= self.distance
                 && a.angle_to(b) <= self.angle
@@ -129,7 +137,7 @@ impl PoseSpacing {
 
     /// Indices of at most `count` poses, taken in order, none of which is the same as one taken
     /// before.
-    pub fn distinct<'a>(
+    pub(super) fn distinct<'a>(
         &self,
         poses: impl IntoIterator<Item = &'a Pose>,
         count: usize,
@@ -144,7 +152,10 @@ impl PoseSpacing {
             }
             let place = pose.apply(self.pivot);
             let near = |k: &DVec3| k.distance(place) <= reach;
-            if !kept.iter().any(|(_, k, at)| near(at) && self.same(k, pose)) {
+            if !kept
+                .iter()
+                .any(|(_, k, at)| near(at) && self.is_same(k, pose))
+            {
                 kept.push((index, pose, place));
             }
         }
@@ -152,14 +163,110 @@ impl PoseSpacing {
     }
 }
 
+/// A pose on the lattice, before refinement.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Candidate {
+    /// Index into the rotations scored.
+    pub(super) rotation: usize,
+    /// Node of the window.
+    pub(super) index: [usize; 3],
+    /// Joules.
+    pub(super) energy: f64,
+    /// Metres; none if the energy does not halve inside the window.
+    pub(super) half_width: Option<f64>,
+}
+
+/// Lowest energy first; ties by place, so that the order does not depend on threads.
+pub(super) fn sort_candidates(candidates: &mut [Candidate]) {
+    candidates.sort_by(|a, b| {
+        let order = a.energy.total_cmp(&b.energy);
+        order.then((a.rotation, a.index).cmp(&(b.rotation, b.index)))
+    });
+}
+
+/// What every rotation is scored with.
+pub(super) struct Scan<'a> {
+    pub(super) pair: &'a Pair,
+    /// The pair's, of which only the maxima become energies.
+    pub(super) scores: &'a PairEnergies,
+    pub(super) window: &'a TranslationWindow,
+    /// Local maxima kept of each rotation.
+    pub(super) per_rotation: usize,
+    /// Maxima of one rotation closer than this count as one, metres.
+    pub(super) distance: f64,
+}
+
+impl Scan<'_> {
+    /// The best local maxima of the rotations of `range`, in no particular order, and how many
+    /// rotations were scored: fewer than asked for if the monitor cancelled. `groups` are those of
+    /// the whole list, so that what a rotation gives does not depend on the range.
+    pub(super) fn run(
+        &self,
+        groups: &[HalfTurnGroup],
+        range: &Range<usize>,
+        monitor: &dyn Monitor,
+    ) -> (Vec<Candidate>, usize) {
+        let here = |row| range.contains(&row).then_some(());
+        let groups = groups.iter().filter_map(|g| Group::of(g, here));
+        let best = || BestMaxima {
+            scan: self,
+            found: Vec::new(),
+            scored: 0,
+        };
+        let shape = self.window.shape();
+        let Ok(swept) = sweep(self.scores, shape, groups.collect(), best, monitor);
+        let scored = swept.consumers.iter().map(|c| c.scored).sum();
+        let found = swept.consumers.into_iter().flat_map(|c| c.found);
+        (found.collect(), scored)
+    }
+
+    /// The best local maxima of one rotation.
+    fn candidates(
+        &self,
+        rotation: usize,
+        score: ArrayView3<'_, f32>,
+    ) -> impl Iterator<Item = Candidate> {
+        let h = self.pair.spacing();
+        let peaks = top_peaks(score, self.per_rotation, self.distance / h);
+        peaks.into_iter().map(move |peak| Candidate {
+            rotation,
+            index: peak.index,
+            energy: -self.pair.model().gamma * f64::from(peak.score),
+            half_width: half_width(score, &peak).map(|w| w * h),
+        })
+    }
+
+    pub(super) fn pose(&self, rotations: &[DQuat], candidate: &Candidate) -> Pose {
+        let displacement = self.window.displacement(candidate.index);
+        self.pair.pose(rotations[candidate.rotation], displacement)
+    }
+}
+
+/// What one thread has found.
+struct BestMaxima<'a> {
+    scan: &'a Scan<'a>,
+    found: Vec<Candidate>,
+    scored: usize,
+}
+
+impl Consumer<()> for BestMaxima<'_> {
+    type Error = Infallible;
+
+    fn take(&mut self, node: Member, scores: &mut [f32]) -> Result<(), Infallible> {
+        let scores = ArrayView3::from_shape(self.scan.window.shape(), scores);
+        let scores = scores.expect("a score of each displacement");
+        self.found.extend(self.scan.candidates(node.row, scores));
+        self.scored += 1;
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::{FRAC_PI_2, TAU};
-
+    use super::*;
     use glam::DQuat;
     use ndarray::Array3;
-
-    use super::*;
+    use std::f64::consts::{FRAC_PI_2, TAU};
 
     fn hills(hills: &[([f64; 3], f64)]) -> Array3<f32> {
         Array3::from_shape_fn((20, 21, 22), |(i, j, k)| {
@@ -227,6 +334,6 @@ mod tests {
         assert_eq!(spacing.distinct(&poses, 9), [0, 3]);
         assert_eq!(spacing.distinct(&poses, 1), [0]);
         let shifted = Pose::from_translation(DVec3::new(0.02, 0.0, 0.0));
-        assert!(!spacing.same(&shifted, &poses[0]));
+        assert!(!spacing.is_same(&shifted, &poses[0]));
     }
 }

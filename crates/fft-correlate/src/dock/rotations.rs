@@ -47,7 +47,7 @@ pub fn symmetry_group(axes: &[SymmetryAxis]) -> Vec<Pose> {
 /// axes is at most about a step away.
 ///
 /// Without symmetry they are a spiral of `8 pi² / step³` rotations, groups of four that differ by
-/// half turns ([`crate::HalfTurn`]).
+/// half turns ([`HalfTurn`]).
 /// Of rotations that a finite symmetry makes equal, the one nearest the identity is kept, and half
 /// a step around it; a round part needs directions of its axis only, a Fibonacci sphere of
 /// `4 pi / step²`, half of it if front and back are equal.

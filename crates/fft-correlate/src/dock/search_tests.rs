@@ -7,14 +7,14 @@ use sdf_grid::{Aabb, Silent, TriangleMesh, shapes, symmetry};
 
 use super::*;
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
-use crate::dock::decide::decide;
-use crate::dock::error::StateError;
-use crate::dock::lattices::SearchLattices;
+use crate::dock::error::DockingError;
+use crate::dock::grid_levels::GridLevels;
+use crate::dock::options::DOCKING_RATIO;
 use crate::dock::rotations::{search_rotations, symmetry_group};
-use crate::dock::score::BATCH;
-use crate::dock::weights::DOCKING_RATIO;
+use crate::dock::search::rerank;
+use crate::dock::state::BATCH;
 use crate::geometry::se3::Pose;
-use crate::pair::builder::{PairBuilder, PairPlan};
+use crate::pair::builder::PairBuilder;
 use crate::pair::model::ScoreModel;
 
 fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
@@ -30,29 +30,22 @@ fn parts(off: &Pose) -> [TriangleMesh; 2] {
     [plate, rod.transformed(off.rotation, off.translation)]
 }
 
-fn built(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Pair {
-    plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-        sdf_grid::DensityField::compute(mesh, kernel, lattice, options, &Silent)
-    })
-    .unwrap()
-}
-
 struct Setup {
     /// Sketch, coarse, fine.
     pairs: [Pair; 3],
     domain: SearchDomain,
-    sketched: bool,
+    screened: bool,
 }
 
 fn setup(off: &Pose, step: f64) -> Setup {
     let [fixed, moving] = parts(off);
     let axes = symmetry::detect(&moving, 1e-5);
-    let lattices = SearchLattices::new(&moving);
+    let lattices = GridLevels::new(&moving);
     let builder = PairBuilder::default();
     let plans = lattices
         .plans(&fixed, &moving, &ScoreModel::GUIDED, &builder)
         .unwrap();
-    let pairs = plans.map(|plan| built(&plan, &fixed, &moving));
+    let pairs = plans.map(|plan| plan.build(&fixed, &moving, None, &Silent).unwrap());
     let step = step.to_radians();
     Setup {
         pairs,
@@ -62,7 +55,7 @@ fn setup(off: &Pose, step: f64) -> Setup {
             places: lattices.places(&fixed.bounds()),
             symmetries: symmetry_group(&axes),
         },
-        sketched: false,
+        screened: false,
     }
 }
 
@@ -70,16 +63,16 @@ fn run(
     setup: &Setup,
     state: Option<&Path>,
     monitor: &dyn Monitor,
-) -> Result<SearchReport, SearchError> {
+) -> Result<SearchResult, DockingError> {
     let options = SearchOptions {
         top: 3,
         coarse_poses: 20,
         fine_poses: 4,
         ..SearchOptions::default()
     };
-    let [sketch, coarse, fine] = &setup.pairs;
+    let [screening, coarse, fine] = &setup.pairs;
     let pairs = SearchPairs {
-        sketch: setup.sketched.then_some(sketch),
+        screening: setup.screened.then_some(screening),
         coarse,
         fine,
     };
@@ -145,13 +138,19 @@ fn close_poses_are_told_apart_on_a_finer_lattice() {
     let close = report.close();
     assert!(close >= 2, "{:?}", report.poses);
     let [fixed, moving] = parts(&Pose::IDENTITY);
-    let lattices = SearchLattices::new(&moving);
+    let lattices = GridLevels::new(&moving);
     let builder = PairBuilder::default();
     let plan = lattices
-        .deciding_plan(&fixed, &moving, &ScoreModel::GUIDED, &builder)
+        .plan(
+            0.5 * lattices.fine,
+            &fixed,
+            &moving,
+            &ScoreModel::GUIDED,
+            &builder,
+        )
         .unwrap();
-    let finer = built(&plan, &fixed, &moving);
-    decide(
+    let finer = plan.build(&fixed, &moving, None, &Silent).unwrap();
+    rerank(
         &mut report,
         &finer,
         &setup.domain,
@@ -213,7 +212,7 @@ fn an_interrupted_search_goes_on_to_the_same_result() {
     other.domain.rotations[0] = DQuat::from_rotation_x(0.3);
     assert!(matches!(
         run(&other, Some(&file), &Silent),
-        Err(SearchError::State(StateError::Other { .. }))
+        Err(DockingError::OtherState { .. })
     ));
 }
 
@@ -226,23 +225,23 @@ fn unusable_searches_are_refused() {
     };
     assert!(matches!(
         run(&setup, None, &cancelled),
-        Err(SearchError::Cancelled)
+        Err(DockingError::Cancelled)
     ));
     setup.domain.rotations[1] *= 2.0;
     assert!(matches!(
         run(&setup, None, &Silent),
-        Err(SearchError::Rotation { index: 1, .. })
+        Err(DockingError::Rotation { index: 1, .. })
     ));
     setup.domain.rotations.clear();
     assert!(matches!(
         run(&setup, None, &Silent),
-        Err(SearchError::NoRotations)
+        Err(DockingError::NoRotations)
     ));
 }
 
-/// A sketch leaves most rotations out, but not those that lead to the fit.
+/// A screening leaves most rotations out, but not those that lead to the fit.
 #[test]
-fn a_sketch_saves_rotations_and_finds_the_same_fit() {
+fn screening_saves_rotations_and_finds_the_same_fit() {
     let turn = DQuat::from_scaled_axis(DVec3::new(-0.4, 1.7, 0.6));
     let mut setup = setup(&Pose::new(turn, DVec3::splat(0.01)), 15.0);
     let count = setup.domain.rotations.len();
@@ -251,7 +250,7 @@ fn a_sketch_saves_rotations_and_finds_the_same_fit() {
         (all.rotations, all.chosen, all.scored),
         (count, count, count)
     );
-    setup.sketched = true;
+    setup.screened = true;
     let report = run(&setup, None, &Silent).unwrap();
     assert_eq!((report.rotations, report.chosen), (count, report.scored));
     assert!(report.chosen < count / 4, "{} of {count}", report.chosen);
@@ -267,7 +266,7 @@ fn a_sketch_saves_rotations_and_finds_the_same_fit() {
     };
     assert!(matches!(
         run(&setup, Some(&file), &stop),
-        Err(SearchError::Cancelled)
+        Err(DockingError::Cancelled)
     ));
     assert!(!file.exists());
     let kept = run(&setup, Some(&file), &Silent).unwrap();
@@ -311,9 +310,9 @@ fn spins(min: DVec3, max: DVec3) -> SearchDomain {
     }
 }
 
-fn seat(domain: &SearchDomain, monitor: &dyn Monitor) -> Result<SearchReport, SearchError> {
+fn seat(domain: &SearchDomain, monitor: &dyn Monitor) -> Result<SearchResult, DockingError> {
     let pairs = SearchPairs {
-        sketch: None,
+        screening: None,
         coarse: seated(),
         fine: seated(),
     };

@@ -1,14 +1,16 @@
 //! What a docking search has done so far, in a file that is whole at any moment.
 
 use std::path::Path;
+use std::time::Instant;
 
 use sdf_grid::recipe::difference;
-use sdf_grid::{atomic, regular};
+use sdf_grid::{Monitor, atomic, regular};
 use serde::{Deserialize, Serialize};
 
-use crate::dock::error::StateError;
-use crate::dock::recipe::SearchRecipe;
-use crate::dock::scan::{Candidate, sort};
+use crate::dock::error::DockingError;
+use crate::dock::options::SearchRecipe;
+use crate::dock::peaks::{Candidate, Scan, sort_candidates};
+use crate::geometry::half_turn::HalfTurnGroup;
 
 /// Candidates kept of all rotations: far more than any later stage looks at.
 const KEPT: usize = 4000;
@@ -44,19 +46,19 @@ impl State {
         path: &Path,
         recipe: SearchRecipe,
         shape: [usize; 3],
-    ) -> Result<Self, StateError> {
+    ) -> Result<Self, DockingError> {
         let text = match regular::read(path, LONGEST) {
             Ok(Some(text)) => text,
             Ok(None) => return Ok(Self::new(recipe)),
             Err(e) => return Err(io(path, e.into())),
         };
-        let format = |reason: String| StateError::Format {
+        let format = |reason: String| DockingError::StateFormat {
             path: path.to_owned(),
             reason,
         };
         let state: Self = serde_json::from_slice(&text).map_err(|e| format(e.to_string()))?;
         if let Some(difference) = difference(&state.recipe, &recipe) {
-            return Err(StateError::Other {
+            return Err(DockingError::OtherState {
                 path: path.to_owned(),
                 difference,
             });
@@ -75,35 +77,74 @@ impl State {
     /// Adds the candidates of the next rotations; only the best of all are kept.
     pub(super) fn add(&mut self, mut candidates: Vec<Candidate>, scored: usize) {
         self.candidates.append(&mut candidates);
-        sort(&mut self.candidates);
+        sort_candidates(&mut self.candidates);
         self.candidates.truncate(KEPT);
         self.scored += scored;
     }
 
     /// Writes the state to `path`, whole or not at all.
-    pub(super) fn save(&self, path: &Path) -> Result<(), StateError> {
+    pub(super) fn save(&self, path: &Path) -> Result<(), DockingError> {
         let write =
             || -> std::io::Result<()> { Ok(atomic::write(path, &serde_json::to_vec(self)?)?) };
         write().map_err(|source| io(path, source))
     }
 }
 
-fn io(path: &Path, source: std::io::Error) -> StateError {
-    StateError::Io {
+fn io(path: &Path, source: std::io::Error) -> DockingError {
+    DockingError::StateFile {
         path: path.to_owned(),
         source,
     }
 }
 
+/// Rotations scored between two writes of the state.
+pub(super) const BATCH: usize = 256;
+
+/// Scores what is left to score of a search's chosen rotations; the state and how many rotations it
+/// held before.
+pub(super) fn score(
+    scan: &Scan,
+    groups: &[HalfTurnGroup],
+    file: Option<&Path>,
+    recipe: SearchRecipe,
+    monitor: &dyn Monitor,
+) -> Result<(State, usize), DockingError> {
+    let count = recipe.chosen.count;
+    let mut state = match file {
+        Some(path) => State::load(path, recipe, scan.window.shape())?,
+        None => State::new(recipe),
+    };
+    let resumed = state.scored;
+    monitor.begin("scoring rotations", (count - resumed) as u64);
+    while state.scored < count && !monitor.cancelled() {
+        let began = Instant::now();
+        let range = state.scored..(state.scored + BATCH).min(count);
+        let (found, scored) = scan.run(groups, &range, monitor);
+        // Which rotations of a batch that was cut short are done depends on the threads: a file
+        // holds whole batches only.
+        if file.is_some() && scored < range.len() {
+            break;
+        }
+        state.add(found, scored);
+        state.seconds += began.elapsed().as_secs_f64();
+        if let Some(path) = file {
+            state.save(path)?;
+        }
+    }
+    if state.scored == 0 {
+        return Err(DockingError::Cancelled);
+    }
+    Ok((state, resumed))
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
+    use crate::dock::options::RotationList;
     use crate::dock::options::SearchOptions;
-    use crate::dock::recipe::RotationList;
+    use crate::pair::model::PairRecipe;
     use crate::pair::model::ScoreModel;
-    use crate::pair::recipe::PairRecipe;
+    use glam::DVec3;
 
     fn candidate(rotation: usize, energy: f64) -> Candidate {
         Candidate {
@@ -125,7 +166,7 @@ mod tests {
                 ratio,
                 ..SearchOptions::default()
             },
-            sketch: None,
+            screening: None,
             coarse: pair.clone(),
             fine: pair,
             places: [[0.0; 3]; 2],
@@ -153,14 +194,17 @@ mod tests {
             "{refused}"
         );
         let outside = load(12.0, [4, 4, 3]);
-        assert!(matches!(outside, Err(StateError::Format { .. })));
+        assert!(matches!(outside, Err(DockingError::StateFormat { .. })));
         let mut many = state.clone();
         many.scored = 6;
         many.save(&path).unwrap();
         let too_many = load(12.0, [4; 3]);
-        assert!(matches!(too_many, Err(StateError::Format { .. })));
+        assert!(matches!(too_many, Err(DockingError::StateFormat { .. })));
         std::fs::write(&path, "{\"recipe\":").unwrap();
-        assert!(matches!(load(12.0, [4; 3]), Err(StateError::Format { .. })));
+        assert!(matches!(
+            load(12.0, [4; 3]),
+            Err(DockingError::StateFormat { .. })
+        ));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

@@ -3,8 +3,6 @@
 
 pub(crate) mod half_turn;
 pub(crate) mod placement;
-pub(crate) mod prefilter;
-pub(crate) mod rotation_sum;
 pub(crate) mod se3;
 pub(crate) mod taps;
 pub(crate) mod translation;

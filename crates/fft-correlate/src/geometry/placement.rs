@@ -97,13 +97,13 @@ mod written {
 
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Written {
+    struct StoredPose {
         position: [f64; 3],
         rotation: [f64; 4],
     }
 
     pub(super) fn serialize<S: Serializer>(pose: &Pose, to: S) -> Result<S::Ok, S::Error> {
-        let written = Written {
+        let written = StoredPose {
             position: pose.translation.to_array(),
             rotation: pose.rotation.to_array(),
         };
@@ -111,7 +111,7 @@ mod written {
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Pose, D::Error> {
-        let Written { position, rotation } = Written::deserialize(from)?;
+        let StoredPose { position, rotation } = StoredPose::deserialize(from)?;
         let pose = Pose {
             rotation: DQuat::from_array(rotation),
             translation: DVec3::from_array(position),

@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldRecipe,
-    KernelError, Lattice, LatticeError, Monitor, Sampling, TriangleMesh, largest_ball_radius,
+    Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldCache,
+    FieldRecipe, KernelError, Lattice, LatticeError, Monitor, Sampling, Silent, TriangleMesh,
+    largest_ball_radius,
 };
 
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
-use crate::pair::model::ScoreModel;
-use crate::pair::reading::Reading;
-use crate::pair::recipe::PairRecipe;
+use crate::pair::interpolation::Interpolation;
+use crate::pair::model::{PairRecipe, ScoreModel};
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -201,6 +201,7 @@ impl PairBuilder {
             .spacing
             .unwrap_or_else(|| default_spacing(fixed, moving, halo));
         expect_larger([("fixed", &a), ("moving", &b)], spacing)?;
+        // Lattices hold the parts, their halo and what smoothing spreads.
         let smoothing = self.smoothing.map(|s| Smoothing::new(s, spacing));
         let room = halo.max(smoothing.as_ref().map_or(0.0, Smoothing::reach));
         let lattice = |part, bounds| {
@@ -272,9 +273,7 @@ impl PairBuilder {
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
         let plan = self.plan(fixed, moving, model)?;
-        plan.build_with(fixed, moving, |mesh, kernel, lattice, options| {
-            DensityField::compute(mesh, kernel, lattice, options, monitor)
-        })
+        plan.build(fixed, moving, None, monitor)
     }
 }
 
@@ -322,10 +321,10 @@ impl PairPlan {
     }
 
     /// How the densities are read between nodes.
-    pub(crate) fn reading(&self) -> Reading {
+    pub(crate) fn interpolation(&self) -> Interpolation {
         match self.smoothing {
-            Some(_) => Reading::Quadratic,
-            None => Reading::Trilinear,
+            Some(_) => Interpolation::Quadratic,
+            None => Interpolation::Trilinear,
         }
     }
 
@@ -349,26 +348,24 @@ impl PairPlan {
         }
     }
 
-    /// Computes both densities with `compute` (mesh, kernel, lattice, options), first the fixed
-    /// part's: the place for a cache.
+    /// The pair; with a cache, fields that it holds are read and those that it lacks are kept there.
     ///
     /// # Errors
-    /// What `compute` returns, with the part's name, or a mismatch of the fields it returned.
-    pub fn build_with(
+    /// As [`DensityField::compute`], with the part's name.
+    pub fn build(
         &self,
         fixed: &TriangleMesh,
         moving: &TriangleMesh,
-        mut compute: impl FnMut(
-            &TriangleMesh,
-            &DensityKernel,
-            &Lattice,
-            &DensityOptions,
-        ) -> Result<DensityField, DensityError>,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let mut field = |part, mesh, lattice, options| {
-            compute(mesh, &self.kernel, lattice, options)
-                .map(Arc::new)
-                .map_err(|source| PairBuildError::Density { part, source })
+        let field = |part, mesh, lattice, options| {
+            match cache {
+                Some(cache) => cache.get_or_compute(mesh, &self.kernel, lattice, options, monitor),
+                None => DensityField::compute(mesh, &self.kernel, lattice, options, monitor),
+            }
+            .map(Arc::new)
+            .map_err(|source| PairBuildError::Density { part, source })
         };
         let contact = match &self.smoothing {
             Some(smoothing) => {
@@ -381,6 +378,30 @@ impl PairPlan {
         let of_moving = self.density_of_moving();
         let moving = field("moving", moving, &self.moving_lattice, &of_moving)?;
         let pair = Pair::of(fixed, moving, self.model, self.pivot, contact)?;
-        Ok(pair)
+        Ok(pair.cached_in(cache.cloned()))
     }
+}
+
+/// The pair of `contact`'s parts, that of `pair`, on lattices `factor` times as coarse: the same
+/// model, and the same energies up to what the coarser lattice leaves. Fields are looked for, and
+/// kept, where those of `pair` are.
+///
+/// # Errors
+/// As [`PairBuilder::build`].
+pub(crate) fn coarser_pair(
+    pair: &Pair,
+    contact: &Contact,
+    factor: f64,
+) -> Result<Pair, PairBuildError> {
+    let recipe = &pair.fixed().recipe;
+    let builder = PairBuilder {
+        spacing: Some(factor * pair.spacing()),
+        halo: Some(recipe.halo),
+        tolerance: recipe.tolerance,
+        smoothing: Some(contact.smoothing().in_spacings()),
+        ..PairBuilder::default()
+    };
+    let [fixed, moving] = contact.parts();
+    let plan = builder.plan(fixed, moving, pair.model())?;
+    plan.build(fixed, moving, pair.cache(), &Silent)
 }

@@ -8,9 +8,7 @@ use sdf_grid::{
 };
 
 use crate::geometry::se3::Pose;
-use crate::pair::model::ScoreModel;
-use crate::pair::recipe::PairRecipe;
-use crate::pair::side::Side;
+use crate::pair::model::{PairRecipe, ScoreModel, Side};
 
 /// Variance, in squared spacings, that reading a lattice by quadratic B-splines adds.
 const READING: f64 = 0.25;

@@ -10,9 +10,8 @@ use sdf_grid::{DensityField, FieldCache, KernelError, Sampling};
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
-use crate::pair::model::{ModelError, ScoreModel};
-use crate::pair::reading::Reading;
-use crate::pair::recipe::PairRecipe;
+use crate::pair::interpolation::Interpolation;
+use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///
@@ -232,10 +231,10 @@ impl Pair {
     }
 
     /// How the densities are read between nodes.
-    pub(crate) fn reading(&self) -> Reading {
+    pub(crate) fn interpolation(&self) -> Interpolation {
         match self.contact {
-            Some(_) => Reading::Quadratic,
-            None => Reading::Trilinear,
+            Some(_) => Interpolation::Quadratic,
+            None => Interpolation::Trilinear,
         }
     }
 

@@ -1,15 +1,11 @@
 //! Two parts and the model between them: from meshes to what every scorer works on.
 
 pub(crate) mod builder;
-mod cached;
-pub(crate) mod coarser;
 pub(crate) mod contact;
 pub(crate) mod fields;
-pub(crate) mod lattice_step;
+pub(crate) mod interpolation;
 pub(crate) mod model;
-pub(crate) mod reading;
-pub(crate) mod recipe;
-pub(crate) mod side;
+pub(crate) mod setup;
 
-pub use builder::{default_halo, default_spacing};
+pub use builder::{PairPlan, default_halo, default_spacing};
 pub use contact::Contact;

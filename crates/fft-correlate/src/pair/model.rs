@@ -1,5 +1,7 @@
 //! The parameters that turn two densities into an energy.
 
+use glam::DVec3;
+use sdf_grid::FieldRecipe;
 use serde::{Deserialize, Serialize};
 
 /// Weights of the score and the scale of the energy (eq_2, eq_6 and the separation weight of
@@ -98,5 +100,54 @@ impl ScoreModel {
 impl Default for ScoreModel {
     fn default() -> Self {
         Self::GUIDED
+    }
+}
+
+/// Everything that a pair's energies depend on: two pairs of one recipe have the same energies.
+///
+/// Tables and docking states keep it; [`sdf_grid::recipe::difference`] says in what two differ.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairRecipe {
+    /// The fixed part's density as it is multiplied; none for energies that come from no density.
+    pub fixed: Option<FieldRecipe>,
+    /// The moving part's density.
+    pub moving: Option<FieldRecipe>,
+    /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
+    pub pivot: [f64; 3],
+    /// Weights of the score and the scale of the energy; last, since a scale that follows from a
+    /// force changes with all of the above.
+    pub model: ScoreModel,
+}
+
+impl PairRecipe {
+    /// Energies that come from no densities, such as a closed form.
+    pub fn without_fields(model: ScoreModel, pivot: DVec3) -> Self {
+        Self {
+            model,
+            fixed: None,
+            moving: None,
+            pivot: pivot.to_array(),
+        }
+    }
+}
+
+/// One of the two parts of a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The part that stays.
+    Fixed,
+    /// The part that moves.
+    Moving,
+}
+
+impl Side {
+    /// The other part.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Fixed => Self::Moving,
+            Self::Moving => Self::Fixed,
+        }
     }
 }

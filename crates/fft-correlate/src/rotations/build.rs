@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use crate::rotations::atlas::{Atlas, Cover, MARGIN, Patch};
 use crate::rotations::chart::{Chart, Projection};
 use crate::rotations::domain::{RotationError, check_range, direction, quaternion};
-use crate::rotations::fold::Symmetry;
+use crate::rotations::symmetry::Symmetry;
 
 /// The largest number of nodes a chart may have, before any are left out: those take 370 MB.
 pub(super) const MAX_NODES: u64 = 1 << 23;

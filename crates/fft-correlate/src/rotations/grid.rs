@@ -10,16 +10,14 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 use glam::{DQuat, DVec3};
 
-use crate::geometry::half_turn::{HalfTurnGroup, groups_where};
-use crate::geometry::rotation_sum::RotationSum;
+use crate::geometry::half_turn::{HalfTurnGroup, RotationSum, groups_where};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::geometry::taps::{Edge, Reach, Taps};
-use crate::rotations::atlas::{Atlas, Away, Cover, Patch};
-use crate::rotations::chart::Chart;
+use crate::rotations::atlas::{Atlas, Cover, Patch, RadialStop, RelativeRotation};
+use crate::rotations::build;
+use crate::rotations::chart::{Chart, node_sum};
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quaternion};
-use crate::rotations::fold::{Fold, Symmetry};
-use crate::rotations::rest::Rest;
-use crate::rotations::{build, near, node_sum};
+use crate::rotations::symmetry::{Fold, Symmetry};
 
 /// Nodes over a rotation domain, in the order of a table's rows.
 #[derive(Debug, Clone)]
@@ -35,7 +33,7 @@ pub(crate) struct Site<'a> {
     /// The pose to read at, but for [`Site::rest`].
     pub(crate) pose: Pose,
     /// Where a rotation outside the domain is read instead.
-    pub(crate) rest: Option<Rest>,
+    pub(crate) rest: Option<RadialStop>,
     pub(crate) chart: &'a Chart,
     pub(crate) taps: [Taps; 3],
     /// Gradients of the three chart coordinates (in nodes) by a turn of what is read.
@@ -49,13 +47,13 @@ pub(crate) struct Site<'a> {
 }
 
 /// How far a rotation is covered, and what is read there counts, with the gradient by a turn.
-struct Covered {
+struct Coverage {
     coverage: f64,
     weight: f64,
     gradient: DVec3,
 }
 
-impl Covered {
+impl Coverage {
     const WHOLE: Self = Self {
         coverage: 1.0,
         weight: 1.0,
@@ -63,7 +61,7 @@ impl Covered {
     };
 
     /// Beyond `angle` coverage ends over `margin`, what is read fades over `fade`; radians.
-    fn beyond(away: &Away, angle: f64, margin: f64, fade: f64) -> Self {
+    fn beyond(away: &RelativeRotation, angle: f64, margin: f64, fade: f64) -> Self {
         let (weight, gradient) = away.beyond(angle, fade);
         Self {
             coverage: away.beyond(angle, margin).0,
@@ -193,7 +191,7 @@ impl RotationGrid {
         match self.atlas.places.get(row) {
             Some([chart, flat]) => {
                 let chart = &self.atlas.charts[*chart as usize];
-                node_sum::node_sum(chart, chart.unravel(*flat as usize))
+                node_sum(chart, chart.unravel(*flat as usize))
             }
             // Listed rotations answer for themselves.
             None => RotationSum::one(self.atlas.nodes[row]),
@@ -252,12 +250,12 @@ impl RotationGrid {
         let near = |k: &usize| self.atlas.closeness(*k, q) > least;
         let (mut total, mut total_gradient) = (0.0, DVec3::ZERO);
         for k in (0..self.atlas.patches.len()).filter(near) {
-            let (share, gradient) = self.atlas.share(k, q);
+            let (share, gradient) = self.atlas.blend_weight(k, q);
             total += share;
             total_gradient += gradient;
         }
         for k in (0..self.atlas.patches.len()).filter(near) {
-            let (share, gradient) = self.atlas.share(k, q);
+            let (share, gradient) = self.atlas.blend_weight(k, q);
             if share > 0.0 {
                 let share = share / total;
                 let gradient = (gradient - share * total_gradient) / total;
@@ -270,7 +268,7 @@ impl RotationGrid {
     /// nodes: the greatest of the distances along a chart's axes, the least over charts and images.
     /// A query reads rows nearer than 2, on a grid of listed rotations only the nearest.
     pub(crate) fn distances(&self, rotation: DQuat, distances: &mut [f32]) {
-        near::distances(&self.atlas, rotation, distances);
+        node_distances(&self.atlas, rotation, distances);
     }
 
     /// Whether `has` holds for every row that a query at `pose` reads, and for those one node
@@ -281,7 +279,7 @@ impl RotationGrid {
         let mut all = true;
         self.visit(pose, |site| {
             if site.weight > 0.0 && all {
-                all = near::all_around(site.chart, &site.taps, wider, &mut has);
+                all = all_around(site.chart, &site.taps, wider, &mut has);
             }
         });
         all
@@ -294,14 +292,16 @@ impl RotationGrid {
             Some(s) => s.fold(pose, turn, chart.center),
             None => (*pose, Fold::Identity),
         };
-        let rest = self.atlas.rest(pose.rotation);
+        // The rotation at which the chart is read.
+        let rest = self.atlas.radial_stop(pose.rotation);
         let read = rest.map_or(pose.rotation, |rest| rest.apply(pose.rotation));
         let (mut x, mut gradients) = chart.locate(read);
-        let mut covered = self.covered(chart, pose.rotation);
+        // Coverage, which ends with the open axis of a spin.
+        let mut covered = self.coverage(chart, pose.rotation);
         if let Cover::Spin { margin } = self.atlas.cover
             && !chart.periodic
         {
-            match Reach::new(x[2], chart.shape[2], &self.ends(chart, margin)) {
+            match Reach::new(x[2], chart.shape[2], &self.edge(chart, margin)) {
                 Some(reach) => {
                     covered.gradient = covered.gradient * reach.weight
                         + covered.weight * reach.weight_slope * gradients[2];
@@ -339,7 +339,7 @@ impl RotationGrid {
     }
 
     /// How an open spin ends, in nodes; the fade ends before the middle of what is left of the turn.
-    fn ends(&self, chart: &Chart, margin: f64) -> Edge {
+    fn edge(&self, chart: &Chart, margin: f64) -> Edge {
         let cells = (chart.shape[2] - 1) as f64;
         let left = 0.5 * (2.0 * PI / self.atlas.step - cells);
         Edge {
@@ -349,15 +349,15 @@ impl RotationGrid {
     }
 
     /// How far a folded rotation is covered.
-    fn covered(&self, chart: &Chart, q: DQuat) -> Covered {
+    fn coverage(&self, chart: &Chart, q: DQuat) -> Coverage {
         let (step, fade) = (self.atlas.step, self.atlas.fade);
         match self.atlas.cover {
-            Cover::All | Cover::List { .. } => Covered::WHOLE,
+            Cover::All | Cover::List { .. } => Coverage::WHOLE,
             Cover::Ball {
                 center,
                 angle,
                 margin,
-            } => Covered::beyond(&Away::of(q, center), angle, margin, fade),
+            } => Coverage::beyond(&RelativeRotation::of(q, center), angle, margin, fade),
             Cover::Spin { margin } => {
                 let r = chart.relative(q);
                 let twist = DQuat::from_xyzw(0.0, 0.0, r.z, r.w);
@@ -366,8 +366,13 @@ impl RotationGrid {
                     _ => r,
                 };
                 // A turn of r turns its swing alike, up to a twist, which leaves the tilt as it is.
-                let covered = Covered::beyond(&Away::by(swing), 0.0, margin * step, fade);
-                Covered {
+                let covered = Coverage::beyond(
+                    &RelativeRotation::from_rotation(swing),
+                    0.0,
+                    margin * step,
+                    fade,
+                );
+                Coverage {
                     gradient: chart.frame * covered.gradient,
                     ..covered
                 }
@@ -384,15 +389,15 @@ impl RotationGrid {
                 (row, best) = (k, closeness);
             }
         }
-        let away = Away::of(q, self.atlas.nodes[row]);
-        let covered = Covered::beyond(&away, 0.0, margin, self.atlas.fade);
+        let away = RelativeRotation::of(q, self.atlas.nodes[row]);
+        let covered = Coverage::beyond(&away, 0.0, margin, self.atlas.fade);
         let mut taps = [Taps::open(0.0, 1); 3];
         taps[0].nodes = [row; 4];
         Site {
             share: 1.0,
             share_gradient: DVec3::ZERO,
             pose: *pose,
-            rest: away.rest(0.0, margin),
+            rest: away.radial_stop(0.0, margin),
             chart: &self.atlas.charts[0],
             taps,
             gradients: [DVec3::ZERO; 3],
@@ -400,6 +405,106 @@ impl RotationGrid {
             weight: covered.weight,
             weight_gradient: covered.gradient,
             fold: Fold::Identity,
+        }
+    }
+}
+
+/// [`RotationGrid::distances`].
+fn node_distances(atlas: &Atlas, rotation: DQuat, distances: &mut [f32]) {
+    distances.fill(f32::INFINITY);
+    if let Cover::List { margin } = atlas.cover {
+        for (node, distance) in atlas.nodes.iter().zip(distances.iter_mut()) {
+            *distance = (node.angle_between(rotation) / margin) as f32;
+        }
+        // The nearest is read from far away, too.
+        let nearest = distances.iter_mut().min_by(|a, b| a.total_cmp(b));
+        if let Some(nearest) = nearest {
+            *nearest = nearest.min(1.0);
+        }
+        return;
+    }
+    let pose = Pose::new(rotation, DVec3::ZERO);
+    for patch in &atlas.patches {
+        let chart = &atlas.charts[patch.chart];
+        let folded = match &atlas.symmetry {
+            Some(s) => s.fold(&pose, patch.turn, chart.center).0,
+            None => pose,
+        };
+        let rest = atlas.radial_stop(folded.rotation);
+        let read = rest.map_or(folded.rotation, |rest| rest.apply(folded.rotation));
+        let (mut x, _) = chart.locate(read);
+        if matches!(atlas.cover, Cover::Spin { .. }) && !chart.periodic {
+            x[2] = x[2].clamp(0.0, (chart.shape[2] - 1) as f64);
+        }
+        lower_distances(chart, x, distances);
+    }
+}
+
+/// Whether `has` holds for every row of a chart that taps read, and for those `wider` nodes around
+/// them.
+fn all_around(
+    chart: &Chart,
+    taps: &[Taps; 3],
+    wider: usize,
+    mut has: impl FnMut(u32) -> bool,
+) -> bool {
+    let spans: [(usize, usize); 3] = std::array::from_fn(|k| {
+        let closed = chart.periodic && k == 2;
+        span(&taps[k], chart.shape[k], wider, closed)
+    });
+    let [_, ny, nz] = chart.shape;
+    let mut all = true;
+    for i in 0..spans[0].1 {
+        for j in 0..spans[1].1 {
+            for k in 0..spans[2].1 {
+                let (x, y) = (spans[0].0 + i, spans[1].0 + j);
+                let z = (spans[2].0 + k) % nz;
+                let row = chart.rows[(x * ny + y) * nz + z];
+                all &= row == Chart::ABSENT || has(row);
+            }
+        }
+    }
+    all
+}
+
+/// The first node and the number of nodes that taps read, `wider` nodes more on each side.
+fn span(taps: &Taps, n: usize, wider: usize, closed: bool) -> (usize, usize) {
+    let read = |s: &usize| taps.weights[*s] != 0.0 || taps.slopes[*s] != 0.0;
+    let (first, last) = ((0..4).find(read), (0..4).rfind(read));
+    let (first, last) = (first.unwrap_or(0), last.unwrap_or(0));
+    if closed {
+        let before = taps.nodes[first] + n - wider % n;
+        return (before % n, (last - first + 1 + 2 * wider).min(n));
+    }
+    let from = taps.nodes[first].saturating_sub(wider);
+    let to = (taps.nodes[last] + wider).min(n - 1);
+    (from, to - from + 1)
+}
+
+/// Lowers each row's distance to that from index `x`.
+fn lower_distances(chart: &Chart, x: [f64; 3], distances: &mut [f32]) {
+    let along: [Vec<f32>; 3] = std::array::from_fn(|k| {
+        let n = chart.shape[k];
+        let away = |i: usize| {
+            let away = (x[k] - i as f64).abs();
+            match chart.periodic && k == 2 {
+                true => (away % n as f64).min(n as f64 - away % n as f64),
+                // The only node of an axis is read from anywhere.
+                false if n == 1 => 0.0,
+                false => away,
+            }
+        };
+        (0..n).map(|i| away(i) as f32).collect()
+    });
+    let mut rows = chart.rows.iter();
+    for dx in &along[0] {
+        for dy in &along[1] {
+            for dz in &along[2] {
+                let row = rows.next().copied().unwrap_or(Chart::ABSENT);
+                if let Some(distance) = distances.get_mut(row as usize) {
+                    *distance = distance.min(dx.max(*dy).max(*dz));
+                }
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! How far a table is from the truth, measured at random poses it has never seen.
+//! The error of a table against a reference, measured at held-out random poses.
 
 use std::f64::consts::TAU;
 
@@ -22,8 +22,7 @@ pub struct ErrorReport {
     pub poses: usize,
     /// Seed of the poses.
     pub seed: u64,
-    /// Lattice spacing of the densities that the truth was computed from, metres; 0 where there are
-    /// none. Half the table's own shows what the lattice costs, too; the table's own does not.
+    /// Lattice spacing of the reference's densities, metres; 0 where there are none. Half the table's own shows what the lattice costs, too; the table's own does not.
     #[serde(default)]
     pub reference_spacing: f64,
     /// Median condition number of the score over the first of the poses
@@ -61,7 +60,7 @@ pub struct Excess {
     pub quantity: &'static str,
     /// `rms` or `p99`.
     pub statistic: &'static str,
-    /// What the table says of itself; joules, newtons or newton metres.
+    /// The error that the table states; joules, newtons or newton metres.
     pub claimed: f64,
     /// What was measured now.
     pub found: f64,
@@ -102,9 +101,7 @@ impl ErrorReport {
             .flatten()
             .collect()
     }
-}
 
-impl ErrorReport {
     /// The greater of the relative errors of force and torque; that of the force alone where
     /// `rotations` are too few for torques about all axes (a list, a spin).
     pub fn wrench(&self, rotations: &RotationDomain) -> f64 {
@@ -151,18 +148,19 @@ impl Errors {
     }
 }
 
-/// Compares a table with `truth` at `poses` poses drawn from the table's rotations and the inside
+/// Compares a table with `reference` at `poses` poses drawn from the table's rotations and the inside
 /// of its window; the same seed draws the same poses.
 pub fn measure_error(
     table: &EnergyTable,
-    truth: &dyn EnergySource,
+    reference: &dyn EnergySource,
     poses: usize,
     seed: u64,
 ) -> ErrorReport {
-    HeldOut::drawn(table.spec(), truth, poses, seed).errors_of(table, table.spec().pivot())
+    HeldOut::at_random_poses(table.spec(), reference, poses, seed)
+        .errors_of(table, table.spec().pivot())
 }
 
-/// Poses and what the truth is there.
+/// Held-out poses and the responses of the reference there.
 #[derive(Debug)]
 pub(crate) struct HeldOut {
     seed: u64,
@@ -171,9 +169,9 @@ pub(crate) struct HeldOut {
 
 impl HeldOut {
     /// At poses drawn from the rotations and the window of `spec`.
-    pub(crate) fn drawn(
+    pub(crate) fn at_random_poses(
         spec: &TableSpec,
-        truth: &dyn EnergySource,
+        reference: &dyn EnergySource,
         poses: usize,
         seed: u64,
     ) -> Self {
@@ -181,17 +179,17 @@ impl HeldOut {
         let drawn: Vec<Pose> = indices.map(|i| random_pose(spec, seed, i)).collect();
         Self {
             seed,
-            ..Self::at(&drawn, truth)
+            ..Self::at(&drawn, reference)
         }
     }
 
     /// At these poses.
-    pub(crate) fn at(poses: &[Pose], truth: &dyn EnergySource) -> Self {
-        let ask = |scratch: &mut Scratch, pose: &Pose| (*pose, truth.evaluate(pose, scratch));
+    pub(crate) fn at(poses: &[Pose], reference: &dyn EnergySource) -> Self {
+        let ask = |scratch: &mut Scratch, pose: &Pose| (*pose, reference.evaluate(pose, scratch));
         let poses = poses.par_iter();
         Self {
             seed: 0,
-            answers: poses.map_init(|| truth.scratch(), ask).collect(),
+            answers: poses.map_init(|| reference.scratch(), ask).collect(),
         }
     }
 

@@ -12,15 +12,13 @@ use std::path::Path;
 use sdf_grid::Monitor;
 
 use crate::geometry::half_turn::HalfTurnGroup;
-use crate::sweep::producer::NodeEnergies;
-use crate::sweep::run::{Consumer, Group, Member, sweep};
-use crate::table::encode::{Encoded, Probe, encode, probe};
+use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
+use crate::table::encode::{EncodedNode, Probe, encode, probe};
 use crate::table::error::TableError;
 use crate::table::spec::TableSpec;
-use crate::table::store::chunks::ChunkState;
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
-use crate::table::store::table_store::TableStore;
+use crate::table::store::table_store::{ChunkState, TableStore};
 
 /// One process's part of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +42,7 @@ impl Share {
 
 /// What a bake did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct BakeReport {
+pub struct BakeResult {
     /// Rotation nodes of the whole table.
     pub rotations: usize,
     /// Nodes of this process computed now.
@@ -65,7 +63,7 @@ pub enum BakeError {
     /// The table cannot be made, read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A table is already there and `resume` was not asked for.
+    /// A table is already there and `resume` is not set.
     #[error("{}: there is already a table; resume it or choose another path", path.display())]
     Exists {
         /// Where.
@@ -106,7 +104,7 @@ pub fn bake<P: NodeEnergies>(
     producer: &P,
     share: Share,
     monitor: &dyn Monitor,
-) -> Result<BakeReport, BakeError> {
+) -> Result<BakeResult, BakeError> {
     bake_files(&TableFiles::at(path)?, spec, producer, share, monitor)
 }
 
@@ -120,13 +118,13 @@ pub fn bake_files<P: NodeEnergies>(
     producer: &P,
     share: Share,
     monitor: &dyn Monitor,
-) -> Result<BakeReport, BakeError> {
+) -> Result<BakeResult, BakeError> {
     let Share { rank, size, .. } = share;
     if rank >= size {
         return Err(BakeError::Share { rank, size });
     }
-    let store = begun(files, spec, producer, share)?;
-    let _held = files.hold(size == 1)?;
+    let store = open_or_create(files, spec, producer, share)?;
+    let _held = files.lock(size == 1)?;
     let grid = store.grid();
     let groups = grid.half_turn_groups();
     let groups = groups.iter().skip(rank).step_by(size);
@@ -139,16 +137,16 @@ pub fn bake_files<P: NodeEnergies>(
     let writer = || Writer {
         store: &store,
         unit: producer.unit(),
-        encoded: Encoded::default(),
-        done: BakeReport::default(),
+        encoded: EncodedNode::default(),
+        done: BakeResult::default(),
     };
     let swept = sweep(producer, spec.window.shape(), groups, writer, monitor)?;
     if !swept.complete {
         return Err(BakeError::Cancelled);
     }
     let done = swept.consumers.into_iter().map(|w| w.done);
-    let done = done.fold(BakeReport::default(), BakeReport::plus);
-    Ok(BakeReport {
+    let done = done.fold(BakeResult::default(), BakeResult::merge);
+    Ok(BakeResult {
         rotations: grid.nodes().len(),
         kept: rows - done.computed,
         ..done
@@ -156,7 +154,7 @@ pub fn bake_files<P: NodeEnergies>(
 }
 
 /// The table that is there, or a new one.
-fn begun<P: NodeEnergies>(
+fn open_or_create<P: NodeEnergies>(
     files: &TableFiles,
     spec: &TableSpec,
     producer: &P,
@@ -186,16 +184,16 @@ struct Writer<'a> {
     store: &'a TableStore,
     /// The producer's, joules.
     unit: f32,
-    encoded: Encoded,
+    encoded: EncodedNode,
     /// What this thread has done.
-    done: BakeReport,
+    done: BakeResult,
 }
 
 impl Consumer<()> for Writer<'_> {
     type Error = BakeError;
 
-    fn wants(&mut self, node: &Member) -> Result<bool, BakeError> {
-        self.store.chunks().clean(node.row)?;
+    fn is_wanted(&mut self, node: &Member) -> Result<bool, BakeError> {
+        self.store.clean(node.row)?;
         let state = self.store.state(node.row)?;
         let damaged = !matches!(state, ChunkState::Finished | ChunkState::Missing);
         self.done.repaired += usize::from(damaged);
@@ -206,7 +204,7 @@ impl Consumer<()> for Writer<'_> {
         let (row, store, encoded) = (node.row, self.store, &mut self.encoded);
         let spec = store.spec();
         encode(spec, &store.probe(), row, self.unit, energies, encoded)?;
-        store.chunks().write(row, encoded)?;
+        store.write(row, encoded)?;
         tracing::debug!(row, "rotation finished");
         self.done.computed += 1;
         self.done.bricks_left_out += encoded.bricks[0];
@@ -215,8 +213,8 @@ impl Consumer<()> for Writer<'_> {
     }
 }
 
-impl BakeReport {
-    fn plus(self, other: Self) -> Self {
+impl BakeResult {
+    fn merge(self, other: Self) -> Self {
         Self {
             rotations: self.rotations + other.rotations,
             computed: self.computed + other.computed,

@@ -5,13 +5,11 @@ use ndarray::ArrayViewMut3;
 use sdf_grid::Lattice;
 
 use crate::geometry::half_turn::HalfTurn;
-use crate::geometry::prefilter::Prefilter;
+use crate::geometry::taps::Prefilter;
 use crate::rotations::grid::RotationGrid;
-use crate::sweep::producer::NodeEnergies;
+use crate::sweep::NodeEnergies;
 use crate::table::error::TableError;
-use crate::table::spec::TableSpec;
-use crate::table::stencil::{Code, value_of};
-use crate::table::storage::{Numbers, Storage};
+use crate::table::spec::{Storage, TableSpec};
 
 /// What all rotation nodes of a table share, found by probing a few of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,10 +79,8 @@ fn to_joules(
 
 /// Stored numbers of one rotation node, C order.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Encoded {
+pub(crate) struct EncodedNode {
     pub(crate) codes: Vec<u16>,
-    /// What a whole number is multiplied by, in units; 1 for half precision.
-    pub(crate) scale: f32,
     /// Bricks in which every energy is the far energy, and all bricks.
     pub(crate) bricks: [usize; 2],
     pub(crate) splines: Prefilter,
@@ -98,27 +94,19 @@ pub(crate) fn encode(
     row: usize,
     unit: f32,
     energies: &mut [f32],
-    out: &mut Encoded,
+    out: &mut EncodedNode,
 ) -> Result<(), TableError> {
     to_joules(&spec.window, unit, row, energies)?;
     let joules = energies;
     out.splines.apply(spec.window.shape(), joules);
     out.bricks = leave_out(spec, probe, joules);
     out.codes.resize(joules.len(), 0);
-    out.scale = match spec.storage.numbers {
-        Numbers::Half => 1.0,
-        Numbers::Integer => integer_scale(spec.far_energy, probe.unit, joules),
-    };
-    let step = f64::from(out.scale) * probe.unit;
     for (&e, code) in joules.iter().zip(&mut out.codes) {
-        *code = match spec.storage.numbers {
-            Numbers::Half => half(f64::from(e) / probe.unit).ok_or(TableError::Overflow {
-                row,
-                found: e,
-                limit: f16::MAX.to_f64() * probe.unit,
-            })?,
-            Numbers::Integer => (f64::from(e) / step).round() as i16 as u16,
-        };
+        *code = half(f64::from(e) / probe.unit).ok_or(TableError::Overflow {
+            row,
+            found: e,
+            limit: f16::MAX.to_f64() * probe.unit,
+        })?;
     }
     Ok(())
 }
@@ -130,34 +118,10 @@ fn half(value: f64) -> Option<u16> {
     (!half.is_infinite()).then(|| if half.is_normal() { half.to_bits() } else { 0 })
 }
 
-/// The least scale at which the largest energy of a rotation node is within 16 bits.
-fn integer_scale(far: f64, unit: f64, joules: &[f32]) -> f32 {
-    let largest = joules
-        .iter()
-        .fold(far.abs(), |m, e| m.max(f64::from(e.abs())));
-    match largest {
-        0.0 => 1.0,
-        // A little more, so that rounding the scale leaves the largest number within range.
-        _ => (largest / unit / 32766.0).max(f64::from(f32::MIN_POSITIVE)) as f32,
-    }
-}
-
-/// The code of the far energy in a rotation node of this scale.
-pub(crate) fn far_code(spec: &TableSpec, unit: f64, scale: f32) -> u16 {
+/// The code of the far energy.
+pub(crate) fn far_code(spec: &TableSpec, unit: f64) -> u16 {
     // Through single precision, as energies come.
-    let far = f64::from(spec.far_energy as f32);
-    match spec.storage.numbers {
-        Numbers::Half => half(far / unit).unwrap_or(0),
-        Numbers::Integer => (far / (f64::from(scale) * unit)).round() as i16 as u16,
-    }
-}
-
-/// True for codes that may be in a file.
-pub(crate) fn is_storable(code: u16, numbers: Numbers) -> bool {
-    match numbers {
-        Numbers::Half => value_of(code, Code::Half).is_finite(),
-        Numbers::Integer => true,
-    }
+    half(f64::from(spec.far_energy as f32) / unit).unwrap_or(0)
 }
 
 /// Sets bricks without an energy of note to the far energy. Returns how many there are now of

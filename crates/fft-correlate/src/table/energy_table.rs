@@ -3,25 +3,24 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use sdf_grid::Monitor;
 
-use crate::energy::{EnergySource, Response, Scratch};
+use crate::energy::{EnergySource, InScene, Response, Scratch};
 use crate::geometry::half_turn::HalfTurnGroup;
-use crate::geometry::se3::Pose;
+use crate::geometry::se3::{Pose, Wrench};
+use crate::geometry::taps::{Edge, Reach, Taps};
+use crate::pair::contact::Contact;
+use crate::rotations::atlas::MARGIN;
 use crate::rotations::chart::Chart;
-use crate::rotations::grid::RotationGrid;
-use crate::setup::in_scene::InScene;
-use crate::sweep::producer::NodeEnergies;
-use crate::sweep::run::{Consumer, Group, Member, sweep};
-use crate::table::encode::{Encoded, encode, far_code, probe};
+use crate::rotations::grid::{RotationGrid, Site};
+use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
+use crate::table::encode::{EncodedNode, Probe, encode, far_code, probe};
 use crate::table::error::TableError;
-use crate::table::layout::Layout;
-use crate::table::plan::Plan;
-use crate::table::query::Reader;
-use crate::table::rows::{Row, Rows, zeroed_pages};
+use crate::table::layout::{Layout, Row, Rows, zeroed_pages};
 use crate::table::spec::TableSpec;
-use crate::table::stencil::value_of;
+use crate::table::stencil::{RotationTap, Stencil, value_of};
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
 /// the interpolated energy, so its field is conservative. Poses are those of the shapes, each in
@@ -64,7 +63,7 @@ impl EnergyTable {
             let filler = || Filler {
                 plan,
                 unit,
-                encoded: Encoded::default(),
+                encoded: EncodedNode::default(),
             };
             let shape = plan.spec.window.shape();
             match sweep(producer, shape, groups.collect(), filler, monitor)?.complete {
@@ -77,19 +76,14 @@ impl EnergyTable {
     /// A table of a size already found acceptable, all of whose slots `fill` fills, in parallel.
     pub(crate) fn filled<E>(
         plan: Plan,
-        fill: impl FnOnce(&Plan, Vec<Slot<'_>>) -> Result<(), E>,
+        fill: impl FnOnce(&Plan, Vec<&mut [u16]>) -> Result<(), E>,
     ) -> Result<Self, E> {
         let (kept, length) = (plan.kept(), plan.layout.length());
         let mut codes = zeroed_pages(kept * length);
-        let mut scales = vec![1.0; kept];
-        let slots = codes.chunks_exact_mut(length).zip(&mut scales);
-        fill(
-            &plan,
-            slots.map(|(codes, scale)| Slot { codes, scale }).collect(),
-        )?;
+        fill(&plan, codes.chunks_exact_mut(length).collect())?;
         Ok(Self {
             plan: Arc::new(plan),
-            rows: Rows::Whole { codes, scales },
+            rows: Rows::Whole(codes),
         })
     }
 
@@ -153,17 +147,31 @@ impl EnergyTable {
         if slot == Chart::ABSENT {
             return Some(self.spec().far_energy);
         }
-        let (codes, scale) = self.row(slot)?;
-        let code = codes[self.plan.layout.place(index)];
-        let value = value_of(code, self.spec().storage.numbers.code());
-        Some(value * f64::from(scale) * self.unit())
+        let code = self.row(slot)?[self.plan.layout.place(index)];
+        Some(value_of(code) * self.unit())
     }
 
     /// Energy, wrench and coverage at a pose. Far outside the table, where a rotation node that
     /// would be read is not in memory, and for an invalid pose, the energy is the specification's
     /// far energy, the wrench and coverage zero.
     pub fn respond(&self, pose: &Pose) -> Response {
-        self.reader().respond(pose)
+        let far = Response {
+            energy: self.plan.spec.far_energy,
+            ..Response::default()
+        };
+        let (mut response, mut whole) = (far, true);
+        // How far the answer is the table's, with its slopes as a wrench.
+        let mut covered = Response::default();
+        if pose.is_valid() {
+            self.plan.grid.visit(pose, |site| {
+                whole &= self.add(&site, &mut response, &mut covered).is_some();
+            });
+        }
+        if !whole {
+            return far;
+        }
+        self.add_contact(pose, &covered, &mut response);
+        response
     }
 
     /// [`EnergyTable::respond`] for many poses, on all threads of the current rayon pool.
@@ -188,16 +196,9 @@ impl EnergyTable {
         assert_eq!(poses.len(), responses.len(), "one response per pose");
         for (n, (pose, response)) in poses.iter().zip(responses).enumerate() {
             if let Some(next) = poses.get(n + 1) {
-                self.reader().prefetch(next);
+                self.prefetch(next);
             }
             *response = self.respond(pose);
-        }
-    }
-
-    pub(super) fn reader(&self) -> Reader<'_> {
-        Reader {
-            plan: &self.plan,
-            rows: &self.rows,
         }
     }
 
@@ -208,22 +209,11 @@ impl EnergyTable {
         self.rows.all() || !pose.is_valid() || self.grid().all_around(pose, has)
     }
 
-    #[cfg(test)]
-    pub(crate) fn plan(&self) -> &Arc<Plan> {
-        &self.plan
-    }
-
-    /// The numbers of a slot and their scale; `None` if they are not in memory.
+    /// The numbers of a slot; `None` if they are not in memory.
     #[inline]
-    pub(crate) fn row(&self, slot: u32) -> Option<(&[u16], f32)> {
+    pub(crate) fn row(&self, slot: u32) -> Option<&[u16]> {
         self.rows.get(slot as usize, self.plan.layout.length())
     }
-}
-
-/// The numbers of one rotation node and what they are multiplied with, to be filled in.
-pub(crate) struct Slot<'a> {
-    pub(crate) codes: &'a mut [u16],
-    pub(crate) scale: &'a mut f32,
 }
 
 /// Fills the slots of a table.
@@ -231,13 +221,17 @@ struct Filler<'a> {
     plan: &'a Plan,
     /// The producer's, joules.
     unit: f32,
-    encoded: Encoded,
+    encoded: EncodedNode,
 }
 
-impl<'a> Consumer<Slot<'a>> for Filler<'_> {
+impl<'a> Consumer<&'a mut [u16]> for Filler<'_> {
     type Error = TableError;
 
-    fn take(&mut self, node: Member<Slot<'a>>, energies: &mut [f32]) -> Result<(), TableError> {
+    fn take(
+        &mut self,
+        node: Member<&'a mut [u16]>,
+        energies: &mut [f32],
+    ) -> Result<(), TableError> {
         let Plan {
             spec,
             probe,
@@ -246,9 +240,8 @@ impl<'a> Consumer<Slot<'a>> for Filler<'_> {
         } = self.plan;
         let encoded = &mut self.encoded;
         encode(spec, probe, node.row, self.unit, energies, encoded)?;
-        let far = far_code(spec, probe.unit, encoded.scale);
-        layout.pack(&encoded.codes, far, node.target.codes);
-        *node.target.scale = encoded.scale;
+        let far = far_code(spec, probe.unit);
+        layout.pack(&encoded.codes, far, node.target);
         Ok(())
     }
 }
@@ -266,3 +259,390 @@ impl EnergySource for EnergyTable {
         self.has_around(pose)
     }
 }
+
+/// An interpolated value and its slopes per node, above the far energy, joules.
+#[derive(Debug, Clone, Copy)]
+struct PatchValue {
+    energy: f64,
+    translation: DVec3,
+    rotation: [f64; 3],
+}
+
+/// What is read at a place, above the far energy.
+struct Contribution {
+    /// Joules.
+    energy: f64,
+    /// Slopes per node.
+    translation: DVec3,
+    /// Slopes by a turn of what is read, joules per radian.
+    turn: DVec3,
+}
+
+impl Contribution {
+    /// One everywhere.
+    const ONE: Self = Self {
+        energy: 1.0,
+        translation: DVec3::ZERO,
+        turn: DVec3::ZERO,
+    };
+
+    fn new(reading: &PatchValue, site: &Site<'_>) -> Self {
+        Self {
+            energy: reading.energy,
+            translation: reading.translation,
+            turn: (0..3)
+                .map(|k| reading.rotation[k] * site.gradients[k])
+                .sum::<DVec3>(),
+        }
+    }
+}
+
+/// Where a patch is read.
+struct Place<'a> {
+    site: &'a Site<'a>,
+    /// The moving part's arm from its origin to the pivot, fixed frame, metres.
+    arm: DVec3,
+    displacement: &'a Displacement,
+    spacing: f64,
+}
+
+impl Place<'_> {
+    /// Adds the patch's share of what is read, as far as it counts here, to an energy and its
+    /// wrench, differentiated as a product.
+    fn add(&self, read: &Contribution, to: &mut Response) {
+        let (site, reach) = (self.site, &self.displacement.reach);
+        let [cx, cy, cz] = reach.each_ref().map(|r| r.weight);
+        let [sx, sy, sz] = reach.each_ref().map(|r| r.weight_slope);
+        let window_weight = cx * cy * cz;
+        let window_gradient = DVec3::new(sx * cy * cz, cx * sy * cz, cx * cy * sz);
+        let weight = site.weight * window_weight;
+        let slope = DVec3::from_array(reach.each_ref().map(|r| r.slope));
+        let by_displacement = (weight * read.translation * slope
+            + site.weight * read.energy * window_gradient)
+            / self.spacing;
+        let by_turn =
+            weight * site.turn_back(read.turn) + window_weight * read.energy * site.weight_gradient;
+        let force = -by_displacement;
+        let wrench = site.pull_back(&Wrench {
+            torque: self.arm.cross(force) - by_turn,
+            force,
+        });
+        let value = weight * read.energy;
+        to.energy += site.share * value;
+        to.wrench += wrench * site.share;
+        to.wrench.torque -= value * site.share_gradient;
+    }
+
+    /// Whether what is read is read at the query's own pose.
+    fn is_inside(&self) -> bool {
+        self.site.rest.is_none() && self.displacement.reach.iter().all(Reach::is_inside)
+    }
+}
+
+/// Where and how the translation axes are read for one displacement.
+struct Displacement {
+    taps: [Taps; 3],
+    reach: [Reach; 3],
+}
+
+impl EnergyTable {
+    /// Asks the processor to fetch what a query at `pose` will read.
+    fn prefetch(&self, pose: &Pose) {
+        if !pose.is_valid() {
+            return;
+        }
+        self.plan.grid.visit(pose, |site| {
+            let Some((_, displacement)) = self.place(&site) else {
+                return;
+            };
+            let mut taps = [RotationTap::default(); 64];
+            let Some((count, _)) = self.rotation_taps(site.chart, &site.taps, &mut taps) else {
+                return;
+            };
+            let [_, ty, _] = &displacement.taps;
+            let groups = 1 + usize::from(ty.nodes[3] / 4 > ty.nodes[0] / 4);
+            self.stencil(&displacement.taps, groups)
+                .prefetch(&taps[..count]);
+        });
+    }
+
+    /// Where a patch reads along the translation axes: the moving part's arm from its origin to the
+    /// pivot, and the place in the window, if it is in or near it.
+    fn place(&self, site: &Site<'_>) -> Option<(DVec3, Displacement)> {
+        let pivot = self.plan.spec.pivot();
+        let arm = site.pose.rotation * pivot;
+        let window = &self.plan.spec.window;
+        let x = window.fractional_index(arm + site.pose.translation - pivot);
+        Some((arm, self.displacement(x)?))
+    }
+
+    /// Adds one patch's share: `share * weight * (energy - far)`, differentiated as a product.
+    /// `None` if what it reads is not in memory.
+    fn add(&self, site: &Site<'_>, response: &mut Response, covered: &mut Response) -> Option<()> {
+        let window = &self.plan.spec.window;
+        let Some((arm, displacement)) = self.place(site) else {
+            return Some(());
+        };
+        if site.weight <= 0.0 {
+            return Some(());
+        }
+        let reading = self.read(site.chart, &site.taps, &displacement.taps)?;
+        let place = Place {
+            site,
+            arm,
+            displacement: &displacement,
+            spacing: window.spacing(),
+        };
+        place.add(&Contribution::new(&reading, site), response);
+        // Outside, contact is that of the pose that is read.
+        match (&self.plan.spec.contact, place.is_inside()) {
+            (Some(contact), false) => place.add(&self.contact_at(contact, &place), response),
+            _ => place.add(&Contribution::ONE, covered),
+        }
+        let window_coverage: f64 = displacement.reach.iter().map(|r| r.coverage).product();
+        let coverage = site.coverage * window_coverage;
+        response.coverage += site.share * coverage * self.kept_share(&displacement);
+        Some(())
+    }
+
+    /// What smoothing took from the energy where a place is read.
+    fn contact_at(&self, contact: &Contact, place: &Place<'_>) -> Contribution {
+        let (window, pivot) = (&self.plan.spec.window, self.plan.spec.pivot());
+        let rotation = place.site.rotation();
+        let at = DVec3::from_array(place.displacement.reach.each_ref().map(|r| r.at));
+        let (displacement, arm) = (window.origin() + at * window.spacing(), rotation * pivot);
+        let lost = contact.score(&Pose {
+            rotation,
+            translation: displacement + pivot - arm,
+        });
+        let gamma = self.plan.spec.model().gamma;
+        Contribution {
+            energy: -gamma * lost.score,
+            translation: -gamma * window.spacing() * lost.gradient,
+            turn: -gamma * (lost.moment - arm.cross(lost.gradient)),
+        }
+    }
+
+    /// Adds what smoothing took from the energies, as far as the pose is covered.
+    fn add_contact(&self, pose: &Pose, covered: &Response, response: &mut Response) {
+        let Some(contact) = &self.plan.spec.contact else {
+            return;
+        };
+        if covered.energy <= 0.0 {
+            return;
+        }
+        let lost = contact.score(pose);
+        let gamma = self.plan.spec.model().gamma;
+        let (energy, share) = (-gamma * lost.score, gamma * covered.energy);
+        response.energy += covered.energy * energy;
+        response.wrench.force += share * lost.gradient + energy * covered.wrench.force;
+        response.wrench.torque += share * lost.moment + energy * covered.wrench.torque;
+    }
+
+    fn displacement(&self, x: DVec3) -> Option<Displacement> {
+        let (x, window) = (x.to_array(), &self.plan.spec.window);
+        let shape = window.shape();
+        let edge = Edge {
+            margin: MARGIN,
+            fade: [self.plan.fade_length / window.spacing(); 2],
+        };
+        let reach = |k: usize| Reach::new(x[k], shape[k], &edge);
+        let reach = [reach(0)?, reach(1)?, reach(2)?];
+        let taps = std::array::from_fn(|k| Taps::open(reach[k].at, shape[k]));
+        Some(Displacement { taps, reach })
+    }
+
+    /// The interpolated energy and its slopes. Absent rotation nodes hold the far energy. `None` if
+    /// a rotation node is not in memory.
+    fn read(
+        &self,
+        chart: &Chart,
+        rotation: &[Taps; 3],
+        translation: &[Taps; 3],
+    ) -> Option<PatchValue> {
+        let mut taps = [RotationTap::default(); 64];
+        let (count, absent) = self.rotation_taps(chart, rotation, &mut taps)?;
+        let [_, ty, tz] = translation;
+        let along_y = LaneWeights::new(ty, ty.nodes[0] / 4 * 4);
+        let along_z = LaneWeights::new(tz, tz.nodes[0]);
+        let stencil = self.stencil(translation, if along_y.long { 2 } else { 1 });
+        let sums = stencil.sum(&taps[..count]);
+        let total = |sum: usize, y: &[f64; 8], z: &[f64; 8]| -> f64 {
+            let mut total = 0.0;
+            for (group, sums) in sums.iter().enumerate().take(stencil.groups) {
+                for (lane, &value) in sums[sum].iter().enumerate() {
+                    total += f64::from(value) * z[lane / 4] * y[4 * group + lane % 4];
+                }
+            }
+            total * self.plan.probe.unit
+        };
+        let (y, z) = (&along_y.weights, &along_z.weights);
+        let far = self.plan.spec.far_energy;
+        Some(PatchValue {
+            energy: total(0, y, z) + far * absent[0] - far,
+            translation: DVec3::new(
+                total(1, y, z),
+                total(0, &along_y.slopes, z),
+                total(0, y, &along_z.slopes),
+            ),
+            rotation: std::array::from_fn(|k| total(2 + k, y, z) + far * absent[1 + k]),
+        })
+    }
+
+    /// The rotation nodes to read, into `taps`; how many, and the weights of the absent ones.
+    /// `None` if one is not in memory.
+    fn rotation_taps<'t>(
+        &'t self,
+        chart: &Chart,
+        [tx, ty, tz]: &[Taps; 3],
+        taps: &mut [RotationTap<'t>; 64],
+    ) -> Option<(usize, [f64; 4])> {
+        let [_, ny, nz] = chart.shape;
+        let (mut count, mut absent) = (0, [0f64; 4]);
+        for i in 0..4 {
+            for j in 0..4 {
+                let both = [
+                    tx.weights[i] * ty.weights[j],
+                    tx.slopes[i] * ty.weights[j],
+                    tx.weights[i] * ty.slopes[j],
+                ];
+                if both == [0.0; 3] {
+                    continue;
+                }
+                let nodes = &chart.rows[(tx.nodes[i] * ny + ty.nodes[j]) * nz..][..nz];
+                for k in 0..4 {
+                    let (w, s) = (tz.weights[k], tz.slopes[k]);
+                    if w == 0.0 && s == 0.0 {
+                        continue;
+                    }
+                    let weights = [both[0] * w, both[1] * w, both[2] * w, both[0] * s];
+                    let slot = nodes[tz.nodes[k]];
+                    if slot == Chart::ABSENT {
+                        for (sum, w) in absent.iter_mut().zip(weights) {
+                            *sum += w;
+                        }
+                        continue;
+                    }
+                    let codes = self.rows.get(slot as usize, self.plan.layout.length())?;
+                    taps[count] = RotationTap {
+                        codes,
+                        weights: weights.map(|w| w as f32),
+                    };
+                    count += 1;
+                }
+            }
+        }
+        Some((count, absent))
+    }
+
+    fn stencil(&self, [tx, ty, tz]: &[Taps; 3], groups: usize) -> Stencil {
+        let first = ty.nodes[0] / 4;
+        let run = |group: usize, s: usize| {
+            let group = if group < groups { first + group } else { first };
+            self.plan.layout.run(tx.nodes[s], group, tz.nodes[0])
+        };
+        Stencil {
+            runs: std::array::from_fn(|group| std::array::from_fn(|s| run(group, s))),
+            groups,
+            weights: tx.weights.map(|w| w as f32),
+            slopes: tx.slopes.map(|w| w as f32),
+        }
+    }
+
+    /// Share of the nodes around a displacement that were not left out, changing linearly between
+    /// nodes; 1 where everything is kept.
+    fn kept_share(&self, displacement: &Displacement) -> f64 {
+        if self.plan.layout.is_dense() {
+            return 1.0;
+        }
+        let shape = self.plan.spec.window.shape();
+        let cell: [usize; 3] = std::array::from_fn(|k| {
+            let last = shape[k].saturating_sub(2) as f64;
+            displacement.reach[k].at.floor().clamp(0.0, last) as usize
+        });
+        let part: [f64; 3] =
+            std::array::from_fn(|k| (displacement.reach[k].at - cell[k] as f64).clamp(0.0, 1.0));
+        (0..8)
+            .map(|corner| {
+                let upper: [bool; 3] = std::array::from_fn(|k| corner >> k & 1 == 1);
+                let node =
+                    std::array::from_fn(|k| (cell[k] + usize::from(upper[k])).min(shape[k] - 1));
+                let weight = |k: usize| if upper[k] { part[k] } else { 1.0 - part[k] };
+                let held = f64::from(u8::from(self.plan.layout.holds(node)));
+                held * weight(0) * weight(1) * weight(2)
+            })
+            .sum::<f64>()
+            .min(1.0)
+    }
+}
+
+/// Weights of up to 8 successive nodes of an axis, of which a query reads 4.
+struct LaneWeights {
+    weights: [f64; 8],
+    slopes: [f64; 8],
+    /// More than the first four nodes are read.
+    long: bool,
+}
+
+impl LaneWeights {
+    /// For nodes from `first` on; absent nodes of the taps repeat one with weight 0.
+    fn new(taps: &Taps, first: usize) -> Self {
+        let mut lanes = Self {
+            weights: [0.0; 8],
+            slopes: [0.0; 8],
+            long: taps.nodes[3] >= first + 4,
+        };
+        for s in 0..4 {
+            let lane = taps.nodes[s] - first;
+            lanes.weights[lane] += taps.weights[s];
+            lanes.slopes[lane] += taps.slopes[s];
+        }
+        lanes
+    }
+}
+
+/// Everything of a table but its energies; tables of which different parts are in memory share it.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    pub(crate) spec: TableSpec,
+    /// Its charts number the slots of the rotation nodes that are kept.
+    pub(crate) grid: RotationGrid,
+    pub(crate) probe: Probe,
+    /// Arranges the numbers of every slot.
+    pub(crate) layout: Layout,
+    /// [`TableSpec::fade_length`].
+    pub(crate) fade_length: f64,
+    /// Slot of each rotation node, or [`Chart::ABSENT`] where it holds nothing but the far energy.
+    pub(crate) slots: Vec<u32>,
+}
+
+impl Plan {
+    /// `slots` numbers the rotation nodes to keep.
+    pub(crate) fn new(
+        spec: TableSpec,
+        mut grid: RotationGrid,
+        probe: Probe,
+        layout: Layout,
+        slots: Vec<u32>,
+    ) -> Self {
+        grid.number(&slots);
+        grid.fade_far();
+        Self {
+            fade_length: spec.fade_length(),
+            spec,
+            grid,
+            probe,
+            layout,
+            slots,
+        }
+    }
+
+    /// Rotation nodes that are kept.
+    pub(crate) fn kept(&self) -> usize {
+        self.slots.iter().filter(|&&s| s != Chart::ABSENT).count()
+    }
+}
+
+#[cfg(test)]
+#[path = "query_tests.rs"]
+mod tests;

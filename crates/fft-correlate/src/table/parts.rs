@@ -6,10 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DQuat;
 use rayon::prelude::*;
 
-use crate::table::energy_table::EnergyTable;
-use crate::table::layout::Layout;
-use crate::table::plan::Plan;
-use crate::table::rows::{Row, zeroed_pages};
+use crate::table::energy_table::{EnergyTable, Plan};
+use crate::table::layout::{Layout, Row, zeroed_pages};
 use crate::table::spec::TableSpec;
 use crate::table::store::error::StoreError;
 use crate::table::store::table_store::TableStore;
@@ -38,7 +36,7 @@ impl PartialTable {
     /// # Errors
     /// If the table is not finished, or its files cannot be listed.
     pub fn new(store: TableStore) -> Result<Self, StoreError> {
-        store.chunks().expect_all_there()?;
+        store.expect_all_there()?;
         let rotations = store.grid().nodes().len();
         let plan = Plan::new(
             store.whole_spec()?,
@@ -115,11 +113,8 @@ impl PartialTable {
     pub fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
         let read = |&node: &usize| {
             let mut codes = zeroed_pages(self.plan.layout.length());
-            let scale = self
-                .store
-                .chunks()
-                .read_row(node, &self.plan.layout, &mut codes)?;
-            Ok((node, Arc::new(Row::new(codes, scale, &self.held))))
+            self.store.read_row(node, &self.plan.layout, &mut codes)?;
+            Ok((node, Arc::new(Row::new(codes, &self.held))))
         };
         let absent = nodes.par_iter().filter(|&&node| self.rows[node].is_none());
         let read: Vec<Result<_, StoreError>> = absent.map(read).collect();

@@ -4,17 +4,17 @@ use sdf_grid::{Lattice, Silent};
 
 use super::*;
 use crate::geometry::placement::Placement;
+use crate::pair::model::PairRecipe;
 use crate::pair::model::ScoreModel;
-use crate::pair::recipe::PairRecipe;
 use crate::rotations::domain::RotationDomain;
-use crate::sweep::producer::NodeEnergies;
+use crate::sweep::NodeEnergies;
 use crate::table::energy_table::EnergyTable;
+use crate::table::spec::Storage;
 use crate::table::spec::TableSpec;
 use crate::table::stencil::value_of;
-use crate::table::storage::{Numbers, Storage};
 
 /// The definition: every product of six weights with a stored energy, in double precision.
-fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> Reading {
+fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3]) -> PatchValue {
     let far = table.spec().far_energy;
     let stored = |rotation: [usize; 3], node: [usize; 3]| {
         let [_, ny, nz] = chart.shape;
@@ -22,10 +22,8 @@ fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3])
         if slot == Chart::ABSENT {
             return far;
         }
-        let (codes, scale) = table.row(slot).unwrap();
-        let code = table.spec().storage.numbers.code();
-        let value = value_of(codes[table.plan().layout.place(node)], code);
-        value * f64::from(scale) * table.unit()
+        let codes = table.row(slot).unwrap();
+        value_of(codes[table.plan.layout.place(node)]) * table.unit()
     };
     // Value, then slopes along x, y, z and the three rotation coordinates.
     let mut sums = [0.0; 7];
@@ -42,7 +40,7 @@ fn read_slowly(table: &EnergyTable, chart: &Chart, r: &[Taps; 3], t: &[Taps; 3])
             *sum += (0..6).map(weight).product::<f64>() * e;
         }
     }
-    Reading {
+    PatchValue {
         energy: sums[0] - far,
         translation: DVec3::new(sums[1], sums[2], sums[3]),
         rotation: [sums[4], sums[5], sums[6]],
@@ -70,13 +68,7 @@ impl NodeEnergies for Mixed {
 /// change as fast as these are some ten times as large, and the weights of slopes sum to 2.
 #[test]
 fn readings_are_those_of_the_definition() {
-    for (shape, numbers) in [
-        ([1, 1, 1], Numbers::Half),
-        ([2, 5, 3], Numbers::Integer),
-        ([5, 1, 4], Numbers::Half),
-        ([6, 13, 9], Numbers::Half),
-        ([7, 8, 5], Numbers::Integer),
-    ] {
+    for shape in [[1, 1, 1], [2, 5, 3], [5, 1, 4], [6, 13, 9], [7, 8, 5]] {
         let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
         let spec = TableSpec {
             recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::new(0.1, 0.2, -0.1)),
@@ -84,10 +76,7 @@ fn readings_are_those_of_the_definition() {
             rotations: RotationDomain::ball(20.0, 10.0),
             symmetry: None,
             far_energy: 0.2,
-            storage: Storage {
-                numbers,
-                ..Storage::default()
-            },
+            storage: Storage::default(),
             placement: Placement::IDENTITY,
             contact: None,
         };
@@ -99,14 +88,14 @@ fn readings_are_those_of_the_definition() {
             let x = DVec3::from_array(std::array::from_fn(|k| {
                 (0.5 + 0.62 * (s * (1.1 + k as f64)).sin()) * (shape[k] - 1) as f64
             }));
-            let Some(displacement) = table.reader().displacement(x) else {
+            let Some(displacement) = table.displacement(x) else {
                 continue;
             };
             table.grid().visit(&pose, |site| {
                 let (r, t) = (&site.taps, &displacement.taps);
-                let fast = table.reader().read(site.chart, r, t).unwrap();
+                let fast = table.read(site.chart, r, t).unwrap();
                 let slow = read_slowly(&table, site.chart, r, t);
-                let numbers = |r: &Reading| {
+                let numbers = |r: &PatchValue| {
                     [&[r.energy][..], &r.translation.to_array(), &r.rotation].concat()
                 };
                 for (a, b) in numbers(&fast).iter().zip(numbers(&slow)) {

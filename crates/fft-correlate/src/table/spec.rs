@@ -1,20 +1,18 @@
 //! What a table holds: everything that decides its values.
 
 use glam::DVec3;
-use sdf_grid::Lattice;
+use sdf_grid::{FieldRecipe, Lattice};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::placement::Placement;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
-use crate::pair::model::ScoreModel;
-use crate::pair::recipe::PairRecipe;
+use crate::pair::model::{PairRecipe, ScoreModel};
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError};
 use crate::rotations::grid::RotationGrid;
 use crate::table::error::TableError;
 use crate::table::layout::Layout;
-use crate::table::storage::Storage;
 
 /// What a table holds and for which pair: everything that decides its values. Window and rotations
 /// are those of the shapes, each in its own frame.
@@ -148,4 +146,94 @@ impl TableSpec {
             limit,
         })
     }
+
+    /// How far outside the window the energy has faded to [`TableSpec::far_energy`], metres: the
+    /// moving part's radius about the pivot, its halo included (the window's diagonal where energies
+    /// come from no density), and never less than two nodes.
+    ///
+    /// Where a window ends, the energy is seldom the far one. What is read there goes on outside,
+    /// without its slope outwards, and fades over `L`, which adds a force of up to
+    /// `1.5 |energy - far| / L`. The parts themselves lose that energy over a way that is about as
+    /// long as the moving part, so this is less than contact has. Outside the rotations the energy
+    /// fades over what is left of the half turn.
+    pub fn fade_length(&self) -> f64 {
+        let window = &self.window;
+        let sides = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
+        let length = match &self.recipe.moving {
+            Some(part) => radius(part, self.pivot()),
+            None => sides.length(),
+        };
+        length.max(2.0 * window.spacing())
+    }
+}
+
+/// How a table stores energies: in half precision, with a relative error of at most 4.9e-4.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(into = "StorageKeys", try_from = "StorageKeys")]
+pub struct Storage {
+    /// Bricks of [`Storage::BRICK`]³ displacement nodes of a rotation node are left out where no
+    /// energy differs from the far energy by more than this share of the largest probed energy.
+    /// 0 leaves out nothing. 0 ..= 0.1.
+    pub leave_out: f64,
+}
+
+/// The keys of a table's metadata.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StorageKeys {
+    numbers: String,
+    leave_out: f64,
+}
+
+impl From<Storage> for StorageKeys {
+    fn from(storage: Storage) -> Self {
+        Self {
+            numbers: Storage::NUMBERS.into(),
+            leave_out: storage.leave_out,
+        }
+    }
+}
+
+impl TryFrom<StorageKeys> for Storage {
+    type Error = String;
+
+    fn try_from(keys: StorageKeys) -> Result<Self, String> {
+        match &*keys.numbers {
+            Self::NUMBERS => Ok(Self {
+                leave_out: keys.leave_out,
+            }),
+            found => Err(format!(
+                "storage.numbers must be {}, found {found:?}: bake the table again with \
+                 `pegfit bake SCENE -o TABLE`",
+                Self::NUMBERS
+            )),
+        }
+    }
+}
+
+impl Storage {
+    /// Displacement nodes along each side of a brick.
+    pub const BRICK: usize = 8;
+
+    /// Zarr's name of the numbers that hold energies.
+    const NUMBERS: &str = "float16";
+
+    pub(crate) fn validate(&self) -> Result<(), TableError> {
+        if (0.0..=0.1).contains(&self.leave_out) {
+            return Ok(());
+        }
+        Err(TableError::Spec {
+            name: "leave_out",
+            expected: "in 0 ..= 0.1",
+            found: self.leave_out.to_string(),
+        })
+    }
+}
+
+/// Greatest distance of a density's lattice from a point, metres.
+fn radius(part: &FieldRecipe, point: DVec3) -> f64 {
+    let lattice = &part.lattice;
+    let sides = DVec3::from_array(lattice.shape().map(|n| n as f64 - 1.0)) * lattice.spacing();
+    let (low, high) = (lattice.origin() - point, lattice.origin() + sides - point);
+    low.abs().max(high.abs()).length()
 }

@@ -2,20 +2,11 @@
 //! nodes.
 //!
 //! Weights along x and over rotations are applied while reading; those along y and z belong to the
-//! lanes of a run (see [`crate::layout`]) and are applied once, at the end, by the caller.
+//! lanes of a run (see [`crate::table::layout`]) and are applied once, at the end, by the caller.
 
 use half::f16;
 
 use crate::table::layout::RUN;
-
-/// How stored numbers are read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Code {
-    /// Half precision.
-    Half,
-    /// Whole numbers.
-    Integer,
-}
 
 /// One rotation node to read: its numbers, and its weights in the value and in the slopes along the
 /// three rotation coordinates.
@@ -49,7 +40,7 @@ impl Stencil {
     /// # Panics
     /// If a run reaches beyond a rotation node.
     #[inline]
-    pub(crate) fn sum(&self, code: Code, taps: &[RotationTap<'_>]) -> Sums {
+    pub(crate) fn sum(&self, taps: &[RotationTap<'_>]) -> Sums {
         let furthest = self.runs.iter().flatten().max().copied().unwrap_or(0);
         let shortest = taps.iter().map(|t| t.codes.len()).min();
         assert!(shortest.is_none_or(|length| furthest + RUN <= length) && self.groups <= 2);
@@ -58,17 +49,17 @@ impl Stencil {
             if is_x86_feature_detected!("avx512f") {
                 // SAFETY: the processor has AVX-512; every read lies within a rotation node by the
                 // assertion.
-                return unsafe { x86::sum_512(self, code, taps) };
+                return unsafe { x86::sum_512(self, taps) };
             }
             if is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("fma")
                 && is_x86_feature_detected!("f16c")
             {
                 // SAFETY: as above with AVX2, FMA and F16C.
-                return unsafe { x86::sum_256(self, code, taps) };
+                return unsafe { x86::sum_256(self, taps) };
             }
         }
-        self.sum_portable(code, taps)
+        self.sum_portable(taps)
     }
 
     /// Asks the processor to fetch what [`Stencil::sum`] will read.
@@ -91,13 +82,13 @@ impl Stencil {
     }
 
     /// [`Stencil::sum`] for any processor.
-    fn sum_portable(&self, code: Code, taps: &[RotationTap<'_>]) -> Sums {
+    fn sum_portable(&self, taps: &[RotationTap<'_>]) -> Sums {
         let mut sums = Sums::default();
         for tap in taps {
             for (runs, sums) in self.runs.iter().zip(&mut sums).take(self.groups) {
                 let (mut value, mut by_x) = (Lanes::default(), Lanes::default());
                 for ((&run, weight), slope) in runs.iter().zip(self.weights).zip(self.slopes) {
-                    let lanes = decode(&tap.codes[run..run + RUN], code);
+                    let lanes = decode(&tap.codes[run..run + RUN]);
                     for l in 0..RUN {
                         value[l] += weight * lanes[l];
                         by_x[l] += slope * lanes[l];
@@ -123,11 +114,8 @@ impl Stencil {
 }
 
 /// Stored numbers as single precision.
-fn decode(codes: &[u16], code: Code) -> Lanes {
-    std::array::from_fn(|l| match code {
-        Code::Half => half_to_single(codes[l]),
-        Code::Integer => f32::from(codes[l] as i16),
-    })
+fn decode(codes: &[u16]) -> Lanes {
+    std::array::from_fn(|l| half_to_single(codes[l]))
 }
 
 /// Exponent and mantissa move into place and a product by 2^112 mends the exponent's bias;
@@ -138,24 +126,21 @@ fn half_to_single(h: u16) -> f32 {
     f32::from_bits(magnitude.to_bits() | (h & 0x8000) << 16)
 }
 
-/// The number that a stored code stands for, before its scale.
-pub(crate) fn value_of(bits: u16, code: Code) -> f64 {
-    match code {
-        Code::Half => f16::from_bits(bits).to_f64(),
-        Code::Integer => f64::from(bits as i16),
-    }
+/// The number that a stored code stands for, in the table's unit.
+pub(crate) fn value_of(code: u16) -> f64 {
+    f16::from_bits(code).to_f64()
 }
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::*;
 
-    use super::{Code, Lanes, RotationTap, Stencil, Sums};
+    use super::{Lanes, RotationTap, Stencil, Sums};
 
     /// # Safety
     /// Needs AVX-512F. All runs must lie within the numbers of all taps.
     #[target_feature(enable = "avx512f,avx2,f16c")]
-    pub(super) unsafe fn sum_512(stencil: &Stencil, code: Code, taps: &[RotationTap<'_>]) -> Sums {
+    pub(super) unsafe fn sum_512(stencil: &Stencil, taps: &[RotationTap<'_>]) -> Sums {
         let wide = |v: [f32; 4]| v.map(|x| _mm512_set1_ps(x));
         let (weights, slopes) = (wide(stencil.weights), wide(stencil.slopes));
         let mut sums = [[_mm512_setzero_ps(); 5]; 2];
@@ -167,10 +152,7 @@ mod x86 {
                     // SAFETY: the caller vouches for every run.
                     let codes =
                         unsafe { _mm256_loadu_si256(tap.codes.as_ptr().add(runs[s]).cast()) };
-                    let lanes = match code {
-                        Code::Half => _mm512_cvtph_ps(codes),
-                        Code::Integer => _mm512_cvtepi32_ps(_mm512_cvtepi16_epi32(codes)),
-                    };
+                    let lanes = _mm512_cvtph_ps(codes);
                     value = _mm512_fmadd_ps(weights[s], lanes, value);
                     by_x = _mm512_fmadd_ps(slopes[s], lanes, by_x);
                 }
@@ -194,7 +176,7 @@ mod x86 {
     /// # Safety
     /// Needs AVX2, FMA and F16C. All runs must lie within the numbers of all taps.
     #[target_feature(enable = "avx2,fma,f16c")]
-    pub(super) unsafe fn sum_256(stencil: &Stencil, code: Code, taps: &[RotationTap<'_>]) -> Sums {
+    pub(super) unsafe fn sum_256(stencil: &Stencil, taps: &[RotationTap<'_>]) -> Sums {
         let wide = |v: [f32; 4]| v.map(|x| _mm256_set1_ps(x));
         let (weights, slopes) = (wide(stencil.weights), wide(stencil.slopes));
         let mut out = Sums::default();
@@ -210,10 +192,7 @@ mod x86 {
                             let run = tap.codes.as_ptr().add(group[s] + 8 * half);
                             _mm_loadu_si128(run.cast())
                         };
-                        let lanes = match code {
-                            Code::Half => _mm256_cvtph_ps(codes),
-                            Code::Integer => _mm256_cvtepi32_ps(_mm256_cvtepi16_epi32(codes)),
-                        };
+                        let lanes = _mm256_cvtph_ps(codes);
                         value = _mm256_fmadd_ps(weights[s], lanes, value);
                         by_x = _mm256_fmadd_ps(slopes[s], lanes, by_x);
                     }
@@ -244,20 +223,18 @@ mod tests {
         for bits in 0..=u16::MAX {
             let half = f16::from_bits(bits);
             if half.is_finite() {
-                assert_eq!(decode(&[bits; RUN], Code::Half), [half.to_f32(); RUN]);
+                assert_eq!(decode(&[bits; RUN]), [half.to_f32(); RUN]);
             }
-            let integer = decode(&[bits; RUN], Code::Integer)[3];
-            assert_eq!(f64::from(integer), value_of(bits, Code::Integer));
         }
     }
 
     /// The definition, in double precision.
-    fn plain_sums(stencil: &Stencil, code: Code, taps: &[RotationTap<'_>]) -> [[[f64; RUN]; 5]; 2] {
+    fn plain_sums(stencil: &Stencil, taps: &[RotationTap<'_>]) -> [[[f64; RUN]; 5]; 2] {
         let mut sums = [[[0f64; RUN]; 5]; 2];
         for tap in taps {
             for (g, sums) in sums.iter_mut().enumerate().take(stencil.groups) {
                 for (s, l) in (0..4).flat_map(|s| (0..RUN).map(move |l| (s, l))) {
-                    let e = value_of(tap.codes[stencil.runs[g][s] + l], code);
+                    let e = value_of(tap.codes[stencil.runs[g][s] + l]);
                     let [w, a, b, c] = tap.weights.map(f64::from);
                     let (x, dx) = (stencil.weights[s], stencil.slopes[s]);
                     let (x, dx) = (f64::from(x), f64::from(dx));
@@ -277,22 +254,14 @@ mod tests {
     fn sums_agree_with_double_precision() {
         let mut rng = SmallRng::seed_from_u64(1);
         let (length, rows) = (96, 9);
-        for (code, groups, count) in [
-            (Code::Half, 1, 5),
-            (Code::Half, 2, 64),
-            (Code::Integer, 2, 33),
-            (Code::Integer, 1, 0),
-        ] {
+        for (groups, count) in [(1, 5), (2, 64), (2, 33), (1, 0)] {
             let mut weight = || rng.random_range(-1.0f32..1.0);
             let (weights, slopes) = (
                 std::array::from_fn(|_| weight()),
                 std::array::from_fn(|_| weight()),
             );
             let energies: Vec<u16> = (0..length * rows)
-                .map(|_| match code {
-                    Code::Half => f16::from_f32(500.0 * weight()).to_bits(),
-                    Code::Integer => (500.0 * weight()) as i16 as u16,
-                })
+                .map(|_| f16::from_f32(500.0 * weight()).to_bits())
                 .collect();
             let taps: Vec<RotationTap> = (0..count)
                 .map(|k| RotationTap {
@@ -306,12 +275,12 @@ mod tests {
                 weights,
                 slopes,
             };
-            let expected = plain_sums(&stencil, code, &taps);
-            let mut found = vec![stencil.sum(code, &taps), stencil.sum_portable(code, &taps)];
+            let expected = plain_sums(&stencil, &taps);
+            let mut found = vec![stencil.sum(&taps), stencil.sum_portable(&taps)];
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("f16c") {
                 // SAFETY: the features are there, and the runs above end within 96 numbers.
-                found.push(unsafe { x86::sum_256(&stencil, code, &taps) });
+                found.push(unsafe { x86::sum_256(&stencil, &taps) });
             }
             for sums in found {
                 for (found, expected) in sums.iter().flatten().zip(expected.iter().flatten()) {

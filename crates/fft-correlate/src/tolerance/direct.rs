@@ -5,14 +5,12 @@ use sdf_grid::Monitor;
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::geometry::se3::Pose;
 use crate::pair::fields::Pair;
+use crate::pair::setup::PairSetup;
 use crate::rotations::domain::RotationDomain;
-use crate::setup::energy_scale::EnergyScale;
-use crate::setup::pair_setup::PairSetup;
 use crate::table::accuracy::{ErrorReport, HeldOut, random_pose};
 use crate::table::design::TableDesign;
 use crate::tolerance::error::ToleranceError;
-use crate::tolerance::spacings::{BEYOND, Spacings, TRIALS};
-use crate::tolerance::table::Trial;
+use crate::tolerance::refine::{BEYOND, SpacingSearch, Trial};
 
 /// Poses that are compared, at most.
 const POSES: usize = 200;
@@ -56,7 +54,7 @@ impl TolerantDirect {
         let first = setup.load(monitor)?;
         let step = poses.len().div_ceil(POSES).max(1);
         let poses: Vec<Pose> = poses.iter().step_by(step).copied().collect();
-        Self::after(setup, first, &poses, tolerance, monitor, tried)
+        Self::refined(setup, first, &poses, tolerance, monitor, tried)
     }
 
     /// The same at random poses over the setup's box of displacements and `rotations`.
@@ -73,11 +71,11 @@ impl TolerantDirect {
         let design = TableDesign::new(setup, setup.load(monitor)?, rotations.clone())?;
         let draw = |index| random_pose(&design.spec, SEED, index);
         let poses: Vec<Pose> = (0..POSES as u64).map(draw).collect();
-        Self::after(setup, design.pair, &poses, tolerance, monitor, tried)
+        Self::refined(setup, design.pair, &poses, tolerance, monitor, tried)
     }
 
     /// Begins with the setup's own pair.
-    fn after(
+    fn refined(
         setup: &PairSetup,
         first: Pair,
         poses: &[Pose],
@@ -85,53 +83,28 @@ impl TolerantDirect {
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
     ) -> Result<Self, ToleranceError> {
-        let mut setup = setup.clone();
-        // The same scale for all, or forces could not be compared.
-        setup.energy = EnergyScale::Gamma(first.model().gamma);
-        let mut spacing = first.spacing();
-        drop(first);
         let lever = LEVER * setup.moving.bounds().diagonal() * 0.5;
-        let mut spacings = Spacings::new(tolerance);
-        for _ in 0..TRIALS {
-            let found = match Self::at(&setup, spacing, poses, lever, monitor) {
-                Ok(found) => found,
-                Err(e) => return Err(spacings.ended(tolerance, spacing, e)),
+        let search = SpacingSearch::new(setup, first, tolerance, 1.0);
+        search.refine_until(tried, |setup, half| {
+            let on = |setup: &PairSetup| {
+                let pair = setup.load(monitor)?;
+                let evaluator = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+                Ok::<_, ToleranceError>((pair, evaluator))
             };
-            let error = found.error;
-            tried(Trial::Lattice { spacing, error });
-            if spacings.is_met(error) {
-                return Ok(found);
-            }
-            spacing = spacings.after(spacing, error);
-        }
-        Err(spacings.missed(tolerance))
-    }
-
-    fn at(
-        setup: &PairSetup,
-        spacing: f64,
-        poses: &[Pose],
-        lever: f64,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, ToleranceError> {
-        let on = |spacing: f64| {
-            let mut setup = setup.clone();
-            setup.builder.spacing = Some(spacing);
-            let pair = setup.load(monitor)?;
-            let evaluator = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
-            Ok::<_, ToleranceError>((pair, evaluator))
-        };
-        let reference_spacing = 0.5 * spacing;
-        let (_, fine) = on(reference_spacing)?;
-        let held_out = HeldOut::at(poses, &fine);
-        drop(fine);
-        let (pair, evaluator) = on(spacing)?;
-        let report = held_out.errors_of(&evaluator, pair.pivot());
-        Ok(Self {
-            error: BEYOND * error_of(&report, lever),
-            pair,
-            evaluator,
-            reference_spacing,
+            let (fine, evaluator) = on(half)?;
+            let reference_spacing = fine.spacing();
+            let held_out = HeldOut::at(poses, &evaluator);
+            drop((fine, evaluator));
+            let (pair, evaluator) = on(setup)?;
+            let report = held_out.errors_of(&evaluator, pair.pivot());
+            let error = BEYOND * error_of(&report, lever);
+            let found = Self {
+                error,
+                pair,
+                evaluator,
+                reference_spacing,
+            };
+            Ok((error, found))
         })
     }
 }

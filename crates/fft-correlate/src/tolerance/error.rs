@@ -2,7 +2,7 @@
 
 use crate::direct::evaluator::DirectError;
 use crate::pair::builder::PairBuildError;
-use crate::setup::pair_setup::PairSetupError;
+use crate::pair::setup::PairSetupError;
 use crate::table::design::TableDesignError;
 use crate::table::error::TableError;
 

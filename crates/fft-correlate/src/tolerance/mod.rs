@@ -1,11 +1,11 @@
-//! Choosing lattices and rotation steps for an error that was asked for.
+//! Choosing lattices and rotation steps that meet a tolerance.
 
 pub(crate) mod direct;
 pub(crate) mod error;
-mod spacings;
+mod refine;
 pub(crate) mod table;
 
 pub use direct::TolerantDirect;
 pub use error::{Limit, ToleranceError};
-pub use spacings::TRIALS;
-pub use table::{LATTICE_SHARE, TolerantDesign, Trial};
+pub use refine::{TRIALS, Trial};
+pub use table::{LATTICE_SHARE, TolerantDesign};

@@ -10,15 +10,14 @@ use sdf_grid::Monitor;
 
 use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::pair::fields::Pair;
+use crate::pair::setup::PairSetup;
 use crate::rotations::domain::RotationDomain;
-use crate::setup::energy_scale::EnergyScale;
-use crate::setup::pair_setup::PairSetup;
 use crate::table::accuracy::{HeldOut, random_pose, wrench_of_all};
 use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
 use crate::tolerance::error::{Limit, ToleranceError};
-use crate::tolerance::spacings::{BEYOND, Spacings, TRIALS};
+use crate::tolerance::refine::{BEYOND, SpacingSearch, TRIALS, Trial};
 
 /// Poses at which lattices are compared.
 const LATTICE_POSES: usize = 300;
@@ -68,29 +67,9 @@ pub struct TolerantDesign {
     /// The table.
     pub design: TableDesign,
     /// On lattices of half the spacing.
-    pub truth: DirectEvaluator,
-    /// Spacing of `truth`, metres.
+    pub reference: DirectEvaluator,
+    /// Spacing of `reference`, metres.
     pub reference_spacing: f64,
-}
-
-/// What was tried on the way, and the error of its probes: the greater of those of force and torque,
-/// each a share of its rms.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Trial {
-    /// A spacing.
-    Lattice {
-        /// Metres.
-        spacing: f64,
-        /// The error.
-        error: f64,
-    },
-    /// A rotation step.
-    Step {
-        /// Degrees.
-        step_deg: f64,
-        /// The error.
-        error: f64,
-    },
 }
 
 impl TableDesign {
@@ -137,64 +116,42 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// A lattice that is fine enough, and by as little as errors foretell; its quadrature, and error.
+    /// A table on a lattice that is fine enough, its lattice's quadrature, and its error.
     fn lattice(&mut self) -> Result<(TolerantDesign, DirectEvaluator, f64), ToleranceError> {
         let first = self.setup.load(self.monitor)?;
-        // The same scale for all, or forces could not be compared.
-        self.setup.energy = EnergyScale::Gamma(first.model().gamma);
-        let mut spacing = first.spacing();
-        drop(first);
-        let mut spacings = Spacings::new(LATTICE_SHARE * self.tolerance);
-        for _ in 0..TRIALS {
-            let (error, design, direct) = match self.lattice_error(spacing) {
-                Ok(found) => found,
-                Err(e) => return Err(spacings.ended(self.tolerance, spacing, e)),
+        let search = SpacingSearch::new(&self.setup, first, self.tolerance, LATTICE_SHARE);
+        let (rotations, memory, monitor) = (self.rotations, self.memory, self.monitor);
+        search.refine_until(self.tried, |setup, half| {
+            let at = |setup: &PairSetup| {
+                let pair = setup.load(monitor)?;
+                Ok::<_, ToleranceError>(TableDesign::new(setup, pair, rotations.clone())?)
             };
-            (self.tried)(Trial::Lattice { spacing, error });
-            if spacings.is_met(error) {
-                return Ok((design, direct, error));
-            }
-            spacing = spacings.after(spacing, error);
-        }
-        Err(spacings.missed(self.tolerance))
+            let fine = at(half)?;
+            let reference_spacing = fine.pair.spacing();
+            let reference = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
+            drop(fine);
+            let design = at(setup)?;
+            design.scores(memory)?;
+            let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
+            let spec = &design.spec;
+            let held_out = HeldOut::at_random_poses(spec, &reference, LATTICE_POSES, SEEDS[0]);
+            let report = held_out.errors_of(&direct, spec.pivot());
+            let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
+            let found = TolerantDesign {
+                design,
+                reference,
+                reference_spacing,
+            };
+            Ok((error, (found, direct, error)))
+        })
     }
 
-    fn missed(&self, reached: f64, limit: Limit) -> ToleranceError {
+    fn missed_error(&self, reached: f64, limit: Limit) -> ToleranceError {
         ToleranceError::Missed {
             asked: self.tolerance,
             reached,
             limit,
         }
-    }
-
-    /// The table at a spacing, and its lattice's error and quadrature.
-    fn lattice_error(
-        &self,
-        spacing: f64,
-    ) -> Result<(f64, TolerantDesign, DirectEvaluator), ToleranceError> {
-        let at = |spacing: f64| {
-            let mut setup = self.setup.clone();
-            setup.builder.spacing = Some(spacing);
-            let pair = setup.load(self.monitor)?;
-            Ok::<_, ToleranceError>(TableDesign::new(&setup, pair, self.rotations.clone())?)
-        };
-        let reference_spacing = 0.5 * spacing;
-        let fine = at(reference_spacing)?;
-        let truth = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
-        drop(fine);
-        let design = at(spacing)?;
-        design.scores(self.memory)?;
-        let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
-        let spec = &design.spec;
-        let held_out = HeldOut::drawn(spec, &truth, LATTICE_POSES, SEEDS[0]);
-        let report = held_out.errors_of(&direct, spec.pivot());
-        let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
-        let found = TolerantDesign {
-            design,
-            truth,
-            reference_spacing,
-        };
-        Ok((error, found, direct))
     }
 
     /// Refines the rotation step until the probes meet the tolerance, or coarsens it while they do
@@ -226,7 +183,7 @@ impl Search<'_> {
                     needed,
                     limit: self.memory,
                 };
-                return Err(self.missed(least.0, limit));
+                return Err(self.missed_error(least.0, limit));
             }
             let error = lattice.hypot(self.probe(design, &held_out, step)?);
             (self.tried)(Trial::Step {
@@ -240,7 +197,7 @@ impl Search<'_> {
                 true => met = met.max(step),
                 false => missed = missed.min(step),
             }
-            let next = foretold(step, error, lattice, asked).min(MAX_STEP);
+            let next = predicted_step(step, error, lattice, asked).min(MAX_STEP);
             // Between the two there is little to gain.
             if met > 0.0 && (next.min(missed / WORTHWHILE) < WORTHWHILE * met) {
                 break;
@@ -248,7 +205,7 @@ impl Search<'_> {
             step = next.clamp(WORTHWHILE * met, missed / WORTHWHILE);
         }
         if met == 0.0 {
-            return Err(self.missed(least.0, Limit::Steps { best: least.1 }));
+            return Err(self.missed_error(least.0, Limit::Steps { best: least.1 }));
         }
         set_step(&mut design.spec.rotations, met);
         Ok(())
@@ -288,7 +245,7 @@ impl Search<'_> {
         for (index, held_out) in held_out.iter().enumerate() {
             let rotation = held_out_rotation(whole, index as u64);
             let spec = TableSpec {
-                rotations: around(&whole.rotations, rotation, ASIDE[index], step),
+                rotations: probe_rotations(&whole.rotations, rotation, ASIDE[index], step),
                 symmetry: None,
                 ..whole.clone()
             };
@@ -301,7 +258,7 @@ impl Search<'_> {
 
 /// The step at which the error should be the one asked for, where it is `error` with `step` and
 /// `lattice` with none: errors add like squares.
-fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
+fn predicted_step(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
     let share = |whole: f64| (whole * whole - lattice * lattice).max(0.0).sqrt();
     let wanted = share(asked) / share(error).max(f64::MIN_POSITIVE);
     step * wanted
@@ -313,10 +270,10 @@ fn foretold(step: f64, error: f64, lattice: f64, asked: f64) -> f64 {
 fn held_out(whole: &TableSpec, direct: &DirectEvaluator) -> Vec<HeldOut> {
     let at = |index| {
         let spec = TableSpec {
-            rotations: alone(held_out_rotation(whole, index)),
+            rotations: single_rotation(held_out_rotation(whole, index)),
             ..whole.clone()
         };
-        HeldOut::drawn(&spec, direct, POSES, SEEDS[1] + index)
+        HeldOut::at_random_poses(&spec, direct, POSES, SEEDS[1] + index)
     };
     (0..ROTATIONS).map(at).collect()
 }
@@ -326,7 +283,7 @@ fn held_out_rotation(whole: &TableSpec, index: u64) -> DQuat {
     random_pose(whole, 17, index).rotation
 }
 
-fn alone(rotation: DQuat) -> RotationDomain {
+fn single_rotation(rotation: DQuat) -> RotationDomain {
     RotationDomain::List {
         rotations: vec![rotation.to_array()],
         margin_deg: 5.0,
@@ -334,9 +291,14 @@ fn alone(rotation: DQuat) -> RotationDomain {
 }
 
 /// The rotations of a probe that holds `rotation`, `aside` steps from its middle.
-fn around(whole: &RotationDomain, rotation: DQuat, aside: DVec3, step_deg: f64) -> RotationDomain {
+fn probe_rotations(
+    whole: &RotationDomain,
+    rotation: DQuat,
+    aside: DVec3,
+    step_deg: f64,
+) -> RotationDomain {
     match whole {
-        RotationDomain::List { .. } => alone(rotation),
+        RotationDomain::List { .. } => single_rotation(rotation),
         RotationDomain::Spin { axis, .. } => {
             let along = DVec3::from_array(*axis).normalize();
             let back = DQuat::from_axis_angle(along, -aside.x * step_deg.to_radians());

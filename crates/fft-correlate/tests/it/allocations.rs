@@ -4,9 +4,8 @@
 use std::sync::Arc;
 
 use crate::counting::{calls, held};
-use fft_correlate::{
-    Correlator, CorrelatorPlan, HalfTurn, Pair, PairSupport, ScoreModel, TranslationWindow,
-};
+use fft_correlate::correlate::{CorrelatorPlan, HalfTurn, PairSupport};
+use fft_correlate::{Correlator, Pair, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex32;

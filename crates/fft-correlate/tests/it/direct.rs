@@ -3,7 +3,7 @@
 use crate::direct_support::{
     Blobs, brute_force, central_differences, closed_form, model, pair, random_pose,
 };
-use fft_correlate::direct::score_terms;
+use fft_correlate::testing::score_terms;
 use fft_correlate::{DirectError, DirectEvaluator, DirectOptions, EnergySource, Pose, Twist};
 use glam::{DQuat, DVec3};
 use rand::{SeedableRng, rngs::SmallRng};
@@ -18,11 +18,11 @@ fn plan_covers_every_term_once() {
         let m = pair.model();
         let terms = score_terms(m, pair.fixed(), pair.moving());
         let total =
-            |f: &dyn Fn(&fft_correlate::direct::Term) -> f64| terms.iter().map(f).sum::<f64>();
+            |f: &dyn Fn(&fft_correlate::testing::Term) -> f64| terms.iter().map(f).sum::<f64>();
         // A term is symmetric in points and lookup but for which part is which.
-        let part = |t: &fft_correlate::direct::Term| match t.points {
-            fft_correlate::direct::Side::Fixed => (t.weights, t.lookup),
-            fft_correlate::direct::Side::Moving => (t.lookup, t.weights),
+        let part = |t: &fft_correlate::testing::Term| match t.points {
+            fft_correlate::testing::Side::Fixed => (t.weights, t.lookup),
+            fft_correlate::testing::Side::Moving => (t.lookup, t.weights),
         };
         let (l1, l2) = (m.lambda_exterior, m.lambda_interior);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "w = {w}: {a} is not {b}");

@@ -4,9 +4,11 @@ use std::path::Path;
 
 use crate::direct_support::{Blobs, model, pair};
 use crate::store_support::{SHARED, chunk, files};
+use fft_correlate::correlate::{CorrelatorPlan, HalfTurn, PairSupport};
+use fft_correlate::testing::{half_turn_groups, search_rotations};
 use fft_correlate::{
-    EnergyTable, HalfTurn, NodeEnergies, Numbers, Pair, PairEnergies, RotationDomain, Share,
-    TableSpec, TableStore, TranslationWindow, bake, half_turn_groups, search_rotations,
+    EnergyTable, NodeEnergies, Pair, PairEnergies, RotationDomain, Share, TableSpec, TableStore,
+    TranslationWindow, bake,
 };
 use glam::DQuat;
 use ndarray::ArrayViewMut3;
@@ -14,18 +16,22 @@ use sdf_grid::Silent;
 
 const H: f64 = 0.001;
 
-/// A small pair and a table in whole numbers.
+/// A small pair and a table.
 fn scene(rotations: RotationDomain) -> (Pair, TranslationWindow, TableSpec) {
     let pair = pair(&Blobs::new(3), &Blobs::new(4), H, model(0.0));
     let window = TranslationWindow::cube(4.0 * H, H).unwrap();
-    let mut spec = TableSpec::for_pair(&pair, &window, rotations);
-    spec.storage.numbers = Numbers::Integer;
+    let spec = TableSpec::for_pair(&pair, &window, rotations);
     (pair, window, spec)
 }
 
+fn energies_of(pair: &Pair, window: &TranslationWindow, rotations: &[DQuat]) -> PairEnergies {
+    let (support, groups) = (PairSupport::of(pair).unwrap(), half_turn_groups(rotations));
+    let plan = CorrelatorPlan::for_groups(&support, window, &groups).unwrap();
+    PairEnergies::build(&plan.for_sums(), pair).unwrap()
+}
+
 fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEnergies {
-    let energies =
-        PairEnergies::plan_for(pair, window, spec.grid().unwrap().nodes()).expect("plannable");
+    let energies = energies_of(pair, window, spec.grid().unwrap().nodes());
     assert!(energies.correlator().plan().shares_half_turns);
     energies
 }
@@ -35,7 +41,7 @@ fn energies(pair: &Pair, window: &TranslationWindow, spec: &TableSpec) -> PairEn
 fn a_few_half_turns_are_not_shared() {
     let (pair, window, _) = scene(RotationDomain::full(30.0));
     let shares = |rotations: &[DQuat]| {
-        let energies = PairEnergies::plan_for(&pair, &window, rotations).unwrap();
+        let energies = energies_of(&pair, &window, rotations);
         energies.correlator().plan().shares_half_turns
     };
     let alone: Vec<_> = (0..6)

@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 
 use crate::common::*;
-use fft_correlate::{RotationDomain, random_pose};
+use fft_correlate::RotationDomain;
+use fft_correlate::testing::random_pose;
 use glam::DQuat;
 
 /// A thousand poses are a thousand, whatever the rotations: a share of them that repeats says nothing

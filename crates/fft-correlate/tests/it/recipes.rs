@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use fft_correlate::dock::StateError;
 use fft_correlate::table::TableSetupError;
+use fft_correlate::testing::{SearchDomain, SearchOptions, SearchPairs, search};
 use fft_correlate::{
-    BakeError, EnergyScale, Pair, PairBuildError, PairBuilder, PairEnergies, PairRecipe, PairSetup,
-    RotationDomain, ScoreModel, SearchDomain, SearchError, SearchOptions, SearchPairs, Share,
-    StoreError, TableSpec, TableStore, TranslationWindow, bake, search,
+    BakeError, DockingError, EnergyScale, Pair, PairBuildError, PairBuilder, PairEnergies,
+    PairRecipe, PairSetup, RotationDomain, ScoreModel, Share, StoreError, TableSpec, TableStore,
+    TranslationWindow, bake,
 };
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, Silent, TriangleMesh, shapes};
@@ -188,10 +188,10 @@ fn seek(
     domain: &SearchDomain,
     options: &SearchOptions,
     state: &Path,
-) -> Result<usize, SearchError> {
+) -> Result<usize, DockingError> {
     let pair = made.pair();
     let pairs = SearchPairs {
-        sketch: None,
+        screening: None,
         coarse: &pair,
         fine: &pair,
     };
@@ -221,8 +221,8 @@ fn a_search_goes_on_with_its_own_recipe_only() {
         ..SearchOptions::default()
     };
     assert_eq!(seek(&Made::FIRST, &domain, &options, &state).unwrap(), 0);
-    let key = |result: Result<usize, SearchError>| match result {
-        Err(SearchError::State(StateError::Other { difference, .. })) => difference.key,
+    let key = |result: Result<usize, DockingError>| match result {
+        Err(DockingError::OtherState { difference, .. }) => difference.key,
         other => panic!("{other:?}"),
     };
     for (expected, change) in CHANGES {

@@ -8,20 +8,20 @@ use std::sync::atomic::AtomicU64;
 use crate::common::*;
 use crate::store_support::{SHARED, StopAfter};
 use fft_correlate::table::ChunkState;
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    BakeError, BakeReport, Numbers, RotationDomain, Share, StoreError, TableFiles, TableSpec,
-    TableStore, bake_files, measure_error,
+    BakeError, BakeResult, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore,
+    measure_error,
 };
 use sdf_grid::Silent;
 
-fn small_of(numbers: Numbers) -> (Gaussians, TableSpec) {
-    let mut spec = spec(window(0.3, 0.1), RotationDomain::ball(20.0, 10.0));
-    spec.storage.numbers = numbers;
+fn small() -> (Gaussians, TableSpec) {
+    let spec = spec(window(0.3, 0.1), RotationDomain::ball(20.0, 10.0));
     (Gaussians::random(21), spec)
 }
 
-fn baked(files: &TableFiles, numbers: Numbers, share: Share) -> Result<BakeReport, BakeError> {
-    let (energy, spec) = small_of(numbers);
+fn baked(files: &TableFiles, share: Share) -> Result<BakeResult, BakeError> {
+    let (energy, spec) = small();
     bake_files(
         files,
         &spec,
@@ -39,36 +39,34 @@ fn content(files: &TableFiles) -> BTreeMap<String, Vec<u8>> {
 
 #[test]
 fn keys_and_bytes_are_those_on_disk() {
-    for numbers in [Numbers::Half, Numbers::Integer] {
-        let folder = tempfile::tempdir().unwrap();
-        let disk = TableFiles::at(&folder.path().join("t.zarr")).unwrap();
-        let memory = TableFiles::in_memory("memory");
-        assert!(!disk.exist().unwrap() && !memory.exist().unwrap());
-        let reports = [&disk, &memory].map(|f| baked(f, numbers, Share::ALL).unwrap());
-        assert_eq!(reports[0], reports[1]);
-        assert!(content(&disk) == content(&memory), "{numbers:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let disk = TableFiles::at(&folder.path().join("t.zarr")).unwrap();
+    let memory = TableFiles::in_memory("memory");
+    assert!(!disk.exist().unwrap() && !memory.exist().unwrap());
+    let reports = [&disk, &memory].map(|f| baked(f, Share::ALL).unwrap());
+    assert_eq!(reports[0], reports[1]);
+    assert!(content(&disk) == content(&memory), "the same");
 
-        let mut stores = [&disk, &memory].map(|f| TableStore::open_files(f).unwrap());
-        let [a, b] = stores.each_ref().map(|s| s.bytes_on_disk().unwrap());
-        assert_eq!(a, b);
-        let (energy, _) = small_of(numbers);
-        for store in &mut stores {
-            let table = store.load(1 << 30).unwrap();
-            let report = measure_error(&table, &energy, 50, 7);
-            store.write_error_report(&report).unwrap();
-        }
-        assert!(content(&disk) == content(&memory), "with its error");
-        // By its URL, the folder is the same table.
-        let url = format!("file://{}", disk.place().display());
-        let again = TableStore::open(Path::new(&url)).unwrap();
-        assert_eq!(again.error_report(), stores[0].error_report());
+    let mut stores = [&disk, &memory].map(|f| TableStore::open_files(f).unwrap());
+    let [a, b] = stores.each_ref().map(|s| s.bytes_on_disk().unwrap());
+    assert_eq!(a, b);
+    let (energy, _) = small();
+    for store in &mut stores {
+        let table = store.load(1 << 30).unwrap();
+        let report = measure_error(&table, &energy, 50, 7);
+        store.write_error_report(&report).unwrap();
     }
+    assert!(content(&disk) == content(&memory), "with its error");
+    // By its URL, the folder is the same table.
+    let url = format!("file://{}", disk.place().display());
+    let again = TableStore::open(Path::new(&url)).unwrap();
+    assert_eq!(again.error_report(), stores[0].error_report());
 }
 
 #[test]
 fn racing_ranks_leave_the_same() {
     let expected = TableFiles::in_memory("one");
-    baked(&expected, Numbers::Half, Share::ALL).unwrap();
+    baked(&expected, Share::ALL).unwrap();
     let shared = TableFiles::in_memory("three");
     std::thread::scope(|scope| {
         for rank in 0..3 {
@@ -78,7 +76,7 @@ fn racing_ranks_leave_the_same() {
                 size: 3,
                 resume: false,
             };
-            scope.spawn(move || baked(shared, Numbers::Half, share).unwrap());
+            scope.spawn(move || baked(shared, share).unwrap());
         }
     });
     assert!(content(&shared) == content(&expected));
@@ -87,18 +85,16 @@ fn racing_ranks_leave_the_same() {
 #[test]
 fn what_was_finished_is_kept_and_what_is_damaged_is_repaired() {
     let whole = TableFiles::in_memory("whole");
-    let rotations = baked(&whole, Numbers::Integer, Share::ALL)
-        .unwrap()
-        .rotations;
+    let rotations = baked(&whole, Share::ALL).unwrap().rotations;
     let files = TableFiles::in_memory("interrupted");
-    let (energy, spec) = small_of(Numbers::Integer);
+    let (energy, spec) = small();
     let producer = OnWindow(&energy, spec.window);
     let stop = StopAfter(AtomicU64::new(20));
     let cancelled = bake_files(&files, &spec, &producer, Share::ALL, &stop);
     assert!(matches!(cancelled, Err(BakeError::Cancelled)));
     let load = TableStore::open_files(&files).unwrap().load(1 << 30);
     assert!(matches!(load, Err(StoreError::Incomplete { .. })));
-    let exists = baked(&files, Numbers::Integer, Share::ALL);
+    let exists = baked(&files, Share::ALL);
     assert!(matches!(exists, Err(BakeError::Exists { path }) if path == Path::new("interrupted")));
 
     let key = "coefficients/c.0.0.0.0";
@@ -107,7 +103,7 @@ fn what_was_finished_is_kept_and_what_is_damaged_is_repaired() {
     files.replace(key, bytes).unwrap();
     let store = TableStore::open_files(&files).unwrap();
     assert!(matches!(store.state(0).unwrap(), ChunkState::Damaged(_)));
-    let resumed = baked(&files, Numbers::Integer, SHARED).unwrap();
+    let resumed = baked(&files, SHARED).unwrap();
     assert!(resumed.kept + resumed.computed == rotations && resumed.computed < rotations);
     assert_eq!(resumed.repaired, 1);
     assert!(content(&files) == content(&whole));
@@ -118,8 +114,11 @@ fn refusals_name_the_place() {
     let files = TableFiles::in_memory("nothing here");
     let missing = TableStore::open_files(&files).unwrap_err();
     assert_eq!(missing.to_string(), "nothing here: no table there");
-    baked(&files, Numbers::Half, Share::ALL).unwrap();
-    let other = baked(&files, Numbers::Integer, SHARED).unwrap_err();
+    baked(&files, Share::ALL).unwrap();
+    let (energy, mut spec) = small();
+    spec.storage.leave_out = 0.01;
+    let producer = OnWindow(&energy, spec.window);
+    let other = bake_files(&files, &spec, &producer, SHARED, &Silent).unwrap_err();
     assert!(
         other
             .to_string()

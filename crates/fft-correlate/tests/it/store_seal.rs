@@ -8,19 +8,17 @@ use std::path::Path;
 use crate::common::*;
 use crate::store_support::*;
 use fft_correlate::table::ChunkState;
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    EnergyTable, Numbers, PartialTable, RotationDomain, Share, StoreError, TableFiles, TableSpec,
-    TableStore, bake_files,
+    EnergyTable, PartialTable, RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore,
 };
 use glam::DVec3;
 use sdf_grid::{Lattice, Silent};
 use serde_json::{Value, json};
 
 /// A table of few nodes that is quickly read.
-fn tiny(numbers: Numbers) -> TableSpec {
-    let mut spec = spec(window(0.2, 0.2), RotationDomain::ball(10.0, 20.0));
-    spec.storage.numbers = numbers;
-    spec
+fn tiny() -> TableSpec {
+    spec(window(0.2, 0.2), RotationDomain::ball(10.0, 20.0))
 }
 
 fn in_memory(spec: &TableSpec) -> TableFiles {
@@ -58,8 +56,8 @@ fn answers(table: &EnergyTable) -> impl PartialEq + std::fmt::Debug + use<> {
 }
 
 /// Refused, or the same table; how many were refused.
-fn check_flips(numbers: Numbers, patterns: &[u8], keys: impl Fn(&str) -> bool) -> [usize; 2] {
-    let files = in_memory(&tiny(numbers));
+fn check_flips(patterns: &[u8], keys: impl Fn(&str) -> bool) -> [usize; 2] {
+    let files = in_memory(&tiny());
     let expected = answers(&loaded(&files).unwrap());
     let (mut refused, mut same) = (0, 0);
     for (key, bytes) in content(&files).iter().filter(|(key, _)| keys(key)) {
@@ -89,10 +87,8 @@ fn check_flips(numbers: Numbers, patterns: &[u8], keys: impl Fn(&str) -> bool) -
 #[test]
 fn a_byte_of_the_metadata_that_changes_is_refused_or_changes_no_answer() {
     // The last bit turns digits into others, the case bit letters.
-    for numbers in [Numbers::Half, Numbers::Integer] {
-        let [refused, same] = check_flips(numbers, &[0x01, 0x20], |key| key == "zarr.json");
-        assert!(refused > 20 * same.max(1), "{refused} refused, {same} not");
-    }
+    let [refused, same] = check_flips(&[0x01, 0x20], |key| key == "zarr.json");
+    assert!(refused > 20 * same.max(1), "{refused} refused, {same} not");
 }
 
 /// Every bit of every file.
@@ -100,11 +96,9 @@ fn a_byte_of_the_metadata_that_changes_is_refused_or_changes_no_answer() {
 #[ignore = "minutes; `just attacks` runs it"]
 fn every_bit_of_every_file_is_refused_or_changes_no_answer() {
     let patterns = [1, 2, 4, 8, 16, 32, 64, 128, 255];
-    for numbers in [Numbers::Half, Numbers::Integer] {
-        let [refused, same] = check_flips(numbers, &patterns, |_| true);
-        println!("{numbers:?}: {refused} refused, {same} answer the same");
-        assert!(refused > 20 * same.max(1), "{refused} refused, {same} not");
-    }
+    let [refused, same] = check_flips(&patterns, |_| true);
+    println!("{refused} refused, {same} answer the same");
+    assert!(refused > 20 * same.max(1), "{refused} refused, {same} not");
 }
 
 /// The attribute `pegfit`, changed and given the digest that it then must have.
@@ -117,7 +111,7 @@ fn reseal(files: &TableFiles, change: impl FnOnce(&mut Value)) {
 /// What a text editor does to one number.
 #[test]
 fn a_number_that_is_edited_is_refused_by_the_digest() {
-    let files = in_memory(&tiny(Numbers::Half));
+    let files = in_memory(&tiny());
     let sound = files.read("zarr.json").unwrap().unwrap();
     type Edit = fn(&mut Value);
     let edits: [(&str, Edit); 8] = [
@@ -163,14 +157,24 @@ fn a_number_that_is_edited_is_refused_by_the_digest() {
 /// again has a table without chunks.
 #[test]
 fn chunks_are_none_of_a_table_that_says_otherwise() {
-    let files = in_memory(&tiny(Numbers::Half));
+    let files = in_memory(&tiny());
     reseal(&files, |h| {
         h["table"]["recipe"]["model"]["sigma"] = json!(0.1)
     });
     let error = loaded(&files).unwrap_err();
     assert!(matches!(error, StoreError::Damaged { .. }), "{error}");
+    // Tables of whole numbers, which were baked before, name what helps.
+    let files = in_memory(&tiny());
+    reseal(&files, |h| {
+        h["table"]["storage"]["numbers"] = json!("int16")
+    });
+    let error = loaded(&files).unwrap_err().to_string();
+    assert!(
+        error.contains("int16") && error.contains("pegfit bake"),
+        "{error}"
+    );
     // Placement and error decide no energy.
-    let files = in_memory(&tiny(Numbers::Half));
+    let files = in_memory(&tiny());
     reseal(&files, |h| {
         h["table"]["placement"]["fixed"]["position"][2] = json!(0.5);
     });
@@ -204,46 +208,30 @@ fn expect_refused(files: &TableFiles, key: &str, bytes: &[u8], what: &str) {
 
 #[test]
 fn a_chunk_of_another_place_is_refused_and_baked_again() {
-    for numbers in [Numbers::Half, Numbers::Integer] {
-        let spec = tiny(numbers);
-        let files = in_memory(&spec);
-        let whole = content(&files);
-        let keys = chunk_keys(&files, "coefficients/");
-        assert!(keys.len() > 5);
-        for (at, from) in (0..keys.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
-            expect_refused(&files, &keys[at], &whole[&keys[from]], "of another row");
-        }
-        // A scale alone, where there are any.
-        let scales = chunk_keys(&files, "scale/");
-        for pair in scales.windows(2) {
-            assert_ne!(whole[&pair[0]], whole[&pair[1]]);
-            expect_refused_scale(&files, &pair[0], &whole[&pair[1]]);
-        }
-        // All chunks in each other's places: resuming bakes them all again.
-        for (at, key) in keys.iter().enumerate() {
-            let other = &keys[(at + 1) % keys.len()];
-            files.replace(key, whole[other].clone()).unwrap();
-        }
-        let energy = Gaussians::random(41);
-        let producer = OnWindow(&energy, spec.window);
-        let report = bake_files(&files, &spec, &producer, SHARED, &Silent).unwrap();
-        assert_eq!((report.repaired, report.kept), (keys.len(), 0));
-        assert!(content(&files) == whole);
+    let spec = tiny();
+    let files = in_memory(&spec);
+    let whole = content(&files);
+    let keys = chunk_keys(&files, "coefficients/");
+    assert!(keys.len() > 5);
+    for (at, from) in (0..keys.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
+        expect_refused(&files, &keys[at], &whole[&keys[from]], "of another row");
     }
-}
-
-fn expect_refused_scale(files: &TableFiles, key: &str, bytes: &[u8]) {
-    let sound = files.read(key).unwrap().unwrap().to_vec();
-    files.replace(key, bytes.to_vec()).unwrap();
-    let error = loaded(files).unwrap_err();
-    assert!(matches!(error, StoreError::Damaged { .. }), "{error}");
-    files.replace(key, sound).unwrap();
+    // All chunks in each other's places: resuming bakes them all again.
+    for (at, key) in keys.iter().enumerate() {
+        let other = &keys[(at + 1) % keys.len()];
+        files.replace(key, whole[other].clone()).unwrap();
+    }
+    let energy = Gaussians::random(41);
+    let producer = OnWindow(&energy, spec.window);
+    let report = bake_files(&files, &spec, &producer, SHARED, &Silent).unwrap();
+    assert_eq!((report.repaired, report.kept), (keys.len(), 0));
+    assert!(content(&files) == whole);
 }
 
 /// Tables that differ in one number have chunks of one shape.
 #[test]
 fn a_chunk_of_another_table_is_refused() {
-    let spec = tiny(Numbers::Half);
+    let spec = tiny();
     let shifted = |window: &Lattice, by: f64| {
         Lattice::new(
             window.origin() + DVec3::X * by,
@@ -276,7 +264,7 @@ fn a_chunk_of_another_table_is_refused() {
 /// Arrays that this program makes itself are what other readers go by.
 #[test]
 fn coordinates_that_do_not_follow_from_the_header_are_refused() {
-    let files = in_memory(&tiny(Numbers::Half));
+    let files = in_memory(&tiny());
     for key in ["x/c/0", "y/c/0", "z/c/0", "quaternion/c/0/0"] {
         let sound = files.read(key).unwrap().unwrap().to_vec();
         let numbers = sound.len() - 4;
@@ -296,7 +284,7 @@ fn coordinates_that_do_not_follow_from_the_header_are_refused() {
 /// Chunks that unpack to more than they may, to less, or with another compressor's leading bytes.
 #[test]
 fn hostile_chunks_are_refused_before_they_grow() {
-    let files = in_memory(&tiny(Numbers::Half));
+    let files = in_memory(&tiny());
     let key = "coefficients/c.2.0.0.0";
     let gzip = |raw: &[u8], extra: Vec<u8>| {
         use std::io::Write;
@@ -310,7 +298,7 @@ fn hostile_chunks_are_refused_before_they_grow() {
     let bomb = gzip(&vec![0; 1 << 22], field.clone());
     // As much as its file may hold, a thousand times that unpacked.
     let small_bomb = gzip(&vec![0; 1 << 18], field.clone());
-    let nodes = tiny(Numbers::Half).window.len();
+    let nodes = tiny().window.len();
     let forged = gzip(&vec![0; 2 * nodes], field.clone());
     let unsealed = gzip(&vec![0; 2 * nodes], Vec::new());
     let short = gzip(&[0; 10], field);
@@ -333,7 +321,7 @@ fn hostile_chunks_are_refused_before_they_grow() {
 /// A table baked by an older program has another format, whatever else is in it.
 #[test]
 fn an_old_table_is_refused_with_the_command_that_bakes_it_again() {
-    let files = in_memory(&tiny(Numbers::Half));
+    let files = in_memory(&tiny());
     let text = files.read("zarr.json").unwrap().unwrap();
     let mut group: Value = serde_json::from_slice(&text).unwrap();
     group["attributes"]["pegfit"] = json!({ "format": 5, "whatever": true });

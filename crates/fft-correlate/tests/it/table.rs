@@ -4,9 +4,7 @@
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 use crate::common::*;
-use fft_correlate::{
-    AxisSymmetry, EnergyTable, Numbers, Part, Pose, RotationDomain, RotationGrid, Twist,
-};
+use fft_correlate::{AxisSymmetry, EnergyTable, Part, Pose, RotationDomain, RotationGrid, Twist};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -48,8 +46,7 @@ fn error_shrinks_with_spacing_at_the_expected_order() {
     let energy = Gaussians::random(1);
     let within = |rng: &mut SmallRng| rotation_within(rng, 20f64.to_radians());
     let at = |step: f64| {
-        let mut spec = spec(window(0.5, step / 80.0), RotationDomain::ball(20.0, step));
-        spec.storage.numbers = Numbers::Integer;
+        let spec = spec(window(0.5, step / 80.0), RotationDomain::ball(20.0, step));
         errors(&energy, &table(&energy, spec), 0.5, within)
     };
     let (coarse, fine) = (at(20.0), at(10.0));

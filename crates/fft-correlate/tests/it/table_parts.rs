@@ -1,9 +1,10 @@
 //! Tables in memory by parts: what is there answers as the whole table does, what is not is far away.
 
 use crate::common::*;
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, Numbers, Part, PartialTable, Pose, Response,
-    RotationDomain, Share, StoreError, TableFiles, TableSpec, TableStore, bake_files,
+    AxisSymmetry, EnergySource, EnergyTable, Part, PartialTable, Pose, Response, RotationDomain,
+    Share, StoreError, TableFiles, TableSpec, TableStore,
 };
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
@@ -72,7 +73,6 @@ fn specs() -> Vec<TableSpec> {
         spec.symmetry = Some(symmetric);
         specs.push(spec);
     }
-    specs[0].storage.numbers = Numbers::Integer;
     specs
 }
 

@@ -1,9 +1,10 @@
 //! A small table whose energy differs at every rotation.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+use fft_correlate::testing::bake_files;
 use fft_correlate::{
     NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, Storage, TableFiles,
-    TableSpec, TableStore, bake_files,
+    TableSpec, TableStore,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;

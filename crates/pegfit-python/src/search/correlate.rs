@@ -41,8 +41,8 @@ fn scores(
     };
     let window = TranslationWindow::new(min, max, pair.spacing())?;
     let lattice = *window.lattice();
-    let support = fft_correlate::PairSupport::of(&pair)?;
-    let plan = fft_correlate::CorrelatorPlan::new(&support, &window)?;
+    let support = fft_correlate::correlate::PairSupport::of(&pair)?;
+    let plan = fft_correlate::correlate::CorrelatorPlan::new(&support, &window)?;
     let needed = u128::from(plan.bytes(1)) + SCORE * lattice.len() as u128;
     if needed > u128::from(parts.memory) {
         return Err(Failure::memory(

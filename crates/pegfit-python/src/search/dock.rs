@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fft_correlate::{Docking, DockingOptions, DockingPose};
+use fft_correlate::{Docking, DockingPose, DockingRequest};
 use ndarray::Array1;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -63,12 +63,12 @@ pub(crate) fn dock<'py>(
     let (report, placement) = run(py, progress.as_ref(), move |watch| {
         let mut setup = parts.setup.clone();
         setup.builder.tolerance = tolerance.unwrap_or(setup.builder.tolerance);
-        let options = DockingOptions {
+        let options = DockingRequest {
             top,
             exhaustive,
             rotations: parts.rotations_named.then(|| parts.rotations.clone()),
             state,
-            ..DockingOptions::default()
+            ..DockingRequest::default()
         };
         Ok((Docking::new(&setup, options).run(watch)?, setup.placement))
     })?;

@@ -73,7 +73,7 @@ impl Wanted {
                     &setup, &rotations, tolerance, memory, watch, &mut tried,
                 )?;
                 let reference = TableReference {
-                    truth: made.truth,
+                    truth: made.reference,
                     spacing: made.reference_spacing,
                 };
                 let (table, reference) = (made.design, Some(reference));

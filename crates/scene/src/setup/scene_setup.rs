@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fft_correlate::{
-    Docking, DockingOptions, DockingReport, Pair, PairBuilder, PairSetup, Placement, Pose,
+    Docking, DockingRequest, DockingResult, Pair, PairBuilder, PairSetup, Placement, Pose,
     RotationDomain,
 };
 use sdf_grid::{Aabb, FieldCache, LengthUnit, Monitor, TriangleMesh};
@@ -59,10 +59,10 @@ impl SceneSetup {
     }
 
     /// What the scene asks of docking: its rotations, if it names any.
-    pub fn docking_options(&self) -> DockingOptions {
-        DockingOptions {
+    pub fn docking_options(&self) -> DockingRequest {
+        DockingRequest {
             rotations: (self.scene.rotations_given).then(|| self.rotations.clone()),
-            ..DockingOptions::default()
+            ..DockingRequest::default()
         }
     }
 
@@ -73,9 +73,9 @@ impl SceneSetup {
     /// anything is found.
     pub fn dock(
         &self,
-        options: DockingOptions,
+        options: DockingRequest,
         monitor: &dyn Monitor,
-    ) -> Result<DockingReport, SceneError> {
+    ) -> Result<DockingResult, SceneError> {
         let found = Docking::new(&self.parts, options).run(monitor);
         found.map_err(|e| self.scene.docking_error(e))
     }

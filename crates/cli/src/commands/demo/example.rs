@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fft_correlate::DockingOptions;
+use fft_correlate::DockingRequest;
 use fft_correlate::table::Errors;
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyScale, EnergyTable, Share, Well, bake, measure_error,
@@ -188,7 +188,7 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
     let mut setup: SceneSetup = assembly.setup.clone();
     // The scale of the whole example.
     setup.parts.energy = EnergyScale::Gamma(assembly.pair.model().gamma);
-    let options = DockingOptions {
+    let options = DockingRequest {
         top: 5,
         ..setup.docking_options()
     };

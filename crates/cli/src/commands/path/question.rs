@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use fft_correlate::{DockingOptions, Pose};
+use fft_correlate::{DockingRequest, Pose};
 use glam::{DQuat, DVec3};
 use pegfit_path::{PathOptions, Start};
 use pegfit_scene::SceneSetup;
@@ -38,7 +38,7 @@ impl Goal {
             Self::Fit => Ok(setup.scene.fit.assembled),
             Self::Pose(pose) => Ok(pose),
             Self::Best => {
-                let options = DockingOptions {
+                let options = DockingRequest {
                     top: 1,
                     ..setup.docking_options()
                 };

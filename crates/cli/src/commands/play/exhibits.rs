@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::{DirectOptions, EnergyScale, EnergySource, Pose, TableStore};
-use fft_correlate::{DockingOptions, Placement};
+use fft_correlate::{DockingRequest, Placement};
 use haptic::Geometry;
 use pegfit_pictures::{Slice, sheet, skeleton_points};
 use pegfit_play::{Exhibits, MOST_TRIANGLES, MeshMessage};
@@ -216,7 +216,7 @@ impl Exhibits for SceneExhibits {
         let mut setup = self.assembly.setup.clone();
         // Energies on the page have one scale.
         setup.parts.energy = EnergyScale::Gamma(self.assembly.pair.model().gamma);
-        let options = DockingOptions {
+        let options = DockingRequest {
             top: FITS,
             ..setup.docking_options()
         };

@@ -1,18 +1,18 @@
 //! Transforms, sizes and fixed spectra of one correlation.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use fearless_simd::Level;
-use ndarray::Array3;
+use ndarray::{Array3, ArrayViewMut1, Axis};
 use num_complex::Complex;
+use rustfft::FftPlanner;
 
-use super::buffer::Buffer;
-use super::image::{Image, ImageSizes};
-use super::lane_fft::LaneFft;
-use super::layout::{Layout, MAX_TERMS, halves, lanes, planes};
-use super::spectrum::negative_spectrum;
-use super::steps::Ends;
-use crate::correlate::contract::{Memory, Sizes};
+use crate::correlate::contract::{Memory, MovingRows, Sizes};
+use crate::correlate::kernels::image::{Image, ImageSizes};
+use crate::correlate::kernels::lane_fft::{LaneFft, LineEnds};
+use crate::correlate::kernels::layout::{Layout, MAX_TERMS, halves, lanes, planes};
+use crate::correlate::kernels::tile::{Buffer, Tile};
 use crate::correlate::real::Real;
 use crate::geometry::half_turn::HalfTurn;
 
@@ -95,11 +95,12 @@ impl<T: Real> Fused<T> {
             "one or two terms"
         );
         let layout = Layout::new(&sizes, lanes::<T>(level));
+        // Transforms along each axis; halves of the box that are zero save passes.
         let y = |from_half, to_half| {
-            let ends = Ends {
+            let ends = LineEnds {
                 from_half,
                 to_half,
-                ..Ends::default()
+                ..LineEnds::default()
             };
             fft(size[1], ends)
         };
@@ -107,6 +108,7 @@ impl<T: Real> Fused<T> {
         let (y_from_half, y_to_half) = halves(&sizes, 1);
         let pair = LaneFft::pair(size[0], x_from_half, x_to_half);
         let [x, x_back] = pair.expect("lengths of factors 2, 3 and 5");
+        // The fixed spectra, in the order in which the products read them.
         let twist = twist(layout.half);
         let radix = x_back.first_radix();
         let images = images(&layout, &sizes, [x_back, y(false, y_to_half)], &twist);
@@ -123,7 +125,7 @@ impl<T: Real> Fused<T> {
             is_large: Self::memory(level, &sizes).spectra > CACHED,
             x,
             y: y(y_from_half, false),
-            z: fft(layout.half, Ends::default()),
+            z: fft(layout.half, LineEnds::default()),
             twist,
             places: (0..layout.line_elements.max(size[0]).max(size[1]))
                 .map(|y| y * 2 * layout.lanes)
@@ -188,4 +190,198 @@ fn packed<T: Real>(
         }
     }
     packed
+}
+
+/// Working memory of one thread.
+pub(crate) struct FusedScratch<T> {
+    /// What it was made for.
+    pub(super) sizes: Sizes,
+    pub(super) plane: PlaneScratch<T>,
+    /// One for each term. The first sum replaces what is left of the first one.
+    pub(super) terms: Vec<TermScratch<T>>,
+    /// For the third and fourth half turn, if there are.
+    pub(super) more: Option<SpectraScratch<T>>,
+}
+
+/// Memory for one plane or column.
+pub(super) struct PlaneScratch<T> {
+    /// Resampled bundles of some moving planes, and the z ranges they fill.
+    pub(super) bundles: Buffer<T>,
+    pub(super) filled: Vec<Range<usize>>,
+    /// One plane between its z and its y transforms.
+    pub(super) plane: Buffer<T>,
+    /// Lines between the passes of their transforms.
+    pub(super) work: [Buffer<T>; 2],
+    /// Lines that wait for others: both parts of all terms; on the way back lines along z, and
+    /// their transposition.
+    pub(super) parts: [Buffer<T>; 2 * MAX_TERMS],
+}
+
+/// Memory of one term.
+pub(super) struct TermScratch<T> {
+    spectra: SpectraScratch<T>,
+    /// Where the elements of its x lines begin under the present rotation.
+    x_from: Vec<usize>,
+}
+
+/// Both parts of a term's spectra, or two sums.
+pub(super) struct SpectraScratch<T> {
+    /// Lines along y of all kz blocks.
+    lines: Buffer<T>,
+    /// The half spectra of one of them.
+    block: Buffer<T>,
+}
+
+/// One term's memory under one rotation.
+#[derive(Clone)]
+pub(super) struct Spectra<'a, T> {
+    pub(super) lines: Tile<'a, T>,
+    pub(super) block: Tile<'a, T>,
+    /// x planes that there is room for, and those that are not zero.
+    pub(super) planes: usize,
+    pub(super) filled: Range<usize>,
+    pub(super) x_from: &'a [usize],
+}
+
+/// One sum on its way back.
+#[derive(Clone, Copy)]
+pub(super) struct Sum<'a, T> {
+    pub(super) image: &'a Image<T>,
+    /// Memory for two sums, of which it takes one part.
+    pub(super) lines: Tile<'a, T>,
+    pub(super) block: Tile<'a, T>,
+    pub(super) part: usize,
+    pub(super) planes: usize,
+}
+
+impl<T: Real> SpectraScratch<T> {
+    fn new(layout: &Layout, planes: usize) -> Self {
+        Self {
+            lines: Buffer::zeroed(layout.lines(planes)),
+            block: Buffer::zeroed(layout.block(planes)),
+        }
+    }
+}
+
+/// The spectra of each term, the memory for more sums if there is any, and that of one plane.
+pub(super) type Views<'a, T> = (
+    [Spectra<'a, T>; MAX_TERMS],
+    Option<[Tile<'a, T>; 2]>,
+    &'a mut PlaneScratch<T>,
+);
+
+impl<T: Real> FusedScratch<T> {
+    pub(crate) fn new(f: &Fused<T>) -> Self {
+        let plane = f.layout.plane(&f.sizes);
+        let spectra = |term| SpectraScratch::new(&f.layout, planes(&f.sizes, term));
+        let terms = (0..f.terms.len()).map(|term| TermScratch {
+            spectra: spectra(term),
+            x_from: vec![0; f.sizes.transform[0]],
+        });
+        Self {
+            sizes: f.sizes.clone(),
+            plane: PlaneScratch {
+                bundles: Buffer::zeroed(plane.bundles * plane.bundle),
+                filled: vec![0..0; plane.bundles],
+                plane: Buffer::zeroed(plane.plane),
+                work: std::array::from_fn(|_| Buffer::zeroed(plane.tile)),
+                parts: std::array::from_fn(|_| Buffer::zeroed(plane.tile)),
+            },
+            terms: terms.collect(),
+            more: f.sizes.half_turns.then(|| spectra(0)),
+        }
+    }
+
+    /// Views of the terms' memory, filled by `moving`, of the memory for more sums, and the rest.
+    pub(super) fn views<'a, M: MovingRows<T>>(
+        &'a mut self,
+        f: &Fused<T>,
+        moving: &[M],
+    ) -> Views<'a, T> {
+        let terms = self.terms.iter_mut().zip(moving).enumerate();
+        let mut terms = terms.map(|(term, (scratch, rows))| {
+            let [filled, ..] = rows.bounds();
+            let planes = planes(&f.sizes, term);
+            for (x, place) in scratch.x_from.iter_mut().enumerate() {
+                *place = f.layout.x_from(planes, &filled, x);
+            }
+            Spectra {
+                lines: scratch.spectra.lines.tile(),
+                block: scratch.spectra.block.tile(),
+                planes,
+                filled,
+                x_from: &scratch.x_from,
+            }
+        });
+        let first = terms.next().expect("a term");
+        let second = terms.next().unwrap_or_else(|| first.clone());
+        let more = self.more.as_mut();
+        let more = more.map(|s| [s.lines.tile(), s.block.tile()]);
+        ([first, second], more, &mut self.plane)
+    }
+}
+
+/// The negative-exponent transform of a complex field, in place.
+pub(crate) fn transform_negative<T: Real>(field: &mut Array3<Complex<T>>) {
+    for axis in 0..3 {
+        transform_axis(field, Axis(axis));
+    }
+}
+
+fn transform_axis<T: Real>(field: &mut Array3<Complex<T>>, axis: Axis) {
+    let fft = FftPlanner::new().plan_fft_forward(field.len_of(axis));
+    let mut line = vec![Complex::default(); fft.len()];
+    let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
+    let each = |mut lane: ArrayViewMut1<Complex<T>>| {
+        line.iter_mut().zip(&lane).for_each(|(a, b)| *a = *b);
+        fft.process_with_scratch(&mut line, &mut scratch);
+        lane.iter_mut().zip(&line).for_each(|(a, b)| *a = *b);
+    };
+    field.lanes_mut(axis).into_iter().for_each(each);
+}
+
+/// The negative-exponent spectrum of a field's real (`part` 0) or imaginary (1) part, of even
+/// length `nz` along z, at the frequencies `2 k + 1/2`, k below `nz / 2`, along z (see the folder's
+/// page) and all whole ones along x and y.
+pub(super) fn negative_spectrum<T: Real>(
+    field: &Array3<Complex<T>>,
+    part: usize,
+) -> Array3<Complex<T>> {
+    let (nx, ny, nz) = field.dim();
+    let half = nz / 2;
+    let twist: Vec<Complex<T>> = (0..half)
+        .map(|z| -PI * z as f64 / nz as f64)
+        .map(|angle| Complex::new(T::nearest(angle.cos()), T::nearest(angle.sin())))
+        .collect();
+    let value = |x, y, z| {
+        let v: Complex<T> = field[[x, y, z]];
+        if part == 0 { v.re } else { v.im }
+    };
+    let mut spectrum = Array3::from_shape_fn([nx, ny, half], |(x, y, z)| {
+        Complex::new(value(x, y, z), -value(x, y, z + half)) * twist[z]
+    });
+    transform_negative(&mut spectrum);
+    spectrum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex32;
+
+    /// A plane wave becomes one peak at its frequency.
+    #[test]
+    fn the_transform_has_the_negative_exponent_and_no_factor() {
+        let shape = [3, 4, 5];
+        let wave = [2usize, 1, 3];
+        let mut field = Array3::from_shape_fn(shape, |(i, j, k)| {
+            let turns = |a: usize, x: usize| (wave[a] * x) as f32 / shape[a] as f32;
+            Complex32::cis(std::f32::consts::TAU * (turns(0, i) + turns(1, j) + turns(2, k)))
+        });
+        transform_negative(&mut field);
+        for (at, value) in field.indexed_iter() {
+            let peak = if at == wave.into() { 60.0 } else { 0.0 };
+            assert!((value - peak).norm() < 1e-4, "{at:?}: {value}");
+        }
+    }
 }

@@ -13,13 +13,12 @@ use std::f64::consts::TAU;
 
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
+use sdf_grid::prefetch::ask_for;
 
-use super::radix::{pass, pass_from_half, pass_to_half, turning_pass};
-use super::steps::{Ends, Step, steps, turning_steps};
-use super::tile::{Complex, Line, Tile};
+use crate::correlate::kernels::radix::{pass, pass_from_half, pass_to_half, turning_pass};
+use crate::correlate::kernels::tile::{Complex, Line, Tile};
 use crate::correlate::real::Real;
 use crate::vectors::inlined;
-use sdf_grid::prefetch::ask_for;
 
 /// The passes of a transform of one length.
 #[derive(Debug, Clone)]
@@ -32,14 +31,14 @@ pub(crate) struct LaneFft<T> {
 
 #[derive(Debug, Clone)]
 struct Pass<T> {
-    step: Step,
+    step: RadixStep,
     /// For every block of the pass, the factors of outputs 1 to `radix - 1`.
     twiddles: Vec<[T; 2]>,
 }
 
 impl<T: Real> LaneFft<T> {
     /// A transform of `len` points; `None` if `len` is zero or has a prime factor above 5.
-    pub(crate) fn new(len: usize, ends: Ends) -> Option<Self> {
+    pub(crate) fn new(len: usize, ends: LineEnds) -> Option<Self> {
         Some(Self::of(len, steps(len, ends)?))
     }
 
@@ -50,7 +49,7 @@ impl<T: Real> LaneFft<T> {
         Some([Self::of(len, there), Self::of(len, back)])
     }
 
-    fn of(len: usize, steps: Vec<Step>) -> Self {
+    fn of(len: usize, steps: Vec<RadixStep>) -> Self {
         let mut rest = len;
         let passes = steps.into_iter().map(|step| {
             let radix = step.radix;
@@ -174,7 +173,7 @@ impl<T: Real> LaneFft<T> {
             }
             return;
         }
-        let Step { radix, half } = self.passes[count - 1].step;
+        let RadixStep { radix, half } = self.passes[count - 1].step;
         let stride = self.len / radix;
         match (half, radix) {
             (true, 8) => pass_to_half::<S, T, 4>(simd, stride, self.first_output, read, store),
@@ -300,18 +299,164 @@ fn middle_pass<S: Simd, T: Real>(
     }
 }
 
+/// What is known of both ends of a transform, and how its passes must begin and end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct LineEnds {
+    /// The second half of the input is zero and not read.
+    pub(crate) from_half: bool,
+    /// The second half of the output is not wanted and not written.
+    pub(crate) to_half: bool,
+    /// The radix of the first pass, and of the last.
+    pub(crate) first: Option<usize>,
+    pub(crate) last: Option<usize>,
+}
+
+/// One pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct RadixStep {
+    pub(crate) radix: usize,
+    /// Half of the inputs (of a first pass) or of the outputs (of a last one) are left out.
+    pub(crate) half: bool,
+}
+
+/// Radices of the passes with their cost per element, compared with radix 2; then of those that
+/// leave out half of their inputs or outputs.
+const WHOLE: [(usize, f64); 5] = [(8, 1.9), (4, 1.3), (5, 1.75), (3, 1.25), (2, 1.0)];
+const HALF: [(usize, f64); 2] = [(16, 2.1), (8, 1.5)];
+
+/// Cost of a pass that only copies: at an end whose pass does not read or write by itself.
+const COPY: f64 = 0.9;
+
+impl RadixStep {
+    /// Whether the pass reads the input, or writes the result, by itself.
+    pub(crate) fn streams(self) -> bool {
+        self.half || matches!(self.radix, 4 | 8)
+    }
+
+    fn cost(self) -> f64 {
+        let known: &[_] = if self.half { &HALF } else { &WHOLE };
+        let found = known.iter().find(|r| r.0 == self.radix);
+        found.map_or(0.0, |r| r.1)
+    }
+}
+
+/// The cheapest passes for a transform; `None` if `len` is zero, has a prime factor above 5, or no
+/// passes end as asked.
+pub(crate) fn steps(len: usize, ends: LineEnds) -> Option<Vec<RadixStep>> {
+    let mut best: Option<(f64, Vec<RadixStep>)> = None;
+    let mut offer = |steps: Vec<RadixStep>| {
+        let cost = cost(&steps);
+        if best.as_ref().is_none_or(|b| cost < b.0) {
+            best = Some((cost, steps));
+        }
+    };
+    let whole = |radix| RadixStep { radix, half: false };
+    if len == 1
+        && [ends.first, ends.last]
+            .iter()
+            .all(|r| r.is_none_or(|r| r == 1))
+    {
+        offer(Vec::new());
+    }
+    for first in candidates(len, ends.first, ends.from_half) {
+        let rest = len / first.radix;
+        if rest == 1 && !first.half && ends.last.is_none_or(|r| r == len) {
+            offer(vec![first]);
+        }
+        for last in candidates(rest, ends.last, ends.to_half) {
+            if let Some(middle) = middle(rest / last.radix) {
+                let middle = middle.into_iter().map(whole);
+                offer([first].into_iter().chain(middle).chain([last]).collect());
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// Whether a transform of this length has passes at all.
+pub(crate) fn is_supported_length(len: usize) -> bool {
+    steps(len, LineEnds::default()).is_some()
+}
+
+/// Passes there and back such that the last radix there is the first one back: with two transforms
+/// there for each one back, the cheapest.
+pub(crate) fn turning_steps(
+    len: usize,
+    from_half: bool,
+    to_half: bool,
+) -> Option<[Vec<RadixStep>; 2]> {
+    let pair = |radix: usize| {
+        let there = LineEnds {
+            from_half,
+            last: Some(radix),
+            ..LineEnds::default()
+        };
+        let back = LineEnds {
+            to_half,
+            first: Some(radix),
+            ..LineEnds::default()
+        };
+        Some([steps(len, there)?, steps(len, back)?])
+    };
+    [1, 2, 3, 4, 5, 8]
+        .into_iter()
+        .filter_map(pair)
+        .min_by(|[a, b], [c, d]| {
+            let cost = |there: &[RadixStep], back: &[RadixStep]| 2.0 * cost(there) + cost(back);
+            cost(a, b).total_cmp(&cost(c, d))
+        })
+}
+
+/// Passes that a transform of `len` points may begin or end with.
+fn candidates(len: usize, asked: Option<usize>, half: bool) -> impl Iterator<Item = RadixStep> {
+    let halves = HALF.iter().filter(move |_| half && asked.is_none());
+    let halves = halves.map(|(radix, _)| RadixStep {
+        radix: *radix,
+        half: true,
+    });
+    let whole = WHOLE.iter().map(|(radix, _)| RadixStep {
+        radix: *radix,
+        half: false,
+    });
+    let whole = whole.filter(move |s| asked.is_none_or(|r| r == s.radix));
+    halves
+        .chain(whole)
+        .filter(move |s| len > 0 && len.is_multiple_of(s.radix))
+}
+
+/// Radices of product `len`, large ones first.
+fn middle(len: usize) -> Option<Vec<usize>> {
+    let mut rest = len;
+    let mut radices = Vec::new();
+    for radix in [8, 4, 2, 5, 3] {
+        while rest > 0 && rest.is_multiple_of(radix) {
+            rest /= radix;
+            radices.push(radix);
+        }
+    }
+    (rest == 1).then_some(radices)
+}
+
+/// Cost per element, compared with a pass of radix 2.
+pub(crate) fn cost(steps: &[RadixStep]) -> f64 {
+    let copies = match steps {
+        [] => 2,
+        [_] => 1,
+        [first, .., last] => usize::from(!first.streams()) + usize::from(!last.streams()),
+    };
+    steps.iter().map(|s| s.cost()).sum::<f64>() + COPY * copies as f64
+}
+
 #[cfg(test)]
 mod tests {
+    use super::*;
+    use crate::correlate::kernels::tile::Buffer;
+    use crate::vectors::{dispatch_lanes, levels};
     use fearless_simd::Level;
     use num_complex::Complex as Number;
     use rand::rngs::SmallRng;
     use rand::{Rng, SeedableRng};
     use rustfft::FftPlanner;
-
-    use super::*;
-    use crate::correlate::kernels::buffer::Buffer;
-    use crate::correlate::kernels::steps::known;
-    use crate::level::{dispatch_lanes, levels};
 
     /// Transforms one bundle of lines, given and returned as `[element][re, im][lane]`.
     #[simd]
@@ -332,7 +477,7 @@ mod tests {
     fn error<T: Real>(
         level: Level,
         len: usize,
-        ends: Ends,
+        ends: LineEnds,
         first: usize,
         rng: &mut SmallRng,
     ) -> f64 {
@@ -348,7 +493,7 @@ mod tests {
         // A plan may do without leaving out halves.
         let mut steps = ours.passes.iter().map(|p| p.step);
         let kept = |half: bool| if half { len / 2 } else { len };
-        let half = |s: Option<Step>| s.is_some_and(|s| s.half);
+        let half = |s: Option<RadixStep>| s.is_some_and(|s| s.half);
         let read = kept(ends.from_half && half(steps.clone().next()));
         let written = kept(ends.to_half && half(steps.next_back()));
         let (mut wrong, mut size) = (0.0, 0.0);
@@ -380,13 +525,13 @@ mod tests {
         let mut rng = SmallRng::seed_from_u64(4);
         let mut seen = 0;
         let longest = if cfg!(miri) { 40 } else { 512 };
-        for len in (1..=longest).filter(|n| known(*n)) {
+        for len in (1..=longest).filter(|n| is_supported_length(*n)) {
             seen += 1;
             for (from_half, to_half) in [(false, false), (true, false), (false, true)] {
-                let ends = Ends {
+                let ends = LineEnds {
                     from_half,
                     to_half,
-                    ..Ends::default()
+                    ..LineEnds::default()
                 };
                 let first = if to_half { rng.random_range(0..len) } else { 0 };
                 for level in levels() {
@@ -399,5 +544,54 @@ mod tests {
         }
         let expected = if cfg!(miri) { 21 } else { 68 };
         assert_eq!(seen, expected, "lengths of the form 2^a 3^b 5^c");
+    }
+
+    fn product(steps: &[RadixStep]) -> usize {
+        steps.iter().map(|s| s.radix).product()
+    }
+
+    #[test]
+    fn radices_multiply_to_the_length_or_there_are_none() {
+        for len in 1..2000 {
+            match steps(len, LineEnds::default()) {
+                Some(s) => assert_eq!(product(&s), len),
+                None => assert!((7..=len).any(|p| len % p == 0 && p % 2 * (p % 3) * (p % 5) > 0)),
+            }
+            for (from_half, to_half) in [(false, false), (true, false), (false, true), (true, true)]
+            {
+                let Some([there, back]) = turning_steps(len, from_half, to_half) else {
+                    assert!(!is_supported_length(len), "{len}");
+                    continue;
+                };
+                assert_eq!((product(&there), product(&back)), (len, len));
+                let turn = |s: Option<&RadixStep>| s.map_or(1, |s| s.radix);
+                assert_eq!(turn(there.last()), turn(back.first()), "{len}");
+                // Only the outer ends may leave out halves.
+                assert!(
+                    there.iter().skip(1).all(|s| !s.half)
+                        && (from_half || !there[..1.min(there.len())].iter().any(|s| s.half))
+                );
+                assert!(
+                    back.iter().rev().skip(1).all(|s| !s.half)
+                        && (to_half || back.last().is_none_or(|s| !s.half))
+                );
+            }
+        }
+        assert!(!is_supported_length(0));
+    }
+
+    #[test]
+    fn halves_are_left_out_where_that_saves_a_pass() {
+        let radices = |len, from_half| -> Vec<usize> {
+            let ends = LineEnds {
+                from_half,
+                ..LineEnds::default()
+            };
+            let steps = steps(len, ends).unwrap();
+            steps.iter().map(|s| s.radix).collect()
+        };
+        assert_eq!(radices(128, true), [16, 8]);
+        assert_eq!(radices(128, false).len(), 3);
+        assert_eq!(radices(64, false), [8, 8]);
     }
 }

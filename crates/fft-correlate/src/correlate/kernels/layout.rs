@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 
 use crate::correlate::contract::Sizes;
 use crate::correlate::real::Real;
-use crate::level::dispatch_lanes;
+use crate::vectors::dispatch_lanes;
 
 /// The largest number of terms of one sum.
 pub(super) const MAX_TERMS: usize = 2;

@@ -21,32 +21,25 @@
 //!
 //! # Memory safety
 //! Kernels reach their memory through [`tile::Tile`]s, whose every access is checked, and the
-//! moving field through [`corners::Corners`] or [`nodes::Nodes`], which check a place once for all
-//! nodes around it. All `unsafe` code of correlations is in these three files and in [`buffer`]
-//! (hints to the caches).
+//! moving field through [`interpolation::TrilinearReader`] or [`interpolation::QuadraticReader`],
+//! which check a place once for all nodes around it. All `unsafe` code of correlations is in these
+//! two files.
 
-pub(crate) mod buffer;
-pub(crate) mod corners;
 mod fused;
 mod image;
-mod lane_fft;
+pub(crate) mod interpolation;
+pub(crate) mod lane_fft;
 mod layout;
-pub(crate) mod nodes;
-mod products;
 pub(crate) mod radix;
-mod run;
-mod scratch;
-mod spectrum;
 mod stages;
-pub(crate) mod steps;
 mod tile;
 
 pub(crate) use fused::Fused;
-pub(crate) use layout::lanes;
-pub(crate) use run::correlate;
-pub(crate) use scratch::FusedScratch;
+pub(crate) use fused::FusedScratch;
 #[cfg(test)]
-pub(crate) use spectrum::transform_negative;
+pub(crate) use fused::transform_negative;
+pub(crate) use layout::lanes;
+pub(crate) use stages::correlate;
 
 #[cfg(test)]
 mod tests;

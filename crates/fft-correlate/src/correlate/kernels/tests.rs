@@ -8,10 +8,10 @@ use rand::{Rng, SeedableRng};
 
 use super::{Fused, FusedScratch, correlate};
 use crate::correlate::contract::{MovingRows, Sizes};
+use crate::correlate::fixtures;
 use crate::correlate::real::Real;
-use crate::correlate::reference;
 use crate::geometry::half_turn::HalfTurn;
-use crate::level::levels;
+use crate::vectors::levels;
 
 type Field = Array3<Complex<f64>>;
 
@@ -82,7 +82,7 @@ fn kernels<T: Real>(
 
 /// The sum over all pairs by the reference.
 fn exact(pairs: &[(Field, Field)], window: [usize; 3]) -> Array3<f64> {
-    let of = |(fixed, moving): &(Field, Field)| reference::correlate(fixed.clone(), moving, window);
+    let of = |(fixed, moving): &(Field, Field)| fixtures::correlate(fixed.clone(), moving, window);
     pairs.iter().map(of).reduce(|a, b| a + b).expect("a pair")
 }
 
@@ -105,7 +105,7 @@ fn the_reference_equals_the_definition() {
     for size in [[2, 3, 5], [7, 4, 11], [1, 13, 6], [9, 1, 1]] {
         let moving = size.map(|n| rng.random_range(1..=n));
         let ((a, b), window) = pair(size, moving, &mut rng);
-        let found = reference::correlate(a.clone(), &b, window);
+        let found = fixtures::correlate(a.clone(), &b, window);
         let sum = |n: [usize; 3]| -> f64 {
             let met = |at: (usize, usize, usize)| a[[at.0 + n[0], at.1 + n[1], at.2 + n[2]]];
             b.indexed_iter().map(|(at, v)| (met(at) * v).re).sum()

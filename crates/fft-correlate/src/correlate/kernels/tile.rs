@@ -4,10 +4,11 @@
 
 use std::cell::Cell;
 
+use bytemuck::{Pod, Zeroable};
 use fearless_simd::prelude::*;
+use sdf_grid::prefetch::fetch;
 
 use crate::correlate::real::Real;
-use sdf_grid::prefetch::fetch;
 
 /// Numbers of the widest vector that any level has: 16 of f32 with AVX-512.
 const MAX_LANES: usize = 16;
@@ -32,7 +33,7 @@ impl<T> Copy for Tile<'_, T> {}
 /// Without arguments, so that hot loops keep no registers for it.
 #[cold]
 #[inline(never)]
-fn beyond() -> ! {
+fn out_of_bounds() -> ! {
     panic!("access beyond the end of a tile");
 }
 
@@ -46,7 +47,7 @@ impl<'a, T: Real> Tile<'a, T> {
     pub(crate) fn from(self, offset: usize) -> Self {
         match self.0.get(offset..) {
             Some(cells) => Self(cells),
-            None => beyond(),
+            None => out_of_bounds(),
         }
     }
 
@@ -56,7 +57,7 @@ impl<'a, T: Real> Tile<'a, T> {
         match self.0.len().checked_sub(count) {
             // SAFETY: `offset + count` is at most the length.
             Some(last) if offset <= last => unsafe { self.0.get_unchecked(offset..offset + count) },
-            _ => beyond(),
+            _ => out_of_bounds(),
         }
     }
 
@@ -196,5 +197,43 @@ pub(crate) fn transpose<S: Simd, T: Real>(
     }
     for (c, column) in rows.iter().enumerate().take(lanes) {
         to.store::<S>(c * to_stride, *column);
+    }
+}
+
+/// One cache line.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct CacheLine([u8; 64]);
+
+/// Zeroed numbers that begin on a cache line.
+pub(crate) struct Buffer<T> {
+    lines: Vec<CacheLine>,
+    kind: std::marker::PhantomData<T>,
+}
+
+impl<T: Real> Buffer<T> {
+    pub(crate) fn zeroed(len: usize) -> Self {
+        let lines = (len * size_of::<T>()).div_ceil(size_of::<CacheLine>());
+        let lines = bytemuck::zeroed_vec(lines);
+        // Read in strides of a kibibyte and more.
+        #[cfg(not(miri))]
+        sdf_grid::large::ask_for_large_pages(&lines);
+        Self {
+            lines,
+            kind: std::marker::PhantomData,
+        }
+    }
+
+    pub(crate) fn as_slice(&self) -> &[T] {
+        bytemuck::cast_slice(&self.lines)
+    }
+
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [T] {
+        bytemuck::cast_slice_mut(&mut self.lines)
+    }
+
+    /// The whole buffer, to be read and written in any order.
+    pub(crate) fn tile(&mut self) -> Tile<'_, T> {
+        Tile::new(self.as_mut_slice())
     }
 }

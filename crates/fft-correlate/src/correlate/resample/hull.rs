@@ -13,7 +13,7 @@ use ndarray::{Array3, s};
 use num_complex::Complex;
 
 use crate::correlate::real::Real;
-use crate::pair::reading::Reading;
+use crate::pair::interpolation::Interpolation;
 
 /// Normals: all directions with coordinates up to 2, and repetitions that fill vectors of eight.
 const COUNT: usize = 56;
@@ -31,7 +31,7 @@ pub(crate) struct Hull {
 impl Hull {
     /// Around all nodes that are not zero, of which there must be some; places are indices of the
     /// lattice.
-    pub(crate) fn new<T: Real>(values: &Array3<Complex<T>>, reading: Reading) -> Self {
+    pub(crate) fn new<T: Real>(values: &Array3<Complex<T>>, interpolation: Interpolation) -> Self {
         let normals = normals();
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; COUNT];
         let (nx, ny, _) = values.dim();
@@ -52,7 +52,7 @@ impl Hull {
         }
         for (normal, [low, high]) in normals.iter().zip(&mut bounds) {
             // To the farthest place that reads a node.
-            let reach = reading.reach() * normal.abs().element_sum() + SLACK;
+            let reach = interpolation.reach() * normal.abs().element_sum() + SLACK;
             *low -= reach;
             *high += reach;
         }
@@ -60,9 +60,9 @@ impl Hull {
     }
 
     /// For lines along z of a lattice whose node `[x, y, z]` lies at `start + step [x, y, z]`.
-    pub(crate) fn turned(&self, start: DVec3, step: &DMat3) -> TurnedHull {
+    pub(crate) fn turned(&self, start: DVec3, step: &DMat3) -> RotatedHull {
         // Per normal n and slab [low, high]: low <= n . (start + x sx + y sy + z sz) <= high.
-        let mut hull = TurnedHull {
+        let mut hull = RotatedHull {
             first: [0.0; COUNT],
             by_x: [0.0; COUNT],
             by_y: [0.0; COUNT],
@@ -84,14 +84,14 @@ impl Hull {
 
 /// A [`Hull`] under one rotation: z at which line `[x, y]` enters each slab is
 /// `first + x by_x + y by_y`; it leaves after `length`.
-pub(crate) struct TurnedHull {
+pub(crate) struct RotatedHull {
     first: [f32; COUNT],
     by_x: [f32; COUNT],
     by_y: [f32; COUNT],
     length: [f32; COUNT],
 }
 
-impl TurnedHull {
+impl RotatedHull {
     /// A range of z within `within` outside of which lines `[x, y]` to `[x, y + lines - 1]` meet
     /// nothing.
     #[inline(always)]
@@ -112,7 +112,7 @@ impl TurnedHull {
 }
 
 #[simd]
-fn range_of<S: Simd>(simd: S, hull: &TurnedHull, [x, y, across]: [f32; 3]) -> [f32; 2] {
+fn range_of<S: Simd>(simd: S, hull: &RotatedHull, [x, y, across]: [f32; 3]) -> [f32; 2] {
     let splat = |v: f32| f32x8::splat(simd, v);
     let (x, y, across, zero) = (splat(x), splat(y), splat(across), splat(0.0));
     let (mut low, mut high) = (splat(f32::NEG_INFINITY), splat(f32::INFINITY));
@@ -150,7 +150,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
 
     use super::*;
-    use crate::level::{dispatch_lanes, native};
+    use crate::vectors::{dispatch_lanes, native};
 
     const NODES: usize = 24;
 
@@ -161,7 +161,7 @@ mod tests {
         let middle = DVec3::splat((NODES as f64 - 1.0) / 2.0);
         let size = 2 * NODES;
         let start = middle - step * DVec3::splat(size as f64 / 2.0);
-        let hull = Hull::new(values, Reading::Trilinear).turned(start, &step);
+        let hull = Hull::new(values, Interpolation::Trilinear).turned(start, &step);
         let occupied = |at: DVec3| {
             let cell = at.floor();
             (0..8).any(|c| {

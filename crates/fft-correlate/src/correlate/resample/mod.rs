@@ -1,15 +1,13 @@
 //! The moving part's field at the nodes of the fixed part's lattice, for one rotation.
 
-mod field;
 mod hull;
-mod occupied;
-mod rows;
-mod second_turns;
-mod turned;
+mod moving_field;
+mod rotated_field;
+mod rotation_moments;
 
-pub(super) use field::MovingField;
-pub(super) use second_turns::SecondTurns;
-pub(super) use turned::Turned;
+pub(super) use moving_field::MovingField;
+pub(super) use rotated_field::RotatedField;
+pub(super) use rotation_moments::RotationMoments;
 
 #[cfg(test)]
 mod tests;

@@ -6,13 +6,13 @@ use num_complex::{Complex, Complex32, Complex64};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
-use super::field::MovingField;
-use super::turned::Turned;
+use super::moving_field::MovingField;
+use super::rotated_field::RotatedField;
 use crate::correlate::contract::MovingRows;
 use crate::correlate::real::Real;
 use crate::correlate::support::MovingSupport;
-use crate::level::{dispatch_lanes, levels};
-use crate::pair::reading::Reading;
+use crate::pair::interpolation::Interpolation;
+use crate::vectors::{dispatch_lanes, levels};
 
 /// A shell with a hole and a separate grain: full, empty and partly filled blocks.
 fn field(rng: &mut SmallRng) -> Array3<Complex32> {
@@ -29,7 +29,7 @@ fn field(rng: &mut SmallRng) -> Array3<Complex32> {
 }
 
 /// Largest difference between bundles and rows over all samples, and how many bundles skipped.
-fn compare<T: Real>(level: Level, turned: &Turned<'_, T>) -> (f64, usize) {
+fn compare<T: Real>(level: Level, turned: &RotatedField<'_, T>) -> (f64, usize) {
     let lanes = dispatch_lanes!(level, simd => lanes_of::<_, T>(simd));
     let [xs, ys, zs] = turned.bounds();
     let (mut worst, mut skipped) = (0.0f64, 0);
@@ -66,19 +66,19 @@ fn lanes_of<S: Simd, T: Real>(_: S) -> usize {
 /// one; f32 coordinates within 20 cells are good to 1e-6.
 #[test]
 fn bundles_equal_rows() {
-    for reading in [Reading::Trilinear, Reading::Quadratic] {
-        bundles_equal_rows_read(reading);
+    for interpolation in [Interpolation::Trilinear, Interpolation::Quadratic] {
+        bundles_equal_rows_read(interpolation);
     }
 }
 
-fn bundles_equal_rows_read(reading: Reading) {
+fn bundles_equal_rows_read(interpolation: Interpolation) {
     let mut rng = SmallRng::seed_from_u64(6);
     let values = field(&mut rng);
     let first = DVec3::new(-15.3, -12.0, -17.8);
     let value = |at: [usize; 3]| values[at];
-    let support = MovingSupport::of([33, 66, 41], value, first, reading).unwrap();
-    let single = MovingField::<f32>::new(&support.nodes, value, first, reading);
-    let double = MovingField::<f64>::new(&support.nodes, value, first, reading);
+    let support = MovingSupport::of([33, 66, 41], value, first, interpolation).unwrap();
+    let single = MovingField::<f32>::new(&support.nodes, value, first, interpolation);
+    let double = MovingField::<f64>::new(&support.nodes, value, first, interpolation);
     let origin = DVec3::new(-30.5, -29.5, -28.5);
     for turn in 0..6 {
         let mut c = || rng.random_range(-1.0..1.0);
@@ -96,13 +96,13 @@ fn bundles_equal_rows_read(reading: Reading) {
         for level in levels() {
             let (worst, skipped) = compare(
                 level,
-                &Turned::new(&single, single.values(), rotation, origin, within, within),
+                &RotatedField::new(&single, single.values(), rotation, origin, within, within),
             );
             assert!(worst < 8e-6, "{rotation}: {worst}");
             assert!(skipped > 0);
             let (worst, _) = compare(
                 level,
-                &Turned::new(&double, double.values(), rotation, origin, within, within),
+                &RotatedField::new(&double, double.values(), rotation, origin, within, within),
             );
             assert!(worst < 1e-13, "{rotation}: {worst}");
         }
@@ -110,7 +110,7 @@ fn bundles_equal_rows_read(reading: Reading) {
 }
 
 /// Writes the values with index `[x, y, z]` to `row[z]`, with coordinates in double precision.
-fn fill<T: Real>(turned: &Turned<'_, T>, x: usize, y: usize, row: &mut [Complex<T>]) {
+fn fill<T: Real>(turned: &RotatedField<'_, T>, x: usize, y: usize, row: &mut [Complex<T>]) {
     let start = turned.start + turned.step.x_axis * x as f64 + turned.step.y_axis * y as f64;
     for z in turned.bounds[2].clone() {
         let Some(taps) = turned.field.taps(start + turned.step.z_axis * z as f64) else {

@@ -1,8 +1,12 @@
 //! The arrays of a table as Zarr v3 describes them: metadata, and keys of chunks.
 
+use std::io;
+use std::io::{Read, Write};
+
+use flate2::bufread::GzDecoder;
+use flate2::{Compression, GzBuilder};
 use serde_json::{Value, json};
 
-use crate::table::store::coding::{CHECKSUM, LEVEL, checked, with_checksum};
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 
@@ -13,9 +17,7 @@ const LONGEST: u64 = 1 << 16;
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Numbers {
     Float16,
-    Float32,
     Float64,
-    Int16,
     UInt32,
 }
 
@@ -24,9 +26,7 @@ pub(super) enum Numbers {
 pub(super) enum Chunking {
     /// All of it in one, as it is.
     One,
-    /// A chunk for each place along the first dimension, as it is.
-    Rows,
-    /// The same, packed.
+    /// A chunk for each place along the first dimension, packed.
     PackedRows,
 }
 
@@ -51,9 +51,7 @@ impl TableArray {
     ) -> Self {
         let (kind, fill) = match numbers {
             Numbers::Float16 => ("float16", json!("NaN")),
-            Numbers::Float32 => ("float32", json!("NaN")),
             Numbers::Float64 => ("float64", json!("NaN")),
-            Numbers::Int16 => ("int16", json!(i16::MIN)),
             Numbers::UInt32 => ("uint32", json!(0)),
         };
         let shape: Vec<usize> = dimensions.iter().map(|(_, n)| *n).collect();
@@ -93,7 +91,7 @@ impl TableArray {
     pub(super) fn key(&self, row: usize) -> String {
         let separator = match self.chunking {
             Chunking::One => "/",
-            Chunking::Rows | Chunking::PackedRows => ".",
+            Chunking::PackedRows => ".",
         };
         let rest = format!("{separator}0").repeat(self.dimensions - 1);
         format!("{}/c{separator}{row}{rest}", self.names[0])
@@ -157,5 +155,133 @@ impl TableArray {
         }
         let content = checked(&bytes).map_err(damaged)?;
         Ok(content.as_chunks().0.iter().map(|b| of(*b)).collect())
+    }
+}
+
+/// Of the fast ones the first that counts how often each byte occurs, which is nearly all that can
+/// be gained.
+pub(super) const LEVEL: u32 = 2;
+
+/// Bytes of a checksum.
+pub(super) const CHECKSUM: usize = 4;
+
+/// Bytes of a digest.
+type Digest = [u8; blake3::OUT_LEN];
+
+/// How the digest's field in a gzip header begins: the field's name and its length.
+const FIELD: [u8; 4] = [b'P', b'F', blake3::OUT_LEN as u8, 0];
+
+/// The most bytes that a chunk of `raw` bytes may take: Deflate adds less than a hundredth to what
+/// it cannot pack.
+pub(super) fn most_packed(raw: u64) -> u64 {
+    raw.saturating_add(raw / 64).saturating_add(1024)
+}
+
+/// Packs numbers, their digest beside them.
+pub(super) fn pack(raw: &[u8], digest: &Digest) -> io::Result<Vec<u8>> {
+    let field = [&FIELD[..], digest].concat();
+    let builder = GzBuilder::new().extra(field);
+    let mut packer = builder.write(Vec::new(), Compression::new(LEVEL));
+    packer.write_all(raw)?;
+    Ok(with_checksum(packer.finish()?))
+}
+
+/// Unpacks exactly `length` bytes, and their digest.
+pub(super) fn unpack(bytes: &[u8], length: usize) -> Result<(Vec<u8>, Digest), String> {
+    let mut packed = checked(bytes)?;
+    let mut unpacker = GzDecoder::new(&mut packed);
+    // Deflate packs to a thousandth at most: nothing is allocated for what cannot come.
+    let mut raw = Vec::with_capacity(length.min(bytes.len().saturating_mul(1100)));
+    let mut bounded = (&mut unpacker).take(length as u64 + 1);
+    bounded.read_to_end(&mut raw).map_err(|e| e.to_string())?;
+    if raw.len() != length {
+        let found = if raw.len() > length { "more" } else { "fewer" };
+        return Err(format!("{length} bytes of numbers expected, found {found}"));
+    }
+    let field = unpacker.header().and_then(|h| h.extra());
+    let digest = field.and_then(|f| f.strip_prefix(&FIELD));
+    let digest = digest.and_then(|d| Digest::try_from(d).ok());
+    let digest = digest.ok_or("there is no digest in it")?;
+    match packed.is_empty() {
+        true => Ok((raw, digest)),
+        false => Err(format!("{} bytes too many at its end", packed.len())),
+    }
+}
+
+/// The bytes before a checksum, which must be theirs.
+pub(super) fn checked(bytes: &[u8]) -> Result<&[u8], String> {
+    let Some((content, stored)) = bytes.split_last_chunk::<CHECKSUM>() else {
+        return Err(format!("{} bytes hold no checksum", bytes.len()));
+    };
+    let (stored, found) = (u32::from_le_bytes(*stored), crc32c::crc32c(content));
+    match stored == found {
+        true => Ok(content),
+        false => Err(format!(
+            "the checksum is {stored:08x}, that of the bytes {found:08x}"
+        )),
+    }
+}
+
+pub(super) fn with_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
+    let checksum = crc32c::crc32c(&bytes);
+    bytes.extend_from_slice(&checksum.to_le_bytes());
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIGEST: Digest = [7; blake3::OUT_LEN];
+
+    fn noise(length: usize) -> Vec<u8> {
+        let mut state = 1u32;
+        let next = |_| {
+            state = state.wrapping_mul(1664525).wrapping_add(1013904223);
+            (state >> 24) as u8
+        };
+        (0..length).map(next).collect()
+    }
+
+    #[test]
+    fn what_is_packed_is_unpacked_and_within_its_bound() {
+        for length in [0, 1, 54, 70_000] {
+            for raw in [vec![0; length], noise(length)] {
+                let packed = pack(&raw, &DIGEST).unwrap();
+                assert!(
+                    packed.len() as u64 <= most_packed(length as u64),
+                    "{length}"
+                );
+                assert_eq!(unpack(&packed, length).unwrap(), (raw, DIGEST));
+            }
+        }
+    }
+
+    #[test]
+    fn what_unpacks_to_another_length_is_refused_before_it_grows() {
+        // A thousandth of what it unpacks to.
+        let bomb = pack(&vec![0; 1 << 22], &DIGEST).unwrap();
+        assert!(bomb.len() < 1 << 14);
+        assert!(unpack(&bomb, 100).unwrap_err().contains("found more"));
+        let short = pack(&[1, 2], &DIGEST).unwrap();
+        assert!(unpack(&short, 100).unwrap_err().contains("found fewer"));
+    }
+
+    #[test]
+    fn what_else_is_in_a_chunk_is_refused() {
+        let packed = pack(&[1, 2, 3], &DIGEST).unwrap();
+        let inner = checked(&packed).unwrap();
+        let twice = with_checksum([inner, inner].concat());
+        assert!(unpack(&twice, 3).unwrap_err().contains("too many"));
+        let plain = GzBuilder::new().write(Vec::new(), Compression::new(LEVEL));
+        let plain = with_checksum(plain.finish().unwrap());
+        assert!(unpack(&plain, 0).unwrap_err().contains("no digest"));
+        assert!(unpack(&with_checksum(vec![2, 1, 16, 2]), 3).is_err());
+        for at in 0..packed.len() {
+            let mut changed = packed.clone();
+            changed[at] ^= 1;
+            assert!(unpack(&changed, 3).is_err(), "byte {at}");
+            assert!(unpack(&packed[..at], 3).is_err(), "cut at {at}");
+        }
     }
 }

@@ -14,16 +14,16 @@ use zarrs_storage::storage_adapter::async_to_sync::{
     AsyncToSyncBlockOn, AsyncToSyncStorageAdapter,
 };
 
-use crate::table::store::backend::Backend;
+use crate::table::store::Backend;
 use crate::table::store::error::StoreError;
 
 /// How the names of settings in the environment begin, in lower case.
 const PREFIXES: [&str; 2] = ["aws_", "google_"];
 
 /// Waits for requests on the calling thread; a thread of the runtime serves the network.
-struct Waiting(Handle);
+struct BlockingRuntime(Handle);
 
-impl AsyncToSyncBlockOn for Waiting {
+impl AsyncToSyncBlockOn for BlockingRuntime {
     fn block_on<F: Future>(&self, future: F) -> F::Output {
         self.0.block_on(future)
     }
@@ -66,6 +66,6 @@ pub(super) fn connect(place: &Path) -> Result<Arc<Backend>, StoreError> {
     let handle = runtime().map_err(|e| fail(e.to_string()))?;
     Ok(Arc::new(AsyncToSyncStorageAdapter::new(
         Arc::new(store),
-        Waiting(handle),
+        BlockingRuntime(handle),
     )))
 }

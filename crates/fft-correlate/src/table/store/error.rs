@@ -29,7 +29,7 @@ pub enum StoreError {
     Io {
         /// Which file, folder or object.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// The metadata is not that of a table.

@@ -4,20 +4,22 @@
 //! folder by writing beside and renaming, an object store because a PUT is atomic, memory by its
 //! lock.
 
-use std::fs::{self, TryLockError};
-use std::io::{self, Write};
+use std::fs::TryLockError;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::{fs, io};
 
 use sdf_grid::atomic::AtomicFile;
-use sdf_grid::regular::{self, RegularError};
+use sdf_grid::regular;
+use sdf_grid::regular::RegularError;
 use serde_json::Value;
 use zarrs_filesystem::FilesystemStore;
 use zarrs_storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
 use zarrs_storage::store::MemoryStore;
 use zarrs_storage::{Bytes, StorageError, StoreKey, StorePrefix};
 
-use crate::table::store::backend::Backend;
+use crate::table::store::Backend;
 use crate::table::store::error::StoreError;
 
 /// The place of a table. Clones are the same place.
@@ -31,14 +33,14 @@ pub struct TableFiles {
 
 /// Why the bytes of a file were not had.
 #[derive(Debug)]
-pub(super) enum Unread {
+pub(super) enum ReadError {
     /// There is something else, or too much of it.
     Refused(String),
     /// The place does not answer.
     Failed(StoreError),
 }
 
-impl Unread {
+impl ReadError {
     /// What failed, or what a refusal is to be called.
     pub(super) fn or(self, refused: impl FnOnce(String) -> StoreError) -> StoreError {
         match self {
@@ -139,7 +141,7 @@ impl TableFiles {
     ///
     /// # Errors
     /// If another process holds it otherwise, or the table cannot be opened.
-    pub(crate) fn hold(&self, alone: bool) -> Result<Option<fs::File>, StoreError> {
+    pub(crate) fn lock(&self, alone: bool) -> Result<Option<fs::File>, StoreError> {
         let Some(folder) = self.folder().filter(|_| cfg!(unix)) else {
             return Ok(None);
         };
@@ -194,21 +196,21 @@ impl TableFiles {
     }
 
     /// The bytes of a file of at most `limit`, of which nothing is read if there are more.
-    pub(super) fn get(&self, key: &str, limit: u64) -> Result<Option<Bytes>, Unread> {
-        let io = |e| Unread::Failed(self.io(key, e));
+    pub(super) fn get(&self, key: &str, limit: u64) -> Result<Option<Bytes>, ReadError> {
+        let io = |e| ReadError::Failed(self.io(key, e));
         let name = store_key(key).map_err(io)?;
         if let Some(folder) = self.folder() {
             let read = regular::read(&folder.join(key), limit);
             return read.map(|b| b.map(Bytes::from)).map_err(|e| match e {
                 RegularError::Io(e) => io(StorageError::from(e)),
-                refused => Unread::Refused(refused.to_string()),
+                refused => ReadError::Refused(refused.to_string()),
             });
         }
         match self.storage.size_key(&name).map_err(io)? {
             None => Ok(None),
             Some(found) if found > limit => {
                 let refused = RegularError::Length { limit, found };
-                Err(Unread::Refused(refused.to_string()))
+                Err(ReadError::Refused(refused.to_string()))
             }
             Some(_) => self.storage.get(&name).map_err(io),
         }

@@ -5,19 +5,12 @@
 //! a chunk that is there and was baked for its place in this table is finished.
 
 mod array;
-mod backend;
-pub(crate) mod chunks;
 #[cfg(feature = "cloud")]
 mod cloud;
-mod coding;
-mod coordinates;
 pub(crate) mod error;
 pub(crate) mod files;
-pub(crate) mod format;
-mod header;
-mod load;
-mod part_size;
-mod seal;
-mod skeleton;
-mod surfaces;
+pub(crate) mod metadata;
 pub(crate) mod table_store;
+
+/// A folder, an object store or memory.
+type Backend = dyn zarrs_storage::ReadableWritableListableStorageTraits;

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use fft_correlate::{Pair, Pose, ScoreModel, Wrench, direct};
+use fft_correlate::{Pair, Pose, ScoreModel, Wrench, testing};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
@@ -136,16 +136,16 @@ pub(crate) fn random_pose(rng: &mut SmallRng, reach: f64) -> Pose {
 /// obvious reference. Which part gives the points follows [`direct::plan`].
 pub(crate) fn brute_force(pair: &Pair, pose: &Pose) -> Complex64 {
     let field = |side| match side {
-        direct::Side::Fixed => pair.fixed(),
-        direct::Side::Moving => pair.moving(),
+        testing::Side::Fixed => pair.fixed(),
+        testing::Side::Moving => pair.moving(),
     };
-    let terms = direct::score_terms(pair.model(), pair.fixed(), pair.moving());
+    let terms = testing::score_terms(pair.model(), pair.fixed(), pair.moving());
     terms
         .iter()
         .map(|term| {
             let motion = match term.points {
-                direct::Side::Moving => *pose,
-                direct::Side::Fixed => pose.inverse(),
+                testing::Side::Moving => *pose,
+                testing::Side::Fixed => pose.inverse(),
             };
             let (points, looked_up) = (field(term.points), field(term.points.other()));
             let mut sum = Complex64::ZERO;
@@ -160,13 +160,13 @@ pub(crate) fn brute_force(pair: &Pair, pose: &Pose) -> Complex64 {
         .sum()
 }
 
-fn blend(field: &DensityField, blend: direct::Blend, index: [usize; 3]) -> Complex64 {
+fn blend(field: &DensityField, blend: testing::Blend, index: [usize; 3]) -> Complex64 {
     let widen = |v: Complex32| Complex64::new(v.re.into(), v.im.into());
     blend.exterior * widen(field.exterior[index]) + blend.interior * widen(field.interior[index])
 }
 
 /// Trilinear interpolation with zeros beyond the lattice.
-fn trilinear(field: &DensityField, weights: direct::Blend, position: DVec3) -> Complex64 {
+fn trilinear(field: &DensityField, weights: testing::Blend, position: DVec3) -> Complex64 {
     let u = field.lattice().fractional_index(position);
     let (base, f) = (u.floor(), (u - u.floor()).to_array());
     let mut value = Complex64::ZERO;

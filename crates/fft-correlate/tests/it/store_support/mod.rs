@@ -20,7 +20,7 @@ pub(crate) fn small() -> (Gaussians, TableSpec) {
     )
 }
 
-pub(crate) fn baked(path: &Path, share: Share) -> Result<fft_correlate::BakeReport, BakeError> {
+pub(crate) fn baked(path: &Path, share: Share) -> Result<fft_correlate::BakeResult, BakeError> {
     let (energy, spec) = small();
     bake(path, &spec, &OnWindow(&energy, spec.window), share, &Silent)
 }

@@ -1,0 +1,339 @@
+//! Two parts and all that decides their pair: where docking, tables and the haptic loop begin.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use sdf_grid::{DensityError, FieldCache, KernelError, Monitor, TriangleMesh};
+
+use crate::geometry::placement::Placement;
+use crate::geometry::se3::Pose;
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
+use crate::pair::contact::jump;
+use crate::pair::fields::Pair;
+use crate::pair::model::ScoreModel;
+
+/// Two parts, each in its own frame, and the options of their pair. All but the placement refers to
+/// the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
+#[derive(Debug, Clone)]
+pub struct PairSetup {
+    /// The part that stays.
+    pub fixed: Arc<TriangleMesh>,
+    /// The part that moves.
+    pub moving: Arc<TriangleMesh>,
+    /// Weights and kernel thickness; [`PairSetup::energy`] replaces gamma.
+    pub model: ScoreModel,
+    /// How finely the densities are computed, and within which memory.
+    pub builder: PairBuilder,
+    /// What fixes gamma.
+    pub energy: EnergyScale,
+    /// Pose of the moving part in which the parts fit.
+    pub assembled: Pose,
+    /// Middle of the displacements of interest from the assembled pose, metres, along the fixed
+    /// part's own axes.
+    pub center: DVec3,
+    /// Half the sides of their box along these axes, metres; chosen from the moving part if absent
+    /// ([`PairSetup::reach`]).
+    pub half_extent: Option<DVec3>,
+    /// Where a scene puts the parts; decides nothing about the pair.
+    pub placement: Placement,
+    /// Where fields are kept between runs.
+    pub cache: Option<FieldCache>,
+}
+
+/// Why a setup gives no pair.
+#[derive(Debug, thiserror::Error)]
+pub enum PairSetupError {
+    /// The fields cannot be computed.
+    #[error(transparent)]
+    Build(PairBuildError),
+    /// The energy scale is out of range.
+    #[error(transparent)]
+    Energy(#[from] EnergyScaleError),
+    /// The monitor asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<PairBuildError> for PairSetupError {
+    fn from(error: PairBuildError) -> Self {
+        match error {
+            PairBuildError::Density {
+                source: DensityError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            other => Self::Build(other),
+        }
+    }
+}
+
+impl PairSetup {
+    /// Two parts that fit where they are: the guided model as it is, lattices chosen from the parts,
+    /// no memory limit, no cache.
+    pub fn new(fixed: Arc<TriangleMesh>, moving: Arc<TriangleMesh>) -> Self {
+        Self {
+            fixed,
+            moving,
+            model: ScoreModel::GUIDED,
+            builder: PairBuilder::default(),
+            energy: EnergyScale::Gamma(ScoreModel::GUIDED.gamma),
+            assembled: Pose::IDENTITY,
+            center: DVec3::ZERO,
+            half_extent: None,
+            placement: Placement::IDENTITY,
+            cache: None,
+        }
+    }
+
+    /// Half the sides of the box of displacements, metres: half the longest side of the moving part
+    /// either way unless given.
+    pub fn reach(&self) -> DVec3 {
+        let longest = || self.moving.bounds().size().max_element();
+        self.half_extent
+            .unwrap_or_else(|| DVec3::splat(0.5 * longest()))
+    }
+
+    /// The energy scale of the pair, joules per cubic metre; nothing else is computed.
+    ///
+    /// # Errors
+    /// As [`EnergyScale::gamma`].
+    pub fn gamma(&self) -> Result<f64, EnergyScaleError> {
+        self.energy.gamma(&self.model, &self.fixed, &self.moving)
+    }
+
+    /// Lattices, halo, pivot and memory of the pair; nothing of their size is allocated.
+    ///
+    /// # Errors
+    /// As [`PairBuilder::plan`].
+    pub fn plan(&self) -> Result<PairPlan, PairBuildError> {
+        self.builder.plan(&self.fixed, &self.moving, &self.model)
+    }
+
+    /// The pair with its energy scale; fields come from the cache or are computed.
+    ///
+    /// # Errors
+    /// As [`PairPlan::build`] and [`EnergyScale::gamma`].
+    pub fn load(&self, monitor: &dyn Monitor) -> Result<Pair, PairSetupError> {
+        let cache = self.cache.as_ref();
+        let pair = self
+            .plan()?
+            .build(&self.fixed, &self.moving, cache, monitor)?;
+        Ok(pair
+            .with_gamma(self.gamma()?)
+            .map_err(PairBuildError::from)?)
+    }
+}
+
+/// What fixes the energy scale gamma of a pair: the shapes and the model alone, never where the parts
+/// lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EnergyScale {
+    /// Joules per cubic metre.
+    Gamma(f64),
+    /// The force, newtons, with which contact presses the smaller part in a perfect mould of itself,
+    /// along the direction in which that is greatest (`docs/conventions.md`, energy scale).
+    PeakForce(f64),
+}
+
+/// Why a pair has no such energy scale.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EnergyScaleError {
+    /// The force asked for is out of range.
+    #[error("peak force must be positive and finite, found {found} N")]
+    PeakForce {
+        /// What was given, newtons.
+        found: f64,
+    },
+    /// Sigma is out of range.
+    #[error(transparent)]
+    Kernel(#[from] KernelError),
+}
+
+impl EnergyScale {
+    /// Gamma of two parts, joules per cubic metre: of a peak force `P` it is
+    /// `P / (c min(A_f, A_m))`, with `c` the slope of the contact energy per area
+    /// (`docs/conventions.md`, contact slope) and `A` the [pressing area](pressing_area) of each part.
+    ///
+    /// # Errors
+    /// If the peak force is not positive and finite, or the model's sigma is out of range.
+    pub fn gamma(
+        &self,
+        model: &ScoreModel,
+        fixed: &TriangleMesh,
+        moving: &TriangleMesh,
+    ) -> Result<f64, EnergyScaleError> {
+        match *self {
+            Self::Gamma(gamma) => Ok(gamma),
+            Self::PeakForce(found) if !(found.is_finite() && found > 0.0) => {
+                Err(EnergyScaleError::PeakForce { found })
+            }
+            Self::PeakForce(newtons) => {
+                let area = pressing_area(fixed).min(pressing_area(moving));
+                Ok(newtons / (-jump(model)? * area))
+            }
+        }
+    }
+}
+
+/// Directions from which the greatest area is looked for.
+const DIRECTIONS: usize = 256;
+/// How many of the best are followed to their maximum.
+const FOLLOWED: usize = 16;
+
+/// `½ ∮ |n·t| dA` along the direction `t` in which it is greatest, square metres: the largest shadow
+/// of a convex part; of any other, all faces that push back when it is moved along `t`.
+///
+/// The sum is convex in `t`, and between changes of the signs of `n·t` linear: each step
+/// `t <- Σ sign(n·t) n dA`, normalized, raises it until no sign changes.
+fn pressing_area(part: &TriangleMesh) -> f64 {
+    let area = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a);
+    let areas: Vec<DVec3> = part.faces().map(area).collect();
+    let sum = |t: DVec3| -> DVec3 { areas.iter().map(|a| a.dot(t).signum() * *a).sum() };
+    // Directions spread evenly over half the sphere.
+    let mut starts: Vec<(f64, DVec3)> = (0..DIRECTIONS)
+        .into_par_iter()
+        .map(|i| {
+            let z = (i as f64 + 0.5) / DIRECTIONS as f64;
+            let (sin, cos) = (i as f64 * GOLDEN_ANGLE).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let t = DVec3::new(r * cos, r * sin, z);
+            (sum(t).dot(t), t)
+        })
+        .collect();
+    starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    starts.truncate(FOLLOWED);
+    let followed = starts.into_par_iter().map(|(mut greatest, mut t)| {
+        loop {
+            let total = sum(t);
+            if total.length() <= greatest * (1.0 + 1e-12) {
+                return greatest;
+            }
+            (greatest, t) = (total.length(), total.normalize());
+        }
+    });
+    0.5 * followed.reduce(|| 0.0, f64::max)
+}
+
+/// The turn from one direction to the next that spreads them evenly, radians.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
+/// The distance between the nodes of both parts' lattices.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum LatticeStep {
+    /// Metres.
+    Spacing(f64),
+    /// Nodes along the longest side of the larger part.
+    Points(u32),
+    /// Chosen from the parts.
+    #[default]
+    Automatic,
+}
+
+impl LatticeStep {
+    /// Metres; `None` where it is to be chosen.
+    pub fn spacing(&self, fixed: &TriangleMesh, moving: &TriangleMesh) -> Option<f64> {
+        match *self {
+            Self::Spacing(spacing) => Some(spacing),
+            Self::Points(points) => {
+                let longest = |m: &TriangleMesh| m.bounds().size().max_element();
+                Some(longest(fixed).max(longest(moving)) / f64::from(points))
+            }
+            Self::Automatic => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::basin::peak_force;
+    use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+    use crate::geometry::se3::Pose;
+    use crate::pair::setup::PairSetup;
+    use glam::DQuat;
+    use glam::DVec3;
+    use sdf_grid::{Silent, shapes, shapes::PegInHole};
+    use std::sync::Arc;
+
+    fn anywhere(part: &TriangleMesh, k: f64) -> TriangleMesh {
+        let turn = DQuat::from_scaled_axis(DVec3::new(0.4 * k, -1.1, 0.7 + k));
+        part.transformed(turn, DVec3::new(3.0, -2.0 * k, 0.5))
+    }
+
+    #[test]
+    fn the_pressing_area_of_a_convex_part_is_its_largest_shadow_in_any_frame() {
+        let (a, b, c) = (0.02, 0.03, 0.007);
+        let cuboid = shapes::cuboid(DVec3::new(a, b, c)).unwrap();
+        let sphere = shapes::icosphere(0.01, 20).unwrap();
+        let shadow = (a * b).hypot(b * c).hypot(c * a);
+        for k in 0..6 {
+            let found = pressing_area(&anywhere(&cuboid, f64::from(k)));
+            assert!((found / shadow - 1.0).abs() < 1e-12, "{found} {shadow}");
+            let found = pressing_area(&anywhere(&sphere, f64::from(k)));
+            let disc = std::f64::consts::PI * 1e-4;
+            assert!((found / disc - 1.0).abs() < 5e-3, "{found} {disc}");
+        }
+    }
+
+    /// Wherever parts lie and whichever of them stays, and however small they are: force is as force
+    /// was, since gamma goes with one over the area.
+    #[test]
+    fn the_scale_belongs_to_the_shapes_and_not_to_where_they_lie() {
+        let model = ScoreModel::GUIDED;
+        let scale = EnergyScale::PeakForce(5.0);
+        for kind in [
+            PegInHole::Rectangular,
+            PegInHole::Circular,
+            PegInHole::Combined,
+        ] {
+            let (hole, peg) = kind.pair(2e-4).unwrap();
+            let own = scale.gamma(&model, &hole, &peg).unwrap();
+            let (hole, peg) = (anywhere(&hole, 2.0), anywhere(&peg, 3.0));
+            for pair in [[&hole, &peg], [&peg, &hole]] {
+                let gamma = scale.gamma(&model, pair[0], pair[1]).unwrap();
+                assert!((gamma / own - 1.0).abs() < 1e-6, "{own} {gamma}");
+            }
+        }
+        let (hole, peg) = PegInHole::Circular.pair(0.0).unwrap();
+        for force in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
+            let refused = EnergyScale::PeakForce(force).gamma(&model, &hole, &peg);
+            assert!(matches!(refused, Err(EnergyScaleError::PeakForce { .. })));
+        }
+        let given = EnergyScale::Gamma(7.0).gamma(&model, &hole, &peg);
+        assert_eq!(given, Ok(7.0));
+    }
+
+    /// What docs/scene.md says of `peak_force`: in walls of the paper's pairs forces are between the
+    /// half and the double of it.
+    #[test]
+    fn forces_in_walls_are_about_the_peak_force() {
+        for kind in [
+            PegInHole::Rectangular,
+            PegInHole::Circular,
+            PegInHole::Combined,
+        ] {
+            let [hole, peg] = <[_; 2]>::from(kind.pair(0.0).unwrap()).map(Arc::new);
+            let mut setup = PairSetup {
+                energy: EnergyScale::PeakForce(3.0),
+                ..PairSetup::new(hole, peg)
+            };
+            setup.builder.spacing = Some(2e-3);
+            let pair = setup.load(&Silent).unwrap();
+            let source = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME).unwrap();
+            let (peak, _) = peak_force(&source, &Pose::IDENTITY, setup.reach());
+            assert!((1.5..6.0).contains(&peak), "{kind:?}: {peak}");
+        }
+    }
+
+    #[test]
+    fn points_are_counted_along_the_longest_side_of_the_larger_part() {
+        let small = shapes::cuboid(DVec3::new(0.01, 0.02, 0.03)).unwrap();
+        let large = shapes::cuboid(DVec3::new(0.04, 0.08, 0.02)).unwrap();
+        for (fixed, moving) in [(&small, &large), (&large, &small)] {
+            let spacing = LatticeStep::Points(40).spacing(fixed, moving).unwrap();
+            assert!((spacing - 0.002).abs() < 1e-12, "{spacing}");
+        }
+        assert_eq!(LatticeStep::Automatic.spacing(&small, &large), None);
+        assert_eq!(LatticeStep::Spacing(0.5).spacing(&small, &large), Some(0.5));
+    }
+}

@@ -9,7 +9,7 @@ use super::unit::LengthUnit;
 use crate::frame::symmetry;
 use crate::frame::symmetry::axis::SymmetryAxis;
 use crate::mesh::error::MeshError;
-use crate::mesh::hygiene::report::HygieneReport;
+use crate::mesh::repair::report::HygieneReport;
 
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
 /// a fine tessellation, below what matters for a fit.

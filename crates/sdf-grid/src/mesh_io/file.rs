@@ -10,7 +10,7 @@ use super::step::StepOptions;
 use super::unit::LengthUnit;
 use super::{bytes, content, gltf, obj, ply, step, stl, threemf};
 use crate::mesh::error::MeshError;
-use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
+use crate::mesh::repair::report::{HygieneOptions, HygieneReport};
 use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The file name endings that are read.

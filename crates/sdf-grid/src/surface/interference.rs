@@ -135,7 +135,7 @@ fn points_on(faces: impl Iterator<Item = [DVec3; 3]>) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::hygiene::report::HygieneOptions;
+    use crate::mesh::repair::report::HygieneOptions;
     use crate::mesh::shapes;
 
     const SIDE: f64 = 0.01;

@@ -173,7 +173,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::mesh::hygiene::report::HygieneOptions;
+    use crate::mesh::repair::report::HygieneOptions;
     use crate::mesh::shapes::random_solid;
     use crate::mesh::triangle_mesh::TriangleMesh;
     use crate::surface::bvh::build::Leaves;

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 
 use crate::mesh::error::MeshError;
-use crate::mesh::hygiene::report::HygieneOptions;
 use crate::mesh::polygon;
+use crate::mesh::repair::report::HygieneOptions;
 use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The most segments around a circle, or subdivisions of a sphere's faces, that are accepted.

@@ -1,10 +1,10 @@
-//! Faces that say nothing: without area, or said before.
+//! Faces to drop: without area, or repeated.
 
 use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::edges::Edges;
+use crate::mesh::topology::Topology;
 
 /// A face whose height is below this fraction of the mesh's diagonal has no area: its normal is
 /// rounding noise in single precision.
@@ -34,8 +34,8 @@ fn height([a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 /// Keeps the first of all faces with the same three corners, and none of those that form a wall
-/// between two solids which touch; returns how many were dropped.
-pub(super) fn drop_duplicates(triangles: &mut Vec<[u32; 3]>) -> usize {
+/// between two solids which touch; returns how many were dropped. Indices are below `vertices`.
+pub(super) fn drop_duplicates(vertices: usize, triangles: &mut Vec<[u32; 3]>) -> usize {
     let before = triangles.len();
     // For each set of corners the place of its first face and how much oftener its faces run one
     // way round than the other.
@@ -55,7 +55,7 @@ pub(super) fn drop_duplicates(triangles: &mut Vec<[u32; 3]>) -> usize {
         for (place, net) in seen.into_values() {
             cancels[place] = net == 0;
         }
-        drop_walls(&mut kept, &cancels);
+        drop_walls(vertices, &mut kept, &cancels);
     }
     *triangles = kept;
     before - triangles.len()
@@ -73,58 +73,21 @@ fn sorted(t: [u32; 3]) -> ([u32; 3], i32) {
 /// Drops patches of faces that had opposite copies (`cancels`) and that end where two other faces
 /// meet: both sides of a wall between solids that touch. Elsewhere opposite copies are a surface
 /// listed for both its sides, of which one stays.
-fn drop_walls(triangles: &mut Vec<[u32; 3]>, cancels: &[bool]) {
-    let edges = Edges::of(triangles);
-    let mut patches = Patches::new(triangles.len());
-    for uses in edges.iter() {
-        if let [a, b] = uses {
-            patches.join(a.face, b.face);
-        }
-    }
-    let mut wall = vec![true; triangles.len()];
-    let mut ends = vec![false; triangles.len()];
+fn drop_walls(vertices: usize, triangles: &mut Vec<[u32; 3]>, cancels: &[bool]) {
+    let topology = Topology::new(triangles, vertices);
+    let (of, count) = topology.components();
+    let mut wall = vec![true; count];
+    let mut ends = vec![false; count];
     for (face, &cancels) in cancels.iter().enumerate() {
-        wall[patches.root(face as u32)] &= cancels;
+        wall[of[face]] &= cancels;
     }
-    for uses in edges.iter() {
-        for u in uses {
-            let root = patches.root(u.face);
-            wall[root] &= uses.len() > 1;
-            ends[root] |= uses.len() > 2;
+    for edge in topology.edges() {
+        for half in edge.half_edges() {
+            let patch = of[half.face()];
+            wall[patch] &= !edge.is_open();
+            ends[patch] |= edge.is_nonmanifold();
         }
     }
-    let mut face = 0;
-    triangles.retain(|_| {
-        let root = patches.root(face);
-        face += 1;
-        !(wall[root] && ends[root])
-    });
-}
-
-/// Sets of faces that are merged until they are the patches (union-find).
-struct Patches {
-    parent: Vec<u32>,
-}
-
-impl Patches {
-    fn new(faces: usize) -> Self {
-        Self {
-            parent: (0..faces as u32).collect(),
-        }
-    }
-
-    fn root(&mut self, face: u32) -> usize {
-        let mut at = face as usize;
-        while self.parent[at] as usize != at {
-            let above = self.parent[self.parent[at] as usize];
-            self.parent[at] = above;
-            at = above as usize;
-        }
-        at
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b)] = a.min(b) as u32;
-    }
+    let mut patches = of.into_iter();
+    triangles.retain(|_| !patches.next().is_some_and(|p| wall[p] && ends[p]));
 }

@@ -3,11 +3,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::edges::Edges;
 use super::report::ComponentReport;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::measure::{face_area, volume, winding_number};
+use crate::mesh::topology::Topology;
 
 /// Below this fraction of area times diagonal a component encloses nothing and has no outside.
 const FLAT: f64 = 1e-9;
@@ -68,7 +68,7 @@ struct Component {
 
 /// Orients every component of `triangles`.
 pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
-    let (groups, mut flipped) = flood(&triangles);
+    let (groups, mut flipped) = flood(&Topology::new(&triangles, vertices.len()));
     let components: Vec<Component> = groups
         .into_iter()
         .map(|faces| outward(vertices, &triangles, faces, &mut flipped))
@@ -124,15 +124,16 @@ fn turned([a, b, c]: [u32; 3], flip: bool) -> [u32; 3] {
 
 /// Groups faces connected through edges of exactly two faces and says which to flip so that each
 /// group runs alike (as its first face does).
-fn flood(triangles: &[[u32; 3]]) -> (Vec<Vec<u32>>, Vec<bool>) {
+fn flood(topology: &Topology<'_>) -> (Vec<Vec<u32>>, Vec<bool>) {
     const NONE: (u32, bool) = (u32::MAX, false);
+    let triangles = topology.triangles();
     // Across each side of each face: the face there, and whether it runs the other way round.
     let mut across = vec![[NONE; 3]; triangles.len()];
-    for uses in Edges::of(triangles).iter() {
-        if let [a, b] = uses {
-            let opposed = a.forward == b.forward;
-            across[a.face as usize][a.side as usize] = (b.face, opposed);
-            across[b.face as usize][b.side as usize] = (a.face, opposed);
+    for edge in topology.edges() {
+        if let [a, b] = *edge.half_edges() {
+            let opposed = edge.is_inconsistent();
+            across[a.face()][a.side()] = (b.face() as u32, opposed);
+            across[b.face()][b.side()] = (a.face() as u32, opposed);
         }
     }
     let mut flipped = vec![false; triangles.len()];

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
-use super::edges::Edges;
+use crate::mesh::topology::{Edge, Topology};
 
 /// How far a vertex may be from a side that it cuts, in distances from the nearer end of that side:
 /// the two parts are then shorter than the whole.
@@ -64,26 +64,21 @@ impl Cut {
 
 /// The first possible cut of each face, by face.
 fn cuts(vertices: &[DVec3], triangles: &[[u32; 3]], distance: f64) -> BTreeMap<u32, Cut> {
-    let edges = Edges::of(triangles);
-    let open = || {
-        edges
-            .iter()
-            .filter(|uses| uses.len() == 1)
-            .map(|uses| uses[0])
-    };
-    let rim = Rim::new(vertices, open().flat_map(|u| [u.low, u.high]).collect());
+    let topology = Topology::new(triangles, vertices.len());
+    let open = || topology.edges().filter(Edge::is_open);
+    let rim = Rim::new(vertices, open().flat_map(|edge| edge.vertices()).collect());
     let mut cuts = BTreeMap::new();
-    for edge in open() {
-        let t = triangles[edge.face as usize];
-        let [a, b, opposite] = [0, 1, 2].map(|k| t[(usize::from(edge.side) + k) % 3]);
+    for half in open().map(|edge| edge.half_edges()[0]) {
+        let (face, [a, b]) = (half.face() as u32, topology.ends(half));
+        let [opposite, _] = topology.ends(half.next().next());
         let between = rim.between(a, b, opposite, distance);
-        if between.is_empty() || cuts.contains_key(&edge.face) {
+        if between.is_empty() || cuts.contains_key(&face) {
             continue;
         }
         let side = [vec![a], between, vec![b]].concat();
         let cut = Cut { side, opposite };
         if cut.keeps_orientation(vertices) {
-            cuts.insert(edge.face, cut);
+            cuts.insert(face, cut);
         }
     }
     cuts

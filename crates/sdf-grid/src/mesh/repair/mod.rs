@@ -1,12 +1,27 @@
-//! The steps of hygiene, one after the other.
+//! What every mesh goes through before anything is computed from it.
+//!
+//! In order: vertices must be finite and indices in range; vertices closer than a tolerance are
+//! welded; faces without area and repeated faces are dropped; open edges are cut where the vertices
+//! of others lie on them, so that faces which meet share vertices; the faces of each component are
+//! oriented alike, then outwards (a cavity inwards); components that touch or cut through one another
+//! become the surface of their union; what is still open is measured, and refused when it is too
+//! much. The result does not depend on the order of the input beyond the order of its own vertices
+//! and triangles, and a second run changes nothing.
+
+mod faces;
+mod orient;
+pub(crate) mod report;
+mod stitch;
+mod unite;
+mod weld;
 
 use glam::DVec3;
 
-use super::report::{ComponentReport, HygieneOptions, HygieneReport};
-use super::{edges, faces, holes, orient, stitch, unite, weld};
+use self::report::{ComponentReport, HygieneOptions, HygieneReport};
 use crate::mesh::aabb::Aabb;
 use crate::mesh::error::MeshError;
 use crate::mesh::measure::{face_area, volume};
+use crate::mesh::topology::{Edge, Topology};
 
 /// The largest coordinate magnitude accepted, metres: squares and cubes of it stay finite.
 const COORDINATE_LIMIT: f64 = 1e12;
@@ -108,7 +123,7 @@ fn change_faces(
     // Cutting faces can repeat one that exists; dropping that one can open an edge.
     loop {
         changed.zero_area += faces::drop_zero_area(vertices, triangles, diagonal);
-        changed.duplicate += faces::drop_duplicates(triangles);
+        changed.duplicate += faces::drop_duplicates(vertices.len(), triangles);
         let cut = stitch::stitch(vertices, triangles, weld_distance, &mut budget);
         changed.stitched += cut;
         if cut == 0 {
@@ -124,10 +139,11 @@ fn described(
     triangles: &[[u32; 3]],
     components: Vec<ComponentReport>,
 ) -> HygieneReport {
-    let edges = edges::Edges::of(triangles);
+    let topology = Topology::new(triangles, vertices.len());
+    let count = |is: fn(&Edge<'_>) -> bool| topology.edges().filter(|e| is(e)).count();
     let faces = triangles.iter().map(|t| t.map(|v| vertices[v as usize]));
     let area: f64 = faces.map(face_area).sum();
-    let missing = holes::missing_area(vertices, &edges.boundary());
+    let missing = missing_area(vertices, &topology);
     HygieneReport {
         name: name.to_owned(),
         input_vertices: vertices.len(),
@@ -145,15 +161,27 @@ fn described(
         cavities: components.iter().filter(|c| c.cavity).count(),
         united_components: 0,
         per_component: components,
-        open_edges: edges.count(|faces| faces.len() == 1),
-        nonmanifold_edges: edges.count(|faces| faces.len() > 2),
-        inconsistent_edges: edges.count(edges::inconsistent),
-        watertight: edges.count(|faces| edges::net_uses(faces) != 0) == 0,
+        open_edges: count(|e| e.is_open()),
+        nonmanifold_edges: count(|e| e.is_nonmanifold()),
+        inconsistent_edges: count(|e| e.is_inconsistent()),
+        watertight: topology.is_closed(),
         open_area_fraction: missing / (missing + area),
         volume: volume(vertices, triangles),
         area,
         bounds: Aabb::around(vertices.iter().copied()),
     }
+}
+
+/// Area of the fans that close the boundary loops, each about the centroid of its loop's vertices.
+fn missing_area(vertices: &[DVec3], topology: &Topology<'_>) -> f64 {
+    let fan = |ring: &Vec<u32>| {
+        let at = |i: usize| vertices[ring[i % ring.len()] as usize];
+        let center = (0..ring.len()).map(at).sum::<DVec3>() / ring.len() as f64;
+        let faces = (0..ring.len()).map(|i| face_area([center, at(i), at(i + 1)]));
+        faces.sum::<f64>()
+    };
+    let loops = topology.boundary_loops(vertices);
+    loops.iter().map(fan).fold(0.0, |sum, area| sum + area)
 }
 
 fn check_options(name: &str, options: &HygieneOptions) -> Result<(), MeshError> {

@@ -32,7 +32,7 @@ pub use frame::symmetry;
 pub use frame::symmetry::axis::{SymmetryAxis, SymmetryOrder};
 pub use mesh::aabb::Aabb;
 pub use mesh::error::MeshError;
-pub use mesh::repair::report::{ComponentReport, HygieneOptions, HygieneReport};
+pub use mesh::repair::report::{ComponentReport, RepairOptions, RepairReport};
 pub use mesh::shapes;
 pub use mesh::topology::{DisjointSets, Edge, HalfEdge, Topology};
 pub use mesh::triangle_mesh::TriangleMesh;

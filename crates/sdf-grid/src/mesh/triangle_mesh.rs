@@ -1,4 +1,4 @@
-//! Triangle meshes that have passed hygiene.
+//! Triangle meshes that have been repaired.
 
 use glam::{DQuat, DVec3};
 
@@ -6,10 +6,10 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::error::MeshError;
 use crate::mesh::measure::{face_area, volume};
 use crate::mesh::repair;
-use crate::mesh::repair::report::{HygieneOptions, HygieneReport};
+use crate::mesh::repair::report::{RepairOptions, RepairReport};
 use crate::mesh::topology::Topology;
 
-/// A triangle mesh that has passed hygiene: finite vertices, indices in range, no zero-area or
+/// A triangle mesh that has been repaired: finite vertices, indices in range, no zero-area or
 /// duplicate faces, components oriented outwards (cavities inwards). Vertices are metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriangleMesh {
@@ -39,8 +39,8 @@ impl TriangleMesh {
         name: &str,
         vertices: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
-        options: &HygieneOptions,
-    ) -> Result<(Self, HygieneReport), MeshError> {
+        options: &RepairOptions,
+    ) -> Result<(Self, RepairReport), MeshError> {
         let (vertices, triangles, report) = repair::run(name, vertices, triangles, options)?;
         let mesh = Self {
             vertices,

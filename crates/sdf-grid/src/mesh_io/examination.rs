@@ -9,7 +9,7 @@ use super::unit::LengthUnit;
 use crate::frame::symmetry;
 use crate::frame::symmetry::axis::SymmetryAxis;
 use crate::mesh::error::MeshError;
-use crate::mesh::repair::report::HygieneReport;
+use crate::mesh::repair::report::RepairReport;
 
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
 /// a fine tessellation, below what matters for a fit.
@@ -18,8 +18,8 @@ const SYMMETRY_TOLERANCE: f64 = 5e-4;
 /// All that can be said of a mesh file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Examination {
-    /// What hygiene found and repaired.
-    pub report: HygieneReport,
+    /// What repair found and repaired.
+    pub report: RepairReport,
     /// The solids in the file, in its order.
     pub solids: Vec<Solid>,
     /// The unit that the file itself states.

@@ -10,7 +10,7 @@ use super::step::StepOptions;
 use super::unit::LengthUnit;
 use super::{bytes, content, gltf, obj, ply, step, stl, threemf};
 use crate::mesh::error::MeshError;
-use crate::mesh::repair::report::{HygieneOptions, HygieneReport};
+use crate::mesh::repair::report::{RepairOptions, RepairReport};
 use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The file name endings that are read.
@@ -27,8 +27,8 @@ pub struct ReadOptions {
     /// What changes a solid and cannot be read (a slicer's negative part, a beam lattice, free-form
     /// surfaces) is left out instead of refused; the ledger lists it.
     pub lossy: bool,
-    /// What hygiene may change and what it refuses.
-    pub hygiene: HygieneOptions,
+    /// What repair may change and what it refuses.
+    pub repair: RepairOptions,
     /// How STEP files become triangles.
     pub step: StepOptions,
 }
@@ -59,7 +59,7 @@ impl ReadOptions {
     }
 }
 
-/// A mesh file's content before hygiene.
+/// A mesh file's content before repair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
     name: String,
@@ -171,7 +171,7 @@ impl MeshFile {
     /// If there is no such solid, the file has something of it that cannot be read and `options` do
     /// not allow that, [`TriangleMesh::clean`] refuses the mesh, or what a converter made of a STEP
     /// file is not watertight.
-    pub fn clean(&self, options: &ReadOptions) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    pub fn clean(&self, options: &ReadOptions) -> Result<(TriangleMesh, RepairReport), MeshError> {
         let Self { name, soup, .. } = self;
         let wanted = options.solid.as_deref();
         let (mut vertices, triangles) = soup.select(name, wanted, options.lossy)?;
@@ -179,7 +179,7 @@ impl MeshFile {
         for vertex in &mut vertices {
             *vertex *= scale;
         }
-        let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options.hygiene)?;
+        let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options.repair)?;
         match &self.converter {
             Some(converter) if !report.watertight => Err(MeshError::Converter {
                 path: PathBuf::from(name),
@@ -200,11 +200,11 @@ impl MeshFile {
 pub fn read(
     path: impl AsRef<Path>,
     unit: LengthUnit,
-    options: &HygieneOptions,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    options: &RepairOptions,
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
     let options = ReadOptions {
         unit,
-        hygiene: *options,
+        repair: *options,
         ..ReadOptions::default()
     };
     read_with(path, &options)
@@ -217,6 +217,6 @@ pub fn read(
 pub fn read_with(
     path: impl AsRef<Path>,
     options: &ReadOptions,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
     MeshFile::open(path, &options.step)?.clean(options)
 }

@@ -282,7 +282,7 @@ fn corner(
         0 => return Err(wrong()),
         _ => vertices as i64 + index,
     };
-    // A face may come before its vertices, so only the end of the file says which exist; hygiene
+    // A face may come before its vertices, so only the end of the file says which exist; repair
     // checks that.
     u32::try_from(vertex).map_err(|_| wrong())
 }

@@ -13,7 +13,7 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::measure::{face_area, volume, winding_number};
 use crate::mesh::topology::{DisjointSets, Edge, Topology};
 
-/// Share of a surface that may be missing of a part, as hygiene accepts.
+/// Share of a surface that may be missing of a part, as repair accepts.
 const OPEN: f64 = 0.1;
 
 /// Share of the area of a file that may lie in open scraps beside its closed bodies.
@@ -296,7 +296,7 @@ impl<'a> Surfaces<'a> {
         for (t, &piece) in self.of.iter().enumerate() {
             let root = self.sets.root(piece);
             let named = self.soup.triangles[t];
-            // A corner without a vertex is refused by hygiene.
+            // A corner without a vertex is refused by repair.
             if named
                 .iter()
                 .all(|&v| (v as usize) < self.soup.vertices.len())

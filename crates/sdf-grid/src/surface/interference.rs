@@ -135,7 +135,7 @@ fn points_on(faces: impl Iterator<Item = [DVec3; 3]>) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::repair::report::HygieneOptions;
+    use crate::mesh::repair::report::RepairOptions;
     use crate::mesh::shapes;
 
     const SIDE: f64 = 0.01;
@@ -183,7 +183,7 @@ mod tests {
             .map(|(_, t)| t)
             .collect();
         assert!(kept.len() < cube.triangles().len());
-        let options = HygieneOptions::default();
+        let options = RepairOptions::default();
         let (open, report) =
             TriangleMesh::clean("open", cube.vertices().to_vec(), kept, &options).unwrap();
         assert!(!report.watertight);

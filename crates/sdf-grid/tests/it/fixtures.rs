@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{HygieneOptions, LengthUnit, mesh_io};
+use sdf_grid::{LengthUnit, RepairOptions, mesh_io};
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures")
@@ -40,7 +40,7 @@ fn every_pair_is_what_the_shapes_make() {
         let (hole, peg) = pair.pair(0.0).expect("valid clearance");
         for (mesh, part) in [(hole, "hole"), (peg, "peg")] {
             let path = folder().join(format!("{}_{part}.obj", pair.name()));
-            let options = HygieneOptions::default();
+            let options = RepairOptions::default();
             let (read, report) = mesh_io::read(&path, LengthUnit::M, &options).expect("readable");
             assert_eq!(report.warnings(), Vec::<String>::new());
             assert_eq!(read.triangles(), mesh.triangles());

@@ -4,7 +4,7 @@ use crate::common::bare::{clean, raw, reversed, unit_cube};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
-use sdf_grid::{HygieneOptions, MeshError, TriangleMesh, shapes};
+use sdf_grid::{MeshError, RepairOptions, TriangleMesh, shapes};
 
 use crate::common::assert_close;
 
@@ -74,7 +74,7 @@ fn options_out_of_range_are_refused() {
         (f64::NAN, 0.1, "weld-tolerance"),
         (1e-6, 1.5, "max-open-fraction"),
     ] {
-        let options = HygieneOptions {
+        let options = RepairOptions {
             weld_tolerance,
             max_open_fraction,
         };
@@ -134,9 +134,9 @@ fn a_box_without_its_lid_misses_a_sixth() {
     assert!(
         matches!(error, MeshError::Open { open_edges: 4, found, .. } if (found - 1.0 / 6.0).abs() < 1e-12)
     );
-    let lenient = HygieneOptions {
+    let lenient = RepairOptions {
         max_open_fraction: 0.2,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     let inside_out = reversed(&open);
     let (_, report) = TriangleMesh::clean("part", vertices, inside_out, &lenient).expect("allowed");
@@ -235,9 +235,9 @@ fn a_one_sided_surface_is_said() {
         };
         triangles.extend([[a, b, d], [a, d, c]]);
     }
-    let options = HygieneOptions {
+    let options = RepairOptions {
         max_open_fraction: 1.0,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     let (_, report) = TriangleMesh::clean("strip", vertices, triangles, &options).expect("allowed");
     assert!(report.inconsistent_edges > 0);

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
 use rand::seq::SliceRandom;
-use sdf_grid::{HygieneOptions, HygieneReport, TriangleMesh};
+use sdf_grid::{RepairOptions, RepairReport, TriangleMesh};
 
 use crate::common::assert_close;
 
@@ -79,7 +79,7 @@ proptest! {
         faces in prop::collection::vec(prop::array::uniform3(0u32..12), 0..30),
     ) {
         let vertices: Vec<_> = coordinates.iter().map(|c| DVec3::from_array(c.map(f64::from))).collect();
-        let options = HygieneOptions { max_open_fraction: 1.0, ..HygieneOptions::default() };
+        let options = RepairOptions { max_open_fraction: 1.0, ..RepairOptions::default() };
         if let Ok((mesh, report)) = TriangleMesh::clean("soup", vertices, faces, &options) {
             prop_assert!((0.0..=1.0).contains(&report.open_area_fraction));
             prop_assert!(!report.watertight || report.open_edges == 0);
@@ -97,7 +97,7 @@ fn neither_scale_nor_place_changes_what_is_found() {
     for (scale, offset) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6), (1e-6, 1.0)] {
         let elsewhere = vertices.iter().map(|v| scale * *v + offset).collect();
         let (mesh, report) = clean(elsewhere, triangles.clone()).expect("repairable");
-        let counts = |r: &HygieneReport| {
+        let counts = |r: &RepairReport| {
             [
                 r.vertices,
                 r.triangles,

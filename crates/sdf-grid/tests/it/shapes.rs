@@ -5,16 +5,16 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
-use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh};
+use sdf_grid::{MeshError, RepairOptions, RepairReport, TriangleMesh};
 
 use crate::common::assert_close;
 
 /// Rounding of sums over a few thousand faces.
 const EXACT: f64 = 1e-12;
 
-fn report(mesh: &TriangleMesh) -> HygieneReport {
+fn report(mesh: &TriangleMesh) -> RepairReport {
     let (vertices, triangles) = (mesh.vertices().to_vec(), mesh.triangles().to_vec());
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let (again, report) =
         TriangleMesh::clean("shape", vertices, triangles, &options).expect("a clean shape");
     assert_eq!(&again, mesh, "hygiene must not change a shape");

@@ -2,7 +2,7 @@
 
 use crate::common::bare::{clean, joined, moved, raw, reversed, scaled, unit_cube};
 use glam::{DQuat, DVec3};
-use sdf_grid::{HygieneOptions, MeshError, TriangleMesh, shapes};
+use sdf_grid::{MeshError, RepairOptions, TriangleMesh, shapes};
 
 use crate::common::assert_close;
 
@@ -135,7 +135,7 @@ fn open_shells_that_cut_through_each_other_are_refused_by_name() {
     let cube = unit_cube();
     let (vertices, mut triangles) = joined(&[&cube, &moved(&cube, DVec3::new(0.31, 0.47, 0.23))]);
     triangles.pop();
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let refused = TriangleMesh::clean("two", vertices, triangles, &options).unwrap_err();
     let MeshError::Overlap { shells, .. } = &refused else {
         panic!("{refused}");

@@ -1,6 +1,6 @@
 //! Signed distances on a lattice against those of single points in f64.
 
-use sdf_grid::shapes::{RANDOM_KINDS, random_solid};
+use pegfit_fixtures::{RANDOM_KINDS, random_solid};
 use sdf_grid::{
     Bvh, DensityError, Lattice, Monitor, Silent, TriangleMesh, shapes, signed_distances,
 };

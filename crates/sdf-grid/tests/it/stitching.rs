@@ -3,7 +3,7 @@
 use crate::common::bare::{clean, raw, unit_cube};
 use glam::DVec3;
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
-use sdf_grid::{HygieneOptions, LengthUnit, TriangleMesh};
+use sdf_grid::{LengthUnit, RepairOptions, TriangleMesh};
 
 use crate::common::assert_close;
 
@@ -45,9 +45,9 @@ fn faces_that_meet_without_sharing_vertices_are_stitched() {
 
 #[test]
 fn a_crack_that_is_not_stitched_has_no_area() {
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 0.0,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     let (mut vertices, triangles) = cube_with_cracks(4);
     // Off the line by more than nothing, but by no area to speak of.
@@ -104,7 +104,7 @@ fn knots_hardly_larger_than_the_weld_distance_are_left_open() {
         lossy: true,
         ..ReadOptions::default()
     };
-    options.hygiene.max_open_fraction = 1.0;
+    options.repair.max_open_fraction = 1.0;
     let (_, report) = file.clean(&options).expect("any fraction may be open");
     assert_eq!(report.input_triangles, 4);
     assert!(report.triangles < 16, "{} faces", report.triangles);

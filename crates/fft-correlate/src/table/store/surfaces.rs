@@ -1,7 +1,7 @@
 //! The parts' surfaces, for tables whose energies lack what their contact adds.
 
 use glam::DVec3;
-use sdf_grid::{ContactError, HygieneOptions, KernelError, TriangleMesh};
+use sdf_grid::{ContactError, KernelError, RepairOptions, TriangleMesh};
 
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::table::store::error::StoreError;
@@ -83,7 +83,7 @@ fn read_part(
     let corners = triangles.read_whole(files, corners, u32::from_le_bytes)?;
     let vertices = numbers.as_chunks().0.iter().map(|v| DVec3::from_array(*v));
     // A part that was cleaned before stays as it is.
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 0.0,
         max_open_fraction: 1.0,
     };

@@ -17,7 +17,7 @@ mod weld;
 
 use glam::DVec3;
 
-use self::report::{ComponentReport, HygieneOptions, HygieneReport};
+use self::report::{ComponentReport, RepairOptions, RepairReport};
 use crate::mesh::aabb::Aabb;
 use crate::mesh::error::MeshError;
 use crate::mesh::measure::{face_area, volume};
@@ -27,14 +27,14 @@ use crate::mesh::topology::{Edge, Topology};
 const COORDINATE_LIMIT: f64 = 1e12;
 
 /// Vertices, triangles and the report of what was done to them.
-type Cleaned = (Vec<DVec3>, Vec<[u32; 3]>, HygieneReport);
+type Cleaned = (Vec<DVec3>, Vec<[u32; 3]>, RepairReport);
 
 /// Runs the pipeline; see the module documentation.
 pub(crate) fn run(
     name: &str,
     mut vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    options: &HygieneOptions,
+    options: &RepairOptions,
 ) -> Result<Cleaned, MeshError> {
     check_options(name, options)?;
     check_input(name, &vertices, &triangles)?;
@@ -67,7 +67,7 @@ pub(crate) fn run(
         oriented = orient::orient(&vertices, triangles);
     }
     let (vertices, triangles) = compact(&vertices, oriented.triangles);
-    let report = HygieneReport {
+    let report = RepairReport {
         input_vertices,
         input_triangles,
         welded_vertices: welded,
@@ -138,13 +138,13 @@ fn described(
     vertices: &[DVec3],
     triangles: &[[u32; 3]],
     components: Vec<ComponentReport>,
-) -> HygieneReport {
+) -> RepairReport {
     let topology = Topology::new(triangles, vertices.len());
     let count = |is: fn(&Edge<'_>) -> bool| topology.edges().filter(|e| is(e)).count();
     let faces = triangles.iter().map(|t| t.map(|v| vertices[v as usize]));
     let area: f64 = faces.map(face_area).sum();
     let missing = missing_area(vertices, &topology);
-    HygieneReport {
+    RepairReport {
         name: name.to_owned(),
         input_vertices: vertices.len(),
         input_triangles: triangles.len(),
@@ -184,7 +184,7 @@ fn missing_area(vertices: &[DVec3], topology: &Topology<'_>) -> f64 {
     loops.iter().map(fan).fold(0.0, |sum, area| sum + area)
 }
 
-fn check_options(name: &str, options: &HygieneOptions) -> Result<(), MeshError> {
+fn check_options(name: &str, options: &RepairOptions) -> Result<(), MeshError> {
     let check = |item, found: f64, high: f64, expected| {
         if (0.0..=high).contains(&found) {
             return Ok(());

@@ -1,21 +1,21 @@
-//! What hygiene may do, and what it found and did.
+//! What repair may change, and what it found and changed.
 
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::aabb::Aabb;
 
-/// What hygiene may change and what it refuses.
+/// What repair may change and what it refuses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct HygieneOptions {
+pub struct RepairOptions {
     /// Vertices closer than this fraction of the diagonal of the bounds become one, 0 .. 0.01;
     /// 0 welds only equal positions.
     pub weld_tolerance: f64,
-    /// The largest [`HygieneReport::open_area_fraction`] accepted, 0 .. 1.
+    /// The largest [`RepairReport::open_area_fraction`] accepted, 0 .. 1.
     pub max_open_fraction: f64,
 }
 
-impl Default for HygieneOptions {
+impl Default for RepairOptions {
     /// Weld at 1e-6 of the diagonal (finer than any tessellation, coarser than single precision),
     /// refuse above 10 % of open area.
     fn default() -> Self {
@@ -26,7 +26,7 @@ impl Default for HygieneOptions {
     }
 }
 
-/// What hygiene found and changed in one component of the surface.
+/// What repair found and changed in one component of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ComponentReport {
     /// Triangles kept.
@@ -40,9 +40,9 @@ pub struct ComponentReport {
     pub cavity: bool,
 }
 
-/// What hygiene found and changed.
+/// What repair found and changed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HygieneReport {
+pub struct RepairReport {
     /// File or part name.
     pub name: String,
     /// Vertices in the input.
@@ -98,7 +98,7 @@ pub struct HygieneReport {
     pub bounds: Aabb,
 }
 
-impl HygieneReport {
+impl RepairReport {
     /// One sentence for each thing that was changed or that makes results less certain; empty for
     /// a mesh that needed nothing.
     pub fn warnings(&self) -> Vec<String> {

@@ -3,14 +3,14 @@
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh, shapes};
+use sdf_grid::{MeshError, RepairOptions, RepairReport, TriangleMesh, shapes};
 
 /// Hygiene with its defaults.
 pub(crate) fn clean(
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
-    TriangleMesh::clean("part", vertices, triangles, &HygieneOptions::default())
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
+    TriangleMesh::clean("part", vertices, triangles, &RepairOptions::default())
 }
 
 pub(crate) fn raw(mesh: &TriangleMesh) -> (Vec<DVec3>, Vec<[u32; 3]>) {

@@ -5,7 +5,6 @@ mod bvh;
 mod common;
 mod contact_stress;
 mod density_field;
-mod density_gradient;
 mod density_reference;
 mod density_smoothed;
 mod density_solids;

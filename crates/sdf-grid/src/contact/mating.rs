@@ -3,8 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::error::ContactError;
-use super::midpoints::surface_samples;
-use super::samples::{FLAT, SurfaceSample};
+use super::samples::{FLAT, SurfaceSample, surface_samples};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;

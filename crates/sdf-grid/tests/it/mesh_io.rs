@@ -164,7 +164,7 @@ fn obj_agrees_with_tobj() {
         let (models, _) = tobj::load_obj(&path, &options).expect("tobj reads it");
         let other = &models[0].mesh;
         let flat: Vec<f64> = part.vertices().iter().flat_map(|v| v.to_array()).collect();
-        // tobj numbers vertices by their first use, as hygiene does.
+        // tobj numbers vertices by their first use, as repair does.
         assert_eq!(other.positions, flat);
         assert_eq!(other.indices, part.triangles().concat());
     }
@@ -220,7 +220,7 @@ fn faults_in_obj_files_are_refused_with_the_line() {
     assert_eq!(place("v 0 0 0\nf 1 1 1 9\n"), "line 2");
     assert_eq!(place("v 0 0 0\nf 1 1 99999999999999999999\n"), "line 2");
     assert_eq!(place("v 0 0 0 0\n"), "line 1");
-    // What hygiene finds is said in its own terms.
+    // What repair finds is said in its own terms.
     let nan = CUBE.replace("v 1 1 0", "v 1 nan 0");
     assert!(matches!(
         load("nan.obj", nan),

@@ -1,4 +1,4 @@
-//! Bare vertices and triangles, and hygiene with its defaults.
+//! Bare vertices and triangles, and repair with its defaults.
 
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
@@ -47,7 +47,7 @@ pub(crate) fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
         .0
 }
 
-/// A mesh with several of the faults that hygiene repairs.
+/// A mesh with several of the faults that repair removes.
 pub(crate) fn faulty(seed: u64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut rng = SmallRng::seed_from_u64(seed);
     let sphere = shapes::icosphere(1.0, 4).expect("valid size");

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
+use pegfit_fixtures::{self as shapes, PegInHole};
 use rand::Rng;
 use rand::rngs::SmallRng;
-use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::{
-    HygieneOptions, LengthUnit, SymmetryAxis, SymmetryOrder, TriangleMesh, mesh_io, symmetry,
+    LengthUnit, RepairOptions, SymmetryAxis, SymmetryOrder, TriangleMesh, mesh_io, symmetry,
 };
 
 use crate::Outcome;
@@ -117,7 +117,7 @@ pub fn modelled(parts: Option<&Path>) -> Outcome<Vec<Assembly>> {
     for (name, fixed, moving, slide) in REAL {
         let Some(folder) = parts else { break };
         let read = |file: &str| -> Outcome<TriangleMesh> {
-            let options = HygieneOptions::default();
+            let options = RepairOptions::default();
             Ok(mesh_io::read(folder.join(file), LengthUnit::M, &options)?.0)
         };
         all.push(Assembly::new(name, read(fixed)?, read(moving)?, slide));

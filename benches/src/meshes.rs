@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
-use sdf_grid::{HygieneOptions, LengthUnit, TriangleMesh, mesh_io};
+use sdf_grid::{LengthUnit, RepairOptions, TriangleMesh, mesh_io};
 
 use crate::Outcome;
 
@@ -52,7 +52,7 @@ pub fn read_folder(folder: &str) -> Outcome<Vec<(String, TriangleMesh)>> {
     paths.sort();
     let mut parts = Vec::new();
     for path in paths {
-        let (mesh, _) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
+        let (mesh, _) = mesh_io::read(&path, LengthUnit::M, &RepairOptions::default())?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         parts.push((name.into_owned(), mesh));
     }
@@ -96,9 +96,9 @@ pub fn refined(mesh: &TriangleMesh, count: usize) -> Outcome<TriangleMesh> {
         longest *= 0.9;
         while halve(&mut vertices, &mut triangles, longest) {}
     }
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 0.0,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     Ok(TriangleMesh::clean("refined", vertices, triangles, &options)?.0)
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use fft_correlate::Pose;
 use glam::DVec3;
+use pegfit_fixtures as shapes;
 use pegfit_path::{Motion, Outcome as Found, PathAnswer};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::{TriangleMesh, shapes};
+use sdf_grid::TriangleMesh;
 
 use crate::Outcome;
 use crate::assemblies::{modelled, random_rotation};

@@ -9,7 +9,7 @@ use glam::DVec3;
 pub use programs::{hid, replay, table};
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
 use sdf_grid::{
-    Bvh, DensityField, DensityKernel, DensityOptions, HygieneOptions, Lattice, LengthUnit, Silent,
+    Bvh, DensityField, DensityKernel, DensityOptions, RepairOptions, Lattice, LengthUnit, Silent,
     TriangleMesh, signed_distances,
 };
 
@@ -25,14 +25,14 @@ pub fn mesh(format: MeshFormat, bytes: &[u8]) {
         lossy: true,
         ..ReadOptions::default()
     };
-    options.hygiene.max_open_fraction = 1.0;
+    options.repair.max_open_fraction = 1.0;
     if !solids.is_empty() {
         options.solid = Some(solids.len().to_string());
         let _ = file.clean(&options);
         options.solid = None;
     }
     if let Ok((mesh, _)) = file.clean(&options) {
-        check(&mesh, options.hygiene.weld_tolerance);
+        check(&mesh, options.repair.weld_tolerance);
     }
 }
 
@@ -45,7 +45,7 @@ fn check(mesh: &TriangleMesh, weld_tolerance: f64) {
     assert!(mesh.area() > 0.0);
     let count = mesh.vertices().len() as u32;
     assert!(mesh.triangles().iter().flatten().all(|&v| v < count));
-    let options = HygieneOptions {
+    let options = RepairOptions {
         max_open_fraction: 1.0,
         weld_tolerance,
     };
@@ -81,7 +81,7 @@ pub fn hygiene(bytes: &[u8]) {
         .iter()
         .map(|t| t.map(|i| u32::from(i) % wide.max(1)))
         .collect();
-    let options = HygieneOptions {
+    let options = RepairOptions {
         max_open_fraction: 1.0,
         weld_tolerance: [1e-6, 0.0, 1e-2, 1e-3][usize::from(flags >> 2 & 3)],
     };
@@ -105,9 +105,9 @@ pub fn field(bytes: &[u8]) {
     let wide = vertices.len().max(1) as u32;
     let triangles = indices.as_chunks::<3>().0.iter();
     let triangles = triangles.map(|t| t.map(|i| u32::from(i) % wide)).collect();
-    let options = HygieneOptions {
+    let options = RepairOptions {
         max_open_fraction: 1.0,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     let Ok((mesh, _)) = TriangleMesh::clean("fuzz", vertices, triangles, &options) else {
         return;

@@ -16,8 +16,8 @@ use num_complex::Complex64;
 use pegfit_benches::midpoint::{LANES, MidpointSum};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, Row, Sweep, meshes, rms, timed};
+use pegfit_fixtures::{PegInHole, random_solid};
 use rayon::prelude::*;
-use sdf_grid::shapes::{PegInHole, random_solid};
 use sdf_grid::{
     DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
     TriangleMesh,
@@ -232,7 +232,7 @@ fn solids(count: u64, sigmas: &[f64]) -> Outcome<Table> {
         "solids",
         &format!("Worst error over {count} random solids"),
         "Hulls, perforated blocks, plates, needles, tori and stars \
-         (`sdf_grid::shapes::random_solid`), each on a lattice around it and on a cube of twice \
+         (`pegfit_fixtures::random_solid`), each on a lattice around it and on a cube of twice \
          its size: the worst relative L2 error at each tolerance, the solid's number in brackets, \
          and the largest error of the signed distance, in sizes of the part.",
         &["sigma", "1e-2", "1e-3", "1e-4", "1e-5", "distance"],

@@ -15,12 +15,13 @@ use glam::DVec3;
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::ways::{CLEARANCES, Known, KnownPair, known_pairs, millimetres, random_pose};
 use pegfit_benches::{Arguments, Outcome};
+use pegfit_fixtures as shapes;
 use pegfit_path::{
     AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep, PathAnswer,
     PathOptions, PathSearch,
 };
 use rand::{SeedableRng, rngs::SmallRng, seq::SliceRandom};
-use sdf_grid::{Silent, mesh_io, shapes};
+use sdf_grid::{Silent, mesh_io};
 
 const ABOUT: &str = "Ways found by `pegfit path` without energies, both parts turned and shifted by \
     themselves: how often the answer was the known way (or that there is none), told by its motions; \

@@ -18,8 +18,8 @@ use parry3d::shape::{TriMesh, TriMeshFlags};
 use pegfit_benches::Outcome;
 use rayon::prelude::*;
 use sdf_grid::{
-    Bvh, DensityField, DensityKernel, DensityOptions, HygieneOptions, Lattice, LengthUnit,
-    ReferenceDensity, Sampling, Silent, TriangleMesh, mesh_io, signed_distances,
+    Bvh, DensityField, DensityKernel, DensityOptions, Lattice, LengthUnit, ReferenceDensity,
+    RepairOptions, Sampling, Silent, TriangleMesh, mesh_io, signed_distances,
 };
 use serde_json::{Value, json};
 
@@ -38,7 +38,7 @@ fn main() -> Outcome<()> {
     let [x, y, z, spacing, n] = numbers[..] else {
         return Err("five numbers: X Y Z SPACING N".into());
     };
-    let (mesh, _) = mesh_io::read(mesh, LengthUnit::M, &HygieneOptions::default())?;
+    let (mesh, _) = mesh_io::read(mesh, LengthUnit::M, &RepairOptions::default())?;
     let lattice = Lattice::new(DVec3::new(x, y, z), spacing, [n as usize; 3])?;
     let points: Vec<DVec3> = (0..lattice.len())
         .map(|i| lattice.position(lattice.unravel(i)))

@@ -19,7 +19,7 @@ use haptic::{
 use pegfit_benches::table::Table;
 use pegfit_benches::{Arguments, Outcome, ask};
 use pegfit_pictures::{LineChart, Series};
-use sdf_grid::{HygieneOptions, LengthUnit, Silent, TriangleMesh, mesh_io};
+use sdf_grid::{LengthUnit, RepairOptions, Silent, TriangleMesh, mesh_io};
 
 const PAIRS: [(&str, &str, &str); 2] = [
     (
@@ -54,7 +54,7 @@ fn main() -> Outcome<()> {
         eprintln!("{name}: {moving} in {fixed}");
         let read = |file: &str| -> Outcome<TriangleMesh> {
             let path = Path::new(folder).join(file);
-            let (mesh, report) = mesh_io::read(&path, LengthUnit::M, &HygieneOptions::default())?;
+            let (mesh, report) = mesh_io::read(&path, LengthUnit::M, &RepairOptions::default())?;
             for warning in report.warnings() {
                 eprintln!("   {warning}");
             }

@@ -11,9 +11,9 @@
 //!
 //! use fft_correlate::Pose;
 //! use pegfit_path::{Outcome, PathOptions, PathSearch};
-//! use sdf_grid::{Silent, shapes};
+//! use sdf_grid::Silent;
 //!
-//! let (groove, slider) = shapes::dovetail(2e-4)?;
+//! let (groove, slider) = pegfit_fixtures::dovetail(2e-4)?;
 //! let search = PathSearch::new(Arc::new(groove), Arc::new(slider), PathOptions::default())?;
 //! let answer = search.find(&Pose::IDENTITY, None, &Silent)?;
 //! assert_eq!(answer.outcome, Outcome::Free);

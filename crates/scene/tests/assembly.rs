@@ -130,7 +130,7 @@ fn parts_in_different_units_are_a_warning_and_parts_below_a_cell_an_error() {
     let (folder, text) = parts();
     let peg = PegInHole::Rectangular.pair(1e-3).unwrap().1;
     let small = peg.vertices().iter().map(|v| *v * 1e-3).collect();
-    let options = sdf_grid::HygieneOptions::default();
+    let options = sdf_grid::RepairOptions::default();
     let (small, _) = TriangleMesh::clean("peg", small, peg.triangles().to_vec(), &options).unwrap();
     mesh_io::write_obj(folder.path().join("peg.obj"), &small).unwrap();
     let setup = SceneSetup::read(scene(folder.path(), &text), MEMORY).unwrap();

@@ -9,8 +9,8 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
-    DensityField, DensityKernel, DensityOptions, HygieneOptions, Lattice, LengthUnit,
-    ReferenceDensity, Sampling, Silent, TriangleMesh, UnitDensity, mesh_io,
+    DensityField, DensityKernel, DensityOptions, Lattice, LengthUnit, ReferenceDensity,
+    RepairOptions, Sampling, Silent, TriangleMesh, UnitDensity, mesh_io,
 };
 
 /// Reference points per mesh.
@@ -46,7 +46,7 @@ fn meshes() -> Result<Vec<(String, TriangleMesh)>, Box<dyn std::error::Error>> {
         }
     }
     for file in files {
-        let (mesh, _) = mesh_io::read(&file, LengthUnit::M, &HygieneOptions::default())?;
+        let (mesh, _) = mesh_io::read(&file, LengthUnit::M, &RepairOptions::default())?;
         meshes.push((file, mesh));
     }
     Ok(meshes)

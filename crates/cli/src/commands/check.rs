@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use pegfit_scene::Scene;
 use sdf_grid::mesh_io::{ReadOptions, Solid, examine};
 use sdf_grid::text::shown;
-use sdf_grid::{HygieneReport, Ledger, LengthUnit, MeshError, SymmetryAxis, SymmetryOrder};
+use sdf_grid::{Ledger, LengthUnit, MeshError, RepairReport, SymmetryAxis, SymmetryOrder};
 use serde::Serialize;
 
 use crate::args::CheckArgs;
@@ -32,7 +32,7 @@ const OPEN: &str = "it can be used as it is; export a closed solid for exact sig
 enum Verdict {
     Usable {
         #[serde(flatten)]
-        report: Box<HygieneReport>,
+        report: Box<RepairReport>,
         solids: Vec<String>,
         stated_unit: Option<LengthUnit>,
         symmetry: Vec<SymmetryAxis>,
@@ -163,7 +163,7 @@ fn next_for(error: &MeshError) -> Option<&'static str> {
 }
 
 /// A remark on a size that few parts have.
-fn odd_size(report: &HygieneReport, stated: bool) -> Option<String> {
+fn odd_size(report: &RepairReport, stated: bool) -> Option<String> {
     let longest = report.bounds.size().max_element();
     if stated || (LEAST..MOST).contains(&longest) {
         return None;
@@ -248,8 +248,8 @@ fn print_list(title: &str, lines: &[String]) {
     }
 }
 
-/// What hygiene did to the triangles.
-fn print_changes(report: &HygieneReport, unit: LengthUnit) {
+/// What repair did to the triangles.
+fn print_changes(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
     crate::say!(
         "  triangles    {} of {} kept: {} without area, {} duplicate, {} edges cut at T-junctions",
@@ -270,7 +270,7 @@ fn print_changes(report: &HygieneReport, unit: LengthUnit) {
 }
 
 /// How the surface hangs together.
-fn print_surface(report: &HygieneReport, unit: LengthUnit) {
+fn print_surface(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
     crate::say!("  components   {}", report.components);
     if report.components > 1 {
@@ -306,7 +306,7 @@ fn print_surface(report: &HygieneReport, unit: LengthUnit) {
     }
 }
 
-fn print_size(report: &HygieneReport, unit: LengthUnit) {
+fn print_size(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
     let size = report.bounds.size() / metre;
     let low = report.bounds.min / metre;

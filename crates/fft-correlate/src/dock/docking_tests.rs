@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::shapes::{self, PegInHole};
+use pegfit_fixtures::{self as shapes, PegInHole};
 use sdf_grid::{Silent, TriangleMesh};
 
 use super::*;

@@ -2,7 +2,7 @@
 
 use fft_correlate::{DirectEvaluator, DirectOptions, PairBuilder, Pose, ScoreModel};
 use glam::{DQuat, DVec3};
-use sdf_grid::{HygieneOptions, Silent, TriangleMesh, shapes};
+use sdf_grid::{RepairOptions, Silent, TriangleMesh, shapes};
 
 /// A block around `part`, as wide on every side as `room`, hollow where the part is.
 fn mould(part: &TriangleMesh, room: f64) -> TriangleMesh {
@@ -13,7 +13,7 @@ fn mould(part: &TriangleMesh, room: f64) -> TriangleMesh {
     let vertices = [block.vertices(), part.vertices()].concat();
     let inner = part.triangles().iter().map(|t| t.map(|v| v + first));
     let triangles = block.triangles().iter().copied().chain(inner).collect();
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let (mould, report) = TriangleMesh::clean("mould", vertices, triangles, &options).unwrap();
     assert_eq!((report.components, report.cavities), (2, 1));
     mould

@@ -149,7 +149,8 @@ fn points_of(body: &Body, spacing: f64) -> Vec<DVec3> {
 mod tests {
     use super::*;
     use glam::DQuat;
-    use sdf_grid::{TriangleMesh, shapes};
+    use pegfit_fixtures as shapes;
+    use sdf_grid::TriangleMesh;
     use std::sync::Arc;
 
     fn body(mesh: TriangleMesh) -> Body {

@@ -136,7 +136,7 @@ fn key(a: u32, b: u32) -> (u32, u32) {
 mod tests {
     use super::*;
     use crate::contact::features::touching_points;
-    use sdf_grid::shapes;
+    use pegfit_fixtures as shapes;
 
     /// Against the winding number, at points near and far of solids with sharp and blunt features.
     #[test]

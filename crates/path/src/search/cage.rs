@@ -148,7 +148,8 @@ mod tests {
     use std::sync::Arc;
 
     use glam::DQuat;
-    use sdf_grid::{TriangleMesh, shapes};
+    use pegfit_fixtures as shapes;
+    use sdf_grid::TriangleMesh;
 
     use super::*;
 

@@ -228,7 +228,8 @@ mod tests {
     use crate::contact::body::Body;
     use crate::motion::words::{Motion, motions};
     use glam::{DQuat, DVec3};
-    use sdf_grid::{TriangleMesh, shapes};
+    use pegfit_fixtures as shapes;
+    use sdf_grid::TriangleMesh;
     use std::sync::Arc;
     use std::time::Duration;
 

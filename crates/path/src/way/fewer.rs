@@ -120,7 +120,7 @@ mod tests {
     use crate::contact::settle::Limits;
     use crate::search::escape::Escape;
     use glam::DQuat;
-    use sdf_grid::shapes;
+    use pegfit_fixtures as shapes;
     use std::sync::Arc;
 
     /// Along x, down across, along y: the corner is where both axes meet.

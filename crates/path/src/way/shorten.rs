@@ -173,7 +173,7 @@ mod tests {
     use super::*;
     use crate::contact::body::Body;
     use glam::DVec3;
-    use sdf_grid::shapes;
+    use pegfit_fixtures as shapes;
     use std::sync::Arc;
 
     const LIMITS: Limits = Limits {

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::DVec3;
+use pegfit_fixtures as shapes;
 use pegfit_path::{Motion, Outcome, PathOptions};
-use sdf_grid::shapes;
 
 use crate::common::Placed;
 

@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
+use pegfit_fixtures as shapes;
 use pegfit_path::{
     AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyTries, PathError,
 };
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
-use sdf_grid::{Bvh, Monitor, Silent, TriangleMesh, shapes};
+use sdf_grid::{Bvh, Monitor, Silent, TriangleMesh};
 
 use crate::common::random_pose;
 

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
+use pegfit_fixtures as shapes;
 use pegfit_path::{Outcome, PathError, PathOptions, PathSearch, Start};
-use sdf_grid::{Monitor, Silent, shapes};
+use sdf_grid::{Monitor, Silent};
 
 use crate::common::Placed;
 

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use fft_correlate::Pose;
 use glam::DVec3;
+use pegfit_fixtures as shapes;
 use pegfit_path::{Explored, Outcome, PathError, PathOptions, PathSearch};
-use sdf_grid::{Monitor, shapes};
+use sdf_grid::Monitor;
 
 use crate::common::Placed;
 

@@ -11,7 +11,7 @@ use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{HygieneOptions, HygieneReport, Ledger, LengthUnit, TriangleMesh, symmetry};
+use sdf_grid::{Ledger, LengthUnit, RepairOptions, RepairReport, TriangleMesh, symmetry};
 use serde_json::json;
 
 use crate::failure::raised::{Failure, Kind};
@@ -20,11 +20,11 @@ use crate::work::run::{guarded, run};
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: as `pegfit check`.
 const SYMMETRY_TOLERANCE: f64 = 5e-4;
 
-/// A mesh that has passed hygiene, metres, and what hygiene did.
+/// A repaired mesh, metres, and the report of its repair.
 #[pyclass(frozen, module = "pegfit._core")]
 pub(crate) struct Mesh {
     pub(crate) mesh: Arc<TriangleMesh>,
-    report: HygieneReport,
+    report: RepairReport,
     /// What was read of its file, what was ignored and what was assumed; empty without a file.
     ledger: Ledger,
 }
@@ -62,7 +62,7 @@ fn read(
 }
 
 fn cleaned(name: &str, vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Mesh, Failure> {
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options)?;
     Ok(Mesh {
         mesh: Arc::new(mesh),
@@ -145,7 +145,7 @@ impl Mesh {
         Array2::from_shape_fn((triangles.len(), 3), at).into_pyarray(py)
     }
 
-    /// What hygiene calls it.
+    /// Its name in the report of repair.
     pub(crate) fn name(&self) -> &str {
         &self.report.name
     }
@@ -161,7 +161,7 @@ impl Mesh {
         (bounds.min.to_array(), bounds.max.to_array())
     }
 
-    /// The report of hygiene, its warnings and axes of symmetry, as JSON.
+    /// The report of its repair, its warnings and axes of symmetry, as JSON.
     fn check(&self, py: Python<'_>) -> PyResult<String> {
         let mesh = Arc::clone(&self.mesh);
         let axes = run(py, None, move |_| {

@@ -1,7 +1,7 @@
 //! The solids of a scene: read, cleaned, joined, each part in its own frame.
 
 use fft_correlate::Pose;
-use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh, mesh_io};
+use sdf_grid::{MeshError, RepairOptions, RepairReport, TriangleMesh, mesh_io};
 
 use crate::scene::{Part, Scene};
 use crate::setup::warning::SceneWarning;
@@ -15,7 +15,7 @@ pub(crate) fn read_part(
     part: &Part,
     warnings: &mut Vec<SceneWarning>,
 ) -> Result<TriangleMesh, MeshError> {
-    let mut warn = |report: HygieneReport| {
+    let mut warn = |report: RepairReport| {
         warnings.extend(report.warnings().into_iter().map(SceneWarning::Mesh));
     };
     let mut meshes = Vec::new();
@@ -41,7 +41,7 @@ fn moved(mesh: TriangleMesh, pose: &Pose) -> TriangleMesh {
 pub(crate) fn joined(
     name: &str,
     mut meshes: Vec<TriangleMesh>,
-) -> Result<(TriangleMesh, Option<HygieneReport>), MeshError> {
+) -> Result<(TriangleMesh, Option<RepairReport>), MeshError> {
     if meshes.len() == 1 {
         return Ok((meshes.remove(0), None));
     }
@@ -53,8 +53,7 @@ pub(crate) fn joined(
         let shifted = |t: &[u32; 3]| t.map(|v| v.saturating_add(first));
         triangles.extend(mesh.triangles().iter().map(shifted));
     }
-    let (mesh, report) =
-        TriangleMesh::clean(name, vertices, triangles, &HygieneOptions::default())?;
+    let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &RepairOptions::default())?;
     Ok((mesh, Some(report)))
 }
 

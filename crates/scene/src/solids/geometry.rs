@@ -7,7 +7,7 @@ use std::sync::Arc;
 use fft_correlate::Pose;
 use glam::DVec3;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
-use sdf_grid::{HygieneOptions, Ledger, LengthUnit, MeshError, TriangleMesh, shapes};
+use sdf_grid::{Ledger, LengthUnit, MeshError, RepairOptions, TriangleMesh, shapes};
 
 /// Edges around a full turn of cylinders and capsules.
 pub(crate) const SEGMENTS: u32 = 64;
@@ -144,7 +144,7 @@ fn clean(
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
 ) -> Result<TriangleMesh, MeshError> {
-    Ok(TriangleMesh::clean(name, vertices, triangles, &HygieneOptions::default())?.0)
+    Ok(TriangleMesh::clean(name, vertices, triangles, &RepairOptions::default())?.0)
 }
 
 /// A mesh file whose coordinates are stretched along its axes; a mirrored one is turned inside out

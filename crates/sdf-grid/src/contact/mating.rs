@@ -3,8 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::error::ContactError;
-use super::midpoints::surface_samples;
-use super::samples::{FLAT, SurfaceSample};
+use super::samples::{FLAT, SurfaceSample, surface_samples};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
@@ -94,7 +93,9 @@ fn covers(face: &Face, p: DVec3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::shapes::{Profile, cuboid, profiled};
+    use pegfit_fixtures::{Profile, profiled};
+
+    use crate::mesh::shapes::{construction, cuboid};
 
     const LIMITS: MatingLimits = MatingLimits {
         clearance: 3e-4,
@@ -117,6 +118,8 @@ mod tests {
             levels: vec![[0.002, clearance], [-0.005, clearance]],
         };
         let block = profiled(&block, Some(&hole)).unwrap();
+        let (vertices, triangles) = (block.vertices().to_vec(), block.triangles().to_vec());
+        let block = construction::finish("block", vertices, triangles).unwrap();
         let rod = cuboid(DVec3::new(0.006, 0.004, 0.010)).unwrap();
         let [block, rod] =
             [(block, fixed), (rod, moving)].map(|(part, (q, t))| part.transformed(q, t));

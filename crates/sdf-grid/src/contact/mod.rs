@@ -5,14 +5,13 @@
 //! `K(x) = s L(x/s) - s/2 φ(x/s) = s κ(x²/s²) - |x|/2`, `L(z) = φ(z) - |z| Φ(-|z|)`, with `κ` an
 //! entire function; what edges take from it follows from `K` alone.
 //!
-//! - [`samples`]: pieces of a surface; [`midpoints`]: those of all of it;
+//! - [`samples`]: pieces of a surface;
 //! - [`sum`]: the sum over both.
 //!
 //! And [`mating`]: on how much area they lie against each other.
 
 pub(crate) mod error;
 pub(crate) mod mating;
-mod midpoints;
 #[cfg(test)]
 mod reference;
 pub(crate) mod samples;

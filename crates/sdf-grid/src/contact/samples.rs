@@ -3,6 +3,8 @@
 use glam::DVec3;
 
 use super::error::ContactError;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::coplanar::pieces::merged;
 use crate::surface::face::Piece;
 
 /// What is flat, in units of the part's largest extent.
@@ -100,5 +102,28 @@ impl SurfaceSample {
             position: (middles[0] * areas[0] + middles[1] * areas[1]) / all,
             area: 0.5 * (halves[0] + halves[1]),
         })
+    }
+}
+
+/// The surface of `mesh` in pieces whose sides are at most `distance` long (metres), those of
+/// coplanar triangles together.
+///
+/// # Errors
+/// If the distance is not positive and finite, there would be too many, or no triangle has an area.
+pub(crate) fn surface_samples(
+    mesh: &TriangleMesh,
+    distance: f64,
+) -> Result<Vec<SurfaceSample>, ContactError> {
+    if !(distance.is_finite() && distance > 0.0) {
+        return Err(ContactError::Distance { found: distance });
+    }
+    let flat = FLAT * mesh.bounds().size().max_element();
+    let faces = merged(mesh.triangles(), mesh.vertices(), flat);
+    let faces = (0..faces.len()).filter_map(|i| faces.get(i));
+    let mut samples = Vec::new();
+    surface_pieces(faces, distance, |_, s| samples.push(s))?;
+    match samples.is_empty() {
+        true => Err(ContactError::EmptyMesh),
+        false => Ok(samples),
     }
 }

@@ -10,9 +10,9 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::density_field::DensityField;
-use super::error::DensityError;
 use super::kernel::DensityKernel;
 use super::lattice::Lattice;
+use super::options::DensityError;
 use super::options::DensityOptions;
 use super::recipe::FieldRecipe;
 use crate::mesh::triangle_mesh::TriangleMesh;

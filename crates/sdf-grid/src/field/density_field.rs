@@ -3,14 +3,14 @@
 use ndarray::{Array3, Zip};
 use num_complex::Complex32;
 
-use super::error::DensityError;
 use super::kernel::DensityKernel;
 use super::lattice::Lattice;
+use super::lattice::zeros;
+use super::options::DensityError;
 use super::options::{DensityOptions, Sampling};
 use super::recipe::FieldRecipe;
 use super::sampling::blocks::Arrays;
 use super::sampling::fill::{fill, taper, working_bytes};
-use super::zeros::zeros;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
 

@@ -1,9 +1,12 @@
 //! A cubic lattice of points: the map between indices and metres. Holds no values.
 
+use bytemuck::Zeroable;
 use glam::{DVec3, UVec3};
+use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::aabb::Aabb;
+use crate::support::large;
 
 /// Nodes `origin + spacing * (i, j, k)` with `0 <= (i, j, k) < shape`.
 ///
@@ -158,4 +161,12 @@ impl Lattice {
             max: self.origin() + self.spacing * last,
         }
     }
+}
+
+/// An array of zeros on `lattice`, or none if the memory cannot be had. Untouched: its pages are
+/// first written by the threads that fill them.
+pub(super) fn zeros<T: Zeroable>(lattice: &Lattice) -> Option<Array3<T>> {
+    let values = bytemuck::allocation::try_zeroed_vec(lattice.len()).ok()?;
+    large::ask_for_large_pages(&values);
+    Array3::from_shape_vec(lattice.shape(), values).ok()
 }

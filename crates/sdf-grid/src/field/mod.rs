@@ -12,7 +12,6 @@
 
 pub(crate) mod cache;
 pub(crate) mod density_field;
-pub(crate) mod error;
 pub(crate) mod kernel;
 pub(crate) mod lattice;
 pub(crate) mod options;
@@ -21,4 +20,3 @@ pub(crate) mod point;
 mod quadrature;
 pub(crate) mod recipe;
 pub(crate) mod sampling;
-mod zeros;

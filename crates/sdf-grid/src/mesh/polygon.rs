@@ -11,7 +11,7 @@ use spade::{
 /// Cuts a polygon with holes (each listed either way round, no corner repeated at the end) into
 /// triangles of indices into outline and holes chained together, counter-clockwise. Corners on a
 /// straight side may be left out. `None` if the polygon crosses itself or has no area.
-pub(crate) fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec<[u32; 3]>> {
+pub fn triangulate(outline: &[DVec2], holes: &[Vec<DVec2>]) -> Option<Vec<[u32; 3]>> {
     let mut points: Vec<[f64; 2]> = outline.iter().map(|p| p.to_array()).collect();
     let mut starts = Vec::with_capacity(holes.len());
     for hole in holes {
@@ -104,7 +104,7 @@ pub(crate) fn signed_area(polygon: &[DVec2]) -> f64 {
 }
 
 /// Cuts a polygon in space into triangles of indices into `points`, running as the polygon does.
-/// A convex one becomes a fan, and so does one with corners that are not finite, for hygiene to
+/// A convex one becomes a fan, and so does one with corners that are not finite, for repair to
 /// refuse. `None` if it crosses itself or has no area.
 pub(crate) fn triangulate_in_space(points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     let first = *points.first()?;

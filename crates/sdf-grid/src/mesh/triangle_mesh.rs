@@ -1,14 +1,15 @@
-//! Triangle meshes that have passed hygiene.
+//! Triangle meshes that have been repaired.
 
 use glam::{DQuat, DVec3};
 
 use crate::mesh::aabb::Aabb;
 use crate::mesh::error::MeshError;
-use crate::mesh::hygiene::pipeline;
-use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
 use crate::mesh::measure::{face_area, volume};
+use crate::mesh::repair;
+use crate::mesh::repair::report::{RepairOptions, RepairReport};
+use crate::mesh::topology::Topology;
 
-/// A triangle mesh that has passed hygiene: finite vertices, indices in range, no zero-area or
+/// A triangle mesh that has been repaired: finite vertices, indices in range, no zero-area or
 /// duplicate faces, components oriented outwards (cavities inwards). Vertices are metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriangleMesh {
@@ -38,9 +39,9 @@ impl TriangleMesh {
         name: &str,
         vertices: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
-        options: &HygieneOptions,
-    ) -> Result<(Self, HygieneReport), MeshError> {
-        let (vertices, triangles, report) = pipeline::run(name, vertices, triangles, options)?;
+        options: &RepairOptions,
+    ) -> Result<(Self, RepairReport), MeshError> {
+        let (vertices, triangles, report) = repair::run(name, vertices, triangles, options)?;
         let mesh = Self {
             vertices,
             triangles,
@@ -56,6 +57,11 @@ impl TriangleMesh {
     /// Vertex indices of each triangle, counter-clockwise seen from outside. Never empty.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
+    }
+
+    /// Which triangles meet along which edges.
+    pub fn topology(&self) -> Topology<'_> {
+        Topology::new(&self.triangles, self.vertices.len())
     }
 
     /// Corner positions of triangle `index`, metres.

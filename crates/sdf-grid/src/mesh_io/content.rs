@@ -2,8 +2,10 @@
 //! name of a mesh file.
 
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
-use super::format::MeshFormat;
 use super::ledger::{Ledger, LedgerKind};
 use crate::mesh::error::MeshError;
 
@@ -217,6 +219,38 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
         rest = Some(&text[end + 1 + usize::from(wide)..]);
         Some(&text[..end])
     })
+}
+
+/// The bytes of a file.
+pub(super) fn read_whole(path: &Path) -> Result<Vec<u8>, MeshError> {
+    read_start(path, usize::MAX)
+}
+
+/// The first bytes of a file, at most so many.
+pub(super) fn read_start(path: &Path, most: usize) -> Result<Vec<u8>, MeshError> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|f| f.take(most as u64).read_to_end(&mut bytes))
+        .map_err(|source| MeshError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+    Ok(bytes)
+}
+
+/// A mesh format that is read from bytes alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// STL, binary or ASCII.
+    Stl,
+    /// PLY, binary or ASCII.
+    Ply,
+    /// glTF 2.0, JSON or binary.
+    Gltf,
+    /// 3D Manufacturing Format.
+    ThreeMf,
 }
 
 #[cfg(test)]

@@ -45,13 +45,37 @@ impl Converter<'_> {
         wanted: &str,
         arguments: impl FnOnce(&mut Command, &Path, &Path) -> std::io::Result<()>,
     ) -> Result<Result<Vec<u8>, String>, MeshError> {
-        let no_room = |e: std::io::Error| self.failure("a temporary folder", e.to_string());
+        const OUTPUT: &str = "converted";
+        let command = |command: &mut Command, folder: &Path| {
+            let output = folder.join(OUTPUT);
+            arguments(command, folder, &output)
+        };
+        let finished = self.execute(command);
+        let finished = finished.map_err(|[expected, found]| self.failure(expected, found))?;
+        if finished.is_not_installed() {
+            return Ok(Err(finished.last_lines(1)));
+        }
+        let output = finished.output(OUTPUT);
+        output
+            .map(Ok)
+            .ok_or_else(|| self.failure(wanted, finished.describe()))
+    }
+
+    /// Runs the program in a temporary folder until it ends. `arguments` puts its arguments on a
+    /// command, given the folder.
+    ///
+    /// # Errors
+    /// If the program cannot be started or passes a limit: what was expected and what was found.
+    pub(super) fn execute(
+        &self,
+        arguments: impl FnOnce(&mut Command, &Path) -> std::io::Result<()>,
+    ) -> Result<Finished, [String; 2]> {
+        let no_room = |e: std::io::Error| ["a temporary folder".to_owned(), e.to_string()];
         let folder = tempfile::tempdir().map_err(no_room)?;
-        let output = folder.path().join("converted");
-        let said = folder.path().join("messages.txt");
-        let messages = File::create(&said).map_err(no_room)?;
+        let path = folder.path().join("messages.txt");
+        let messages = File::create(&path).map_err(no_room)?;
         let mut command = self.limited();
-        arguments(&mut command, folder.path(), &output).map_err(no_room)?;
+        arguments(&mut command, folder.path()).map_err(no_room)?;
         command
             .stdin(Stdio::null())
             .stdout(messages.try_clone().map_err(no_room)?)
@@ -62,30 +86,20 @@ impl Converter<'_> {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command
             .spawn()
-            .map_err(|e| self.failure("a process to run it in", e.to_string()))?;
+            .map_err(|e| ["a process to run it in".to_owned(), e.to_string()])?;
         let patience = self.time_limit.saturating_mul(PATIENCE);
         let ended = wait(&mut child, patience).filter(|status| !out_of_time(*status));
         let Some(status) = ended else {
             let seconds = self.time_limit.as_secs_f64();
             let limit = format!("an end within {seconds} s of processor time");
-            return Err(self.failure(limit, "a process that still ran: stopped"));
+            return Err([limit, "a process that still ran: stopped".to_owned()]);
         };
-        let text = std::fs::read(&said).unwrap_or_default();
-        let text = String::from_utf8_lossy(&text);
-        let last = |lines: usize| {
-            let skipped = text.lines().count().saturating_sub(lines);
-            text.lines().skip(skipped).collect::<Vec<_>>().join(" / ")
-        };
-        if status
-            .code()
-            .is_some_and(|code| NOT_INSTALLED.contains(&code))
-        {
-            return Ok(Err(last(1)));
-        }
-        match std::fs::read(&output) {
-            Ok(bytes) if status.success() => Ok(Ok(bytes)),
-            _ => Err(self.failure(wanted, format!("{status}, {:?}", last(3)))),
-        }
+        let messages = std::fs::read(&path).unwrap_or_default();
+        Ok(Finished {
+            folder,
+            status,
+            messages: String::from_utf8_lossy(&messages).into_owned(),
+        })
     }
 
     /// What went wrong, as an error that names the file and the program.
@@ -114,6 +128,39 @@ impl Converter<'_> {
             .arg(format!("{seconds:.0}"))
             .arg(self.program);
         command
+    }
+}
+
+/// A program that ended by itself, and the folder in which it ran, which is removed with it.
+pub(super) struct Finished {
+    folder: tempfile::TempDir,
+    pub(super) status: ExitStatus,
+    /// Everything it printed.
+    pub(super) messages: String,
+}
+
+impl Finished {
+    pub(super) fn is_not_installed(&self) -> bool {
+        let code = self.status.code();
+        code.is_some_and(|code| NOT_INSTALLED.contains(&code))
+    }
+
+    /// A file that the program wrote into its folder, if it succeeded.
+    pub(super) fn output(&self, name: &str) -> Option<Vec<u8>> {
+        let bytes = std::fs::read(self.folder.path().join(name)).ok()?;
+        self.status.success().then_some(bytes)
+    }
+
+    /// The last lines that it printed.
+    pub(super) fn last_lines(&self, lines: usize) -> String {
+        let skipped = self.messages.lines().count().saturating_sub(lines);
+        let last: Vec<&str> = self.messages.lines().skip(skipped).collect();
+        last.join(" / ")
+    }
+
+    /// How it ended and the last that it printed, for errors.
+    pub(super) fn describe(&self) -> String {
+        format!("{}, {:?}", self.status, self.last_lines(3))
     }
 }
 

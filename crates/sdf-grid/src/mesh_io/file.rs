@@ -3,14 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::format::MeshFormat;
+use super::content::MeshFormat;
 use super::ledger::{Ledger, LedgerKind};
 use super::soup::{Solid, Soup};
-use super::step::StepOptions;
+use super::step::{self, StepOptions};
 use super::unit::LengthUnit;
-use super::{bytes, content, gltf, obj, ply, step, stl, threemf};
+use super::{content, gltf, obj, ply, stl, threemf};
+use crate::frame::symmetry;
+use crate::frame::symmetry::SymmetryAxis;
 use crate::mesh::error::MeshError;
-use crate::mesh::hygiene::report::{HygieneOptions, HygieneReport};
+use crate::mesh::repair::report::{RepairOptions, RepairReport};
 use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The file name endings that are read.
@@ -27,8 +29,8 @@ pub struct ReadOptions {
     /// What changes a solid and cannot be read (a slicer's negative part, a beam lattice, free-form
     /// surfaces) is left out instead of refused; the ledger lists it.
     pub lossy: bool,
-    /// What hygiene may change and what it refuses.
-    pub hygiene: HygieneOptions,
+    /// What repair may change and what it refuses.
+    pub repair: RepairOptions,
     /// How STEP files become triangles.
     pub step: StepOptions,
 }
@@ -59,7 +61,7 @@ impl ReadOptions {
     }
 }
 
-/// A mesh file's content before hygiene.
+/// A mesh file's content before repair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
     name: String,
@@ -95,13 +97,13 @@ impl MeshFile {
                 });
             }
         };
-        let bytes = bytes::read_whole(path)?;
+        let bytes = content::read_whole(path)?;
         Self::parse(&path.display().to_string(), &bytes, format, path.parent())
     }
 
     fn convert(path: &Path, options: &StepOptions) -> Result<Self, MeshError> {
         let name = path.display().to_string();
-        content::check_step(&name, &bytes::read_start(path, content::PEEK)?)?;
+        content::check_step(&name, &content::read_start(path, content::PEEK)?)?;
         let (converter, soup) = step::convert_file(&name, path, options)?;
         Ok(Self {
             name,
@@ -171,7 +173,7 @@ impl MeshFile {
     /// If there is no such solid, the file has something of it that cannot be read and `options` do
     /// not allow that, [`TriangleMesh::clean`] refuses the mesh, or what a converter made of a STEP
     /// file is not watertight.
-    pub fn clean(&self, options: &ReadOptions) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    pub fn clean(&self, options: &ReadOptions) -> Result<(TriangleMesh, RepairReport), MeshError> {
         let Self { name, soup, .. } = self;
         let wanted = options.solid.as_deref();
         let (mut vertices, triangles) = soup.select(name, wanted, options.lossy)?;
@@ -179,7 +181,7 @@ impl MeshFile {
         for vertex in &mut vertices {
             *vertex *= scale;
         }
-        let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options.hygiene)?;
+        let (mesh, report) = TriangleMesh::clean(name, vertices, triangles, &options.repair)?;
         match &self.converter {
             Some(converter) if !report.watertight => Err(MeshError::Converter {
                 path: PathBuf::from(name),
@@ -200,11 +202,11 @@ impl MeshFile {
 pub fn read(
     path: impl AsRef<Path>,
     unit: LengthUnit,
-    options: &HygieneOptions,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+    options: &RepairOptions,
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
     let options = ReadOptions {
         unit,
-        hygiene: *options,
+        repair: *options,
         ..ReadOptions::default()
     };
     read_with(path, &options)
@@ -217,6 +219,80 @@ pub fn read(
 pub fn read_with(
     path: impl AsRef<Path>,
     options: &ReadOptions,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
     MeshFile::open(path, &options.step)?.clean(options)
+}
+
+/// Deviation from symmetry that counts as none, as a fraction of the diagonal: above the facets of
+/// a fine tessellation, below what matters for a fit.
+const SYMMETRY_TOLERANCE: f64 = 5e-4;
+
+/// All that can be said of a mesh file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Examination {
+    /// What repair found and repaired.
+    pub report: RepairReport,
+    /// The solids in the file, in its order.
+    pub solids: Vec<Solid>,
+    /// The unit that the file itself states.
+    pub stated_unit: Option<LengthUnit>,
+    /// What was read of the file, what was ignored and what was assumed.
+    pub ledger: Ledger,
+    /// Axes about which the cleaned mesh may be turned onto itself, to within 5e-4 of its diagonal.
+    pub symmetry: Vec<SymmetryAxis>,
+}
+
+/// Reads a mesh file, cleans it, and says all that can be said of it.
+///
+/// # Errors
+/// As [`MeshFile::open`] and [`MeshFile::clean`].
+pub fn examine(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Examination, MeshError> {
+    let file = MeshFile::open(path, &options.step)?;
+    let (mesh, report) = file.clean(options)?;
+    let tolerance = SYMMETRY_TOLERANCE * mesh.bounds().diagonal();
+    Ok(Examination {
+        report,
+        solids: file.solids(),
+        stated_unit: file.stated_unit(),
+        ledger: file.ledger(options),
+        symmetry: symmetry::detect(&mesh, tolerance),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::frame::symmetry::SymmetryOrder;
+    use crate::mesh::shapes::PegInHole;
+    use crate::mesh_io::write_obj;
+
+    /// A peg that lies anywhere, in inches: its fourfold axis, and nothing of where it lies.
+    #[test]
+    fn a_turned_peg_is_told_by_its_axis_its_size_and_its_solids() {
+        let (_, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.7, 1.1);
+        let placed = peg.transformed(turn, DVec3::new(0.2, -0.1, 0.05));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("peg.obj");
+        write_obj(&path, &placed).unwrap();
+        let options = ReadOptions {
+            unit: LengthUnit::Inch,
+            ..ReadOptions::default()
+        };
+        let found = examine(&path, &options).unwrap();
+        assert_eq!(found.stated_unit, None);
+        assert_eq!(found.report.triangles, peg.triangles().len());
+        // Written in metres, read as inches; the text holds all digits.
+        let volume = found.report.volume / 0.0254f64.powi(3) / peg.volume();
+        assert!((volume - 1.0).abs() < 1e-9, "{volume}");
+        let along = turn * DVec3::Z;
+        let axis = found.symmetry.iter().find(|axis| {
+            axis.order == SymmetryOrder::Finite(4) && axis.direction.dot(along).abs() > 1.0 - 1e-6
+        });
+        assert!(axis.is_some(), "{:?}", found.symmetry);
+        let missing = examine(folder.path().join("none.obj"), &options);
+        assert!(matches!(missing, Err(MeshError::Read { .. })));
+    }
 }

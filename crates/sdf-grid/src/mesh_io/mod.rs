@@ -6,12 +6,9 @@
 //! lists the solids in it; cleaning turns all of them, or one, into a
 //! [`TriangleMesh`](crate::TriangleMesh). `docs/input.md` says what is read of each format.
 
-mod bytes;
 mod content;
 mod converter;
-mod examination;
 mod file;
-mod format;
 mod gltf;
 pub(crate) mod ledger;
 mod obj;
@@ -22,12 +19,10 @@ mod step;
 mod stl;
 mod threemf;
 pub(crate) mod unit;
-mod write;
 
+pub use content::MeshFormat;
 pub use converter::Converter;
-pub use examination::{Examination, examine};
-pub use file::{FORMATS, MeshFile, ReadOptions, read, read_with};
-pub use format::MeshFormat;
+pub use file::{Examination, FORMATS, MeshFile, ReadOptions, examine, read, read_with};
+pub use obj::{write_obj, write_obj_in};
 pub use soup::Solid;
 pub use step::StepOptions;
-pub use write::{write_obj, write_obj_in};

@@ -4,12 +4,18 @@
 //! or cannot say which line is wrong. Objects (`o`) are the file's solids; where there is none,
 //! groups (`g`) are, as far as each is closed.
 
+use std::io;
+use std::path::Path;
+
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 
 use super::soup::{Soup, syntax};
 use super::{content, parts};
 use crate::mesh::error::MeshError;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::mesh_io::unit::LengthUnit;
+use crate::support::atomic;
 
 /// Words that begin a statement, not the rest of one: a line is not joined with one that begins so.
 const WORDS: [&str; 28] = [
@@ -282,7 +288,48 @@ fn corner(
         0 => return Err(wrong()),
         _ => vertices as i64 + index,
     };
-    // A face may come before its vertices, so only the end of the file says which exist; hygiene
+    // A face may come before its vertices, so only the end of the file says which exist; repair
     // checks that.
     u32::try_from(vertex).map_err(|_| wrong())
+}
+
+/// Writes a mesh as OBJ in metres, with enough digits to read back the same numbers. The file
+/// appears whole or not at all.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_obj(path: impl AsRef<Path>, mesh: &TriangleMesh) -> Result<(), MeshError> {
+    write_obj_in(path, mesh, LengthUnit::M)
+}
+
+/// As [`write_obj`], with coordinates in `unit`: they read back to within rounding.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_obj_in(
+    path: impl AsRef<Path>,
+    mesh: &TriangleMesh,
+    unit: LengthUnit,
+) -> Result<(), MeshError> {
+    let path = path.as_ref();
+    let comment = match unit {
+        LengthUnit::M => "metres",
+        other => other.name(),
+    };
+    atomic::write_with(path, |out| -> io::Result<()> {
+        writeln!(out, "# {comment}")?;
+        for v in mesh.vertices() {
+            let v = *v / unit.in_metres();
+            writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
+        }
+        for t in mesh.triangles() {
+            let [a, b, c] = t.map(|i| i + 1);
+            writeln!(out, "f {a} {b} {c}")?;
+        }
+        Ok(())
+    })
+    .map_err(|source| MeshError::Write {
+        path: path.to_owned(),
+        source,
+    })
 }

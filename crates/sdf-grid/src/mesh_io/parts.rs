@@ -5,15 +5,15 @@
 //! open belongs to what it meets.
 
 use glam::DVec3;
-use rayon::slice::ParallelSliceMut;
 use rustc_hash::FxHashMap;
 
 use super::ledger::LedgerKind;
 use super::soup::Soup;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::measure::{face_area, volume, winding_number};
+use crate::mesh::topology::{DisjointSets, Edge, Topology};
 
-/// Share of a surface that may be missing of a part, as hygiene accepts.
+/// Share of a surface that may be missing of a part, as repair accepts.
 const OPEN: f64 = 0.1;
 
 /// Share of the area of a file that may lie in open scraps beside its closed bodies.
@@ -37,8 +37,10 @@ pub(super) fn join_open(soup: &mut Soup, item: &str) {
     if soup.solids().len() < 2 {
         return;
     }
+    let (corners, count) = welded(soup);
+    let topology = Topology::new(&corners, count);
     let of = soup.solid_of_each();
-    let mut surfaces = Surfaces::of(soup, of, soup.names.len());
+    let mut surfaces = Surfaces::new(soup, &topology, of, soup.names.len());
     surfaces.join_meeting();
     surfaces.join_torn();
     surfaces.join_hollows(|part| part.volume < 0.0);
@@ -77,8 +79,10 @@ pub(super) fn join_namesakes(soup: &mut Soup) {
     if first.len() == names.len() {
         return;
     }
+    let (corners, count) = welded(soup);
+    let topology = Topology::new(&corners, count);
     let of = soup.solid_of_each();
-    let mut surfaces = Surfaces::of(soup, of, names.len());
+    let mut surfaces = Surfaces::new(soup, &topology, of, names.len());
     let open: Vec<&str> = (surfaces.parts().iter())
         .filter(|part| part.open)
         .map(|part| names[part.members[0]].as_str())
@@ -99,12 +103,13 @@ pub(super) fn divide_bodies(soup: &mut Soup) {
     if solids.len() > 1 {
         return;
     }
-    let corners = welded(soup);
-    let (of, count) = components(&corners);
+    let (corners, count) = welded(soup);
+    let topology = Topology::new(&corners, count);
+    let (of, count) = topology.components();
     if !(2..=MOST_BODIES).contains(&count) {
         return;
     }
-    let mut surfaces = Surfaces::with_corners(soup, &corners, of, count);
+    let mut surfaces = Surfaces::new(soup, &topology, of, count);
     surfaces.join_meeting();
     if !surfaces.join_scraps() || !surfaces.join_hollows(|_| true) {
         return;
@@ -124,10 +129,9 @@ pub(super) fn divide_bodies(soup: &mut Soup) {
     soup.divide((0..bodies).map(called).collect(), &of);
 }
 
-/// The corners of each triangle, those at one position under one number.
-fn welded(soup: &Soup) -> Vec<[u32; 3]> {
+/// The corners of each triangle, those at one position under one number, and the count of numbers.
+fn welded(soup: &Soup) -> (Vec<[u32; 3]>, usize) {
     let mut known: FxHashMap<[u64; 3], u32> = FxHashMap::default();
-    // A corner without a vertex meets nothing; hygiene refuses it.
     let of_vertex: Vec<u32> = (0..)
         .zip(&soup.vertices)
         .map(|(i, v)| {
@@ -136,87 +140,27 @@ fn welded(soup: &Soup) -> Vec<[u32; 3]> {
                 .or_insert(i)
         })
         .collect();
-    let at = |v: u32| of_vertex.get(v as usize).copied().unwrap_or(v);
-    soup.triangles.iter().map(|t| t.map(at)).collect()
-}
-
-/// One use of an edge: its ends, lower first, the triangle, and whether it runs upwards.
-type EdgeUse = (u32, u32, u32, bool);
-
-/// Every use of an edge that has two ends, sorted by edge.
-fn edge_uses(corners: &[[u32; 3]]) -> Vec<EdgeUse> {
-    let sides = |(t, &[a, b, c]): (u32, &[u32; 3])| {
-        [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b), t, a < b))
+    // A corner without a vertex meets nothing; repair refuses it.
+    let mut count = soup.vertices.len() as u32;
+    let mut at = |v: u32| {
+        of_vertex.get(v as usize).copied().unwrap_or_else(|| {
+            count += 1;
+            count - 1
+        })
     };
-    let mut uses: Vec<EdgeUse> = (0..).zip(corners).flat_map(sides).collect();
-    uses.retain(|u| u.0 != u.1);
-    uses.par_sort_unstable();
-    uses
-}
-
-/// Uses of the same edge.
-fn by_edge(uses: &[EdgeUse]) -> impl Iterator<Item = &[EdgeUse]> {
-    uses.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-}
-
-/// The component of each triangle, connected through edges of exactly two faces, and their number.
-fn components(corners: &[[u32; 3]]) -> (Vec<usize>, usize) {
-    let mut sets = Sets::new(corners.len());
-    for uses in by_edge(&edge_uses(corners)) {
-        if let [a, b] = uses {
-            sets.join(a.2 as usize, b.2 as usize);
-        }
-    }
-    let (of, members) = sets.numbered();
-    (of, members.len())
-}
-
-/// Disjoint sets of small numbers; the least of each stands for it.
-struct Sets(Vec<usize>);
-
-impl Sets {
-    fn new(count: usize) -> Self {
-        Self((0..count).collect())
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.0[i] != i {
-            self.0[i] = self.0[self.0[i]];
-            i = self.0[i];
-        }
-        i
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b);
-    }
-
-    /// Number of the set of each, in order of their first members, and the members of each.
-    fn numbered(mut self) -> (Vec<usize>, Vec<Vec<usize>>) {
-        let mut members: Vec<Vec<usize>> = Vec::new();
-        let mut of = vec![0; self.0.len()];
-        for i in 0..self.0.len() {
-            let root = self.root(i);
-            of[i] = if root == i {
-                members.push(Vec::new());
-                members.len() - 1
-            } else {
-                of[root]
-            };
-            members[of[i]].push(i);
-        }
-        (of, members)
-    }
+    let corners = soup.triangles.iter().map(|t| t.map(&mut at)).collect();
+    (corners, count as usize)
 }
 
 /// Pieces of surface that are being joined to parts.
 struct Surfaces<'a> {
     soup: &'a Soup,
-    uses: Vec<EdgeUse>,
+    /// Adjacency of its triangles, vertices at one position taken as one.
+    topology: &'a Topology<'a>,
     /// The piece of each triangle.
     of: Vec<usize>,
-    sets: Sets,
+    sets: DisjointSets,
+    pieces: usize,
 }
 
 /// Pieces that were joined.
@@ -234,16 +178,13 @@ struct Joined {
 }
 
 impl<'a> Surfaces<'a> {
-    fn of(soup: &'a Soup, of: Vec<usize>, count: usize) -> Self {
-        Self::with_corners(soup, &welded(soup), of, count)
-    }
-
-    fn with_corners(soup: &'a Soup, corners: &[[u32; 3]], of: Vec<usize>, count: usize) -> Self {
+    fn new(soup: &'a Soup, topology: &'a Topology<'a>, of: Vec<usize>, pieces: usize) -> Self {
         Self {
             soup,
-            uses: edge_uses(corners),
+            topology,
             of,
-            sets: Sets::new(count),
+            sets: DisjointSets::new(pieces),
+            pieces,
         }
     }
 
@@ -252,11 +193,12 @@ impl<'a> Surfaces<'a> {
     }
 
     /// At an edge, each set of pieces that uses it more in one direction than in the other.
-    fn open_at(&mut self, uses: &[EdgeUse]) -> Vec<usize> {
+    fn open_at(&mut self, edge: &Edge<'_>) -> Vec<usize> {
         let mut net: Vec<(usize, i32)> = Vec::new();
-        for &(_, _, triangle, up) in uses {
-            let set = self.sets.root(self.of[triangle as usize]);
-            let step = if up { 1 } else { -1 };
+        for half in edge.half_edges() {
+            let set = self.sets.root(self.of[half.face()]);
+            let [from, to] = self.topology.ends(*half);
+            let step = if from < to { 1 } else { -1 };
             match net.iter_mut().find(|n| n.0 == set) {
                 Some(found) => found.1 += step,
                 None => net.push((set, step)),
@@ -268,14 +210,12 @@ impl<'a> Surfaces<'a> {
 
     /// Joins pieces that are open at the same edge.
     fn join_meeting(&mut self) {
-        let uses = std::mem::take(&mut self.uses);
-        for edge in by_edge(&uses) {
-            let open = self.open_at(edge);
+        for edge in self.topology.edges() {
+            let open = self.open_at(&edge);
             for pair in open.windows(2) {
                 self.sets.join(pair[0], pair[1]);
             }
         }
-        self.uses = uses;
     }
 
     /// Joins everything that is open if some of it is too open to be a part.
@@ -356,7 +296,7 @@ impl<'a> Surfaces<'a> {
         for (t, &piece) in self.of.iter().enumerate() {
             let root = self.sets.root(piece);
             let named = self.soup.triangles[t];
-            // A corner without a vertex is refused by hygiene.
+            // A corner without a vertex is refused by repair.
             if named
                 .iter()
                 .all(|&v| (v as usize) < self.soup.vertices.len())
@@ -364,16 +304,14 @@ impl<'a> Surfaces<'a> {
                 triangles.entry(root).or_default().push(named);
             }
         }
-        let uses = std::mem::take(&mut self.uses);
-        let mut open = vec![false; self.sets.0.len()];
-        for edge in by_edge(&uses) {
-            for set in self.open_at(edge) {
+        let mut open = vec![false; self.pieces];
+        for edge in self.topology.edges() {
+            for set in self.open_at(&edge) {
                 open[set] = true;
             }
         }
-        self.uses = uses;
         let mut members: FxHashMap<usize, Vec<usize>> = FxHashMap::default();
-        for piece in 0..self.sets.0.len() {
+        for piece in 0..self.pieces {
             members
                 .entry(self.sets.root(piece))
                 .or_default()

@@ -193,7 +193,7 @@ fn assemble(file: &str, vertices: &[Vertex], faces: &[Face]) -> Result<Soup, Mes
     Ok(soup)
 }
 
-/// A position; a coordinate that the file does not give stays NaN, which hygiene refuses.
+/// A position; a coordinate that the file does not give stays NaN, which repair refuses.
 struct Vertex([f64; 3]);
 
 impl PropertyAccess for Vertex {

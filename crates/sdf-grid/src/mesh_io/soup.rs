@@ -20,7 +20,7 @@ const MOST_UNFOLDED: u64 = 1 << 26;
 pub struct Solid {
     /// Its name in the file; empty if it has none.
     pub name: String,
-    /// Number of its triangles, before hygiene.
+    /// Number of its triangles, before repair.
     pub triangles: usize,
 }
 
@@ -212,7 +212,7 @@ impl Soup {
             for (kept, &corner) in kept.iter_mut().zip(corners) {
                 *kept = *places.entry(corner).or_insert_with(|| {
                     let next = vertices.len() as u32;
-                    // Beyond the vertices it stays beyond them, for hygiene to refuse.
+                    // Beyond the vertices it stays beyond them, for repair to refuse.
                     match self.vertices.get(corner as usize) {
                         Some(&vertex) => {
                             vertices.push(vertex);
@@ -274,7 +274,7 @@ impl Soup {
                 self.ignore("face of fewer than 3 corners", "it has no area", 1);
                 return Ok(());
             }
-            // A face may come before its vertices; hygiene checks that they exist.
+            // A face may come before its vertices; repair checks that they exist.
             [a, b, c] => {
                 self.triangles.push([a, b, c]);
                 return Ok(());

@@ -1,13 +1,12 @@
 //! STEP, through an external converter.
 //!
-//! Boundary representations need a CAD kernel to become triangles. The converter runs as a process
-//! of its own, with limits, because kernels hang and crash on files that people have.
+//! Boundary representations need a CAD kernel to become triangles.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Command;
+use std::time::Duration;
 
+use super::converter::Converter;
 use super::ledger::{Ledger, LedgerKind};
 use super::soup::Soup;
 use super::stl;
@@ -27,10 +26,6 @@ const CONVERTERS: [&str; 3] = ["python3", "python", "gmsh"];
 /// Modules of Python that can convert, in the order in which they are tried.
 const MODULES: [&str; 2] = ["gmsh", "OCP"];
 
-/// Exit codes that say that a converter is not installed: the shell's, and that of [`SCRIPT`]
-/// without a module.
-const NOT_INSTALLED: [i32; 2] = [127, 69];
-
 /// Exit code of [`SCRIPT`] for a file without a solid.
 const NO_SOLID: i32 = 70;
 
@@ -40,9 +35,9 @@ const NO_SOLID_SAID: &str = "pegfit: no solid in the file";
 /// What to do without a converter.
 const INSTALL: &str = "an installed converter (pip install gmsh)";
 
-/// A converter that waits for something is stopped after this many times its limit of processor
-/// time, by the clock: other programs may take the processors.
-const PATIENCE: u32 = 10;
+/// The file that a converter writes, and what [`SCRIPT`] lists beside it.
+const OUTPUT: &str = "converted.stl";
+const LEDGER: &str = "converted.stl.ledger";
 
 /// How a STEP file becomes triangles.
 #[derive(Debug, Clone, PartialEq)]
@@ -211,81 +206,36 @@ impl Conversion<'_> {
 
     /// Runs in a folder of its own.
     fn run(&self) -> Result<(Vec<u8>, Ledger), Failed> {
-        let no_room =
-            |e: std::io::Error| Failed::Broken("a temporary folder".to_owned(), e.to_string());
-        let folder = tempfile::tempdir().map_err(no_room)?;
-        let output = folder.path().join("converted.stl");
-        let said = folder.path().join("messages.txt");
-        let messages = File::create(&said).map_err(no_room)?;
-        let mut command = self.command(folder.path(), &output).map_err(no_room)?;
-        command
-            .stdin(Stdio::null())
-            .stdout(messages.try_clone().map_err(no_room)?)
-            .stderr(messages)
-            .current_dir(folder.path());
-        // A group of its own, so that what the converter starts is stopped with it.
-        #[cfg(unix)]
-        std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command
-            .spawn()
-            .map_err(|e| Failed::Broken("a process to run it in".to_owned(), e.to_string()))?;
-        let limit = self.options.time_limit;
-        let too_long = || {
-            let seconds = limit.as_secs_f64();
-            let expected = format!("an end within {seconds} s of processor time");
-            Failed::Broken(expected, "a process that still ran: stopped".to_owned())
+        let converter = Converter {
+            file: self.file,
+            program: self.converter,
+            time_limit: self.options.time_limit,
+            memory_limit: self.options.memory_limit,
         };
-        let status = wait(&mut child, limit * PATIENCE).ok_or_else(too_long)?;
-        if out_of_time(status) {
-            return Err(too_long());
+        let finished = converter.execute(|command, folder| self.add_arguments(command, folder));
+        let finished = finished.map_err(|[expected, found]| Failed::Broken(expected, found))?;
+        if finished.status.code() == Some(NO_SOLID) && self.module.is_some() {
+            return Err(Failed::NoSolid(finished.last_lines(1)));
         }
-        let text = std::fs::read(&said).unwrap_or_default();
-        let text = String::from_utf8_lossy(&text);
-        let last = |lines: usize| {
-            let skipped = text.lines().count().saturating_sub(lines);
-            text.lines().skip(skipped).collect::<Vec<_>>().join(" / ")
-        };
-        if status.code() == Some(NO_SOLID) && self.module.is_some() {
-            return Err(Failed::NoSolid(last(1)));
-        }
-        if text.contains(NO_SOLID_SAID) {
+        if finished.messages.contains(NO_SOLID_SAID) {
             return Err(Failed::NoSolid("nothing that bounds a solid".to_owned()));
         }
-        if status
-            .code()
-            .is_some_and(|code| NOT_INSTALLED.contains(&code))
-        {
-            return Err(Failed::Missing(last(1)));
+        if finished.is_not_installed() {
+            return Err(Failed::Missing(finished.last_lines(1)));
         }
-        match std::fs::read(&output) {
-            Ok(bytes) if status.success() => {
-                let said = std::fs::read_to_string(folder.path().join("converted.stl.ledger"));
-                Ok((bytes, ledger(&said.unwrap_or_default())))
-            }
-            _ => {
-                let found = format!("{status}, {:?}", last(3));
-                Err(Failed::Broken("triangles".to_owned(), found))
-            }
-        }
+        let Some(stl) = finished.output(OUTPUT) else {
+            return Err(Failed::Broken("triangles".to_owned(), finished.describe()));
+        };
+        let listed = finished.output(LEDGER).unwrap_or_default();
+        Ok((
+            stl,
+            ledger(std::str::from_utf8(&listed).unwrap_or_default()),
+        ))
     }
 
-    /// The shell limits itself and then becomes the converter; it exits with 127 if there is none.
-    fn command(&self, folder: &Path, output: &Path) -> std::io::Result<Command> {
-        let limit = self.options.memory_limit;
+    fn add_arguments(&self, command: &mut Command, folder: &Path) -> std::io::Result<()> {
         let segments = self.options.segments_per_turn.to_string();
-        let seconds = self.options.time_limit.as_secs_f64().ceil().max(1.0);
-        let mut command = Command::new("sh");
-        command
-            .arg("-c")
-            .arg(
-                "ulimit -v \"$1\" && ulimit -f \"$2\" && ulimit -S -t \"$3\" && shift 3 && \
-                 exec \"$@\"",
-            )
-            .arg("sh")
-            .arg((limit / 1024).to_string())
-            .arg((limit / 512).to_string())
-            .arg(format!("{seconds:.0}"))
-            .arg(self.converter);
+        let output = folder.join(OUTPUT);
         if let Some(module) = self.module {
             let script = folder.join("step.py");
             std::fs::write(&script, SCRIPT)?;
@@ -306,7 +256,7 @@ impl Conversion<'_> {
                 .args(["-2", "-format", "stl", "-o"])
                 .arg(output);
         }
-        Ok(command)
+        Ok(())
     }
 }
 
@@ -325,48 +275,4 @@ fn ledger(text: &str) -> Ledger {
         ledger.add_many(kind, item, reason, count.parse().unwrap_or(1));
     }
     ledger
-}
-
-/// Whether a process, or one that its shell waited for, was ended for taking too much processor
-/// time.
-#[cfg(unix)]
-fn out_of_time(status: ExitStatus) -> bool {
-    let signal = rustix::process::Signal::XCPU.as_raw();
-    std::os::unix::process::ExitStatusExt::signal(&status) == Some(signal)
-        || status.code() == Some(128 + signal)
-}
-
-#[cfg(not(unix))]
-fn out_of_time(_: ExitStatus) -> bool {
-    false
-}
-
-/// Waits for the child until the limit, then stops it and all it started and returns `None`.
-fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
-    let start = Instant::now();
-    loop {
-        match child.try_wait() {
-            Ok(Some(status)) => return Some(status),
-            Ok(None) if start.elapsed() < limit => std::thread::sleep(Duration::from_millis(10)),
-            _ => {
-                stop(child);
-                // It may have ended in between; either way it must be reaped.
-                let _ = child.wait();
-                return None;
-            }
-        }
-    }
-}
-
-#[cfg(unix)]
-fn stop(child: &mut Child) {
-    let group = rustix::process::Pid::from_child(child);
-    if rustix::process::kill_process_group(group, rustix::process::Signal::KILL).is_err() {
-        let _ = child.kill();
-    }
-}
-
-#[cfg(not(unix))]
-fn stop(child: &mut Child) {
-    let _ = child.kill();
 }

@@ -1,7 +1,7 @@
 //! STL, binary and ASCII.
 //!
 //! Read here rather than through a library because the one there is stops at the first of several
-//! ASCII solids and trusts the count in a binary header. Normals are ignored: hygiene orients.
+//! ASCII solids and trusts the count in a binary header. Normals are ignored: repair orients.
 
 use glam::{DVec3, Vec3};
 

@@ -6,4 +6,3 @@ pub(crate) mod coplanar;
 pub(crate) mod face;
 pub(crate) mod interference;
 pub(crate) mod moments;
-mod shared_length;

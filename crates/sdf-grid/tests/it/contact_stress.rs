@@ -1,11 +1,11 @@
 //! The contact sum where it is hardest: whatever the parts and wherever they lie, it is finite.
 
 use glam::{DQuat, DVec3};
+use pegfit_fixtures::{self as shapes, PegInHole};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use rayon::prelude::*;
-use sdf_grid::shapes::{self, PegInHole};
-use sdf_grid::{ContactError, ContactSum, HygieneOptions, TriangleMesh};
+use sdf_grid::{ContactError, ContactSum, RepairOptions, TriangleMesh};
 
 use crate::common::random_star;
 
@@ -57,7 +57,7 @@ fn pair(rng: &mut SmallRng) -> [TriangleMesh; 2] {
 }
 
 fn clean(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> TriangleMesh {
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 0.0,
         max_open_fraction: 0.2,
     };

@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use num_complex::Complex64;
+use pegfit_fixtures::{RANDOM_KINDS, cylinder, random_solid, torus};
 use rayon::prelude::*;
-use sdf_grid::shapes::{RANDOM_KINDS, cylinder, random_solid, torus};
 use sdf_grid::{
     Bvh, DensityField, DensityKernel, DensityOptions, Lattice, ReferenceDensity, Sampling, Silent,
     TriangleMesh,

@@ -5,7 +5,7 @@ use std::io::Write;
 use glam::{DMat4, DQuat, DVec3};
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
 use sdf_grid::shapes;
-use sdf_grid::{HygieneReport, LengthUnit, MeshError, TriangleMesh};
+use sdf_grid::{LengthUnit, MeshError, RepairReport, TriangleMesh};
 use serde_json::{Value, json};
 
 /// A box of 2 x 3 x 4.
@@ -17,7 +17,7 @@ fn clean(
     bytes: &[u8],
     format: MeshFormat,
     solid: Option<&str>,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
     let options = ReadOptions {
         unit: LengthUnit::Foot,
         solid: solid.map(str::to_owned),

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 use sdf_grid::mesh_io::{read, write_obj};
 use sdf_grid::shapes::{self, PegInHole};
-use sdf_grid::{HygieneOptions, HygieneReport, LengthUnit, MeshError, TriangleMesh};
+use sdf_grid::{LengthUnit, MeshError, RepairOptions, RepairReport, TriangleMesh};
 
 use crate::common::assert_close;
 
@@ -25,10 +25,10 @@ impl Folder {
     }
 }
 
-fn load(name: &str, bytes: impl AsRef<[u8]>) -> Result<(TriangleMesh, HygieneReport), MeshError> {
+fn load(name: &str, bytes: impl AsRef<[u8]>) -> Result<(TriangleMesh, RepairReport), MeshError> {
     let folder = Folder::new();
     let path = folder.file(name, bytes);
-    read(path, LengthUnit::M, &HygieneOptions::default())
+    read(path, LengthUnit::M, &RepairOptions::default())
 }
 
 /// Place, expected and found of a syntax error.
@@ -155,7 +155,7 @@ fn obj_agrees_with_tobj() {
     {
         let path = folder.0.path().join(format!("{i}.obj"));
         write_obj(&path, part).expect("written");
-        let (mesh, _) = read(&path, LengthUnit::M, &HygieneOptions::default()).expect("read");
+        let (mesh, _) = read(&path, LengthUnit::M, &RepairOptions::default()).expect("read");
         assert_eq!(&mesh, part, "a written mesh reads back bit by bit");
         let options = tobj::LoadOptions {
             triangulate: true,
@@ -164,7 +164,7 @@ fn obj_agrees_with_tobj() {
         let (models, _) = tobj::load_obj(&path, &options).expect("tobj reads it");
         let other = &models[0].mesh;
         let flat: Vec<f64> = part.vertices().iter().flat_map(|v| v.to_array()).collect();
-        // tobj numbers vertices by their first use, as hygiene does.
+        // tobj numbers vertices by their first use, as repair does.
         assert_eq!(other.positions, flat);
         assert_eq!(other.indices, part.triangles().concat());
     }
@@ -182,7 +182,7 @@ fn units_scale_to_metres() {
         (LengthUnit::Inch, "inch", 0.0254),
         (LengthUnit::Foot, "foot", 0.3048),
     ] {
-        let (mesh, _) = read(&path, unit, &HygieneOptions::default()).expect("a cube");
+        let (mesh, _) = read(&path, unit, &RepairOptions::default()).expect("a cube");
         assert_eq!(mesh.bounds().size(), DVec3::splat(metres));
         assert_eq!(name.parse::<LengthUnit>().expect("a unit"), unit);
         assert_eq!(unit.to_string(), name);
@@ -193,7 +193,7 @@ fn units_scale_to_metres() {
 
 #[test]
 fn missing_files_and_unknown_formats_are_named() {
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let error = read("/no/such/peg.obj", LengthUnit::M, &options).expect_err("no file");
     assert!(matches!(&error, MeshError::Read { path, .. } if path.ends_with("peg.obj")));
     assert!(error.to_string().contains("/no/such/peg.obj"));
@@ -220,7 +220,7 @@ fn faults_in_obj_files_are_refused_with_the_line() {
     assert_eq!(place("v 0 0 0\nf 1 1 1 9\n"), "line 2");
     assert_eq!(place("v 0 0 0\nf 1 1 99999999999999999999\n"), "line 2");
     assert_eq!(place("v 0 0 0 0\n"), "line 1");
-    // What hygiene finds is said in its own terms.
+    // What repair finds is said in its own terms.
     let nan = CUBE.replace("v 1 1 0", "v 1 nan 0");
     assert!(matches!(
         load("nan.obj", nan),

@@ -2,22 +2,23 @@
 
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use glam::{DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
-use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh};
+use sdf_grid::{LengthUnit, MeshError, RepairOptions, RepairReport, TriangleMesh, mesh_io};
 
 use crate::common::assert_close;
 
 /// Rounding of sums over a few thousand faces.
 const EXACT: f64 = 1e-12;
 
-fn report(mesh: &TriangleMesh) -> HygieneReport {
+fn report(mesh: &TriangleMesh) -> RepairReport {
     let (vertices, triangles) = (mesh.vertices().to_vec(), mesh.triangles().to_vec());
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let (again, report) =
         TriangleMesh::clean("shape", vertices, triangles, &options).expect("a clean shape");
-    assert_eq!(&again, mesh, "hygiene must not change a shape");
+    assert_eq!(&again, mesh, "repair must not change a shape");
     assert!(report.watertight);
     assert_eq!(report.warnings(), Vec::<String>::new());
     report
@@ -191,4 +192,55 @@ fn bad_sizes_are_refused_by_name() {
         shapes::prism(&line, &[], 1.0),
         Err(MeshError::Polygon { polygon: 0, .. })
     ));
+}
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures")
+}
+
+#[test]
+fn every_mesh_has_the_hash_in_the_readme() {
+    let readme = std::fs::read_to_string(folder().join("README.md")).expect("a README");
+    let mut meshes = 0;
+    for entry in std::fs::read_dir(folder()).expect("the folder") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_none_or(|e| e != "obj") {
+            continue;
+        }
+        meshes += 1;
+        let name = path
+            .file_name()
+            .expect("a name")
+            .to_string_lossy()
+            .into_owned();
+        let row = readme
+            .lines()
+            .find(|l| l.starts_with(&format!("| {name} |")))
+            .unwrap_or_else(|| panic!("{name} is not in the README"));
+        let hash = blake3::hash(&std::fs::read(&path).expect("the file")).to_string();
+        assert!(row.contains(&hash), "{name} has hash {hash}");
+    }
+    assert_eq!(meshes, 2 * PegInHole::ALL.len());
+}
+
+#[test]
+fn every_pair_is_what_the_shapes_make() {
+    for pair in PegInHole::ALL {
+        let (hole, peg) = pair.pair(0.0).expect("valid clearance");
+        for (mesh, part) in [(hole, "hole"), (peg, "peg")] {
+            let path = folder().join(format!("{}_{part}.obj", pair.name()));
+            let options = RepairOptions::default();
+            let (read, report) = mesh_io::read(&path, LengthUnit::M, &options).expect("readable");
+            assert_eq!(report.warnings(), Vec::<String>::new());
+            assert_eq!(read.triangles(), mesh.triangles());
+            // Sines differ in the last digit between systems.
+            let apart = read
+                .vertices()
+                .iter()
+                .zip(mesh.vertices())
+                .map(|(a, b)| a.distance(*b))
+                .fold(0.0, f64::max);
+            assert!(apart < 1e-16, "{apart}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use sdf_grid::mesh_io::{self, MeshFile, ReadOptions, StepOptions};
-use sdf_grid::{HygieneOptions, LedgerKind, LengthUnit, MeshError};
+use sdf_grid::{LedgerKind, LengthUnit, MeshError, RepairOptions};
 
 /// A tetrahedron of volume 1/6 as the converter's output, for `cat`.
 const TETRAHEDRON: &str = "solid t
@@ -182,7 +182,7 @@ fn an_open_result_is_refused() {
         folder.path(),
         &format!("cat > \"$output\" <<END\n{open}END"),
     );
-    options.hygiene.max_open_fraction = 1.0;
+    options.repair.max_open_fraction = 1.0;
     let error = mesh_io::read_with(step, &options).expect_err("open");
     assert!(
         error
@@ -194,7 +194,7 @@ fn an_open_result_is_refused() {
 
 #[test]
 fn a_missing_step_file_is_named() {
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     let error = mesh_io::read("/no/such.stp", LengthUnit::Mm, &options).expect_err("no file");
     assert!(matches!(error, MeshError::Read { .. }));
 }

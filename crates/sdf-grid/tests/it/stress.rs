@@ -14,8 +14,8 @@ use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use rayon::prelude::*;
 use sdf_grid::{
-    Bvh, DensityField, DensityKernel, DensityOptions, HygieneOptions, HygieneReport, Lattice,
-    MeshError, ReferenceDensity, Sampling, Silent, TriangleMesh,
+    Bvh, DensityField, DensityKernel, DensityOptions, Lattice, MeshError, ReferenceDensity,
+    RepairOptions, RepairReport, Sampling, Silent, TriangleMesh,
 };
 
 use crate::common::{cuboid, icosphere, random_star, relative_l2};
@@ -27,8 +27,8 @@ fn clean(
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     weld_tolerance: f64,
-) -> (TriangleMesh, HygieneReport) {
-    let options = HygieneOptions {
+) -> (TriangleMesh, RepairReport) {
+    let options = RepairOptions {
         weld_tolerance,
         max_open_fraction: 0.2,
     };
@@ -263,9 +263,9 @@ fn slivers_of_a_billionth() {
     let (mesh, report) = clean(vertices.clone(), triangles.clone(), 1e-6);
     assert!(report.watertight);
     agrees("closed", &mesh, 0.1);
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 0.0,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     let refused = TriangleMesh::clean("stress", vertices, triangles, &options);
     assert!(

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::symmetry::detect;
-use sdf_grid::{HygieneOptions, TriangleMesh};
+use sdf_grid::{RepairOptions, TriangleMesh};
 use sdf_grid::{SymmetryAxis, SymmetryOrder};
 
 use SymmetryOrder::{Continuous, Finite};
@@ -134,7 +134,7 @@ fn a_part_without_symmetry_has_no_axis() {
         "l",
         vertices,
         mesh.triangles().to_vec(),
-        &HygieneOptions::default(),
+        &RepairOptions::default(),
     )
     .expect("clean")
     .0;
@@ -175,7 +175,7 @@ fn an_unevenly_cut_face_changes_nothing() {
     );
     triangles[top] = [a, b, extra];
     triangles.extend([[b, c, extra], [c, a, extra]]);
-    let (mesh, _) = TriangleMesh::clean("cube", vertices, triangles, &HygieneOptions::default())
-        .expect("clean");
+    let (mesh, _) =
+        TriangleMesh::clean("cube", vertices, triangles, &RepairOptions::default()).expect("clean");
     assert_eq!(along(&find(&mesh), DVec3::Z), Some(Finite(4)));
 }

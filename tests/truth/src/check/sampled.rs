@@ -3,7 +3,7 @@
 use fft_correlate::{Pose, ScoreModel};
 use glam::DVec3;
 use rayon::prelude::*;
-use sdf_grid::{Aabb, Bvh, DensityGradient, DensityKernel, TriangleMesh};
+use sdf_grid::{Aabb, Bvh, DensityKernel, DensityProbe, TriangleMesh};
 
 use crate::error::TruthError;
 use crate::halo::{cut_off, halo_of};
@@ -22,7 +22,7 @@ pub struct SampledEnergy {
 
 struct Part {
     bvh: Bvh,
-    density: DensityGradient,
+    density: DensityProbe,
     bounds: Aabb,
 }
 
@@ -46,7 +46,7 @@ pub fn sampled_energy(
     let part = |mesh: &TriangleMesh| {
         Ok::<_, TruthError>(Part {
             bvh: Bvh::build(mesh),
-            density: DensityGradient::new(mesh, &kernel)?,
+            density: DensityProbe::new(mesh, &kernel)?,
             bounds: mesh.bounds(),
         })
     };
@@ -147,7 +147,7 @@ impl Sampler {
             return 0.0;
         };
         let fade = cut_off(a, self.halo) * cut_off(b, self.halo);
-        let product = fixed.density.combined(1.0, 1.0) * moving.density.combined(1.0, 1.0);
+        let product = fixed.combined(1.0, 1.0) * moving.combined(1.0, 1.0);
         weight * fade * product.re
     }
 }

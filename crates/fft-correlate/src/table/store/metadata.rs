@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use sdf_grid::atomic::AtomicFolder;
-use sdf_grid::{ContactError, HygieneOptions, KernelError, TriangleMesh};
+use sdf_grid::{ContactError, KernelError, RepairOptions, TriangleMesh};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -491,7 +491,7 @@ fn read_part(
     let corners = triangles.read_whole(files, corners, u32::from_le_bytes)?;
     let vertices = numbers.as_chunks().0.iter().map(|v| DVec3::from_array(*v));
     // A part that was cleaned before stays as it is.
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 0.0,
         max_open_fraction: 1.0,
     };

@@ -6,7 +6,7 @@ use super::edge::Edge;
 use super::kernel::ContactKernel;
 use crate::contact::samples::FLAT;
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::outlines::{Outline, outlines};
+use crate::surface::coplanar::outline::{Outline, outlines};
 
 /// The surface of a part: flat regions with their edges.
 #[derive(Debug, Clone)]

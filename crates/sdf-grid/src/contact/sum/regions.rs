@@ -15,7 +15,7 @@ use crate::contact::error::ContactError;
 use crate::contact::samples::surface_pieces;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::outlines::{Outline, outlines};
+use crate::surface::coplanar::outline::{Outline, outlines};
 use crate::surface::face::Piece;
 
 /// Edge of the boxes in which pieces of a curved surface are taken together, in units of the reach.

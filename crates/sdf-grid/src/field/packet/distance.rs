@@ -11,7 +11,7 @@ use super::points::{Packet, Points};
 use crate::dispatch_lanes;
 use crate::support::large::{self, prefetch};
 use crate::support::level;
-use crate::surface::bvh::node::Stack;
+use crate::surface::bvh::build::Stack;
 use crate::surface::bvh::tree::Bvh;
 
 /// Distances of packets.

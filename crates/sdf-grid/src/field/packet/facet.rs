@@ -4,7 +4,7 @@ use fearless_simd::{f32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::points::Packet;
-use crate::surface::bvh::node::Node;
+use crate::surface::bvh::build::Node;
 use crate::surface::face::Face;
 use crate::surface::moments::Moments;
 

@@ -3,11 +3,9 @@
 
 use glam::DVec3;
 
-use super::boundary;
-use super::distance_gradient::{EQUALLY_NEAR, extended_gradient};
-use super::edge_gradient::FaceGradient;
 use super::edge_integral::EdgeQuadrature;
-use super::unit::{UnitDensity, UnitGradient};
+use super::tree;
+use super::unit::UnitDensity;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::face::{Face, Piece};
@@ -65,11 +63,10 @@ impl ReferenceDensity {
     /// Both unit parts at `p` (eq_3). On the boundary they are half of each one-sided limit, taken
     /// `step` metres from it along the averaged normal.
     pub fn unit_density(&self, p: DVec3, step: f64) -> UnitDensity {
-        if self.distance(p) > boundary::BAND * self.size {
+        if self.distance(p) > tree::BAND * self.size {
             return self.off_boundary(p);
         }
-        let normal =
-            boundary::averaged_normal(self.triangles.iter(), p, boundary::BAND * self.size);
+        let normal = tree::averaged_normal(self.triangles.iter(), p, tree::BAND * self.size);
         let side = |s: f64| self.off_boundary(p + normal * (s * step));
         UnitDensity::mean(side(1.0), side(-1.0))
     }
@@ -82,32 +79,6 @@ impl ReferenceDensity {
         let term = |t| self.quadrature.face(&self.table, t, p, xi);
         let integral = self.triangles.iter().map(term).sum();
         UnitDensity::from_integral(integral, self.winding_number(p) > 0.5)
-    }
-
-    /// Value and gradient of both unit parts at `p` (eq_3a), per metre, with the extended gradient
-    /// of the distance ([`crate::DensityGradient`]). None on the boundary, where the density jumps.
-    pub fn unit_gradient(&self, p: DVec3) -> Option<UnitGradient> {
-        let xi = self.distance(p);
-        if xi <= boundary::BAND * self.size {
-            return None;
-        }
-        let near = xi + EQUALLY_NEAR * self.size;
-        let nearest = self.triangles.iter().filter_map(|t| {
-            let from = p - t.closest(p);
-            (from.length_squared() <= near * near).then(|| from.normalize())
-        });
-        let nearest: Vec<DVec3> = nearest.collect();
-        let mut sum = FaceGradient::default();
-        for t in &self.triangles {
-            sum.add(&self.quadrature.face_gradient(&self.table, t, p, xi));
-        }
-        let inside = self.winding_number(p) > 0.5;
-        Some(UnitGradient::new(
-            &sum,
-            extended_gradient(&nearest),
-            inside,
-            1.0,
-        ))
     }
 
     /// The paper's midpoint sum (eq_10) at `p`: one sample per triangle. A baseline, not an oracle.

@@ -1,9 +1,6 @@
-//! Density and gradient at one point, as two unit parts.
+//! Density at one point, as two unit parts.
 
-use glam::DVec3;
 use num_complex::Complex64;
-
-use super::edge_gradient::FaceGradient;
 
 /// The two unit parts of the density at one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -42,37 +39,6 @@ impl UnitDensity {
         Self {
             exterior: 0.5 * (a.exterior + b.exterior),
             interior: 0.5 * (a.interior + b.interior),
-        }
-    }
-}
-
-/// Value and gradient of the two unit parts of the density at one point.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct UnitGradient {
-    /// The density itself, dimensionless.
-    pub density: UnitDensity,
-    /// Gradient of the exterior part in the part's frame, per metre; zero inside the part.
-    pub exterior: [Complex64; 3],
-    /// Gradient of the interior part in the part's frame, per metre; zero outside the part.
-    pub interior: [Complex64; 3],
-}
-
-impl UnitGradient {
-    /// The gradient of `l1 * exterior + l2 * interior`, per metre.
-    pub fn combined(&self, lambda_exterior: f64, lambda_interior: f64) -> [Complex64; 3] {
-        let [o, i] = [self.exterior, self.interior];
-        std::array::from_fn(|k| o[k] * lambda_exterior + i[k] * lambda_interior)
-    }
-
-    /// From the sum over faces, the extended gradient of the unsigned distance, and what one metre
-    /// is in the sum's unit of length.
-    pub(crate) fn new(sum: &FaceGradient, distance: DVec3, inside: bool, scale: f64) -> Self {
-        let slope = |k: usize| (sum.point[k] + sum.distance * distance[k]) * scale;
-        let parts = [0, 1, 2].map(|k| UnitDensity::from_integral(slope(k), inside));
-        Self {
-            density: UnitDensity::from_integral(sum.value, inside),
-            exterior: parts.map(|p| p.exterior),
-            interior: parts.map(|p| p.interior),
         }
     }
 }

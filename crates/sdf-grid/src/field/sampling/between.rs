@@ -10,9 +10,9 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::blocks::{Arrays, Block};
-use crate::field::error::DensityError;
 use crate::field::lattice::Lattice;
-use crate::field::zeros::zeros;
+use crate::field::lattice::zeros;
+use crate::field::options::DensityError;
 
 /// Fine nodes per coarse node and axis.
 pub(super) const FINE: usize = 2;

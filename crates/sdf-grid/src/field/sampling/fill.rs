@@ -10,12 +10,12 @@ use super::blocks::{Arrays, Block, block_count, blocks};
 use super::patch::{Anchors, Patch};
 use super::patch_density::{PatchDensity, PatchValues};
 use super::smoothed::Smoothing;
-use crate::field::error::DensityError;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::lattice::Lattice;
+use crate::field::options::DensityError;
 use crate::field::options::Sampling;
 use crate::field::packet::density::PacketDensity;
-use crate::field::point::boundary;
+use crate::field::point::tree;
 use crate::field::point::tree::PointDensity;
 use crate::field::recipe::FieldRecipe;
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -184,7 +184,7 @@ impl<'a> Sampler<'a> {
             PacketDensity::new(bvh, table, recipe.tolerance),
             PointDensity::new(bvh, table),
             recipe.halo * scale,
-            boundary::STEP * lattice.spacing() * scale,
+            tree::STEP * lattice.spacing() * scale,
             [recipe.tolerance, table.kernel().sigma()],
         );
         Self {

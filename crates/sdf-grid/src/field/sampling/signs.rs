@@ -173,7 +173,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::mesh::hygiene::report::HygieneOptions;
+    use crate::mesh::repair::report::RepairOptions;
     use crate::mesh::shapes::random_solid;
     use crate::mesh::triangle_mesh::TriangleMesh;
     use crate::surface::bvh::build::Leaves;
@@ -182,9 +182,9 @@ mod tests {
     /// The mesh without its first faces.
     fn opened(mesh: &TriangleMesh) -> TriangleMesh {
         let kept = mesh.triangles()[mesh.triangles().len() / 8..].to_vec();
-        let options = HygieneOptions {
+        let options = RepairOptions {
             max_open_fraction: 1.0,
-            ..HygieneOptions::default()
+            ..RepairOptions::default()
         };
         let vertices = mesh.vertices().to_vec();
         let (mesh, report) = TriangleMesh::clean("open", vertices, kept, &options).unwrap();

@@ -14,9 +14,9 @@ use rayon::prelude::*;
 
 use super::between::{self, Between, FINE};
 use super::blocks::{Arrays, block_count};
-use crate::field::error::DensityError;
 use crate::field::lattice::Lattice;
-use crate::field::zeros::zeros;
+use crate::field::lattice::zeros;
+use crate::field::options::DensityError;
 
 /// Fine nodes along x that are worked on together: two blocks deep.
 const DEPTH: usize = 16;

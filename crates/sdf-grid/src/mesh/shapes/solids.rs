@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 
 use crate::mesh::error::MeshError;
-use crate::mesh::hygiene::report::HygieneOptions;
 use crate::mesh::polygon;
+use crate::mesh::repair::report::RepairOptions;
 use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The most segments around a circle, or subdivisions of a sphere's faces, that are accepted.
@@ -134,13 +134,17 @@ pub fn torus(
 }
 
 /// Corners of a regular polygon on the radius, counter-clockwise, the first at +x.
-pub(super) fn circle(radius: f64, segments: u32) -> Vec<DVec2> {
+pub fn circle(radius: f64, segments: u32) -> Vec<DVec2> {
     (0..segments)
         .map(|i| radius * DVec2::from_angle(2.0 * PI * f64::from(i) / f64::from(segments)))
         .collect()
 }
 
-pub(super) fn named_prism(
+/// A [`prism`] that errors call `name`.
+///
+/// # Errors
+/// As [`prism`].
+pub fn named_prism(
     name: &str,
     outline: &[DVec2],
     holes: &[Vec<DVec2>],
@@ -220,19 +224,27 @@ fn icosahedron() -> ([DVec3; 12], [[usize; 3]; 20]) {
     (corners.map(DVec3::from_array), faces)
 }
 
-pub(super) fn finish(
+/// Welds what shares a position and repairs the rest.
+///
+/// # Errors
+/// As [`TriangleMesh::clean`].
+pub fn finish(
     name: &str,
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
 ) -> Result<TriangleMesh, MeshError> {
-    let options = HygieneOptions {
+    let options = RepairOptions {
         weld_tolerance: 1e-9,
-        ..HygieneOptions::default()
+        ..RepairOptions::default()
     };
     TriangleMesh::clean(name, vertices, triangles, &options).map(|(mesh, _)| mesh)
 }
 
-pub(super) fn positive(part: &str, item: &'static str, found: f64) -> Result<(), MeshError> {
+/// Refuses lengths that are not positive and finite.
+///
+/// # Errors
+/// If `found` is one.
+pub fn positive(part: &str, item: &'static str, found: f64) -> Result<(), MeshError> {
     if found.is_finite() && found > 0.0 {
         return Ok(());
     }
@@ -244,19 +256,19 @@ pub(super) fn positive(part: &str, item: &'static str, found: f64) -> Result<(),
     ))
 }
 
-pub(super) fn counted(
-    part: &str,
-    item: &'static str,
-    found: u32,
-    least: u32,
-) -> Result<(), MeshError> {
+/// Refuses numbers of segments below `least` or above 4096.
+///
+/// # Errors
+/// If `found` is one.
+pub fn counted(part: &str, item: &'static str, found: u32, least: u32) -> Result<(), MeshError> {
     if (least..=MAX_SEGMENTS).contains(&found) {
         return Ok(());
     }
     Err(out_of_range(part, item, "3 .. 4096", f64::from(found)))
 }
 
-pub(super) fn out_of_range(
+/// The error of a size or count outside its range.
+pub fn out_of_range(
     part: &str,
     item: &'static str,
     expected: &'static str,

@@ -8,8 +8,7 @@ use std::io::BufRead;
 
 use quick_xml::events::{BytesStart, Event};
 
-use super::model::attribute;
-use super::package::Package;
+use super::package::{Package, attribute};
 use crate::mesh::error::MeshError;
 use crate::mesh_io::soup::syntax;
 

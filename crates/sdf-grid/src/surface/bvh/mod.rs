@@ -4,6 +4,4 @@
 //! two that brings the part's largest extent into `(1, 2]`. All public functions speak metres.
 
 pub(crate) mod build;
-pub(crate) mod node;
 pub(crate) mod tree;
-mod winding;

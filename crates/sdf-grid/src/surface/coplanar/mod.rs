@@ -9,8 +9,6 @@
 //! Files round coordinates, so the caller says how far from flat is flat; the surface moves by that
 //! much.
 
-mod cut;
-mod outline;
-pub(crate) mod outlines;
+pub(crate) mod outline;
 pub(crate) mod pieces;
 mod regions;

@@ -1,68 +1,57 @@
-//! Outlines of flat regions, and faces that share them.
+//! Planar regions as polygons with holes.
 
-use std::collections::HashMap;
+use glam::DVec3;
+use rayon::prelude::*;
 
-use glam::{DVec2, DVec3};
+use super::regions::{Regions, Surface};
 
-use super::regions::{NONE, Regions, Surface};
-
-/// Quadrangles turn left by this at every corner at least, the sine of the angle.
-pub(super) const CONVEX: f64 = 1e-9;
+/// A region is covered anew if its area, less what lies upside down, is at least this share of that
+/// of its triangles.
+pub(super) const UNFOLDED: f64 = 0.99;
 
 /// Straightening takes a few looks at every corner of a ring, but one by one of a comb's; then it
 /// stays.
 const MOST_LOOKS: usize = 200;
 
-/// A triangle and one of its edges.
-type Side = (u32, usize);
+/// Areas of an outline and of its triangles may differ by this share of the area around it.
+const SAME: f64 = 1e-6;
+
+/// A flat part of a surface.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Outline {
+    /// A point of its plane.
+    pub(crate) origin: DVec3,
+    /// Unit normal, outwards.
+    pub(crate) normal: DVec3,
+    /// Closed chains of corners in the plane, the region to their left seen from outside.
+    pub(crate) rings: Vec<Vec<DVec3>>,
+}
+
+/// The surface of the triangles with corners `vertices[i]` as flat polygons, where what lies within
+/// `flat` of a plane or of a straight line lies in it. Deterministic.
+pub(crate) fn outlines(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Vec<Outline> {
+    let surface = Surface::new(indices, vertices, flat);
+    let regions = surface.regions();
+    let found = (0..regions.count()).into_par_iter().map(|id| {
+        let region = regions.get(id);
+        let whole = match region {
+            [_] => None,
+            _ => surface.whole(&regions, id),
+        };
+        match whole {
+            Some(outline) => vec![outline],
+            None => region.iter().filter_map(|t| surface.alone(*t)).collect(),
+        }
+    });
+    found.collect::<Vec<_>>().concat()
+}
 
 impl Surface<'_> {
-    /// The closed chains of edges around a region, the region to their left. They may touch
-    /// themselves and each other in corners. None if the mesh is not one of closed fans around its
-    /// vertices.
+    /// The closed chains of corners around a region, the region to their left; see
+    /// [`Topology::outlines`](crate::mesh::topology::Topology::outlines).
     pub(super) fn loops(&self, regions: &Regions, id: usize) -> Option<Vec<Vec<u32>>> {
-        let inside = |t: u32| t != NONE && regions.of[t as usize] == id as u32;
-        let beyond = |(t, k): Side| self.neighbours[t as usize][k];
-        let mut sides: Vec<Side> = Vec::new();
-        for &t in regions.get(id) {
-            sides.extend((0..3).map(|k| (t, k)).filter(|s| !inside(beyond(*s))));
-        }
-        sides.sort_unstable();
-        // The next side lies at the end of the fan of the region's triangles around the corner.
-        let after = |(t, k): Side| {
-            let corner = self.indices[t as usize][(k + 1) % 3];
-            let mut side = (t, (k + 1) % 3);
-            for _ in 0..regions.get(id).len() {
-                let next = beyond(side);
-                if !inside(next) {
-                    return sides.binary_search(&side).ok();
-                }
-                let place = self.indices[next as usize]
-                    .iter()
-                    .position(|v| *v == corner)?;
-                side = (next, place);
-            }
-            None
-        };
-        let mut done = vec![false; sides.len()];
-        let mut loops = Vec::new();
-        for first in 0..sides.len() {
-            let (mut ring, mut at) = (Vec::new(), first);
-            while !done[at] {
-                done[at] = true;
-                let (t, k) = sides[at];
-                ring.push(self.indices[t as usize][k]);
-                at = after(sides[at])?;
-            }
-            // Ends where it began, or at a ring that was done before.
-            if at != first {
-                return None;
-            }
-            if !ring.is_empty() {
-                loops.push(ring);
-            }
-        }
-        Some(loops)
+        let inside = |t: usize| regions.of[t] == id as u32;
+        self.topology.outlines(regions.get(id), inside)
     }
 
     /// Whether `b` lies off the straight way from `a` to `c`.
@@ -134,39 +123,51 @@ impl Surface<'_> {
     }
 }
 
-/// Triangles joined in pairs to convex quadrangles across their longest common edges.
-pub(super) fn paired(triangles: &[[u32; 3]], at: impl Fn(u32) -> DVec2) -> Vec<Vec<u32>> {
-    let mut sides: HashMap<(u32, u32), usize> = HashMap::new();
-    for (i, t) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            sides.insert((t[k], t[(k + 1) % 3]), i);
-        }
+impl Surface<'_> {
+    fn alone(&self, triangle: u32) -> Option<Outline> {
+        let facet = self.facets[triangle as usize];
+        let corners = self.corners(triangle);
+        (facet.area > 0.0).then(|| Outline {
+            origin: corners[0],
+            normal: facet.normal,
+            rings: vec![corners.to_vec()],
+        })
     }
-    let mut common: Vec<(f64, u32, u32)> = sides
-        .keys()
-        .filter(|(a, b)| a < b && sides.contains_key(&(*b, *a)))
-        .map(|&(a, b)| (-at(a).distance(at(b)), a, b))
-        .collect();
-    common.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-    let mut used = vec![false; triangles.len()];
-    let mut rings = Vec::new();
-    for (_, a, b) in common {
-        let (i, j) = (sides[&(a, b)], sides[&(b, a)]);
-        let apex = |t: [u32; 3]| t.into_iter().find(|v| *v != a && *v != b);
-        let (Some(c), Some(d)) = (apex(triangles[i]), apex(triangles[j])) else {
-            continue;
+
+    /// A region as one polygon; none if its outline is not that of its triangles.
+    fn whole(&self, regions: &Regions, id: usize) -> Option<Outline> {
+        let plane = self.plane(regions, id);
+        let rings = self.all_straightened(&self.loops(regions, id)?);
+        let flat = |v: &u32| {
+            let p = self.vertices[*v as usize];
+            p - plane.normal * (p - plane.origin).dot(plane.normal)
         };
-        let ring = [a, d, b, c];
-        let turn = |k: usize| {
-            let [p, q, r] = [0, 1, 2].map(|o| at(ring[(k + o) % 4]));
-            (q - p).perp_dot(r - q) > CONVEX * (q - p).length() * (r - q).length()
-        };
-        if !used[i] && !used[j] && (0..4).all(turn) {
-            (used[i], used[j]) = (true, true);
-            rings.push(ring.to_vec());
-        }
+        let rings: Vec<Vec<DVec3>> = rings.iter().map(|r| r.iter().map(flat).collect()).collect();
+        let facets = || regions.get(id).iter().map(|t| &self.facets[*t as usize]);
+        let covered: f64 = facets().map(|f| f.area * f.normal.dot(plane.normal)).sum();
+        let folded = covered < UNFOLDED * facets().map(|f| f.area).sum::<f64>();
+        let area: f64 = rings.iter().map(|r| area(r, plane.normal)).sum();
+        let around: f64 = rings.iter().map(|r| length(r)).sum();
+        let same = (area - covered).abs() <= SAME * covered + self.flat * around;
+        (same && !folded && area > 0.0).then_some(Outline {
+            origin: plane.origin,
+            normal: plane.normal,
+            rings,
+        })
     }
-    let single = triangles.iter().zip(&used).filter(|(_, used)| !**used);
-    rings.extend(single.map(|(t, _)| t.to_vec()));
-    rings
+}
+
+fn sides(ring: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
+    let next = ring.iter().cycle().skip(1);
+    ring.iter().copied().zip(next.copied())
+}
+
+fn area(ring: &[DVec3], normal: DVec3) -> f64 {
+    let from = ring[0];
+    let twice = |(a, b): (DVec3, DVec3)| (a - from).cross(b - from).dot(normal);
+    0.5 * sides(ring).map(twice).sum::<f64>()
+}
+
+fn length(ring: &[DVec3]) -> f64 {
+    sides(ring).map(|(a, b)| a.distance(b)).sum()
 }

@@ -1,27 +1,29 @@
-//! The faces that a mesh's triangles are merged into.
+//! Planar regions cut into few convex faces.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::cut::{cut_across, slack};
-use super::outline::{CONVEX, paired};
+use super::outline::UNFOLDED;
 use super::regions::{LARGE, Regions, Surface};
 use crate::mesh::polygon;
+use crate::mesh::topology::{HalfEdge, Topology};
 use crate::surface::face::Piece;
 
 /// How near to a plane or a line lies in it what differs by rounding alone, in units of the
 /// normalized part, whose longest side is 1 to 2: far below any distance that shows in a field.
 pub(crate) const EXACT: f64 = 1e-10;
 
+/// Faces whose longest edge, squared, exceeds their area this many times are cut across.
+const LONG: f64 = 8.0;
+
+/// Quadrangles turn left by this at every corner at least, the sine of the angle.
+const CONVEX: f64 = 1e-9;
+
 /// Cuts one face can undergo, one after the other.
 const MAX_CUTS: u32 = 5;
 
 /// Large meshes are cut less, so that cutting makes no more faces than about this many.
 const MAX_PIECES: usize = 100_000;
-
-/// A region is covered anew if its area, less what lies upside down, is at least this share of that
-/// of its triangles.
-pub(super) const UNFOLDED: f64 = 0.99;
 
 /// What a surface is made of, in lists one after the other: to put them in one would move each once
 /// more.
@@ -83,7 +85,7 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pie
     let pieces = faces
         .into_par_iter()
         .map(|list| cut_across(list, cuts.min(MAX_CUTS), flat));
-    Pieces::new(pieces.collect(), surface.closed)
+    Pieces::new(pieces.collect(), surface.topology.is_closed())
 }
 
 impl Surface<'_> {
@@ -122,11 +124,17 @@ impl Surface<'_> {
         faces.extend(region.iter().filter_map(|t| self.face(*t)));
     }
 
+    /// The side of a triangle beyond which another lies.
+    fn side_towards(&self, triangle: u32, other: u32) -> Option<usize> {
+        let beyond = self.topology.neighbours(triangle as usize);
+        beyond.iter().position(|n| *n == Some(other))
+    }
+
     /// Two triangles of one plane as one face; none if that is not convex.
     fn pair(&self, a: u32, b: u32, normal: DVec3) -> Option<Piece> {
-        let k = self.neighbours[a as usize].iter().position(|n| *n == b)?;
-        let l = self.neighbours[b as usize].iter().position(|n| *n == a)?;
-        let (of_a, of_b) = (self.indices[a as usize], self.indices[b as usize]);
+        let k = self.side_towards(a, b)?;
+        let l = self.side_towards(b, a)?;
+        let (of_a, of_b) = (self.indices(a), self.indices(b));
         let ring = [
             of_a[(k + 1) % 3],
             of_a[(k + 2) % 3],
@@ -197,9 +205,101 @@ impl Surface<'_> {
                 _ => Piece::quadrangle([0, 1, 2, 3].map(at), source),
             }
         };
-        let rings = paired(&cuts, |i| flat[i as usize]);
+        let rings = paired(&cuts, &flat);
         Some(rings.iter().filter_map(face).collect())
     }
+}
+
+/// By how much areas may differ where sides move by `flat`.
+fn slack(face: &Piece, flat: f64) -> f64 {
+    let around: f64 = (0..face.count()).map(|k| face.edge(k).length()).sum();
+    1e-9 * face.area + flat * around
+}
+
+/// Faces, flat up to `flat`, in pieces that are not long, after `cuts` cuts one after the other at
+/// most. Cuts go through the middles of long edges, so that those of neighbours meet.
+fn cut_across(faces: Vec<Piece>, cuts: u32, flat: f64) -> Vec<Piece> {
+    if cuts == 0 || !faces.iter().any(|f| long_edge(f).is_some()) {
+        return faces;
+    }
+    let (mut done, mut waiting) = (Vec::with_capacity(2 * faces.len()), Vec::new());
+    for face in faces {
+        waiting.push((face, cuts));
+        while let Some((f, cuts)) = waiting.pop() {
+            let pieces = long_edge(&f).filter(|_| cuts > 0).map(|k| halves(&f, k));
+            match pieces {
+                Some([Some(a), Some(b)]) if (a.area + b.area - f.area).abs() <= slack(&f, flat) => {
+                    waiting.extend([(a, cuts - 1), (b, cuts - 1)]);
+                }
+                _ => done.push(f),
+            }
+        }
+    }
+    done
+}
+
+/// The longest edge of a face that is drawn out along it.
+fn long_edge(f: &Piece) -> Option<usize> {
+    let length = |k: usize| f.edge(k).length_squared();
+    let longest = (0..f.count()).fold(0, |a, k| if length(k) > length(a) { k } else { a });
+    (length(longest) > LONG * f.area).then_some(longest)
+}
+
+/// A face cut from the middle of its longest edge to that of the opposite edge, of a triangle to
+/// that of the next longest edge.
+fn halves(f: &Piece, longest: usize) -> [Option<Piece>; 2] {
+    let corner = |k: usize| f.corners[(longest + k) % f.count()];
+    let middle = |k: usize| 0.5 * (corner(k) + corner(k + 1));
+    let (from, [a, b, c]) = (middle(0), [0, 1, 2].map(corner));
+    let triangle = |corners| Piece::triangle(corners, f.source);
+    let quadrangle = |corners| Piece::quadrangle(corners, f.source);
+    if f.count() == 4 {
+        let (to, d) = (middle(2), corner(3));
+        return [quadrangle([a, from, to, d]), quadrangle([from, b, c, to])];
+    }
+    let [next, last] = [1, 2].map(|k| f.edge((longest + k) % 3).length_squared());
+    if next > last {
+        let to = middle(1);
+        [triangle([from, b, to]), quadrangle([a, from, to, c])]
+    } else {
+        let to = middle(2);
+        [triangle([a, from, to]), quadrangle([from, b, c, to])]
+    }
+}
+
+/// Triangles of the points of a plane, joined in pairs to convex quadrangles across their longest
+/// common edges.
+fn paired(triangles: &[[u32; 3]], points: &[DVec2]) -> Vec<Vec<u32>> {
+    let at = |v: u32| points[v as usize];
+    let topology = Topology::new(triangles, points.len());
+    let common = topology.edges().filter_map(|edge| {
+        let [a, b] = edge.vertices();
+        let mut halves = edge.half_edges().iter().copied();
+        let upward = halves.find(|h| topology.ends(*h) == [a, b])?;
+        Some((-at(a).distance(at(b)), upward, topology.twin(upward)?))
+    });
+    let mut common: Vec<(f64, HalfEdge, HalfEdge)> = common.collect();
+    // Edges are in order of their vertices, and stay so where their lengths are equal.
+    common.sort_by(|x, y| x.0.total_cmp(&y.0));
+    let mut used = vec![false; triangles.len()];
+    let mut rings = Vec::new();
+    for (_, upward, downward) in common {
+        let ([a, b], [i, j]) = (topology.ends(upward), [upward.face(), downward.face()]);
+        let apex = |half: HalfEdge| topology.ends(half.next())[1];
+        let (c, d) = (apex(upward), apex(downward));
+        let ring = [a, d, b, c];
+        let turn = |k: usize| {
+            let [p, q, r] = [0, 1, 2].map(|o| at(ring[(k + o) % 4]));
+            (q - p).perp_dot(r - q) > CONVEX * (q - p).length() * (r - q).length()
+        };
+        if !used[i] && !used[j] && (0..4).all(turn) {
+            (used[i], used[j]) = (true, true);
+            rings.push(ring.to_vec());
+        }
+    }
+    let single = triangles.iter().zip(&used).filter(|(_, used)| !**used);
+    rings.extend(single.map(|(t, _)| t.to_vec()));
+    rings
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
-//! Connected flat regions of a mesh.
+//! Connected planar regions of a mesh.
 
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
+use crate::mesh::topology::Topology;
 use crate::surface::face::Face;
 
 /// Regions of more triangles than this are shared out one by one.
@@ -11,16 +12,16 @@ pub(super) const LARGE: usize = 32;
 /// No triangle, or no region.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Triangles whose corners lie within this many times `flat` of a region's plane join it for the
-/// time being: a plane found from part of a region is off by more farther away. The whole must then
-/// lie within `flat` of a plane of its own.
-const PERHAPS: f64 = 6.0;
+/// Triangles whose corners lie within this many times `flat` of a region's plane join it
+/// provisionally: a plane found from part of a region is off by more farther away. The whole region
+/// must then lie within `flat` of a plane of its own.
+const MARGIN: f64 = 6.0;
 
 /// A plane is not fitted to points that lie on a line up to this: variance across over variance
 /// along.
 const THIN: f64 = 1e-13;
 
-/// What the growth of regions asks of a triangle.
+/// The plane and size of a triangle.
 #[derive(Clone, Copy)]
 pub(super) struct Facet {
     pub(super) normal: DVec3,
@@ -93,14 +94,14 @@ impl Plane {
     }
 }
 
-/// What lies in the plane of a triangle beside it.
+/// Which neighbours of a triangle lie in its plane.
 #[derive(Clone, Copy)]
-enum Beside {
-    Nothing,
-    /// This triangle, and nothing beside that.
+enum Coplanar {
+    None,
+    /// This one, and none of its other neighbours.
     One(u32),
-    /// More, or what lies in it only perhaps.
-    More,
+    /// Several, or one whose coplanarity is undecided.
+    Several,
 }
 
 /// Triangles in connected flat regions.
@@ -109,7 +110,7 @@ pub(super) struct Regions {
     triangles: Vec<u32>,
     /// Where each begins, and the end of the last.
     starts: Vec<usize>,
-    /// That of each, if it is not that of its first triangle.
+    /// The plane of each region, if it is not that of its first triangle.
     planes: Vec<Option<Plane>>,
     /// The region of each triangle, or [`NONE`].
     pub(super) of: Vec<u32>,
@@ -146,15 +147,11 @@ impl Regions {
     }
 }
 
-/// The mesh with what lies beside each triangle.
+/// The mesh with the adjacency and the planes of its triangles.
 pub(super) struct Surface<'a> {
-    pub(super) indices: &'a [[u32; 3]],
+    pub(super) topology: Topology<'a>,
     pub(super) vertices: &'a [DVec3],
     pub(super) facets: Vec<Facet>,
-    /// The triangle beyond edge `k`, or [`NONE`].
-    pub(super) neighbours: Vec<[u32; 3]>,
-    /// Whether every edge is gone along as often one way as the other.
-    pub(super) closed: bool,
     /// What lies this near to a plane or a line lies in it.
     pub(super) flat: f64,
 }
@@ -163,52 +160,59 @@ impl<'a> Surface<'a> {
     pub(super) fn new(indices: &'a [[u32; 3]], vertices: &'a [DVec3], flat: f64) -> Self {
         let facet = |t: &[u32; 3]| Facet::of(t.map(|v| vertices[v as usize]));
         let facets = || indices.par_iter().map(facet).collect();
-        let (beyond, facets) = rayon::join(|| neighbours(indices, vertices.len()), facets);
-        let (neighbours, closed) = beyond;
+        let (topology, facets) = rayon::join(|| Topology::new(indices, vertices.len()), facets);
         Self {
-            indices,
+            topology,
             vertices,
             facets,
-            neighbours,
-            closed,
             flat,
         }
     }
 
+    pub(super) fn indices(&self, triangle: u32) -> [u32; 3] {
+        self.topology.triangles()[triangle as usize]
+    }
+
+    /// The triangles beyond the edges of one.
+    fn neighbours(&self, triangle: u32) -> impl Iterator<Item = u32> + use<> {
+        let beyond = self.topology.neighbours(triangle as usize);
+        beyond.into_iter().flatten()
+    }
+
     pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        self.indices[triangle as usize].map(|v| self.vertices[v as usize])
+        self.indices(triangle).map(|v| self.vertices[v as usize])
     }
 
     /// Connected flat regions, grown from the largest triangle on.
     pub(super) fn regions(&self) -> Regions {
-        let all = (0..self.indices.len() as u32).into_par_iter();
-        let (beside, seeds) = rayon::join(
-            || all.map(|t| self.beside(t)).collect::<Vec<Beside>>(),
+        let all = (0..self.facets.len() as u32).into_par_iter();
+        let (coplanar, seeds) = rayon::join(
+            || all.map(|t| self.coplanar(t)).collect::<Vec<Coplanar>>(),
             || self.largest_first(),
         );
         let mut regions = Regions {
             triangles: Vec::with_capacity(seeds.len()),
             starts: vec![0],
             planes: Vec::new(),
-            of: vec![NONE; self.indices.len()],
+            of: vec![NONE; self.facets.len()],
         };
         for seed in seeds {
             if regions.of[seed as usize] != NONE {
                 continue;
             }
-            let plane = match beside[seed as usize] {
-                Beside::Nothing => {
+            let plane = match coplanar[seed as usize] {
+                Coplanar::None => {
                     regions.add(seed);
                     None
                 }
-                Beside::One(other) => {
+                Coplanar::One(other) => {
                     regions.add(seed);
                     if regions.of[other as usize] == NONE {
                         regions.add(other);
                     }
                     None
                 }
-                Beside::More => Some(self.grow(&mut regions, seed)),
+                Coplanar::Several => Some(self.grow(&mut regions, seed)),
             };
             regions.close(plane);
         }
@@ -246,21 +250,20 @@ impl<'a> Surface<'a> {
         seeds
     }
 
-    /// What a region grown from a triangle would be were nothing taken.
-    fn beside(&self, triangle: u32) -> Beside {
+    /// Which neighbours would join a region grown from a triangle if none were in another region.
+    fn coplanar(&self, triangle: u32) -> Coplanar {
         let plane = self.plane_of(triangle);
-        let near = |n: &u32| *n != NONE && self.off(*n, &plane) <= PERHAPS * self.flat;
-        let neighbours = |t: u32| self.neighbours[t as usize].into_iter();
-        let mut others = neighbours(triangle).filter(near);
+        let near = |n: &u32| self.off(*n, &plane) <= MARGIN * self.flat;
+        let mut others = self.neighbours(triangle).filter(near);
         match (others.next(), others.next()) {
-            (None, _) => Beside::Nothing,
+            (None, _) => Coplanar::None,
             (Some(one), None)
                 if self.off(one, &plane) <= self.flat
-                    && !neighbours(one).filter(|n| *n != triangle).any(|n| near(&n)) =>
+                    && !self.neighbours(one).any(|n| n != triangle && near(&n)) =>
             {
-                Beside::One(one)
+                Coplanar::One(one)
             }
-            _ => Beside::More,
+            _ => Coplanar::Several,
         }
     }
 
@@ -282,12 +285,12 @@ impl<'a> Surface<'a> {
         let mut next = start;
         // The triangles before this one are known to lie in the plane.
         let mut sound = start + 1;
-        let mut allowed = PERHAPS * self.flat;
+        let mut allowed = MARGIN * self.flat;
         loop {
             while let Some(&t) = regions.triangles.get(next) {
                 next += 1;
-                for n in self.neighbours[t as usize] {
-                    if n == NONE || regions.of[n as usize] != NONE {
+                for n in self.neighbours(t) {
+                    if regions.of[n as usize] != NONE {
                         continue;
                     }
                     let off = self.off(n, &plane);
@@ -340,49 +343,4 @@ impl<'a> Surface<'a> {
         let lies = |t: &u32| self.off(*t, &plane) <= self.flat;
         triangles.iter().all(lies).then_some(plane)
     }
-}
-
-/// The triangle beyond each edge: the one other triangle that has it, the other way round. And
-/// whether every edge is gone along as often one way as the other.
-fn neighbours(indices: &[[u32; 3]], vertices: usize) -> (Vec<[u32; 3]>, bool) {
-    let edge = |half: u32| {
-        let (t, k) = (indices[half as usize / 3], half as usize % 3);
-        (t[k], t[(k + 1) % 3])
-    };
-    let lower = |half: u32| edge(half).0.min(edge(half).1) as usize;
-    let halves = 0..3 * indices.len() as u32;
-    // Edges by their lower vertex: counted, then put in their places.
-    let mut places = vec![0u32; vertices + 1];
-    for half in halves.clone() {
-        places[lower(half) + 1] += 1;
-    }
-    for v in 0..vertices {
-        places[v + 1] += places[v];
-    }
-    let mut sorted = vec![(0u32, 0u32); 3 * indices.len()];
-    for half in halves {
-        let place = &mut places[lower(half)];
-        sorted[*place as usize] = (edge(half).0.max(edge(half).1), half);
-        *place += 1;
-    }
-    let mut beyond = vec![[NONE; 3]; indices.len()];
-    let (mut first, mut closed) = (0, true);
-    // Each place has moved on to the end of its vertex's edges.
-    for end in &places[..vertices] {
-        let around = &mut sorted[first..*end as usize];
-        first = *end as usize;
-        around.sort_unstable();
-        for pair in around.chunk_by(|a, b| a.0 == b.0) {
-            if let [(_, x), (_, y)] = *pair
-                && edge(x).0 != edge(y).0
-            {
-                beyond[x as usize / 3][x as usize % 3] = y / 3;
-                beyond[y as usize / 3][y as usize % 3] = x / 3;
-            } else {
-                let upward = pair.iter().filter(|(upper, half)| edge(*half).1 == *upper);
-                closed &= 2 * upward.count() == pair.len();
-            }
-        }
-    }
-    (beyond, closed)
 }

@@ -1,16 +1,16 @@
-//! Bare vertices and triangles, and hygiene with its defaults.
+//! Bare vertices and triangles, and repair with its defaults.
 
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{HygieneOptions, HygieneReport, MeshError, TriangleMesh, shapes};
+use sdf_grid::{MeshError, RepairOptions, RepairReport, TriangleMesh, shapes};
 
 /// Hygiene with its defaults.
 pub(crate) fn clean(
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-) -> Result<(TriangleMesh, HygieneReport), MeshError> {
-    TriangleMesh::clean("part", vertices, triangles, &HygieneOptions::default())
+) -> Result<(TriangleMesh, RepairReport), MeshError> {
+    TriangleMesh::clean("part", vertices, triangles, &RepairOptions::default())
 }
 
 pub(crate) fn raw(mesh: &TriangleMesh) -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -47,7 +47,7 @@ pub(crate) fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
         .0
 }
 
-/// A mesh with several of the faults that hygiene repairs.
+/// A mesh with several of the faults that repair removes.
 pub(crate) fn faulty(seed: u64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut rng = SmallRng::seed_from_u64(seed);
     let sphere = shapes::icosphere(1.0, 4).expect("valid size");

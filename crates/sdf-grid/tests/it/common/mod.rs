@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{HygieneOptions, TriangleMesh};
+use sdf_grid::{RepairOptions, TriangleMesh};
 
 pub(crate) const SIGMAS: [f64; 4] = [0.05, 0.1, 0.2, 0.3];
 
@@ -21,7 +21,7 @@ pub(crate) fn assert_close(found: f64, expected: f64, relative: f64) {
 }
 
 pub(crate) fn mesh(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> TriangleMesh {
-    let options = HygieneOptions::default();
+    let options = RepairOptions::default();
     TriangleMesh::clean("test", vertices, triangles, &options)
         .unwrap()
         .0

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Pose;
 
-use crate::scene::error::LiveSceneError;
 use crate::scene::event::{PairState, SceneEvent};
-use crate::scene::keeper::Keeper;
 use crate::scene::live_source::LiveSource;
-use crate::scene::options::SceneOptions;
 use crate::scene::pair::PairSpec;
+use crate::scene::residency::LiveSceneError;
+use crate::scene::residency::ResidencyManager;
+use crate::scene::residency::SceneOptions;
 
 /// Pause of the loading thread between two looks at where the part is.
 const LOOK: Duration = Duration::from_millis(10);
@@ -45,10 +45,10 @@ impl LiveScene {
         options: SceneOptions,
         start: &Pose,
     ) -> Result<Self, LiveSceneError> {
-        let (mut keeper, source) = Keeper::new(pairs, options, start);
-        keeper.load_in_reach(start)?;
+        let (mut manager, source) = ResidencyManager::new(pairs, options, start);
+        manager.load_in_reach(start)?;
         let board = Arc::new(Mutex::new(Board::default()));
-        post(&board, &mut keeper);
+        post(&board, &mut manager);
         let (commands, orders) = mpsc::channel();
         let shared = (Arc::clone(&board), Arc::clone(&source));
         let thread = std::thread::Builder::new()
@@ -58,15 +58,15 @@ impl LiveScene {
                 let mut pause = LOOK;
                 loop {
                     match orders.recv_timeout(pause) {
-                        Ok(pair) => keeper.reload(pair),
+                        Ok(pair) => manager.reload(pair),
                         Err(RecvTimeoutError::Timeout) => {}
                         Err(RecvTimeoutError::Disconnected) => return,
                     }
-                    pause = match keeper.step(&source.asked(), Instant::now()) {
+                    pause = match manager.step(&source.asked(), Instant::now()) {
                         true => BUSY,
                         false => LOOK,
                     };
-                    post(&board, &mut keeper);
+                    post(&board, &mut manager);
                 }
             })
             .map_err(LiveSceneError::Thread)?;
@@ -105,10 +105,10 @@ impl LiveScene {
     }
 }
 
-fn post(board: &Mutex<Board>, keeper: &mut Keeper) {
+fn post(board: &Mutex<Board>, manager: &mut ResidencyManager) {
     let mut board = board.lock().unwrap_or_else(PoisonError::into_inner);
-    board.events.append(&mut keeper.events);
-    keeper.states(&mut board.states);
+    board.events.append(&mut manager.events);
+    manager.states(&mut board.states);
 }
 
 impl Drop for LiveScene {

@@ -1,4 +1,4 @@
-//! Tables kept in part, one step of the keeper at a time.
+//! Tables kept in part, one step of the manager at a time.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -8,12 +8,12 @@ use fft_correlate::{
 };
 use glam::{DQuat, DVec3};
 
-use crate::scene::error::LiveSceneError;
 use crate::scene::event::PairState;
 use crate::scene::event::SceneChange;
-use crate::scene::keeper::Keeper;
-use crate::scene::options::SceneOptions;
 use crate::scene::pair::{Content, Loaded, PairSpec};
+use crate::scene::residency::LiveSceneError;
+use crate::scene::residency::ResidencyManager;
+use crate::scene::residency::SceneOptions;
 
 #[path = "../../tests/common/valleys.rs"]
 mod valleys;
@@ -60,14 +60,14 @@ fn turned(angle: f64) -> Pose {
     )
 }
 
-fn state(keeper: &Keeper) -> PairState {
+fn state(manager: &ResidencyManager) -> PairState {
     let mut states = Vec::new();
-    keeper.states(&mut states);
+    manager.states(&mut states);
     states[0]
 }
 
 struct Sight {
-    keeper: Keeper,
+    manager: ResidencyManager,
     source: Arc<crate::scene::live_source::LiveSource>,
     reader: Scratch,
     whole: EnergyTable,
@@ -75,17 +75,18 @@ struct Sight {
 
 impl Sight {
     fn new(files: &TableFiles, memory: u64, start: &Pose) -> Result<Self, LiveSceneError> {
-        let (mut keeper, source) = Keeper::new(vec![pair(files, 0.0)], options(memory), start);
-        keeper.load_in_reach(start)?;
+        let (mut manager, source) =
+            ResidencyManager::new(vec![pair(files, 0.0)], options(memory), start);
+        manager.load_in_reach(start)?;
         Ok(Self {
-            keeper,
+            manager,
             reader: source.scratch(),
             source,
             whole: open(files).load(1 << 30).unwrap(),
         })
     }
 
-    /// One tick of a loop and one step of the keeper; whether the pose was loaded.
+    /// One tick of a loop and one step of the manager; whether the pose was loaded.
     fn tick(&mut self, pose: &Pose) -> bool {
         let change = self.source.refresh(pose, &mut self.reader);
         let found = self.source.evaluate(pose, &mut self.reader);
@@ -107,7 +108,7 @@ impl Sight {
             };
             assert!(booked, "{change:?} {}", whole.energy);
         }
-        self.keeper.step(&self.source.asked(), Instant::now());
+        self.manager.step(&self.source.asked(), Instant::now());
         loaded
     }
 }
@@ -125,12 +126,12 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
         // Forth and back through the whole domain, in steps of 0.06 degrees at most.
         let pose = turned((f64::from(k) * ROUND / 2000.0).sin());
         unloaded += u32::from(!sight.tick(&pose));
-        assert!(sight.keeper.tables.held_bytes() <= budget, "tick {k}");
+        assert!(sight.manager.tables.held_bytes() <= budget, "tick {k}");
     }
-    assert_eq!(unloaded, 0, "the keeper was ahead of the hand");
-    assert!(matches!(state(&sight.keeper), PairState::Partly { .. }));
+    assert_eq!(unloaded, 0, "the manager was ahead of the hand");
+    assert!(matches!(state(&sight.manager), PairState::Partly { .. }));
     assert!(
-        sight.keeper.tables.held_bytes() > budget / 2,
+        sight.manager.tables.held_bytes() > budget / 2,
         "and the room is used"
     );
     // A jump to where nothing is loaded: nothing for a while, then all of it.
@@ -142,8 +143,8 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
     assert!(!sight.tick(&there));
     let ticks = (0..200).take_while(|_| !sight.tick(&there)).count();
     assert!((1..100).contains(&ticks), "{ticks}");
-    assert!(sight.keeper.tables.held_bytes() <= budget);
-    let told = sight.keeper.events.iter();
+    assert!(sight.manager.tables.held_bytes() <= budget);
+    let told = sight.manager.events.iter();
     assert_eq!(
         told.filter(|e| matches!(e.what, SceneChange::NoRoom { .. }))
             .count(),
@@ -156,8 +157,8 @@ fn with_room_for_all_the_nearest_come_first_and_the_rest_follows() {
     let files = VALLEYS.bake();
     let start = turned(0.4);
     let mut sight = Sight::new(&files, u64::MAX, &start).unwrap();
-    let PairState::Partly { rotations, of } = state(&sight.keeper) else {
-        panic!("{:?}", state(&sight.keeper));
+    let PairState::Partly { rotations, of } = state(&sight.manager) else {
+        panic!("{:?}", state(&sight.manager));
     };
     assert!(
         rotations < of / 2,
@@ -166,11 +167,11 @@ fn with_room_for_all_the_nearest_come_first_and_the_rest_follows() {
     assert!(sight.tick(&start), "and they are the ones that matter");
     let steps = (0..10_000).take_while(|_| {
         sight.tick(&start);
-        sight.keeper.turn(&start)
+        sight.manager.load_rotations(&start)
     });
     assert!(steps.count() > 1);
-    assert_eq!(state(&sight.keeper), PairState::Loaded);
-    let complete = sight.keeper.events.iter();
+    assert_eq!(state(&sight.manager), PairState::Loaded);
+    let complete = sight.manager.events.iter();
     let complete = complete.filter(|e| matches!(e.what, SceneChange::Complete { .. }));
     assert_eq!(complete.count(), 1);
     assert!(sight.tick(&turned(-0.9)));
@@ -198,9 +199,9 @@ fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
     let between = Pose::new(DQuat::from_scaled_axis(DVec3::splat(0.05)), DVec3::ZERO);
     for _ in 0..100 {
         sight.tick(&between);
-        assert!(sight.keeper.tables.held_bytes() <= budget);
+        assert!(sight.manager.tables.held_bytes() <= budget);
     }
-    let told = sight.keeper.events.iter();
+    let told = sight.manager.events.iter();
     assert!(
         told.filter(|e| matches!(e.what, SceneChange::NoRoom { .. }))
             .count()
@@ -214,8 +215,8 @@ fn places_that_share_a_table_share_its_rotations() {
     let mut pairs = vec![pair(&files, 0.0), pair(&files, 0.02)];
     pairs[1].placement.fixed.rotation = DQuat::from_rotation_z(0.7);
     pairs[1].same_as = Some(0);
-    let (mut keeper, source) = Keeper::new(pairs, options(u64::MAX), &Pose::IDENTITY);
-    keeper.load_in_reach(&Pose::IDENTITY).unwrap();
+    let (mut manager, source) = ResidencyManager::new(pairs, options(u64::MAX), &Pose::IDENTITY);
+    manager.load_in_reach(&Pose::IDENTITY).unwrap();
     let mut reader = source.scratch();
     let pose = Pose::from_translation(DVec3::new(0.01, 0.0, 0.0));
     source.refresh(&pose, &mut reader);
@@ -235,12 +236,12 @@ fn places_that_share_a_table_share_its_rotations() {
 fn a_table_that_changes_is_opened_again_and_a_lost_rotation_is_told_once() {
     let files = VALLEYS.bake();
     let mut sight = Sight::new(&files, u64::MAX, &turned(0.0)).unwrap();
-    while sight.keeper.turn(&turned(0.0)) {}
-    sight.keeper.reload(0);
+    while sight.manager.load_rotations(&turned(0.0)) {}
+    sight.manager.reload(0);
     sight.tick(&turned(0.0));
     let opened =
         |e: &&crate::scene::event::SceneEvent| matches!(e.what, SceneChange::Opened { .. });
-    assert_eq!(sight.keeper.events.iter().filter(opened).count(), 1);
+    assert_eq!(sight.manager.events.iter().filter(opened).count(), 1);
     let ticks = (0..300).take_while(|_| !sight.tick(&turned(0.0))).count();
     assert!(ticks < 299, "loaded again");
 }

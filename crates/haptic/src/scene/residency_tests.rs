@@ -71,15 +71,15 @@ fn at(x: f64) -> Pose {
     Pose::from_translation(DVec3::new(x, 0.0, 0.0))
 }
 
-fn states(keeper: &Keeper) -> Vec<PairState> {
+fn states(manager: &ResidencyManager) -> Vec<PairState> {
     let mut states = Vec::new();
-    keeper.states(&mut states);
+    manager.states(&mut states);
     states
 }
 
-fn settle(keeper: &mut Keeper, x: f64) {
+fn settle(manager: &mut ResidencyManager, x: f64) {
     for _ in 0..10 {
-        keeper.step(&at(x), Instant::now());
+        manager.step(&at(x), Instant::now());
     }
 }
 
@@ -89,21 +89,21 @@ use PairState::{Loaded as In, NoRoom, Waiting};
 fn only_near_pairs_are_loaded_and_far_ones_make_room() {
     let loads = Arc::new(AtomicU32::new(0));
     let pairs = (0..6).map(|k| pair(k, &loads)).collect();
-    let (mut keeper, _source) = Keeper::new(pairs, options(200), &at(0.0));
-    keeper.load_in_reach(&at(0.0)).unwrap();
-    settle(&mut keeper, 0.0);
+    let (mut manager, _source) = ResidencyManager::new(pairs, options(200), &at(0.0));
+    manager.load_in_reach(&at(0.0)).unwrap();
+    settle(&mut manager, 0.0);
     assert_eq!(
-        states(&keeper),
+        states(&manager),
         [In, Waiting, Waiting, Waiting, Waiting, Waiting]
     );
     // Within 0.5 m ahead of the reach: the next one comes in, the first stays while there is room.
-    settle(&mut keeper, 0.7);
-    assert_eq!(states(&keeper)[..3], [In, In, Waiting]);
-    settle(&mut keeper, 1.9);
-    assert_eq!(states(&keeper)[..3], [Waiting, In, In]);
+    settle(&mut manager, 0.7);
+    assert_eq!(states(&manager)[..3], [In, In, Waiting]);
+    settle(&mut manager, 1.9);
+    assert_eq!(states(&manager)[..3], [Waiting, In, In]);
     assert_eq!(loads.load(Ordering::Relaxed), 3);
     assert!(
-        keeper
+        manager
             .events
             .iter()
             .any(|e| e.pair == "part 0" && e.what == SceneChange::Unloaded)
@@ -115,11 +115,11 @@ fn pairs_in_reach_are_not_unloaded_for_others() {
     let loads = Arc::default();
     let mut pairs: Vec<_> = (0..2).map(|k| pair(k, &loads)).collect();
     pairs[1].placement = Placement::of_fixed(at(0.25));
-    let (mut keeper, _source) = Keeper::new(pairs, options(100), &at(0.0));
-    keeper.load_in_reach(&at(0.0)).unwrap();
-    settle(&mut keeper, 0.09);
-    assert_eq!(states(&keeper), [In, NoRoom]);
-    let told = keeper.events.iter().filter(|e| {
+    let (mut manager, _source) = ResidencyManager::new(pairs, options(100), &at(0.0));
+    manager.load_in_reach(&at(0.0)).unwrap();
+    settle(&mut manager, 0.09);
+    assert_eq!(states(&manager), [In, NoRoom]);
+    let told = manager.events.iter().filter(|e| {
         e.what
             == SceneChange::NoRoom {
                 needed: 100,
@@ -128,8 +128,8 @@ fn pairs_in_reach_are_not_unloaded_for_others() {
     });
     assert_eq!(told.count(), 1, "said once");
     // Out of reach of the first, in reach of the second: they change places.
-    settle(&mut keeper, 0.2);
-    assert_eq!(states(&keeper), [NoRoom, In]);
+    settle(&mut manager, 0.2);
+    assert_eq!(states(&manager), [NoRoom, In]);
 }
 
 #[test]
@@ -155,19 +155,19 @@ fn a_changed_file_is_loaded_again_once_it_stands_still() {
     let loads = Arc::new(AtomicU32::new(0));
     let mut spec = pair(0, &loads);
     spec.files = vec![file.clone()];
-    let (mut keeper, _source) = Keeper::new(vec![spec], options(1000), &at(0.0));
-    keeper.load_in_reach(&at(0.0)).unwrap();
-    settle(&mut keeper, 0.0);
+    let (mut manager, _source) = ResidencyManager::new(vec![spec], options(1000), &at(0.0));
+    manager.load_in_reach(&at(0.0)).unwrap();
+    settle(&mut manager, 0.0);
     assert_eq!(loads.load(Ordering::Relaxed), 1);
     // Growing at every look: still being written.
     for size in 2..6 {
         std::fs::write(&file, "x".repeat(size)).unwrap();
-        keeper.step(&at(0.0), Instant::now());
+        manager.step(&at(0.0), Instant::now());
     }
     assert_eq!(loads.load(Ordering::Relaxed), 1);
-    settle(&mut keeper, 0.0);
+    settle(&mut manager, 0.0);
     assert_eq!(loads.load(Ordering::Relaxed), 2);
-    let last = &keeper.events.last().unwrap().what;
+    let last = &manager.events.last().unwrap().what;
     assert!(
         matches!(last, SceneChange::Reloaded { bytes: 100, .. }),
         "{last:?}"
@@ -188,9 +188,9 @@ fn the_same_part_in_several_places_is_loaded_and_counted_once() {
         pair.same_as = k.checked_sub(1);
     }
     // Room for one.
-    let (mut keeper, source) = Keeper::new(pairs, options(100), &at(0.0));
-    keeper.load_in_reach(&at(0.05)).unwrap();
-    assert_eq!(states(&keeper), [In, In, In]);
+    let (mut manager, source) = ResidencyManager::new(pairs, options(100), &at(0.0));
+    manager.load_in_reach(&at(0.05)).unwrap();
+    assert_eq!(states(&manager), [In, In, In]);
     assert_eq!(loads.load(Ordering::Relaxed), 1);
     let mut reader = source.scratch();
     let pose = at(0.05);
@@ -200,16 +200,16 @@ fn the_same_part_in_several_places_is_loaded_and_counted_once() {
     assert!(answer.energy.abs() < 1e-12);
     // A change of the file: loaded once more, again for all.
     std::fs::write(&file, "two").unwrap();
-    settle(&mut keeper, 0.05);
+    settle(&mut manager, 0.05);
     assert_eq!(loads.load(Ordering::Relaxed), 2);
-    let again = keeper.events.iter();
+    let again = manager.events.iter();
     let again = again.filter(|e| matches!(e.what, SceneChange::Reloaded { .. }));
     assert_eq!(again.count(), 3);
-    assert_eq!(states(&keeper), [In, In, In]);
-    keeper.reload(1);
-    settle(&mut keeper, 0.05);
+    assert_eq!(states(&manager), [In, In, In]);
+    manager.reload(1);
+    settle(&mut manager, 0.05);
     assert_eq!(loads.load(Ordering::Relaxed), 3);
-    let ids = keeper.slots.iter();
+    let ids = manager.entries.iter();
     let ids: Vec<_> = ids
         .map(|s| s.loaded.as_ref().unwrap().source.id())
         .collect();
@@ -227,18 +227,18 @@ fn what_cannot_be_loaded_leaves_what_was_there() {
         assert!(!flag.load(Ordering::Relaxed), "the mesh has a hole");
         good()
     });
-    let (mut keeper, source) = Keeper::new(vec![spec], options(1000), &at(0.0));
-    keeper.load_in_reach(&at(0.0)).unwrap();
+    let (mut manager, source) = ResidencyManager::new(vec![spec], options(1000), &at(0.0));
+    manager.load_in_reach(&at(0.0)).unwrap();
     let mut reader = source.scratch();
     broken.store(true, Ordering::Relaxed);
-    keeper.reload(0);
-    keeper.step(&at(0.0), Instant::now());
-    let what = &keeper.events.last().unwrap().what;
+    manager.reload(0);
+    manager.step(&at(0.0), Instant::now());
+    let what = &manager.events.last().unwrap().what;
     assert!(
         matches!(what, SceneChange::Failed(why) if why.contains("hole")),
         "{what:?}"
     );
-    assert_eq!(states(&keeper), [In]);
+    assert_eq!(states(&manager), [In]);
     source.refresh(&Pose::IDENTITY, &mut reader);
     assert_eq!(source.evaluate(&Pose::IDENTITY, &mut reader).coverage, 1.0);
 }

@@ -17,7 +17,6 @@ mod insertion;
 mod library;
 pub mod openhaptics;
 pub(crate) mod script;
-mod servo;
 pub mod shown;
 pub(crate) mod simulated;
 pub(crate) mod steered;

@@ -123,7 +123,7 @@ impl Api {
     /// What went wrong last.
     pub(super) fn error(&self, name: &str) -> DeviceError {
         // SAFETY: these take nothing; the text is the library's own and lasts.
-        let (code, text) = unsafe { ((self.last_error)(), (self.last_error_text)()) };
+        let (code, message) = unsafe { ((self.last_error)(), (self.last_error_text)()) };
         let help = match code {
             error::BUSY | error::IN_USE => "; does another program hold it?",
             error::NO_DRIVER => "; install the USB driver of the SDK",
@@ -134,7 +134,7 @@ impl Api {
             error::NOT_READY => "; is it switched on and calibrated?",
             _ => "",
         };
-        let reason = format!("{} ({code}){help}", words(text));
+        let reason = format!("{} ({code}){help}", driver_text(message));
         let name = name.to_owned();
         match code {
             error::BUSY | error::IN_USE | error::NO_DEVICE | error::NOT_READY => {
@@ -149,11 +149,11 @@ impl Api {
         let mut v = DVec3::ZERO;
         // SAFETY: three numbers to fill.
         let code = unsafe { read(&raw mut v.x, &raw mut v.y, &raw mut v.z, id) };
-        self.done(code, name).map(|()| v)
+        self.check(code, name).map(|()| v)
     }
 
     /// Whether a call succeeded; positive codes are remarks (a saturated motor, a call too soon).
-    pub(super) fn done(&self, code: c_int, name: &str) -> Result<(), DeviceError> {
+    pub(super) fn check(&self, code: c_int, name: &str) -> Result<(), DeviceError> {
         match code {
             0.. => Ok(()),
             _ => Err(self.error(name)),
@@ -162,7 +162,7 @@ impl Api {
 }
 
 /// A text of the library, fit to be shown; empty where there is none.
-pub(super) fn words(text: *const c_char) -> String {
+pub(super) fn driver_text(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }

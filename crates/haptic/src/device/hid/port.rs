@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::device::contract::DeviceError;
-use crate::device::threaded::halves::{InputHalf, Reading};
+use crate::device::threaded::{InputHalf, Reading};
 
 /// Longest input report read, bytes.
 const LONGEST: usize = 1024;

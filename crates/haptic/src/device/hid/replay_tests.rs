@@ -11,7 +11,7 @@ use crate::device::hid::fake::{Fake, unhex};
 use crate::device::hid::pid;
 use crate::device::hid::port::HidInput;
 use crate::device::hid::spacemouse::{Feel, SpaceMouse, spec};
-use crate::device::threaded::device::{Cursor, Threaded};
+use crate::device::threaded::{Cursor, ThreadedDevice};
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
 use crate::run::clock::Clock;
@@ -94,6 +94,6 @@ fn a_session_with_a_spacemouse_replays_bit_by_bit() {
     fake.lock().rest = vec![1, 175, 0, 0, 0, 0, 0, 60, 0, 0, 0, 0, 0];
     let input = HidInput::new(fake.connector(), SpaceMouse::new(Feel::default()));
     let mut device =
-        Threaded::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap();
+        ThreadedDevice::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap();
     replays(&mut device);
 }

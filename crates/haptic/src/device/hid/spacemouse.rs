@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::hid::port::{Decoder, HidPort};
-use crate::device::threaded::halves::{Motion, Reading};
+use crate::device::threaded::{Motion, Reading};
 
 /// Vendor, product and name of every 3Dconnexion device known to send these reports.
 pub const MODELS: [(u16, u16, &str); 24] = [

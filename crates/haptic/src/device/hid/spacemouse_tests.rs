@@ -2,8 +2,8 @@ use super::*;
 use crate::device::contract::Device;
 use crate::device::hid::fake::{Fake, until};
 use crate::device::hid::port::HidInput;
-use crate::device::threaded::device::Cursor;
-use crate::device::threaded::device::Threaded;
+use crate::device::threaded::Cursor;
+use crate::device::threaded::ThreadedDevice;
 
 #[test]
 fn reads_the_split_layout() {
@@ -65,9 +65,9 @@ fn pushed(combined: bool) -> Fake {
     fake
 }
 
-fn device(fake: &Fake) -> Threaded {
+fn device(fake: &Fake) -> ThreadedDevice {
     let input = HidInput::new(fake.connector(), SpaceMouse::new(Feel::default()));
-    Threaded::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap()
+    ThreadedDevice::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap()
 }
 
 #[test]

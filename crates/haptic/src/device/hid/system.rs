@@ -16,8 +16,8 @@ use crate::device::hid::spacemouse;
 use crate::device::hid::spacemouse::{Feel, SpaceMouse};
 use crate::device::info::{Access, DeviceInfo, DeviceKind, UsbIds};
 use crate::device::shown::shown;
-use crate::device::threaded::device::Cursor;
-use crate::device::threaded::device::Threaded;
+use crate::device::threaded::Cursor;
+use crate::device::threaded::ThreadedDevice;
 use hidapi::{HidApi, HidDevice, HidError};
 
 /// Longest report descriptor the kernel keeps.
@@ -111,7 +111,7 @@ pub fn open_with(
     settings: PidSettings,
 ) -> Result<Box<dyn Device>, DeviceError> {
     let device = match info.kind {
-        DeviceKind::SpaceMouse => Threaded::spawn(
+        DeviceKind::SpaceMouse => ThreadedDevice::spawn(
             spacemouse::spec(&info.name),
             Cursor::default(),
             Box::new(HidInput::new(connector(info), SpaceMouse::new(feel))),

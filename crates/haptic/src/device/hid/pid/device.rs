@@ -9,8 +9,8 @@ use crate::device::hid::pid::layout::{BlockLoad, PidLayout, Pool};
 use crate::device::hid::pid::settings::PidSettings;
 use crate::device::hid::pid::usage;
 use crate::device::hid::port::{Connector, Decoder, HidInput, HidPort};
-use crate::device::threaded::device::{Cursor, Threaded};
-use crate::device::threaded::halves::{OutputHalf, Reading};
+use crate::device::threaded::{Cursor, ThreadedDevice};
+use crate::device::threaded::{OutputHalf, Reading};
 
 /// How often a device is asked for a block it has not loaded yet.
 const LOAD_TRIES: u32 = 20;
@@ -34,7 +34,7 @@ pub fn open(
     mut input: Connector,
     output: Connector,
     settings: PidSettings,
-) -> Result<Threaded, DeviceError> {
+) -> Result<ThreadedDevice, DeviceError> {
     let layout = PidLayout::parse(name, &input()?.descriptor()?)?;
     let spec: DeviceSpec = layout.spec(name, &settings);
     let decoder = PidInput {
@@ -50,7 +50,7 @@ pub fn open(
         settings,
         effects: Vec::new(),
     };
-    Threaded::spawn(
+    ThreadedDevice::spawn(
         spec,
         Cursor::default(),
         Box::new(HidInput::new(input, decoder)),

@@ -24,11 +24,11 @@ fn joystick(room: u8) -> Fake {
     fake
 }
 
-fn opened(fake: &Fake) -> Result<Threaded, DeviceError> {
+fn opened(fake: &Fake) -> Result<ThreadedDevice, DeviceError> {
     opened_with(fake, PidSettings::default())
 }
 
-fn opened_with(fake: &Fake, settings: PidSettings) -> Result<Threaded, DeviceError> {
+fn opened_with(fake: &Fake, settings: PidSettings) -> Result<ThreadedDevice, DeviceError> {
     open("fake", fake.connector(), fake.connector(), settings)
 }
 

@@ -1,14 +1,14 @@
 //! The reports of a PID device: from a descriptor to the bytes of each, and from bytes to meaning.
 //! No device is touched here.
 
-use fft_correlate::Pose;
+use fft_correlate::{Pose, Twist};
 use glam::DVec3;
 
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::hid::pid::settings::PidSettings;
 use crate::device::hid::pid::usage;
 use crate::device::hid::report::layout::{Layouts, ReportLayout, Slot, Usage, with_group};
-use crate::device::threaded::halves::{Motion, Reading};
+use crate::device::threaded::{Motion, Reading};
 
 /// The reports of one PID device.
 #[derive(Debug, Clone, PartialEq)]
@@ -259,7 +259,10 @@ impl PidLayout {
         let [x, y, z] = usage::AXES.map(axis);
         let place = DVec3::new(x?, y.unwrap_or(0.0), z.unwrap_or(0.0));
         Some(Reading {
-            motion: Motion::Position(Pose::from_translation(place)),
+            motion: Motion::Position {
+                pose: Pose::from_translation(place),
+                twist: Twist::default(),
+            },
             buttons: buttons(layout, report),
         })
     }

@@ -1,8 +1,10 @@
-//! What is attached, and what is missing.
+//! The devices of this machine, of every kind.
 
 use serde::Serialize;
 
-use crate::device::contract::DeviceError;
+use crate::device::contract::{Device, DeviceError};
+use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::spacemouse::Feel;
 use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::{force_dimension, haply, hid, openhaptics};
 
@@ -42,15 +44,17 @@ pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, Device
     };
     if asked(DeviceKind::OpenHaptics) {
         let own = name.filter(|_| kinds.len() == 1);
-        add(DeviceKind::OpenHaptics, touch(own).map(|info| vec![info]));
+        add(
+            DeviceKind::OpenHaptics,
+            find_openhaptics(own).map(|info| vec![info]),
+        );
     }
     if asked(DeviceKind::ForceDimension) {
-        let options = force_dimension::DhdOptions::of_system();
+        let options = force_dimension::DhdOptions::from_env();
         add(DeviceKind::ForceDimension, force_dimension::find(&options));
     }
     if asked(DeviceKind::Haply) {
-        let found =
-            haply::InverseOptions::of_system(None).and_then(|options| haply::find(&options));
+        let found = haply::InverseOptions::from_env(None).and_then(|options| haply::find(&options));
         add(DeviceKind::Haply, found);
     }
     if asked(DeviceKind::ForceFeedback) || asked(DeviceKind::SpaceMouse) {
@@ -61,17 +65,49 @@ pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, Device
 }
 
 /// The device of this name, else the default one, whose serial number it may be.
-fn touch(name: Option<&str>) -> Result<DeviceInfo, DeviceError> {
-    let default = || openhaptics::find(&openhaptics::PhantomOptions::of_system(None));
+fn find_openhaptics(name: Option<&str>) -> Result<DeviceInfo, DeviceError> {
+    let default = || openhaptics::find(&openhaptics::PhantomOptions::from_env(None));
     let Some(name) = name else {
         return default();
     };
     let own = name.strip_prefix("openhaptics:").unwrap_or(name);
-    openhaptics::find(&openhaptics::PhantomOptions::of_system(Some(own))).or_else(|why| {
+    openhaptics::find(&openhaptics::PhantomOptions::from_env(Some(own))).or_else(|why| {
         let info = default()?;
         match info.is_called(name) {
             true => Ok(info),
             false => Err(why),
         }
     })
+}
+
+/// Opens an attached device as the loop wants it; of the settings, those of its kind count.
+///
+/// # Errors
+/// If it is gone, may not be opened, is not ready, or is not what it was listed as.
+pub fn open(
+    info: &DeviceInfo,
+    feel: Feel,
+    settings: PidSettings,
+) -> Result<Box<dyn Device>, DeviceError> {
+    let own = info.path.split_once(':').map_or("", |(_, own)| own);
+    match info.kind {
+        DeviceKind::OpenHaptics => {
+            let named = (own != "Default Device").then_some(own);
+            openhaptics::open(openhaptics::PhantomOptions::from_env(named))
+        }
+        DeviceKind::ForceDimension => {
+            let index = own.parse().map_err(|_| DeviceError::Unsuitable {
+                name: info.path.clone(),
+                expected: "a place in the library's list".into(),
+                found: own.to_owned(),
+            })?;
+            force_dimension::open(force_dimension::DhdOptions {
+                index,
+                serial: info.serial.parse().ok(),
+                ..force_dimension::DhdOptions::from_env()
+            })
+        }
+        DeviceKind::Haply => haply::open(haply::InverseOptions::from_env(Some(own))?),
+        DeviceKind::ForceFeedback | DeviceKind::SpaceMouse => hid::open_with(info, feel, settings),
+    }
 }

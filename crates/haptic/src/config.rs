@@ -4,7 +4,7 @@ use fft_correlate::Pose;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::pid::PidSettings;
 use crate::device::hid::spacemouse::Feel;
 use crate::device::steered::LoopTimes;
 use crate::device::workspace::Workspace;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::device::contract::{Device, DeviceError};
-use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::pid::PidSettings;
 use crate::device::hid::spacemouse::Feel;
 use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::{force_dimension, haply, hid, openhaptics};

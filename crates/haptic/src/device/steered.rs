@@ -8,8 +8,8 @@ use glam::DVec3;
 use triple_buffer::{Input, Output};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
-use crate::device::hand_body::{HandBody, HandConfig, Pull};
 use crate::device::script::{Geometry, Script};
+use crate::device::simulated::{HandBody, HandConfig, Pull};
 use crate::device::way::Way;
 use crate::device::workspace::Workspace;
 

@@ -3,8 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use super::*;
-use crate::device::hand_body::HandConfig;
 use crate::device::hid::fake::until;
+use crate::device::simulated::HandConfig;
 
 const AT_REST: Motion = Motion::Position {
     pose: Pose::IDENTITY,

@@ -14,11 +14,11 @@ use parquet::schema::types::Type;
 use sdf_grid::atomic::AtomicFile;
 
 use crate::device::contract::DeviceSpec;
-use crate::log::columns::{COLUMNS, faults, numbers};
+use crate::log::csv::rows;
+use crate::log::csv::{COLUMNS, faults, numbers};
 use crate::log::csv::{CsvLog, keep_device};
 use crate::log::error::RecordError;
-use crate::log::read::rows;
-use crate::log::writer::SampleWriter;
+use crate::log::record::SampleWriter;
 use crate::path::sample::Sample;
 
 /// Ticks in a row group: 16 s at 1 kHz.
@@ -199,8 +199,8 @@ mod tests {
     use super::*;
     use crate::config::HapticConfig;
     use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
-    use crate::device::hand_body::HandConfig;
-    use crate::run::clock::Clock;
+    use crate::device::simulated::HandConfig;
+    use crate::run::pace::Clock;
     use crate::run::session::Session;
     use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
     use parquet::file::reader::{FileReader, SerializedFileReader};

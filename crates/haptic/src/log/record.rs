@@ -13,8 +13,6 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::device::contract::DeviceSpec;
 use crate::log::error::RecordError;
-use crate::log::size_limit;
-use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::sample::Sample;
 
@@ -193,7 +191,7 @@ fn begin(
     let (sender, begun) = sync_channel(1);
     let thread = std::thread::Builder::new().name("haptic-log".into());
     let writing = thread.spawn(move || {
-        size_limit::take_as_errors();
+        report_size_limit_as_error();
         let first = file.begin(&device);
         let failed = first.is_err();
         // Refused by nobody: who started this waits for it.
@@ -221,12 +219,67 @@ fn write_all(
     file.finish()
 }
 
+/// A file format for logs, written by the log's own thread.
+pub trait SampleWriter: Send {
+    /// Takes what the device of the run can do, before the first sample.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn begin(&mut self, device: &DeviceSpec) -> Result<(), RecordError> {
+        let _ = device;
+        Ok(())
+    }
+
+    /// Takes the next sample.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn write(&mut self, sample: &Sample) -> Result<(), RecordError>;
+
+    /// Hands all that was taken to the system, so that it is there whatever ends this process. Called
+    /// many times a second.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    /// Puts the file, whole, in its place.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn finish(self: Box<Self>) -> Result<(), RecordError>;
+
+    /// The file that is written to while the loop runs, for messages.
+    fn path(&self) -> PathBuf;
+}
+
+/// From now on a file that this thread writes beyond the limit is an error of the write.
+///
+/// The signal is meant for the thread that writes; kept back, it goes with the thread. What the
+/// process as a whole does with the signal is not a library's to decide.
+#[cfg(unix)]
+fn report_size_limit_as_error() {
+    // SAFETY: both calls get a set that lives through them; the second changes nothing but which
+    // signals this thread keeps back.
+    unsafe {
+        let mut kept_back = std::mem::zeroed();
+        libc::sigemptyset(&raw mut kept_back);
+        libc::sigaddset(&raw mut kept_back, libc::SIGXFSZ);
+        libc::pthread_sigmask(libc::SIG_BLOCK, &raw const kept_back, std::ptr::null_mut());
+    }
+}
+
+#[cfg(not(unix))]
+fn report_size_limit_as_error() {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::sync::Mutex;
 
-    use crate::device::hand_body::HandConfig;
+    use crate::device::simulated::HandConfig;
 
     fn device() -> DeviceSpec {
         HandConfig::default().spec()

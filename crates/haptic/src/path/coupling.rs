@@ -348,7 +348,7 @@ mod tests {
         let spec = DeviceSpec {
             max_stiffness: 1500.0,
             nominal_rate: 1000.0,
-            ..crate::device::hand_body::HandConfig::default().spec()
+            ..crate::device::simulated::HandConfig::default().spec()
         };
         for rate_hz in [200.0, 500.0, 1000.0, 4000.0] {
             for stiffness in [100.0, 1000.0, 1e5] {
@@ -371,7 +371,7 @@ mod tests {
         let mut forces = Vec::new();
         for scale in [1.0, 0.1] {
             let gains = Gains::passive(
-                &crate::device::hand_body::HandConfig::default().spec(),
+                &crate::device::simulated::HandConfig::default().spec(),
                 &config,
             );
             let limits = SpringLimits {

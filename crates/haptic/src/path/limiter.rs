@@ -144,7 +144,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn limiter() -> Limiter {
-        let spec = crate::device::hand_body::HandConfig::default().spec();
+        let spec = crate::device::simulated::HandConfig::default().spec();
         Limiter::new(&spec, &HapticConfig::default())
     }
 
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_force_only_device_gets_no_torque() {
-        let mut spec = crate::device::hand_body::HandConfig::default().spec();
+        let mut spec = crate::device::simulated::HandConfig::default().spec();
         spec.output_dof = 2;
         let mut limiter = Limiter::new(&spec, &HapticConfig::default());
         let wanted = Wrench {

@@ -3,9 +3,10 @@
 
 use std::time::{Duration, Instant};
 
+use serde::Serialize;
+
 use crate::config::HapticConfig;
 use crate::log::replay::Tick;
-use crate::run::clock::Clock;
 use crate::run::realtime;
 
 /// What the times of ticks are taken from.
@@ -166,6 +167,16 @@ fn ticks_skipped(deadline: Instant, end: Instant, period: Duration) -> u32 {
 
 fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Whose seconds count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Clock {
+    /// The wall clock, one tick per period.
+    Real,
+    /// A count of periods, without waiting: the same inputs give the same forces on any machine.
+    Simulated,
 }
 
 #[cfg(test)]

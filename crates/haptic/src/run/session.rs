@@ -6,26 +6,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::EnergySource;
 
-use crate::config::HapticConfig;
+use crate::config::{ConfigError, HapticConfig};
 use crate::device::contract::{Device, DeviceError};
 use crate::device::workspace::Workspace;
 use crate::log::csv::CsvLog;
 use crate::log::error::RecordError;
 use crate::log::record;
-use crate::log::record::{Recorder, Writer};
+use crate::log::record::{Recorder, SampleWriter, Writer};
 use crate::log::replay::Replay;
-use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
-use crate::run::clock::Clock;
-use crate::run::error::HapticError;
-use crate::run::pace::{Beat, Due, Pace};
+use crate::run::pace::{Beat, Clock, Due, Pace};
 use crate::run::realtime;
 use crate::run::realtime::Granted;
-use crate::run::report::Outcome;
-use crate::run::report::Tally;
-use crate::run::view::View;
+use crate::run::report::{Outcome, Tally, View};
 
 /// Shows the newest sample to another thread; never holds the loop up.
 #[derive(Debug)]
@@ -288,4 +283,24 @@ impl Ticker {
             viewer.write(self.tally.view(&sample, due.start));
         }
     }
+}
+
+/// Why a session could not run or end well.
+#[derive(Debug, thiserror::Error)]
+pub enum HapticError {
+    /// A setting is out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The log could not be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The loop thread could not be started.
+    #[error("the loop thread could not be started: {0}")]
+    Thread(std::io::Error),
+    /// Something in a tick panicked; the device was stopped.
+    #[error("the loop panicked and the device was stopped: {0}")]
+    Panicked(String),
+    /// The device could not be told to stop.
+    #[error("the device may still push: {0}")]
+    NotStopped(DeviceError),
 }

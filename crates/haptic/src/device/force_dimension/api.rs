@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use crate::device::contract::DeviceError;
-use crate::device::library::{Driver, Wanted};
-use crate::device::shown::shown;
+use crate::device::driver::{Driver, Wanted};
+use crate::device::text::printable;
 
 /// Where libdhd lies.
 pub(super) const WANTED: Wanted = Wanted {
@@ -168,5 +168,5 @@ pub(super) fn driver_text(text: *const c_char) -> String {
     }
     // SAFETY: not null, and the library ends its texts with a zero byte.
     let text = unsafe { CStr::from_ptr(text) };
-    shown(&text.to_string_lossy())
+    printable(&text.to_string_lossy())
 }

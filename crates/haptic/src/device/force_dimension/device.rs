@@ -8,8 +8,8 @@ use fft_correlate::Wrench;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
+use crate::device::driver::Axes;
 use crate::device::force_dimension::api::{Api, Id, ON, WANTED, driver_text, status};
-use crate::device::frame::Axes;
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
 use crate::device::threaded::{Exchange, Motion, OpenDevice, Reading, ThreadedDevice};
 

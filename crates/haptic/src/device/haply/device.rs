@@ -7,11 +7,11 @@ use fft_correlate::Wrench;
 use glam::{DQuat, DVec3};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
-use crate::device::frame::Axes;
+use crate::device::driver::Axes;
 use crate::device::haply::message::{Arm, Message, push};
 use crate::device::haply::socket::{NAME, Socket, VARIABLE};
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
-use crate::device::shown::shown;
+use crate::device::text::printable;
 use crate::device::threaded::{Exchange, Motion, OpenDevice, Reading, ThreadedDevice};
 
 /// Where the service listens by default.
@@ -157,7 +157,7 @@ fn check_ready(arm: &Arm) -> Result<(), DeviceError> {
         Some(basis) if basis.permutation != "XYZ" => Err(DeviceError::Unsuitable {
             name: name(),
             expected: "the basis XYZ in the service's settings".into(),
-            found: shown(&basis.permutation),
+            found: printable(&basis.permutation),
         }),
         _ => Ok(()),
     }

@@ -9,7 +9,7 @@ use tungstenite::{Error, HandshakeError, WebSocket, client};
 
 use crate::device::contract::DeviceError;
 use crate::device::haply::message::Message;
-use crate::device::shown::shown;
+use crate::device::text::printable;
 
 /// The service, to a user.
 pub(super) const NAME: &str = "Haply Inverse Service";
@@ -122,7 +122,7 @@ fn no_greeting(address: SocketAddr) -> DeviceError {
 fn gone(error: &dyn std::error::Error) -> DeviceError {
     DeviceError::System {
         name: NAME.into(),
-        reason: format!("it has gone: {}", shown(&error.to_string())),
+        reason: format!("it has gone: {}", printable(&error.to_string())),
     }
 }
 
@@ -130,7 +130,7 @@ fn unsuitable(found: &str) -> DeviceError {
     DeviceError::Unsuitable {
         name: NAME.into(),
         expected: "the JSON of version 3.1 or later".into(),
-        found: shown(found),
+        found: printable(found),
     }
 }
 

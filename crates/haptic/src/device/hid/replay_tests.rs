@@ -14,7 +14,7 @@ use crate::device::hid::spacemouse::{Feel, SpaceMouse, spec};
 use crate::device::threaded::{Cursor, ThreadedDevice};
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
-use crate::run::clock::Clock;
+use crate::run::pace::Clock;
 use crate::run::session::Session;
 
 /// A spring to the origin.

@@ -9,13 +9,13 @@ use std::time::Duration;
 
 use crate::device::contract::{Device, DeviceError};
 use crate::device::hid::pid;
-use crate::device::hid::pid::layout::PidLayout;
-use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::pid::PidLayout;
+use crate::device::hid::pid::PidSettings;
 use crate::device::hid::port::{Connector, HidInput, HidPort};
 use crate::device::hid::spacemouse;
 use crate::device::hid::spacemouse::{Feel, SpaceMouse};
 use crate::device::info::{Access, DeviceInfo, DeviceKind, UsbIds};
-use crate::device::shown::shown;
+use crate::device::text::printable;
 use crate::device::threaded::Cursor;
 use crate::device::threaded::ThreadedDevice;
 use hidapi::{HidApi, HidDevice, HidError};
@@ -48,7 +48,7 @@ pub fn enumerate() -> Result<Vec<DeviceInfo>, DeviceError> {
 /// What a device can be, `None` if nothing here.
 fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> Option<DeviceInfo> {
     let (vendor, product) = (device.vendor_id(), device.product_id());
-    let product_name = device.product_string().map(shown);
+    let product_name = device.product_string().map(printable);
     let product_name = product_name.as_deref().filter(|n| !n.trim().is_empty());
     let (kind, name, spec) = match spacemouse::recognise(vendor, product, usages) {
         Some(model) => {
@@ -75,7 +75,7 @@ fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> O
 
 /// Its serial number as it is shown and typed, empty if it has none.
 fn serial(device: &hidapi::DeviceInfo) -> String {
-    device.serial_number().map(shown).unwrap_or_default()
+    device.serial_number().map(printable).unwrap_or_default()
 }
 
 fn access(path: &str) -> Access {

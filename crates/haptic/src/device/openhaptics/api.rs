@@ -4,8 +4,8 @@ use std::ffi::{CStr, c_char, c_double, c_int, c_uint, c_ulong, c_ushort, c_void}
 use std::path::PathBuf;
 
 use crate::device::contract::DeviceError;
-use crate::device::library::{Driver, Wanted};
-use crate::device::shown::shown;
+use crate::device::driver::{Driver, Wanted};
+use crate::device::text::printable;
 
 /// Where libHD lies.
 pub(super) const WANTED: Wanted = Wanted {
@@ -167,7 +167,7 @@ fn text(text: *const c_char) -> String {
     }
     // SAFETY: not null, and the library ends its texts with a zero byte.
     let text = unsafe { CStr::from_ptr(text) };
-    shown(&text.to_string_lossy())
+    printable(&text.to_string_lossy())
 }
 
 /// Most errors taken from the stack at once.

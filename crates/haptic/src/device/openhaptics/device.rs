@@ -11,7 +11,7 @@ use fft_correlate::{Twist, Wrench};
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
-use crate::device::frame::Axes;
+use crate::device::driver::Axes;
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
 use crate::device::openhaptics::api::{
     Api, CALLBACK_CONTINUE, CALLBACK_DONE, Fault, Hhd, INVALID_HANDLE, MAX_PRIORITY, WANTED, check,

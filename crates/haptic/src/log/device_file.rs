@@ -56,7 +56,7 @@ pub fn read_device(log: &Path) -> Result<Option<DeviceSpec>, RecordError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::hand_body::HandConfig;
+    use crate::device::simulated::HandConfig;
 
     #[test]
     fn a_device_is_read_back_to_the_last_bit_and_nonsense_is_refused() {

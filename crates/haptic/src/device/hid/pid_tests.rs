@@ -5,7 +5,7 @@ use super::*;
 use crate::device::contract::Device;
 use crate::device::hid::fake::{Fake, unhex, until};
 
-const TWO_AXES: &str = include_str!("../../../../descriptors/pid-two-axes.hex");
+const TWO_AXES: &str = include_str!("../../../descriptors/pid-two-axes.hex");
 
 /// A two-axis joystick with room for so many effects: x at its greatest, y in the middle, buttons
 /// 1 and 8.

@@ -3,12 +3,12 @@ use proptest::prelude::*;
 use std::ops::Range;
 
 use crate::device::hid::fake::unhex;
-use crate::device::hid::report::layout::{Layouts, Slot};
+use crate::device::hid::report::{Layouts, Slot};
 
 const REAL: [&str; 3] = [
-    include_str!("../../../../descriptors/pid-two-axes.hex"),
-    include_str!("../../../../descriptors/space-mouse-split.hex"),
-    include_str!("../../../../descriptors/space-mouse-combined.hex"),
+    include_str!("../../../descriptors/pid-two-axes.hex"),
+    include_str!("../../../descriptors/space-mouse-split.hex"),
+    include_str!("../../../descriptors/space-mouse-combined.hex"),
 ];
 
 fn slot(bits: Range<usize>, minimum: i64, maximum: i64) -> Slot {
@@ -69,7 +69,7 @@ proptest! {
                 }
             }
         }
-        let _ = crate::device::hid::pid::layout::PidLayout::parse("changed", &real)
+        let _ = crate::device::hid::pid::PidLayout::parse("changed", &real)
             .map(|layout| layout.reading(&noise, 0.1));
     }
 }

@@ -10,16 +10,16 @@ const LONGEST: usize = 200;
 /// characters.
 ///
 /// ```
-/// let name = haptic::device::shown::shown("Stick\u{1b}[2J");
+/// let name = haptic::device::text::printable("Stick\u{1b}[2J");
 /// assert_eq!(name, r"Stick\u001b[2J");
 /// ```
-pub fn shown(text: &str) -> String {
+pub fn printable(text: &str) -> String {
     let end = text.char_indices().nth(LONGEST).map(|(at, _)| at);
-    let mut shown = text::shown(&text[..end.unwrap_or(text.len())]).into_owned();
+    let mut out = text::shown(&text[..end.unwrap_or(text.len())]).into_owned();
     if end.is_some() {
-        shown.push('…');
+        out.push('…');
     }
-    shown
+    out
 }
 
 #[cfg(test)]
@@ -28,9 +28,9 @@ mod tests {
 
     #[test]
     fn long_texts_are_cut_between_characters() {
-        assert_eq!(shown("µ\u{9b}K"), "µ\\u009bK");
+        assert_eq!(printable("µ\u{9b}K"), "µ\\u009bK");
         let long = "µ".repeat(LONGEST);
-        assert_eq!(shown(&long), long);
-        assert_eq!(shown(&(long.clone() + "x")), long + "…");
+        assert_eq!(printable(&long), long);
+        assert_eq!(printable(&(long.clone() + "x")), long + "…");
     }
 }

@@ -5,8 +5,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::device::hid::pid::PidSettings;
-use crate::device::hid::spacemouse::Feel;
-use crate::device::steered::LoopTimes;
+use crate::device::hid::spacemouse::SpaceMouseSettings;
+use crate::device::remote::LoopTimes;
 use crate::device::workspace::Workspace;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
@@ -52,7 +52,7 @@ pub struct HapticConfig {
     /// What the descriptor of a USB HID PID device cannot say; other devices do not look at it.
     pub pid: PidSettings,
     /// How fast a 3Dconnexion device's cursor moves; other devices do not look at it.
-    pub spacemouse: Feel,
+    pub spacemouse: SpaceMouseSettings,
 }
 
 /// The virtual coupling, in newtons and metres at the device.
@@ -125,7 +125,7 @@ impl Default for HapticConfig {
             limits: LimitConfig::default(),
             passivity: PassivityConfig::default(),
             pid: PidSettings::default(),
-            spacemouse: Feel::default(),
+            spacemouse: SpaceMouseSettings::default(),
         }
     }
 }
@@ -323,7 +323,10 @@ mod tests {
         assert_eq!(read.limits, LimitConfig::default());
         let read: HapticConfig = toml::from_str("spacemouse.speed = 0.02").unwrap();
         assert_eq!(read.spacemouse.speed, 0.02);
-        assert_eq!(read.spacemouse.angular_speed, Feel::default().angular_speed);
+        assert_eq!(
+            read.spacemouse.angular_speed,
+            SpaceMouseSettings::default().angular_speed
+        );
     }
 
     #[test]

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::device::contract::{Device, DeviceError};
 use crate::device::hid::pid::PidSettings;
-use crate::device::hid::spacemouse::Feel;
+use crate::device::hid::spacemouse::SpaceMouseSettings;
 use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::{force_dimension, haply, hid, openhaptics};
 
@@ -14,12 +14,12 @@ pub struct Survey {
     /// Devices, those that cannot be opened too.
     pub devices: Vec<DeviceInfo>,
     /// Kinds of which there is none because something is missing.
-    pub missing: Vec<Missing>,
+    pub missing: Vec<MissingDriver>,
 }
 
 /// Why there is no device of a kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Missing {
+pub struct MissingDriver {
     /// The kind.
     pub kind: DeviceKind,
     /// What is missing, and what would help.
@@ -37,7 +37,7 @@ pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, Device
     let asked = |kind| kinds.contains(&kind);
     let mut add = |kind: DeviceKind, found: Result<Vec<DeviceInfo>, DeviceError>| match found {
         Ok(devices) => survey.devices.extend(devices),
-        Err(why) => survey.missing.push(Missing {
+        Err(why) => survey.missing.push(MissingDriver {
             kind,
             reason: why.to_string(),
         }),
@@ -86,7 +86,7 @@ fn find_openhaptics(name: Option<&str>) -> Result<DeviceInfo, DeviceError> {
 /// If it is gone, may not be opened, is not ready, or is not what it was listed as.
 pub fn open(
     info: &DeviceInfo,
-    feel: Feel,
+    feel: SpaceMouseSettings,
     settings: PidSettings,
 ) -> Result<Box<dyn Device>, DeviceError> {
     let own = info.path.split_once(':').map_or("", |(_, own)| own);

@@ -123,7 +123,7 @@ pub struct DeviceState {
 
 impl DeviceState {
     /// At rest at `pose`.
-    pub fn at(pose: Pose, timestamp: f64) -> Self {
+    pub fn at_rest(pose: Pose, timestamp: f64) -> Self {
         Self {
             pose,
             twist: Twist::default(),

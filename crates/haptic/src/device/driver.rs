@@ -13,7 +13,7 @@ use crate::device::contract::DeviceError;
 
 /// Where a driver is looked for, and what to say if it is not there.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Wanted {
+pub(crate) struct DriverSource {
     /// What its maker calls it.
     pub(crate) name: &'static str,
     /// File names and paths, tried in turn; a name without a folder is looked for where the system
@@ -27,9 +27,9 @@ pub(crate) struct Wanted {
     pub(crate) versions: &'static str,
 }
 
-impl Wanted {
+impl DriverSource {
     /// The file that the environment names, if any.
-    pub(crate) fn named(&self) -> Option<PathBuf> {
+    pub(crate) fn from_env(&self) -> Option<PathBuf> {
         let file = std::env::var_os(self.variable)?;
         (!file.is_empty()).then(|| file.into())
     }
@@ -46,14 +46,14 @@ impl Wanted {
 /// which would be left without code.
 #[derive(Debug)]
 pub(crate) struct Driver {
-    wanted: Wanted,
+    wanted: DriverSource,
     file: PathBuf,
     library: ManuallyDrop<Library>,
 }
 
 impl Driver {
     /// Loads `file`, or the first of the files wanted that can be loaded.
-    pub(crate) fn load(wanted: Wanted, file: Option<PathBuf>) -> Result<Self, DeviceError> {
+    pub(crate) fn load(wanted: DriverSource, file: Option<PathBuf>) -> Result<Self, DeviceError> {
         let files: Vec<PathBuf> = match file {
             Some(file) => vec![file],
             None => wanted.files.iter().map(PathBuf::from).collect(),
@@ -70,7 +70,7 @@ impl Driver {
                         library: ManuallyDrop::new(library),
                     });
                 }
-                Err(error) => said.push(words(&error, &file)),
+                Err(error) => said.push(loader_message(&error, &file)),
             }
         }
         Err(wanted.not_installed(&said.join("; ")))
@@ -95,7 +95,7 @@ impl Driver {
 }
 
 /// The loader's own words, the innermost cause, which name the file once.
-fn words(error: &dyn Error, file: &Path) -> String {
+fn loader_message(error: &dyn Error, file: &Path) -> String {
     let mut inmost = error;
     while let Some(cause) = inmost.source() {
         inmost = cause;

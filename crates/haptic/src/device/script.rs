@@ -50,7 +50,7 @@ pub struct Geometry {
 /// Where the hand wants the moving part, and how firmly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intent {
-    /// Wanted pose of the moving part, scene frame.
+    /// DriverSource pose of the moving part, scene frame.
     pub pose: Pose,
     /// 1 is a firm grip, 0 none.
     pub grip: f64,
@@ -75,7 +75,7 @@ impl Script {
     }
 }
 
-fn event(seed: u64, index: f64) -> SmallRng {
+fn event_rng(seed: u64, index: f64) -> SmallRng {
     // A negative or huge index saturates; any value is a valid seed.
     SmallRng::seed_from_u64(seed ^ (index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }
@@ -95,7 +95,7 @@ fn smooth(u: f64) -> f64 {
 
 fn collision(geometry: &Geometry, time: f64, reach: f64, seed: u64) -> Intent {
     let index = (time / PUSH_PERIOD).floor();
-    let mut rng = event(seed, index);
+    let mut rng = event_rng(seed, index);
     let phase = time / PUSH_PERIOD - index;
     // Pushes rise and fall over three quarters of the period, at rest before and after.
     let push = (std::f64::consts::PI * ((phase - 0.2) / 0.75).clamp(0.0, 1.0)).sin();
@@ -105,11 +105,11 @@ fn collision(geometry: &Geometry, time: f64, reach: f64, seed: u64) -> Intent {
 }
 
 /// A careless place about the entrance.
-fn astray(geometry: &Geometry, rng: &mut SmallRng) -> Pose {
-    place(geometry, rng, 0.7..1.1, 1.0)
+fn careless_pose(geometry: &Geometry, rng: &mut SmallRng) -> Pose {
+    random_pose(geometry, rng, 0.7..1.1, 1.0)
 }
 
-fn place(
+fn random_pose(
     geometry: &Geometry,
     rng: &mut SmallRng,
     withdrawn: std::ops::Range<f64>,
@@ -128,29 +128,29 @@ fn snap(geometry: &Geometry, time: f64, duration: f64, seed: u64) -> Intent {
     let last = ((duration / SNAP_PERIOD).floor() - 1.0).max(0.0);
     let index = (time / SNAP_PERIOD).floor().clamp(0.0, last);
     let phase = time / SNAP_PERIOD - index;
-    let near = |index| place(geometry, &mut event(seed, index), 0.05..0.3, 0.2);
-    let far = astray(geometry, &mut event(!seed, index));
+    let near = |index| random_pose(geometry, &mut event_rng(seed, index), 0.05..0.3, 0.2);
+    let far = careless_pose(geometry, &mut event_rng(!seed, index));
     let to = near(index);
     let (wander, approach) = SNAP_PHASES;
     if phase < wander {
         let from = if index > 0.0 { near(index - 1.0) } else { far };
         let share = smooth(phase / wander);
         Intent {
-            pose: between(&from, &far, share),
+            pose: interpolate(&from, &far, share),
             grip: LOOSE + (1.0 - LOOSE) * smooth(2.0 * share),
         }
     } else {
         let share = smooth((phase - wander) / (approach - wander));
         let loose = smooth((phase - approach) / 0.05);
         Intent {
-            pose: between(&far, &to, share),
+            pose: interpolate(&far, &to, share),
             grip: LOOSE + (1.0 - LOOSE) * (1.0 - loose),
         }
     }
 }
 
 fn free(geometry: &Geometry, time: f64, seed: u64) -> Intent {
-    let mut rng = event(seed, 0.0);
+    let mut rng = event_rng(seed, 0.0);
     let mut wave = |amplitude: f64| -> f64 {
         (0..3)
             .map(|_| {
@@ -179,7 +179,7 @@ fn free(geometry: &Geometry, time: f64, seed: u64) -> Intent {
     }
 }
 
-fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
+fn interpolate(from: &Pose, to: &Pose, share: f64) -> Pose {
     from.perturbed(&(from.twist_to(to) * share))
 }
 
@@ -190,7 +190,7 @@ impl Geometry {
     /// The way of `moving` into its fit at `seated`: along `axis` (unit, fixed frame) over `depth`
     /// metres. An axis that is not given is the coordinate direction along which the part can be
     /// withdrawn with the least climb in energy; a depth that is not is the part's extent along it.
-    pub fn of_fit(
+    pub fn from_fit(
         source: &dyn EnergySource,
         moving: &TriangleMesh,
         seated: Pose,
@@ -333,10 +333,10 @@ mod insertion_tests {
     #[test]
     fn the_way_in_is_against_the_easiest_way_out() {
         let part = shapes::cuboid(DVec3::new(0.01, 0.03, 0.02)).unwrap();
-        let found = Geometry::of_fit(&Gutter, &part, Pose::IDENTITY, None, None);
+        let found = Geometry::from_fit(&Gutter, &part, Pose::IDENTITY, None, None);
         assert_eq!(found.axis, DVec3::Y);
         assert!((found.depth - 0.03).abs() < 1e-12, "{}", found.depth);
-        let given = Geometry::of_fit(&Gutter, &part, Pose::IDENTITY, Some(DVec3::Z), Some(0.5));
+        let given = Geometry::from_fit(&Gutter, &part, Pose::IDENTITY, Some(DVec3::Z), Some(0.5));
         assert_eq!((given.axis, given.depth), (DVec3::Z, 0.5));
     }
 
@@ -358,7 +358,7 @@ mod insertion_tests {
                 .build(&hole, &peg, &ScoreModel::GUIDED, &Silent)
                 .unwrap();
             let source = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME).unwrap();
-            let found = Geometry::of_fit(&source, &peg, Pose::IDENTITY, None, None);
+            let found = Geometry::from_fit(&source, &peg, Pose::IDENTITY, None, None);
             assert_eq!(found.axis, axis);
             assert!((found.depth - 0.03).abs() < 1e-9, "{}", found.depth);
         }

@@ -18,7 +18,7 @@ const LONGEST_GAP: f64 = 1.0;
 
 /// The hand and what it does. Lengths at the device.
 #[derive(Debug, Clone, PartialEq)]
-pub struct HandConfig {
+pub struct OperatorConfig {
     /// Moving mass of hand and handle, kg.
     pub mass: f64,
     /// Stiffness of a firm grip, N/m.
@@ -48,7 +48,7 @@ pub struct HandConfig {
     pub seed: u64,
 }
 
-impl Default for HandConfig {
+impl Default for OperatorConfig {
     fn default() -> Self {
         Self {
             mass: 0.25,
@@ -68,7 +68,7 @@ impl Default for HandConfig {
     }
 }
 
-impl HandConfig {
+impl OperatorConfig {
     /// The device record: a 6-DOF desktop device of the better kind.
     pub fn spec(&self) -> DeviceSpec {
         DeviceSpec {
@@ -89,14 +89,14 @@ impl HandConfig {
 /// Where a hand wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none; stiffness
 /// and strength are in proportion.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pull {
+pub(crate) struct Target {
     pub(crate) pose: Pose,
     pub(crate) grip: f64,
 }
 
 /// Mass and inertia of hand and handle, device frame.
 #[derive(Debug)]
-pub(crate) struct HandBody {
+pub(crate) struct OperatorBody {
     pub(crate) pose: Pose,
     pub(crate) twist: Twist,
     /// What the device pushes with.
@@ -105,9 +105,9 @@ pub(crate) struct HandBody {
     time: f64,
 }
 
-impl HandBody {
+impl OperatorBody {
     /// At rest.
-    pub(crate) fn at(pose: Pose) -> Self {
+    pub(crate) fn at_rest(pose: Pose) -> Self {
         Self {
             pose,
             twist: Twist::default(),
@@ -119,7 +119,7 @@ impl HandBody {
 
     /// Moves on to `now` on the loop's clock; `pull` says what the hand wants, at seconds since the
     /// first call.
-    pub(crate) fn follow(&mut self, now: f64, hand: &HandConfig, pull: impl Fn(f64) -> Pull) {
+    pub(crate) fn follow(&mut self, now: f64, hand: &OperatorConfig, pull: impl Fn(f64) -> Target) {
         let start = *self.start.get_or_insert(now);
         let elapsed = (now - start - self.time).clamp(0.0, LONGEST_GAP);
         let steps = (elapsed / STEP).ceil();
@@ -137,7 +137,7 @@ impl HandBody {
         self.twist = Twist::default();
     }
 
-    fn advance(&mut self, dt: f64, c: &HandConfig, wanted: &Pull) {
+    fn advance(&mut self, dt: f64, c: &OperatorConfig, wanted: &Target) {
         let grip = wanted.grip;
         let pull = self.pose.twist_to(&wanted.pose);
         let spring = (pull.linear * c.stiffness).clamp_length_max(c.strength) * grip;
@@ -163,26 +163,26 @@ struct Tremor {
 
 /// The simulated hand as a device.
 #[derive(Debug)]
-pub struct SimulatedHand {
+pub struct SimulatedOperator {
     spec: DeviceSpec,
     will: Will,
-    body: HandBody,
+    body: OperatorBody,
 }
 
 /// What the hand wants at a time.
 #[derive(Debug)]
 struct Will {
-    config: HandConfig,
+    config: OperatorConfig,
     script: Script,
     geometry: Geometry,
     workspace: Workspace,
     tremors: [[Tremor; TREMORS]; 6],
 }
 
-impl SimulatedHand {
+impl SimulatedOperator {
     /// A hand at rest where its script starts.
     pub fn new(
-        config: HandConfig,
+        config: OperatorConfig,
         script: Script,
         geometry: Geometry,
         workspace: Workspace,
@@ -204,14 +204,14 @@ impl SimulatedHand {
         };
         Self {
             spec,
-            body: HandBody::at(will.wanted(0.0).0),
+            body: OperatorBody::at_rest(will.wanted(0.0).0),
             will,
         }
     }
 }
 
 impl Will {
-    /// Wanted handle pose in the device's frame, without tremor, and grip strength.
+    /// DriverSource handle pose in the device's frame, without tremor, and grip strength.
     fn wanted(&self, time: f64) -> (Pose, f64) {
         let c = &self.config;
         let reach = c.push / c.stiffness * self.workspace.scale;
@@ -237,16 +237,16 @@ impl Will {
     }
 
     /// The pull at a time, tremor included.
-    fn pull(&self, time: f64) -> Pull {
+    fn pull(&self, time: f64) -> Target {
         let (pose, grip) = self.wanted(time);
-        Pull {
+        Target {
             pose: pose.perturbed(&self.tremor(time)),
             grip,
         }
     }
 }
 
-impl Device for SimulatedHand {
+impl Device for SimulatedOperator {
     fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
@@ -277,7 +277,7 @@ impl Device for SimulatedHand {
 mod tests {
     use super::*;
 
-    pub(crate) fn hand(config: HandConfig, script: Script) -> SimulatedHand {
+    pub(crate) fn hand(config: OperatorConfig, script: Script) -> SimulatedOperator {
         let geometry = Geometry {
             seated: Pose::IDENTITY,
             axis: DVec3::NEG_Z,
@@ -286,16 +286,16 @@ mod tests {
             tilt: 0.05,
         };
         let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
-        SimulatedHand::new(config, script, geometry, workspace)
+        SimulatedOperator::new(config, script, geometry, workspace)
     }
 
     #[test]
     fn a_constant_force_bends_the_hand_by_its_compliance() {
-        let config = HandConfig {
+        let config = OperatorConfig {
             tremor: 0.0,
             rotational_tremor: 0.0,
             push: 0.0,
-            ..HandConfig::default()
+            ..OperatorConfig::default()
         };
         let mut hand = hand(config, Script::Collision);
         hand.send(&Wrench {
@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn tremor_has_its_amplitude_and_band() {
-        let hand = hand(HandConfig::default(), Script::Free);
+        let hand = hand(OperatorConfig::default(), Script::Free);
         let n = 20_000;
         let values: Vec<f64> = (0..n)
             .map(|k| hand.will.tremor(k as f64 * 1e-3).linear.x)
@@ -331,14 +331,14 @@ mod tests {
 
     #[test]
     fn passes_the_conformance_suite() {
-        let mut hand = hand(HandConfig::default(), Script::Free);
+        let mut hand = hand(OperatorConfig::default(), Script::Free);
         crate::device::conformance::check(&mut hand).unwrap();
     }
 
     #[test]
     fn the_same_seed_moves_the_same_way() {
         let run = || {
-            let mut hand = hand(HandConfig::default(), Script::Snap);
+            let mut hand = hand(OperatorConfig::default(), Script::Snap);
             (0..3000)
                 .map(|k| hand.poll(k as f64 * 1e-3).unwrap())
                 .next_back()

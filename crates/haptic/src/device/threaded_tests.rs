@@ -3,8 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use super::*;
-use crate::device::hid::fake::until;
-use crate::device::simulated::HandConfig;
+use crate::device::hid::fake::wait_for;
+use crate::device::simulated::OperatorConfig;
 
 const AT_REST: Motion = Motion::Position {
     pose: Pose::IDENTITY,
@@ -76,7 +76,7 @@ impl Fake {
             if world.unplugged {
                 return Err(DeviceError::Disconnected);
             }
-            let mut spec = HandConfig::default().spec();
+            let mut spec = OperatorConfig::default().spec();
             if world.other {
                 spec.max_force = 1.0;
             }
@@ -105,7 +105,7 @@ fn push(x: f64) -> Wrench {
 
 /// Sends until the device pushes so.
 fn pushing(fake: &Fake, device: &mut ThreadedDevice, x: f64) {
-    until(|| {
+    wait_for(|| {
         device.send(&push(x)).unwrap();
         fake.with(|w| w.force) == x
     });
@@ -127,7 +127,7 @@ fn a_stop_a_drop_and_a_silent_loop_end_the_force() {
     pushing(&fake, &mut one, 2.0);
     let sent = Instant::now();
     one.send(&push(2.0)).unwrap();
-    until(|| fake.with(|w| w.force) == 0.0);
+    wait_for(|| fake.with(|w| w.force) == 0.0);
     // How soon is looked at where the makers' devices are tested; not at once, at any rate.
     let silent = fake.with(|w| w.since).unwrap() - sent;
     assert!(silent > Duration::from_millis(5), "{silent:?}");
@@ -148,7 +148,7 @@ fn a_slow_loop_is_not_taken_for_a_silent_one() {
         std::thread::sleep(Duration::from_millis(20));
     }
     device.send(&push(1.0)).unwrap();
-    until(|| fake.with(|w| w.force) > 0.0);
+    wait_for(|| fake.with(|w| w.force) > 0.0);
     fake.with(|w| w.pushed.clear());
     for _ in 0..10 {
         device.send(&push(1.0)).unwrap();
@@ -165,13 +165,13 @@ fn an_unplugged_device_says_why_and_comes_back_gently() {
     let (fake, mut device) = device();
     pushing(&fake, &mut device, 1.0);
     fake.with(|w| w.unplugged = true);
-    until(|| device.poll(0.0) == Err(DeviceError::Disconnected));
-    until(|| device.send(&push(1.0)) == Err(DeviceError::Disconnected));
+    wait_for(|| device.poll(0.0) == Err(DeviceError::Disconnected));
+    wait_for(|| device.send(&push(1.0)) == Err(DeviceError::Disconnected));
     assert_eq!(device.stop_all(), Err(DeviceError::Disconnected));
     assert!(device.last_fault().is_some());
     // Another device in its place is not taken for it.
     fake.with(|w| (w.unplugged, w.other) = (false, true));
-    until(|| {
+    wait_for(|| {
         device
             .last_fault()
             .unwrap()
@@ -183,7 +183,7 @@ fn an_unplugged_device_says_why_and_comes_back_gently() {
         w.other = false;
         w.pushed.clear();
     });
-    until(|| device.poll(0.0).is_ok_and(|s| s.buttons == 5));
+    wait_for(|| device.poll(0.0).is_ok_and(|s| s.buttons == 5));
     pushing(&fake, &mut device, 1.0);
     let pushed = fake.with(|w| w.pushed.clone());
     let first = pushed.iter().find(|f| **f > 0.0).unwrap();
@@ -195,7 +195,7 @@ fn a_force_that_the_device_refused_rises_anew() {
     let (fake, mut device) = device();
     pushing(&fake, &mut device, 1.0);
     fake.with(|w| w.warm = true);
-    until(|| device.last_fault().is_some());
+    wait_for(|| device.last_fault().is_some());
     assert!(device.poll(0.0).is_ok(), "it is still there");
     fake.with(|w| {
         w.warm = false;
@@ -209,7 +209,7 @@ fn a_force_that_the_device_refused_rises_anew() {
 fn a_wrench_that_is_not_finite_is_none() {
     let (fake, mut device) = device();
     pushing(&fake, &mut device, 1.0);
-    until(|| {
+    wait_for(|| {
         device.send(&push(f64::NAN)).unwrap();
         fake.with(|w| w.force) == 0.0
     });
@@ -280,7 +280,7 @@ fn halves(motion: Motion) -> (Arc<HalfWorld>, ThreadedDevice) {
     world.plugged.store(true, Ordering::SeqCst);
     let spec = DeviceSpec {
         rate_controlled: matches!(motion, Motion::Rate(_)),
-        ..HandConfig::default().spec()
+        ..OperatorConfig::default().spec()
     };
     let device = ThreadedDevice::spawn(
         spec,
@@ -299,7 +299,7 @@ fn a_slow_device_gets_the_newest_force_and_the_loop_does_not_wait() {
         device.send(&push(k as f64)).unwrap();
         std::thread::sleep(Duration::from_micros(200));
     }
-    until(|| world.wrote.lock().unwrap().last() == Some(&push(300.0)));
+    wait_for(|| world.wrote.lock().unwrap().last() == Some(&push(300.0)));
     let wrote = world.wrote.lock().unwrap().clone();
     assert!(wrote.len() < 300, "values were overtaken");
     assert!(wrote.windows(2).all(|w| w[0].force.x < w[1].force.x));
@@ -312,7 +312,7 @@ fn stops_when_told_when_the_loop_falls_silent_and_when_dropped() {
     device.stop_all().unwrap();
     assert_eq!(stops(), 1);
     device.send(&push(1.0)).unwrap();
-    until(|| stops() == 2);
+    wait_for(|| stops() == 2);
     drop(device);
     assert_eq!(stops(), 3);
 }
@@ -320,12 +320,12 @@ fn stops_when_told_when_the_loop_falls_silent_and_when_dropped() {
 #[test]
 fn comes_back_after_being_unplugged() {
     let (world, mut device) = halves(AT_REST);
-    until(|| device.poll(0.0).is_ok_and(|s| s.buttons == 5));
+    wait_for(|| device.poll(0.0).is_ok_and(|s| s.buttons == 5));
     world.plugged.store(false, Ordering::SeqCst);
-    until(|| device.poll(0.0) == Err(DeviceError::Disconnected));
-    until(|| device.send(&push(1.0)) == Err(DeviceError::Disconnected));
+    wait_for(|| device.poll(0.0) == Err(DeviceError::Disconnected));
+    wait_for(|| device.send(&push(1.0)) == Err(DeviceError::Disconnected));
     world.plugged.store(true, Ordering::SeqCst);
-    until(|| device.poll(0.0).is_ok() && device.send(&push(1.0)).is_ok());
+    wait_for(|| device.poll(0.0).is_ok() && device.send(&push(1.0)).is_ok());
     assert!(world.connects.load(Ordering::SeqCst) >= 2);
 }
 
@@ -336,7 +336,7 @@ fn rates_move_a_cursor_that_gives_way_and_stays_in_the_workspace() {
         ..Twist::default()
     };
     let (_, mut device) = halves(Motion::Rate(rate));
-    until(|| device.poll(0.0).is_ok_and(|s| s.buttons == 5));
+    wait_for(|| device.poll(0.0).is_ok_and(|s| s.buttons == 5));
     let start = device.poll(0.0).unwrap().pose.translation;
     let end = device.poll(0.1).unwrap().pose.translation;
     assert!((end.y - start.y - 0.01).abs() < 1e-12);
@@ -360,12 +360,12 @@ fn two_threads_pass_the_conformance_suite() {
 fn a_device_plugged_in_again_is_pushed_gently_at_first() {
     let (world, mut device) = halves(AT_REST);
     device.send(&push(1.0)).unwrap();
-    until(|| !world.wrote.lock().unwrap().is_empty());
+    wait_for(|| !world.wrote.lock().unwrap().is_empty());
     world.plugged.store(false, Ordering::SeqCst);
-    until(|| device.send(&push(1.0)) == Err(DeviceError::Disconnected));
+    wait_for(|| device.send(&push(1.0)) == Err(DeviceError::Disconnected));
     world.wrote.lock().unwrap().clear();
     world.plugged.store(true, Ordering::SeqCst);
-    until(|| {
+    wait_for(|| {
         let _ = device.send(&push(1.0)); // until it is back
         world
             .wrote

@@ -292,7 +292,7 @@ pub fn read_log(path: &Path) -> Result<Recording, RecordError> {
         torn_line: None,
     };
     if let Some(tail) = lines.tail() {
-        match whole_row(tail) {
+        match complete_row(tail) {
             Some(sample) => recording.samples.push(sample),
             None => recording.torn_line = Some(recording.samples.len() as u64 + 2),
         }
@@ -306,7 +306,7 @@ pub(crate) fn rows<R: Read>(
     from: R,
 ) -> Result<impl Iterator<Item = Result<Sample, RecordError>>, RecordError> {
     let mut csv = csv::Reader::from_reader(from);
-    let headers = csv.headers().map_err(|e| broken(path, e))?;
+    let headers = csv.headers().map_err(|e| csv_error(path, e))?;
     if headers != COLUMNS.as_slice() {
         return Err(RecordError::Format {
             path: path.to_owned(),
@@ -317,7 +317,7 @@ pub(crate) fn rows<R: Read>(
     }
     let rows = csv.into_records().enumerate();
     Ok(rows.map(move |(index, record)| {
-        let record = record.map_err(|e| broken(path, e))?;
+        let record = record.map_err(|e| csv_error(path, e))?;
         parse(&record).map_err(|(expected, found)| RecordError::Format {
             path: path.to_owned(),
             line: index as u64 + 2,
@@ -329,7 +329,7 @@ pub(crate) fn rows<R: Read>(
 
 /// A row without its end of line that is whole nevertheless: its last column says what its last number
 /// does.
-fn whole_row(text: &[u8]) -> Option<Sample> {
+fn complete_row(text: &[u8]) -> Option<Sample> {
     let mut csv = csv::ReaderBuilder::new()
         .has_headers(false)
         .from_reader(text);
@@ -394,7 +394,7 @@ impl<R: Read> Read for WholeLines<R> {
     }
 }
 
-fn broken(path: &Path, error: csv::Error) -> RecordError {
+fn csv_error(path: &Path, error: csv::Error) -> RecordError {
     let line = error.position().map_or(0, csv::Position::line);
     match error.into_kind() {
         csv::ErrorKind::Io(source) => RecordError::Io {
@@ -411,22 +411,22 @@ fn broken(path: &Path, error: csv::Error) -> RecordError {
 }
 
 /// What belongs there and what is there instead.
-type Unfit = (String, String);
+type Mismatch = (String, String);
 
-fn parse(record: &csv::StringRecord) -> Result<Sample, Unfit> {
-    let number = |column: usize| -> Result<f64, Unfit> {
+fn parse(record: &csv::StringRecord) -> Result<Sample, Mismatch> {
+    let number = |column: usize| -> Result<f64, Mismatch> {
         let text = &record[column];
         text.parse()
             .map_err(|_| (format!("a number in {}", COLUMNS[column]), text.to_owned()))
     };
-    let vector = |first: usize| -> Result<DVec3, Unfit> {
+    let vector = |first: usize| -> Result<DVec3, Mismatch> {
         Ok(DVec3::new(
             number(first)?,
             number(first + 1)?,
             number(first + 2)?,
         ))
     };
-    let pose = |first: usize| -> Result<Pose, Unfit> {
+    let pose = |first: usize| -> Result<Pose, Mismatch> {
         let (q, w) = (vector(first + 3)?, number(first + 6)?);
         Ok(Pose {
             rotation: DQuat::from_xyzw(q.x, q.y, q.z, w),
@@ -442,12 +442,12 @@ fn parse(record: &csv::StringRecord) -> Result<Sample, Unfit> {
                 angular: vector(10)?,
                 linear: vector(13)?,
             },
-            buttons: whole(record, 16)?,
+            buttons: count(record, 16)?,
             timestamp: number(17)?,
         })
     };
     Ok(Sample {
-        tick: whole(record, 0)?,
+        tick: count(record, 0)?,
         time: number(1)?,
         dt: number(2)?,
         input,
@@ -467,13 +467,13 @@ fn parse(record: &csv::StringRecord) -> Result<Sample, Unfit> {
             taken: number(38)?,
             exchanged: number(39)?,
         },
-        evaluations: whole(record, 40)?,
-        flags: whole(record, 41)?,
+        evaluations: count(record, 40)?,
+        flags: count(record, 41)?,
     })
 }
 
-fn whole<T: std::str::FromStr>(record: &csv::StringRecord, column: usize) -> Result<T, Unfit> {
+fn count<T: std::str::FromStr>(record: &csv::StringRecord, column: usize) -> Result<T, Mismatch> {
     let text = &record[column];
-    let unfit = |_| (format!("a count in {}", COLUMNS[column]), text.to_owned());
-    text.parse().map_err(unfit)
+    let mismatch = |_| (format!("a count in {}", COLUMNS[column]), text.to_owned());
+    text.parse().map_err(mismatch)
 }

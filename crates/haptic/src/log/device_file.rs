@@ -56,7 +56,7 @@ pub fn read_device(log: &Path) -> Result<Option<DeviceSpec>, RecordError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::simulated::HandConfig;
+    use crate::device::simulated::OperatorConfig;
 
     #[test]
     fn a_device_is_read_back_to_the_last_bit_and_nonsense_is_refused() {
@@ -68,7 +68,7 @@ mod tests {
             max_force: f64::from(3.3f32),
             max_torque: f64::INFINITY,
             nominal_rate: 1000.0 / 3.0,
-            ..HandConfig::default().spec()
+            ..OperatorConfig::default().spec()
         };
         write_device(&log, &spec).unwrap();
         assert_eq!(read_device(&log).unwrap(), Some(spec));

@@ -199,7 +199,7 @@ mod tests {
     use super::*;
     use crate::config::HapticConfig;
     use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
-    use crate::device::simulated::HandConfig;
+    use crate::device::simulated::OperatorConfig;
     use crate::run::pace::Clock;
     use crate::run::session::Session;
     use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
@@ -220,7 +220,7 @@ mod tests {
                 return Err(DeviceError::NoInput);
             }
             let x = 0.01 * (6.0 * now).sin();
-            Ok(DeviceState::at(
+            Ok(DeviceState::at_rest(
                 Pose::from_translation([x, 0.0, 0.0].into()),
                 now,
             ))
@@ -260,7 +260,7 @@ mod tests {
     fn run(ticks: usize, record: impl FnOnce(Session) -> Session) {
         let config = HapticConfig::default();
         let place = config.workspace(Pose::IDENTITY, Default::default());
-        let mut device = Swinging(HandConfig::default().spec());
+        let mut device = Swinging(OperatorConfig::default().spec());
         let seconds = (ticks as f64 - 0.5) * config.period();
         let outcome = record(Session::new(config, place))
             .run(

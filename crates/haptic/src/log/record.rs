@@ -51,7 +51,7 @@ impl Recorder {
 /// The threads that collect and write.
 pub(crate) struct Writer {
     collecting: JoinHandle<Vec<Sample>>,
-    writing: Option<Writing>,
+    writing: Option<WriterThread>,
     done: Arc<AtomicBool>,
     path: PathBuf,
 }
@@ -179,14 +179,14 @@ impl Collector {
     }
 }
 
-type Writing = JoinHandle<Result<(), RecordError>>;
+type WriterThread = JoinHandle<Result<(), RecordError>>;
 
 /// Starts the thread that writes; its first words are written when this returns.
 fn begin(
     mut file: Box<dyn SampleWriter>,
     batches: Receiver<Vec<Sample>>,
     device: &DeviceSpec,
-) -> std::io::Result<Result<Writing, RecordError>> {
+) -> std::io::Result<Result<WriterThread, RecordError>> {
     let device = device.clone();
     let (sender, begun) = sync_channel(1);
     let thread = std::thread::Builder::new().name("haptic-log".into());
@@ -279,10 +279,10 @@ mod tests {
     use super::*;
     use std::sync::Mutex;
 
-    use crate::device::simulated::HandConfig;
+    use crate::device::simulated::OperatorConfig;
 
     fn device() -> DeviceSpec {
-        HandConfig::default().spec()
+        OperatorConfig::default().spec()
     }
 
     /// Does not take the second sample before it may; then keeps the numbers of all it gets.

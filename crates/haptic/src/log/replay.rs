@@ -161,15 +161,15 @@ pub(crate) fn check(
     let mut gate = None;
     let mut last: Option<&Sample> = None;
     for (index, sample) in samples.iter().enumerate() {
-        let unfit = |item, expected: String, found: String| ReplayError::Tick {
+        let mismatch_at = |item, expected: String, found: String| ReplayError::Tick {
             line: index as u64 + 2,
             item,
             expected,
             found,
         };
         let next = last.is_none_or(|last| last.tick.checked_add(1) == Some(sample.tick));
-        clock(last.filter(|_| next), last, sample, late)
-            .map_err(|(item, expected, found)| unfit(item, expected, found))?;
+        check_time(last.filter(|_| next), last, sample, late)
+            .map_err(|(item, expected, found)| mismatch_at(item, expected, found))?;
         if !next {
             gate = None;
         }
@@ -178,10 +178,11 @@ pub(crate) fn check(
         }
         if let Some(gate) = &mut gate {
             let found = gate.admit(sample.input.as_ref(), sample.time, sample.dt);
-            let unsaid = found.flags & INPUT_FAULTS & !sample.flags;
-            if let (Some(input), true) = (&sample.input, unsaid != 0) {
-                let (item, expected, found) = fault(unsaid, input, sample.time, &settings);
-                return Err(unfit(item, expected, found));
+            let unflagged = found.flags & INPUT_FAULTS & !sample.flags;
+            if let (Some(input), true) = (&sample.input, unflagged != 0) {
+                let (item, expected, found) =
+                    describe_fault(unflagged, input, sample.time, &settings);
+                return Err(mismatch_at(item, expected, found));
             }
         }
         last = Some(sample);
@@ -202,52 +203,57 @@ fn lenient(config: &HapticConfig) -> HapticConfig {
     settings
 }
 
-type Unfit = (&'static str, String, String);
+type Mismatch = (&'static str, String, String);
 
 /// Checks the time of `sample`, after `last`; `before` is the tick directly before it.
-fn clock(
+fn check_time(
     before: Option<&Sample>,
     last: Option<&Sample>,
     sample: &Sample,
     late: f64,
-) -> Result<(), Unfit> {
+) -> Result<(), Mismatch> {
     let (time, dt) = (sample.time, sample.dt);
-    let told = |item, expected: String, found: f64| Err((item, expected, found.to_string()));
+    let mismatch = |item, expected: String, found: f64| Err((item, expected, found.to_string()));
     if !time.is_finite() {
-        return told("time", "seconds".into(), time);
+        return mismatch("time", "seconds".into(), time);
     }
     if let Some(last) = last.filter(|last| time < last.time) {
         let expected = format!("a time of at least the last one's, {}", last.time);
-        return told("time", expected, time);
+        return mismatch("time", expected, time);
     }
     if !(dt.is_finite() && dt >= 0.0) {
-        return told("dt", "seconds since the last tick".into(), dt);
+        return mismatch("dt", "seconds since the last tick".into(), dt);
     }
     if dt > late && sample.flags & flags::LATE == 0 {
-        return told("dt", format!("at most {late} s, or the flag late"), dt);
+        return mismatch("dt", format!("at most {late} s, or the flag late"), dt);
     }
     if let Some(before) = before {
         let passed = time - before.time;
         if (passed - dt).abs() > ROUNDING + 1e-9 * time.abs() {
             let expected = format!("the {passed} s since the time of the last tick");
-            return told("dt", expected, dt);
+            return mismatch("dt", expected, dt);
         }
     }
     Ok(())
 }
 
 /// What is wrong with an input.
-fn fault(unsaid: u16, input: &DeviceState, time: f64, settings: &HapticConfig) -> Unfit {
+fn describe_fault(
+    unflagged: u16,
+    input: &DeviceState,
+    time: f64,
+    settings: &HapticConfig,
+) -> Mismatch {
     let pose = format!(
         "{:?} and {:?}",
         input.pose.translation.to_array(),
         input.pose.rotation.to_array()
     );
-    if unsaid & flags::BAD_INPUT != 0 {
+    if unflagged & flags::BAD_INPUT != 0 {
         let expected = "metres and a quaternion of length 1, or the flag bad_input";
         return ("x to qw", expected.into(), pose);
     }
-    if unsaid & flags::STALE != 0 {
+    if unflagged & flags::STALE != 0 {
         let expected = format!(
             "within {} s of the time {time}, or the flag stale",
             settings.stale_s
@@ -273,10 +279,10 @@ mod tests {
         let sample = |tick: u32| Sample {
             time: f64::from(tick) * 1e-3,
             dt: 1e-3,
-            input: Some(DeviceState::at(Pose::IDENTITY, f64::from(tick) * 1e-3)),
+            input: Some(DeviceState::at_rest(Pose::IDENTITY, f64::from(tick) * 1e-3)),
             ..Sample::default()
         };
-        let spec = crate::device::simulated::HandConfig::default().spec();
+        let spec = crate::device::simulated::OperatorConfig::default().spec();
         let samples = (0..201).map(sample).collect();
         let mut replay = Replay::new(spec, samples, &HapticConfig::default()).unwrap();
         assert!((replay.duration() - 0.201).abs() < 1e-12);

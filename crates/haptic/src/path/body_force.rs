@@ -106,7 +106,7 @@ impl BodyForce {
     }
 
     /// Of a field that is not finite there is nothing to be felt.
-    fn lost(&mut self) -> BodyStep {
+    fn reset_step(&mut self) -> BodyStep {
         self.release();
         BodyStep::default()
     }
@@ -137,7 +137,7 @@ impl BodyForce {
         };
         let inertia = Inertia::new(&body.mobility, body.dt);
         let Some(start) = field(&here) else {
-            return self.lost();
+            return self.reset_step();
         };
         if let Some(last) = self.last.filter(|_| body.elapsed > 0.0) {
             self.surplus = settle(self.surplus, &last, &here, body, &inertia, &start);
@@ -153,7 +153,7 @@ impl BodyForce {
             .least(bundle, &mut field)
             .and_then(|found| step.paid(found, &mut field))
         else {
-            return self.lost();
+            return self.reset_step();
         };
         let wrench = step.wrench(&found.twist);
         if is_level(&start, &found.response) {

@@ -10,7 +10,7 @@ use crate::log::replay::Tick;
 use crate::run::realtime;
 
 /// What the times of ticks are taken from.
-pub(crate) enum Beat {
+pub(crate) enum TickSource {
     /// The wall clock.
     Wall,
     /// A count of periods.
@@ -19,8 +19,8 @@ pub(crate) enum Beat {
     Recorded(Vec<Tick>),
 }
 
-impl Beat {
-    pub(crate) fn of(clock: Clock) -> Self {
+impl TickSource {
+    pub(crate) fn from_clock(clock: Clock) -> Self {
         match clock {
             Clock::Real => Self::Wall,
             Clock::Simulated => Self::Count,
@@ -38,7 +38,7 @@ impl Beat {
 
 /// The times of one run's ticks.
 pub(crate) struct Pace {
-    beat: Beat,
+    beat: TickSource,
     period: Duration,
     seconds: f64,
     spin: Duration,
@@ -66,7 +66,7 @@ pub(crate) struct Due {
 
 /// What a tick took, nanoseconds on the wall clock.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Spent {
+pub(crate) struct TickTimes {
     pub(crate) latency: u64,
     /// Start after the deadline; 0 in simulated time.
     pub(crate) lateness: u64,
@@ -75,7 +75,7 @@ pub(crate) struct Spent {
 }
 
 impl Pace {
-    pub(crate) fn new(beat: Beat, config: &HapticConfig) -> Self {
+    pub(crate) fn new(beat: TickSource, config: &HapticConfig) -> Self {
         let begin = Instant::now();
         let period = Duration::from_secs_f64(config.period());
         Self {
@@ -99,8 +99,8 @@ impl Pace {
     /// Waits for the next tick; `None` after the last one of a recording.
     pub(crate) fn wait(&mut self) -> Option<Due> {
         match &self.beat {
-            Beat::Wall => Some(self.wait_for_deadline()),
-            Beat::Count => {
+            TickSource::Wall => Some(self.wait_for_deadline()),
+            TickSource::Count => {
                 let now = self.ticks as f64 * self.seconds;
                 Some(Due {
                     now,
@@ -110,7 +110,7 @@ impl Pace {
                     start: Instant::now(),
                 })
             }
-            Beat::Recorded(ticks) => ticks.get(self.ticks).map(|tick| Due {
+            TickSource::Recorded(ticks) => ticks.get(self.ticks).map(|tick| Due {
                 now: tick.time,
                 // A recording may have begun in the middle of a run.
                 elapsed: tick.time - ticks[0].time,
@@ -135,12 +135,12 @@ impl Pace {
     }
 
     /// Ends a tick and sets the next deadline.
-    pub(crate) fn finish(&mut self, due: &Due) -> Spent {
+    pub(crate) fn finish(&mut self, due: &Due) -> TickTimes {
         let end = Instant::now();
         let latency = nanoseconds(end - due.start);
         self.ticks += 1;
         if self.beat.clock() == Clock::Simulated {
-            return Spent {
+            return TickTimes {
                 latency,
                 lateness: 0,
                 skipped: 0,
@@ -150,7 +150,7 @@ impl Pace {
         self.last = due.start;
         self.skipped = ticks_skipped(self.deadline, end, self.period);
         self.deadline += self.period * (self.skipped + 1);
-        Spent {
+        TickTimes {
             latency,
             lateness,
             skipped: self.skipped,
@@ -200,7 +200,7 @@ mod tests {
             rate_hz: 1000.0,
             ..HapticConfig::default()
         };
-        let mut pace = Pace::new(Beat::Wall, &config);
+        let mut pace = Pace::new(TickSource::Wall, &config);
         let due = pace.wait().unwrap();
         std::thread::sleep(Duration::from_millis(5));
         let skipped = pace.finish(&due).skipped;
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn simulated_time_is_a_count_of_periods() {
         let config = HapticConfig::default();
-        let mut pace = Pace::new(Beat::Count, &config);
+        let mut pace = Pace::new(TickSource::Count, &config);
         for tick in 0..5 {
             let due = pace.wait().unwrap();
             assert_eq!((due.now, due.dt), (f64::from(tick) * 1e-3, 1e-3));
@@ -227,7 +227,7 @@ mod tests {
     fn a_recording_gives_its_own_times_and_ends() {
         let tick = |time, dt, overrun| Tick { time, dt, overrun };
         let ticks = vec![tick(7.0, 1e-3, false), tick(7.0053, 5.3e-3, true)];
-        let mut pace = Pace::new(Beat::Recorded(ticks), &HapticConfig::default());
+        let mut pace = Pace::new(TickSource::Recorded(ticks), &HapticConfig::default());
         let first = pace.wait().unwrap();
         assert_eq!((first.now, first.elapsed, first.skipped), (7.0, 0.0, 0));
         assert_eq!(pace.finish(&first).skipped, 0);

@@ -10,8 +10,8 @@ use crate::device::contract::DeviceSpec;
 use crate::path::coupling::Gains;
 use crate::path::passivity::EnergyAccount;
 use crate::path::sample::{Sample, flags};
-use crate::run::pace::{Clock, Spent};
-use crate::run::realtime::Granted;
+use crate::run::pace::{Clock, TickTimes};
+use crate::run::realtime::RealtimeGrant;
 
 /// Longest time a histogram tells from longer ones, nanoseconds.
 const LONGEST: u64 = 60_000_000_000;
@@ -31,7 +31,7 @@ pub struct Quantiles {
 
 impl Quantiles {
     /// Of a histogram of nanoseconds.
-    pub fn of(nanoseconds: &Histogram<u64>) -> Self {
+    pub fn from_histogram(nanoseconds: &Histogram<u64>) -> Self {
         let at = |q| nanoseconds.value_at_quantile(q) as f64 * 1e-3;
         Self {
             p50: at(0.5),
@@ -93,7 +93,7 @@ pub struct LoopReport {
     /// Energy bookkeeping, joules.
     pub energy: EnergyAccount,
     /// What the operating system granted.
-    pub granted: Granted,
+    pub granted: RealtimeGrant,
 }
 
 /// All that a run leaves.
@@ -187,7 +187,7 @@ impl Tally {
         self.last = *sample;
     }
 
-    pub(crate) fn time(&mut self, spent: &Spent) {
+    pub(crate) fn time(&mut self, spent: &TickTimes) {
         self.latency.saturating_record(spent.latency);
         self.lateness.saturating_record(spent.lateness);
         self.overruns += u64::from(spent.skipped > 0);
@@ -212,7 +212,7 @@ impl Tally {
         device: &DeviceSpec,
         gains: &Gains,
         dropped: u64,
-        granted: Granted,
+        granted: RealtimeGrant,
     ) -> LoopReport {
         LoopReport {
             clock,
@@ -224,8 +224,8 @@ impl Tally {
             } else {
                 0.0
             },
-            latency_us: Quantiles::of(&self.latency),
-            lateness_us: Quantiles::of(&self.lateness),
+            latency_us: Quantiles::from_histogram(&self.latency),
+            lateness_us: Quantiles::from_histogram(&self.lateness),
             overruns: self.overruns,
             missed: self.missed,
             input_faults: self.input_faults,
@@ -282,7 +282,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    pub(crate) fn count(&mut self, spent: &Spent) {
+    pub(crate) fn count(&mut self, spent: &TickTimes) {
         self.ticks += 1;
         self.missed += u64::from(spent.skipped);
         self.latency = self.latency.saturating_add(spent.latency);
@@ -303,7 +303,7 @@ mod tests {
     fn the_worst_is_that_of_the_last_full_block() {
         let mut timing = Timing::default();
         for tick in 0..2 * BLOCK {
-            timing.count(&Spent {
+            timing.count(&TickTimes {
                 latency: if tick == 3 { 900 } else { 10 },
                 lateness: if tick == BLOCK + 3 { 700 } else { 5 },
                 skipped: u32::from(tick == 7),

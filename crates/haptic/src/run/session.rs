@@ -17,9 +17,9 @@ use crate::log::replay::Replay;
 use crate::panics::panic_message;
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
-use crate::run::pace::{Beat, Clock, Due, Pace};
+use crate::run::pace::{Clock, Due, Pace, TickSource};
 use crate::run::realtime;
-use crate::run::realtime::Granted;
+use crate::run::realtime::RealtimeGrant;
 use crate::run::report::{Outcome, Tally, View};
 
 /// Shows the newest sample to another thread; never holds the loop up.
@@ -120,7 +120,7 @@ impl Session {
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        self.run_at(Beat::of(clock), device, source, seconds, stop)
+        self.run_at(TickSource::from_clock(clock), device, source, seconds, stop)
     }
 
     /// Runs at the recorded times of `replay` instead of a clock's, without waiting, until it ends
@@ -136,13 +136,13 @@ impl Session {
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        let beat = Beat::Recorded(replay.ticks());
+        let beat = TickSource::Recorded(replay.ticks());
         self.run_at(beat, replay, source, seconds, stop)
     }
 
     fn run_at(
         self,
-        beat: Beat,
+        beat: TickSource,
         device: &mut dyn Device,
         source: &dyn EnergySource,
         seconds: f64,
@@ -165,7 +165,7 @@ impl Session {
             viewer: self.viewer,
             tally: Tally::new(),
         };
-        let mut granted = Granted::default();
+        let mut granted = RealtimeGrant::default();
         let realtime = self.config.realtime && clock == Clock::Real;
         let lock = realtime.then(|| realtime::lock_memory(&mut granted));
         let spec = device.spec().clone();

@@ -294,7 +294,7 @@ impl Snapshot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::sum::Placed;
+    use crate::scene::sum::PlacedSource;
     use crate::scene::sum::SharedSource;
     use fft_correlate::Placement;
     use std::sync::Arc;
@@ -324,7 +324,7 @@ mod tests {
 
     fn sum(energy: f64, drops: &Arc<AtomicU64>) -> SumSource {
         let source: Arc<dyn EnergySource> = Arc::new(Level(energy, Arc::clone(drops)));
-        let placed = Placed {
+        let placed = PlacedSource {
             source: Some(SharedSource::new(source)),
             placement: Placement::IDENTITY,
             reach: None,
@@ -387,7 +387,7 @@ mod snapshot_tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::scene::sum::Placed;
+    use crate::scene::sum::PlacedSource;
     use crate::scene::sum::SharedSource;
 
     /// Pulls towards its origin with `0` N/m; half covered.
@@ -419,7 +419,7 @@ mod snapshot_tests {
         let placed = sources
             .into_iter()
             .zip([0.0, 1.0])
-            .map(|(source, y)| Placed {
+            .map(|(source, y)| PlacedSource {
                 source,
                 placement: Placement::of_fixed(Pose::from_translation(DVec3::Y * y)),
                 reach: None,

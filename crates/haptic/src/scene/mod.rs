@@ -10,5 +10,7 @@ mod rotations;
 pub(crate) mod sum;
 
 pub use event::{PairState, SceneChange, SceneEvent};
-pub use pair::{Content, LoadFailure, Loaded, Loader, beside_the_loop, direct_reach, table_reach};
+pub use pair::{
+    Content, LoadFailure, LoadedPair, Loader, beside_the_loop, direct_reach, table_reach,
+};
 pub use residency::LiveSceneError;

@@ -14,7 +14,7 @@ use sdf_grid::Aabb;
 pub type LoadFailure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Makes the energy source of a pair; called on the loading thread, as often as the pair is loaded.
-pub type Loader = Box<dyn FnMut() -> Result<Loaded, LoadFailure> + Send>;
+pub type Loader = Box<dyn FnMut() -> Result<LoadedPair, LoadFailure> + Send>;
 
 /// The energy of a pair.
 pub enum Content {
@@ -30,7 +30,7 @@ pub enum Content {
 }
 
 /// A pair ready to be asked.
-pub struct Loaded {
+pub struct LoadedPair {
     /// Its energy.
     pub content: Content,
     /// Where the moving part's pivot must be, in the fixed shape's frame, for the energy to differ
@@ -44,7 +44,7 @@ pub struct PairSpec {
     pub name: String,
     /// Where both shapes are in the scene.
     pub placement: Placement,
-    /// What [`Loaded::reach`] will be; known before anything is loaded.
+    /// What [`LoadedPair::reach`] will be; known before anything is loaded.
     pub reach: Aabb,
     /// Memory that it will take if it is whole, as far as it is known; 0 for a table that is kept
     /// in part.
@@ -62,7 +62,7 @@ pub struct PairSpec {
 /// A cell's worth of a halo: the densities end within one.
 const SLACK: f64 = 0.05;
 
-impl Loaded {
+impl LoadedPair {
     /// A pair evaluated directly, its points merged as far as real time needs. `fixed` bounds the
     /// fixed part, `radius` the moving part about the pivot that reaches speak of, metres.
     ///

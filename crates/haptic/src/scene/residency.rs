@@ -14,9 +14,9 @@ use sdf_grid::Aabb;
 use crate::panics::panic_message;
 use crate::scene::event::{PairState, SceneChange, SceneEvent};
 use crate::scene::live_source::LiveSource;
-use crate::scene::pair::{Content, LoadFailure, Loaded, PairSpec};
+use crate::scene::pair::{Content, LoadFailure, LoadedPair, PairSpec};
 use crate::scene::rotations::{RotationNode, Rotations, Step, TableRead, Tables, Viewpoint};
-use crate::scene::sum::{Placed, SharedSource, SumSource};
+use crate::scene::sum::{PlacedSource, SharedSource, SumSource};
 
 /// The pairs of a scene and what is loaded of them.
 pub(crate) struct ResidencyManager {
@@ -447,7 +447,7 @@ impl ResidencyManager {
 }
 
 fn sum(entries: &[Entry], pivot: DVec3) -> SumSource {
-    let placed = |entry: &Entry| Placed {
+    let placed = |entry: &Entry| PlacedSource {
         source: entry.loaded.as_ref().map(|l| l.source.clone()),
         placement: entry.spec.placement,
         reach: Some(entry.spec.reach),
@@ -496,7 +496,7 @@ impl Entry {
     }
 
     /// A loader that panics has failed; the pairs that are loaded go on.
-    fn run_loader(&mut self) -> Result<Loaded, LoadFailure> {
+    fn run_loader(&mut self) -> Result<LoadedPair, LoadFailure> {
         let load = AssertUnwindSafe(|| (self.spec.load)());
         catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()))
     }
@@ -524,8 +524,8 @@ impl Entry {
 }
 
 /// The source that the pairs of a group share, and its table if that is kept in part.
-fn into_resident(loaded: Loaded) -> (Resident, Option<Rotations>) {
-    let Loaded { content, reach } = loaded;
+fn into_resident(loaded: LoadedPair) -> (Resident, Option<Rotations>) {
+    let LoadedPair { content, reach } = loaded;
     let (source, bytes, rotations) = match content {
         Content::Whole { source, bytes } => (SharedSource::new(source), bytes, None),
         Content::Table(table) => {

@@ -7,7 +7,7 @@ use sdf_grid::Aabb;
 
 use super::*;
 use crate::scene::live_scene::LiveScene;
-use crate::scene::pair::{Content, Loaded};
+use crate::scene::pair::{Content, LoadedPair};
 
 /// Pushes along x with `0` newtons.
 struct Push(f64);
@@ -47,7 +47,7 @@ fn pair(k: u32, loads: &Arc<AtomicU32>) -> PairSpec {
         same_as: None,
         load: Box::new(move || {
             loads.fetch_add(1, Ordering::Relaxed);
-            Ok(Loaded {
+            Ok(LoadedPair {
                 content: Content::Whole {
                     source: Arc::new(Push(f64::from(k) + 1.0)),
                     bytes: 100,

@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 
 use crate::scene::event::PairState;
 use crate::scene::event::SceneChange;
-use crate::scene::pair::{Content, Loaded, PairSpec};
+use crate::scene::pair::{Content, LoadedPair, PairSpec};
 use crate::scene::residency::LiveSceneError;
 use crate::scene::residency::ResidencyManager;
 use crate::scene::residency::SceneOptions;
@@ -35,7 +35,7 @@ fn pair(files: &TableFiles, x: f64) -> PairSpec {
         files: Vec::new(),
         same_as: None,
         load: Box::new(move || {
-            Ok(Loaded {
+            Ok(LoadedPair {
                 content: Content::Table(Box::new(PartialTable::new(open(&files))?)),
                 reach: REACH,
             })

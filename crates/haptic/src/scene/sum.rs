@@ -9,7 +9,7 @@ use sdf_grid::Aabb;
 
 /// One pair of a scene: its source and where the scene puts its shapes.
 #[derive(Clone)]
-pub struct Placed {
+pub struct PlacedSource {
     /// Energy at poses of the shapes; `None` while it is not loaded.
     pub source: Option<SharedSource>,
     /// Where both shapes are in the scene.
@@ -47,7 +47,7 @@ pub(super) struct SumScratch(pub(super) Vec<Scratch>);
 impl SumSource {
     /// The sum of `pairs`; none give zero everywhere. `pivot` is the point of the moving part, as
     /// placed (metres, what poses move), that reaches speak of.
-    pub fn new(pivot: DVec3, pairs: Vec<Placed>) -> Self {
+    pub fn new(pivot: DVec3, pairs: Vec<PlacedSource>) -> Self {
         let pairs = pairs.into_iter().map(PlacedPair::new).collect();
         Self { pivot, pairs }
     }
@@ -114,8 +114,8 @@ pub(super) fn add(sum: &mut Response, part: &Response) {
 }
 
 impl PlacedPair {
-    fn new(placed: Placed) -> Self {
-        let Placed {
+    fn new(placed: PlacedSource) -> Self {
+        let PlacedSource {
             source,
             placement,
             reach,
@@ -294,9 +294,9 @@ mod tests {
 
     const PIVOT: DVec3 = DVec3::new(0.01, -0.02, 0.03);
 
-    fn pairs(spring: &Arc<Spring>) -> Vec<Placed> {
+    fn pairs(spring: &Arc<Spring>) -> Vec<PlacedSource> {
         let shared = SharedSource::new(Arc::clone(spring) as Arc<dyn EnergySource>);
-        let at = |x: f64, reach| Placed {
+        let at = |x: f64, reach| PlacedSource {
             source: Some(shared.clone()),
             placement: Placement {
                 fixed: Pose::new(DQuat::from_rotation_z(x), DVec3::new(x, 0.2, 0.0)),

@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use crate::device::contract::DeviceError;
-use crate::device::driver::{Driver, Wanted};
+use crate::device::driver::{Driver, DriverSource};
 use crate::device::text::printable;
 
 /// Where libdhd lies.
-pub(super) const WANTED: Wanted = Wanted {
+pub(super) const DRIVER: DriverSource = DriverSource {
     name: "Force Dimension SDK",
     files: if cfg!(windows) {
         &["dhd64.dll"]
@@ -61,7 +61,7 @@ macro_rules! functions {
         impl Api {
             /// Loads `file`, else the installed library.
             pub(super) fn load(file: Option<PathBuf>) -> Result<Self, DeviceError> {
-                let driver = Driver::load(WANTED, file)?;
+                let driver = Driver::load(DRIVER, file)?;
                 // SAFETY: the types are those of the Force Dimension SDK's public reference.
                 let api = unsafe { Self { $($field: driver.function($symbol)?,)* } };
                 api.check_version()?;
@@ -113,7 +113,7 @@ impl Api {
             [3, minor, ..] if minor >= 7 => Ok(()),
             [major, ..] if major > 3 => Ok(()),
             [major, minor, release, _] => Err(DeviceError::Unsuitable {
-                name: WANTED.name.into(),
+                name: DRIVER.name.into(),
                 expected: "version 3.7 or later".into(),
                 found: format!("version {major}.{minor}.{release}"),
             }),

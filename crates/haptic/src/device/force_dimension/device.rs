@@ -9,7 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
 use crate::device::driver::Axes;
-use crate::device::force_dimension::api::{Api, Id, ON, WANTED, driver_text, status};
+use crate::device::force_dimension::api::{Api, DRIVER, Id, ON, driver_text, status};
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
 use crate::device::threaded::{Exchange, Motion, OpenDevice, Reading, ThreadedDevice};
 
@@ -28,7 +28,7 @@ impl DhdOptions {
     /// The first device, by the library that `PEGFIT_LIBDHD` names, else the installed one.
     pub fn from_env() -> Self {
         Self {
-            library: WANTED.named(),
+            library: DRIVER.from_env(),
             ..Self::default()
         }
     }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::hid::port::{Connector, Decoder, HidInput, HidPort};
-use crate::device::hid::report::{Layouts, ReportLayout, Slot, Usage, with_group};
+use crate::device::hid::report::{Layouts, ReportField, ReportLayout, Usage, with_group};
 use crate::device::threaded::{Cursor, Motion, OutputHalf, Reading, ThreadedDevice};
 
 /// How often a device is asked for a block it has not loaded yet.
@@ -290,7 +290,7 @@ impl Default for PidSettings {
 pub struct PidLayout {
     set_effect: ReportLayout,
     constant: ReportLayout,
-    magnitude: Slot,
+    magnitude: ReportField,
     operation: ReportLayout,
     create: ReportLayout,
     block_load: ReportLayout,
@@ -375,7 +375,7 @@ impl PidLayout {
         (0..3).filter(|a| self.enable_bit(*a).is_some()).collect()
     }
 
-    fn enable_bit(&self, axis: usize) -> Option<&Slot> {
+    fn enable_bit(&self, axis: usize) -> Option<&ReportField> {
         let bits = self.set_effect.slots.iter();
         bits.filter(|s| s.directly_in(usage::AXES_ENABLE))
             .find(|s| s.usage == usage::AXES[axis])
@@ -558,8 +558,8 @@ fn put(layout: &ReportLayout, report: &mut [u8], usage: Usage, value: i64) {
     }
 }
 
-fn fill(slot: &Slot, report: &mut [u8]) {
-    let ones = Slot {
+fn fill(slot: &ReportField, report: &mut [u8]) {
+    let ones = ReportField {
         minimum: 0,
         maximum: (1 << slot.bits.len()) - 1,
         ..slot.clone()

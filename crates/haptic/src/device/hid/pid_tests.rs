@@ -3,7 +3,7 @@ use glam::DVec3;
 
 use super::*;
 use crate::device::contract::Device;
-use crate::device::hid::fake::{Fake, unhex, until};
+use crate::device::hid::fake::{Fake, unhex, wait_for};
 
 const TWO_AXES: &str = include_str!("../../../descriptors/pid-two-axes.hex");
 
@@ -95,7 +95,7 @@ fn forces_become_magnitudes_and_effects_start_once() {
     let mut device = opened(&fake).unwrap();
     fake.take_sent();
     device.send(&push(2.5, -5.0)).unwrap();
-    until(|| fake.lock().sent.len() >= 4);
+    wait_for(|| fake.lock().sent.len() >= 4);
     assert_eq!(
         fake.take_sent()[..4],
         [
@@ -123,7 +123,7 @@ fn the_scale_and_the_signs_are_the_settings() {
     assert_eq!(device.spec().max_force, 10.0);
     fake.take_sent();
     device.send(&push(2.5, -5.0)).unwrap();
-    until(|| fake.lock().sent.len() >= 4);
+    wait_for(|| fake.lock().sent.len() >= 4);
     let sent = fake.take_sent();
     assert_eq!(sent[0], [0x05, 1, 0xc4, 0x09]);
     assert_eq!(sent[2], [0x05, 2, 0x88, 0x13]);
@@ -149,7 +149,7 @@ fn the_record_and_the_input_follow_the_descriptor() {
     let mut device = opened(&joystick(8)).unwrap();
     let spec = device.spec().clone();
     assert_eq!((spec.input_dof, spec.output_dof), (3, 2));
-    until(|| device.poll(0.0).is_ok());
+    wait_for(|| device.poll(0.0).is_ok());
     let state = device.poll(0.0).unwrap();
     assert_eq!(state.buttons, 0x81);
     assert!((state.pose.translation.x - 0.1).abs() < 1e-12);
@@ -222,16 +222,16 @@ fn a_joystick_without_motors_is_refused() {
 fn a_device_comes_back_and_is_set_up_again() {
     let fake = joystick(200);
     let mut device = opened(&fake).unwrap();
-    until(|| device.poll(0.0).is_ok());
+    wait_for(|| device.poll(0.0).is_ok());
     fake.take_sent();
     // A force that stays the same: only its being sent again shows that nobody takes it.
-    until(|| device.send(&push(1.0, 0.0)).is_ok() && fake.lock().sent.len() >= 4);
+    wait_for(|| device.send(&push(1.0, 0.0)).is_ok() && fake.lock().sent.len() >= 4);
     fake.lock().plugged = false;
-    until(|| device.poll(0.0) == Err(DeviceError::Disconnected));
-    until(|| device.send(&push(1.0, 0.0)) == Err(DeviceError::Disconnected));
+    wait_for(|| device.poll(0.0) == Err(DeviceError::Disconnected));
+    wait_for(|| device.send(&push(1.0, 0.0)) == Err(DeviceError::Disconnected));
     fake.take_sent();
     fake.lock().plugged = true;
-    until(|| device.poll(0.0).is_ok() && device.send(&push(1.0, 0.0)).is_ok());
+    wait_for(|| device.poll(0.0).is_ok() && device.send(&push(1.0, 0.0)).is_ok());
     let sent = fake.take_sent();
     assert_eq!(sent[0], [0x0c, 0x08]);
     assert!(sent.contains(&set_effect(3, 0b01)), "{sent:02x?}");

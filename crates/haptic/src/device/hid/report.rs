@@ -11,7 +11,7 @@ pub type Usage = u32;
 
 /// One number in a report.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Slot {
+pub struct ReportField {
     /// Usages of the collections it lies in, outermost first.
     pub groups: Vec<Usage>,
     /// Its own usage; zero for an array.
@@ -34,7 +34,7 @@ pub struct ReportLayout {
     /// Length, id included.
     pub bytes: usize,
     /// Its numbers, padding left out.
-    pub slots: Vec<Slot>,
+    pub slots: Vec<ReportField>,
 }
 
 /// All reports of a device.
@@ -90,7 +90,10 @@ fn layout(report: &impl Report) -> ReportLayout {
     // Without ids the wire has a zero in front that the descriptor does not count.
     let shift = if report.report_id().is_some() { 0 } else { 8 };
     let bytes = report.size_in_bytes() + shift / 8;
-    let slots = report.fields().iter().filter_map(|f| slot(f, shift));
+    let slots = report
+        .fields()
+        .iter()
+        .filter_map(|f| report_field(f, shift));
     ReportLayout {
         id,
         bytes,
@@ -100,7 +103,7 @@ fn layout(report: &impl Report) -> ReportLayout {
     }
 }
 
-fn slot(field: &Field, shift: usize) -> Option<Slot> {
+fn report_field(field: &Field, shift: usize) -> Option<ReportField> {
     let groups = field
         .collections()
         .iter()
@@ -123,7 +126,7 @@ fn slot(field: &Field, shift: usize) -> Option<Slot> {
         ),
         Field::Constant(_) => return None,
     };
-    Some(Slot {
+    Some(ReportField {
         groups,
         usage,
         bits,
@@ -133,7 +136,7 @@ fn slot(field: &Field, shift: usize) -> Option<Slot> {
     })
 }
 
-impl Slot {
+impl ReportField {
     /// True if the innermost collection is `group`.
     pub fn directly_in(&self, group: Usage) -> bool {
         self.groups.last() == Some(&group)
@@ -177,7 +180,7 @@ impl ReportLayout {
     }
 
     /// The first number with this usage.
-    pub fn find(&self, usage: Usage) -> Option<&Slot> {
+    pub fn find(&self, usage: Usage) -> Option<&ReportField> {
         self.slots.iter().find(|s| s.usage == usage)
     }
 

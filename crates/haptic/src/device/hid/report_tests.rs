@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use std::ops::Range;
 
 use crate::device::hid::fake::unhex;
-use crate::device::hid::report::{Layouts, Slot};
+use crate::device::hid::report::{Layouts, ReportField};
 
 const REAL: [&str; 3] = [
     include_str!("../../../descriptors/pid-two-axes.hex"),
@@ -11,8 +11,8 @@ const REAL: [&str; 3] = [
     include_str!("../../../descriptors/space-mouse-combined.hex"),
 ];
 
-fn slot(bits: Range<usize>, minimum: i64, maximum: i64) -> Slot {
-    Slot {
+fn report_field(bits: Range<usize>, minimum: i64, maximum: i64) -> ReportField {
+    ReportField {
         groups: Vec::new(),
         usage: 1,
         bits,
@@ -27,8 +27,8 @@ fn numbers_come_back_from_any_bit_position() {
     for start in 8..24 {
         for width in 1..=32 {
             let top = 1i64 << (width - 1);
-            let signed = slot(start..start + width, -top, top - 1);
-            let unsigned = slot(start..start + width, 0, 2 * top - 1);
+            let signed = report_field(start..start + width, -top, top - 1);
+            let unsigned = report_field(start..start + width, 0, 2 * top - 1);
             let mut report = [0xff; 8];
             for value in [-top, -1, 0, top - 1] {
                 signed.write(&mut report, value);
@@ -43,7 +43,7 @@ fn numbers_come_back_from_any_bit_position() {
 
 #[test]
 fn a_short_report_has_no_number() {
-    assert_eq!(slot(8..24, 0, 9).read(&[1, 2]), None);
+    assert_eq!(report_field(8..24, 0, 9).read(&[1, 2]), None);
 }
 
 proptest! {

@@ -13,7 +13,7 @@ use crate::device::hid::pid::PidLayout;
 use crate::device::hid::pid::PidSettings;
 use crate::device::hid::port::{Connector, HidInput, HidPort};
 use crate::device::hid::spacemouse;
-use crate::device::hid::spacemouse::{Feel, SpaceMouse};
+use crate::device::hid::spacemouse::{SpaceMouse, SpaceMouseSettings};
 use crate::device::info::{Access, DeviceInfo, DeviceKind, UsbIds};
 use crate::device::text::printable;
 use crate::device::threaded::Cursor;
@@ -98,7 +98,7 @@ fn descriptor_at(path: &str) -> Option<Vec<u8>> {
 /// # Errors
 /// If it is gone, may not be opened, or is not what it was listed as.
 pub fn open(info: &DeviceInfo) -> Result<Box<dyn Device>, DeviceError> {
-    open_with(info, Feel::default(), PidSettings::default())
+    open_with(info, SpaceMouseSettings::default(), PidSettings::default())
 }
 
 /// Opens an attached device as the loop wants it; of the settings, those of its kind count.
@@ -107,7 +107,7 @@ pub fn open(info: &DeviceInfo) -> Result<Box<dyn Device>, DeviceError> {
 /// If it is gone, may not be opened, or is not what it was listed as.
 pub fn open_with(
     info: &DeviceInfo,
-    feel: Feel,
+    feel: SpaceMouseSettings,
     settings: PidSettings,
 ) -> Result<Box<dyn Device>, DeviceError> {
     let device = match info.kind {

@@ -4,11 +4,11 @@ use std::ffi::{CStr, c_char, c_double, c_int, c_uint, c_ulong, c_ushort, c_void}
 use std::path::PathBuf;
 
 use crate::device::contract::DeviceError;
-use crate::device::driver::{Driver, Wanted};
+use crate::device::driver::{Driver, DriverSource};
 use crate::device::text::printable;
 
 /// Where libHD lies.
-pub(super) const WANTED: Wanted = Wanted {
+pub(super) const DRIVER: DriverSource = DriverSource {
     name: "OpenHaptics",
     files: if cfg!(windows) {
         &["hd.dll"]
@@ -93,7 +93,7 @@ macro_rules! functions {
         impl Api {
             /// Loads `file`, else the installed library.
             pub(super) fn load(file: Option<PathBuf>) -> Result<Self, DeviceError> {
-                let driver = Driver::load(WANTED, file)?;
+                let driver = Driver::load(DRIVER, file)?;
                 // SAFETY: the types are those of OpenHaptics' public API reference.
                 unsafe { Ok(Self { $($field: driver.function($symbol)?,)* }) }
             }

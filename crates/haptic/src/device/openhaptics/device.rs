@@ -14,7 +14,7 @@ use crate::device::contract::{Device, DeviceError, DeviceSpec};
 use crate::device::driver::Axes;
 use crate::device::info::{Access, DeviceInfo, DeviceKind};
 use crate::device::openhaptics::api::{
-    Api, CALLBACK_CONTINUE, CALLBACK_DONE, Fault, Hhd, INVALID_HANDLE, MAX_PRIORITY, WANTED, check,
+    Api, CALLBACK_CONTINUE, CALLBACK_DONE, DRIVER, Fault, Hhd, INVALID_HANDLE, MAX_PRIORITY, check,
     parameter, take_fault,
 };
 use crate::device::threaded::{Exchange, Link, Motion, OpenDevice, Reading, ThreadedDevice};
@@ -33,7 +33,7 @@ impl PhantomOptions {
     pub fn from_env(name: Option<&str>) -> Self {
         Self {
             name: name.map(str::to_owned),
-            library: WANTED.named(),
+            library: DRIVER.from_env(),
         }
     }
 

@@ -11,7 +11,7 @@ const FARTHEST: f64 = 1e3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Request {
     /// Nothing; it is there.
-    Beat,
+    Heartbeat,
     /// The hand should go to a pose of the part and hold it.
     Hold(Pose),
     /// The hand should let go of the part.
@@ -24,9 +24,9 @@ pub enum Request {
     Take,
     /// Another pair of parts.
     Choose(u8),
-    /// Begin a new tape, or end it.
+    /// Begin a new recorder, or end it.
     Record(bool),
-    /// The hand should do what it did on the tape.
+    /// The hand should do what it did on the recorder.
     Replay,
     /// Look for the poses in which the part fits.
     Dock,
@@ -42,7 +42,7 @@ impl Request {
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let (&kind, rest) = bytes.split_first()?;
         Some(match (kind, rest) {
-            (0, []) => Self::Beat,
+            (0, []) => Self::Heartbeat,
             (1, _) => Self::Hold(pose(rest)?),
             (2, []) => Self::LetGo,
             (3, [0]) => Self::Script(Script::Collision),
@@ -67,7 +67,7 @@ impl Request {
             std::iter::once(kind).chain(bytes).collect()
         };
         match self {
-            Self::Beat => vec![0],
+            Self::Heartbeat => vec![0],
             Self::Hold(pose) => posed(1, pose),
             Self::LetGo => vec![2],
             Self::Script(script) => vec![3, u8::from(*script != Script::Collision)],
@@ -105,7 +105,7 @@ mod tests {
     fn every_request_is_read_as_it_was_written() {
         let pose = Pose::new(DQuat::from_rotation_x(1.0), DVec3::new(0.5, -0.25, 2.0));
         for request in [
-            Request::Beat,
+            Request::Heartbeat,
             Request::Hold(pose),
             Request::LetGo,
             Request::Script(Script::Collision),

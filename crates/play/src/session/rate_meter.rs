@@ -13,8 +13,8 @@ const APART: Duration = Duration::from_millis(50);
 
 /// Looks of the last second at a loop's counts.
 #[derive(Debug, Default)]
-pub(crate) struct Meter {
-    looks: VecDeque<(Instant, Timing)>,
+pub(crate) struct RateMeter {
+    readings: VecDeque<(Instant, Timing)>,
 }
 
 /// Means over the last second.
@@ -28,17 +28,17 @@ pub(crate) struct Means {
     pub(crate) lateness: f64,
 }
 
-impl Meter {
+impl RateMeter {
     /// Takes in what was counted up to a tick that began at `at`.
-    pub(crate) fn look(&mut self, at: Instant, timing: &Timing) -> Means {
-        let newest = self.looks.back();
+    pub(crate) fn update(&mut self, at: Instant, timing: &Timing) -> Means {
+        let newest = self.readings.back();
         if newest.is_none_or(|(last, _)| at.saturating_duration_since(*last) >= APART) {
-            self.looks.push_back((at, *timing));
+            self.readings.push_back((at, *timing));
         }
-        while self.looks.len() > 2 && at.saturating_duration_since(self.looks[1].0) > WINDOW {
-            self.looks.pop_front();
+        while self.readings.len() > 2 && at.saturating_duration_since(self.readings[1].0) > WINDOW {
+            self.readings.pop_front();
         }
-        let Some((from, then)) = self.looks.front() else {
+        let Some((from, then)) = self.readings.front() else {
             return Means::default();
         };
         let seconds = at.saturating_duration_since(*from).as_secs_f64();
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn means_are_those_of_the_last_second() {
-        let (mut meter, began) = (Meter::default(), Instant::now());
+        let (mut meter, began) = (RateMeter::default(), Instant::now());
         let mut timing = Timing::default();
         let mut means = Means::default();
         for k in 0..300u64 {
@@ -69,13 +69,13 @@ mod tests {
             timing.ticks += if k < 150 { 8 } else { 16 };
             timing.latency = timing.ticks * 20_000;
             timing.lateness = timing.ticks * 3000;
-            means = meter.look(began + Duration::from_millis(16 * k), &timing);
+            means = meter.update(began + Duration::from_millis(16 * k), &timing);
             if k == 149 {
                 assert!((means.rate - 500.0).abs() < 1.0, "{means:?}");
             }
         }
         assert!((means.rate - 1000.0).abs() < 1.0, "{means:?}");
         assert!((means.latency - 20.0).abs() < 1e-9 && (means.lateness - 3.0).abs() < 1e-9);
-        assert!(meter.looks.len() < 25);
+        assert!(meter.readings.len() < 25);
     }
 }

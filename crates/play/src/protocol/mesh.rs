@@ -24,7 +24,7 @@ pub struct MeshMessage {
 impl MeshMessage {
     /// All of `mesh` if it has at most `most` triangles; else vertices that share a cell of a grid
     /// become one, in cells as large as it takes. What the loop feels is always the whole surface.
-    pub fn of(mesh: &TriangleMesh, most: usize) -> Self {
+    pub fn from_mesh(mesh: &TriangleMesh, most: usize) -> Self {
         if mesh.triangles().len() <= most {
             return Self::write(mesh.vertices(), mesh.triangles());
         }
@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn a_surface_is_sent_whole() {
         let (hole, _) = PegInHole::Combined.pair(0.0).unwrap();
-        let message = MeshMessage::of(&hole, MOST_TRIANGLES);
+        let message = MeshMessage::from_mesh(&hole, MOST_TRIANGLES);
         let word = |at: usize| u32::from_le_bytes(message.bytes[at..at + 4].try_into().unwrap());
         let (vertices, triangles) = (hole.vertices().len(), hole.triangles().len());
         assert_eq!([word(0), word(4)], [vertices as u32, triangles as u32]);
@@ -108,7 +108,7 @@ mod tests {
     fn a_large_surface_is_sent_coarser_and_stays_where_it_is() {
         let (hole, _) = PegInHole::Circular.pair(0.0).unwrap();
         let most = hole.triangles().len() / 2;
-        let message = MeshMessage::of(&hole, most);
+        let message = MeshMessage::from_mesh(&hole, most);
         assert!(message.triangles <= most && message.triangles > 8);
         let count = u32::from_le_bytes(message.bytes[..4].try_into().unwrap()) as usize;
         let numbers: Vec<f64> = message.bytes[8..8 + 12 * count]

@@ -9,8 +9,8 @@ use triple_buffer::{Input, Output};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
 use crate::device::script::{Geometry, Script};
-use crate::device::simulated::{HandBody, HandConfig, Pull};
-use crate::device::way::Way;
+use crate::device::simulated::{OperatorBody, OperatorConfig, Target};
+use crate::device::timed_path::TimedPath;
 use crate::device::workspace::Workspace;
 
 /// Strength of a hand that has let go.
@@ -22,7 +22,7 @@ const JUMP_TICKS: f64 = 52.0;
 /// What a steered hand is to do. Poses are those of the moving part in the scene, held as the
 /// workspace says.
 #[derive(Debug, Clone, Default)]
-pub enum Order {
+pub enum RemoteCommand {
     /// Stay where it is, holding nothing.
     #[default]
     LetGo,
@@ -34,15 +34,15 @@ pub enum Order {
     Script(Script),
     /// Be where another hand was, a pose per tick of the loop, then stay at the last one.
     Replay(Arc<[Pose]>),
-    /// Be where a way begins, as [`Order::Place`], then go along it as a spring pulls, and hold
+    /// Be where a way begins, as [`RemoteCommand::Place`], then go along it as a spring pulls, and hold
     /// its end.
-    Follow(Way),
+    Follow(TimedPath),
 }
 
-/// What goes from [`Steering`] to [`SteeredHand`].
+/// What goes from [`RemoteControl`] to [`RemoteDevice`].
 #[derive(Debug, Clone, Default)]
 struct Message {
-    order: Order,
+    order: RemoteCommand,
     /// Counts orders.
     number: u64,
     /// Counts signs of life.
@@ -51,30 +51,30 @@ struct Message {
 
 /// The end that steers; belongs to one thread at a time.
 #[derive(Debug)]
-pub struct Steering {
+pub struct RemoteControl {
     input: Input<Message>,
     message: Message,
 }
 
-impl Steering {
+impl RemoteControl {
     /// Gives an order, which is a sign of life too. A pose that is not finite, or whose quaternion
     /// is none of a rotation, is ignored; false then.
-    pub fn order(&mut self, order: Order) -> bool {
+    pub fn command(&mut self, order: RemoteCommand) -> bool {
         let valid = match &order {
-            Order::Hold(pose) | Order::Place(pose) => pose.is_valid(),
-            Order::Replay(poses) => !poses.is_empty() && poses.iter().all(Pose::is_valid),
-            Order::LetGo | Order::Script(_) | Order::Follow(_) => true,
+            RemoteCommand::Hold(pose) | RemoteCommand::Place(pose) => pose.is_valid(),
+            RemoteCommand::Replay(poses) => !poses.is_empty() && poses.iter().all(Pose::is_valid),
+            RemoteCommand::LetGo | RemoteCommand::Script(_) | RemoteCommand::Follow(_) => true,
         };
         if valid {
             self.message.order = order;
             self.message.number += 1;
-            self.beat();
+            self.heartbeat();
         }
         valid
     }
 
     /// A sign of life: without any for `stale_s` the hand lets go.
-    pub fn beat(&mut self) {
+    pub fn heartbeat(&mut self) {
         self.message.beat += 1;
         self.input.write(self.message.clone());
     }
@@ -88,14 +88,14 @@ impl Steering {
 /// Wherever the loop lets its force go, it is as weak as that force until both are back: a hand with
 /// its full strength would go through every wall meanwhile.
 #[derive(Debug)]
-pub struct SteeredHand {
-    config: HandConfig,
+pub struct RemoteDevice {
+    config: OperatorConfig,
     spec: DeviceSpec,
     workspace: Workspace,
     geometry: Geometry,
     times: LoopTimes,
     orders: Output<Message>,
-    body: HandBody,
+    body: OperatorBody,
     number: u64,
     beat: u64,
     /// When the last sign of life was heard, and when the order at hand began.
@@ -120,16 +120,16 @@ pub struct LoopTimes {
     pub ramp: f64,
 }
 
-impl SteeredHand {
+impl RemoteDevice {
     /// A hand at rest at `start`, a pose of the part, and what steers it. The loop's times say after
     /// which silence it lets go, and how soon it is as strong as before.
     pub fn new(
-        config: HandConfig,
+        config: OperatorConfig,
         geometry: Geometry,
         workspace: Workspace,
         start: &Pose,
         times: LoopTimes,
-    ) -> (Self, Steering) {
+    ) -> (Self, RemoteControl) {
         let (input, orders) = triple_buffer::triple_buffer(&Message::default());
         let hand = Self {
             spec: DeviceSpec {
@@ -141,7 +141,7 @@ impl SteeredHand {
             geometry,
             times,
             orders,
-            body: HandBody::at(workspace.device_pose(start)),
+            body: OperatorBody::at_rest(workspace.device_pose(start)),
             number: 0,
             beat: 0,
             heard: None,
@@ -151,7 +151,7 @@ impl SteeredHand {
             firm_from: 0.0,
         };
         let message = Message::default();
-        (hand, Steering { input, message })
+        (hand, RemoteControl { input, message })
     }
 
     /// Takes in what was said since the last poll.
@@ -193,26 +193,26 @@ impl SteeredHand {
             return None;
         }
         match &self.orders.output_buffer().order {
-            Order::LetGo => None,
-            Order::Hold(pose) | Order::Place(pose) => Some((*pose, 1.0)),
-            Order::Script(script) => {
+            RemoteCommand::LetGo => None,
+            RemoteCommand::Hold(pose) | RemoteCommand::Place(pose) => Some((*pose, 1.0)),
+            RemoteCommand::Script(script) => {
                 let c = &self.config;
                 let reach = c.push / c.stiffness * self.workspace.scale;
                 let time = now - self.began;
                 let intent = script.intent(&self.geometry, time, c.duration, reach, c.seed);
                 Some((intent.pose, intent.grip))
             }
-            Order::Replay(poses) => poses.last().map(|pose| (*pose, 1.0)),
-            Order::Follow(way) => Some((way.at(now - self.began), 1.0)),
+            RemoteCommand::Replay(poses) => poses.last().map(|pose| (*pose, 1.0)),
+            RemoteCommand::Follow(way) => Some((way.at(now - self.began), 1.0)),
         }
     }
 
     /// Where the order wants it to be at once, whatever pulls.
     fn put(&self) -> Option<Pose> {
         let pose = match &self.orders.output_buffer().order {
-            Order::Place(pose) if self.polls == 0 => Some(pose),
-            Order::Replay(poses) => poses.get(self.polls),
-            Order::Follow(way) if self.polls == 0 => Some(way.first()),
+            RemoteCommand::Place(pose) if self.polls == 0 => Some(pose),
+            RemoteCommand::Replay(poses) => poses.get(self.polls),
+            RemoteCommand::Follow(way) if self.polls == 0 => Some(way.first()),
             _ => None,
         };
         pose.map(|pose| self.workspace.device_pose(pose))
@@ -222,7 +222,7 @@ impl SteeredHand {
     fn follow(&mut self, now: f64) {
         let share = self.share(now);
         let Some((part, grip)) = self.wanted(now) else {
-            let pull = Pull {
+            let pull = Target {
                 pose: self.body.pose,
                 grip: LOOSE,
             };
@@ -236,7 +236,8 @@ impl SteeredHand {
             None => {
                 let pose = self.workspace.device_pose(&part);
                 let grip = share * grip;
-                self.body.follow(now, &self.config, |_| Pull { pose, grip });
+                self.body
+                    .follow(now, &self.config, |_| Target { pose, grip });
             }
         }
     }
@@ -254,7 +255,7 @@ impl SteeredHand {
     }
 }
 
-impl Device for SteeredHand {
+impl Device for RemoteDevice {
     fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
@@ -286,5 +287,5 @@ impl Device for SteeredHand {
 }
 
 #[cfg(test)]
-#[path = "steered_tests.rs"]
+#[path = "remote_tests.rs"]
 mod tests;

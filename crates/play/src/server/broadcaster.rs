@@ -1,4 +1,4 @@
-//! What all connections share: the stage, who holds the hand, what is wanted next. The loop's thread
+//! What all connections share: the session, who holds the hand, what is wanted next. The loop's thread
 //! never comes here.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,14 +7,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use fft_correlate::Pose;
 use serde_json::{Value, json};
 
+use crate::protocol::frame::Frame;
+use crate::protocol::request::Request;
 use crate::server::access::Access;
-use crate::stage::exhibits::Exhibits;
-use crate::stage::live::Live;
-use crate::wire::frame::Frame;
-use crate::wire::request::Request;
+use crate::session::content::Content;
+use crate::session::live_session::LiveSession;
 
 /// What all connections share.
-pub(crate) struct Hub {
+pub(crate) struct Broadcaster {
     pub(crate) access: Access,
     /// The server ends.
     pub(crate) quit: AtomicBool,
@@ -23,13 +23,13 @@ pub(crate) struct Hub {
 
 /// A message for all pages, with its number: each page gets the newest once.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct News {
+pub(crate) struct Announcement {
     pub(crate) number: u64,
     pub(crate) text: String,
 }
 
-impl News {
-    fn tell(&mut self, what: &Value) {
+impl Announcement {
+    fn set(&mut self, what: &Value) {
         self.number += 1;
         self.text = what.to_string();
     }
@@ -37,8 +37,8 @@ impl News {
 
 #[derive(Default)]
 struct State {
-    live: Option<Live>,
-    stages: u32,
+    live: Option<LiveSession>,
+    sessions: u32,
     /// The page that holds the hand.
     holder: Option<u64>,
     /// Pages that are there, and numbers given so far.
@@ -48,11 +48,11 @@ struct State {
     wanted: usize,
     changed: bool,
     docking: bool,
-    scene: News,
-    docked: News,
+    scene: Announcement,
+    docked: Announcement,
 }
 
-impl Hub {
+impl Broadcaster {
     pub(crate) fn new(access: Access, pairs: Vec<String>) -> Self {
         Self {
             access,
@@ -68,12 +68,12 @@ impl Hub {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn quits(&self) -> bool {
+    pub(crate) fn must_quit(&self) -> bool {
         self.quit.load(Ordering::Relaxed)
     }
 
     /// A page is there; its number.
-    pub(crate) fn enter(&self) -> u64 {
+    pub(crate) fn add_page(&self) -> u64 {
         let mut state = self.state();
         state.pages += 1;
         state.numbers += 1;
@@ -81,52 +81,52 @@ impl Hub {
     }
 
     /// A page is gone; if it held the hand, nobody does.
-    pub(crate) fn leave(&self, page: u64) {
+    pub(crate) fn remove_page(&self, page: u64) {
         let mut state = self.state();
         state.pages -= 1;
         if state.holder == Some(page) {
             state.holder = None;
             if let Some(live) = &mut state.live {
-                live.leave();
+                live.release_control();
             }
         }
     }
 
-    /// A stage begins, with its number; a page that holds the hand already holds it at `start`.
-    pub(crate) fn begin(&self, start: Pose, make: impl FnOnce(u32) -> Live) {
+    /// A session begins, with its number; a page that holds the hand already holds it at `start`.
+    pub(crate) fn begin_session(&self, start: Pose, make: impl FnOnce(u32) -> LiveSession) {
         let mut state = self.state();
-        state.stages += 1;
-        let mut live = make(state.stages);
+        state.sessions += 1;
+        let mut live = make(state.sessions);
         if state.holder.is_some() {
-            live.obey(&Request::Hold(start));
+            live.handle(&Request::Hold(start));
         }
-        let mut said = live.exhibits.description();
+        let mut said = live.content.description();
         if !said.is_object() {
             said = json!({});
         }
         said["stage"] = json!(live.number);
         said["pair"] = json!(state.wanted);
-        said["way"] = json!(live.way.is_some());
-        state.scene.tell(&said);
-        state.docked.tell(&json!({ "docked": [] }));
+        said["way"] = json!(live.path.is_some());
+        state.scene.set(&said);
+        state.docked.set(&json!({ "docked": [] }));
         state.docking = false;
         state.live = Some(live);
     }
 
-    /// The stage ended.
-    pub(crate) fn end(&self) {
+    /// The session ended.
+    pub(crate) fn end_session(&self) {
         self.state().live = None;
     }
 
     /// Says what is being loaded.
-    pub(crate) fn loading(&self, pair: usize) {
+    pub(crate) fn announce_loading(&self, pair: usize) {
         let mut state = self.state();
         let title = state.pairs.get(pair).cloned().unwrap_or_default();
-        state.scene.tell(&json!({ "loading": title, "pair": pair }));
+        state.scene.set(&json!({ "loading": title, "pair": pair }));
     }
 
     /// The pair that is wanted, and whether that is news since the last call.
-    pub(crate) fn wanted(&self) -> (usize, bool) {
+    pub(crate) fn take_wanted(&self) -> (usize, bool) {
         let mut state = self.state();
         (state.wanted, std::mem::take(&mut state.changed))
     }
@@ -137,24 +137,24 @@ impl Hub {
     }
 
     /// What every page is told first.
-    pub(crate) fn hello(&self) -> String {
+    pub(crate) fn greeting(&self) -> String {
         let version = env!("CARGO_PKG_VERSION");
         json!({ "pairs": self.state().pairs, "version": version }).to_string()
     }
 
     /// The news of the scene and of docking.
-    pub(crate) fn news(&self) -> [News; 2] {
+    pub(crate) fn announcements(&self) -> [Announcement; 2] {
         let state = self.state();
         [state.scene.clone(), state.docked.clone()]
     }
 
     /// Numbers of the news, to see without copying whether there is any.
-    pub(crate) fn news_numbers(&self) -> [u64; 2] {
+    pub(crate) fn announcement_numbers(&self) -> [u64; 2] {
         let state = self.state();
         [state.scene.number, state.docked.number]
     }
 
-    /// What `page` sees now, if there is a stage and its loop has begun.
+    /// What `page` sees now, if there is a session and its loop has begun.
     pub(crate) fn frame(&self, page: u64) -> Option<Frame> {
         let mut state = self.state();
         let (holder, pages) = (state.holder, state.pages);
@@ -167,25 +167,25 @@ impl Hub {
         })
     }
 
-    pub(crate) fn exhibits(&self) -> Option<Arc<dyn Exhibits>> {
+    pub(crate) fn content(&self) -> Option<Arc<dyn Content>> {
         let state = self.state();
-        state.live.as_ref().map(|live| Arc::clone(&live.exhibits))
+        state.live.as_ref().map(|live| Arc::clone(&live.content))
     }
 
-    /// The tape as a log.
+    /// The recorder as a log.
     pub(crate) fn log(&self) -> Option<Vec<u8>> {
-        let tape = self.state().live.as_ref().map(|live| live.tape.clone());
+        let recorder = self.state().live.as_ref().map(|live| live.recorder.clone());
         // Writing to memory does not fail.
-        tape.and_then(|tape| tape.csv().ok())
+        recorder.and_then(|recorder| recorder.csv().ok())
     }
 
     /// Does what `page` asks; only the one that holds the hand is listened to.
-    pub(crate) fn ask(self: &Arc<Self>, page: u64, request: &Request) {
+    pub(crate) fn handle(self: &Arc<Self>, page: u64, request: &Request) {
         let mut state = self.state();
         if *request == Request::Take && state.holder.is_none() {
             state.holder = Some(page);
             if let Some(live) = &mut state.live {
-                live.take();
+                live.take_control();
             }
         }
         if state.holder != Some(page) {
@@ -201,7 +201,7 @@ impl Hub {
             Request::Dock => self.dock(&mut state),
             _ => {
                 if let Some(live) = &mut state.live {
-                    live.obey(request);
+                    live.handle(request);
                 }
             }
         }
@@ -212,28 +212,28 @@ impl Hub {
         let Some(live) = state.live.as_ref().filter(|_| !state.docking) else {
             return;
         };
-        let (number, exhibits) = (live.number, Arc::clone(&live.exhibits));
-        let hub = Arc::clone(self);
+        let (number, content) = (live.number, Arc::clone(&live.content));
+        let broadcaster = Arc::clone(self);
         let search = move || {
-            let said = match exhibits.dock() {
+            let said = match content.dock() {
                 Ok(poses) => json!({ "docked": poses }),
                 Err(why) => json!({ "docked": [], "failed": why }),
             };
-            let mut state = hub.state();
+            let mut state = broadcaster.state();
             if state
                 .live
                 .as_ref()
                 .is_some_and(|live| live.number == number)
             {
                 state.docking = false;
-                state.docked.tell(&said);
+                state.docked.set(&said);
             }
         };
         let thread = std::thread::Builder::new().name("play-dock".into());
         match thread.spawn(search) {
             Ok(_) => {
                 state.docking = true;
-                state.docked.tell(&json!({ "docking": true }));
+                state.docked.set(&json!({ "docking": true }));
             }
             Err(e) => tracing::warn!("no thread to look for fits: {e}"),
         }

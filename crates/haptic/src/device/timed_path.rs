@@ -18,13 +18,13 @@ const REST: f64 = 1.0;
 /// Poses of the moving part in the scene one after the other, with the time at which a hand that
 /// goes slowly is at each.
 #[derive(Debug, Clone)]
-pub struct Way {
+pub struct TimedPath {
     poses: Arc<[Pose]>,
     /// Seconds since the order; never falling, as many as there are poses.
     times: Arc<[f64]>,
 }
 
-impl Way {
+impl TimedPath {
     /// Along these poses; `None` if there are fewer than two, or one is none. Speeds are those of
     /// the handle, whatever the workspace makes of them in the scene.
     pub fn new(poses: &[Pose], workspace: &Workspace) -> Option<Self> {
@@ -81,7 +81,7 @@ mod tests {
         let turned = Pose::new(DQuat::from_rotation_z(1.2), DVec3::new(0.04, 0.0, 0.0));
         // A pose twice, poses near and far, a turn on the spot.
         let poses = [at(0.0), at(0.0), at(0.001), at(0.04), turned];
-        let way = Way::new(&poses, &workspace).unwrap();
+        let way = TimedPath::new(&poses, &workspace).unwrap();
         assert!((way.seconds() - (REST + 0.02 / SPEED + 1.2 / TURN_SPEED)).abs() < 1e-9);
         assert_eq!(way.at(0.5 * REST), poses[0]);
         assert_eq!(way.at(way.seconds() + 1.0), turned);
@@ -106,7 +106,7 @@ mod tests {
     fn nonsense_is_no_way() {
         let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
         let bad = Pose::from_translation(DVec3::splat(f64::NAN));
-        assert!(Way::new(&[Pose::IDENTITY], &workspace).is_none());
-        assert!(Way::new(&[Pose::IDENTITY, bad], &workspace).is_none());
+        assert!(TimedPath::new(&[Pose::IDENTITY], &workspace).is_none());
+        assert!(TimedPath::new(&[Pose::IDENTITY, bad], &workspace).is_none());
     }
 }

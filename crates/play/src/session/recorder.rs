@@ -7,12 +7,12 @@ use fft_correlate::Pose;
 use haptic::log::{SampleWriter, write_csv};
 use haptic::{RecordError, Sample, Workspace};
 
-/// Most samples on a tape: two minutes at 1 kHz, some 50 MB.
+/// Most samples on a recorder: two minutes at 1 kHz, some 50 MB.
 const LONGEST: usize = 120_000;
 
-/// A tape that two sides hold: the log's thread writes it, pages start it and read it.
+/// A recorder that two sides hold: the log's thread writes it, pages start it and read it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Tape(Arc<Mutex<State>>);
+pub(crate) struct Recorder(Arc<Mutex<State>>);
 
 #[derive(Debug, Default)]
 struct State {
@@ -20,12 +20,12 @@ struct State {
     samples: Vec<Sample>,
 }
 
-impl Tape {
+impl Recorder {
     fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A new tape begins, or the one that runs ends.
+    /// A new recorder begins, or the one that runs ends.
     pub(crate) fn record(&self, on: bool) {
         let mut state = self.state();
         if on && !state.runs {
@@ -62,7 +62,7 @@ impl Tape {
     }
 }
 
-impl SampleWriter for Tape {
+impl SampleWriter for Recorder {
     fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
         let mut state = self.state();
         if state.runs {
@@ -77,7 +77,7 @@ impl SampleWriter for Tape {
     }
 
     fn path(&self) -> PathBuf {
-        "tape".into()
+        "recorder".into()
     }
 }
 
@@ -87,8 +87,8 @@ mod tests {
 
     #[test]
     fn a_tape_holds_what_happened_while_it_ran_and_ends_when_full() {
-        let tape = Tape::default();
-        let mut writer: Box<dyn SampleWriter> = Box::new(tape.clone());
+        let recorder = Recorder::default();
+        let mut writer: Box<dyn SampleWriter> = Box::new(recorder.clone());
         let mut write = |range: std::ops::Range<u64>| {
             for tick in range {
                 let time = tick as f64 * 1e-3;
@@ -101,19 +101,19 @@ mod tests {
             }
         };
         write(0..100);
-        assert_eq!(tape.length(), (false, 0.0));
-        tape.record(true);
+        assert_eq!(recorder.length(), (false, 0.0));
+        recorder.record(true);
         write(100..351);
-        tape.record(false);
+        recorder.record(false);
         write(351..400);
-        let (runs, seconds) = tape.length();
+        let (runs, seconds) = recorder.length();
         assert!(!runs && (seconds - 0.25).abs() < 1e-12);
-        let text = String::from_utf8(tape.csv().unwrap()).unwrap();
+        let text = String::from_utf8(recorder.csv().unwrap()).unwrap();
         assert_eq!(text.lines().count(), 252);
         assert!(text.lines().nth(1).unwrap().starts_with("100,0.1,"));
-        tape.record(true);
+        recorder.record(true);
         write(0..LONGEST as u64 + 5);
-        let (runs, seconds) = tape.length();
+        let (runs, seconds) = recorder.length();
         assert!(!runs && seconds < LONGEST as f64 * 1e-3);
     }
 }

@@ -1,72 +1,75 @@
-//! The stage that is being played, as pages see it and steer it.
+//! The session that is being played, as pages see it and steer it.
 
 use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use fft_correlate::{Pose, Wrench};
-use haptic::{Geometry, Order, Script, Steering, View, Viewer, Way, Workspace};
+use haptic::{Geometry, RemoteCommand, RemoteControl, Script, TimedPath, View, Viewer, Workspace};
 
-use crate::stage::exhibits::Exhibits;
-use crate::stage::meter::Meter;
-use crate::stage::tape::Tape;
-use crate::wire::frame::Frame;
-use crate::wire::request::Request;
+use crate::protocol::frame::Frame;
+use crate::protocol::request::Request;
+use crate::session::content::Content;
+use crate::session::rate_meter::RateMeter;
+use crate::session::recorder::Recorder;
 
-/// The stage that is being played, as pages see it and steer it.
-pub(crate) struct Live {
+/// The session that is being played, as pages see it and steer it.
+pub(crate) struct LiveSession {
     pub(crate) number: u32,
-    pub(crate) exhibits: Arc<dyn Exhibits>,
-    pub(crate) tape: Tape,
-    pub(crate) steering: Steering,
+    pub(crate) content: Arc<dyn Content>,
+    pub(crate) recorder: Recorder,
+    pub(crate) remote: RemoteControl,
     pub(crate) viewer: Viewer,
     pub(crate) workspace: Workspace,
     pub(crate) geometry: Geometry,
-    pub(crate) way: Option<Way>,
-    pub(crate) meter: Meter,
+    pub(crate) path: Option<TimedPath>,
+    pub(crate) meter: RateMeter,
     /// As [`Frame::doing`].
     pub(crate) doing: u8,
 }
 
-impl Live {
-    /// Does what the page that holds the hand asks of the hand or the tape.
-    pub(crate) fn obey(&mut self, request: &Request) {
+impl LiveSession {
+    /// Does what the page that holds the hand asks of the hand or the recorder.
+    pub(crate) fn handle(&mut self, request: &Request) {
         let (order, doing) = match request {
-            Request::Beat => return self.steering.beat(),
-            Request::Hold(pose) => (Order::Hold(*pose), 1),
-            Request::Place(pose) => (Order::Place(*pose), 1),
-            Request::LetGo => (Order::LetGo, 0),
+            Request::Heartbeat => return self.remote.heartbeat(),
+            Request::Hold(pose) => (RemoteCommand::Hold(*pose), 1),
+            Request::Place(pose) => (RemoteCommand::Place(*pose), 1),
+            Request::LetGo => (RemoteCommand::LetGo, 0),
             Request::Script(script) => {
                 let doing = match script {
                     Script::Collision => 2,
                     Script::Snap | Script::Free => 3,
                 };
-                (Order::Script(*script), doing)
+                (RemoteCommand::Script(*script), doing)
             }
-            Request::Record(on) => return self.tape.record(*on),
+            Request::Record(on) => return self.recorder.record(*on),
             Request::Replay => {
-                self.tape.record(false);
-                (Order::Replay(self.tape.poses(&self.workspace).into()), 4)
+                self.recorder.record(false);
+                (
+                    RemoteCommand::Replay(self.recorder.poses(&self.workspace).into()),
+                    4,
+                )
             }
-            Request::Follow => match &self.way {
-                Some(way) => (Order::Follow(way.clone()), 5),
+            Request::Follow => match &self.path {
+                Some(path) => (RemoteCommand::Follow(path.clone()), 5),
                 None => return,
             },
             Request::Take | Request::Choose(_) | Request::Dock => return,
         };
-        if self.steering.order(order) {
+        if self.remote.command(order) {
             self.doing = doing;
         }
     }
 
     /// A new page holds the hand: it stays where it is.
-    pub(crate) fn take(&mut self) {
+    pub(crate) fn take_control(&mut self) {
         let view = *self.viewer.view();
         let hand = self.hand(&view);
-        self.obey(&Request::Hold(hand));
+        self.handle(&Request::Hold(hand));
     }
 
     /// Nobody holds the hand any more. Without signs of life it is stale in a moment.
-    pub(crate) fn leave(&mut self) {
+    pub(crate) fn release_control(&mut self) {
         self.doing = 0;
     }
 
@@ -85,8 +88,8 @@ impl Live {
     pub(crate) fn frame(&mut self) -> Option<Frame> {
         let view = *self.viewer.view();
         let at = view.at?;
-        let means = self.meter.look(at, &view.timing);
-        let (is_recording, recorded) = self.tape.length();
+        let means = self.meter.update(at, &view.timing);
+        let (is_recording, recorded) = self.recorder.length();
         let (sample, timing) = (&view.sample, &view.timing);
         let Geometry {
             seated,
@@ -100,7 +103,7 @@ impl Live {
         Some(Frame {
             is_hand: false,
             flags: sample.flags,
-            stage: self.number,
+            session: self.number,
             time: sample.time,
             wall: milliseconds(at),
             hand: self.hand(&view),

@@ -18,8 +18,8 @@ pub struct Frame {
     pub is_hand: bool,
     /// Bits of [`flags`] of this tick.
     pub flags: u16,
-    /// Which stage it is of; counts from 1.
-    pub stage: u32,
+    /// Which session it is of; counts from 1.
+    pub session: u32,
     /// The loop's clock, seconds.
     pub time: f64,
     /// When the tick began, milliseconds since 1970.
@@ -44,7 +44,7 @@ pub struct Frame {
     pub latency: [f64; 2],
     /// Start after its deadline, µs, likewise.
     pub lateness: [f64; 2],
-    /// Seconds on the tape.
+    /// Seconds on the recorder.
     pub recorded: f64,
     /// Ticks so far.
     pub ticks: u64,
@@ -57,7 +57,7 @@ pub struct Frame {
     pub pages: u8,
     /// A page holds the hand.
     pub is_held: bool,
-    /// The tape runs.
+    /// The recorder runs.
     pub is_recording: bool,
     /// Ticks so far in which each of [`flags::NAMES`] was set.
     pub flagged: [u64; flags::NAMES.len()],
@@ -69,7 +69,7 @@ impl Frame {
         let mut out = Bytes::new();
         out.put(&[KIND, u8::from(self.is_hand)]);
         out.put(&self.flags.to_le_bytes());
-        out.put(&self.stage.to_le_bytes());
+        out.put(&self.session.to_le_bytes());
         out.put(&self.time.to_le_bytes());
         out.put(&self.wall.to_le_bytes());
         for pose in [&self.hand, &self.object] {
@@ -153,7 +153,7 @@ mod tests {
         let frame = Frame {
             is_hand: true,
             flags: 0x0201,
-            stage: 3,
+            session: 3,
             time: 1.5,
             wall: 2.5e12,
             hand: Pose::new(DQuat::IDENTITY, DVec3::new(1.0, 2.0, 3.0)),

@@ -8,7 +8,7 @@ use tungstenite::Error;
 use tungstenite::protocol::frame::coding::{CloseCode, Control, Data, OpCode};
 use tungstenite::protocol::frame::{CloseFrame, Frame, FrameSocket};
 
-/// Frames a page may send in a second; it needs about a hundred.
+/// PageSocket a page may send in a second; it needs about a hundred.
 const MOST_FRAMES: u32 = 400;
 
 /// Most bytes of a message, and of a frame.
@@ -19,62 +19,63 @@ const MOST_PIECES: u32 = 4;
 
 /// Why a page's connection ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Ended {
+pub(crate) enum CloseReason {
     /// It is gone, or takes nothing more.
     Gone,
-    /// It is shown the door: the code and the reason that it is told.
+    /// The server closes it, with a code and a reason.
     Dismissed(CloseCode, &'static str),
 }
 
 /// It says something that no page says.
-pub(crate) const NOT_UNDERSTOOD: Ended = Ended::Dismissed(CloseCode::Unsupported, "not understood");
-const TOO_LONG: Ended = Ended::Dismissed(CloseCode::Size, "too long");
-const TOO_MANY: Ended = Ended::Dismissed(CloseCode::Policy, "too many messages");
-const NO_FRAME: Ended = Ended::Dismissed(CloseCode::Protocol, "against the protocol");
+pub(crate) const NOT_UNDERSTOOD: CloseReason =
+    CloseReason::Dismissed(CloseCode::Unsupported, "not understood");
+const TOO_LONG: CloseReason = CloseReason::Dismissed(CloseCode::Size, "too long");
+const TOO_MANY: CloseReason = CloseReason::Dismissed(CloseCode::Policy, "too many messages");
+const NO_FRAME: CloseReason = CloseReason::Dismissed(CloseCode::Protocol, "against the protocol");
 
 /// The server's end of a WebSocket.
-pub(crate) struct Frames<'s> {
+pub(crate) struct PageSocket<'s> {
     socket: FrameSocket<&'s mut TcpStream>,
-    hearing: Hearing,
+    assembler: MessageAssembler,
 }
 
-impl<'s> Frames<'s> {
+impl<'s> PageSocket<'s> {
     /// After the handshake.
     pub(crate) fn new(stream: &'s mut TcpStream) -> Self {
         Self {
             socket: FrameSocket::new(stream),
-            hearing: Hearing::new(Instant::now()),
+            assembler: MessageAssembler::new(Instant::now()),
         }
     }
 
     /// Reads one frame, waiting for `wait` at most; the message that ends with it, if one does.
-    pub(crate) fn read(&mut self, wait: Duration) -> Result<Option<Vec<u8>>, Ended> {
+    pub(crate) fn read(&mut self, wait: Duration) -> Result<Option<Vec<u8>>, CloseReason> {
         let timeout = self.socket.get_ref().set_read_timeout(Some(wait));
-        timeout.map_err(|_| Ended::Gone)?;
+        timeout.map_err(|_| CloseReason::Gone)?;
         let frame = match self.socket.read(Some(MOST_BYTES)) {
             Ok(Some(frame)) => frame,
-            Err(Error::Io(e)) if is_silence(&e) => return Ok(None),
+            Err(Error::Io(e)) if is_timeout(&e) => return Ok(None),
             Err(Error::Capacity(_)) => return Err(TOO_LONG),
             Err(Error::Protocol(_)) => return Err(NO_FRAME),
-            Ok(None) | Err(_) => return Err(Ended::Gone),
+            Ok(None) | Err(_) => return Err(CloseReason::Gone),
         };
-        match self.hearing.hear(&frame, Instant::now())? {
-            Heard::Piece => Ok(None),
-            Heard::Message(bytes) => Ok(Some(bytes)),
-            Heard::Ping(bytes) => self.send(Frame::pong(bytes)).map(|()| None),
-            Heard::Close => {
+        match self.assembler.push(&frame, Instant::now())? {
+            Incoming::Partial => Ok(None),
+            Incoming::Message(bytes) => Ok(Some(bytes)),
+            Incoming::Ping(bytes) => self.send(Frame::pong(bytes)).map(|()| None),
+            Incoming::Close => {
                 // A page that closes need not hear the answer.
                 let _ = self.send(Frame::close(None));
-                Err(Ended::Gone)
+                Err(CloseReason::Gone)
             }
         }
     }
 
-    pub(crate) fn text(&mut self, text: String) -> Result<(), Ended> {
+    pub(crate) fn text(&mut self, text: String) -> Result<(), CloseReason> {
         self.send(Frame::message(text, OpCode::Data(Data::Text), true))
     }
 
-    pub(crate) fn binary(&mut self, bytes: Vec<u8>) -> Result<(), Ended> {
+    pub(crate) fn binary(&mut self, bytes: Vec<u8>) -> Result<(), CloseReason> {
         self.send(Frame::message(bytes, OpCode::Data(Data::Binary), true))
     }
 
@@ -85,30 +86,30 @@ impl<'s> Frames<'s> {
         let _ = self.send(Frame::close(Some(CloseFrame { code, reason })));
     }
 
-    fn send(&mut self, frame: Frame) -> Result<(), Ended> {
-        self.socket.send(frame).map_err(|_| Ended::Gone)
+    fn send(&mut self, frame: Frame) -> Result<(), CloseReason> {
+        self.socket.send(frame).map_err(|_| CloseReason::Gone)
     }
 }
 
 /// Nothing came in time.
-fn is_silence(error: &std::io::Error) -> bool {
+fn is_timeout(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
 /// What a frame is.
 #[derive(Debug, PartialEq, Eq)]
-enum Heard {
+enum Incoming {
     /// Part of a message that goes on, or nothing that matters.
-    Piece,
+    Partial,
     Message(Vec<u8>),
     Ping(Vec<u8>),
     Close,
 }
 
-/// Frames heard so far.
+/// PageSocket heard so far.
 #[derive(Debug)]
-struct Hearing {
+struct MessageAssembler {
     /// When the present second began, and frames in it.
     second: Instant,
     count: u32,
@@ -116,7 +117,7 @@ struct Hearing {
     message: Option<(Vec<u8>, u32)>,
 }
 
-impl Hearing {
+impl MessageAssembler {
     fn new(now: Instant) -> Self {
         Self {
             second: now,
@@ -125,8 +126,8 @@ impl Hearing {
         }
     }
 
-    fn hear(&mut self, frame: &Frame, now: Instant) -> Result<Heard, Ended> {
-        if !self.spend(now) {
+    fn push(&mut self, frame: &Frame, now: Instant) -> Result<Incoming, CloseReason> {
+        if !self.count_frame(now) {
             return Err(TOO_MANY);
         }
         let header = frame.header();
@@ -144,44 +145,44 @@ impl Hearing {
             .collect();
         match header.opcode {
             OpCode::Control(_) if !header.is_final => Err(NO_FRAME),
-            OpCode::Control(Control::Ping) => Ok(Heard::Ping(bytes)),
-            OpCode::Control(Control::Close) => Ok(Heard::Close),
-            OpCode::Control(Control::Pong) => Ok(Heard::Piece),
+            OpCode::Control(Control::Ping) => Ok(Incoming::Ping(bytes)),
+            OpCode::Control(Control::Close) => Ok(Incoming::Close),
+            OpCode::Control(Control::Pong) => Ok(Incoming::Partial),
             OpCode::Data(Data::Text) => Err(NOT_UNDERSTOOD),
             OpCode::Data(Data::Binary) if self.message.is_none() => {
-                self.piece((Vec::new(), 0), &bytes, header.is_final)
+                self.append((Vec::new(), 0), &bytes, header.is_final)
             }
             OpCode::Data(Data::Continue) => {
                 let before = self.message.take().ok_or(NO_FRAME)?;
-                self.piece(before, &bytes, header.is_final)
+                self.append(before, &bytes, header.is_final)
             }
             OpCode::Data(_) | OpCode::Control(_) => Err(NO_FRAME),
         }
     }
 
     /// Goes on with a message.
-    fn piece(
+    fn append(
         &mut self,
         (mut message, pieces): (Vec<u8>, u32),
         bytes: &[u8],
         is_final: bool,
-    ) -> Result<Heard, Ended> {
+    ) -> Result<Incoming, CloseReason> {
         message.extend_from_slice(bytes);
         if message.len() > MOST_BYTES {
             return Err(TOO_LONG);
         }
         if is_final {
-            return Ok(Heard::Message(message));
+            return Ok(Incoming::Message(message));
         }
         if pieces + 1 == MOST_PIECES {
             return Err(TOO_MANY);
         }
         self.message = Some((message, pieces + 1));
-        Ok(Heard::Piece)
+        Ok(Incoming::Partial)
     }
 
     /// Counts a frame; false if it is one too many.
-    fn spend(&mut self, now: Instant) -> bool {
+    fn count_frame(&mut self, now: Instant) -> bool {
         if now.saturating_duration_since(self.second) >= Duration::from_secs(1) {
             (self.second, self.count) = (now, 0);
         }
@@ -214,51 +215,59 @@ mod tests {
     }
 
     /// What the last of these frames is.
-    fn heard(frames: &[Frame]) -> Result<Heard, Ended> {
+    fn assemble(frames: &[Frame]) -> Result<Incoming, CloseReason> {
         let now = Instant::now();
-        let mut hearing = Hearing::new(now);
-        let mut last = Ok(Heard::Piece);
+        let mut assembler = MessageAssembler::new(now);
+        let mut last = Ok(Incoming::Partial);
         for frame in frames {
-            last = hearing.hear(frame, now);
+            last = assembler.push(frame, now);
         }
         last
     }
 
     #[test]
     fn a_message_is_one_frame_or_a_few() {
-        let whole = heard(&[frame(BINARY, true, &[1, 2, 3, 4, 5])]);
-        assert_eq!(whole, Ok(Heard::Message(vec![1, 2, 3, 4, 5])));
+        let whole = assemble(&[frame(BINARY, true, &[1, 2, 3, 4, 5])]);
+        assert_eq!(whole, Ok(Incoming::Message(vec![1, 2, 3, 4, 5])));
         // A ping may come between.
-        let cut = heard(&[
+        let cut = assemble(&[
             frame(BINARY, false, &[1, 2]),
             frame(PING, true, &[9]),
             frame(MORE, false, &[]),
             frame(MORE, true, &[3]),
         ]);
-        assert_eq!(cut, Ok(Heard::Message(vec![1, 2, 3])));
-        assert_eq!(heard(&[frame(PING, true, &[7])]), Ok(Heard::Ping(vec![7])));
+        assert_eq!(cut, Ok(Incoming::Message(vec![1, 2, 3])));
+        assert_eq!(
+            assemble(&[frame(PING, true, &[7])]),
+            Ok(Incoming::Ping(vec![7]))
+        );
     }
 
     #[test]
     fn pieces_count_however_little_is_in_them() {
         let begin = frame(BINARY, false, &[]);
         let empty = vec![frame(MORE, false, &[]); MOST_PIECES as usize - 1];
-        assert_eq!(heard(&[vec![begin.clone()], empty].concat()), Err(TOO_MANY));
+        assert_eq!(
+            assemble(&[vec![begin.clone()], empty].concat()),
+            Err(TOO_MANY)
+        );
         let long = [
             frame(BINARY, false, &[0; MOST_BYTES]),
             frame(MORE, true, &[0]),
         ];
-        assert_eq!(heard(&long), Err(TOO_LONG));
+        assert_eq!(assemble(&long), Err(TOO_LONG));
         let pings = vec![frame(PING, true, &[]); MOST_FRAMES as usize + 1];
-        assert_eq!(heard(&pings), Err(TOO_MANY));
+        assert_eq!(assemble(&pings), Err(TOO_MANY));
     }
 
     #[test]
     fn a_second_later_there_is_room_again() {
         let now = Instant::now();
-        let mut hearing = Hearing::new(now);
-        assert!((0..MOST_FRAMES).all(|_| hearing.spend(now)) && !hearing.spend(now));
-        assert!(hearing.spend(now + Duration::from_secs(1)));
+        let mut assembler = MessageAssembler::new(now);
+        assert!(
+            (0..MOST_FRAMES).all(|_| assembler.count_frame(now)) && !assembler.count_frame(now)
+        );
+        assert!(assembler.count_frame(now + Duration::from_secs(1)));
     }
 
     #[test]
@@ -273,9 +282,9 @@ mod tests {
             vec![frame(BINARY, false, &[0]), frame(BINARY, true, &[0])],
             vec![frame(PING, false, &[])],
         ] {
-            assert_eq!(heard(&bad), Err(NO_FRAME), "{bad:?}");
+            assert_eq!(assemble(&bad), Err(NO_FRAME), "{bad:?}");
         }
         let text = frame(OpCode::Data(Data::Text), false, b"{");
-        assert_eq!(heard(&[text]), Err(NOT_UNDERSTOOD));
+        assert_eq!(assemble(&[text]), Err(NOT_UNDERSTOOD));
     }
 }

@@ -53,8 +53,8 @@ impl EnergySource for Rim {
 
 struct Bench {
     source: Box<dyn EnergySource>,
-    hand: SteeredHand,
-    steering: Steering,
+    hand: RemoteDevice,
+    remote: RemoteControl,
     path: ForcePath,
     ticks: u32,
 }
@@ -64,12 +64,12 @@ fn bench() -> Bench {
         ramp_s: 0.05,
         ..HapticConfig::default()
     };
-    bench_of(Box::new(Wall), HandConfig::default(), &config, 0.5)
+    bench_of(Box::new(Wall), OperatorConfig::default(), &config, 0.5)
 }
 
 fn bench_of(
     source: Box<dyn EnergySource>,
-    body: HandConfig,
+    body: OperatorConfig,
     config: &HapticConfig,
     scale: f64,
 ) -> Bench {
@@ -82,12 +82,12 @@ fn bench_of(
     };
     let workspace = Workspace::new(scale, Pose::IDENTITY, DVec3::new(0.0, 0.01, 0.02));
     let start = Pose::from_translation(DVec3::new(0.01, 0.0, 0.02));
-    let (hand, steering) = SteeredHand::new(body, geometry, workspace, &start, config.times());
+    let (hand, remote) = RemoteDevice::new(body, geometry, workspace, &start, config.times());
     let path = ForcePath::new(hand.spec(), config, workspace, source.scratch()).unwrap();
     Bench {
         source,
         hand,
-        steering,
+        remote,
         path,
         ticks: 0,
     }
@@ -114,7 +114,7 @@ impl Bench {
         let mut last = Sample::default();
         for _ in 0..ticks {
             if beating {
-                self.steering.beat();
+                self.remote.heartbeat();
             }
             last = self.tick();
         }
@@ -122,14 +122,14 @@ impl Bench {
     }
 }
 
-fn into_the_wall() -> Order {
-    Order::Hold(Pose::from_translation(DVec3::new(0.0, 0.0, -0.004)))
+fn into_the_wall() -> RemoteCommand {
+    RemoteCommand::Hold(Pose::from_translation(DVec3::new(0.0, 0.0, -0.004)))
 }
 
 #[test]
 fn passes_the_conformance_suite() {
     let mut bench = bench();
-    assert!(bench.steering.order(Order::Script(Script::Free)));
+    assert!(bench.remote.command(RemoteCommand::Script(Script::Free)));
     crate::device::conformance::check(&mut bench.hand).unwrap();
 }
 
@@ -140,11 +140,11 @@ fn it_goes_where_it_is_told_and_is_held_by_the_wall() {
         glam::DQuat::from_rotation_y(0.3),
         DVec3::new(0.0, 0.01, 0.02),
     );
-    assert!(bench.steering.order(Order::Hold(free)));
+    assert!(bench.remote.command(RemoteCommand::Hold(free)));
     let there = bench.run(1500, true).object;
     assert!((there.translation - free.translation).length() < 1e-4);
     assert!(there.angle_to(&free) < 1e-3);
-    assert!(bench.steering.order(into_the_wall()));
+    assert!(bench.remote.command(into_the_wall()));
     let pushed = bench.run(1500, true);
     // 4 mm into the wall is 8 mm at the device: a grip of 400 N/m and the coupling bend.
     assert!(pushed.wrench.force.z > 1.0, "{:?}", pushed.wrench);
@@ -154,7 +154,7 @@ fn it_goes_where_it_is_told_and_is_held_by_the_wall() {
 #[test]
 fn a_silent_steerer_lets_go_in_time() {
     let mut bench = bench();
-    bench.steering.order(into_the_wall());
+    bench.remote.command(into_the_wall());
     assert!(bench.run(1500, true).wrench.force.z > 1.0);
     // Stale after 100 ms, then the decay time of 10 ms.
     let before = bench.run(99, false);
@@ -172,9 +172,9 @@ fn a_silent_steerer_lets_go_in_time() {
 #[test]
 fn a_hand_that_was_told_to_let_go_gives_way() {
     let mut bench = bench();
-    bench.steering.order(into_the_wall());
+    bench.remote.command(into_the_wall());
     bench.run(1500, true);
-    bench.steering.order(Order::LetGo);
+    bench.remote.command(RemoteCommand::LetGo);
     let gone = bench.run(1500, true);
     assert_eq!(gone.flags & flags::STALE, 0);
     assert!(gone.wrench.force.length() < 1e-3, "{:?}", gone.wrench);
@@ -184,25 +184,25 @@ fn a_hand_that_was_told_to_let_go_gives_way() {
 /// Pushed against a wall that the hand is too weak for, its force let go in every way there is.
 #[test]
 fn no_wall_is_crossed_while_forces_come_back() {
-    let body = HandConfig {
+    let body = OperatorConfig {
         mass: 0.1,
         damping: 8.0,
         strength: 3.0,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
-    let at = |z: f64| Order::Hold(Pose::from_translation(DVec3::new(0.0, 0.0, z)));
+    let at = |z: f64| RemoteCommand::Hold(Pose::from_translation(DVec3::new(0.0, 0.0, z)));
     for ramp_s in [0.5, 0.05, 0.0] {
         let config = HapticConfig {
             ramp_s,
             ..HapticConfig::default()
         };
         let mut bench = bench_of(Box::new(Rim), body.clone(), &config, 1.0);
-        bench.steering.order(at(-0.03));
+        bench.remote.command(at(-0.03));
         let pushed = bench.run(2000, true);
         assert!(pushed.wrench.force.z > 2.9, "{:?}", pushed.wrench);
         // Silent for longer than the loop waits, then heard again.
         bench.run(400, false);
-        bench.steering.order(at(-0.03));
+        bench.remote.command(at(-0.03));
         let again = bench.run(2000, true);
         assert!(again.wrench.force.z > 2.9, "{ramp_s}: {:?}", again.object);
         // The loop is late.
@@ -218,10 +218,12 @@ fn no_wall_is_crossed_while_forces_come_back() {
         }
         // Put elsewhere, and off again before the loop believes it.
         bench
-            .steering
-            .order(Order::Place(Pose::from_translation(DVec3::Z * 0.06)));
+            .remote
+            .command(RemoteCommand::Place(Pose::from_translation(
+                DVec3::Z * 0.06,
+            )));
         bench.run(1, true);
-        bench.steering.order(at(-0.03));
+        bench.remote.command(at(-0.03));
         let after = bench.run(3000, true);
         assert!(after.wrench.force.z > 2.9, "{ramp_s}: {:?}", after.object);
     }
@@ -233,11 +235,13 @@ fn a_replay_is_where_the_other_hand_was() {
     let poses: Vec<Pose> = (0..200)
         .map(|k| Pose::from_translation(DVec3::new(0.01, 1e-5 * f64::from(k), 0.02)))
         .collect();
-    bench.steering.order(Order::Hold(poses[0]));
+    bench.remote.command(RemoteCommand::Hold(poses[0]));
     bench.run(1000, true);
-    bench.steering.order(Order::Replay(poses.clone().into()));
+    bench
+        .remote
+        .command(RemoteCommand::Replay(poses.clone().into()));
     for pose in &poses {
-        bench.steering.beat();
+        bench.remote.heartbeat();
         let input = bench.tick().input.unwrap();
         let grip = bench.hand.workspace.grip_pose(&input.pose);
         let part = bench.hand.workspace.part_pose(&grip);
@@ -252,10 +256,10 @@ fn a_replay_is_where_the_other_hand_was() {
 #[test]
 fn a_placed_hand_jumps_and_the_force_comes_back_from_nothing() {
     let mut bench = bench();
-    bench.steering.order(into_the_wall());
+    bench.remote.command(into_the_wall());
     assert!(bench.run(1500, true).gain == 1.0);
     let far = Pose::from_translation(DVec3::new(0.0, 0.05, 0.05));
-    bench.steering.order(Order::Place(far));
+    bench.remote.command(RemoteCommand::Place(far));
     let jumped = bench.run(20, true);
     assert_ne!(jumped.flags & flags::JUMP, 0);
     let there = bench.run(400, true);
@@ -266,12 +270,12 @@ fn a_placed_hand_jumps_and_the_force_comes_back_from_nothing() {
 #[test]
 fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
     let mut bench = bench();
-    bench.steering.order(into_the_wall());
+    bench.remote.command(into_the_wall());
     bench.run(1500, true);
     let at = |y: f64, z: f64| Pose::from_translation(DVec3::new(0.0, y, z));
     let poses = [at(0.05, 0.02), at(0.05, 0.002), at(0.04, 0.002)];
-    let way = Way::new(&poses, &bench.hand.workspace).unwrap();
-    bench.steering.order(Order::Follow(way.clone()));
+    let way = TimedPath::new(&poses, &bench.hand.workspace).unwrap();
+    bench.remote.command(RemoteCommand::Follow(way.clone()));
     // There at once, without a force, which is back before it moves.
     let jumped = bench.run(20, true);
     assert_ne!(jumped.flags & flags::JUMP, 0);
@@ -289,8 +293,8 @@ fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
     assert!((there.object.translation - poses[2].translation).length() < 1e-4);
     assert_eq!(there.flags, 0);
     // A way through the wall: the wall wins.
-    let through = Way::new(&[at(0.0, 0.01), at(0.0, -0.004)], &bench.hand.workspace).unwrap();
-    bench.steering.order(Order::Follow(through));
+    let through = TimedPath::new(&[at(0.0, 0.01), at(0.0, -0.004)], &bench.hand.workspace).unwrap();
+    bench.remote.command(RemoteCommand::Follow(through));
     let stopped = bench.run(4000, true);
     assert!(stopped.wrench.force.z > 1.0, "{:?}", stopped.wrench);
     assert!(stopped.object.translation.z > -0.001);
@@ -302,7 +306,7 @@ fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
 #[test]
 fn nonsense_is_no_order_and_the_workspace_has_an_edge() {
     let mut bench = bench();
-    bench.steering.order(Order::LetGo);
+    bench.remote.command(RemoteCommand::LetGo);
     for bad in [
         Pose::from_translation(DVec3::new(f64::NAN, 0.0, 0.0)),
         Pose {
@@ -310,13 +314,15 @@ fn nonsense_is_no_order_and_the_workspace_has_an_edge() {
             ..Pose::IDENTITY
         },
     ] {
-        assert!(!bench.steering.order(Order::Hold(bad)));
-        assert!(!bench.steering.order(Order::Replay(Arc::new([bad]))));
+        assert!(!bench.remote.command(RemoteCommand::Hold(bad)));
+        assert!(!bench.remote.command(RemoteCommand::Replay(Arc::new([bad]))));
     }
-    assert!(!bench.steering.order(Order::Replay(Arc::new([]))));
+    assert!(!bench.remote.command(RemoteCommand::Replay(Arc::new([]))));
     bench
-        .steering
-        .order(Order::Hold(Pose::from_translation(DVec3::splat(9.0))));
+        .remote
+        .command(RemoteCommand::Hold(Pose::from_translation(DVec3::splat(
+            9.0,
+        ))));
     let state = bench.run(2000, true).input.unwrap();
     assert_eq!(state.pose.translation, DVec3::splat(0.2));
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use fft_correlate::Wrench;
+use glam::DVec3;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
@@ -121,16 +121,11 @@ pub(crate) struct Tally {
     seconds: f64,
     ticks: u64,
     overruns: u64,
-    missed: u64,
     input_faults: u64,
-    changes: u64,
-    not_loaded: u64,
-    outside: u64,
     outside_force: f64,
-    damped: u64,
-    not_sent: u64,
     evaluations: u64,
-    peak: (f64, f64),
+    peak_force: f64,
+    peak_torque: f64,
     timing: Timing,
     flagged: [u64; flags::NAMES.len()],
 }
@@ -149,16 +144,11 @@ impl Tally {
             seconds: 0.0,
             ticks: 0,
             overruns: 0,
-            missed: 0,
             input_faults: 0,
-            changes: 0,
-            not_loaded: 0,
-            outside: 0,
             outside_force: 0.0,
-            damped: 0,
-            not_sent: 0,
             evaluations: 0,
-            peak: (0.0, 0.0),
+            peak_force: 0.0,
+            peak_torque: 0.0,
             timing: Timing::default(),
             flagged: [0; flags::NAMES.len()],
         }
@@ -166,21 +156,16 @@ impl Tally {
 
     pub(crate) fn count(&mut self, sample: &Sample) {
         let has = |bits: u16| u64::from(sample.flags & bits != 0);
+        let [force, torque] = [sample.wrench.force, sample.wrench.torque].map(DVec3::length);
         self.ticks += 1;
         self.seconds = sample.time + sample.dt.min(1.0);
         self.input_faults += has(flags::NO_INPUT | flags::BAD_INPUT | flags::STALE | flags::JUMP);
-        self.changes += has(flags::CHANGED);
-        self.not_loaded += has(flags::NOT_LOADED);
-        self.damped += has(flags::DAMPED);
-        self.not_sent += has(flags::NOT_SENT);
         self.evaluations += u64::from(sample.evaluations);
-        let Wrench { torque, force } = sample.wrench;
+        self.peak_force = self.peak_force.max(force);
+        self.peak_torque = self.peak_torque.max(torque);
         if has(flags::OUTSIDE) > 0 {
-            self.outside += 1;
-            self.outside_force = self.outside_force.max(force.length());
+            self.outside_force = self.outside_force.max(force);
         }
-        self.peak.0 = self.peak.0.max(force.length());
-        self.peak.1 = self.peak.1.max(torque.length());
         for (bit, count) in self.flagged.iter_mut().enumerate() {
             *count += has(1 << bit);
         }
@@ -191,7 +176,6 @@ impl Tally {
         self.latency.saturating_record(spent.latency);
         self.lateness.saturating_record(spent.lateness);
         self.overruns += u64::from(spent.skipped > 0);
-        self.missed += u64::from(spent.skipped);
         self.timing.count(spent);
     }
 
@@ -214,6 +198,7 @@ impl Tally {
         dropped: u64,
         granted: RealtimeGrant,
     ) -> LoopReport {
+        let count = |flag: u16| self.flagged[flag.trailing_zeros() as usize];
         LoopReport {
             clock,
             device: device.name.clone(),
@@ -227,18 +212,18 @@ impl Tally {
             latency_us: Quantiles::from_histogram(&self.latency),
             lateness_us: Quantiles::from_histogram(&self.lateness),
             overruns: self.overruns,
-            missed: self.missed,
+            missed: self.timing.missed,
             input_faults: self.input_faults,
-            changes: self.changes,
-            not_loaded: self.not_loaded,
-            outside: self.outside,
+            changes: count(flags::CHANGED),
+            not_loaded: count(flags::NOT_LOADED),
+            outside: count(flags::OUTSIDE),
             outside_force: self.outside_force,
-            damped: self.damped,
-            not_sent: self.not_sent,
+            damped: count(flags::DAMPED),
+            not_sent: count(flags::NOT_SENT),
             dropped_samples: dropped,
             evaluations: self.evaluations,
-            peak_force: self.peak.0,
-            peak_torque: self.peak.1,
+            peak_force: self.peak_force,
+            peak_torque: self.peak_torque,
             stiffness: gains.stiffness,
             rotational_stiffness: gains.rotational_stiffness,
             energy: self.last.account,

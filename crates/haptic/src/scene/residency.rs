@@ -248,7 +248,7 @@ impl ResidencyManager {
         {
             self.tables.change(group, None);
         }
-        self.tables.wake();
+        self.tables.idle = false;
         self.publish();
         self.emit(index, SceneChange::Unloaded);
     }
@@ -335,13 +335,13 @@ impl ResidencyManager {
     /// One step of loading rotations for a moving part at `pose`. True if there is more to do.
     fn load_rotations(&mut self, pose: &Pose) -> bool {
         self.update_priorities(pose);
-        if self.tables.is_idle() {
+        if self.tables.idle {
             return false;
         }
         // A failed read was already emitted; the other rotations are tried next.
         let more = self.load_rotation_batch(f32::INFINITY).unwrap_or(true);
         if !more {
-            self.tables.set_idle();
+            self.tables.idle = true;
         }
         more
     }

@@ -1,6 +1,7 @@
 //! Which rotation nodes of a scene's tables are in memory: the nearest are read first, and the
 //! farthest are evicted when the budget is used up.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ const AWAY: f32 = 1e3;
 /// A table of which a part is in memory, and how urgently each node is needed: the angle, radians,
 /// by which the part would have to turn before it is; negative for nodes that are needed now.
 pub(crate) struct Rotations {
-    pub(crate) table: PartialTable,
+    table: PartialTable,
     /// What is in memory of it, for the readers.
     source: SharedSource,
     urgency: Vec<f32>,
@@ -27,7 +28,7 @@ pub(crate) struct Rotations {
     /// Nodes that could not be read.
     bad: Vec<bool>,
     /// Whether it was already reported that the needed nodes do not fit.
-    pub(crate) no_room_noted: bool,
+    no_room_noted: bool,
 }
 
 /// A rotation at which a table is evaluated.
@@ -44,7 +45,7 @@ pub(crate) struct Viewpoint {
 pub(crate) struct RotationNode {
     pub(crate) urgency: f32,
     pub(crate) group: usize,
-    pub(crate) node: usize,
+    node: usize,
 }
 
 impl Viewpoint {
@@ -82,18 +83,13 @@ impl Rotations {
     }
 
     /// Renews the readers' source from what is in memory now.
-    pub(crate) fn share(&mut self) -> &SharedSource {
+    fn share(&mut self) -> &SharedSource {
         self.source = self.source.with_part(Arc::new(self.table.table()));
         &self.source
     }
 
-    /// Half a step: a node that is less urgent by more than this is evicted for another.
-    fn patience(&self) -> f32 {
-        0.5 * self.table.step() as f32
-    }
-
     /// Updates the urgencies; true if they changed. Without a view nothing is wanted.
-    pub(crate) fn update_priorities(&mut self, views: &[Viewpoint]) -> bool {
+    fn update_priorities(&mut self, views: &[Viewpoint]) -> bool {
         let step = self.table.step();
         let old = self.views.iter().zip(views);
         if old.len() == self.views.len().max(views.len())
@@ -117,18 +113,11 @@ impl Rotations {
         true
     }
 
-    /// Nodes that are wanted within `limit` and could be read, whether they are in memory or not.
-    pub(crate) fn count(&self, limit: f32) -> usize {
-        let urgent = self.urgency.iter().zip(&self.bad);
-        urgent.filter(|(u, bad)| **u < limit && !**bad).count()
-    }
-
-    /// Nodes in memory that are wanted only beyond `least`.
-    pub(crate) fn evictable_count(&self, least: f32) -> usize {
-        let urgent = self.urgency.iter().enumerate();
-        urgent
-            .filter(|(node, u)| **u > least && self.table.has(*node))
-            .count()
+    /// Bytes of the readable nodes that are needed now, whether they are in memory or not.
+    fn needed_bytes(&self) -> u64 {
+        let nodes = self.urgency.iter().zip(&self.bad);
+        let needed = nodes.filter(|(urgency, bad)| **urgency < 0.0 && !**bad);
+        needed.count() as u64 * self.table.node_bytes()
     }
 
     fn nodes(&self, group: usize, resident: bool) -> impl Iterator<Item = RotationNode> + '_ {
@@ -143,7 +132,7 @@ impl Rotations {
     }
 
     /// Reads nodes; those that cannot be are not tried again.
-    pub(crate) fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
+    fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
         let result = self.table.load(nodes);
         for &node in nodes {
             self.bad[node] |= !self.table.has(node);
@@ -152,52 +141,30 @@ impl Rotations {
     }
 
     /// Evicts everything. The table that is left shows when readers have let go of it.
-    pub(crate) fn retire(mut self) -> PartialTable {
+    fn retire(mut self) -> PartialTable {
         for node in 0..self.table.nodes() {
             self.table.unload(node);
         }
         self.table
     }
 
-    pub(crate) fn bytes(&self) -> u64 {
+    fn bytes(&self) -> u64 {
         self.table.resident() as u64 * self.table.node_bytes()
     }
 }
 
-/// The most urgent nodes of all tables that are not in memory, most urgent first.
-pub(crate) fn most_urgent<'a>(
-    tables: impl Iterator<Item = (&'a usize, &'a Rotations)>,
-    limit: f32,
-) -> Vec<RotationNode> {
-    let absent = tables.flat_map(|(&group, table)| table.nodes(group, false));
-    let wanted = absent.filter(|n| n.urgency < limit && n.urgency.is_finite());
-    first_batch(wanted.collect(), |a, b| a.urgency.total_cmp(&b.urgency))
-}
-
-/// The least urgent nodes of all tables that are in memory, least urgent first.
-pub(crate) fn least_urgent<'a>(
-    tables: impl Iterator<Item = (&'a usize, &'a Rotations)>,
-) -> Vec<RotationNode> {
-    let there = tables.flat_map(|(&group, table)| table.nodes(group, true));
-    first_batch(there.collect(), |a, b| b.urgency.total_cmp(&a.urgency))
-}
-
-/// The first of a batch, in order.
+/// The first [`BATCH`] nodes, in order.
 fn first_batch(
-    mut nodes: Vec<RotationNode>,
-    order: impl Fn(&RotationNode, &RotationNode) -> std::cmp::Ordering,
+    nodes: impl Iterator<Item = RotationNode>,
+    order: impl Fn(&RotationNode, &RotationNode) -> Ordering,
 ) -> Vec<RotationNode> {
+    let mut nodes: Vec<_> = nodes.collect();
     if nodes.len() > BATCH {
         nodes.select_nth_unstable_by(BATCH, &order);
         nodes.truncate(BATCH);
     }
     nodes.sort_unstable_by(order);
     nodes
-}
-
-/// Whether `spare` is evicted for `wanted`, a node of `table`.
-pub(crate) fn yields_to(spare: &RotationNode, wanted: &RotationNode, table: &Rotations) -> bool {
-    spare.urgency > wanted.urgency + table.patience()
 }
 
 /// The tables of a scene that are kept in part, by the group of pairs that shares each.
@@ -207,7 +174,7 @@ pub(crate) struct Tables {
     /// Tables that were replaced or unloaded but that readers may still hold.
     retired: Vec<PartialTable>,
     /// Whether nothing is left to do until something changes.
-    idle: bool,
+    pub(crate) idle: bool,
     /// Threads that read tables while the loop runs.
     pool: Option<rayon::ThreadPool>,
 }
@@ -252,19 +219,6 @@ impl Tables {
         groups.map(|(&group, rotations)| (group, rotations.share()))
     }
 
-    /// Whether nothing is left to do.
-    pub(crate) fn is_idle(&self) -> bool {
-        self.idle
-    }
-
-    pub(crate) fn set_idle(&mut self) {
-        self.idle = true;
-    }
-
-    pub(crate) fn wake(&mut self) {
-        self.idle = false;
-    }
-
     /// Bytes of the rotations that count as loaded.
     pub(crate) fn bytes(&self) -> u64 {
         self.groups.values().map(Rotations::bytes).sum()
@@ -281,10 +235,7 @@ impl Tables {
 
     /// Bytes of the rotations that are needed where the part is.
     pub(crate) fn needed_bytes(&self) -> u64 {
-        let tables = self.groups.values();
-        tables
-            .map(|r| r.count(0.0) as u64 * r.table.node_bytes())
-            .sum()
+        self.groups.values().map(Rotations::needed_bytes).sum()
     }
 
     /// Replaces a group's table.
@@ -310,7 +261,9 @@ impl Tables {
     /// Reads the most urgent rotations below `limit` that fit into `allowed` bytes, or evicts others
     /// for them.
     pub(crate) fn step(&mut self, limit: f32, allowed: u64) -> Step {
-        let wanted = most_urgent(self.groups.iter(), limit);
+        let absent = self.nodes(false);
+        let wanted = absent.filter(|n| n.urgency < limit && n.urgency.is_finite());
+        let wanted = first_batch(wanted, |a, b| a.urgency.total_cmp(&b.urgency));
         let Some(&most) = wanted.first() else {
             return Step::Done;
         };
@@ -366,43 +319,54 @@ impl Tables {
         readings
     }
 
-    /// Evicts rotations that are less urgent than those `wanted`; false if there are none.
-    fn evict_for(&mut self, wanted: &[RotationNode]) -> bool {
-        let (Some(most), spare) = (wanted.first(), least_urgent(self.groups.iter())) else {
-            return false;
-        };
-        let table = &self.groups[&most.group];
-        let pairs = spare.iter().zip(wanted);
-        let count = pairs
-            .take_while(|(spare, wanted)| yields_to(spare, wanted, table))
-            .count();
-        for node in &spare[..count] {
-            if let Some(rotations) = self.groups.get_mut(&node.group) {
-                rotations.table.unload(node.node);
-            }
+    /// The nodes of all tables that are in memory, or that are not and can be read.
+    fn nodes(&self, resident: bool) -> impl Iterator<Item = RotationNode> + '_ {
+        let groups = self.groups.iter();
+        groups.flat_map(move |(&group, table)| table.nodes(group, resident))
+    }
+
+    /// Nodes in memory, least urgent first.
+    fn least_urgent(&self) -> Vec<RotationNode> {
+        first_batch(self.nodes(true), |a, b| b.urgency.total_cmp(&a.urgency))
+    }
+
+    fn unload(&mut self, node: &RotationNode) {
+        if let Some(rotations) = self.groups.get_mut(&node.group) {
+            rotations.table.unload(node.node);
         }
-        count > 0
+    }
+
+    /// Evicts rotations that are less urgent than those `wanted` by more than half a step; false if
+    /// there are none.
+    fn evict_for(&mut self, wanted: &[RotationNode]) -> bool {
+        let patience = wanted.first().map_or(0.0, |most| {
+            0.5 * self.groups[&most.group].table.step() as f32
+        });
+        let mut evicted = false;
+        for (spare, wanted) in self.least_urgent().iter().zip(wanted) {
+            if spare.urgency <= wanted.urgency + patience {
+                break;
+            }
+            self.unload(spare);
+            evicted = true;
+        }
+        evicted
     }
 
     /// Evicts the least urgent rotations beyond `least` until `excess` bytes are free. False, and
     /// nothing is evicted, if they are too few.
     pub(crate) fn evict(&mut self, excess: u64, least: f32) -> bool {
-        let could: u64 = self
-            .groups
-            .values()
-            .map(|r| r.evictable_count(least) as u64 * r.table.node_bytes())
-            .sum();
-        if could < excess {
+        let size = |group: &usize| self.groups[group].table.node_bytes();
+        let spare = self.nodes(true).filter(|node| node.urgency > least);
+        if spare.map(|node| size(&node.group)).sum::<u64>() < excess {
             return false;
         }
         let mut freed = 0;
         while freed < excess {
-            for node in least_urgent(self.groups.iter()) {
-                if let Some(rotations) = self.groups.get_mut(&node.group)
-                    && freed < excess
-                {
-                    rotations.table.unload(node.node);
-                    freed += rotations.table.node_bytes();
+            for node in self.least_urgent() {
+                if freed < excess {
+                    self.unload(&node);
+                    freed += self.groups[&node.group].table.node_bytes();
                 }
             }
         }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::device::contract::DeviceSpec;
+use crate::device::contract::{DeviceError, DeviceSpec};
 
 /// What a device of this machine can be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -107,6 +107,25 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
+    /// A device of a maker's driver, which calls it `id`; `ready` says why it cannot be opened.
+    pub(crate) fn of_driver(
+        kind: DeviceKind,
+        id: &str,
+        serial: String,
+        spec: DeviceSpec,
+        ready: Result<(), DeviceError>,
+    ) -> Self {
+        Self {
+            path: format!("{}:{id}", kind.word()),
+            usb: None,
+            serial,
+            name: spec.name.clone(),
+            kind,
+            spec,
+            access: ready.map_or_else(|why| Access::Failed(why.to_string()), |()| Access::Ready),
+        }
+    }
+
     /// Whether a user who types `name` may mean it: its path, what follows the colon in it, its
     /// serial number or its USB ids.
     pub fn is_called(&self, name: &str) -> bool {

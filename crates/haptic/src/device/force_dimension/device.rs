@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
 use crate::device::driver::Axes;
 use crate::device::force_dimension::api::{Api, DRIVER, Id, ON, driver_text, status};
-use crate::device::info::{Access, DeviceInfo, DeviceKind};
+use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::threaded::{Exchange, Motion, OpenDevice, Reading, ThreadedDevice};
 
 /// Which device, and by which library.
@@ -322,18 +322,9 @@ fn device_info(api: &Arc<Api>, index: u8) -> DeviceInfo {
         Ok(device) => (device.spec(), device.serial(), device.check_ready()),
         Err(why) => (unknown_spec(index), None, Err(why)),
     };
-    DeviceInfo {
-        path: format!("{}:{index}", DeviceKind::ForceDimension.word()),
-        usb: None,
-        serial: serial.map(|s| s.to_string()).unwrap_or_default(),
-        name: spec.name.clone(),
-        kind: DeviceKind::ForceDimension,
-        spec,
-        access: match ready {
-            Ok(()) => Access::Ready,
-            Err(why) => Access::Failed(why.to_string()),
-        },
-    }
+    let serial = serial.map(|s| s.to_string()).unwrap_or_default();
+    let kind = DeviceKind::ForceDimension;
+    DeviceInfo::of_driver(kind, &index.to_string(), serial, spec, ready)
 }
 
 /// Opens the device as the loop wants it, its weight borne by its own gravity compensation.

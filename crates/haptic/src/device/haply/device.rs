@@ -10,7 +10,7 @@ use crate::device::contract::{Device, DeviceError, DeviceSpec};
 use crate::device::driver::Axes;
 use crate::device::haply::message::{Arm, Message, push};
 use crate::device::haply::socket::{NAME, Socket, VARIABLE};
-use crate::device::info::{Access, DeviceInfo, DeviceKind};
+use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::text::printable;
 use crate::device::threaded::{Exchange, Motion, OpenDevice, Reading, ThreadedDevice};
 
@@ -289,17 +289,8 @@ pub fn find(options: &InverseOptions) -> Result<Vec<DeviceInfo>, DeviceError> {
             reason: "it runs, but sees no device; is one plugged in?".into(),
         });
     }
-    let infos = listed.into_iter().map(|listed| DeviceInfo {
-        path: format!("{}:{}", DeviceKind::Haply.word(), listed.id),
-        usb: None,
-        serial: listed.id,
-        name: listed.spec.name.clone(),
-        kind: DeviceKind::Haply,
-        spec: listed.spec,
-        access: match listed.ready {
-            Ok(()) => Access::Ready,
-            Err(why) => Access::Failed(why.to_string()),
-        },
+    let infos = listed.into_iter().map(|ServiceDevice { id, spec, ready }| {
+        DeviceInfo::of_driver(DeviceKind::Haply, &id.clone(), id, spec, ready)
     });
     Ok(infos.collect())
 }

@@ -12,7 +12,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::device::contract::{Device, DeviceError, DeviceSpec};
 use crate::device::driver::Axes;
-use crate::device::info::{Access, DeviceInfo, DeviceKind};
+use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::openhaptics::api::{
     Api, CALLBACK_CONTINUE, CALLBACK_DONE, DRIVER, Fault, Hhd, INVALID_HANDLE, MAX_PRIORITY, check,
     parameter, take_fault,
@@ -280,22 +280,9 @@ pub fn find(options: &PhantomOptions) -> Result<DeviceInfo, DeviceError> {
     let api = Api::load(options.library.clone())?;
     let mut device = PhantomDevice::new(api, options)?;
     let Description { spec, serial } = device.describe();
-    Ok(DeviceInfo {
-        path: format!(
-            "{}:{}",
-            DeviceKind::OpenHaptics.word(),
-            options.driver_name()
-        ),
-        usb: None,
-        serial,
-        name: spec.name.clone(),
-        kind: DeviceKind::OpenHaptics,
-        spec,
-        access: match device.calibrate() {
-            Ok(()) => Access::Ready,
-            Err(why) => Access::Failed(why.to_string()),
-        },
-    })
+    let (kind, id) = (DeviceKind::OpenHaptics, options.driver_name());
+    let ready = device.calibrate();
+    Ok(DeviceInfo::of_driver(kind, id, serial, spec, ready))
 }
 
 /// Opens the device as the loop wants it. The library can do so for one device of a process at a

@@ -49,9 +49,9 @@ pub struct HapticConfig {
     pub limits: LimitConfig,
     /// The energy watchdog.
     pub passivity: PassivityConfig,
-    /// What the descriptor of a USB HID PID device cannot say; other devices do not look at it.
+    /// What the descriptor of a USB HID PID device does not state; other devices ignore it.
     pub pid: PidSettings,
-    /// How fast a 3Dconnexion device's cursor moves; other devices do not look at it.
+    /// Speed of a 3Dconnexion device's cursor; other devices ignore it.
     pub spacemouse: SpaceMouseSettings,
 }
 
@@ -186,7 +186,7 @@ impl HapticConfig {
         1.0 / self.rate_hz
     }
 
-    /// What a hand that is steered knows of the loop.
+    /// The times that a remote device knows of the loop.
     pub fn times(&self) -> LoopTimes {
         LoopTimes {
             period: self.period(),

@@ -1,7 +1,7 @@
 //! The haptic loop on a page: a browser's hand holds the moving part, and sees what the loop does.
 //!
 //! ```text
-//! browser ──orders──> RemoteControl ──> RemoteDevice ──> the loop of `haptic`
+//! browser ──commands──> RemoteControl ──> RemoteDevice ──> the loop of `haptic`
 //!    ^                                                 │
 //!    └──frames, 60 a second── Viewer <── triple buffer ┘
 //! ```

@@ -8,7 +8,7 @@ use crate::device::hid::spacemouse::SpaceMouseSettings;
 use crate::device::info::{DeviceInfo, DeviceKind};
 use crate::device::{force_dimension, haply, hid, openhaptics};
 
-/// What a look around has found.
+/// The result of [`survey`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Survey {
     /// Devices, those that cannot be opened too.
@@ -26,9 +26,9 @@ pub struct MissingDriver {
     pub reason: String,
 }
 
-/// Looks for devices of these kinds; `name` is what a user calls the one wanted. OpenHaptics cannot
-/// list devices: of its own the default one is looked at, and before it the one of that name if
-/// only such are asked for.
+/// Finds devices of these kinds; `name` is the user's name for the wanted one. OpenHaptics cannot
+/// list devices: its default device is tried, and before it the one of that name if no other kind
+/// is asked for.
 ///
 /// # Errors
 /// If the system's list of HID devices cannot be read.

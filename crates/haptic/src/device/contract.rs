@@ -141,7 +141,7 @@ pub enum DeviceError {
     NotInstalled {
         /// The driver or service.
         name: String,
-        /// What was looked for, and what would help.
+        /// What was searched, and what would help.
         reason: String,
     },
     /// It is there, but somebody has to do something first: calibrate it, switch it on.
@@ -196,7 +196,7 @@ pub trait Device: Send {
     /// panic.
     ///
     /// # Errors
-    /// If the device could not be told.
+    /// If the command could not be sent.
     fn stop_all(&mut self) -> Result<(), DeviceError>;
 
     /// The last thing that went wrong with it, in its driver's words; `None` if nothing did or it

@@ -1,5 +1,5 @@
-//! What the drivers of makers share: shared libraries that are looked for when a device is asked for,
-//! never when pegfit is built, and the axes of their frames.
+//! What the makers' drivers share: shared libraries, loaded when a device is opened and never when
+//! pegfit is built, and the axes of their frames.
 
 use std::error::Error;
 use std::mem::ManuallyDrop;
@@ -11,13 +11,13 @@ use libloading::Library;
 
 use crate::device::contract::DeviceError;
 
-/// Where a driver is looked for, and what to say if it is not there.
+/// Where to find a driver, and the help if it is missing.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DriverSource {
     /// What its maker calls it.
     pub(crate) name: &'static str,
-    /// File names and paths, tried in turn; a name without a folder is looked for where the system
-    /// looks for libraries.
+    /// File names and paths, tried in turn; a name without a folder is searched in the system's
+    /// library path.
     pub(crate) files: &'static [&'static str],
     /// Environment variable that names the file instead.
     pub(crate) variable: &'static str,

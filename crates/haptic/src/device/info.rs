@@ -68,7 +68,7 @@ pub enum Access {
     Failed(String),
 }
 
-/// The ids by which USB tells models apart.
+/// The ids of a USB model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct UsbIds {
     /// Vendor id.
@@ -90,7 +90,7 @@ pub struct DeviceInfo {
     /// Where the system has it, such as `/dev/hidraw3`; for a device of a maker's driver its kind's
     /// [`DeviceKind::word`] and the driver's name for it, such as `haply:049D`.
     pub path: String,
-    /// USB ids of a HID device; makers' drivers tell none.
+    /// USB ids of a HID device; makers' drivers have none.
     #[serde(flatten)]
     pub usb: Option<UsbIds>,
     /// Serial number, empty if it has none.

@@ -1,5 +1,5 @@
-//! A hand without hardware that is told from another thread where to go: by a page, a program, a
-//! recording. Whoever steers it has to be heard again and again, or it lets go.
+//! A device without hardware that another thread controls: a page, a program, a recording. Without
+//! heartbeats it lets go.
 
 use std::sync::Arc;
 
@@ -13,13 +13,13 @@ use crate::device::simulated::{OperatorBody, OperatorConfig, Target};
 use crate::device::timed_path::TimedPath;
 use crate::device::workspace::Workspace;
 
-/// Strength of a hand that has let go.
+/// Grip of an operator that has let go.
 const LOOSE: f64 = 0.02;
 
 /// Ticks after which the loop believes a jump, and a few more.
 const JUMP_TICKS: f64 = 52.0;
 
-/// What a steered hand is to do. Poses are those of the moving part in the scene, held as the
+/// A command for a remote device. Poses are those of the moving part in the scene, held as the
 /// workspace says.
 #[derive(Debug, Clone, Default)]
 pub enum RemoteCommand {
@@ -32,10 +32,10 @@ pub enum RemoteCommand {
     Place(Pose),
     /// Do what a script says, from its beginning.
     Script(Script),
-    /// Be where another hand was, a pose per tick of the loop, then stay at the last one.
+    /// Replay poses, one per tick of the loop, then stay at the last one.
     Replay(Arc<[Pose]>),
-    /// Be where a way begins, as [`RemoteCommand::Place`], then go along it as a spring pulls, and hold
-    /// its end.
+    /// Be at the beginning of a path, as [`RemoteCommand::Place`], then follow it as a spring pulls,
+    /// and hold its end.
     Follow(TimedPath),
 }
 
@@ -43,13 +43,13 @@ pub enum RemoteCommand {
 #[derive(Debug, Clone, Default)]
 struct Message {
     order: RemoteCommand,
-    /// Counts orders.
+    /// Counts commands.
     number: u64,
-    /// Counts signs of life.
+    /// Counts heartbeats.
     beat: u64,
 }
 
-/// The end that steers; belongs to one thread at a time.
+/// The controlling end of a [`RemoteDevice`]; belongs to one thread at a time.
 #[derive(Debug)]
 pub struct RemoteControl {
     input: Input<Message>,
@@ -57,7 +57,7 @@ pub struct RemoteControl {
 }
 
 impl RemoteControl {
-    /// Gives an order, which is a sign of life too. A pose that is not finite, or whose quaternion
+    /// Sends a command, which is a heartbeat too. A pose that is not finite, or whose quaternion
     /// is none of a rotation, is ignored; false then.
     pub fn command(&mut self, order: RemoteCommand) -> bool {
         let valid = match &order {
@@ -73,20 +73,20 @@ impl RemoteControl {
         valid
     }
 
-    /// A sign of life: without any for `stale_s` the hand lets go.
+    /// A heartbeat: without one for `stale_s` the device lets go.
     pub fn heartbeat(&mut self) {
         self.message.beat += 1;
         self.input.write(self.message.clone());
     }
 }
 
-/// A mass-spring hand that follows orders.
+/// A simulated operator, a mass on a spring, that follows commands.
 ///
-/// It stamps its input with the time of the last sign of life, so that a silent steerer is what a
-/// silent device is to the loop: stale. It also lets go itself, after the same time.
+/// It stamps its input with the time of the last heartbeat: to the loop a silent controller is a
+/// stale input. It also lets go by itself after the same time.
 ///
-/// Wherever the loop lets its force go, it is as weak as that force until both are back: a hand with
-/// its full strength would go through every wall meanwhile.
+/// While the loop's force is reduced, the operator's strength is reduced by the same share: at full
+/// strength it would go through every wall meanwhile.
 #[derive(Debug)]
 pub struct RemoteDevice {
     config: OperatorConfig,
@@ -107,7 +107,7 @@ pub struct RemoteDevice {
     firm_from: f64,
 }
 
-/// What a hand knows of the loop that it is part of, seconds.
+/// Times of the loop that a remote device needs, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoopTimes {
     /// From one tick to the next.
@@ -154,7 +154,7 @@ impl RemoteDevice {
         (hand, RemoteControl { input, message })
     }
 
-    /// Takes in what was said since the last poll.
+    /// Reads the messages since the last poll.
     fn listen(&mut self, now: f64) {
         let message = self.orders.read();
         if message.beat != self.beat {

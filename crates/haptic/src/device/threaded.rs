@@ -113,7 +113,7 @@ pub(crate) trait OpenDevice: Sized {
     /// Pushes with `wrench` from now on and reads the handle.
     fn exchange(&mut self, wrench: &Wrench) -> Result<Exchange, DeviceError>;
 
-    /// Exchanges by `link` until told to quit, the last time without force, or until the device
+    /// Exchanges by `link` until the device is dropped, the last time without force, or until the device
     /// fails.
     fn serve(mut self, link: &mut Link) -> Result<(), DeviceError> {
         loop {
@@ -154,7 +154,7 @@ struct Signals {
     gone: AtomicBool,
     stops_asked: AtomicU32,
     stops_done: AtomicU32,
-    /// Locked by the pushing thread in a fault, and by whoever asks for it.
+    /// Locked by the pushing thread in a fault, and by [`Device::last_fault`].
     fault: Mutex<Option<DeviceError>>,
 }
 
@@ -370,7 +370,7 @@ impl Link {
     }
 }
 
-/// Opens, serves, and opens again after a fault until told to quit. `connected` gets the result of
+/// Opens, serves, and opens again after a fault until the device is dropped. `connected` gets the result of
 /// the first opening.
 fn exchange_all<D: OpenDevice>(
     mut open: impl FnMut() -> Result<(D, DeviceSpec), DeviceError>,
@@ -408,7 +408,7 @@ fn exchange_all<D: OpenDevice>(
     }
 }
 
-/// Reads until told to quit, and leaves the newest reading in `input`.
+/// Reads until the device is dropped, and leaves the newest reading in `input`.
 fn read_all(mut half: Box<dyn InputHalf>, mut input: Input<InputState>, signals: &Signals) {
     let mut reading = None;
     while !signals.must_quit() {
@@ -424,7 +424,7 @@ fn read_all(mut half: Box<dyn InputHalf>, mut input: Input<InputState>, signals:
     }
 }
 
-/// Writes the newest wrench until told to quit, and stops the device when asked to or when the loop
+/// Writes the newest wrench until the device is dropped, and stops the device when asked to or when the loop
 /// falls silent.
 fn write_all(mut half: Box<dyn OutputHalf>, mut outlet: Outlet) {
     let signals = Arc::clone(&outlet.signals);
@@ -446,7 +446,7 @@ fn write_all(mut half: Box<dyn OutputHalf>, mut outlet: Outlet) {
         // After a failed stop the device has been opened afresh, which stops it too.
         outlet.confirm_stops(asked);
     }
-    // Nobody is left to be told; the device is closed next.
+    // An error here has no receiver: the device is closed next.
     let _ = half.stop_all();
 }
 

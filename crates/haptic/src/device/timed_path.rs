@@ -1,4 +1,4 @@
-//! A way that a hand goes: poses, and when it is at each of them.
+//! A path of the operator's handle: poses with times.
 
 use std::sync::Arc;
 
@@ -6,27 +6,26 @@ use fft_correlate::Pose;
 
 use crate::device::workspace::Workspace;
 
-/// Speed of the handle along a way, m/s: slow enough that the hand feels what it comes to.
+/// Speed of the handle along a path, m/s: slow enough to feel contacts.
 const SPEED: f64 = 0.02;
 
-/// The same for turns, rad/s.
+/// Angular speed likewise, rad/s.
 const TURN_SPEED: f64 = 0.6;
 
-/// Seconds that the hand rests where the way begins, so that the force is back before it moves.
+/// Rest at the beginning of the path, seconds, so that the force is back before the handle moves.
 const REST: f64 = 1.0;
 
-/// Poses of the moving part in the scene one after the other, with the time at which a hand that
-/// goes slowly is at each.
+/// Poses of the moving part in the scene, each with the time at which a slow operator reaches it.
 #[derive(Debug, Clone)]
 pub struct TimedPath {
     poses: Arc<[Pose]>,
-    /// Seconds since the order; never falling, as many as there are poses.
+    /// Seconds since the command, non-decreasing, one per pose.
     times: Arc<[f64]>,
 }
 
 impl TimedPath {
-    /// Along these poses; `None` if there are fewer than two, or one is none. Speeds are those of
-    /// the handle, whatever the workspace makes of them in the scene.
+    /// A path along these poses; `None` if there are fewer than two, or one is invalid. Speeds are
+    /// those of the handle, whatever the workspace's scale.
     pub fn new(poses: &[Pose], workspace: &Workspace) -> Option<Self> {
         if poses.len() < 2 || !poses.iter().all(Pose::is_valid) {
             return None;
@@ -45,17 +44,17 @@ impl TimedPath {
         })
     }
 
-    /// Where it begins.
+    /// The first pose.
     pub(crate) fn first(&self) -> &Pose {
         &self.poses[0]
     }
 
-    /// Seconds from the order until the hand is at the end.
+    /// Seconds from the command to the end.
     pub fn seconds(&self) -> f64 {
         self.times[self.times.len() - 1]
     }
 
-    /// Where the hand wants the part `time` seconds after the order.
+    /// Wanted pose of the part `time` seconds after the command.
     pub fn at(&self, time: f64) -> Pose {
         let next = self.times.partition_point(|&t| t <= time);
         let last = self.poses.len() - 1;

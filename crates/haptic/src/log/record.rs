@@ -203,7 +203,7 @@ fn begin(
     })?;
     Ok(match begun.recv() {
         Ok(Err(error)) => Err(error),
-        // A panic is told by the thread itself.
+        // The thread reports a panic itself when it is joined.
         Ok(Ok(())) | Err(_) => Ok(writing),
     })
 }

@@ -13,7 +13,7 @@ use crate::path::sample::{Sample, flags};
 use crate::run::pace::{Clock, TickTimes};
 use crate::run::realtime::RealtimeGrant;
 
-/// Longest time a histogram tells from longer ones, nanoseconds.
+/// Longest time that a histogram resolves, nanoseconds.
 const LONGEST: u64 = 60_000_000_000;
 
 /// Microseconds at quantiles of a distribution.

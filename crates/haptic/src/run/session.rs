@@ -45,7 +45,7 @@ enum Log {
 }
 
 impl Log {
-    /// A file is created before the run, so that a bad path is told then.
+    /// Creates the file before the run, so that a bad path fails early.
     fn open(self) -> Result<Box<dyn SampleWriter>, RecordError> {
         match self {
             Self::Csv(path) => Ok(Box::new(CsvLog::create(&path)?)),
@@ -233,7 +233,7 @@ impl Guard<'_> {
 impl Drop for Guard<'_> {
     fn drop(&mut self) {
         if !self.stopped {
-            // Unwinding already: there is nobody left to tell.
+            // Already unwinding: nobody can take the error.
             let _ = self.stop();
         }
     }
@@ -300,7 +300,7 @@ pub enum HapticError {
     /// Something in a tick panicked; the device was stopped.
     #[error("the loop panicked and the device was stopped: {0}")]
     Panicked(String),
-    /// The device could not be told to stop.
+    /// The device did not take the stop.
     #[error("the device may still push: {0}")]
     NotStopped(DeviceError),
 }

@@ -14,7 +14,7 @@ use crate::scene::residency::LiveSceneError;
 use crate::scene::residency::ResidencyManager;
 use crate::scene::residency::SceneOptions;
 
-/// Pause of the loading thread between two looks at where the part is.
+/// Pause of the loading thread between two checks of the part's pose.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// The same while there is more to load: time for the loop to give back what it no longer needs.

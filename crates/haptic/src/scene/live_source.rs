@@ -299,7 +299,7 @@ mod tests {
     use fft_correlate::Placement;
     use std::sync::Arc;
 
-    /// A constant energy that tells when it is dropped.
+    /// A constant energy that counts its drops.
     struct Level(f64, Arc<AtomicU64>);
 
     impl Drop for Level {

@@ -44,7 +44,7 @@ pub struct Frame {
     pub latency: [f64; 2],
     /// Start after its deadline, µs, likewise.
     pub lateness: [f64; 2],
-    /// Seconds on the recorder.
+    /// Length of the recording, seconds.
     pub recorded: f64,
     /// Ticks so far.
     pub ticks: u64,
@@ -57,7 +57,7 @@ pub struct Frame {
     pub pages: u8,
     /// A page holds the hand.
     pub is_held: bool,
-    /// The recorder runs.
+    /// The recorder is recording.
     pub is_recording: bool,
     /// Ticks so far in which each of [`flags::NAMES`] was set.
     pub flagged: [u64; flags::NAMES.len()],

@@ -1,4 +1,4 @@
-//! What a page may say: a few bytes, or it is shown the door.
+//! Requests of a page: a few bytes each; anything else closes its connection.
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
@@ -10,7 +10,7 @@ const FARTHEST: f64 = 1e3;
 /// What a page asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Request {
-    /// Nothing; it is there.
+    /// Heartbeat: the page is still there.
     Heartbeat,
     /// The hand should go to a pose of the part and hold it.
     Hold(Pose),
@@ -24,9 +24,9 @@ pub enum Request {
     Take,
     /// Another pair of parts.
     Choose(u8),
-    /// Begin a new recorder, or end it.
+    /// Start a new recording, or end it.
     Record(bool),
-    /// The hand should do what it did on the recorder.
+    /// Replay the recording.
     Replay,
     /// Look for the poses in which the part fits.
     Dock,

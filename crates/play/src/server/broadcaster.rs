@@ -1,5 +1,5 @@
-//! What all connections share: the session, who holds the hand, what is wanted next. The loop's thread
-//! never comes here.
+//! Shared by all connections: the session, the controlling page, and the pair wanted next. The loop's
+//! thread never takes its lock.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,7 +13,7 @@ use crate::server::access::Access;
 use crate::session::content::Content;
 use crate::session::live_session::LiveSession;
 
-/// What all connections share.
+/// Shared by all connections.
 pub(crate) struct Broadcaster {
     pub(crate) access: Access,
     /// The server ends.
@@ -72,7 +72,7 @@ impl Broadcaster {
         self.quit.load(Ordering::Relaxed)
     }
 
-    /// A page is there; its number.
+    /// Adds a page and returns its number.
     pub(crate) fn add_page(&self) -> u64 {
         let mut state = self.state();
         state.pages += 1;
@@ -80,7 +80,7 @@ impl Broadcaster {
         state.numbers
     }
 
-    /// A page is gone; if it held the hand, nobody does.
+    /// Removes a page and, if it was the controlling one, releases control.
     pub(crate) fn remove_page(&self, page: u64) {
         let mut state = self.state();
         state.pages -= 1;
@@ -118,7 +118,7 @@ impl Broadcaster {
         self.state().live = None;
     }
 
-    /// Says what is being loaded.
+    /// Announces the pair that is being loaded.
     pub(crate) fn announce_loading(&self, pair: usize) {
         let mut state = self.state();
         let title = state.pairs.get(pair).cloned().unwrap_or_default();
@@ -136,7 +136,7 @@ impl Broadcaster {
         self.state().changed
     }
 
-    /// What every page is told first.
+    /// The first message to every page.
     pub(crate) fn greeting(&self) -> String {
         let version = env!("CARGO_PKG_VERSION");
         json!({ "pairs": self.state().pairs, "version": version }).to_string()
@@ -154,7 +154,7 @@ impl Broadcaster {
         [state.scene.number, state.docked.number]
     }
 
-    /// What `page` sees now, if there is a session and its loop has begun.
+    /// The newest frame for `page`, if there is a session and its loop has begun.
     pub(crate) fn frame(&self, page: u64) -> Option<Frame> {
         let mut state = self.state();
         let (holder, pages) = (state.holder, state.pages);
@@ -172,14 +172,14 @@ impl Broadcaster {
         state.live.as_ref().map(|live| Arc::clone(&live.content))
     }
 
-    /// The recorder as a log.
+    /// The recording as a CSV log.
     pub(crate) fn log(&self) -> Option<Vec<u8>> {
         let recorder = self.state().live.as_ref().map(|live| live.recorder.clone());
         // Writing to memory does not fail.
         recorder.and_then(|recorder| recorder.csv().ok())
     }
 
-    /// Does what `page` asks; only the one that holds the hand is listened to.
+    /// Handles a request of `page`; only the controlling page is obeyed.
     pub(crate) fn handle(self: &Arc<Self>, page: u64, request: &Request) {
         let mut state = self.state();
         if *request == Request::Take && state.holder.is_none() {
@@ -207,7 +207,7 @@ impl Broadcaster {
         }
     }
 
-    /// Looks for fits on a thread of its own, one search at a time.
+    /// Searches for fits on a thread of its own, one search at a time.
     fn dock(self: &Arc<Self>, state: &mut State) {
         let Some(live) = state.live.as_ref().filter(|_| !state.docking) else {
             return;

@@ -23,7 +23,7 @@ const MAX_ACCEPTS: usize = 32;
 /// Pause between two readings for new connections and what they say, or for the end.
 const POLL_PAUSE: Duration = Duration::from_millis(5);
 
-/// Looks at the end for guests that are still being told goodbye.
+/// Polls at the end for visitors whose connections are still closing.
 const GOODBYE_POLLS: u32 = 100;
 
 /// A place of a visitor, free again when it is dropped.
@@ -71,7 +71,7 @@ pub(crate) fn listen(broadcaster: &Arc<Broadcaster>, socket: &TcpListener) {
         }
         std::thread::sleep(POLL_PAUSE);
     }
-    // Pages are told goodbye; one that does not listen is not waited for.
+    // Pages get a close frame; one that does not read is not waited for.
     for _ in 0..GOODBYE_POLLS {
         if taken.load(Ordering::Relaxed) == 0 {
             return;
@@ -99,7 +99,7 @@ fn serve_visitor(
 }
 
 /// Refuses in a word. The stream does not wait: a few hundred bytes fit what the system keeps, and
-/// whoever has filled that is not told.
+/// a client that has filled that gets no reply.
 fn refuse(broadcaster: &Broadcaster, stream: &mut TcpStream, status: &'static str) {
     // A host that is not ours is not repeated.
     let policy = http::policy("localhost", broadcaster.access.embed);
@@ -148,8 +148,8 @@ impl PendingConnections {
         });
     }
 
-    /// Reads what has come. Whoever has bytes a head or nonsense is given back, whoever took too long
-    /// or went away is forgotten.
+    /// Reads what has come. Returns connections with a complete or invalid head, and drops those that
+    /// took too long or went away.
     pub(crate) fn poll(&mut self, now: Instant) -> Vec<Received> {
         let mut received = Vec::new();
         for mut pending in std::mem::take(&mut self.waiting) {

@@ -82,7 +82,7 @@ impl Server {
         })
     }
 
-    /// The address to open, token included; whoever has it may come in.
+    /// The address to open. It contains the token, which grants access.
     pub fn url(&self) -> String {
         let Access { token, address, .. } = &self.broadcaster.access;
         let host = match address.ip().is_unspecified() {
@@ -97,7 +97,7 @@ impl Server {
         self.broadcaster.access.address
     }
 
-    /// The pair that the hand's page wants; pages are told that it is being loaded.
+    /// The pair that the controlling page wants; all pages learn that it is being loaded.
     pub fn wanted(&self) -> usize {
         let (pair, _) = self.broadcaster.take_wanted();
         self.broadcaster.announce_loading(pair);
@@ -156,7 +156,7 @@ impl Server {
         Ok(outcome?.report)
     }
 
-    /// Does `work`, and tells it to stop when it should.
+    /// Runs `work` with a flag that is set when it has to stop.
     fn run_until<T>(&self, cancel: &AtomicBool, work: impl FnOnce(&AtomicBool) -> T) -> T {
         let (stop, done) = (AtomicBool::new(false), AtomicBool::new(false));
         std::thread::scope(|scope| {

@@ -1,5 +1,5 @@
-//! What a page says, frame by frame: every frame counts, empty ones and pieces of messages too, so
-//! that nobody keeps the server reading without having said anything.
+//! The server's end of a page's WebSocket. Every frame counts against the limit, empty ones and
+//! parts of messages too, so that no page keeps the server reading for nothing.
 
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -26,7 +26,7 @@ pub(crate) enum CloseReason {
     Dismissed(CloseCode, &'static str),
 }
 
-/// It says something that no page says.
+/// The page sent something that no page sends.
 pub(crate) const NOT_UNDERSTOOD: CloseReason =
     CloseReason::Dismissed(CloseCode::Unsupported, "not understood");
 const TOO_LONG: CloseReason = CloseReason::Dismissed(CloseCode::Size, "too long");
@@ -82,7 +82,7 @@ impl<'s> PageSocket<'s> {
     /// Closes with a reason; what the page still says is not waited for.
     pub(crate) fn dismiss(&mut self, code: CloseCode, reason: &'static str) {
         let reason = reason.into();
-        // A page that does not listen is not told.
+        // A page that does not read gets no reason.
         let _ = self.send(Frame::close(Some(CloseFrame { code, reason })));
     }
 

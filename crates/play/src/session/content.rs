@@ -1,4 +1,4 @@
-//! What a page may ask about a session, besides frames.
+//! A session's setup, and what a page may request besides frames.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use fft_correlate::{EnergySource, Pose};
 use haptic::{Geometry, HapticConfig, TimedPath, Workspace};
 use serde_json::Value;
 
-/// What a page may ask about a session, besides frames; asked by the threads that serve, while the
+/// What a page may request of a session besides frames; called by the serving threads while the
 /// loop runs.
 pub trait Content: Send + Sync {
     /// What the page needs to know, as JSON; `docs/play.md` lists its keys.
@@ -41,7 +41,7 @@ impl Content for NoContent {
     }
 }
 
-/// What the loop runs on, and what pages are shown of it.
+/// What the loop runs on, and what pages can see of it.
 pub struct PlaySession<'a> {
     /// Energy at poses of the moving part in the scene.
     pub source: &'a dyn EnergySource,

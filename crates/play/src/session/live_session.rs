@@ -1,4 +1,4 @@
-//! The session that is being played, as pages see it and steer it.
+//! The running session, as pages see and control it.
 
 use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -12,7 +12,7 @@ use crate::session::content::Content;
 use crate::session::rate_meter::RateMeter;
 use crate::session::recorder::Recorder;
 
-/// The session that is being played, as pages see it and steer it.
+/// The running session, as pages see and control it.
 pub(crate) struct LiveSession {
     pub(crate) number: u32,
     pub(crate) content: Arc<dyn Content>,
@@ -28,7 +28,7 @@ pub(crate) struct LiveSession {
 }
 
 impl LiveSession {
-    /// Does what the page that holds the hand asks of the hand or the recorder.
+    /// Handles a request of the controlling page to the remote device or the recorder.
     pub(crate) fn handle(&mut self, request: &Request) {
         let (order, doing) = match request {
             Request::Heartbeat => return self.remote.heartbeat(),
@@ -61,19 +61,19 @@ impl LiveSession {
         }
     }
 
-    /// A new page holds the hand: it stays where it is.
+    /// A new page takes control: the handle stays where it is.
     pub(crate) fn take_control(&mut self) {
         let view = *self.viewer.view();
         let hand = self.hand(&view);
         self.handle(&Request::Hold(hand));
     }
 
-    /// Nobody holds the hand any more. Without signs of life it is stale in a moment.
+    /// No page has control any more. Without heartbeats the input becomes stale.
     pub(crate) fn release_control(&mut self) {
         self.doing = 0;
     }
 
-    /// Where the hand would have the part; where the part is if the hand has not been heard of.
+    /// The part's pose at the handle; its actual pose before the first input.
     fn hand(&self, view: &View) -> Pose {
         match &view.sample.input {
             Some(input) => {
@@ -84,7 +84,7 @@ impl LiveSession {
         }
     }
 
-    /// What is to be seen now; nothing before the first tick.
+    /// The newest frame; `None` before the first tick.
     pub(crate) fn frame(&mut self) -> Option<Frame> {
         let view = *self.viewer.view();
         let at = view.at?;
@@ -128,7 +128,7 @@ impl LiveSession {
     }
 }
 
-/// What the hand feels, along the scene's axes.
+/// A wrench on the handle, along the scene's axes.
 fn in_scene(workspace: &Workspace, wrench: &Wrench) -> Wrench {
     Wrench {
         torque: workspace.axes * wrench.torque,

@@ -1,4 +1,4 @@
-//! Rate and times of the loop over the last second, from what is seen now and then.
+//! Rate and times of the loop over the last second, from occasional readings.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use haptic::Timing;
 /// Time over which means are taken.
 const WINDOW: Duration = Duration::from_secs(1);
 
-/// Looks are kept no closer than this.
+/// Least time between two readings that are kept.
 const APART: Duration = Duration::from_millis(50);
 
 /// Looks of the last second at a loop's counts.
@@ -29,7 +29,7 @@ pub(crate) struct Means {
 }
 
 impl RateMeter {
-    /// Takes in what was counted up to a tick that began at `at`.
+    /// Adds the counts up to a tick that began at `at`.
     pub(crate) fn update(&mut self, at: Instant, timing: &Timing) -> Means {
         let newest = self.readings.back();
         if newest.is_none_or(|(last, _)| at.saturating_duration_since(*last) >= APART) {

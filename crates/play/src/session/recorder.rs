@@ -1,4 +1,4 @@
-//! What the loop did, tick by tick, while it was recorded.
+//! Records the loop's samples while a page asks for it.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,10 +7,10 @@ use fft_correlate::Pose;
 use haptic::log::{SampleWriter, write_csv};
 use haptic::{RecordError, Sample, Workspace};
 
-/// Most samples on a recorder: two minutes at 1 kHz, some 50 MB.
+/// Most samples of a recording: two minutes at 1 kHz, some 50 MB.
 const LONGEST: usize = 120_000;
 
-/// A recorder that two sides hold: the log's thread writes it, pages start it and read it.
+/// Shared by the log's thread, which writes, and the pages, which start it and read it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Recorder(Arc<Mutex<State>>);
 
@@ -25,7 +25,7 @@ impl Recorder {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A new recorder begins, or the one that runs ends.
+    /// Starts a new recording, or ends the running one.
     pub(crate) fn record(&self, on: bool) {
         let mut state = self.state();
         if on && !state.runs {
@@ -34,7 +34,7 @@ impl Recorder {
         state.runs = on;
     }
 
-    /// Whether it runs, and the seconds on it.
+    /// Whether it records, and the length of the recording, seconds.
     pub(crate) fn length(&self) -> (bool, f64) {
         let state = self.state();
         let seconds = match (state.samples.first(), state.samples.last()) {
@@ -44,7 +44,7 @@ impl Recorder {
         (state.runs, seconds)
     }
 
-    /// As a log of the loop, which `pegfit feel --device replay:` takes.
+    /// The recording as a CSV log, which `pegfit feel --device replay:` takes.
     pub(crate) fn csv(&self) -> std::io::Result<Vec<u8>> {
         let samples = self.state().samples.clone();
         let mut out = Vec::new();

@@ -276,7 +276,7 @@ fn spec(name: &str, system_type: c_int, wrist: bool, torque: bool) -> DeviceSpec
     }
 }
 
-/// A device before it has said its name.
+/// The name of a device until the library states one.
 fn default_name(index: u8) -> String {
     format!("Force Dimension device {index}")
 }

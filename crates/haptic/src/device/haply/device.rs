@@ -67,7 +67,7 @@ pub const CENTRE: DVec3 = DVec3::new(0.0, -0.15, 0.15);
 /// Silence after which the service counts as gone.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// Greatest force, N: the service does not tell it.
+/// Greatest force, N; the service does not state it.
 const FORCE: f64 = 10.0;
 
 /// Stiffest wall, N/m, likewise: a cautious number.

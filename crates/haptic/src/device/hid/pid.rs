@@ -184,7 +184,7 @@ impl PidOutput {
         Err(self.refused(format!("block load answer {answer:02x?}")))
     }
 
-    /// Gives the blocks back, so that whoever opens the device next finds room.
+    /// Gives the blocks back, so that the next program to open the device finds room.
     fn free(&mut self) {
         let Some(port) = &mut self.port else {
             return;

@@ -1,4 +1,4 @@
-//! HID devices: what they are asked and told, and the reading half that all of them share.
+//! The port of a HID device, and the reading half that all of them share.
 
 use std::time::{Duration, Instant};
 

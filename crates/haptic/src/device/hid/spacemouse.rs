@@ -9,8 +9,8 @@
 //! battery   17 percent ...               wireless models
 //! ```
 //!
-//! The layout is told by each report's own length, not by the model: the same ids have been seen
-//! with both. While it is deflected a device reports all the time; one that falls silent out of
+//! The length of each report decides its layout, not the model: the same ids have been seen with
+//! both. While it is deflected a device reports all the time; one that falls silent out of
 //! the middle has lost its radio link and counts as let go after [`SILENCE`].
 //!
 //! Axes on the wire, from the user's seat: x right, y towards the user, z down, rotations about the

@@ -305,7 +305,7 @@ fn connect(options: &PhantomOptions) -> Result<(PhantomDevice, DeviceSpec), Devi
     Ok((device, spec))
 }
 
-/// Pause between two looks at how the servo is.
+/// Pause between two checks of the servo.
 const REST: Duration = Duration::from_millis(1);
 
 /// Time without a call of the servo after which the device is without force: nobody could take it
@@ -330,7 +330,7 @@ struct Inner<'a> {
     ended: Option<Result<(), DeviceError>>,
 }
 
-/// Lets the scheduler call the servo until it is told to quit or fails. On return it is not called
+/// Lets the scheduler call the servo until it has to quit or fails. On return it is not called
 /// any more.
 fn serve_scheduled(device: &PhantomDevice, link: &mut Link) -> Result<(), DeviceError> {
     let shared = Shared {
@@ -424,7 +424,7 @@ const INKWELL: c_uint = 1 << 2;
 /// How long a device that calibrates itself may take.
 const CALIBRATION_PATIENCE: Duration = Duration::from_millis(500);
 
-/// Pause between two looks at it.
+/// Pause between two checks of the calibration.
 const CALIBRATION_REST: Duration = Duration::from_millis(5);
 
 /// How the current device is calibrated.

@@ -188,7 +188,7 @@ impl RemoteDevice {
     }
 
     /// What it wants: the part's pose and the grip; `None` for nothing at all.
-    fn wanted(&self, now: f64) -> Option<(Pose, f64)> {
+    fn target(&self, now: f64) -> Option<(Pose, f64)> {
         if self.is_silent(now) {
             return None;
         }
@@ -208,7 +208,7 @@ impl RemoteDevice {
     }
 
     /// Where the order wants it to be at once, whatever pulls.
-    fn put(&self) -> Option<Pose> {
+    fn immediate_pose(&self) -> Option<Pose> {
         let pose = match &self.orders.output_buffer().order {
             RemoteCommand::Place(pose) if self.polls == 0 => Some(pose),
             RemoteCommand::Replay(poses) => poses.get(self.polls),
@@ -221,17 +221,17 @@ impl RemoteDevice {
     /// Moves on to `now`.
     fn follow(&mut self, now: f64) {
         let share = self.share(now);
-        let Some((part, grip)) = self.wanted(now) else {
+        let Some((part, grip)) = self.target(now) else {
             let pull = Target {
                 pose: self.body.pose,
                 grip: LOOSE,
             };
             return self.body.follow(now, &self.config, |_| pull);
         };
-        match self.put() {
+        match self.immediate_pose() {
             Some(pose) => {
                 self.firm_from = now + JUMP_TICKS * self.times.period;
-                self.body.put(now, pose);
+                self.body.move_to(now, pose);
             }
             None => {
                 let pose = self.workspace.device_pose(&part);

@@ -50,7 +50,7 @@ pub struct Geometry {
 /// Where the hand wants the moving part, and how firmly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intent {
-    /// DriverSource pose of the moving part, scene frame.
+    /// Wanted pose of the moving part, scene frame.
     pub pose: Pose,
     /// 1 is a firm grip, 0 none.
     pub grip: f64,

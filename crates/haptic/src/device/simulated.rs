@@ -130,7 +130,7 @@ impl OperatorBody {
     }
 
     /// Is at a pose at `now`, whatever pulled.
-    pub(crate) fn put(&mut self, now: f64, pose: Pose) {
+    pub(crate) fn move_to(&mut self, now: f64, pose: Pose) {
         let start = *self.start.get_or_insert(now);
         self.time = self.time.max(now - start);
         self.pose = pose;
@@ -165,13 +165,13 @@ struct Tremor {
 #[derive(Debug)]
 pub struct SimulatedOperator {
     spec: DeviceSpec,
-    will: Will,
+    motion: ScriptedMotion,
     body: OperatorBody,
 }
 
 /// What the hand wants at a time.
 #[derive(Debug)]
-struct Will {
+struct ScriptedMotion {
     config: OperatorConfig,
     script: Script,
     geometry: Geometry,
@@ -195,7 +195,7 @@ impl SimulatedOperator {
             })
         });
         let spec = config.spec();
-        let will = Will {
+        let motion = ScriptedMotion {
             config,
             script,
             geometry,
@@ -204,15 +204,15 @@ impl SimulatedOperator {
         };
         Self {
             spec,
-            body: OperatorBody::at_rest(will.wanted(0.0).0),
-            will,
+            body: OperatorBody::at_rest(motion.target(0.0).0),
+            motion,
         }
     }
 }
 
-impl Will {
-    /// DriverSource handle pose in the device's frame, without tremor, and grip strength.
-    fn wanted(&self, time: f64) -> (Pose, f64) {
+impl ScriptedMotion {
+    /// Wanted handle pose in the device's frame, without tremor, and grip strength.
+    fn target(&self, time: f64) -> (Pose, f64) {
         let c = &self.config;
         let reach = c.push / c.stiffness * self.workspace.scale;
         let intent = self
@@ -237,8 +237,8 @@ impl Will {
     }
 
     /// The pull at a time, tremor included.
-    fn pull(&self, time: f64) -> Target {
-        let (pose, grip) = self.wanted(time);
+    fn target_with_tremor(&self, time: f64) -> Target {
+        let (pose, grip) = self.target(time);
         Target {
             pose: pose.perturbed(&self.tremor(time)),
             grip,
@@ -252,8 +252,9 @@ impl Device for SimulatedOperator {
     }
 
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
-        let will = &self.will;
-        self.body.follow(now, &will.config, |time| will.pull(time));
+        let motion = &self.motion;
+        self.body
+            .follow(now, &motion.config, |time| motion.target_with_tremor(time));
         Ok(DeviceState {
             pose: self.body.pose,
             twist: self.body.twist,
@@ -316,7 +317,7 @@ mod tests {
         let hand = hand(OperatorConfig::default(), Script::Free);
         let n = 20_000;
         let values: Vec<f64> = (0..n)
-            .map(|k| hand.will.tremor(k as f64 * 1e-3).linear.x)
+            .map(|k| hand.motion.tremor(k as f64 * 1e-3).linear.x)
             .collect();
         let square: f64 = values.iter().map(|v| v * v).sum::<f64>() / n as f64;
         // 20 s of beating sinusoids: within 10 %.

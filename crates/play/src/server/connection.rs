@@ -92,7 +92,7 @@ impl Page<'_> {
         Err(CloseReason::Dismissed(CloseCode::Away, "the program ends"))
     }
 
-    /// Announcement, then a frame.
+    /// Sends announcements, then a frame.
     fn send_updates(&mut self) -> Result<(), CloseReason> {
         if self.broadcaster.announcement_numbers() != self.sent {
             let announcements = self.broadcaster.announcements();

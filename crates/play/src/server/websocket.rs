@@ -8,7 +8,7 @@ use tungstenite::Error;
 use tungstenite::protocol::frame::coding::{CloseCode, Control, Data, OpCode};
 use tungstenite::protocol::frame::{CloseFrame, Frame, FrameSocket};
 
-/// PageSocket a page may send in a second; it needs about a hundred.
+/// Frames that a page may send in a second; it needs about a hundred.
 const MOST_FRAMES: u32 = 400;
 
 /// Most bytes of a message, and of a frame.
@@ -107,7 +107,7 @@ enum Incoming {
     Close,
 }
 
-/// PageSocket heard so far.
+/// Assembles messages from frames, and counts the frames of each second.
 #[derive(Debug)]
 struct MessageAssembler {
     /// When the present second began, and frames in it.

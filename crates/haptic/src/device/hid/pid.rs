@@ -376,7 +376,7 @@ impl PidLayout {
     }
 
     fn enable_bit(&self, axis: usize) -> Option<&ReportField> {
-        let bits = self.set_effect.slots.iter();
+        let bits = self.set_effect.fields.iter();
         bits.filter(|s| s.directly_in(usage::AXES_ENABLE))
             .find(|s| s.usage == usage::AXES[axis])
     }
@@ -448,8 +448,8 @@ impl PidLayout {
         put(layout, &mut report, usage::EFFECT_GAIN, i64::MAX);
         // All ones is outside the logical range: no end, no button.
         for unlimited in [usage::DURATION, usage::TRIGGER_BUTTON] {
-            if let Some(slot) = layout.find(unlimited) {
-                fill(slot, &mut report);
+            if let Some(field) = layout.find(unlimited) {
+                fill(field, &mut report);
             }
         }
         if let Some(bit) = self.enable_bit(axis) {
@@ -504,10 +504,10 @@ impl PidLayout {
     /// Device Gain, if the device has it.
     pub(super) fn gain(&self, share: f64) -> Option<Vec<u8>> {
         let layout = self.gain.as_ref()?;
-        let slot = layout.find(usage::DEVICE_GAIN)?;
+        let field = layout.find(usage::DEVICE_GAIN)?;
         let mut report = layout.blank();
-        let value = share.clamp(0.0, 1.0) * slot.maximum as f64;
-        slot.write(&mut report, value.round() as i64);
+        let value = share.clamp(0.0, 1.0) * field.maximum as f64;
+        field.write(&mut report, value.round() as i64);
         Some(report)
     }
 
@@ -525,9 +525,9 @@ impl PidLayout {
         };
         let layout = self.input.iter().find(|l| Some(&l.id) == report.first())?;
         let axis = |usage| -> Option<f64> {
-            let slot = layout.find(usage)?;
-            let value = slot.read(report)? as f64;
-            let (low, high) = (slot.minimum as f64, slot.maximum as f64);
+            let field = layout.find(usage)?;
+            let value = field.read(report)? as f64;
+            let (low, high) = (field.minimum as f64, field.maximum as f64);
             let share = (value - low) / (high - low).max(1.0);
             Some((share.clamp(0.0, 1.0) - 0.5) * workspace)
         };
@@ -544,8 +544,8 @@ impl PidLayout {
 }
 
 fn buttons(layout: &ReportLayout, report: &[u8]) -> u32 {
-    let slots = layout.slots.iter();
-    slots
+    let fields = layout.fields.iter();
+    fields
         .filter(|s| s.usage & 0xffff_0000 == usage::BUTTON_PAGE)
         .filter(|s| s.read(report).is_some_and(|v| v != 0))
         .filter_map(|s| (s.usage & 0xffff).checked_sub(1).filter(|b| *b < 32))
@@ -553,16 +553,16 @@ fn buttons(layout: &ReportLayout, report: &[u8]) -> u32 {
 }
 
 fn put(layout: &ReportLayout, report: &mut [u8], usage: Usage, value: i64) {
-    if let Some(slot) = layout.find(usage) {
-        slot.write(report, value);
+    if let Some(field) = layout.find(usage) {
+        field.write(report, value);
     }
 }
 
-fn fill(slot: &ReportField, report: &mut [u8]) {
+fn fill(field: &ReportField, report: &mut [u8]) {
     let ones = ReportField {
         minimum: 0,
-        maximum: (1 << slot.bits.len()) - 1,
-        ..slot.clone()
+        maximum: (1 << field.bits.len()) - 1,
+        ..field.clone()
     };
     ones.write(report, i64::MAX);
 }

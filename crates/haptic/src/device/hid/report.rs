@@ -34,7 +34,7 @@ pub struct ReportLayout {
     /// Length, id included.
     pub bytes: usize,
     /// Its numbers, padding left out.
-    pub slots: Vec<ReportField>,
+    pub fields: Vec<ReportField>,
 }
 
 /// All reports of a device.
@@ -77,7 +77,7 @@ impl Layouts {
 pub fn with_group(layouts: &[ReportLayout], group: Usage) -> Option<&ReportLayout> {
     layouts
         .iter()
-        .find(|l| l.slots.iter().any(|s| s.groups.contains(&group)))
+        .find(|l| l.fields.iter().any(|s| s.groups.contains(&group)))
 }
 
 fn layouts(reports: &[impl Report]) -> Vec<ReportLayout> {
@@ -90,14 +90,14 @@ fn layout(report: &impl Report) -> ReportLayout {
     // Without ids the wire has a zero in front that the descriptor does not count.
     let shift = if report.report_id().is_some() { 0 } else { 8 };
     let bytes = report.size_in_bytes() + shift / 8;
-    let slots = report
+    let fields = report
         .fields()
         .iter()
         .filter_map(|f| report_field(f, shift));
     ReportLayout {
         id,
         bytes,
-        slots: slots
+        fields: fields
             .filter(|s| s.bits.end <= 8 * bytes && (1..=32).contains(&s.bits.len()))
             .collect(),
     }
@@ -181,19 +181,19 @@ impl ReportLayout {
 
     /// The first number with this usage.
     pub fn find(&self, usage: Usage) -> Option<&ReportField> {
-        self.slots.iter().find(|s| s.usage == usage)
+        self.fields.iter().find(|s| s.usage == usage)
     }
 
     /// Chooses `usage`: sets its bit, or the array that offers it to its place. False if the report
     /// does not offer it.
     pub fn choose(&self, report: &mut [u8], usage: Usage) -> bool {
-        for slot in &self.slots {
-            if slot.usage == usage {
-                slot.write(report, slot.maximum);
+        for field in &self.fields {
+            if field.usage == usage {
+                field.write(report, field.maximum);
                 return true;
             }
-            if let Some(place) = slot.choices.iter().position(|c| *c == usage) {
-                slot.write(report, slot.minimum + place as i64);
+            if let Some(place) = field.choices.iter().position(|c| *c == usage) {
+                field.write(report, field.minimum + place as i64);
                 return true;
             }
         }
@@ -202,15 +202,15 @@ impl ReportLayout {
 
     /// Whether `usage` is chosen in a report received.
     pub fn chosen(&self, report: &[u8], usage: Usage) -> bool {
-        self.slots.iter().any(|slot| {
-            let Some(value) = slot.read(report) else {
+        self.fields.iter().any(|field| {
+            let Some(value) = field.read(report) else {
                 return false;
             };
-            if slot.usage == usage {
+            if field.usage == usage {
                 return value != 0;
             }
-            let place = slot.choices.iter().position(|c| *c == usage);
-            place.is_some_and(|p| slot.minimum + p as i64 == value)
+            let place = field.choices.iter().position(|c| *c == usage);
+            place.is_some_and(|p| field.minimum + p as i64 == value)
         })
     }
 }

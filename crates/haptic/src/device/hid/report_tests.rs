@@ -63,9 +63,9 @@ proptest! {
         if let Ok(layouts) = Layouts::parse("changed", &real) {
             for layout in layouts.input.iter().chain(&layouts.output).chain(&layouts.feature) {
                 let mut report = layout.blank();
-                for slot in &layout.slots {
-                    slot.write(&mut report, i64::MIN);
-                    prop_assert!(slot.read(&report).is_some());
+                for field in &layout.fields {
+                    field.write(&mut report, i64::MIN);
+                    prop_assert!(field.read(&report).is_some());
                 }
             }
         }
@@ -78,7 +78,7 @@ proptest! {
 fn the_descriptors_kept_as_examples_are_read() {
     for text in REAL {
         let layouts = Layouts::parse("example", &unhex(text)).unwrap();
-        let axes = layouts.input.iter().flat_map(|l| &l.slots);
+        let axes = layouts.input.iter().flat_map(|l| &l.fields);
         assert!(
             axes.filter(|s| (0x0001_0030..0x0001_0036).contains(&s.usage))
                 .count()

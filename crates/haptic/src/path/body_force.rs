@@ -66,14 +66,14 @@ pub struct BodyStep {
 pub struct BodyForce {
     bundle: Bundle,
     scratch: Scratch,
-    last: Option<Last>,
+    last: Option<LastStep>,
     /// Joules that body and field hold more than they did.
     surplus: f64,
 }
 
 /// The step before.
 #[derive(Debug, Clone, Copy)]
-struct Last {
+struct LastStep {
     at: Pose,
     twist: Twist,
     energy: f64,
@@ -159,7 +159,7 @@ impl BodyForce {
         if is_level(&start, &found.response) {
             self.surplus = 0.0;
         }
-        self.last = Some(Last {
+        self.last = Some(LastStep {
             at: here,
             twist: body.twist,
             energy: start.energy,
@@ -178,7 +178,7 @@ impl BodyForce {
 /// where its velocity took it was put there, which is nobody's work.
 fn settle(
     surplus: f64,
-    last: &Last,
+    last: &LastStep,
     here: &Pose,
     body: &BodyState,
     inertia: &Inertia,

@@ -38,7 +38,7 @@ impl TickSource {
 
 /// The times of one run's ticks.
 pub(crate) struct Pace {
-    beat: TickSource,
+    source: TickSource,
     period: Duration,
     seconds: f64,
     spin: Duration,
@@ -51,7 +51,7 @@ pub(crate) struct Pace {
 
 /// A tick that is due.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Due {
+pub(crate) struct DueTick {
     /// Seconds on the loop's clock.
     pub(crate) now: f64,
     /// Seconds since the run began.
@@ -75,11 +75,11 @@ pub(crate) struct TickTimes {
 }
 
 impl Pace {
-    pub(crate) fn new(beat: TickSource, config: &HapticConfig) -> Self {
+    pub(crate) fn new(source: TickSource, config: &HapticConfig) -> Self {
         let begin = Instant::now();
         let period = Duration::from_secs_f64(config.period());
         Self {
-            beat,
+            source,
             period,
             seconds: config.period(),
             spin: Duration::from_micros(config.spin_us.into()),
@@ -97,12 +97,12 @@ impl Pace {
     }
 
     /// Waits for the next tick; `None` after the last one of a recording.
-    pub(crate) fn wait(&mut self) -> Option<Due> {
-        match &self.beat {
+    pub(crate) fn wait(&mut self) -> Option<DueTick> {
+        match &self.source {
             TickSource::Wall => Some(self.wait_for_deadline()),
             TickSource::Count => {
                 let now = self.ticks as f64 * self.seconds;
-                Some(Due {
+                Some(DueTick {
                     now,
                     elapsed: now,
                     dt: self.seconds,
@@ -110,7 +110,7 @@ impl Pace {
                     start: Instant::now(),
                 })
             }
-            TickSource::Recorded(ticks) => ticks.get(self.ticks).map(|tick| Due {
+            TickSource::Recorded(ticks) => ticks.get(self.ticks).map(|tick| DueTick {
                 now: tick.time,
                 // A recording may have begun in the middle of a run.
                 elapsed: tick.time - ticks[0].time,
@@ -121,11 +121,11 @@ impl Pace {
         }
     }
 
-    fn wait_for_deadline(&mut self) -> Due {
+    fn wait_for_deadline(&mut self) -> DueTick {
         realtime::sleep_until(self.deadline, self.spin);
         let start = Instant::now();
         let now = (start - self.begin).as_secs_f64();
-        Due {
+        DueTick {
             now,
             elapsed: now,
             dt: (start - self.last).as_secs_f64(),
@@ -135,11 +135,11 @@ impl Pace {
     }
 
     /// Ends a tick and sets the next deadline.
-    pub(crate) fn finish(&mut self, due: &Due) -> TickTimes {
+    pub(crate) fn finish(&mut self, due: &DueTick) -> TickTimes {
         let end = Instant::now();
         let latency = nanoseconds(end - due.start);
         self.ticks += 1;
-        if self.beat.clock() == Clock::Simulated {
+        if self.source.clock() == Clock::Simulated {
             return TickTimes {
                 latency,
                 lateness: 0,

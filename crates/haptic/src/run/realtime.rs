@@ -19,9 +19,9 @@ pub struct RealtimeGrant {
 
 /// Locked memory; unlocked when dropped.
 #[derive(Debug)]
-pub(crate) struct Lock(bool);
+pub(crate) struct MemoryLock(bool);
 
-impl Drop for Lock {
+impl Drop for MemoryLock {
     fn drop(&mut self) {
         #[cfg(target_os = "linux")]
         if self.0 {
@@ -34,12 +34,12 @@ impl Drop for Lock {
 /// Locks memory that is mapped now. Future mappings are left alone: under a limit on locked memory
 /// they would fail where they were made, which is anywhere.
 #[cfg(target_os = "linux")]
-pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> Lock {
+pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> MemoryLock {
     match rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT) {
         Ok(()) => granted.locked = true,
         Err(e) => granted.notes.push(format!("memory is not locked: {e}")),
     }
-    Lock(granted.locked)
+    MemoryLock(granted.locked)
 }
 
 /// Gives the calling thread SCHED_FIFO if the system lets it.
@@ -61,9 +61,9 @@ pub(crate) fn raise_priority(granted: &mut RealtimeGrant) {
 }
 
 #[cfg(not(target_os = "linux"))]
-pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> Lock {
+pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> MemoryLock {
     granted.notes.push("memory is locked on Linux only".into());
-    Lock(false)
+    MemoryLock(false)
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -17,7 +17,7 @@ use crate::log::replay::Replay;
 use crate::panics::panic_message;
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
-use crate::run::pace::{Clock, Due, Pace, TickSource};
+use crate::run::pace::{Clock, DueTick, Pace, TickSource};
 use crate::run::realtime;
 use crate::run::realtime::RealtimeGrant;
 use crate::run::report::{Outcome, Tally, View};
@@ -136,19 +136,19 @@ impl Session {
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        let beat = TickSource::Recorded(replay.ticks());
-        self.run_at(beat, replay, source, seconds, stop)
+        let ticks = TickSource::Recorded(replay.ticks());
+        self.run_at(ticks, replay, source, seconds, stop)
     }
 
     fn run_at(
         self,
-        beat: TickSource,
+        ticks: TickSource,
         device: &mut dyn Device,
         source: &dyn EnergySource,
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        let clock = beat.clock();
+        let clock = ticks.clock();
         let path = ForcePath::new(
             device.spec(),
             &self.config,
@@ -173,11 +173,11 @@ impl Session {
             if realtime {
                 realtime::raise_priority(&mut granted);
             }
-            let mut device = Guard {
+            let mut device = StopGuard {
                 device,
                 stopped: false,
             };
-            let mut pace = Pace::new(beat, &self.config);
+            let mut pace = Pace::new(ticks, &self.config);
             ticker.run(&mut pace, &mut device, source, seconds, stop);
             device.stop().map(|()| pace.begin())
         });
@@ -214,12 +214,12 @@ fn on_own_thread<T: Send>(
 }
 
 /// Stops the device when dropped, in a panic too.
-struct Guard<'a> {
+struct StopGuard<'a> {
     device: &'a mut dyn Device,
     stopped: bool,
 }
 
-impl Guard<'_> {
+impl StopGuard<'_> {
     fn stop(&mut self) -> Result<(), DeviceError> {
         self.stopped = true;
         match self.device.stop_all() {
@@ -230,7 +230,7 @@ impl Guard<'_> {
     }
 }
 
-impl Drop for Guard<'_> {
+impl Drop for StopGuard<'_> {
     fn drop(&mut self) {
         if !self.stopped {
             // Already unwinding: nobody can take the error.
@@ -251,7 +251,7 @@ impl Ticker {
     fn run(
         &mut self,
         pace: &mut Pace,
-        guard: &mut Guard<'_>,
+        guard: &mut StopGuard<'_>,
         source: &dyn EnergySource,
         seconds: f64,
         stop: &AtomicBool,
@@ -266,7 +266,7 @@ impl Ticker {
     }
 
     /// One tick; neither allocates nor blocks.
-    fn tick(&mut self, device: &mut dyn Device, source: &dyn EnergySource, due: &Due) {
+    fn tick(&mut self, device: &mut dyn Device, source: &dyn EnergySource, due: &DueTick) {
         let input = device.poll(due.now).ok();
         let mut sample = self.path.step(source, input.as_ref(), due.now, due.dt);
         if device.send(&sample.wrench).is_err() {

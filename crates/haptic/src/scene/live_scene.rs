@@ -15,14 +15,14 @@ use crate::scene::residency::ResidencyManager;
 use crate::scene::residency::SceneOptions;
 
 /// Pause of the loading thread between two checks of the part's pose.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL_PAUSE: Duration = Duration::from_millis(10);
 
 /// The same while there is more to load: time for the loop to give back what it no longer needs.
-const BUSY: Duration = Duration::from_millis(1);
+const BUSY_PAUSE: Duration = Duration::from_millis(1);
 
 /// Shared with the loading thread.
 #[derive(Debug, Default)]
-struct Board {
+struct SharedState {
     events: Vec<SceneEvent>,
     states: Vec<PairState>,
 }
@@ -30,7 +30,7 @@ struct Board {
 /// A scene whose near pairs are loaded while [`LiveScene::source`] is asked by a loop.
 pub struct LiveScene {
     source: Arc<LiveSource>,
-    board: Arc<Mutex<Board>>,
+    state: Arc<Mutex<SharedState>>,
     commands: Sender<usize>,
     thread: Option<JoinHandle<()>>,
 }
@@ -47,32 +47,32 @@ impl LiveScene {
     ) -> Result<Self, LiveSceneError> {
         let (mut manager, source) = ResidencyManager::new(pairs, options, start);
         manager.load_in_reach(start)?;
-        let board = Arc::new(Mutex::new(Board::default()));
-        post(&board, &mut manager);
+        let state = Arc::new(Mutex::new(SharedState::default()));
+        publish_state(&state, &mut manager);
         let (commands, orders) = mpsc::channel();
-        let shared = (Arc::clone(&board), Arc::clone(&source));
+        let shared = (Arc::clone(&state), Arc::clone(&source));
         let thread = std::thread::Builder::new()
             .name("haptic-loader".into())
             .spawn(move || {
-                let (board, source) = shared;
-                let mut pause = LOOK;
+                let (state, source) = shared;
+                let mut pause = POLL_PAUSE;
                 loop {
                     match orders.recv_timeout(pause) {
                         Ok(pair) => manager.reload(pair),
                         Err(RecvTimeoutError::Timeout) => {}
                         Err(RecvTimeoutError::Disconnected) => return,
                     }
-                    pause = match manager.step(&source.asked(), Instant::now()) {
-                        true => BUSY,
-                        false => LOOK,
+                    pause = match manager.step(&source.last_pose(), Instant::now()) {
+                        true => BUSY_PAUSE,
+                        false => POLL_PAUSE,
                     };
-                    post(&board, &mut manager);
+                    publish_state(&state, &mut manager);
                 }
             })
             .map_err(LiveSceneError::Thread)?;
         Ok(Self {
             source,
-            board,
+            state,
             commands,
             thread: Some(thread),
         })
@@ -92,23 +92,23 @@ impl LiveScene {
 
     /// Everything that happened so far, in order.
     pub fn events(&self) -> Vec<SceneEvent> {
-        self.board().events.clone()
+        self.state().events.clone()
     }
 
     /// What every pair is doing.
     pub fn states(&self) -> Vec<PairState> {
-        self.board().states.clone()
+        self.state().states.clone()
     }
 
-    fn board(&self) -> std::sync::MutexGuard<'_, Board> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    fn state(&self) -> std::sync::MutexGuard<'_, SharedState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn post(board: &Mutex<Board>, manager: &mut ResidencyManager) {
-    let mut board = board.lock().unwrap_or_else(PoisonError::into_inner);
-    board.events.append(&mut manager.events);
-    manager.states(&mut board.states);
+fn publish_state(state: &Mutex<SharedState>, manager: &mut ResidencyManager) {
+    let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+    state.events.append(&mut manager.events);
+    manager.states(&mut state.states);
 }
 
 impl Drop for LiveScene {

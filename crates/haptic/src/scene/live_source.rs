@@ -26,7 +26,7 @@ pub struct LiveSource {
     newest: Mutex<Shared>,
     /// The pose last asked for, metres and a quaternion, as bits. Torn reads are harmless: it only
     /// says what to load next.
-    asked: [AtomicU64; 7],
+    last_pose: [AtomicU64; 7],
 }
 
 struct Shared {
@@ -67,7 +67,7 @@ impl Reader {
 }
 
 impl LiveSource {
-    /// Begins with `sum`; `start` is what [`LiveSource::asked`] says before the first evaluation.
+    /// Begins with `sum`; `start` is what [`LiveSource::last_pose`] says before the first evaluation.
     pub fn new(sum: SumSource, start: &Pose) -> Self {
         Self {
             id: SourceId::new(),
@@ -75,7 +75,7 @@ impl LiveSource {
                 sum,
                 ports: Vec::new(),
             }),
-            asked: numbers(start).map(|v| AtomicU64::new(v.to_bits())),
+            last_pose: numbers(start).map(|v| AtomicU64::new(v.to_bits())),
         }
     }
 
@@ -96,8 +96,8 @@ impl LiveSource {
     }
 
     /// The moving part's pose that was last asked for, in the scene.
-    pub fn asked(&self) -> Pose {
-        let at = |k: usize| f64::from_bits(self.asked[k].load(Ordering::Relaxed));
+    pub fn last_pose(&self) -> Pose {
+        let at = |k: usize| f64::from_bits(self.last_pose[k].load(Ordering::Relaxed));
         let rotation = DQuat::from_xyzw(at(3), at(4), at(5), at(6));
         Pose::new(rotation, DVec3::new(at(0), at(1), at(2)))
     }
@@ -161,7 +161,7 @@ impl EnergySource for LiveSource {
     }
 
     fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
-        for (cell, value) in self.asked.iter().zip(numbers(pose)) {
+        for (cell, value) in self.last_pose.iter().zip(numbers(pose)) {
             cell.store(value.to_bits(), Ordering::Relaxed);
         }
         self.reader(scratch).current.respond(pose)
@@ -339,7 +339,7 @@ mod tests {
         let pose = Pose::from_translation(DVec3::X);
         let mut reader = live.scratch();
         assert_eq!(live.evaluate(&pose, &mut reader).energy, 1.0);
-        assert_eq!(live.asked(), pose);
+        assert_eq!(live.last_pose(), pose);
         assert!(live.refresh(&pose, &mut reader).is_none());
         live.publish(sum(3.5, &drops));
         assert_eq!(live.evaluate(&pose, &mut reader).energy, 1.0);

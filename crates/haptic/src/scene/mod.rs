@@ -11,6 +11,6 @@ pub(crate) mod sum;
 
 pub use event::{PairState, SceneChange, SceneEvent};
 pub use pair::{
-    Content, LoadFailure, LoadedPair, Loader, beside_the_loop, direct_reach, table_reach,
+    Content, LoadFailure, LoadedPair, Loader, direct_reach, table_reach, with_spare_core,
 };
 pub use residency::LiveSceneError;

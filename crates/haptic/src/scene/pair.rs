@@ -120,7 +120,7 @@ pub fn table_reach(spec: &TableSpec, pivot: DVec3) -> Aabb {
 ///
 /// # Errors
 /// If the threads cannot be started.
-pub fn beside_the_loop<T: Send>(
+pub fn with_spare_core<T: Send>(
     work: impl FnOnce() -> T + Send,
 ) -> Result<T, rayon::ThreadPoolBuildError> {
     let threads = rayon::current_num_threads().saturating_sub(1).max(1);

@@ -66,14 +66,14 @@ fn state(manager: &ResidencyManager) -> PairState {
     states[0]
 }
 
-struct Sight {
+struct TestLoop {
     manager: ResidencyManager,
     source: Arc<crate::scene::live_source::LiveSource>,
     reader: Scratch,
     whole: EnergyTable,
 }
 
-impl Sight {
+impl TestLoop {
     fn new(files: &TableFiles, memory: u64, start: &Pose) -> Result<Self, LiveSceneError> {
         let (mut manager, source) =
             ResidencyManager::new(vec![pair(files, 0.0)], options(memory), start);
@@ -108,7 +108,7 @@ impl Sight {
             };
             assert!(booked, "{change:?} {}", whole.energy);
         }
-        self.manager.step(&self.source.asked(), Instant::now());
+        self.manager.step(&self.source.last_pose(), Instant::now());
         loaded
     }
 }
@@ -120,31 +120,31 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
     let files = VALLEYS.bake();
     let parts = PartialTable::new(open(&files)).unwrap();
     let budget = parts.node_bytes() * (parts.nodes() as u64) / 4;
-    let mut sight = Sight::new(&files, budget, &turned(0.0)).unwrap();
+    let mut test = TestLoop::new(&files, budget, &turned(0.0)).unwrap();
     let mut unloaded = 0;
     for k in 0..6000 {
         // Forth and back through the whole domain, in steps of 0.06 degrees at most.
         let pose = turned((f64::from(k) * ROUND / 2000.0).sin());
-        unloaded += u32::from(!sight.tick(&pose));
-        assert!(sight.manager.tables.held_bytes() <= budget, "tick {k}");
+        unloaded += u32::from(!test.tick(&pose));
+        assert!(test.manager.tables.held_bytes() <= budget, "tick {k}");
     }
     assert_eq!(unloaded, 0, "the manager was ahead of the hand");
-    assert!(matches!(state(&sight.manager), PairState::Partly { .. }));
+    assert!(matches!(state(&test.manager), PairState::Partly { .. }));
     assert!(
-        sight.manager.tables.held_bytes() > budget / 2,
+        test.manager.tables.held_bytes() > budget / 2,
         "and the room is used"
     );
     // A jump to where nothing is loaded: nothing for a while, then all of it.
     let there = turned(-0.95);
-    sight.tick(&turned(0.9));
+    test.tick(&turned(0.9));
     for _ in 0..200 {
-        sight.tick(&turned(0.9));
+        test.tick(&turned(0.9));
     }
-    assert!(!sight.tick(&there));
-    let ticks = (0..200).take_while(|_| !sight.tick(&there)).count();
+    assert!(!test.tick(&there));
+    let ticks = (0..200).take_while(|_| !test.tick(&there)).count();
     assert!((1..100).contains(&ticks), "{ticks}");
-    assert!(sight.manager.tables.held_bytes() <= budget);
-    let told = sight.manager.events.iter();
+    assert!(test.manager.tables.held_bytes() <= budget);
+    let told = test.manager.events.iter();
     assert_eq!(
         told.filter(|e| matches!(e.what, SceneChange::NoRoom { .. }))
             .count(),
@@ -156,25 +156,25 @@ fn a_hand_that_turns_takes_its_rotations_along_and_never_exceeds_the_budget() {
 fn with_room_for_all_the_nearest_come_first_and_the_rest_follows() {
     let files = VALLEYS.bake();
     let start = turned(0.4);
-    let mut sight = Sight::new(&files, u64::MAX, &start).unwrap();
-    let PairState::Partly { rotations, of } = state(&sight.manager) else {
-        panic!("{:?}", state(&sight.manager));
+    let mut test = TestLoop::new(&files, u64::MAX, &start).unwrap();
+    let PairState::Partly { rotations, of } = state(&test.manager) else {
+        panic!("{:?}", state(&test.manager));
     };
     assert!(
         rotations < of / 2,
         "{rotations} of {of} before the loop starts"
     );
-    assert!(sight.tick(&start), "and they are the ones that matter");
+    assert!(test.tick(&start), "and they are the ones that matter");
     let steps = (0..10_000).take_while(|_| {
-        sight.tick(&start);
-        sight.manager.load_rotations(&start)
+        test.tick(&start);
+        test.manager.load_rotations(&start)
     });
     assert!(steps.count() > 1);
-    assert_eq!(state(&sight.manager), PairState::Loaded);
-    let complete = sight.manager.events.iter();
+    assert_eq!(state(&test.manager), PairState::Loaded);
+    let complete = test.manager.events.iter();
     let complete = complete.filter(|e| matches!(e.what, SceneChange::Complete { .. }));
     assert_eq!(complete.count(), 1);
-    assert!(sight.tick(&turned(-0.9)));
+    assert!(test.tick(&turned(-0.9)));
 }
 
 #[test]
@@ -189,19 +189,19 @@ fn a_budget_below_what_a_pose_needs_is_refused_at_the_start_and_told_later() {
         .count() as u64;
     let budget = needed * parts.node_bytes();
     let at = |turn: f64| Pose::from_translation(DVec3::new(turn, 0.0, 0.0));
-    match Sight::new(&files, budget - 1, &at(0.0)) {
+    match TestLoop::new(&files, budget - 1, &at(0.0)) {
         Err(LiveSceneError::Memory { needed, .. }) => assert_eq!(needed, budget),
         other => panic!("{:?}", other.err()),
     }
     // A node needs its neighbours' neighbours; between nodes there are more of them.
-    let mut sight = Sight::new(&files, budget, &at(0.0)).unwrap();
-    assert!(sight.tick(&at(0.0)));
+    let mut test = TestLoop::new(&files, budget, &at(0.0)).unwrap();
+    assert!(test.tick(&at(0.0)));
     let between = Pose::new(DQuat::from_scaled_axis(DVec3::splat(0.05)), DVec3::ZERO);
     for _ in 0..100 {
-        sight.tick(&between);
-        assert!(sight.manager.tables.held_bytes() <= budget);
+        test.tick(&between);
+        assert!(test.manager.tables.held_bytes() <= budget);
     }
-    let told = sight.manager.events.iter();
+    let told = test.manager.events.iter();
     assert!(
         told.filter(|e| matches!(e.what, SceneChange::NoRoom { .. }))
             .count()
@@ -235,13 +235,13 @@ fn places_that_share_a_table_share_its_rotations() {
 #[test]
 fn a_table_that_changes_is_opened_again_and_a_lost_rotation_is_told_once() {
     let files = VALLEYS.bake();
-    let mut sight = Sight::new(&files, u64::MAX, &turned(0.0)).unwrap();
-    while sight.manager.load_rotations(&turned(0.0)) {}
-    sight.manager.reload(0);
-    sight.tick(&turned(0.0));
+    let mut test = TestLoop::new(&files, u64::MAX, &turned(0.0)).unwrap();
+    while test.manager.load_rotations(&turned(0.0)) {}
+    test.manager.reload(0);
+    test.tick(&turned(0.0));
     let opened =
         |e: &&crate::scene::event::SceneEvent| matches!(e.what, SceneChange::Opened { .. });
-    assert_eq!(sight.manager.events.iter().filter(opened).count(), 1);
-    let ticks = (0..300).take_while(|_| !sight.tick(&turned(0.0))).count();
+    assert_eq!(test.manager.events.iter().filter(opened).count(), 1);
+    let ticks = (0..300).take_while(|_| !test.tick(&turned(0.0))).count();
     assert!(ticks < 299, "loaded again");
 }

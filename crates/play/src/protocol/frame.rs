@@ -66,7 +66,7 @@ pub struct Frame {
 impl Frame {
     /// As it goes over the wire.
     pub fn bytes(&self) -> [u8; FRAME_BYTES] {
-        let mut out = Bytes::new();
+        let mut out = FrameWriter::new();
         out.put(&[KIND, u8::from(self.is_hand)]);
         out.put(&self.flags.to_le_bytes());
         out.put(&self.session.to_le_bytes());
@@ -106,12 +106,12 @@ impl Frame {
     }
 }
 
-struct Bytes {
+struct FrameWriter {
     bytes: [u8; FRAME_BYTES],
     length: usize,
 }
 
-impl Bytes {
+impl FrameWriter {
     fn new() -> Self {
         Self {
             bytes: [0; FRAME_BYTES],

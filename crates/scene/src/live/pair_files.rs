@@ -7,7 +7,7 @@ use fft_correlate::{EnergyScale, Pair, PairSetup, TableStore};
 use glam::DVec3;
 use haptic::PairSpec;
 use haptic::scene::{
-    Content, LoadFailure, LoadedPair, Loader, beside_the_loop, direct_reach, table_reach,
+    Content, LoadFailure, LoadedPair, Loader, direct_reach, table_reach, with_spare_core,
 };
 use sdf_grid::{Aabb, Monitor, TriangleMesh};
 
@@ -148,7 +148,7 @@ impl PairFiles {
         let load = move || -> Result<LoadedPair, LoadFailure> {
             match first.take() {
                 Some(loaded) => Ok(loaded),
-                None => Ok(beside_the_loop(|| self.load(&*monitor))??),
+                None => Ok(with_spare_core(|| self.load(&*monitor))??),
             }
         };
         Box::new(load)

@@ -244,7 +244,7 @@ mod tag {
 
 /// What the items so far have set.
 #[derive(Debug, Clone, Copy, Default)]
-struct Items {
+struct ItemState {
     has_page: bool,
     size: u64,
     count: u64,
@@ -253,7 +253,7 @@ struct Items {
     maximum: u64,
 }
 
-impl Items {
+impl ItemState {
     /// Usages of the next main item.
     fn named(&self) -> u64 {
         self.usages + (self.maximum.saturating_sub(self.minimum))
@@ -282,8 +282,8 @@ impl Items {
 
 /// Walks the items of a descriptor.
 pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
-    let mut walk = Walk {
-        states: vec![Items::default()],
+    let mut walk = DescriptorWalk {
+        states: vec![ItemState::default()],
         depth: 0,
         numbers: 0,
     };
@@ -306,16 +306,16 @@ pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
 }
 
 /// A walk through the items, as far as it has come.
-struct Walk {
+struct DescriptorWalk {
     /// The last is the one in force, the others are pushed.
-    states: Vec<Items>,
+    states: Vec<ItemState>,
     /// Collections that are open.
     depth: usize,
     /// Numbers and usages so far.
     numbers: u64,
 }
 
-impl Walk {
+impl DescriptorWalk {
     fn item(&mut self, tag: u8, value: u64) -> Result<(), &'static str> {
         let open = self.states.len();
         let state = self.states.last_mut().ok_or("more pops than pushes")?;

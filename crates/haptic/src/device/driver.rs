@@ -29,7 +29,7 @@ pub(crate) struct DriverSource {
 
 impl DriverSource {
     /// The file that the environment names, if any.
-    pub(crate) fn from_env(&self) -> Option<PathBuf> {
+    pub(crate) fn file_in_env(&self) -> Option<PathBuf> {
         let file = std::env::var_os(self.variable)?;
         (!file.is_empty()).then(|| file.into())
     }

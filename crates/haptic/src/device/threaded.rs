@@ -1,11 +1,11 @@
 //! Devices on threads of their own, so that the loop never waits for one.
 //!
 //! The loop leaves the newest wrench in a mailbox and finds the newest input in another. One thread
-//! serves a device that exchanges a wrench for an input in one call ([`OpenDevice`], the makers'
+//! serves a device that exchanges a wrench for an input in one call (`OpenDevice`, the makers'
 //! drivers); two threads serve one whose input and output block separately ([`InputHalf`] and
 //! [`OutputHalf`], USB HID: a write can take ten milliseconds).
 //!
-//! Every wrench passes the [`Outlet`], which ends the force when the loop says stop or falls
+//! Every wrench passes the `Outlet`, which ends the force when the loop says stop or falls
 //! silent, and lets it rise again after the device was away.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};

@@ -28,7 +28,7 @@ impl DhdOptions {
     /// The first device, by the library that `PEGFIT_LIBDHD` names, else the installed one.
     pub fn from_env() -> Self {
         Self {
-            library: DRIVER.from_env(),
+            library: DRIVER.file_in_env(),
             ..Self::default()
         }
     }

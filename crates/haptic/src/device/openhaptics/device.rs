@@ -33,7 +33,7 @@ impl PhantomOptions {
     pub fn from_env(name: Option<&str>) -> Self {
         Self {
             name: name.map(str::to_owned),
-            library: DRIVER.from_env(),
+            library: DRIVER.file_in_env(),
         }
     }
 

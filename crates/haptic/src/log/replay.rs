@@ -7,6 +7,29 @@ use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState, Spec
 use crate::path::gate::Gate;
 use crate::path::sample::{Sample, flags};
 
+/// A recording cannot be replayed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ReplayError {
+    /// There is nothing in it.
+    #[error("expected ticks, found none: the recording ended before its first")]
+    Empty,
+    /// Its device cannot be.
+    #[error("the recording's device: {0}")]
+    Device(#[from] SpecError),
+    /// A tick cannot have been recorded.
+    #[error("line {line}: {item}: expected {expected}, found {found}")]
+    Tick {
+        /// In the log, counted from 1; the header is the first.
+        line: u64,
+        /// The columns.
+        item: &'static str,
+        /// What a device, or a clock, would have given.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+}
+
 /// When a recorded tick was.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tick {
@@ -121,29 +144,6 @@ const ROUNDING: f64 = 1e-6;
 /// Seconds between two ticks that every loop finds late unless its settings are unusual: twenty
 /// periods at the slowest rate.
 const ALWAYS_LATE: f64 = 0.4;
-
-/// A recording cannot be replayed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ReplayError {
-    /// There is nothing in it.
-    #[error("expected ticks, found none: the recording ended before its first")]
-    Empty,
-    /// Its device cannot be.
-    #[error("the recording's device: {0}")]
-    Device(#[from] SpecError),
-    /// A tick cannot have been recorded.
-    #[error("line {line}: {item}: expected {expected}, found {found}")]
-    Tick {
-        /// In the log, counted from 1; the header is the first.
-        line: u64,
-        /// The columns.
-        item: &'static str,
-        /// What a device, or a clock, would have given.
-        expected: String,
-        /// What is there.
-        found: String,
-    },
-}
 
 /// Checks the times of `samples`, and that they say every fault of an input which a loop with the
 /// settings `config`, or the ordinary ones, finds.

@@ -9,6 +9,16 @@ use crate::config::HapticConfig;
 use crate::log::replay::Tick;
 use crate::run::realtime;
 
+/// Whose seconds count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Clock {
+    /// The wall clock, one tick per period.
+    Real,
+    /// A count of periods, without waiting: the same inputs give the same forces on any machine.
+    Simulated,
+}
+
 /// What the times of ticks are taken from.
 pub(crate) enum TickSource {
     /// The wall clock.
@@ -167,16 +177,6 @@ fn ticks_skipped(deadline: Instant, end: Instant, period: Duration) -> u32 {
 
 fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
-}
-
-/// Whose seconds count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Clock {
-    /// The wall clock, one tick per period.
-    Real,
-    /// A count of periods, without waiting: the same inputs give the same forces on any machine.
-    Simulated,
 }
 
 #[cfg(test)]

@@ -22,6 +22,26 @@ use crate::run::realtime;
 use crate::run::realtime::RealtimeGrant;
 use crate::run::report::{Outcome, Tally, View};
 
+/// Why a session could not run or end well.
+#[derive(Debug, thiserror::Error)]
+pub enum HapticError {
+    /// A setting is out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The log could not be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The loop thread could not be started.
+    #[error("the loop thread could not be started: {0}")]
+    Thread(std::io::Error),
+    /// Something in a tick panicked; the device was stopped.
+    #[error("the loop panicked and the device was stopped: {0}")]
+    Panicked(String),
+    /// The device did not take the stop.
+    #[error("the device may still push: {0}")]
+    NotStopped(DeviceError),
+}
+
 /// Shows the newest sample to another thread; never holds the loop up.
 #[derive(Debug)]
 pub struct Viewer(triple_buffer::Output<View>);
@@ -283,24 +303,4 @@ impl Ticker {
             viewer.write(self.tally.view(&sample, due.start));
         }
     }
-}
-
-/// Why a session could not run or end well.
-#[derive(Debug, thiserror::Error)]
-pub enum HapticError {
-    /// A setting is out of range.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The log could not be written.
-    #[error(transparent)]
-    Record(#[from] RecordError),
-    /// The loop thread could not be started.
-    #[error("the loop thread could not be started: {0}")]
-    Thread(std::io::Error),
-    /// Something in a tick panicked; the device was stopped.
-    #[error("the loop panicked and the device was stopped: {0}")]
-    Panicked(String),
-    /// The device did not take the stop.
-    #[error("the device may still push: {0}")]
-    NotStopped(DeviceError),
 }

@@ -16,6 +16,110 @@ use crate::scene::sum::{SourceId, SumScratch, SumSource, add};
 /// Snapshots under way to a reader, and back.
 const RING: usize = 4;
 
+/// A sum with a reader's working memory.
+pub(super) struct Snapshot {
+    sum: SumSource,
+    scratch: SumScratch,
+    /// Whether each pair counts.
+    counted: Vec<bool>,
+}
+
+impl Snapshot {
+    /// All pairs count.
+    pub(super) fn new(sum: &SumSource) -> Box<Self> {
+        Box::new(Self {
+            scratch: sum.pair_scratches(),
+            counted: vec![true; sum.len()],
+            sum: sum.clone(),
+        })
+    }
+
+    /// The sum over the pairs in reach that count.
+    pub(super) fn respond(&mut self, pose: &Pose) -> Response {
+        let Self {
+            sum,
+            scratch,
+            counted,
+        } = self;
+        sum.respond(pose, scratch, |i| counted[i])
+    }
+
+    /// Whether every pair in reach is loaded and counts.
+    pub(super) fn all_loaded(&self, pose: &Pose) -> bool {
+        let mut pairs = self.sum.reached(pose);
+        pairs.all(|(i, pair)| self.counted[i] && pair.has_source())
+    }
+
+    /// Takes the place of `old`: pairs that are the same count here if they counted there. Gives
+    /// what this changes at `pose`; `None` if all pairs are the same, whatever of them is in
+    /// memory. Pairs that are the same are not asked.
+    pub(super) fn replace(&mut self, old: &mut Self, pose: &Pose) -> Option<Response> {
+        for i in 0..self.counted.len() {
+            self.counted[i] = !self.has_same(old, i) || old.counted[i];
+        }
+        let count = self.sum.len();
+        if count == old.sum.len() && (0..count).all(|i| self.has_same(old, i)) {
+            return None;
+        }
+        let mut change = self.sum_without(old, pose);
+        let gone = old.sum_without(self, pose);
+        change.energy -= gone.energy;
+        change.wrench += gone.wrench * -1.0;
+        Some(change)
+    }
+
+    /// Whether pair `index` is the same in both, whatever of it is in memory.
+    fn has_same(&self, other: &Self, index: usize) -> bool {
+        let pair = (self.sum.pairs().get(index), other.sum.pairs().get(index));
+        matches!(pair, (Some(a), Some(b)) if a.is_same(b))
+    }
+
+    /// The sum over the pairs in reach that count and that `other` has not got.
+    fn sum_without(&mut self, other: &Self, pose: &Pose) -> Response {
+        let Self {
+            sum,
+            scratch,
+            counted,
+        } = self;
+        let pairs = other.sum.pairs();
+        let mut total = Response::default();
+        for (i, pair) in sum.reached(pose) {
+            let same = pairs.get(i).is_some_and(|p| p.is_same(pair));
+            if counted[i] && !same {
+                add(&mut total, &pair.evaluate(pose, &mut scratch.0[i]));
+            }
+        }
+        total
+    }
+
+    /// Lets every pair in reach count if all that matters of it at `pose` is in memory, and gives
+    /// what that changed; `None` if nothing.
+    pub(super) fn update_counted(&mut self, pose: &Pose) -> Option<Response> {
+        let Self {
+            sum,
+            scratch,
+            counted,
+        } = self;
+        let mut change: Option<Response> = None;
+        for (i, pair) in sum.reached(pose) {
+            let scratch = &mut scratch.0[i];
+            let loaded = !pair.has_source() || pair.is_loaded(pose, scratch);
+            if loaded != counted[i] {
+                counted[i] = loaded;
+                let answer = pair.evaluate(pose, scratch);
+                let sign = if loaded { 1.0 } else { -1.0 };
+                let part = Response {
+                    energy: sign * answer.energy,
+                    wrench: answer.wrench * sign,
+                    coverage: if loaded { answer.coverage } else { 0.0 },
+                };
+                add(change.get_or_insert_default(), &part);
+            }
+        }
+        change
+    }
+}
+
 /// The newest [`SumSource`] for every reader.
 ///
 /// A pair of which not all that matters at the pose is in memory does not count for a reader, and
@@ -184,110 +288,6 @@ impl EnergySource for LiveSource {
         let reader: &Reader = scratch.get();
         self.check(reader);
         reader.current.all_loaded(pose)
-    }
-}
-
-/// A sum with a reader's working memory.
-pub(super) struct Snapshot {
-    sum: SumSource,
-    scratch: SumScratch,
-    /// Whether each pair counts.
-    counted: Vec<bool>,
-}
-
-impl Snapshot {
-    /// All pairs count.
-    pub(super) fn new(sum: &SumSource) -> Box<Self> {
-        Box::new(Self {
-            scratch: sum.pair_scratches(),
-            counted: vec![true; sum.len()],
-            sum: sum.clone(),
-        })
-    }
-
-    /// The sum over the pairs in reach that count.
-    pub(super) fn respond(&mut self, pose: &Pose) -> Response {
-        let Self {
-            sum,
-            scratch,
-            counted,
-        } = self;
-        sum.respond(pose, scratch, |i| counted[i])
-    }
-
-    /// Whether every pair in reach is loaded and counts.
-    pub(super) fn all_loaded(&self, pose: &Pose) -> bool {
-        let mut pairs = self.sum.reached(pose);
-        pairs.all(|(i, pair)| self.counted[i] && pair.has_source())
-    }
-
-    /// Takes the place of `old`: pairs that are the same count here if they counted there. Gives
-    /// what this changes at `pose`; `None` if all pairs are the same, whatever of them is in
-    /// memory. Pairs that are the same are not asked.
-    pub(super) fn replace(&mut self, old: &mut Self, pose: &Pose) -> Option<Response> {
-        for i in 0..self.counted.len() {
-            self.counted[i] = !self.has_same(old, i) || old.counted[i];
-        }
-        let count = self.sum.len();
-        if count == old.sum.len() && (0..count).all(|i| self.has_same(old, i)) {
-            return None;
-        }
-        let mut change = self.sum_without(old, pose);
-        let gone = old.sum_without(self, pose);
-        change.energy -= gone.energy;
-        change.wrench += gone.wrench * -1.0;
-        Some(change)
-    }
-
-    /// Whether pair `index` is the same in both, whatever of it is in memory.
-    fn has_same(&self, other: &Self, index: usize) -> bool {
-        let pair = (self.sum.pairs().get(index), other.sum.pairs().get(index));
-        matches!(pair, (Some(a), Some(b)) if a.is_same(b))
-    }
-
-    /// The sum over the pairs in reach that count and that `other` has not got.
-    fn sum_without(&mut self, other: &Self, pose: &Pose) -> Response {
-        let Self {
-            sum,
-            scratch,
-            counted,
-        } = self;
-        let pairs = other.sum.pairs();
-        let mut total = Response::default();
-        for (i, pair) in sum.reached(pose) {
-            let same = pairs.get(i).is_some_and(|p| p.is_same(pair));
-            if counted[i] && !same {
-                add(&mut total, &pair.evaluate(pose, &mut scratch.0[i]));
-            }
-        }
-        total
-    }
-
-    /// Lets every pair in reach count if all that matters of it at `pose` is in memory, and gives
-    /// what that changed; `None` if nothing.
-    pub(super) fn update_counted(&mut self, pose: &Pose) -> Option<Response> {
-        let Self {
-            sum,
-            scratch,
-            counted,
-        } = self;
-        let mut change: Option<Response> = None;
-        for (i, pair) in sum.reached(pose) {
-            let scratch = &mut scratch.0[i];
-            let loaded = !pair.has_source() || pair.is_loaded(pose, scratch);
-            if loaded != counted[i] {
-                counted[i] = loaded;
-                let answer = pair.evaluate(pose, scratch);
-                let sign = if loaded { 1.0 } else { -1.0 };
-                let part = Response {
-                    energy: sign * answer.energy,
-                    wrench: answer.wrench * sign,
-                    coverage: if loaded { answer.coverage } else { 0.0 },
-                };
-                add(change.get_or_insert_default(), &part);
-            }
-        }
-        change
     }
 }
 

@@ -18,6 +18,63 @@ use crate::scene::pair::{Content, LoadFailure, LoadedPair, PairSpec};
 use crate::scene::rotations::{RotationNode, Rotations, Step, TableRead, Tables, Viewpoint};
 use crate::scene::sum::{PlacedSource, SharedSource, SumSource};
 
+/// How a scene is kept in memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneOptions {
+    /// Point of the moving part as placed (metres, what poses move) that reaches speak of.
+    pub pivot: DVec3,
+    /// Most bytes that loaded pairs may take together.
+    pub memory: u64,
+    /// Pairs whose reach is nearer than this to the pivot are loaded ahead, metres.
+    pub ahead: f64,
+    /// Rotations of a table that the part can reach by turning no farther than this, radians, are
+    /// loaded before the loop starts, and make no room for a pair that is not yet in reach.
+    pub turn_ahead: f64,
+    /// Time between two checks of the files.
+    pub watch: Duration,
+}
+
+impl Default for SceneOptions {
+    /// The part's origin, no limit, 20 mm and 10 degrees ahead, files twice a second.
+    fn default() -> Self {
+        Self {
+            pivot: DVec3::ZERO,
+            memory: u64::MAX,
+            ahead: 0.02,
+            turn_ahead: 10f64.to_radians(),
+            watch: Duration::from_millis(500),
+        }
+    }
+}
+
+/// Why a scene could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveSceneError {
+    /// The pairs in reach at the start need more than the budget.
+    #[error(
+        "the pairs in reach at the start ({pairs}) need {needed} bytes, the scene's memory budget is {budget}"
+    )]
+    Memory {
+        /// Their names.
+        pairs: String,
+        /// What they need together, bytes.
+        needed: u64,
+        /// What they may take, bytes.
+        budget: u64,
+    },
+    /// A pair in reach at the start could not be loaded.
+    #[error("{pair}: {source}")]
+    Load {
+        /// Its name.
+        pair: String,
+        /// Why.
+        source: LoadFailure,
+    },
+    /// The loading thread could not be started.
+    #[error("the loading thread could not be started: {0}")]
+    Thread(std::io::Error),
+}
+
 /// The pairs of a scene and what is loaded of them.
 pub(crate) struct ResidencyManager {
     entries: Vec<Entry>,
@@ -547,63 +604,6 @@ fn file_stats(files: &[PathBuf]) -> FileStats {
         Some((meta.modified().ok()?, meta.len()))
     };
     files.iter().map(stat).collect()
-}
-
-/// How a scene is kept in memory.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SceneOptions {
-    /// Point of the moving part as placed (metres, what poses move) that reaches speak of.
-    pub pivot: DVec3,
-    /// Most bytes that loaded pairs may take together.
-    pub memory: u64,
-    /// Pairs whose reach is nearer than this to the pivot are loaded ahead, metres.
-    pub ahead: f64,
-    /// Rotations of a table that the part can reach by turning no farther than this, radians, are
-    /// loaded before the loop starts, and make no room for a pair that is not yet in reach.
-    pub turn_ahead: f64,
-    /// Time between two checks of the files.
-    pub watch: Duration,
-}
-
-impl Default for SceneOptions {
-    /// The part's origin, no limit, 20 mm and 10 degrees ahead, files twice a second.
-    fn default() -> Self {
-        Self {
-            pivot: DVec3::ZERO,
-            memory: u64::MAX,
-            ahead: 0.02,
-            turn_ahead: 10f64.to_radians(),
-            watch: Duration::from_millis(500),
-        }
-    }
-}
-
-/// Why a scene could not be started.
-#[derive(Debug, thiserror::Error)]
-pub enum LiveSceneError {
-    /// The pairs in reach at the start need more than the budget.
-    #[error(
-        "the pairs in reach at the start ({pairs}) need {needed} bytes, the scene's memory budget is {budget}"
-    )]
-    Memory {
-        /// Their names.
-        pairs: String,
-        /// What they need together, bytes.
-        needed: u64,
-        /// What they may take, bytes.
-        budget: u64,
-    },
-    /// A pair in reach at the start could not be loaded.
-    #[error("{pair}: {source}")]
-    Load {
-        /// Its name.
-        pair: String,
-        /// Why.
-        source: LoadFailure,
-    },
-    /// The loading thread could not be started.
-    #[error("the loading thread could not be started: {0}")]
-    Thread(std::io::Error),
 }
 
 #[cfg(test)]

@@ -95,7 +95,7 @@ pub fn hid(bytes: &[u8]) {
     };
     for layout in layouts.input.iter().chain(&layouts.output) {
         let mut report = layout.blank();
-        for slot in &layout.slots {
+        for slot in &layout.fields {
             slot.write(&mut report, i64::MIN);
             slot.write(&mut report, 1);
             let _ = (slot.read(&report), slot.read(bytes));

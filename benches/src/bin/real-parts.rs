@@ -14,7 +14,7 @@ use fft_correlate::{
 };
 use glam::{DQuat, DVec3};
 use haptic::{
-    Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
+    Clock, Geometry, HapticConfig, OperatorConfig, Script, Session, SimulatedOperator, Workspace,
 };
 use pegfit_benches::table::Table;
 use pegfit_benches::{Arguments, Outcome, ask};
@@ -215,15 +215,15 @@ fn snap(name: &str, pair: &Pair, moving: &TriangleMesh, table: &mut Table) -> Ou
     let workspace = Workspace::new(1.0, Pose::IDENTITY, pair.pivot());
     let seconds = 6.0;
     for seed in 0..3 {
-        let hand = HandConfig {
+        let hand = OperatorConfig {
             duration: seconds,
             seed,
-            ..HandConfig::default()
+            ..OperatorConfig::default()
         };
         let outcome = Session::new(HapticConfig::default(), workspace)
             .keep_samples()
             .run(
-                &mut SimulatedHand::new(hand, Script::Snap, geometry, workspace),
+                &mut SimulatedOperator::new(hand, Script::Snap, geometry, workspace),
                 &source,
                 Clock::Simulated,
                 seconds,

@@ -11,8 +11,8 @@ use fft_correlate::{
 };
 use glam::DVec3;
 use haptic::{
-    Clock, Device, ForcePath, Geometry, HandConfig, HapticConfig, LiveSource, Placed, Script,
-    Session, SharedSource, SimulatedHand, SumSource, Workspace,
+    Clock, Device, ForcePath, Geometry, HapticConfig, LiveSource, OperatorConfig, PlacedSource,
+    Script, Session, SharedSource, SimulatedOperator, SumSource, Workspace,
 };
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, example};
@@ -85,7 +85,7 @@ fn main() -> Outcome<()> {
 fn scene(source: &SharedSource, parts: usize, in_range: usize) -> SumSource {
     let placed = (0..parts).map(|k| {
         let away = k.saturating_sub(in_range - 1) as f64 * APART;
-        Placed {
+        PlacedSource {
             source: Some(source.clone()),
             placement: Placement::of_fixed(Pose::from_translation(DVec3::new(away, 0.0, 0.0))),
             reach: Some(Aabb {
@@ -97,7 +97,7 @@ fn scene(source: &SharedSource, parts: usize, in_range: usize) -> SumSource {
     SumSource::new(DVec3::ZERO, placed.collect())
 }
 
-fn hand() -> (SimulatedHand, Workspace) {
+fn hand() -> (SimulatedOperator, Workspace) {
     let geometry = Geometry {
         seated: Pose::IDENTITY,
         axis: DVec3::NEG_Z,
@@ -106,7 +106,7 @@ fn hand() -> (SimulatedHand, Workspace) {
         tilt: 0.05,
     };
     let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
-    let hand = SimulatedHand::new(HandConfig::default(), Script::Snap, geometry, workspace);
+    let hand = SimulatedOperator::new(OperatorConfig::default(), Script::Snap, geometry, workspace);
     (hand, workspace)
 }
 
@@ -146,7 +146,7 @@ fn overhead(ticks: usize) -> Outcome<Table> {
         table.push(std::iter::once(name.to_owned()).chain(times));
     };
     add("force path", tick_times(&Bowl, ticks)?);
-    let placed = Placed {
+    let placed = PlacedSource {
         source: Some(SharedSource::new(Arc::new(Bowl))),
         placement: Placement::IDENTITY,
         reach: None,

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use fft_correlate::{Pose, TableStore, Wrench};
 use glam::DVec3;
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Session,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, OperatorConfig, Session,
     Workspace,
 };
 
@@ -24,7 +24,7 @@ impl Device for Finger {
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
         let depth = 0.004 * (now * std::f64::consts::TAU).sin();
         let pose = Pose::from_translation(DVec3::new(0.0, 0.0, -depth));
-        Ok(DeviceState::at(pose, now))
+        Ok(DeviceState::at_rest(pose, now))
     }
 
     fn send(&mut self, _wrench: &Wrench) -> Result<(), DeviceError> {
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let table = TableStore::open(Path::new(&path))?.load(1 << 30)?;
     let spec = DeviceSpec {
         name: "finger".into(),
-        ..HandConfig::default().spec()
+        ..OperatorConfig::default().spec()
     };
     // The device's origin is where the parts were placed: the fit, unless the scene says otherwise.
     let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);

@@ -3,7 +3,7 @@
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
-use haptic::{DeviceState, ForcePath, HandConfig, HapticConfig, Workspace};
+use haptic::{DeviceState, ForcePath, HapticConfig, OperatorConfig, Workspace};
 
 /// A slot along x whose walls push with 4 N.
 struct Slot;
@@ -28,14 +28,14 @@ impl EnergySource for Slot {
 
 fn main() -> Result<(), haptic::ConfigError> {
     let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
-    let spec = HandConfig::default().spec();
+    let spec = OperatorConfig::default().spec();
     let mut path = ForcePath::new(&spec, &HapticConfig::default(), workspace, Slot.scratch())?;
     // A body of 0.2 kg thrown across the slot, held by nothing but the slot.
     let (mut position, mut velocity) = (DVec3::new(0.0, 0.003, 0.0), DVec3::new(0.1, 0.0, 0.0));
     let dt = 1e-3;
     for step in 0..2000 {
         let now = f64::from(step) * dt;
-        let state = DeviceState::at(Pose::from_translation(position), now);
+        let state = DeviceState::at_rest(Pose::from_translation(position), now);
         let sample = path.step(&Slot, Some(&state), now, dt);
         velocity += (sample.wrench.force / 0.2 - velocity * 10.0) * dt;
         position += velocity * dt;

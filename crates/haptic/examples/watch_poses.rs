@@ -6,7 +6,7 @@ use std::time::Duration;
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::{
-    Clock, Geometry, HandConfig, HapticConfig, Script, Session, SimulatedHand, Workspace,
+    Clock, Geometry, HapticConfig, OperatorConfig, Script, Session, SimulatedOperator, Workspace,
 };
 
 /// A bowl whose middle attracts with 100 N/m.
@@ -39,7 +39,8 @@ fn main() -> Result<(), haptic::HapticError> {
         tilt: 0.0,
     };
     let workspace = Workspace::new(1.0, geometry.seated, DVec3::ZERO);
-    let mut hand = SimulatedHand::new(HandConfig::default(), Script::Free, geometry, workspace);
+    let mut hand =
+        SimulatedOperator::new(OperatorConfig::default(), Script::Free, geometry, workspace);
     let mut session = Session::new(HapticConfig::default(), workspace);
     let mut viewer = session.viewer();
     let done = AtomicBool::new(false);

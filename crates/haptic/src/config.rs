@@ -4,9 +4,9 @@ use fft_correlate::Pose;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::device::hid::pid::settings::PidSettings;
-use crate::device::hid::spacemouse::Feel;
-use crate::device::steered::LoopTimes;
+use crate::device::hid::pid::PidSettings;
+use crate::device::hid::spacemouse::SpaceMouseSettings;
+use crate::device::remote::LoopTimes;
 use crate::device::workspace::Workspace;
 
 /// Settings of the loop, the coupling and the limits. Every key may be left out.
@@ -49,10 +49,10 @@ pub struct HapticConfig {
     pub limits: LimitConfig,
     /// The energy watchdog.
     pub passivity: PassivityConfig,
-    /// What the descriptor of a USB HID PID device cannot say; other devices do not look at it.
+    /// What the descriptor of a USB HID PID device does not state; other devices ignore it.
     pub pid: PidSettings,
-    /// How fast a 3Dconnexion device's cursor moves; other devices do not look at it.
-    pub spacemouse: Feel,
+    /// Speed of a 3Dconnexion device's cursor; other devices ignore it.
+    pub spacemouse: SpaceMouseSettings,
 }
 
 /// The virtual coupling, in newtons and metres at the device.
@@ -125,7 +125,7 @@ impl Default for HapticConfig {
             limits: LimitConfig::default(),
             passivity: PassivityConfig::default(),
             pid: PidSettings::default(),
-            spacemouse: Feel::default(),
+            spacemouse: SpaceMouseSettings::default(),
         }
     }
 }
@@ -186,7 +186,7 @@ impl HapticConfig {
         1.0 / self.rate_hz
     }
 
-    /// What a hand that is steered knows of the loop.
+    /// The times that a remote device knows of the loop.
     pub fn times(&self) -> LoopTimes {
         LoopTimes {
             period: self.period(),
@@ -208,89 +208,61 @@ impl HapticConfig {
     /// # Errors
     /// The first key out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let positive = |key, found: f64| check(key, found, "a number > 0", found > 0.0);
-        let natural = |key, found: f64| check(key, found, "a number >= 0", found >= 0.0);
+        let (coupling, limits) = (&self.coupling, &self.limits);
+        let (pid, mouse) = (&self.pid, &self.spacemouse);
+        let rate = self.rate_hz;
         check(
             "rate_hz",
-            self.rate_hz,
+            rate,
             "50 ..= 10000",
-            (50.0..=10_000.0).contains(&self.rate_hz),
+            (50.0..=1e4).contains(&rate),
         )?;
-        let evaluations = self.coupling.evaluations;
-        check(
-            "coupling.evaluations",
-            evaluations.into(),
-            "1 ..= 16",
-            (1..=16).contains(&evaluations),
-        )?;
-        positive("workspace_scale", self.workspace_scale)?;
-        natural("ramp_s", self.ramp_s)?;
-        positive("stale_s", self.stale_s)?;
-        positive("decay_s", self.decay_s)?;
-        positive("coupling.stiffness", self.coupling.stiffness)?;
-        positive(
-            "coupling.rotational_stiffness",
-            self.coupling.rotational_stiffness,
-        )?;
-        natural("coupling.damping", self.coupling.damping)?;
-        natural(
-            "coupling.rotational_damping",
-            self.coupling.rotational_damping,
-        )?;
-        positive("coupling.max_speed", self.coupling.max_speed)?;
-        positive(
-            "coupling.max_angular_speed",
-            self.coupling.max_angular_speed,
-        )?;
-        natural("limits.force", self.limits.force)?;
-        natural("limits.torque", self.limits.torque)?;
-        positive("limits.force_rate", self.limits.force_rate)?;
-        positive("limits.torque_rate", self.limits.torque_rate)?;
-        positive("limits.device_speed", self.limits.device_speed)?;
-        positive(
-            "limits.device_angular_speed",
-            self.limits.device_angular_speed,
-        )?;
-        natural("passivity.credit", self.passivity.credit)?;
-        natural("passivity.max_damping", self.passivity.max_damping)?;
-        self.validate_pid()?;
-        self.validate_spacemouse()
-    }
-
-    fn validate_spacemouse(&self) -> Result<(), ConfigError> {
-        let feel = &self.spacemouse;
+        let most = coupling.evaluations;
+        let key = "coupling.evaluations";
+        check(key, most.into(), "1 ..= 16", (1..=16).contains(&most))?;
         for (key, found) in [
-            ("spacemouse.speed", feel.speed),
-            ("spacemouse.angular_speed", feel.angular_speed),
-        ] {
-            check(key, found, "a number > 0", found > 0.0)?;
-        }
-        check(
-            "spacemouse.dead_zone",
-            feel.dead_zone,
-            "0 ..= 0.9",
-            (0.0..=0.9).contains(&feel.dead_zone),
-        )
-    }
-
-    fn validate_pid(&self) -> Result<(), ConfigError> {
-        let pid = &self.pid;
-        for (key, found) in [
+            ("workspace_scale", self.workspace_scale),
+            ("stale_s", self.stale_s),
+            ("decay_s", self.decay_s),
+            ("coupling.stiffness", coupling.stiffness),
+            (
+                "coupling.rotational_stiffness",
+                coupling.rotational_stiffness,
+            ),
+            ("coupling.max_speed", coupling.max_speed),
+            ("coupling.max_angular_speed", coupling.max_angular_speed),
+            ("limits.force_rate", limits.force_rate),
+            ("limits.torque_rate", limits.torque_rate),
+            ("limits.device_speed", limits.device_speed),
+            ("limits.device_angular_speed", limits.device_angular_speed),
             ("pid.max_force", pid.max_force),
             ("pid.workspace", pid.workspace),
             ("pid.max_stiffness", pid.max_stiffness),
             ("pid.rate", pid.rate),
+            ("spacemouse.speed", mouse.speed),
+            ("spacemouse.angular_speed", mouse.angular_speed),
         ] {
             check(key, found, "a number > 0", found > 0.0)?;
         }
-        check(
-            "pid.gain",
-            pid.gain,
-            "0 ..= 1",
-            (0.0..=1.0).contains(&pid.gain),
-        )?;
-        let sign = |&found: &f64| check("pid.signs", found, "1 or -1", found.abs() == 1.0);
-        pid.signs.iter().try_for_each(sign)
+        for (key, found) in [
+            ("ramp_s", self.ramp_s),
+            ("coupling.damping", coupling.damping),
+            ("coupling.rotational_damping", coupling.rotational_damping),
+            ("limits.force", limits.force),
+            ("limits.torque", limits.torque),
+            ("passivity.credit", self.passivity.credit),
+            ("passivity.max_damping", self.passivity.max_damping),
+        ] {
+            check(key, found, "a number >= 0", found >= 0.0)?;
+        }
+        let gain = pid.gain;
+        check("pid.gain", gain, "0 ..= 1", (0.0..=1.0).contains(&gain))?;
+        for found in pid.signs {
+            check("pid.signs", found, "1 or -1", found.abs() == 1.0)?;
+        }
+        let zone = mouse.dead_zone;
+        let key = "spacemouse.dead_zone";
+        check(key, zone, "0 ..= 0.9", (0.0..=0.9).contains(&zone))
     }
 }
 
@@ -323,7 +295,10 @@ mod tests {
         assert_eq!(read.limits, LimitConfig::default());
         let read: HapticConfig = toml::from_str("spacemouse.speed = 0.02").unwrap();
         assert_eq!(read.spacemouse.speed, 0.02);
-        assert_eq!(read.spacemouse.angular_speed, Feel::default().angular_speed);
+        assert_eq!(
+            read.spacemouse.angular_speed,
+            SpaceMouseSettings::default().angular_speed
+        );
     }
 
     #[test]

@@ -13,10 +13,11 @@ use common::{Well, hand, workspace};
 use counting::calls;
 use fft_correlate::{EnergySource, PartialTable, Placement, Pose, Wrench};
 use glam::{DQuat, DVec3};
-use haptic::scene::{Content, Loaded, PairState};
+use haptic::scene::{Content, LoadedPair, PairState};
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveScene,
-    LiveSource, PairSpec, Placed, SceneOptions, Script, Session, SharedSource, SumSource, flags,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, LiveScene, LiveSource,
+    OperatorConfig, PairSpec, PlacedSource, SceneOptions, Script, Session, SharedSource, SumSource,
+    flags,
 };
 
 /// Counts the allocator calls of the thread that polls it, from its first poll to its last, and
@@ -62,7 +63,7 @@ fn calls_while_ticking(clock: Clock, seconds: f64) -> (u64, u64) {
 fn calls_with(source: &dyn EnergySource, clock: Clock, seconds: f64) -> (u64, u64) {
     let folder = tempfile::tempdir().unwrap();
     let mut device = Watched {
-        inner: hand(HandConfig::default(), Script::Snap),
+        inner: hand(OperatorConfig::default(), Script::Snap),
         polls: 0,
         before: 0,
         after: 0,
@@ -101,7 +102,7 @@ fn no_tick_allocates_in_real_time() {
 #[test]
 fn no_tick_allocates_or_frees_while_parts_are_exchanged() {
     let sum = || {
-        let placed = Placed {
+        let placed = PlacedSource {
             source: Some(SharedSource::new(Arc::new(Well::default()))),
             placement: Placement::IDENTITY,
             reach: None,
@@ -137,7 +138,7 @@ impl Device for Turner {
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
         let angle = 0.95 * (1.5 * now).sin() * if now < 1.5 { 1.0 } else { -1.0 };
         let turn = DQuat::from_axis_angle(DVec3::new(0.3, 0.8, -0.5).normalize(), angle);
-        Ok(DeviceState::at(
+        Ok(DeviceState::at_rest(
             Pose::new(turn, DVec3::new(0.008, 0.0, -0.006)),
             now,
         ))
@@ -173,7 +174,7 @@ fn quarter_of_a_table() -> LiveScene {
         same_as: None,
         load: Box::new(move || {
             let table = table.take().ok_or("opened twice")?;
-            Ok(Loaded {
+            Ok(LoadedPair {
                 content: Content::Table(table),
                 reach: REACH,
             })
@@ -186,7 +187,7 @@ fn quarter_of_a_table() -> LiveScene {
 fn no_tick_allocates_or_knocks_while_the_rotations_of_a_table_come_and_go() {
     let scene = quarter_of_a_table();
     let mut device = Watched {
-        inner: Turner(HandConfig::default().spec()),
+        inner: Turner(OperatorConfig::default().spec()),
         polls: 0,
         before: 0,
         after: 0,

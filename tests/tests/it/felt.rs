@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use fft_correlate::basin::peak_force;
 use fft_correlate::{DirectEvaluator, DirectOptions, ScoreModel};
 use glam::{DQuat, DVec3};
-use haptic::{Clock, HandConfig, HapticConfig, Outcome, Script, Session, SimulatedHand};
+use haptic::{Clock, HapticConfig, OperatorConfig, Outcome, Script, Session, SimulatedOperator};
 use pegfit_tests::{example, hand_at_fit};
 use sdf_grid::shapes::PegInHole;
 
@@ -25,14 +25,14 @@ fn run(which: PegInHole, script: Script, seconds: f64) -> Outcome {
     let pair = pair.with_gamma(PEAK / peak).expect("a scale");
     let source = DirectEvaluator::new(&pair, &options).expect("a source");
     let (geometry, workspace) = hand_at_fit(&pair);
-    let hand = HandConfig {
+    let hand = OperatorConfig {
         duration: seconds,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
     Session::new(HapticConfig::default(), workspace)
         .keep_samples()
         .run(
-            &mut SimulatedHand::new(hand, script, geometry, workspace),
+            &mut SimulatedOperator::new(hand, script, geometry, workspace),
             &source,
             Clock::Simulated,
             seconds,

@@ -13,7 +13,9 @@ use fft_correlate::{
     ScoreModel, TableSpec, TranslationWindow,
 };
 use glam::{DQuat, DVec3};
-use haptic::{Clock, HandConfig, HapticConfig, Outcome, Sample, Script, Session, SimulatedHand};
+use haptic::{
+    Clock, HapticConfig, OperatorConfig, Outcome, Sample, Script, Session, SimulatedOperator,
+};
 use pegfit_tests::spectrum::rms_above;
 use pegfit_tests::{example, hand_at_fit};
 use sdf_grid::Silent;
@@ -62,10 +64,10 @@ fn table(pair: &Pair) -> EnergyTable {
 /// The hand holds the part seated and trembles.
 fn rest(pair: &Pair, source: &dyn EnergySource, stiffness: f64) -> Outcome {
     let (geometry, workspace) = hand_at_fit(pair);
-    let hand = HandConfig {
+    let hand = OperatorConfig {
         push: 0.0,
         duration: SECONDS,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
     let mut config = HapticConfig::default();
     config.coupling.stiffness = stiffness;
@@ -73,7 +75,7 @@ fn rest(pair: &Pair, source: &dyn EnergySource, stiffness: f64) -> Outcome {
     Session::new(config, workspace)
         .keep_samples()
         .run(
-            &mut SimulatedHand::new(hand, Script::Collision, geometry, workspace),
+            &mut SimulatedOperator::new(hand, Script::Collision, geometry, workspace),
             source,
             Clock::Simulated,
             SECONDS,
@@ -93,7 +95,7 @@ fn buzz(samples: &[Sample], force: impl Fn(&Sample) -> DVec3) -> f64 {
 fn check(name: &str, pair: &Pair, source: &dyn EnergySource) {
     // Far beyond what any device is passive with: the device's own greatest is used.
     let outcome = rest(pair, source, 1e9);
-    let greatest = HandConfig::default().spec().max_stiffness;
+    let greatest = OperatorConfig::default().spec().max_stiffness;
     assert_eq!(outcome.report.stiffness, greatest);
     let settled = &outcome.samples[2000..];
     let felt = buzz(settled, |s| s.wrench.force);

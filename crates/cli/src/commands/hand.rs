@@ -5,8 +5,8 @@ use std::path::Path;
 use fft_correlate::EnergySource;
 use haptic::log::SampleWriter;
 use haptic::{
-    Clock, Device, HandConfig, HapticError, Outcome, RecordError, Replay, Script, Session,
-    SimulatedHand,
+    Clock, Device, HapticError, OperatorConfig, Outcome, RecordError, Replay, Script, Session,
+    SimulatedOperator,
 };
 use pegfit_scene::Assembly;
 
@@ -38,13 +38,13 @@ pub(super) fn simulated(
     source: &dyn EnergySource,
     script: Script,
     seconds: f64,
-) -> SimulatedHand {
-    let hand = HandConfig {
+) -> SimulatedOperator {
+    let hand = OperatorConfig {
         duration: seconds,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
     let geometry = assembly.geometry(source);
-    SimulatedHand::new(hand, script, geometry, assembly.workspace())
+    SimulatedOperator::new(hand, script, geometry, assembly.workspace())
 }
 
 /// What is kept of every tick.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Session,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, OperatorConfig, Session,
 };
 use pegfit::terminal::hold::Hold;
 use pegfit::terminal::progress;
@@ -119,7 +119,7 @@ impl Device for Slow {
 
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
         std::fs::write(self.folder.join("running"), "").unwrap();
-        Ok(DeviceState::at(Pose::IDENTITY, now))
+        Ok(DeviceState::at_rest(Pose::IDENTITY, now))
     }
 
     fn send(&mut self, _: &Wrench) -> Result<(), DeviceError> {
@@ -156,7 +156,7 @@ fn holds_a_slow_device() {
     progress::watch_for_interrupts();
     let _held = Hold::begin();
     let mut device = Slow {
-        spec: HandConfig::default().spec(),
+        spec: OperatorConfig::default().spec(),
         folder: folder.into(),
     };
     let config = HapticConfig::default();

@@ -68,35 +68,21 @@ impl DeviceSpec {
         let promise = "senses 3 or 6 degrees of freedom";
         must("input_dof", promise, [3, 6].contains(&input), &input)?;
         let promise = "pushes in 0, 2, 3 or 6 degrees of freedom";
-        must(
-            "output_dof",
-            promise,
-            [0, 2, 3, 6].contains(&output),
-            &output,
-        )?;
-        for (key, promise, value) in [
-            ("max_force", "has a greatest force >= 0", self.max_force),
-            ("max_torque", "has a greatest torque >= 0", self.max_torque),
-        ] {
-            must(key, promise, value >= 0.0, &value)?;
-        }
-        for (key, promise, value) in [
-            (
-                "max_stiffness",
-                "has a greatest stiffness > 0",
-                self.max_stiffness,
-            ),
-            (
-                "max_rotational_stiffness",
-                "has a greatest rotational stiffness > 0",
-                self.max_rotational_stiffness,
-            ),
-            ("workspace", "has a workspace > 0", self.workspace),
-            ("nominal_rate", "has a rate > 0", self.nominal_rate),
-        ] {
-            must(key, promise, value > 0.0, &value)?;
-        }
-        let rate = self.nominal_rate;
+        let known = [0, 2, 3, 6].contains(&output);
+        must("output_dof", promise, known, &output)?;
+        let (force, torque) = (self.max_force, self.max_torque);
+        let promise = "has a greatest force >= 0";
+        must("max_force", promise, force >= 0.0, &force)?;
+        let promise = "has a greatest torque >= 0";
+        must("max_torque", promise, torque >= 0.0, &torque)?;
+        let (linear, angular) = (self.max_stiffness, self.max_rotational_stiffness);
+        let promise = "has a greatest stiffness > 0";
+        must("max_stiffness", promise, linear > 0.0, &linear)?;
+        let promise = "has a greatest rotational stiffness > 0";
+        must("max_rotational_stiffness", promise, angular > 0.0, &angular)?;
+        let (size, rate) = (self.workspace, self.nominal_rate);
+        must("workspace", "has a workspace > 0", size > 0.0, &size)?;
+        must("nominal_rate", "has a rate > 0", rate > 0.0, &rate)?;
         must("nominal_rate", "has a finite rate", rate.is_finite(), &rate)
     }
 }
@@ -123,7 +109,7 @@ pub struct DeviceState {
 
 impl DeviceState {
     /// At rest at `pose`.
-    pub fn at(pose: Pose, timestamp: f64) -> Self {
+    pub fn at_rest(pose: Pose, timestamp: f64) -> Self {
         Self {
             pose,
             twist: Twist::default(),
@@ -155,7 +141,7 @@ pub enum DeviceError {
     NotInstalled {
         /// The driver or service.
         name: String,
-        /// What was looked for, and what would help.
+        /// What was searched, and what would help.
         reason: String,
     },
     /// It is there, but somebody has to do something first: calibrate it, switch it on.
@@ -210,7 +196,7 @@ pub trait Device: Send {
     /// panic.
     ///
     /// # Errors
-    /// If the device could not be told.
+    /// If the command could not be sent.
     fn stop_all(&mut self) -> Result<(), DeviceError>;
 
     /// The last thing that went wrong with it, in its driver's words; `None` if nothing did or it

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::device::contract::DeviceSpec;
+use crate::device::contract::{DeviceError, DeviceSpec};
 
 /// What a device of this machine can be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -68,7 +68,7 @@ pub enum Access {
     Failed(String),
 }
 
-/// The ids by which USB tells models apart.
+/// The ids of a USB model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct UsbIds {
     /// Vendor id.
@@ -90,7 +90,7 @@ pub struct DeviceInfo {
     /// Where the system has it, such as `/dev/hidraw3`; for a device of a maker's driver its kind's
     /// [`DeviceKind::word`] and the driver's name for it, such as `haply:049D`.
     pub path: String,
-    /// USB ids of a HID device; makers' drivers tell none.
+    /// USB ids of a HID device; makers' drivers have none.
     #[serde(flatten)]
     pub usb: Option<UsbIds>,
     /// Serial number, empty if it has none.
@@ -107,6 +107,25 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
+    /// A device of a maker's driver, which calls it `id`; `ready` says why it cannot be opened.
+    pub(crate) fn of_driver(
+        kind: DeviceKind,
+        id: &str,
+        serial: String,
+        spec: DeviceSpec,
+        ready: Result<(), DeviceError>,
+    ) -> Self {
+        Self {
+            path: format!("{}:{id}", kind.word()),
+            usb: None,
+            serial,
+            name: spec.name.clone(),
+            kind,
+            spec,
+            access: ready.map_or_else(|why| Access::Failed(why.to_string()), |()| Access::Ready),
+        }
+    }
+
     /// Whether a user who types `name` may mean it: its path, what follows the colon in it, its
     /// serial number or its USB ids.
     pub fn is_called(&self, name: &str) -> bool {

@@ -1,9 +1,10 @@
 //! What the simulated hand intends: the paper's two tests ("Haptic Experiments") and a free wander.
 
-use fft_correlate::Pose;
+use fft_correlate::{EnergySource, Pose};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
+use sdf_grid::TriangleMesh;
 
 /// Seconds from one push to the next.
 const PUSH_PERIOD: f64 = 2.0;
@@ -74,7 +75,7 @@ impl Script {
     }
 }
 
-fn event(seed: u64, index: f64) -> SmallRng {
+fn event_rng(seed: u64, index: f64) -> SmallRng {
     // A negative or huge index saturates; any value is a valid seed.
     SmallRng::seed_from_u64(seed ^ (index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }
@@ -94,7 +95,7 @@ fn smooth(u: f64) -> f64 {
 
 fn collision(geometry: &Geometry, time: f64, reach: f64, seed: u64) -> Intent {
     let index = (time / PUSH_PERIOD).floor();
-    let mut rng = event(seed, index);
+    let mut rng = event_rng(seed, index);
     let phase = time / PUSH_PERIOD - index;
     // Pushes rise and fall over three quarters of the period, at rest before and after.
     let push = (std::f64::consts::PI * ((phase - 0.2) / 0.75).clamp(0.0, 1.0)).sin();
@@ -104,11 +105,11 @@ fn collision(geometry: &Geometry, time: f64, reach: f64, seed: u64) -> Intent {
 }
 
 /// A careless place about the entrance.
-fn astray(geometry: &Geometry, rng: &mut SmallRng) -> Pose {
-    place(geometry, rng, 0.7..1.1, 1.0)
+fn careless_pose(geometry: &Geometry, rng: &mut SmallRng) -> Pose {
+    random_pose(geometry, rng, 0.7..1.1, 1.0)
 }
 
-fn place(
+fn random_pose(
     geometry: &Geometry,
     rng: &mut SmallRng,
     withdrawn: std::ops::Range<f64>,
@@ -127,29 +128,29 @@ fn snap(geometry: &Geometry, time: f64, duration: f64, seed: u64) -> Intent {
     let last = ((duration / SNAP_PERIOD).floor() - 1.0).max(0.0);
     let index = (time / SNAP_PERIOD).floor().clamp(0.0, last);
     let phase = time / SNAP_PERIOD - index;
-    let near = |index| place(geometry, &mut event(seed, index), 0.05..0.3, 0.2);
-    let far = astray(geometry, &mut event(!seed, index));
+    let near = |index| random_pose(geometry, &mut event_rng(seed, index), 0.05..0.3, 0.2);
+    let far = careless_pose(geometry, &mut event_rng(!seed, index));
     let to = near(index);
     let (wander, approach) = SNAP_PHASES;
     if phase < wander {
         let from = if index > 0.0 { near(index - 1.0) } else { far };
         let share = smooth(phase / wander);
         Intent {
-            pose: between(&from, &far, share),
+            pose: interpolate(&from, &far, share),
             grip: LOOSE + (1.0 - LOOSE) * smooth(2.0 * share),
         }
     } else {
         let share = smooth((phase - wander) / (approach - wander));
         let loose = smooth((phase - approach) / 0.05);
         Intent {
-            pose: between(&far, &to, share),
+            pose: interpolate(&far, &to, share),
             grip: LOOSE + (1.0 - LOOSE) * (1.0 - loose),
         }
     }
 }
 
 fn free(geometry: &Geometry, time: f64, seed: u64) -> Intent {
-    let mut rng = event(seed, 0.0);
+    let mut rng = event_rng(seed, 0.0);
     let mut wave = |amplitude: f64| -> f64 {
         (0..3)
             .map(|_| {
@@ -178,8 +179,72 @@ fn free(geometry: &Geometry, time: f64, seed: u64) -> Intent {
     }
 }
 
-fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
+fn interpolate(from: &Pose, to: &Pose, share: f64) -> Pose {
     from.perturbed(&(from.twist_to(to) * share))
+}
+
+/// How far a careless hand tilts the part, radians.
+const CARELESS_TILT: f64 = 0.08;
+
+impl Geometry {
+    /// The way of `moving` into its fit at `seated`: along `axis` (unit, fixed frame) over `depth`
+    /// metres. An axis that is not given is the coordinate direction along which the part can be
+    /// withdrawn with the least climb in energy; a depth that is not is the part's extent along it.
+    pub fn from_fit(
+        source: &dyn EnergySource,
+        moving: &TriangleMesh,
+        seated: Pose,
+        axis: Option<DVec3>,
+        depth: Option<f64>,
+    ) -> Self {
+        let size = moving
+            .transformed(seated.rotation, DVec3::ZERO)
+            .bounds()
+            .size();
+        let axis = axis.unwrap_or_else(|| -easiest_way_out(source, &seated, size));
+        let along = axis.abs().dot(size);
+        let across = size.length_squared() - along * along;
+        Self {
+            seated,
+            axis,
+            depth: depth.unwrap_or(along),
+            radius: 0.25 * (0.5 * across.max(0.0)).sqrt(),
+            tilt: CARELESS_TILT,
+        }
+    }
+}
+
+/// Climbs that differ by less than this share of the depth of the fit are alike: a part symmetric
+/// front to back differs by rounding only.
+const ALIKE: f64 = 1e-3;
+
+/// Of the six coordinate directions, the one whose highest energy on the way out is lowest; the
+/// first such one of +z, -z, +y, -y, +x, -x.
+fn easiest_way_out(source: &dyn EnergySource, seated: &Pose, size: DVec3) -> DVec3 {
+    const STEPS: u32 = 60;
+    let mut scratch = source.scratch();
+    let depth = source.evaluate(seated, &mut scratch).energy.abs();
+    let mut climb = |direction: DVec3| {
+        let reach = direction.abs().dot(size);
+        (1..=STEPS)
+            .map(|i| {
+                let away = direction * (reach * f64::from(i) / f64::from(STEPS));
+                let pose = Pose {
+                    translation: seated.translation + away,
+                    ..*seated
+                };
+                source.evaluate(&pose, &mut scratch).energy
+            })
+            .fold(f64::NEG_INFINITY, f64::max)
+    };
+    let mut best = (climb(DVec3::Z), DVec3::Z);
+    for direction in [DVec3::NEG_Z, DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::NEG_X] {
+        let energy = climb(direction);
+        if energy < best.0 - ALIKE * depth {
+            best = (energy, direction);
+        }
+    }
+    best.1
 }
 
 #[cfg(test)]
@@ -235,5 +300,67 @@ mod tests {
         }
         // 400 unit vectors: the mean is within 4 standard deviations of zero.
         assert!(sum.length() / 400.0 < 4.0 / 20.0);
+    }
+}
+
+#[cfg(test)]
+mod insertion_tests {
+    use fft_correlate::{
+        DirectEvaluator, DirectOptions, PairBuilder, Response, ScoreModel, Scratch,
+    };
+    use glam::DQuat;
+    use sdf_grid::{Silent, shapes};
+
+    use super::*;
+
+    /// Uphill in all directions but -y.
+    struct Gutter;
+
+    impl EnergySource for Gutter {
+        fn scratch(&self) -> Scratch {
+            Scratch::default()
+        }
+
+        fn evaluate(&self, pose: &Pose, _: &mut Scratch) -> Response {
+            let t = pose.translation;
+            Response {
+                energy: t.x.abs() + t.z.abs() + t.y.max(0.0),
+                ..Response::default()
+            }
+        }
+    }
+
+    #[test]
+    fn the_way_in_is_against_the_easiest_way_out() {
+        let part = shapes::cuboid(DVec3::new(0.01, 0.03, 0.02)).unwrap();
+        let found = Geometry::from_fit(&Gutter, &part, Pose::IDENTITY, None, None);
+        assert_eq!(found.axis, DVec3::Y);
+        assert!((found.depth - 0.03).abs() < 1e-12, "{}", found.depth);
+        let given = Geometry::from_fit(&Gutter, &part, Pose::IDENTITY, Some(DVec3::Z), Some(0.5));
+        assert_eq!((given.axis, given.depth), (DVec3::Z, 0.5));
+    }
+
+    /// A hole open at both ends that lies along an axis: of two ways out that are alike, the first.
+    #[test]
+    fn a_part_goes_into_its_hole_along_the_hole() {
+        let (hole, peg) = shapes::PegInHole::Rectangular.pair(0.0).unwrap();
+        let builder = PairBuilder {
+            spacing: Some(0.004),
+            ..PairBuilder::default()
+        };
+        for (turn, axis) in [
+            (DQuat::IDENTITY, DVec3::NEG_Z),
+            (DQuat::from_rotation_arc(DVec3::Z, DVec3::X), DVec3::NEG_X),
+            (DQuat::from_rotation_arc(DVec3::Z, DVec3::Y), DVec3::NEG_Y),
+        ] {
+            let [hole, peg] = [&hole, &peg].map(|mesh| mesh.transformed(turn, DVec3::ZERO));
+            let pair = builder
+                .build(&hole, &peg, &ScoreModel::GUIDED, &Silent)
+                .unwrap();
+            let source = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME).unwrap();
+            let found = Geometry::from_fit(&source, &peg, Pose::IDENTITY, None, None);
+            assert_eq!(found.axis, axis);
+            assert!((found.depth - 0.03).abs() < 1e-9, "{}", found.depth);
+        }
     }
 }

@@ -16,7 +16,7 @@ pub enum RecordError {
     /// The system took no more of a log: the disk is full, or the file as large as it may be.
     #[error(
         "the log {} was cut short: {source}; its first {ticks} ticks {}",
-        path.display(), kept(part.as_deref())
+        path.display(), describe_part(part.as_deref())
     )]
     Cut {
         /// The log.
@@ -50,7 +50,7 @@ pub enum RecordError {
     },
 }
 
-fn kept(part: Option<&Path>) -> String {
+fn describe_part(part: Option<&Path>) -> String {
     match part {
         Some(part) => format!("are in {}, which can be replayed", part.display()),
         None => "were written".into(),

@@ -14,11 +14,11 @@ use parquet::schema::types::Type;
 use sdf_grid::atomic::AtomicFile;
 
 use crate::device::contract::DeviceSpec;
-use crate::log::columns::{COLUMNS, faults, numbers};
+use crate::log::csv::rows;
+use crate::log::csv::{COLUMNS, faults, numbers};
 use crate::log::csv::{CsvLog, keep_device};
 use crate::log::error::RecordError;
-use crate::log::read::rows;
-use crate::log::writer::SampleWriter;
+use crate::log::record::SampleWriter;
 use crate::path::sample::Sample;
 
 /// Ticks in a row group: 16 s at 1 kHz.
@@ -28,7 +28,7 @@ const GROUP: usize = 16_384;
 const NUMBERS: usize = COLUMNS.len() - 1;
 
 /// Columns of whole numbers.
-const WHOLE: [&str; 4] = ["tick", "buttons", "evaluations", "flags"];
+const INTEGERS: [&str; 4] = ["tick", "buttons", "evaluations", "flags"];
 
 /// A log that grows as CSV, which can be read whatever ends the run, and becomes Parquet at the end:
 /// a Parquet file without its end is no file.
@@ -38,19 +38,19 @@ struct ParquetLog {
 }
 
 /// Rows on their way into a Parquet file.
-struct Groups {
+struct RowGroups {
     writer: SerializedFileWriter<AtomicFile>,
     columns: Vec<Vec<Option<f64>>>,
     faults: Vec<ByteArray>,
 }
 
-fn whole(column: usize) -> bool {
-    WHOLE.contains(&COLUMNS[column])
+fn is_integer(column: usize) -> bool {
+    INTEGERS.contains(&COLUMNS[column])
 }
 
 fn schema() -> Result<Type, ParquetError> {
     let field = |column: usize| {
-        let physical = match whole(column) {
+        let physical = match is_integer(column) {
             true => Physical::INT64,
             false => Physical::DOUBLE,
         };
@@ -81,11 +81,11 @@ pub fn create_parquet(path: &Path) -> Result<Box<dyn SampleWriter>, RecordError>
     }))
 }
 
-fn missing() -> ParquetError {
+fn missing_column() -> ParquetError {
     ParquetError::General("the schema has fewer columns than the log".into())
 }
 
-impl Groups {
+impl RowGroups {
     fn create(path: &Path) -> io::Result<Self> {
         let file = AtomicFile::create(path)?;
         let properties = WriterProperties::builder()
@@ -126,10 +126,10 @@ impl Groups {
     fn flush(&mut self) -> Result<(), ParquetError> {
         let mut group = self.writer.next_row_group()?;
         for (index, rows) in self.columns.iter_mut().enumerate() {
-            let mut out = group.next_column()?.ok_or_else(missing)?;
+            let mut out = group.next_column()?.ok_or_else(missing_column)?;
             let there: Vec<i16> = rows.iter().map(|v| i16::from(v.is_some())).collect();
             let values = rows.drain(..).flatten();
-            if whole(index) {
+            if is_integer(index) {
                 let values: Vec<i64> = values.map(|v| v as i64).collect();
                 out.typed::<Int64Type>()
                     .write_batch(&values, Some(&there), None)?;
@@ -140,7 +140,7 @@ impl Groups {
             }
             out.close()?;
         }
-        let mut out = group.next_column()?.ok_or_else(missing)?;
+        let mut out = group.next_column()?.ok_or_else(missing_column)?;
         out.typed::<ByteArrayType>()
             .write_batch(&self.faults, None, None)?;
         out.close()?;
@@ -154,7 +154,7 @@ impl ParquetLog {
     fn convert(&self, part: &Path) -> Result<(), RecordError> {
         let failed = |source| self.growing.cut(source);
         let file = File::open(part).map_err(failed)?;
-        let mut groups = Groups::create(&self.path).map_err(failed)?;
+        let mut groups = RowGroups::create(&self.path).map_err(failed)?;
         for sample in rows(part, BufReader::new(file))? {
             groups
                 .push(&sample?)
@@ -199,8 +199,8 @@ mod tests {
     use super::*;
     use crate::config::HapticConfig;
     use crate::device::contract::{Device, DeviceError, DeviceSpec, DeviceState};
-    use crate::device::hand_body::HandConfig;
-    use crate::run::clock::Clock;
+    use crate::device::simulated::OperatorConfig;
+    use crate::run::pace::Clock;
     use crate::run::session::Session;
     use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
     use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -220,7 +220,7 @@ mod tests {
                 return Err(DeviceError::NoInput);
             }
             let x = 0.01 * (6.0 * now).sin();
-            Ok(DeviceState::at(
+            Ok(DeviceState::at_rest(
                 Pose::from_translation([x, 0.0, 0.0].into()),
                 now,
             ))
@@ -260,7 +260,7 @@ mod tests {
     fn run(ticks: usize, record: impl FnOnce(Session) -> Session) {
         let config = HapticConfig::default();
         let place = config.workspace(Pose::IDENTITY, Default::default());
-        let mut device = Swinging(HandConfig::default().spec());
+        let mut device = Swinging(OperatorConfig::default().spec());
         let seconds = (ticks as f64 - 0.5) * config.period();
         let outcome = record(Session::new(config, place))
             .run(

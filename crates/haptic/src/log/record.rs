@@ -13,8 +13,6 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::device::contract::DeviceSpec;
 use crate::log::error::RecordError;
-use crate::log::size_limit;
-use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::sample::Sample;
 
@@ -53,7 +51,7 @@ impl Recorder {
 /// The threads that collect and write.
 pub(crate) struct Writer {
     collecting: JoinHandle<Vec<Sample>>,
-    writing: Option<Writing>,
+    writing: Option<WriterThread>,
     done: Arc<AtomicBool>,
     path: PathBuf,
 }
@@ -181,19 +179,19 @@ impl Collector {
     }
 }
 
-type Writing = JoinHandle<Result<(), RecordError>>;
+type WriterThread = JoinHandle<Result<(), RecordError>>;
 
 /// Starts the thread that writes; its first words are written when this returns.
 fn begin(
     mut file: Box<dyn SampleWriter>,
     batches: Receiver<Vec<Sample>>,
     device: &DeviceSpec,
-) -> std::io::Result<Result<Writing, RecordError>> {
+) -> std::io::Result<Result<WriterThread, RecordError>> {
     let device = device.clone();
     let (sender, begun) = sync_channel(1);
     let thread = std::thread::Builder::new().name("haptic-log".into());
     let writing = thread.spawn(move || {
-        size_limit::take_as_errors();
+        report_size_limit_as_error();
         let first = file.begin(&device);
         let failed = first.is_err();
         // Refused by nobody: who started this waits for it.
@@ -205,7 +203,7 @@ fn begin(
     })?;
     Ok(match begun.recv() {
         Ok(Err(error)) => Err(error),
-        // A panic is told by the thread itself.
+        // The thread reports a panic itself when it is joined.
         Ok(Ok(())) | Err(_) => Ok(writing),
     })
 }
@@ -221,15 +219,70 @@ fn write_all(
     file.finish()
 }
 
+/// A file format for logs, written by the log's own thread.
+pub trait SampleWriter: Send {
+    /// Takes what the device of the run can do, before the first sample.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn begin(&mut self, device: &DeviceSpec) -> Result<(), RecordError> {
+        let _ = device;
+        Ok(())
+    }
+
+    /// Takes the next sample.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn write(&mut self, sample: &Sample) -> Result<(), RecordError>;
+
+    /// Hands all that was taken to the system, so that it is there whatever ends this process. Called
+    /// many times a second.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    /// Puts the file, whole, in its place.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    fn finish(self: Box<Self>) -> Result<(), RecordError>;
+
+    /// The file that is written to while the loop runs, for messages.
+    fn path(&self) -> PathBuf;
+}
+
+/// From now on a file that this thread writes beyond the limit is an error of the write.
+///
+/// The signal is meant for the thread that writes; kept back, it goes with the thread. What the
+/// process as a whole does with the signal is not a library's to decide.
+#[cfg(unix)]
+fn report_size_limit_as_error() {
+    // SAFETY: both calls get a set that lives through them; the second changes nothing but which
+    // signals this thread keeps back.
+    unsafe {
+        let mut kept_back = std::mem::zeroed();
+        libc::sigemptyset(&raw mut kept_back);
+        libc::sigaddset(&raw mut kept_back, libc::SIGXFSZ);
+        libc::pthread_sigmask(libc::SIG_BLOCK, &raw const kept_back, std::ptr::null_mut());
+    }
+}
+
+#[cfg(not(unix))]
+fn report_size_limit_as_error() {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::sync::Mutex;
 
-    use crate::device::hand_body::HandConfig;
+    use crate::device::simulated::OperatorConfig;
 
     fn device() -> DeviceSpec {
-        HandConfig::default().spec()
+        OperatorConfig::default().spec()
     }
 
     /// Does not take the second sample before it may; then keeps the numbers of all it gets.

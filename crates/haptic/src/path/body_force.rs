@@ -66,14 +66,14 @@ pub struct BodyStep {
 pub struct BodyForce {
     bundle: Bundle,
     scratch: Scratch,
-    last: Option<Last>,
+    last: Option<LastStep>,
     /// Joules that body and field hold more than they did.
     surplus: f64,
 }
 
 /// The step before.
 #[derive(Debug, Clone, Copy)]
-struct Last {
+struct LastStep {
     at: Pose,
     twist: Twist,
     energy: f64,
@@ -106,7 +106,7 @@ impl BodyForce {
     }
 
     /// Of a field that is not finite there is nothing to be felt.
-    fn lost(&mut self) -> BodyStep {
+    fn reset_step(&mut self) -> BodyStep {
         self.release();
         BodyStep::default()
     }
@@ -137,7 +137,7 @@ impl BodyForce {
         };
         let inertia = Inertia::new(&body.mobility, body.dt);
         let Some(start) = field(&here) else {
-            return self.lost();
+            return self.reset_step();
         };
         if let Some(last) = self.last.filter(|_| body.elapsed > 0.0) {
             self.surplus = settle(self.surplus, &last, &here, body, &inertia, &start);
@@ -153,13 +153,13 @@ impl BodyForce {
             .least(bundle, &mut field)
             .and_then(|found| step.paid(found, &mut field))
         else {
-            return self.lost();
+            return self.reset_step();
         };
         let wrench = step.wrench(&found.twist);
         if is_level(&start, &found.response) {
             self.surplus = 0.0;
         }
-        self.last = Some(Last {
+        self.last = Some(LastStep {
             at: here,
             twist: body.twist,
             energy: start.energy,
@@ -178,7 +178,7 @@ impl BodyForce {
 /// where its velocity took it was put there, which is nobody's work.
 fn settle(
     surplus: f64,
-    last: &Last,
+    last: &LastStep,
     here: &Pose,
     body: &BodyState,
     inertia: &Inertia,

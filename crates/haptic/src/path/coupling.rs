@@ -96,7 +96,7 @@ pub struct SpringLimits {
 
 /// One tick's result.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Coupled {
+pub struct CouplingStep {
     /// On the handle, about the grip, scene frame.
     pub wrench: Wrench,
     /// Grip pose of the virtual object.
@@ -171,7 +171,7 @@ impl Coupling {
         device: &Pose,
         dt: f64,
         mut field: impl FnMut(&Pose) -> Response,
-    ) -> Coupled {
+    ) -> CouplingStep {
         let start = self.object.unwrap_or(*device);
         let from = self.metric.scaled(&device.twist_to(&start));
         self.bundle.rebase(device);
@@ -234,7 +234,7 @@ impl Coupling {
         response: Response,
         evaluations: u32,
         bad_source: bool,
-    ) -> Coupled {
+    ) -> CouplingStep {
         let stretch = self.metric.twist(y);
         if dt > 0.0 {
             let rate = (stretch - self.stretch) * (1.0 / dt);
@@ -255,7 +255,7 @@ impl Coupling {
                 g.rotational_stiffness,
                 self.limits.torque,
             );
-        Coupled {
+        CouplingStep {
             wrench,
             object: self.object.unwrap_or(*device),
             response,
@@ -348,7 +348,7 @@ mod tests {
         let spec = DeviceSpec {
             max_stiffness: 1500.0,
             nominal_rate: 1000.0,
-            ..crate::device::hand_body::HandConfig::default().spec()
+            ..crate::device::simulated::OperatorConfig::default().spec()
         };
         for rate_hz in [200.0, 500.0, 1000.0, 4000.0] {
             for stiffness in [100.0, 1000.0, 1e5] {
@@ -371,7 +371,7 @@ mod tests {
         let mut forces = Vec::new();
         for scale in [1.0, 0.1] {
             let gains = Gains::passive(
-                &crate::device::hand_body::HandConfig::default().spec(),
+                &crate::device::simulated::OperatorConfig::default().spec(),
                 &config,
             );
             let limits = SpringLimits {

@@ -185,7 +185,7 @@ impl ForcePath {
         });
         if out.bad_source {
             sample.flags |= flags::BAD_SOURCE;
-            self.gate.fault();
+            self.gate.record_fault();
         }
         self.passivity
             .observe(&grip, out.potential, sample.gain, &self.held, dt);

@@ -14,7 +14,7 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 
 /// What the gate made of an input.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Admitted {
+pub struct GateDecision {
     /// The pose to use: this input's, or the last good one; `None` before the first.
     pub pose: Option<Pose>,
     /// The pose has nothing to do with the last one: start from it anew.
@@ -71,7 +71,7 @@ impl Gate {
     ///
     /// A missing, invalid, stale or jumping input, or a late tick, lets the force go with the decay
     /// time constant, at the last good pose; good input raises it again over the ramp.
-    pub fn admit(&mut self, input: Option<&DeviceState>, now: f64, dt: f64) -> Admitted {
+    pub fn admit(&mut self, input: Option<&DeviceState>, now: f64, dt: f64) -> GateDecision {
         let mut reseat = false;
         let mut flags = if dt > self.late { flags::LATE } else { 0 };
         match input.map(|state| (state, self.clean(state))) {
@@ -95,7 +95,7 @@ impl Gate {
         }
         let fault = flags != 0 || std::mem::take(&mut self.fault_later);
         self.strengthen(fault, reseat, dt);
-        Admitted {
+        GateDecision {
             pose: self.pose,
             reseat,
             gain: self.gain,
@@ -129,14 +129,14 @@ impl Gate {
             self.pose = Some(pose);
             return (false, true);
         };
-        if self.near(&last, &pose, elapsed) {
+        if self.is_near(&last, &pose, elapsed) {
             self.pose = Some(pose);
             self.jumped_to = None;
             return (false, false);
         }
         let steady = self
             .jumped_to
-            .is_some_and(|j| self.near(&j, &pose, elapsed));
+            .is_some_and(|j| self.is_near(&j, &pose, elapsed));
         self.jump_ticks = if steady { self.jump_ticks + 1 } else { 0 };
         self.jumped_to = Some(pose);
         if self.jump_ticks < JUMP_TICKS {
@@ -147,7 +147,7 @@ impl Gate {
         (true, true)
     }
 
-    fn near(&self, a: &Pose, b: &Pose, elapsed: f64) -> bool {
+    fn is_near(&self, a: &Pose, b: &Pose, elapsed: f64) -> bool {
         let twist = a.twist_to(b);
         twist.linear.length() <= self.speed * elapsed
             && twist.angular.length() <= self.angular_speed * elapsed
@@ -175,7 +175,7 @@ impl Gate {
     }
 
     /// Lets the force go in the next tick for a fault found later in this one.
-    pub fn fault(&mut self) {
+    pub fn record_fault(&mut self) {
         self.fault_later = true;
     }
 }
@@ -191,7 +191,7 @@ mod tests {
         Gate::new(&HapticConfig::default(), true)
     }
 
-    fn run(gate: &mut Gate, state: Option<&DeviceState>, ticks: u32) -> Admitted {
+    fn run(gate: &mut Gate, state: Option<&DeviceState>, ticks: u32) -> GateDecision {
         let mut out = gate.admit(state, 0.0, DT);
         for _ in 1..ticks {
             out = gate.admit(state, 0.0, DT);
@@ -200,7 +200,7 @@ mod tests {
     }
 
     fn still(x: f64) -> DeviceState {
-        DeviceState::at(Pose::from_translation(DVec3::new(x, 0.0, 0.0)), 0.0)
+        DeviceState::at_rest(Pose::from_translation(DVec3::new(x, 0.0, 0.0)), 0.0)
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
                 rotation,
                 translation: DVec3::ZERO,
             };
-            let out = gate.admit(Some(&DeviceState::at(pose, 0.0)), 0.0, DT);
+            let out = gate.admit(Some(&DeviceState::at_rest(pose, 0.0)), 0.0, DT);
             assert_eq!(out.flags, 0);
         }
     }

@@ -20,7 +20,7 @@ pub struct Limiter {
 
 /// What the limiter had to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Limited {
+pub struct LimitedWrench {
     /// The wrench was not finite.
     pub not_finite: bool,
     /// A magnitude was cut.
@@ -62,10 +62,10 @@ impl Limiter {
     /// Force and torque stay within their magnitudes always: the slewed wrench lies on the segment
     /// between two wrenches inside a ball. After a gap the slew limit still counts two periods at
     /// most, so a late tick does not jump.
-    pub fn limit(&mut self, wanted: &Wrench, gain: f64, dt: f64) -> (Wrench, Limited) {
-        let mut done = Limited {
+    pub fn limit(&mut self, wanted: &Wrench, gain: f64, dt: f64) -> (Wrench, LimitedWrench) {
+        let mut done = LimitedWrench {
             not_finite: !wanted.is_finite(),
-            ..Limited::default()
+            ..LimitedWrench::default()
         };
         let wanted = if done.not_finite {
             Wrench::ZERO
@@ -144,7 +144,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn limiter() -> Limiter {
-        let spec = crate::device::hand_body::HandConfig::default().spec();
+        let spec = crate::device::simulated::OperatorConfig::default().spec();
         Limiter::new(&spec, &HapticConfig::default())
     }
 
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_force_only_device_gets_no_torque() {
-        let mut spec = crate::device::hand_body::HandConfig::default().spec();
+        let mut spec = crate::device::simulated::OperatorConfig::default().spec();
         spec.output_dof = 2;
         let mut limiter = Limiter::new(&spec, &HapticConfig::default());
         let wanted = Wrench {

@@ -72,7 +72,7 @@ pub struct Sample {
     pub time: f64,
     /// Seconds since the last tick.
     pub dt: f64,
-    /// What the device said, as it said it, device frame.
+    /// The device's input, unchanged, device frame.
     pub input: Option<DeviceState>,
     /// Pose of the virtual object: the moving part, scene frame.
     pub object: Pose,

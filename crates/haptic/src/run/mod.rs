@@ -1,10 +1,7 @@
 //! The loop: ticks at absolute deadlines on a thread of its own, or as fast as it can in simulated
 //! time.
 
-pub(crate) mod clock;
-pub(crate) mod error;
 pub(crate) mod pace;
 pub(crate) mod realtime;
 pub(crate) mod report;
 pub(crate) mod session;
-pub(crate) mod view;

@@ -3,13 +3,24 @@
 
 use std::time::{Duration, Instant};
 
+use serde::Serialize;
+
 use crate::config::HapticConfig;
 use crate::log::replay::Tick;
-use crate::run::clock::Clock;
 use crate::run::realtime;
 
+/// Whose seconds count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Clock {
+    /// The wall clock, one tick per period.
+    Real,
+    /// A count of periods, without waiting: the same inputs give the same forces on any machine.
+    Simulated,
+}
+
 /// What the times of ticks are taken from.
-pub(crate) enum Beat {
+pub(crate) enum TickSource {
     /// The wall clock.
     Wall,
     /// A count of periods.
@@ -18,8 +29,8 @@ pub(crate) enum Beat {
     Recorded(Vec<Tick>),
 }
 
-impl Beat {
-    pub(crate) fn of(clock: Clock) -> Self {
+impl TickSource {
+    pub(crate) fn from_clock(clock: Clock) -> Self {
         match clock {
             Clock::Real => Self::Wall,
             Clock::Simulated => Self::Count,
@@ -37,7 +48,7 @@ impl Beat {
 
 /// The times of one run's ticks.
 pub(crate) struct Pace {
-    beat: Beat,
+    source: TickSource,
     period: Duration,
     seconds: f64,
     spin: Duration,
@@ -50,7 +61,7 @@ pub(crate) struct Pace {
 
 /// A tick that is due.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Due {
+pub(crate) struct DueTick {
     /// Seconds on the loop's clock.
     pub(crate) now: f64,
     /// Seconds since the run began.
@@ -65,7 +76,7 @@ pub(crate) struct Due {
 
 /// What a tick took, nanoseconds on the wall clock.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Spent {
+pub(crate) struct TickTimes {
     pub(crate) latency: u64,
     /// Start after the deadline; 0 in simulated time.
     pub(crate) lateness: u64,
@@ -74,11 +85,11 @@ pub(crate) struct Spent {
 }
 
 impl Pace {
-    pub(crate) fn new(beat: Beat, config: &HapticConfig) -> Self {
+    pub(crate) fn new(source: TickSource, config: &HapticConfig) -> Self {
         let begin = Instant::now();
         let period = Duration::from_secs_f64(config.period());
         Self {
-            beat,
+            source,
             period,
             seconds: config.period(),
             spin: Duration::from_micros(config.spin_us.into()),
@@ -96,12 +107,12 @@ impl Pace {
     }
 
     /// Waits for the next tick; `None` after the last one of a recording.
-    pub(crate) fn wait(&mut self) -> Option<Due> {
-        match &self.beat {
-            Beat::Wall => Some(self.wait_for_deadline()),
-            Beat::Count => {
+    pub(crate) fn wait(&mut self) -> Option<DueTick> {
+        match &self.source {
+            TickSource::Wall => Some(self.wait_for_deadline()),
+            TickSource::Count => {
                 let now = self.ticks as f64 * self.seconds;
-                Some(Due {
+                Some(DueTick {
                     now,
                     elapsed: now,
                     dt: self.seconds,
@@ -109,7 +120,7 @@ impl Pace {
                     start: Instant::now(),
                 })
             }
-            Beat::Recorded(ticks) => ticks.get(self.ticks).map(|tick| Due {
+            TickSource::Recorded(ticks) => ticks.get(self.ticks).map(|tick| DueTick {
                 now: tick.time,
                 // A recording may have begun in the middle of a run.
                 elapsed: tick.time - ticks[0].time,
@@ -120,11 +131,11 @@ impl Pace {
         }
     }
 
-    fn wait_for_deadline(&mut self) -> Due {
+    fn wait_for_deadline(&mut self) -> DueTick {
         realtime::sleep_until(self.deadline, self.spin);
         let start = Instant::now();
         let now = (start - self.begin).as_secs_f64();
-        Due {
+        DueTick {
             now,
             elapsed: now,
             dt: (start - self.last).as_secs_f64(),
@@ -134,12 +145,12 @@ impl Pace {
     }
 
     /// Ends a tick and sets the next deadline.
-    pub(crate) fn finish(&mut self, due: &Due) -> Spent {
+    pub(crate) fn finish(&mut self, due: &DueTick) -> TickTimes {
         let end = Instant::now();
         let latency = nanoseconds(end - due.start);
         self.ticks += 1;
-        if self.beat.clock() == Clock::Simulated {
-            return Spent {
+        if self.source.clock() == Clock::Simulated {
+            return TickTimes {
                 latency,
                 lateness: 0,
                 skipped: 0,
@@ -149,7 +160,7 @@ impl Pace {
         self.last = due.start;
         self.skipped = ticks_skipped(self.deadline, end, self.period);
         self.deadline += self.period * (self.skipped + 1);
-        Spent {
+        TickTimes {
             latency,
             lateness,
             skipped: self.skipped,
@@ -189,7 +200,7 @@ mod tests {
             rate_hz: 1000.0,
             ..HapticConfig::default()
         };
-        let mut pace = Pace::new(Beat::Wall, &config);
+        let mut pace = Pace::new(TickSource::Wall, &config);
         let due = pace.wait().unwrap();
         std::thread::sleep(Duration::from_millis(5));
         let skipped = pace.finish(&due).skipped;
@@ -204,7 +215,7 @@ mod tests {
     #[test]
     fn simulated_time_is_a_count_of_periods() {
         let config = HapticConfig::default();
-        let mut pace = Pace::new(Beat::Count, &config);
+        let mut pace = Pace::new(TickSource::Count, &config);
         for tick in 0..5 {
             let due = pace.wait().unwrap();
             assert_eq!((due.now, due.dt), (f64::from(tick) * 1e-3, 1e-3));
@@ -216,7 +227,7 @@ mod tests {
     fn a_recording_gives_its_own_times_and_ends() {
         let tick = |time, dt, overrun| Tick { time, dt, overrun };
         let ticks = vec![tick(7.0, 1e-3, false), tick(7.0053, 5.3e-3, true)];
-        let mut pace = Pace::new(Beat::Recorded(ticks), &HapticConfig::default());
+        let mut pace = Pace::new(TickSource::Recorded(ticks), &HapticConfig::default());
         let first = pace.wait().unwrap();
         assert_eq!((first.now, first.elapsed, first.skipped), (7.0, 0.0, 0));
         assert_eq!(pace.finish(&first).skipped, 0);

@@ -8,7 +8,7 @@ const PRIORITY: i32 = 50;
 
 /// What was asked for and granted.
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
-pub struct Granted {
+pub struct RealtimeGrant {
     /// The loop runs under SCHED_FIFO.
     pub fifo: bool,
     /// The process's memory is locked.
@@ -19,9 +19,9 @@ pub struct Granted {
 
 /// Locked memory; unlocked when dropped.
 #[derive(Debug)]
-pub(crate) struct Lock(bool);
+pub(crate) struct MemoryLock(bool);
 
-impl Drop for Lock {
+impl Drop for MemoryLock {
     fn drop(&mut self) {
         #[cfg(target_os = "linux")]
         if self.0 {
@@ -34,17 +34,17 @@ impl Drop for Lock {
 /// Locks memory that is mapped now. Future mappings are left alone: under a limit on locked memory
 /// they would fail where they were made, which is anywhere.
 #[cfg(target_os = "linux")]
-pub(crate) fn lock_memory(granted: &mut Granted) -> Lock {
+pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> MemoryLock {
     match rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT) {
         Ok(()) => granted.locked = true,
         Err(e) => granted.notes.push(format!("memory is not locked: {e}")),
     }
-    Lock(granted.locked)
+    MemoryLock(granted.locked)
 }
 
 /// Gives the calling thread SCHED_FIFO if the system lets it.
 #[cfg(target_os = "linux")]
-pub(crate) fn raise_priority(granted: &mut Granted) {
+pub(crate) fn raise_priority(granted: &mut RealtimeGrant) {
     let parameter = libc::sched_param {
         sched_priority: PRIORITY,
     };
@@ -61,13 +61,13 @@ pub(crate) fn raise_priority(granted: &mut Granted) {
 }
 
 #[cfg(not(target_os = "linux"))]
-pub(crate) fn lock_memory(granted: &mut Granted) -> Lock {
+pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> MemoryLock {
     granted.notes.push("memory is locked on Linux only".into());
-    Lock(false)
+    MemoryLock(false)
 }
 
 #[cfg(not(target_os = "linux"))]
-pub(crate) fn raise_priority(granted: &mut Granted) {
+pub(crate) fn raise_priority(granted: &mut RealtimeGrant) {
     granted.notes.push("SCHED_FIFO is set on Linux only".into());
 }
 
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn says_what_it_was_not_granted() {
-        let mut granted = Granted::default();
+        let mut granted = RealtimeGrant::default();
         raise_priority(&mut granted);
         assert!(granted.fifo || granted.notes.len() == 1);
     }

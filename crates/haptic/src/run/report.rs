@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use fft_correlate::Wrench;
+use glam::DVec3;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
@@ -10,12 +10,10 @@ use crate::device::contract::DeviceSpec;
 use crate::path::coupling::Gains;
 use crate::path::passivity::EnergyAccount;
 use crate::path::sample::{Sample, flags};
-use crate::run::clock::Clock;
-use crate::run::pace::Spent;
-use crate::run::realtime::Granted;
-use crate::run::view::{Timing, View};
+use crate::run::pace::{Clock, TickTimes};
+use crate::run::realtime::RealtimeGrant;
 
-/// Longest time a histogram tells from longer ones, nanoseconds.
+/// Longest time that a histogram resolves, nanoseconds.
 const LONGEST: u64 = 60_000_000_000;
 
 /// Microseconds at quantiles of a distribution.
@@ -33,7 +31,7 @@ pub struct Quantiles {
 
 impl Quantiles {
     /// Of a histogram of nanoseconds.
-    pub fn of(nanoseconds: &Histogram<u64>) -> Self {
+    pub fn from_histogram(nanoseconds: &Histogram<u64>) -> Self {
         let at = |q| nanoseconds.value_at_quantile(q) as f64 * 1e-3;
         Self {
             p50: at(0.5),
@@ -95,7 +93,7 @@ pub struct LoopReport {
     /// Energy bookkeeping, joules.
     pub energy: EnergyAccount,
     /// What the operating system granted.
-    pub granted: Granted,
+    pub granted: RealtimeGrant,
 }
 
 /// All that a run leaves.
@@ -123,16 +121,11 @@ pub(crate) struct Tally {
     seconds: f64,
     ticks: u64,
     overruns: u64,
-    missed: u64,
     input_faults: u64,
-    changes: u64,
-    not_loaded: u64,
-    outside: u64,
     outside_force: f64,
-    damped: u64,
-    not_sent: u64,
     evaluations: u64,
-    peak: (f64, f64),
+    peak_force: f64,
+    peak_torque: f64,
     timing: Timing,
     flagged: [u64; flags::NAMES.len()],
 }
@@ -151,16 +144,11 @@ impl Tally {
             seconds: 0.0,
             ticks: 0,
             overruns: 0,
-            missed: 0,
             input_faults: 0,
-            changes: 0,
-            not_loaded: 0,
-            outside: 0,
             outside_force: 0.0,
-            damped: 0,
-            not_sent: 0,
             evaluations: 0,
-            peak: (0.0, 0.0),
+            peak_force: 0.0,
+            peak_torque: 0.0,
             timing: Timing::default(),
             flagged: [0; flags::NAMES.len()],
         }
@@ -168,32 +156,26 @@ impl Tally {
 
     pub(crate) fn count(&mut self, sample: &Sample) {
         let has = |bits: u16| u64::from(sample.flags & bits != 0);
+        let [force, torque] = [sample.wrench.force, sample.wrench.torque].map(DVec3::length);
         self.ticks += 1;
         self.seconds = sample.time + sample.dt.min(1.0);
         self.input_faults += has(flags::NO_INPUT | flags::BAD_INPUT | flags::STALE | flags::JUMP);
-        self.changes += has(flags::CHANGED);
-        self.not_loaded += has(flags::NOT_LOADED);
-        self.damped += has(flags::DAMPED);
-        self.not_sent += has(flags::NOT_SENT);
         self.evaluations += u64::from(sample.evaluations);
-        let Wrench { torque, force } = sample.wrench;
+        self.peak_force = self.peak_force.max(force);
+        self.peak_torque = self.peak_torque.max(torque);
         if has(flags::OUTSIDE) > 0 {
-            self.outside += 1;
-            self.outside_force = self.outside_force.max(force.length());
+            self.outside_force = self.outside_force.max(force);
         }
-        self.peak.0 = self.peak.0.max(force.length());
-        self.peak.1 = self.peak.1.max(torque.length());
         for (bit, count) in self.flagged.iter_mut().enumerate() {
             *count += has(1 << bit);
         }
         self.last = *sample;
     }
 
-    pub(crate) fn time(&mut self, spent: &Spent) {
+    pub(crate) fn time(&mut self, spent: &TickTimes) {
         self.latency.saturating_record(spent.latency);
         self.lateness.saturating_record(spent.lateness);
         self.overruns += u64::from(spent.skipped > 0);
-        self.missed += u64::from(spent.skipped);
         self.timing.count(spent);
     }
 
@@ -214,8 +196,9 @@ impl Tally {
         device: &DeviceSpec,
         gains: &Gains,
         dropped: u64,
-        granted: Granted,
+        granted: RealtimeGrant,
     ) -> LoopReport {
+        let count = |flag: u16| self.flagged[flag.trailing_zeros() as usize];
         LoopReport {
             clock,
             device: device.name.clone(),
@@ -226,25 +209,96 @@ impl Tally {
             } else {
                 0.0
             },
-            latency_us: Quantiles::of(&self.latency),
-            lateness_us: Quantiles::of(&self.lateness),
+            latency_us: Quantiles::from_histogram(&self.latency),
+            lateness_us: Quantiles::from_histogram(&self.lateness),
             overruns: self.overruns,
-            missed: self.missed,
+            missed: self.timing.missed,
             input_faults: self.input_faults,
-            changes: self.changes,
-            not_loaded: self.not_loaded,
-            outside: self.outside,
+            changes: count(flags::CHANGED),
+            not_loaded: count(flags::NOT_LOADED),
+            outside: count(flags::OUTSIDE),
             outside_force: self.outside_force,
-            damped: self.damped,
-            not_sent: self.not_sent,
+            damped: count(flags::DAMPED),
+            not_sent: count(flags::NOT_SENT),
             dropped_samples: dropped,
             evaluations: self.evaluations,
-            peak_force: self.peak.0,
-            peak_torque: self.peak.1,
+            peak_force: self.peak_force,
+            peak_torque: self.peak_torque,
             stiffness: gains.stiffness,
             rotational_stiffness: gains.rotational_stiffness,
             energy: self.last.account,
             granted,
         }
+    }
+}
+
+/// Ticks over which the worst times are kept.
+const BLOCK: u64 = 1000;
+
+/// The newest sample and what was counted up to it, so that who looks seldom misses nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct View {
+    /// The newest sample.
+    pub sample: Sample,
+    /// When its tick began; `None` before the first.
+    pub at: Option<Instant>,
+    /// Times of the ticks before it.
+    pub timing: Timing,
+    /// In how many ticks each of [`flags::NAMES`] was set, this one's included.
+    pub flagged: [u64; flags::NAMES.len()],
+}
+
+/// Times of the ticks so far, nanoseconds on the wall clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Timing {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Deadlines left out because a tick took too long.
+    pub missed: u64,
+    /// Sum of the computing times.
+    pub latency: u64,
+    /// Sum of the starts after their deadlines.
+    pub lateness: u64,
+    /// Greatest computing time of the last full thousand ticks.
+    pub worst_latency: u64,
+    /// Greatest start after a deadline of the last full thousand ticks.
+    pub worst_lateness: u64,
+    block: [u64; 2],
+}
+
+impl Timing {
+    pub(crate) fn count(&mut self, spent: &TickTimes) {
+        self.ticks += 1;
+        self.missed += u64::from(spent.skipped);
+        self.latency = self.latency.saturating_add(spent.latency);
+        self.lateness = self.lateness.saturating_add(spent.lateness);
+        let [latency, lateness] = self.block;
+        self.block = [latency.max(spent.latency), lateness.max(spent.lateness)];
+        if self.ticks.is_multiple_of(BLOCK) {
+            [self.worst_latency, self.worst_lateness] = std::mem::take(&mut self.block);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_is_that_of_the_last_full_block() {
+        let mut timing = Timing::default();
+        for tick in 0..2 * BLOCK {
+            timing.count(&TickTimes {
+                latency: if tick == 3 { 900 } else { 10 },
+                lateness: if tick == BLOCK + 3 { 700 } else { 5 },
+                skipped: u32::from(tick == 7),
+            });
+            if tick == BLOCK {
+                assert_eq!((timing.worst_latency, timing.worst_lateness), (900, 5));
+            }
+        }
+        assert_eq!((timing.worst_latency, timing.worst_lateness), (10, 700));
+        assert_eq!((timing.ticks, timing.missed), (2 * BLOCK, 1));
+        assert_eq!(timing.lateness, 5 * (2 * BLOCK - 1) + 700);
     }
 }

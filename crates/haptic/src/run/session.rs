@@ -6,26 +6,41 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::EnergySource;
 
-use crate::config::HapticConfig;
+use crate::config::{ConfigError, HapticConfig};
 use crate::device::contract::{Device, DeviceError};
 use crate::device::workspace::Workspace;
 use crate::log::csv::CsvLog;
 use crate::log::error::RecordError;
 use crate::log::record;
-use crate::log::record::{Recorder, Writer};
+use crate::log::record::{Recorder, SampleWriter, Writer};
 use crate::log::replay::Replay;
-use crate::log::writer::SampleWriter;
 use crate::panics::panic_message;
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
-use crate::run::clock::Clock;
-use crate::run::error::HapticError;
-use crate::run::pace::{Beat, Due, Pace};
+use crate::run::pace::{Clock, DueTick, Pace, TickSource};
 use crate::run::realtime;
-use crate::run::realtime::Granted;
-use crate::run::report::Outcome;
-use crate::run::report::Tally;
-use crate::run::view::View;
+use crate::run::realtime::RealtimeGrant;
+use crate::run::report::{Outcome, Tally, View};
+
+/// Why a session could not run or end well.
+#[derive(Debug, thiserror::Error)]
+pub enum HapticError {
+    /// A setting is out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The log could not be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The loop thread could not be started.
+    #[error("the loop thread could not be started: {0}")]
+    Thread(std::io::Error),
+    /// Something in a tick panicked; the device was stopped.
+    #[error("the loop panicked and the device was stopped: {0}")]
+    Panicked(String),
+    /// The device did not take the stop.
+    #[error("the device may still push: {0}")]
+    NotStopped(DeviceError),
+}
 
 /// Shows the newest sample to another thread; never holds the loop up.
 #[derive(Debug)]
@@ -50,7 +65,7 @@ enum Log {
 }
 
 impl Log {
-    /// A file is created before the run, so that a bad path is told then.
+    /// Creates the file before the run, so that a bad path fails early.
     fn open(self) -> Result<Box<dyn SampleWriter>, RecordError> {
         match self {
             Self::Csv(path) => Ok(Box::new(CsvLog::create(&path)?)),
@@ -125,7 +140,7 @@ impl Session {
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        self.run_at(Beat::of(clock), device, source, seconds, stop)
+        self.run_at(TickSource::from_clock(clock), device, source, seconds, stop)
     }
 
     /// Runs at the recorded times of `replay` instead of a clock's, without waiting, until it ends
@@ -141,19 +156,19 @@ impl Session {
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        let beat = Beat::Recorded(replay.ticks());
-        self.run_at(beat, replay, source, seconds, stop)
+        let ticks = TickSource::Recorded(replay.ticks());
+        self.run_at(ticks, replay, source, seconds, stop)
     }
 
     fn run_at(
         self,
-        beat: Beat,
+        ticks: TickSource,
         device: &mut dyn Device,
         source: &dyn EnergySource,
         seconds: f64,
         stop: &AtomicBool,
     ) -> Result<Outcome, HapticError> {
-        let clock = beat.clock();
+        let clock = ticks.clock();
         let path = ForcePath::new(
             device.spec(),
             &self.config,
@@ -170,7 +185,7 @@ impl Session {
             viewer: self.viewer,
             tally: Tally::new(),
         };
-        let mut granted = Granted::default();
+        let mut granted = RealtimeGrant::default();
         let realtime = self.config.realtime && clock == Clock::Real;
         let lock = realtime.then(|| realtime::lock_memory(&mut granted));
         let spec = device.spec().clone();
@@ -178,11 +193,11 @@ impl Session {
             if realtime {
                 realtime::raise_priority(&mut granted);
             }
-            let mut device = Guard {
+            let mut device = StopGuard {
                 device,
                 stopped: false,
             };
-            let mut pace = Pace::new(beat, &self.config);
+            let mut pace = Pace::new(ticks, &self.config);
             ticker.run(&mut pace, &mut device, source, seconds, stop);
             device.stop().map(|()| pace.begin())
         });
@@ -219,12 +234,12 @@ fn on_own_thread<T: Send>(
 }
 
 /// Stops the device when dropped, in a panic too.
-struct Guard<'a> {
+struct StopGuard<'a> {
     device: &'a mut dyn Device,
     stopped: bool,
 }
 
-impl Guard<'_> {
+impl StopGuard<'_> {
     fn stop(&mut self) -> Result<(), DeviceError> {
         self.stopped = true;
         match self.device.stop_all() {
@@ -235,10 +250,10 @@ impl Guard<'_> {
     }
 }
 
-impl Drop for Guard<'_> {
+impl Drop for StopGuard<'_> {
     fn drop(&mut self) {
         if !self.stopped {
-            // Unwinding already: there is nobody left to tell.
+            // Already unwinding: nobody can take the error.
             let _ = self.stop();
         }
     }
@@ -256,7 +271,7 @@ impl Ticker {
     fn run(
         &mut self,
         pace: &mut Pace,
-        guard: &mut Guard<'_>,
+        guard: &mut StopGuard<'_>,
         source: &dyn EnergySource,
         seconds: f64,
         stop: &AtomicBool,
@@ -271,7 +286,7 @@ impl Ticker {
     }
 
     /// One tick; neither allocates nor blocks.
-    fn tick(&mut self, device: &mut dyn Device, source: &dyn EnergySource, due: &Due) {
+    fn tick(&mut self, device: &mut dyn Device, source: &dyn EnergySource, due: &DueTick) {
         let input = device.poll(due.now).ok();
         let mut sample = self.path.step(source, input.as_ref(), due.now, due.dt);
         if device.send(&sample.wrench).is_err() {

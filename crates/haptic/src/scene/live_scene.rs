@@ -7,22 +7,22 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::Pose;
 
-use crate::scene::error::LiveSceneError;
 use crate::scene::event::{PairState, SceneEvent};
-use crate::scene::keeper::Keeper;
 use crate::scene::live_source::LiveSource;
-use crate::scene::options::SceneOptions;
 use crate::scene::pair::PairSpec;
+use crate::scene::residency::LiveSceneError;
+use crate::scene::residency::ResidencyManager;
+use crate::scene::residency::SceneOptions;
 
-/// Pause of the loading thread between two looks at where the part is.
-const LOOK: Duration = Duration::from_millis(10);
+/// Pause of the loading thread between two checks of the part's pose.
+const POLL_PAUSE: Duration = Duration::from_millis(10);
 
 /// The same while there is more to load: time for the loop to give back what it no longer needs.
-const BUSY: Duration = Duration::from_millis(1);
+const BUSY_PAUSE: Duration = Duration::from_millis(1);
 
 /// Shared with the loading thread.
 #[derive(Debug, Default)]
-struct Board {
+struct SharedState {
     events: Vec<SceneEvent>,
     states: Vec<PairState>,
 }
@@ -30,7 +30,7 @@ struct Board {
 /// A scene whose near pairs are loaded while [`LiveScene::source`] is asked by a loop.
 pub struct LiveScene {
     source: Arc<LiveSource>,
-    board: Arc<Mutex<Board>>,
+    state: Arc<Mutex<SharedState>>,
     commands: Sender<usize>,
     thread: Option<JoinHandle<()>>,
 }
@@ -45,34 +45,34 @@ impl LiveScene {
         options: SceneOptions,
         start: &Pose,
     ) -> Result<Self, LiveSceneError> {
-        let (mut keeper, source) = Keeper::new(pairs, options, start);
-        keeper.load_in_reach(start)?;
-        let board = Arc::new(Mutex::new(Board::default()));
-        post(&board, &mut keeper);
+        let (mut manager, source) = ResidencyManager::new(pairs, options, start);
+        manager.load_in_reach(start)?;
+        let state = Arc::new(Mutex::new(SharedState::default()));
+        publish_state(&state, &mut manager);
         let (commands, orders) = mpsc::channel();
-        let shared = (Arc::clone(&board), Arc::clone(&source));
+        let shared = (Arc::clone(&state), Arc::clone(&source));
         let thread = std::thread::Builder::new()
             .name("haptic-loader".into())
             .spawn(move || {
-                let (board, source) = shared;
-                let mut pause = LOOK;
+                let (state, source) = shared;
+                let mut pause = POLL_PAUSE;
                 loop {
                     match orders.recv_timeout(pause) {
-                        Ok(pair) => keeper.reload(pair),
+                        Ok(pair) => manager.reload(pair),
                         Err(RecvTimeoutError::Timeout) => {}
                         Err(RecvTimeoutError::Disconnected) => return,
                     }
-                    pause = match keeper.step(&source.asked(), Instant::now()) {
-                        true => BUSY,
-                        false => LOOK,
+                    pause = match manager.step(&source.last_pose(), Instant::now()) {
+                        true => BUSY_PAUSE,
+                        false => POLL_PAUSE,
                     };
-                    post(&board, &mut keeper);
+                    publish_state(&state, &mut manager);
                 }
             })
             .map_err(LiveSceneError::Thread)?;
         Ok(Self {
             source,
-            board,
+            state,
             commands,
             thread: Some(thread),
         })
@@ -92,23 +92,23 @@ impl LiveScene {
 
     /// Everything that happened so far, in order.
     pub fn events(&self) -> Vec<SceneEvent> {
-        self.board().events.clone()
+        self.state().events.clone()
     }
 
     /// What every pair is doing.
     pub fn states(&self) -> Vec<PairState> {
-        self.board().states.clone()
+        self.state().states.clone()
     }
 
-    fn board(&self) -> std::sync::MutexGuard<'_, Board> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    fn state(&self) -> std::sync::MutexGuard<'_, SharedState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn post(board: &Mutex<Board>, keeper: &mut Keeper) {
-    let mut board = board.lock().unwrap_or_else(PoisonError::into_inner);
-    board.events.append(&mut keeper.events);
-    keeper.states(&mut board.states);
+fn publish_state(state: &Mutex<SharedState>, manager: &mut ResidencyManager) {
+    let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+    state.events.append(&mut manager.events);
+    manager.states(&mut state.states);
 }
 
 impl Drop for LiveScene {

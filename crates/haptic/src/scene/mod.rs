@@ -1,23 +1,16 @@
-//! Scenes: many fixed parts, of which those near the moving part are loaded, by a thread of its
-//! own, within a memory budget, and loaded again when their files change.
+//! Scenes: many fixed parts. A thread of its own loads those near the moving part, within a memory
+//! budget, and loads them again when their files change.
 
-mod box_tree;
-pub(crate) mod error;
 pub(crate) mod event;
-mod keeper;
 pub(crate) mod live_scene;
 pub(crate) mod live_source;
-pub(crate) mod options;
 pub(crate) mod pair;
-pub(crate) mod pair_loading;
+pub(crate) mod residency;
 mod rotations;
-pub(crate) mod shared;
-mod slot;
-mod snapshot;
 pub(crate) mod sum;
-mod tables;
 
-pub use error::LiveSceneError;
 pub use event::{PairState, SceneChange, SceneEvent};
-pub use pair::{Content, LoadFailure, Loaded, Loader};
-pub use pair_loading::{beside_the_loop, direct_reach, table_reach};
+pub use pair::{
+    Content, LoadFailure, LoadedPair, Loader, direct_reach, table_reach, with_spare_core,
+};
+pub use residency::LiveSceneError;

@@ -3,14 +3,18 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fft_correlate::{EnergySource, PartialTable, Placement};
+use fft_correlate::{
+    DirectError, DirectEvaluator, DirectOptions, EnergySource, Pair, PartialTable, Placement,
+    ScoreModel, StoreError, TableSpec, TableStore,
+};
+use glam::DVec3;
 use sdf_grid::Aabb;
 
 /// What a loader may fail with.
 pub type LoadFailure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Makes the energy source of a pair; called on the loading thread, as often as the pair is loaded.
-pub type Loader = Box<dyn FnMut() -> Result<Loaded, LoadFailure> + Send>;
+pub type Loader = Box<dyn FnMut() -> Result<LoadedPair, LoadFailure> + Send>;
 
 /// The energy of a pair.
 pub enum Content {
@@ -26,7 +30,7 @@ pub enum Content {
 }
 
 /// A pair ready to be asked.
-pub struct Loaded {
+pub struct LoadedPair {
     /// Its energy.
     pub content: Content,
     /// Where the moving part's pivot must be, in the fixed shape's frame, for the energy to differ
@@ -40,7 +44,7 @@ pub struct PairSpec {
     pub name: String,
     /// Where both shapes are in the scene.
     pub placement: Placement,
-    /// What [`Loaded::reach`] will be; known before anything is loaded.
+    /// What [`LoadedPair::reach`] will be; known before anything is loaded.
     pub reach: Aabb,
     /// Memory that it will take if it is whole, as far as it is known; 0 for a table that is kept
     /// in part.
@@ -53,4 +57,95 @@ pub struct PairSpec {
     pub same_as: Option<usize>,
     /// Loads it.
     pub load: Loader,
+}
+
+/// A cell's worth of a halo: the densities end within one.
+const SLACK: f64 = 0.05;
+
+impl LoadedPair {
+    /// A pair evaluated directly, its points merged as far as real time needs. `fixed` bounds the
+    /// fixed part, `radius` the moving part about the pivot that reaches speak of, metres.
+    ///
+    /// # Errors
+    /// If a part has no interior on its lattice.
+    pub fn direct(pair: &Pair, fixed: &Aabb, radius: f64) -> Result<Self, DirectError> {
+        let source = DirectEvaluator::new(pair, &DirectOptions::REAL_TIME)?;
+        Ok(Self {
+            content: Content::Whole {
+                bytes: source.describe().bytes,
+                source: Arc::new(source) as Arc<dyn EnergySource>,
+            },
+            reach: direct_reach(pair.model(), pair.fixed().recipe.halo, fixed, radius),
+        })
+    }
+
+    /// A table on disk; `pivot` is what reaches speak of, metres, moving part's frame.
+    ///
+    /// # Errors
+    /// If the table cannot be read in part.
+    pub fn table(store: TableStore, pivot: DVec3) -> Result<Self, StoreError> {
+        let reach = table_reach(store.spec(), pivot);
+        Ok(Self {
+            content: Content::Table(Box::new(PartialTable::new(store)?)),
+            reach,
+        })
+    }
+}
+
+/// Where the pivot must be, in the fixed part's frame, for a pair evaluated directly to have energy.
+/// Beyond the halo of one part and the bounds of the other there is none; with a separation weight
+/// the halos of both meet.
+pub fn direct_reach(model: &ScoreModel, halo: f64, fixed: &Aabb, radius: f64) -> Aabb {
+    let halos = match model.separation_weight {
+        0.0 => halo,
+        _ => 2.0 * halo,
+    };
+    fixed.grown(halos + SLACK * halo + radius)
+}
+
+/// The same for a table: [`TableSpec::fade_length`] beyond its window it has faded out. `pivot` is the point of the
+/// moving part that reaches speak of, metres, its frame.
+pub fn table_reach(spec: &TableSpec, pivot: DVec3) -> Aabb {
+    let (window, own) = (&spec.window, spec.pivot());
+    let last = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
+    let first = own + window.origin();
+    Aabb {
+        min: first,
+        max: first + last,
+    }
+    .grown(spec.fade_length() + own.distance(pivot))
+}
+
+/// Does work on all cores but one, which the loop keeps.
+///
+/// # Errors
+/// If the threads cannot be started.
+pub fn with_spare_core<T: Send>(
+    work: impl FnOnce() -> T + Send,
+) -> Result<T, rayon::ThreadPoolBuildError> {
+    let threads = rayon::current_num_threads().saturating_sub(1).max(1);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()?;
+    Ok(pool.install(work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halos_of_both_parts_meet_with_a_separation_weight_only() {
+        let fixed = Aabb {
+            min: DVec3::ZERO,
+            max: DVec3::ONE,
+        };
+        let reach = |model: &ScoreModel| direct_reach(model, 0.1, &fixed, 0.5).max.x;
+        assert!((reach(&ScoreModel::GUIDED) - 1.605).abs() < 1e-12);
+        let apart = ScoreModel {
+            separation_weight: 1.0,
+            ..ScoreModel::GUIDED
+        };
+        assert!((reach(&apart) - 1.705).abs() < 1e-12);
+    }
 }

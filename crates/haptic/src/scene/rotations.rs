@@ -1,11 +1,13 @@
-//! Which rotation nodes of a scene's tables are in memory: those nearest to where the part may
-//! turn.
+//! Which rotation nodes of a scene's tables are in memory: the nearest are read first, and the
+//! farthest are evicted when the budget is used up.
 
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use fft_correlate::{PartialTable, Placement, Pose, StoreError};
 
-use crate::scene::shared::SharedSource;
+use crate::scene::sum::SharedSource;
 
 /// Nodes read or dropped at a time: a few milliseconds' worth.
 const BATCH: usize = 32;
@@ -16,20 +18,20 @@ const AWAY: f32 = 1e3;
 /// A table of which a part is in memory, and how urgently each node is needed: the angle, radians,
 /// by which the part would have to turn before it is; negative for nodes that are needed now.
 pub(crate) struct Rotations {
-    pub(crate) table: PartialTable,
+    table: PartialTable,
     /// What is in memory of it, for the readers.
     source: SharedSource,
     urgency: Vec<f32>,
     distances: Vec<f32>,
     /// What the urgencies are for.
     views: Vec<Viewpoint>,
-    /// Could not be read.
+    /// Nodes that could not be read.
     bad: Vec<bool>,
-    /// It was said that what is needed does not fit.
-    pub(crate) cramped: bool,
+    /// Whether it was already reported that the needed nodes do not fit.
+    no_room_noted: bool,
 }
 
-/// A place from which a table is asked.
+/// A rotation at which a table is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Viewpoint {
     /// The rotation of the shapes there.
@@ -43,7 +45,7 @@ pub(crate) struct Viewpoint {
 pub(crate) struct RotationNode {
     pub(crate) urgency: f32,
     pub(crate) group: usize,
-    pub(crate) node: usize,
+    node: usize,
 }
 
 impl Viewpoint {
@@ -54,7 +56,7 @@ impl Viewpoint {
         }
     }
 
-    /// As good as the same for what to load next.
+    /// Whether both give practically the same priorities.
     fn is_near(&self, other: &Self, step: f64) -> bool {
         let same_side = (self.away > 0.0) == (other.away > 0.0);
         same_side && self.rotation.angle_between(other.rotation) < 0.1 * step
@@ -71,28 +73,23 @@ impl Rotations {
             distances: vec![0.0; nodes],
             views: Vec::new(),
             bad: vec![false; nodes],
-            cramped: false,
+            no_room_noted: false,
         }
     }
 
-    /// What was last shown of it.
+    /// What readers were last given of it.
     pub(crate) fn source(&self) -> &SharedSource {
         &self.source
     }
 
-    /// What is in memory of it now.
-    pub(crate) fn show(&mut self) -> &SharedSource {
+    /// Renews the readers' source from what is in memory now.
+    fn share(&mut self) -> &SharedSource {
         self.source = self.source.with_part(Arc::new(self.table.table()));
         &self.source
     }
 
-    /// Half a step: a node that is less urgent by this much makes room for another.
-    fn patience(&self) -> f32 {
-        0.5 * self.table.step() as f32
-    }
-
-    /// Brings the urgencies up to date; true if they changed. Without a view nothing is wanted.
-    pub(crate) fn look(&mut self, views: &[Viewpoint]) -> bool {
+    /// Updates the urgencies; true if they changed. Without a view nothing is wanted.
+    fn update_priorities(&mut self, views: &[Viewpoint]) -> bool {
         let step = self.table.step();
         let old = self.views.iter().zip(views);
         if old.len() == self.views.len().max(views.len())
@@ -116,18 +113,11 @@ impl Rotations {
         true
     }
 
-    /// Nodes that are wanted within `limit` and could be read, whether they are in memory or not.
-    pub(crate) fn count(&self, limit: f32) -> usize {
-        let urgent = self.urgency.iter().zip(&self.bad);
-        urgent.filter(|(u, bad)| **u < limit && !**bad).count()
-    }
-
-    /// Nodes in memory that are wanted only beyond `least`.
-    pub(crate) fn spare_count(&self, least: f32) -> usize {
-        let urgent = self.urgency.iter().enumerate();
-        urgent
-            .filter(|(node, u)| **u > least && self.table.has(*node))
-            .count()
+    /// Bytes of the readable nodes that are needed now, whether they are in memory or not.
+    fn needed_bytes(&self) -> u64 {
+        let nodes = self.urgency.iter().zip(&self.bad);
+        let needed = nodes.filter(|(urgency, bad)| **urgency < 0.0 && !**bad);
+        needed.count() as u64 * self.table.node_bytes()
     }
 
     fn nodes(&self, group: usize, resident: bool) -> impl Iterator<Item = RotationNode> + '_ {
@@ -142,7 +132,7 @@ impl Rotations {
     }
 
     /// Reads nodes; those that cannot be are not tried again.
-    pub(crate) fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
+    fn load(&mut self, nodes: &[usize]) -> Result<(), StoreError> {
         let result = self.table.load(nodes);
         for &node in nodes {
             self.bad[node] |= !self.table.has(node);
@@ -150,42 +140,25 @@ impl Rotations {
         result
     }
 
-    /// Drops everything that is in memory; the table, to see when readers have let go of it.
-    pub(crate) fn retire(mut self) -> PartialTable {
+    /// Evicts everything. The table that is left shows when readers have let go of it.
+    fn retire(mut self) -> PartialTable {
         for node in 0..self.table.nodes() {
             self.table.unload(node);
         }
         self.table
     }
 
-    pub(crate) fn bytes(&self) -> u64 {
+    fn bytes(&self) -> u64 {
         self.table.resident() as u64 * self.table.node_bytes()
     }
 }
 
-/// The most urgent nodes of all tables that are not in memory, most urgent first.
-pub(crate) fn wanted<'a>(
-    tables: impl Iterator<Item = (&'a usize, &'a Rotations)>,
-    limit: f32,
+/// The first [`BATCH`] nodes, in order.
+fn first_batch(
+    nodes: impl Iterator<Item = RotationNode>,
+    order: impl Fn(&RotationNode, &RotationNode) -> Ordering,
 ) -> Vec<RotationNode> {
-    let absent = tables.flat_map(|(&group, table)| table.nodes(group, false));
-    let wanted = absent.filter(|n| n.urgency < limit && n.urgency.is_finite());
-    first(wanted.collect(), |a, b| a.urgency.total_cmp(&b.urgency))
-}
-
-/// The least urgent nodes of all tables that are in memory, least urgent first.
-pub(crate) fn spare<'a>(
-    tables: impl Iterator<Item = (&'a usize, &'a Rotations)>,
-) -> Vec<RotationNode> {
-    let there = tables.flat_map(|(&group, table)| table.nodes(group, true));
-    first(there.collect(), |a, b| b.urgency.total_cmp(&a.urgency))
-}
-
-/// The first of a batch, in order.
-fn first(
-    mut nodes: Vec<RotationNode>,
-    order: impl Fn(&RotationNode, &RotationNode) -> std::cmp::Ordering,
-) -> Vec<RotationNode> {
+    let mut nodes: Vec<_> = nodes.collect();
     if nodes.len() > BATCH {
         nodes.select_nth_unstable_by(BATCH, &order);
         nodes.truncate(BATCH);
@@ -194,7 +167,216 @@ fn first(
     nodes
 }
 
-/// Whether `spare` is to make room for `wanted`, of `table`.
-pub(crate) fn gives_way(spare: &RotationNode, wanted: &RotationNode, table: &Rotations) -> bool {
-    spare.urgency > wanted.urgency + table.patience()
+/// The tables of a scene that are kept in part, by the group of pairs that shares each.
+#[derive(Default)]
+pub(crate) struct Tables {
+    groups: BTreeMap<usize, Rotations>,
+    /// Tables that were replaced or unloaded but that readers may still hold.
+    retired: Vec<PartialTable>,
+    /// Whether nothing is left to do until something changes.
+    pub(crate) idle: bool,
+    /// Threads that read tables while the loop runs.
+    pool: Option<rayon::ThreadPool>,
+}
+
+/// What [`Tables::step`] did.
+pub(crate) enum Step {
+    /// Nothing: what is wanted is there.
+    Done,
+    /// It read rotations.
+    Read(Vec<TableRead>),
+    /// It evicted rotations for more urgent ones.
+    Evicted,
+    /// Nothing yet: what was evicted becomes free when the loop lets go of it.
+    Waiting,
+    /// Nothing: there is no room for this one, the most urgent.
+    Full(RotationNode),
+}
+
+/// The result of reading rotations of one group.
+pub(crate) struct TableRead {
+    pub(crate) group: usize,
+    /// The bytes of the whole table if all of it is in memory now.
+    pub(crate) read: Result<Option<u64>, StoreError>,
+}
+
+impl Tables {
+    /// From now on reading leaves a core to the loop.
+    pub(crate) fn leave_a_core(&mut self) {
+        let threads = rayon::current_num_threads().saturating_sub(1).max(1);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        self.pool = pool.ok();
+    }
+
+    /// The table of a group, if it has one.
+    pub(crate) fn table(&self, group: usize) -> Option<&PartialTable> {
+        self.groups.get(&group).map(|rotations| &rotations.table)
+    }
+
+    /// Renews every group's source from what is in memory now.
+    pub(crate) fn share(&mut self) -> impl Iterator<Item = (usize, &SharedSource)> {
+        let groups = self.groups.iter_mut();
+        groups.map(|(&group, rotations)| (group, rotations.share()))
+    }
+
+    /// Bytes of the rotations that count as loaded.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.groups.values().map(Rotations::bytes).sum()
+    }
+
+    /// Bytes of rotations that are in memory, held by readers that have not yet let go of them too.
+    pub(crate) fn held_bytes(&self) -> u64 {
+        let tables = self.groups.values().map(|rotations| &rotations.table);
+        tables
+            .chain(&self.retired)
+            .map(PartialTable::held_bytes)
+            .sum()
+    }
+
+    /// Bytes of the rotations that are needed where the part is.
+    pub(crate) fn needed_bytes(&self) -> u64 {
+        self.groups.values().map(Rotations::needed_bytes).sum()
+    }
+
+    /// Replaces a group's table.
+    pub(crate) fn change(&mut self, group: usize, rotations: Option<Rotations>) {
+        let old = match rotations {
+            Some(rotations) => self.groups.insert(group, rotations),
+            None => self.groups.remove(&group),
+        };
+        self.retired.retain(|table| table.held_bytes() > 0);
+        self.retired.extend(old.map(Rotations::retire));
+        self.idle = false;
+    }
+
+    /// Updates the urgencies of all rotations; `views` gives the rotations at which a group is evaluated.
+    pub(crate) fn update_priorities(&mut self, views: impl Fn(usize) -> Vec<Viewpoint>) {
+        for (&group, rotations) in &mut self.groups {
+            if rotations.update_priorities(&views(group)) {
+                self.idle = false;
+            }
+        }
+    }
+
+    /// Reads the most urgent rotations below `limit` that fit into `allowed` bytes, or evicts others
+    /// for them.
+    pub(crate) fn step(&mut self, limit: f32, allowed: u64) -> Step {
+        let absent = self.nodes(false);
+        let wanted = absent.filter(|n| n.urgency < limit && n.urgency.is_finite());
+        let wanted = first_batch(wanted, |a, b| a.urgency.total_cmp(&b.urgency));
+        let Some(&most) = wanted.first() else {
+            return Step::Done;
+        };
+        if most.urgency >= 0.0 {
+            self.groups
+                .values_mut()
+                .for_each(|r| r.no_room_noted = false);
+        }
+        let batches = self.batches_that_fit(&wanted, allowed);
+        if !batches.is_empty() {
+            return Step::Read(self.read(batches));
+        }
+        if self.held_bytes() > self.bytes() {
+            return Step::Waiting;
+        }
+        match self.evict_for(&wanted) {
+            true => Step::Evicted,
+            false => Step::Full(most),
+        }
+    }
+
+    /// The first nodes of `wanted` that fit into `allowed` bytes beside what is held, by group.
+    fn batches_that_fit(&self, wanted: &[RotationNode], allowed: u64) -> Vec<(usize, Vec<usize>)> {
+        let mut held = self.held_bytes();
+        let mut batches: Vec<(usize, Vec<usize>)> = Vec::new();
+        for node in wanted {
+            held = held.saturating_add(self.groups[&node.group].table.node_bytes());
+            if held > allowed {
+                break;
+            }
+            match batches.iter_mut().find(|(group, _)| *group == node.group) {
+                Some((_, nodes)) => nodes.push(node.node),
+                None => batches.push((node.group, vec![node.node])),
+            }
+        }
+        batches
+    }
+
+    fn read(&mut self, batches: Vec<(usize, Vec<usize>)>) -> Vec<TableRead> {
+        let mut readings = Vec::new();
+        for (group, nodes) in batches {
+            let Some(rotations) = self.groups.get_mut(&group) else {
+                continue;
+            };
+            let read = match &self.pool {
+                Some(pool) => pool.install(|| rotations.load(&nodes)),
+                None => rotations.load(&nodes),
+            };
+            let all = rotations.table.resident() == rotations.table.nodes();
+            let read = read.map(|()| all.then(|| rotations.bytes()));
+            readings.push(TableRead { group, read });
+        }
+        readings
+    }
+
+    /// The nodes of all tables that are in memory, or that are not and can be read.
+    fn nodes(&self, resident: bool) -> impl Iterator<Item = RotationNode> + '_ {
+        let groups = self.groups.iter();
+        groups.flat_map(move |(&group, table)| table.nodes(group, resident))
+    }
+
+    /// Nodes in memory, least urgent first.
+    fn least_urgent(&self) -> Vec<RotationNode> {
+        first_batch(self.nodes(true), |a, b| b.urgency.total_cmp(&a.urgency))
+    }
+
+    fn unload(&mut self, node: &RotationNode) {
+        if let Some(rotations) = self.groups.get_mut(&node.group) {
+            rotations.table.unload(node.node);
+        }
+    }
+
+    /// Evicts rotations that are less urgent than those `wanted` by more than half a step; false if
+    /// there are none.
+    fn evict_for(&mut self, wanted: &[RotationNode]) -> bool {
+        let patience = wanted.first().map_or(0.0, |most| {
+            0.5 * self.groups[&most.group].table.step() as f32
+        });
+        let mut evicted = false;
+        for (spare, wanted) in self.least_urgent().iter().zip(wanted) {
+            if spare.urgency <= wanted.urgency + patience {
+                break;
+            }
+            self.unload(spare);
+            evicted = true;
+        }
+        evicted
+    }
+
+    /// Evicts the least urgent rotations beyond `least` until `excess` bytes are free. False, and
+    /// nothing is evicted, if they are too few.
+    pub(crate) fn evict(&mut self, excess: u64, least: f32) -> bool {
+        let size = |group: &usize| self.groups[group].table.node_bytes();
+        let spare = self.nodes(true).filter(|node| node.urgency > least);
+        if spare.map(|node| size(&node.group)).sum::<u64>() < excess {
+            return false;
+        }
+        let mut freed = 0;
+        while freed < excess {
+            for node in self.least_urgent() {
+                if freed < excess {
+                    self.unload(&node);
+                    freed += self.groups[&node.group].table.node_bytes();
+                }
+            }
+        }
+        self.idle = false;
+        true
+    }
+
+    /// Records that a group's needed rotations do not fit; true if that is new.
+    pub(crate) fn note_no_room(&mut self, group: usize) -> bool {
+        let rotations = self.groups.get_mut(&group);
+        rotations.is_some_and(|r| !std::mem::replace(&mut r.no_room_noted, true))
+    }
 }

@@ -1,15 +1,15 @@
 //! Several fixed parts and one moving part: energies and wrenches added up.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use fft_correlate::{EnergySource, InScene, Placement, Pose, Response, Scratch};
 use glam::DVec3;
 use sdf_grid::Aabb;
 
-use crate::scene::box_tree::BoxTree;
-use crate::scene::shared::SharedSource;
-
 /// One pair of a scene: its source and where the scene puts its shapes.
 #[derive(Clone)]
-pub struct Placed {
+pub struct PlacedSource {
     /// Energy at poses of the shapes; `None` while it is not loaded.
     pub source: Option<SharedSource>,
     /// Where both shapes are in the scene.
@@ -19,7 +19,7 @@ pub struct Placed {
     pub reach: Option<Aabb>,
 }
 
-/// The sum of several pairs. Pairs whose reach the moving part's pivot is not in are not looked at.
+/// The sum of several pairs. Pairs are skipped while the moving part's pivot is outside their reach.
 ///
 /// Among the pairs in reach the coverage is the greatest of those that are loaded, times the share
 /// that is: a pair that is in reach and not loaded, in whole or in the part that matters, pulls it
@@ -29,13 +29,9 @@ pub struct Placed {
 pub struct SumSource {
     pivot: DVec3,
     pairs: Vec<PlacedPair>,
-    /// Over the pairs with a reach, by [`SumSource::bounded`].
-    tree: BoxTree,
-    bounded: Vec<usize>,
-    unbounded: Vec<usize>,
 }
 
-/// A pair as it is asked.
+/// A pair ready for evaluation.
 #[derive(Clone)]
 pub(super) struct PlacedPair {
     source: Option<InScene<SharedSource>>,
@@ -51,25 +47,9 @@ pub(super) struct SumScratch(pub(super) Vec<Scratch>);
 impl SumSource {
     /// The sum of `pairs`; none give zero everywhere. `pivot` is the point of the moving part, as
     /// placed (metres, what poses move), that reaches speak of.
-    pub fn new(pivot: DVec3, pairs: Vec<Placed>) -> Self {
-        let all = 0..pairs.len();
-        let (bounded, unbounded): (Vec<_>, Vec<_>) = all.partition(|&i| pairs[i].reach.is_some());
-        let boxes: Vec<Aabb> = bounded
-            .iter()
-            .filter_map(|&i| {
-                pairs[i]
-                    .reach
-                    .map(|r| placed_box(&r, &pairs[i].placement.fixed))
-            })
-            .collect();
-        let pairs = pairs.into_iter().map(PlacedPair::new);
-        Self {
-            pivot,
-            pairs: pairs.collect(),
-            tree: BoxTree::new(&boxes),
-            bounded,
-            unbounded,
-        }
+    pub fn new(pivot: DVec3, pairs: Vec<PlacedSource>) -> Self {
+        let pairs = pairs.into_iter().map(PlacedPair::new).collect();
+        Self { pivot, pairs }
     }
 
     /// Pairs in the sum.
@@ -89,9 +69,7 @@ impl SumSource {
 
     /// How many pairs are in reach at `pose`.
     pub fn in_reach(&self, pose: &Pose) -> usize {
-        let mut count = 0;
-        self.visit(pose, |_, _| count += 1);
-        count
+        self.reached(pose).count()
     }
 
     /// The sum over the pairs in reach for which `counts` holds; the others count as not loaded.
@@ -103,13 +81,13 @@ impl SumSource {
     ) -> Response {
         let mut sum = Response::default();
         let (mut in_reach, mut loaded) = (0u32, 0u32);
-        self.visit(pose, |i, pair| {
+        for (i, pair) in self.reached(pose) {
             in_reach += 1;
-            if pair.is_there() && counts(i) {
+            if pair.has_source() && counts(i) {
                 loaded += 1;
-                add(&mut sum, &pair.answer(pose, &mut scratch.0[i]));
+                add(&mut sum, &pair.evaluate(pose, &mut scratch.0[i]));
             }
-        });
+        }
         if loaded < in_reach {
             sum.coverage *= f64::from(loaded) / f64::from(in_reach);
         }
@@ -121,37 +99,12 @@ impl SumSource {
         SumScratch(self.pairs.iter().map(PlacedPair::scratch).collect())
     }
 
-    /// The pairs in reach, in the order of their boxes.
-    pub(super) fn visit(&self, pose: &Pose, mut each: impl FnMut(usize, &PlacedPair)) {
-        let point = pose.apply(self.pivot);
-        for &index in &self.unbounded {
-            each(index, &self.pairs[index]);
-        }
-        self.tree.visit(point, |k| {
-            let index = self.bounded[k];
-            let pair = &self.pairs[index];
-            if pair.reaches(point) {
-                each(index, pair);
-            }
-        });
+    /// The pairs in reach with their indices, in the order in which they were given.
+    pub(super) fn reached(&self, pose: &Pose) -> impl Iterator<Item = (usize, &PlacedPair)> {
+        let pivot = pose.apply(self.pivot);
+        let pairs = self.pairs.iter().enumerate();
+        pairs.filter(move |(_, pair)| pair.reaches(pivot))
     }
-}
-
-/// The box in the scene around a box of a part that `placement` puts there.
-pub(crate) fn placed_box(reach: &Aabb, placement: &Pose) -> Aabb {
-    let corner = |i: usize| {
-        let pick = |axis: usize| {
-            if i & (1 << axis) == 0 {
-                reach.min[axis]
-            } else {
-                reach.max[axis]
-            }
-        };
-        placement.apply(DVec3::new(pick(0), pick(1), pick(2)))
-    };
-    // Turning a point there and back may round it out of the box.
-    let slack = 1e-12 * (1.0 + reach.diagonal() + placement.translation.length());
-    Aabb::around((0..8).map(corner)).grown(slack)
 }
 
 pub(super) fn add(sum: &mut Response, part: &Response) {
@@ -161,8 +114,8 @@ pub(super) fn add(sum: &mut Response, part: &Response) {
 }
 
 impl PlacedPair {
-    fn new(placed: Placed) -> Self {
-        let Placed {
+    fn new(placed: PlacedSource) -> Self {
+        let PlacedSource {
             source,
             placement,
             reach,
@@ -180,13 +133,12 @@ impl PlacedPair {
         reach.is_none_or(|r| r.contains(self.inverse.apply(pivot)))
     }
 
-    pub(super) fn scratch(&self) -> Scratch {
+    fn scratch(&self) -> Scratch {
         let source = self.source.as_ref();
         source.map(EnergySource::scratch).unwrap_or_default()
     }
 
-    /// Whether there is a source.
-    pub(super) fn is_there(&self) -> bool {
+    pub(super) fn has_source(&self) -> bool {
         self.source.is_some()
     }
 
@@ -209,8 +161,8 @@ impl PlacedPair {
         }
     }
 
-    /// In the scene's frame; nothing while it is not loaded.
-    pub(super) fn answer(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+    /// The pair's response, scene frame; zero while it is not loaded.
+    pub(super) fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
         match &self.source {
             Some(source) => source.evaluate(pose, scratch),
             None => Response::default(),
@@ -229,9 +181,78 @@ impl EnergySource for SumSource {
 
     fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
         let SumScratch(scratches) = scratch.get();
-        let mut all = true;
-        self.visit(pose, |i, pair| all &= pair.is_loaded(pose, &scratches[i]));
-        all
+        self.reached(pose)
+            .all(|(i, pair)| pair.is_loaded(pose, &scratches[i]))
+    }
+}
+
+/// The number of a source, given once while the program runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct SourceId(u64);
+
+impl SourceId {
+    pub(crate) fn new() -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        // 2^64 sources are more than any run loads.
+        Self(NEXT.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+/// An energy source that pairs, and sums exchanged for one another, may hold together.
+///
+/// Clones are the same source. Two that were made by [`SharedSource::new`] are two, even if the
+/// second one comes to lie where the first one was in memory.
+#[derive(Clone)]
+pub struct SharedSource {
+    id: SourceId,
+    source: Arc<dyn EnergySource>,
+}
+
+impl SharedSource {
+    /// A source that was not there before.
+    pub fn new(source: Arc<dyn EnergySource>) -> Self {
+        Self {
+            id: SourceId::new(),
+            source,
+        }
+    }
+
+    /// The same source with another part of it in memory: `source` must give what this one gives
+    /// wherever both are [loaded](EnergySource::is_loaded).
+    #[must_use]
+    pub fn with_part(&self, source: Arc<dyn EnergySource>) -> Self {
+        Self {
+            id: self.id,
+            source,
+        }
+    }
+
+    pub(crate) fn id(&self) -> SourceId {
+        self.id
+    }
+
+    /// Its address.
+    #[cfg(test)]
+    pub(crate) fn place(&self) -> usize {
+        Arc::as_ptr(&self.source).addr()
+    }
+}
+
+impl EnergySource for SharedSource {
+    fn scratch(&self) -> Scratch {
+        self.source.scratch()
+    }
+
+    fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+        self.source.evaluate(pose, scratch)
+    }
+
+    fn refresh(&self, pose: &Pose, scratch: &mut Scratch) -> Option<Response> {
+        self.source.refresh(pose, scratch)
+    }
+
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        self.source.is_loaded(pose, scratch)
     }
 }
 
@@ -273,9 +294,9 @@ mod tests {
 
     const PIVOT: DVec3 = DVec3::new(0.01, -0.02, 0.03);
 
-    fn pairs(spring: &Arc<Spring>) -> Vec<Placed> {
+    fn pairs(spring: &Arc<Spring>) -> Vec<PlacedSource> {
         let shared = SharedSource::new(Arc::clone(spring) as Arc<dyn EnergySource>);
-        let at = |x: f64, reach| Placed {
+        let at = |x: f64, reach| PlacedSource {
             source: Some(shared.clone()),
             placement: Placement {
                 fixed: Pose::new(DQuat::from_rotation_z(x), DVec3::new(x, 0.2, 0.0)),

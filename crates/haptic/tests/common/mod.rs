@@ -5,7 +5,7 @@ pub(crate) mod valleys;
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
-use haptic::{Geometry, HandConfig, Script, SimulatedHand, Workspace};
+use haptic::{Geometry, OperatorConfig, Script, SimulatedOperator, Workspace};
 
 /// Energy of a peg that seats at the identity, moving along -z: a cone with a kink across, a kink
 /// along and a kink in rotation, in a wide funnel.
@@ -91,6 +91,6 @@ pub(crate) fn workspace() -> Workspace {
     Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO)
 }
 
-pub(crate) fn hand(config: HandConfig, script: Script) -> SimulatedHand {
-    SimulatedHand::new(config, script, geometry(), workspace())
+pub(crate) fn hand(config: OperatorConfig, script: Script) -> SimulatedOperator {
+    SimulatedOperator::new(config, script, geometry(), workspace())
 }

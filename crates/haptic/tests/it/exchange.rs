@@ -8,8 +8,8 @@ use crate::common::{Well, workspace};
 use fft_correlate::{EnergySource, Placement, Pose, Wrench};
 use glam::DVec3;
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, LiveSource,
-    Outcome, Placed, Session, SharedSource, SumSource, flags,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, LiveSource, OperatorConfig,
+    Outcome, PlacedSource, Session, SharedSource, SumSource, flags,
 };
 
 /// Held still beside the fit; exchanges the source at one poll.
@@ -34,7 +34,7 @@ impl Device for Holder {
         }
         self.polls += 1;
         let pose = Pose::from_translation(DVec3::new(0.003, 0.0, 0.001));
-        Ok(DeviceState::at(pose, now))
+        Ok(DeviceState::at_rest(pose, now))
     }
 
     fn send(&mut self, _: &Wrench) -> Result<(), DeviceError> {
@@ -47,7 +47,7 @@ impl Device for Holder {
 }
 
 fn sum(wells: &[(Well, DVec3)]) -> SumSource {
-    let placed = wells.iter().map(|(well, at)| Placed {
+    let placed = wells.iter().map(|(well, at)| PlacedSource {
         source: Some(SharedSource::new(Arc::new(*well))),
         placement: Placement::of_fixed(Pose::from_translation(*at)),
         reach: None,
@@ -58,7 +58,7 @@ fn sum(wells: &[(Well, DVec3)]) -> SumSource {
 fn run(before: SumSource, after: SumSource) -> Outcome {
     let live = Arc::new(LiveSource::new(before, &Pose::IDENTITY));
     let mut device = Holder {
-        spec: HandConfig::default().spec(),
+        spec: OperatorConfig::default().spec(),
         polls: 0,
         live: Arc::clone(&live),
         at: 2000,

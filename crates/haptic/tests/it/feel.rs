@@ -4,9 +4,9 @@ use std::sync::atomic::AtomicBool;
 
 use crate::common::{Well, hand, workspace};
 use fft_correlate::{EnergySource, Pose};
-use haptic::{Clock, HandConfig, HapticConfig, Outcome, Script, Session, flags};
+use haptic::{Clock, HapticConfig, OperatorConfig, Outcome, Script, Session, flags};
 
-fn run(config: HapticConfig, hand_config: HandConfig, script: Script, seconds: f64) -> Outcome {
+fn run(config: HapticConfig, hand_config: OperatorConfig, script: Script, seconds: f64) -> Outcome {
     let mut device = hand(hand_config, script);
     Session::new(config, workspace())
         .keep_samples()
@@ -63,9 +63,9 @@ fn the_hand_in_the_hole_at_greatest_stiffness_does_not_buzz() {
     let mut config = HapticConfig::default();
     config.coupling.stiffness = 1e9;
     config.coupling.rotational_stiffness = 1e9;
-    let quiet = HandConfig {
+    let quiet = OperatorConfig {
         push: 0.0,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
     let outcome = run(config, quiet, Script::Collision, 60.0);
     assert_eq!(outcome.report.stiffness, 3000.0, "the device's greatest");
@@ -90,10 +90,10 @@ fn the_hand_in_the_hole_at_greatest_stiffness_does_not_buzz() {
 #[test]
 fn the_snap_test_ends_seated() {
     for seed in 0..8 {
-        let config = HandConfig {
+        let config = OperatorConfig {
             duration: 5.0,
             seed,
-            ..HandConfig::default()
+            ..OperatorConfig::default()
         };
         let outcome = run(HapticConfig::default(), config, Script::Snap, 5.0);
         let end = outcome.last.object;
@@ -115,7 +115,7 @@ fn the_collision_test_does_not_push_through_the_wall() {
     // tick follows it, while the hand gives way by millimetres.
     let outcome = run(
         HapticConfig::default(),
-        HandConfig::default(),
+        OperatorConfig::default(),
         Script::Collision,
         20.0,
     );
@@ -146,9 +146,9 @@ fn a_wall_holds_as_much_as_the_energy_makes_it_hold_and_no_more() {
     // Walls of 4 N and a funnel of 1 N against a push of 12 N, of which 6 N are left a centimetre
     // outside: the part goes through. Three times the energy, as three times the `peak_force`
     // makes it, and the same push ends at the wall, within what the hand is made to feel.
-    let push = HandConfig {
+    let push = OperatorConfig {
         push: 12.0,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
     let mut config = HapticConfig::default();
     config.limits.force = 10.0;
@@ -184,7 +184,7 @@ fn fewer_evaluations_follow_the_wall_less_closely_but_hold() {
     for evaluations in [1, 2, 8] {
         let mut config = HapticConfig::default();
         config.coupling.evaluations = evaluations;
-        let outcome = run(config, HandConfig::default(), Script::Collision, 6.0);
+        let outcome = run(config, OperatorConfig::default(), Script::Collision, 6.0);
         let samples = outcome.samples.iter();
         let depth = samples.map(|s| s.object.translation.with_z(0.0).length());
         deepest.push(depth.fold(0.0, f64::max));
@@ -217,9 +217,9 @@ impl EnergySource for Noisy {
 
 #[test]
 fn a_source_of_single_precision_does_not_make_it_buzz() {
-    let quiet = HandConfig {
+    let quiet = OperatorConfig {
         push: 0.0,
-        ..HandConfig::default()
+        ..OperatorConfig::default()
     };
     let mut device = hand(quiet, Script::Collision);
     let outcome = Session::new(HapticConfig::default(), workspace())

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use fft_correlate::{Pose, Wrench};
 use haptic::log::{device_file, read_device};
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, HapticError,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, HapticError, OperatorConfig,
     RecordError, Replay, Session, read_log,
 };
 
@@ -33,7 +33,7 @@ impl Device for Swinging {
 
     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
         let x = 0.01 * (6.0 * now).sin();
-        Ok(DeviceState::at(
+        Ok(DeviceState::at_rest(
             Pose::from_translation([x, 0.0, 0.0].into()),
             now,
         ))
@@ -51,7 +51,7 @@ impl Device for Swinging {
 
 fn record(folder: &Path, log: &Path, seconds: f64, clock: Clock) -> Result<u64, HapticError> {
     let mut device = Swinging {
-        spec: HandConfig::default().spec(),
+        spec: OperatorConfig::default().spec(),
         folder: folder.to_owned(),
     };
     let stop = AtomicBool::new(false);

@@ -3,7 +3,7 @@
 use crate::common::workspace;
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
-use haptic::{DeviceState, ForcePath, HandConfig, HapticConfig, flags};
+use haptic::{DeviceState, ForcePath, HapticConfig, OperatorConfig, flags};
 
 /// A slope of 1 N that is known below 10 mm, fades up to 30 mm, and is gone from there.
 struct Edge;
@@ -33,7 +33,7 @@ impl EnergySource for Edge {
 
 #[test]
 fn ticks_outside_a_table_are_marked_while_something_is_felt() {
-    let spec = HandConfig::default().spec();
+    let spec = OperatorConfig::default().spec();
     let config = HapticConfig {
         ramp_s: 0.01,
         ..HapticConfig::default()
@@ -43,7 +43,7 @@ fn ticks_outside_a_table_are_marked_while_something_is_felt() {
     for tick in 0..500u32 {
         let time = f64::from(tick) * 1e-3;
         let at = Pose::from_translation(DVec3::X * (0.1 * time));
-        let input = DeviceState::at(at, time);
+        let input = DeviceState::at_rest(at, time);
         let sample = path.step(&Edge, Some(&input), time, 1e-3);
         let x = sample.object.translation.x;
         let marked = sample.flags & flags::OUTSIDE != 0;

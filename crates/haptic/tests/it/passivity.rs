@@ -4,7 +4,7 @@
 use crate::common::workspace;
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
-use haptic::{DeviceState, ForcePath, HandConfig, HapticConfig};
+use haptic::{DeviceState, ForcePath, HapticConfig, OperatorConfig};
 
 /// A bowl, `E = c r² / 2`.
 struct Bowl {
@@ -64,7 +64,7 @@ fn circle(control: bool, turns: f64) -> Run {
     };
     config.passivity.control = control;
     let bowl = Bowl { stiffness: 3000.0 };
-    let spec = HandConfig::default().spec();
+    let spec = OperatorConfig::default().spec();
     let mut path = ForcePath::new(&spec, &config, workspace(), bowl.scratch()).unwrap();
     let spring = path.gains().stiffness;
     let together = spring * bowl.stiffness / (spring + bowl.stiffness);
@@ -79,7 +79,7 @@ fn circle(control: bool, turns: f64) -> Run {
             out += work;
             tick = tick.max(work);
         }
-        let state = DeviceState::at(at, time);
+        let state = DeviceState::at_rest(at, time);
         let sample = path.step(&bowl, Some(&state), time, DT);
         // Full strength from the first input on, so that the start is held in full.
         last = Some((at, sample.wrench));

@@ -3,7 +3,7 @@
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
 use haptic::log::ReplayError;
-use haptic::{DeviceState, HandConfig, HapticConfig, Replay, Sample, flags};
+use haptic::{DeviceState, HapticConfig, OperatorConfig, Replay, Sample, flags};
 
 type Change = fn(&mut Sample);
 
@@ -16,7 +16,7 @@ fn recording() -> Vec<Sample> {
             tick: tick.into(),
             time,
             dt: 1e-3,
-            input: Some(DeviceState::at(pose, time)),
+            input: Some(DeviceState::at_rest(pose, time)),
             ..Sample::default()
         }
     };
@@ -24,7 +24,7 @@ fn recording() -> Vec<Sample> {
 }
 
 fn replay(samples: Vec<Sample>) -> Result<(), ReplayError> {
-    let spec = HandConfig::default().spec();
+    let spec = OperatorConfig::default().spec();
     Replay::new(spec, samples, &HapticConfig::default()).map(drop)
 }
 
@@ -129,7 +129,7 @@ fn a_fault_that_the_recording_says_is_what_a_device_gave() {
 #[test]
 fn a_recording_of_no_device_or_of_nothing_is_refused() {
     assert_eq!(replay(Vec::new()), Err(ReplayError::Empty));
-    let good = HandConfig::default().spec();
+    let good = OperatorConfig::default().spec();
     let bad = [
         ("max_force", f64::NAN),
         ("max_force", -1.0),

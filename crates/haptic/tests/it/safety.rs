@@ -4,7 +4,7 @@ use crate::common::{Well, workspace};
 use fft_correlate::EnergySource;
 use fft_correlate::{Pose, Twist};
 use glam::{DQuat, DVec3};
-use haptic::{DeviceState, ForcePath, HandConfig, HapticConfig, Sample, flags};
+use haptic::{DeviceState, ForcePath, HapticConfig, OperatorConfig, Sample, flags};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -17,7 +17,7 @@ const SPEED: f64 = 0.3;
 const SPIN: f64 = 3.0;
 
 fn path(config: &HapticConfig) -> ForcePath {
-    let spec = HandConfig::default().spec();
+    let spec = OperatorConfig::default().spec();
     ForcePath::new(&spec, config, workspace(), Well::default().scratch()).unwrap()
 }
 
@@ -99,7 +99,7 @@ impl Attack {
 
     /// What the device says of a hand at `pose`.
     fn say(self, rng: &mut SmallRng, pose: Pose, now: f64, tick: u64) -> Option<DeviceState> {
-        let mut state = DeviceState::at(pose, now);
+        let mut state = DeviceState::at_rest(pose, now);
         match self {
             Self::None | Self::Stall | Self::Stuck => {}
             // Never so near that a hand could have got there.
@@ -229,12 +229,12 @@ fn assault(ticks: u64, seed: u64) -> Toll {
     let mut rng = SmallRng::seed_from_u64(seed);
     let mut hand = Wanderer::new();
     let (mut now, mut attack, mut until) = (0.0, Attack::None, 0);
-    let mut frozen = DeviceState::at(hand.pose, 0.0);
+    let mut frozen = DeviceState::at_rest(hand.pose, 0.0);
     for tick in 0..ticks {
         if tick >= until {
             attack = Attack::any(&mut rng);
             books.begin(attack, &config);
-            frozen = DeviceState::at(hand.pose, now);
+            frozen = DeviceState::at_rest(hand.pose, now);
             until = tick + rng.random_range(1..200);
         }
         let stalls = matches!(attack, Attack::Stall) && rng.random_bool(0.1);
@@ -289,7 +289,7 @@ fn a_wandering_hand_gets_no_energy_from_nowhere() {
         let mut hand = Wanderer::new();
         for tick in 0..60_000 {
             let now = tick as f64 * DT;
-            let state = DeviceState::at(hand.step(&mut rng, DT), now);
+            let state = DeviceState::at_rest(hand.step(&mut rng, DT), now);
             let sample = path.step(&well, Some(&state), now, DT);
             // The controller damps only as hard as it may, so a small deficit can stand for a
             // while: a tenth of a second of it at the limit force and 1 cm/s.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use crate::common::{Well, hand, workspace};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, HapticError,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, HapticError, OperatorConfig,
     Replay, Script, Session, flags, read_log,
 };
 
@@ -26,7 +26,7 @@ struct Probe {
 impl Probe {
     fn new() -> Self {
         Self {
-            spec: HandConfig::default().spec(),
+            spec: OperatorConfig::default().spec(),
             polls: 0,
             gone: 0..0,
             stops: Arc::default(),
@@ -51,7 +51,7 @@ impl Device for Probe {
             return Err(DeviceError::Disconnected);
         }
         let pose = Pose::from_translation(glam::DVec3::new(0.003, 0.0, 0.0));
-        Ok(DeviceState::at(pose, now))
+        Ok(DeviceState::at_rest(pose, now))
     }
 
     fn send(&mut self, _: &Wrench) -> Result<(), DeviceError> {
@@ -154,7 +154,7 @@ fn an_unplugged_device_feels_nothing_and_ramps_up_when_back() {
 fn a_log_holds_every_tick_and_replays_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.csv");
-    let mut device = hand(HandConfig::default(), Script::Snap);
+    let mut device = hand(OperatorConfig::default(), Script::Snap);
     let config = HapticConfig::default();
     let outcome = Session::new(config.clone(), workspace())
         .record_to(&log)
@@ -179,7 +179,7 @@ fn a_log_holds_every_tick_and_replays_to_the_same_bits() {
 fn a_log_made_in_real_time_is_complete_and_repeats_with_its_own_times() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.csv");
-    let mut device = hand(HandConfig::default(), Script::Collision);
+    let mut device = hand(OperatorConfig::default(), Script::Collision);
     let config = HapticConfig {
         ramp_s: 0.05,
         ..HapticConfig::default()

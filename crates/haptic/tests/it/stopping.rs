@@ -9,7 +9,7 @@ use crate::common::{Well, workspace};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
 use haptic::{
-    Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Session,
+    Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, OperatorConfig, Session,
 };
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -36,7 +36,7 @@ impl Device for Witness {
             std::fs::write(self.folder.join("running"), "").unwrap();
         }
         let pose = Pose::from_translation(DVec3::new(0.004, 0.0, 0.0));
-        Ok(DeviceState::at(pose, now))
+        Ok(DeviceState::at_rest(pose, now))
     }
 
     fn send(&mut self, wrench: &Wrench) -> Result<(), DeviceError> {
@@ -77,7 +77,7 @@ fn child() {
     static STOP: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| STOP.store(true, Ordering::SeqCst)).unwrap();
     let mut device = Witness {
-        spec: HandConfig::default().spec(),
+        spec: OperatorConfig::default().spec(),
         folder: PathBuf::from(std::env::var_os(FOLDER).unwrap()),
         polls: 0,
         wrench: Wrench::ZERO,

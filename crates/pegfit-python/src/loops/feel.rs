@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use haptic::log::{COLUMNS, numbers};
 use haptic::{
-    Clock, Device, DeviceSpec, Geometry, HandConfig, HapticConfig, Outcome, Script, Session,
-    SimulatedHand,
+    Clock, Device, DeviceSpec, Geometry, HapticConfig, OperatorConfig, Outcome, Script, Session,
+    SimulatedOperator,
 };
 use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
@@ -37,7 +37,7 @@ fn hold(
     parts: &Parts,
     source: &AnySource,
     script: Script,
-    hand: HandConfig,
+    hand: OperatorConfig,
     clock: Clock,
     watch: &Watch,
 ) -> Result<(DeviceSpec, Outcome), Failure> {
@@ -48,10 +48,10 @@ fn hold(
         .moving
         .transformed(placed.rotation, placed.translation);
     let source = source.as_source();
-    let geometry = Geometry::of_fit(source, &moving, fit.assembled, fit.axis, fit.depth);
+    let geometry = Geometry::from_fit(source, &moving, fit.assembled, fit.axis, fit.depth);
     let workspace = parts.device.workspace(fit.assembled, placed.apply(pivot));
     let seconds = hand.duration;
-    let mut hand = SimulatedHand::new(hand, script, geometry, workspace);
+    let mut hand = SimulatedOperator::new(hand, script, geometry, workspace);
     let session = Session::new(parts.device.clone(), workspace).keep_samples();
     let outcome = session.run(&mut hand, source, clock, seconds, watch.flag())?;
     Ok((hand.spec().clone(), outcome))
@@ -140,7 +140,7 @@ pub(crate) fn feel(
         return Err(Failure::found(Kind::Device, "seconds", expected, seconds).into());
     }
     let (script, source) = (script_named(script)?, source.get()?);
-    let hand = HandConfig {
+    let hand = OperatorConfig {
         duration: seconds,
         ..settings::hand(hand)?
     };

@@ -60,7 +60,7 @@ impl State {
             return Err(Failure::found(Kind::Device, "t", expected, time));
         }
         let workspace = *self.path.workspace();
-        let input = DeviceState::at(workspace.device_pose(part), time);
+        let input = DeviceState::at_rest(workspace.device_pose(part), time);
         let dt = last.map_or(period, |last| time - last);
         let sample = self.path.step(source.as_source(), Some(&input), time, dt);
         self.last = Some(sample);

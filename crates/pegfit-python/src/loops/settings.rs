@@ -1,6 +1,6 @@
 //! Settings given as JSON.
 
-use haptic::{HandConfig, HapticConfig};
+use haptic::{HapticConfig, OperatorConfig};
 use serde_json::{Map, Value};
 
 use crate::failure::raised::{Failure, Kind};
@@ -16,13 +16,13 @@ pub(super) fn device(json: &str) -> Result<HapticConfig, Failure> {
 }
 
 /// The simulated hand, with the numbers given by name.
-pub(super) fn hand(json: &str) -> Result<HandConfig, Failure> {
+pub(super) fn hand(json: &str) -> Result<OperatorConfig, Failure> {
     let refused = |item: &str, expected: &str, found: &dyn std::fmt::Display| {
         Failure::found(Kind::Device, format!("hand: {item}"), expected, found)
     };
     let given: Map<String, Value> =
         serde_json::from_str(json).map_err(|e| refused("settings", "numbers by name", &e))?;
-    let mut hand = HandConfig::default();
+    let mut hand = OperatorConfig::default();
     for (key, value) in &given {
         let number = value.as_f64().filter(|v| v.is_finite() && *v >= 0.0);
         let number = number.ok_or_else(|| refused(key, "a number >= 0", value))?;

@@ -1,4 +1,4 @@
-//! Who may come in: an address with the right token, under a name of this machine, from a page of
+//! Access control: an address with the right token, under a name of this machine, from a page of
 //! this server.
 
 use std::net::SocketAddr;
@@ -57,7 +57,7 @@ impl Access {
     }
 }
 
-/// Compares in a time that does not tell how much is right.
+/// Compares in constant time.
 fn same(a: &[u8], b: &[u8]) -> bool {
     let differ = a.iter().zip(b).fold(0, |differ, (x, y)| differ | (x ^ y));
     a.len() == b.len() && differ == 0

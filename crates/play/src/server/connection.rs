@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::frame::coding::CloseCode;
 
-use crate::server::frames::{Ended, Frames, NOT_UNDERSTOOD};
+use crate::protocol::request::Request;
+use crate::server::broadcaster::Broadcaster;
 use crate::server::http;
-use crate::server::hub::Hub;
-use crate::server::route::{Guest, reply};
-use crate::wire::request::Request;
+use crate::server::route::{Visitor, reply};
+use crate::server::websocket::{CloseReason, NOT_UNDERSTOOD, PageSocket};
 
 /// Time between two frames.
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / 60);
@@ -22,18 +22,22 @@ const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Serves one connection until it ends.
-pub(crate) fn serve(hub: &Arc<Hub>, mut stream: TcpStream, guest: &Guest) {
+pub(crate) fn serve(broadcaster: &Arc<Broadcaster>, mut stream: TcpStream, visitor: &Visitor) {
     // A reply that cannot be sent has nobody to read it.
-    let _ = answer(hub, &mut stream, guest);
+    let _ = answer(broadcaster, &mut stream, visitor);
 }
 
-fn answer(hub: &Arc<Hub>, stream: &mut TcpStream, guest: &Guest) -> std::io::Result<()> {
+fn answer(
+    broadcaster: &Arc<Broadcaster>,
+    stream: &mut TcpStream,
+    visitor: &Visitor,
+) -> std::io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let Some(key) = &guest.socket_key else {
-        let policy = http::policy(&guest.host, hub.access.embed);
-        return reply(hub, &guest.name).write(&policy, stream);
+    let Some(key) = &visitor.socket_key else {
+        let policy = http::policy(&visitor.host, broadcaster.access.embed);
+        return reply(broadcaster, &visitor.name).write(&policy, stream);
     };
     let accept = derive_accept_key(key.as_bytes());
     write!(
@@ -41,73 +45,73 @@ fn answer(hub: &Arc<Hub>, stream: &mut TcpStream, guest: &Guest) -> std::io::Res
         "HTTP/1.1 101 Switching Protocols\r\nConnection: Upgrade\r\n\
          Upgrade: websocket\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
     )?;
-    watch(hub, stream);
+    serve_page(broadcaster, stream);
     Ok(())
 }
 
 /// A page until it goes, or is shown the door.
-fn watch(hub: &Arc<Hub>, stream: &mut TcpStream) {
+fn serve_page(broadcaster: &Arc<Broadcaster>, stream: &mut TcpStream) {
     let mut page = Page {
-        hub,
-        number: hub.enter(),
-        frames: Frames::new(stream),
-        told: [0; 2],
+        broadcaster,
+        number: broadcaster.add_page(),
+        socket: PageSocket::new(stream),
+        sent: [0; 2],
     };
     let ended = page.run();
     // First of all the hand lets go.
-    hub.leave(page.number);
-    if let Err(Ended::Dismissed(code, reason)) = ended {
-        page.frames.dismiss(code, reason);
+    broadcaster.remove_page(page.number);
+    if let Err(CloseReason::Dismissed(code, reason)) = ended {
+        page.socket.dismiss(code, reason);
     }
 }
 
 struct Page<'s> {
-    hub: &'s Arc<Hub>,
+    broadcaster: &'s Arc<Broadcaster>,
     number: u64,
-    frames: Frames<'s>,
-    /// Numbers of the news that it was told.
-    told: [u64; 2],
+    socket: PageSocket<'s>,
+    /// Numbers of the announcements that it was sent.
+    sent: [u64; 2],
 }
 
 impl Page<'_> {
-    fn run(&mut self) -> Result<(), Ended> {
-        self.frames.text(self.hub.hello())?;
+    fn run(&mut self) -> Result<(), CloseReason> {
+        self.socket.text(self.broadcaster.greeting())?;
         let mut due = Instant::now();
-        while !self.hub.quits() {
+        while !self.broadcaster.must_quit() {
             let now = Instant::now();
             if now >= due {
-                self.show()?;
+                self.send_updates()?;
                 // A page that was slow gets the next frame at its time, not all that it missed.
                 due = (due + FRAME_TIME).max(now);
             }
             let wait = due.saturating_duration_since(Instant::now());
-            if let Some(message) = self.frames.read(wait.max(Duration::from_millis(1)))? {
-                self.hear(&message)?;
+            if let Some(message) = self.socket.read(wait.max(Duration::from_millis(1)))? {
+                self.handle(&message)?;
             }
         }
-        Err(Ended::Dismissed(CloseCode::Away, "the program ends"))
+        Err(CloseReason::Dismissed(CloseCode::Away, "the program ends"))
     }
 
-    /// News, then a frame.
-    fn show(&mut self) -> Result<(), Ended> {
-        if self.hub.news_numbers() != self.told {
-            let news = self.hub.news();
-            for (told, news) in self.told.iter_mut().zip(news) {
-                if *told != news.number {
-                    *told = news.number;
-                    self.frames.text(news.text)?;
+    /// Sends announcements, then a frame.
+    fn send_updates(&mut self) -> Result<(), CloseReason> {
+        if self.broadcaster.announcement_numbers() != self.sent {
+            let announcements = self.broadcaster.announcements();
+            for (sent, announcements) in self.sent.iter_mut().zip(announcements) {
+                if *sent != announcements.number {
+                    *sent = announcements.number;
+                    self.socket.text(announcements.text)?;
                 }
             }
         }
-        match self.hub.frame(self.number) {
-            Some(frame) => self.frames.binary(frame.bytes().to_vec()),
+        match self.broadcaster.frame(self.number) {
+            Some(frame) => self.socket.binary(frame.bytes().to_vec()),
             None => Ok(()),
         }
     }
 
-    fn hear(&self, message: &[u8]) -> Result<(), Ended> {
+    fn handle(&self, message: &[u8]) -> Result<(), CloseReason> {
         let request = Request::read(message).ok_or(NOT_UNDERSTOOD)?;
-        self.hub.ask(self.number, &request);
+        self.broadcaster.handle(self.number, &request);
         Ok(())
     }
 }

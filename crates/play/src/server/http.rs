@@ -4,7 +4,7 @@
 use std::io::Write;
 
 /// Most bytes of a request's head.
-const MOST: usize = 8192;
+const MAX_HEAD_BYTES: usize = 8192;
 
 /// Most header lines.
 const LINES: usize = 64;
@@ -20,30 +20,30 @@ pub(crate) struct Head {
     pub(crate) socket_key: Option<String>,
 }
 
-/// What somebody has said so far.
+/// The state of a request head.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Reading {
+pub(crate) enum HeadState {
     /// It may become a head.
     More,
     /// A head. What follows it is lost: nobody sends more before the reply.
     Head(Head),
     /// It is none, or too long.
-    Nonsense,
+    Invalid,
     /// Nothing more will come.
     Gone,
 }
 
 /// Reads what has come of a head, of which the first `known` bytes were not the whole of one.
-pub(crate) fn read(bytes: &[u8], known: usize) -> Reading {
-    if bytes.len() > MOST {
-        return Reading::Nonsense;
+pub(crate) fn read(bytes: &[u8], known: usize) -> HeadState {
+    if bytes.len() > MAX_HEAD_BYTES {
+        return HeadState::Invalid;
     }
     // Its end may have begun in what is known.
     let new = &bytes[known.saturating_sub(3)..];
     if new.windows(4).any(|four| four == b"\r\n\r\n") {
-        return parse(bytes).map_or(Reading::Nonsense, Reading::Head);
+        return parse(bytes).map_or(HeadState::Invalid, HeadState::Head);
     }
-    Reading::More
+    HeadState::More
 }
 
 fn parse(bytes: &[u8]) -> Option<Head> {
@@ -137,7 +137,7 @@ mod tests {
 
     fn head(text: &str) -> Option<Head> {
         match read(text.as_bytes(), 0) {
-            Reading::Head(head) => Some(head),
+            HeadState::Head(head) => Some(head),
             _ => None,
         }
     }
@@ -164,7 +164,7 @@ mod tests {
     fn anything_else_is_nothing() {
         let long = format!(
             "GET / HTTP/1.1\r\nHost: a\r\nX: {}\r\n\r\n",
-            "x".repeat(MOST)
+            "x".repeat(MAX_HEAD_BYTES)
         );
         for bad in [
             "",
@@ -177,7 +177,7 @@ mod tests {
         ] {
             assert_eq!(head(bad), None);
         }
-        assert_eq!(read(long.as_bytes(), 0), Reading::Nonsense);
+        assert_eq!(read(long.as_bytes(), 0), HeadState::Invalid);
     }
 
     #[test]
@@ -186,9 +186,9 @@ mod tests {
         for known in 0..whole.len() {
             assert_eq!(
                 read(&whole[..known], known.saturating_sub(1)),
-                Reading::More
+                HeadState::More
             );
-            assert!(matches!(read(whole, known), Reading::Head(_)), "{known}");
+            assert!(matches!(read(whole, known), HeadState::Head(_)), "{known}");
         }
     }
 

@@ -1,36 +1,38 @@
-//! Listening: strangers wait at the door, whoever shows the key gets a thread.
+//! Accepts connections. One thread reads the heads of all requests without waiting for any; a request
+//! with the right token gets a thread of its own.
 
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::server::connection;
-use crate::server::door::{Caller, Door};
-use crate::server::http::{self, Reply};
-use crate::server::hub::Hub;
-use crate::server::route::{Guest, admit};
+use crate::server::broadcaster::Broadcaster;
+use crate::server::http::{Head, HeadState, Reply};
+use crate::server::route::{Visitor, authorize};
+use crate::server::{connection, http};
 
 /// Most connections at a time that have shown the key.
-const MOST_GUESTS: usize = 48;
+const MAX_VISITORS: usize = 48;
 
-/// Most connections taken between two looks at what they say: fewer than wait at the door, so that
-/// each is listened to before it has to make room.
-const MOST_COMING: usize = 32;
+/// Most connections accepted between two polls: fewer than may be pending, so that each is read
+/// before it has to make room.
+const MAX_ACCEPTS: usize = 32;
 
-/// Pause between two looks for new connections and what they say, or for the end.
-const LOOK: Duration = Duration::from_millis(5);
+/// Pause between two readings for new connections and what they say, or for the end.
+const POLL_PAUSE: Duration = Duration::from_millis(5);
 
-/// Looks at the end for guests that are still being told goodbye.
-const FAREWELLS: u32 = 100;
+/// Polls at the end for visitors whose connections are still closing.
+const GOODBYE_POLLS: u32 = 100;
 
-/// A place of a guest, free again when it is dropped.
-struct Seat(Arc<AtomicUsize>);
+/// A place of a visitor, free again when it is dropped.
+struct Permit(Arc<AtomicUsize>);
 
-impl Seat {
+impl Permit {
     /// `None` if all are taken. One thread gives them out.
     fn take(taken: &Arc<AtomicUsize>) -> Option<Self> {
-        if taken.load(Ordering::Relaxed) >= MOST_GUESTS {
+        if taken.load(Ordering::Relaxed) >= MAX_VISITORS {
             return None;
         }
         taken.fetch_add(1, Ordering::Relaxed);
@@ -38,52 +40,58 @@ impl Seat {
     }
 }
 
-impl Drop for Seat {
+impl Drop for Permit {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
 /// Takes connections until the server ends; then waits for its guests.
-pub(crate) fn listen(hub: &Arc<Hub>, socket: &TcpListener) {
-    let (mut door, taken) = (Door::default(), Arc::new(AtomicUsize::new(0)));
-    while !hub.quits() {
+pub(crate) fn listen(broadcaster: &Arc<Broadcaster>, socket: &TcpListener) {
+    let (mut pending_connections, taken) =
+        (PendingConnections::default(), Arc::new(AtomicUsize::new(0)));
+    while !broadcaster.must_quit() {
         let now = Instant::now();
-        for _ in 0..MOST_COMING {
+        for _ in 0..MAX_ACCEPTS {
             let Ok((stream, _)) = socket.accept() else {
                 break;
             };
-            door.come(stream, now);
+            pending_connections.add(stream, now);
         }
-        for Caller { mut stream, head } in door.hear(now) {
+        for Received { mut stream, head } in pending_connections.poll(now) {
             let admitted = match head {
-                Some(head) => admit(hub, head),
+                Some(head) => authorize(broadcaster, head),
                 None => Err("400 Bad Request"),
             };
-            match (admitted, Seat::take(&taken)) {
-                (Ok(guest), Some(seat)) => welcome(hub, stream, guest, seat),
-                (Ok(_), None) => refuse(hub, &mut stream, "503 Service Unavailable"),
-                (Err(status), _) => refuse(hub, &mut stream, status),
+            match (admitted, Permit::take(&taken)) {
+                (Ok(visitor), Some(permit)) => serve_visitor(broadcaster, stream, visitor, permit),
+                (Ok(_), None) => refuse(broadcaster, &mut stream, "503 Service Unavailable"),
+                (Err(status), _) => refuse(broadcaster, &mut stream, status),
             }
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PAUSE);
     }
-    // Pages are told goodbye; one that does not listen is not waited for.
-    for _ in 0..FAREWELLS {
+    // Pages get a close frame; one that does not read is not waited for.
+    for _ in 0..GOODBYE_POLLS {
         if taken.load(Ordering::Relaxed) == 0 {
             return;
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PAUSE);
     }
 }
 
-/// Serves a guest on a thread of its own.
-fn welcome(hub: &Arc<Hub>, stream: TcpStream, guest: Guest, seat: Seat) {
-    let hub = Arc::clone(hub);
+/// Serves a visitor on a thread of its own.
+fn serve_visitor(
+    broadcaster: &Arc<Broadcaster>,
+    stream: TcpStream,
+    visitor: Visitor,
+    permit: Permit,
+) {
+    let broadcaster = Arc::clone(broadcaster);
     let thread = std::thread::Builder::new().name("play-page".into());
     let spawned = thread.spawn(move || {
-        let _seat = seat;
-        connection::serve(&hub, stream, &guest);
+        let _seat = permit;
+        connection::serve(&broadcaster, stream, &visitor);
     });
     if let Err(e) = spawned {
         tracing::warn!("no thread for a page: {e}");
@@ -91,9 +99,92 @@ fn welcome(hub: &Arc<Hub>, stream: TcpStream, guest: Guest, seat: Seat) {
 }
 
 /// Refuses in a word. The stream does not wait: a few hundred bytes fit what the system keeps, and
-/// whoever has filled that is not told.
-fn refuse(hub: &Hub, stream: &mut TcpStream, status: &'static str) {
+/// a client that has filled that gets no reply.
+fn refuse(broadcaster: &Broadcaster, stream: &mut TcpStream, status: &'static str) {
     // A host that is not ours is not repeated.
-    let policy = http::policy("localhost", hub.access.embed);
+    let policy = http::policy("localhost", broadcaster.access.embed);
     let _ = Reply::refused(status).write(&policy, stream);
+}
+
+/// Most of them at a time; when another comes the oldest goes.
+const MAX_PENDING: usize = 128;
+
+/// Longest time for the whole head of a request.
+const HEAD_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Connections that have not shown the key yet, the oldest first.
+#[derive(Default)]
+pub(crate) struct PendingConnections {
+    waiting: VecDeque<Pending>,
+}
+
+struct Pending {
+    stream: TcpStream,
+    since: Instant,
+    bytes: Vec<u8>,
+}
+
+/// Someone who has bytes all that is listened to here.
+pub(crate) struct Received {
+    pub(crate) stream: TcpStream,
+    /// `None` if it was nothing that a browser says.
+    pub(crate) head: Option<Head>,
+}
+
+impl PendingConnections {
+    /// Adds a connection.
+    pub(crate) fn add(&mut self, stream: TcpStream, now: Instant) {
+        // One that cannot be read without waiting is not read at all.
+        if stream.set_nonblocking(true).is_err() {
+            return;
+        }
+        if self.waiting.len() == MAX_PENDING {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back(Pending {
+            stream,
+            since: now,
+            bytes: Vec::new(),
+        });
+    }
+
+    /// Reads what has come. Returns connections with a complete or invalid head, and drops those that
+    /// took too long or went away.
+    pub(crate) fn poll(&mut self, now: Instant) -> Vec<Received> {
+        let mut received = Vec::new();
+        for mut pending in std::mem::take(&mut self.waiting) {
+            let head = match pending.read() {
+                HeadState::More if now.saturating_duration_since(pending.since) < HEAD_TIMEOUT => {
+                    self.waiting.push_back(pending);
+                    continue;
+                }
+                HeadState::More | HeadState::Gone => continue,
+                HeadState::Head(head) => Some(head),
+                HeadState::Invalid => None,
+            };
+            let stream = pending.stream;
+            received.push(Received { stream, head });
+        }
+        received
+    }
+}
+
+impl Pending {
+    fn read(&mut self) -> HeadState {
+        let mut part = [0; 1024];
+        loop {
+            let known = self.bytes.len();
+            match self.stream.read(&mut part) {
+                Ok(0) => return HeadState::Gone,
+                Ok(count) => self.bytes.extend_from_slice(&part[..count]),
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                Err(e) if e.kind() == ErrorKind::WouldBlock => return HeadState::More,
+                Err(_) => return HeadState::Gone,
+            }
+            match http::read(&self.bytes, known) {
+                HeadState::More => {}
+                done => return done,
+            }
+        }
+    }
 }

@@ -1,12 +1,11 @@
 //! From a request's head to what it gets.
 
-use crate::server::assets::asset;
+use crate::server::broadcaster::Broadcaster;
 use crate::server::http::{Head, Reply};
-use crate::server::hub::Hub;
 
 /// A request that showed the key.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Guest {
+pub(crate) struct Visitor {
     /// What the browser calls this server.
     pub(crate) host: String,
     /// What is asked for, after the key.
@@ -16,8 +15,8 @@ pub(crate) struct Guest {
 }
 
 /// Lets a request in, else says why it is refused.
-pub(crate) fn admit(hub: &Hub, head: Head) -> Result<Guest, &'static str> {
-    let access = &hub.access;
+pub(crate) fn authorize(broadcaster: &Broadcaster, head: Head) -> Result<Visitor, &'static str> {
+    let access = &broadcaster.access;
     if !access.is_own_host(&head.host) {
         return Err("421 Misdirected Request");
     }
@@ -32,7 +31,7 @@ pub(crate) fn admit(hub: &Hub, head: Head) -> Result<Guest, &'static str> {
         (Some(origin), _) if own(origin) => {}
         _ => return Err("403 Forbidden"),
     }
-    Ok(Guest {
+    Ok(Visitor {
         name: name.to_owned(),
         socket_key: head.socket_key.filter(|_| name == "ws"),
         host: head.host,
@@ -40,17 +39,44 @@ pub(crate) fn admit(hub: &Hub, head: Head) -> Result<Guest, &'static str> {
 }
 
 /// The file or message of this name.
-pub(crate) fn reply(hub: &Hub, name: &str) -> Reply {
+pub(crate) fn reply(broadcaster: &Broadcaster, name: &str) -> Reply {
     if let Some(found) = asset(name) {
         return found;
     }
     let found = match name {
-        "log.csv" => hub
+        "log.csv" => broadcaster
             .log()
             .map(|csv| Reply::ok("text/csv; charset=utf-8", csv)),
-        name => (hub.exhibits())
-            .and_then(|exhibits| exhibits.bytes(name))
+        name => (broadcaster.content())
+            .and_then(|content| content.bytes(name))
             .map(|bytes| Reply::ok("application/octet-stream", bytes)),
     };
     found.unwrap_or_else(|| Reply::refused("404 Not Found"))
+}
+
+/// A file of the page.
+pub(crate) fn asset(name: &str) -> Option<Reply> {
+    Some(match name {
+        "" => Reply::ok(
+            "text/html; charset=utf-8",
+            include_bytes!("../../page/dist/index.html"),
+        ),
+        "page.js" => Reply::ok(
+            "text/javascript; charset=utf-8",
+            include_bytes!("../../page/dist/page.js"),
+        ),
+        "worker.js" => Reply::ok(
+            "text/javascript; charset=utf-8",
+            include_bytes!("../../page/dist/worker.js"),
+        ),
+        "page.css" => Reply::ok(
+            "text/css; charset=utf-8",
+            include_bytes!("../../page/dist/page.css"),
+        ),
+        "licences.txt" => Reply::ok(
+            "text/plain; charset=utf-8",
+            include_bytes!("../../page/dist/licences.txt"),
+        ),
+        _ => return None,
+    })
 }

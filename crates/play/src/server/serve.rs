@@ -1,4 +1,4 @@
-//! Listening, and running the loop on a stage while pages watch.
+//! Listening, and running the loop on a session while pages watch.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -6,19 +6,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use haptic::{Clock, HandConfig, LoopReport, Order, Session, SteeredHand};
+use haptic::{Clock, LoopReport, OperatorConfig, RemoteCommand, RemoteDevice, Session};
 
 use crate::error::PlayError;
 use crate::server::access::{Access, token};
-use crate::server::hub::Hub;
+use crate::server::broadcaster::Broadcaster;
 use crate::server::listen::listen;
-use crate::stage::live::Live;
-use crate::stage::meter::Meter;
-use crate::stage::scenery::Stage;
-use crate::stage::tape::Tape;
+use crate::session::content::PlaySession;
+use crate::session::live_session::LiveSession;
+use crate::session::rate_meter::RateMeter;
+use crate::session::recorder::Recorder;
 
-/// Pause between two looks for the end.
-const LOOK: Duration = Duration::from_millis(5);
+/// Pause between two readings for the end.
+const POLL_PAUSE: Duration = Duration::from_millis(5);
 
 /// Greatest force and torque of the page's hand as shares of the loop's limits: a hand that is
 /// as strong as what the loop may show would go through every wall.
@@ -51,7 +51,7 @@ impl Default for Options {
 
 /// A server that listens until it is dropped.
 pub struct Server {
-    hub: Arc<Hub>,
+    broadcaster: Arc<Broadcaster>,
     listener: Option<JoinHandle<()>>,
 }
 
@@ -70,21 +70,21 @@ impl Server {
             address: socket.local_addr().map_err(failed)?,
             embed: options.embed,
         };
-        let hub = Arc::new(Hub::new(access, pairs));
-        let shared = Arc::clone(&hub);
+        let broadcaster = Arc::new(Broadcaster::new(access, pairs));
+        let shared = Arc::clone(&broadcaster);
         let thread = std::thread::Builder::new().name("play-listen".into());
         let listener = thread
             .spawn(move || listen(&shared, &socket))
             .map_err(PlayError::Thread)?;
         Ok(Self {
-            hub,
+            broadcaster,
             listener: Some(listener),
         })
     }
 
-    /// The address to open, token included; whoever has it may come in.
+    /// The address to open. It contains the token, which grants access.
     pub fn url(&self) -> String {
-        let Access { token, address, .. } = &self.hub.access;
+        let Access { token, address, .. } = &self.broadcaster.access;
         let host = match address.ip().is_unspecified() {
             true => SocketAddr::new(Ipv4Addr::LOCALHOST.into(), address.port()),
             false => *address,
@@ -94,73 +94,78 @@ impl Server {
 
     /// Where it listens.
     pub fn address(&self) -> SocketAddr {
-        self.hub.access.address
+        self.broadcaster.access.address
     }
 
-    /// The pair that the hand's page wants; pages are told that it is being loaded.
+    /// The pair that the controlling page wants; all pages learn that it is being loaded.
     pub fn wanted(&self) -> usize {
-        let (pair, _) = self.hub.wanted();
-        self.hub.loading(pair);
+        let (pair, _) = self.broadcaster.take_wanted();
+        self.broadcaster.announce_loading(pair);
         pair
     }
 
-    /// Runs the loop on a stage, in real time, until `cancel` is set or a page wants another pair.
+    /// Runs the loop on a session, in real time, until `cancel` is set or a page wants another pair.
     ///
     /// # Errors
     /// If the loop cannot run or its hand not be stopped.
-    pub fn perform(&self, stage: &Stage<'_>, cancel: &AtomicBool) -> Result<LoopReport, PlayError> {
-        let hand = HandConfig {
+    pub fn run_session(
+        &self,
+        session: &PlaySession<'_>,
+        cancel: &AtomicBool,
+    ) -> Result<LoopReport, PlayError> {
+        let hand = OperatorConfig {
             mass: LIGHT.0,
             damping: LIGHT.1,
-            strength: STRENGTH * stage.config.limits.force,
-            rotational_strength: STRENGTH * stage.config.limits.torque,
+            strength: STRENGTH * session.config.limits.force,
+            rotational_strength: STRENGTH * session.config.limits.torque,
             // The scripts go on until somebody does something else.
             duration: 1e6,
-            ..HandConfig::default()
+            ..OperatorConfig::default()
         };
-        let (workspace, geometry) = (stage.workspace, stage.geometry);
-        let (mut hand, mut steering) = SteeredHand::new(
+        let (workspace, geometry) = (session.workspace, session.geometry);
+        let (mut hand, mut remote) = RemoteDevice::new(
             hand,
             geometry,
             workspace,
-            &stage.start,
-            stage.config.times(),
+            &session.start,
+            session.config.times(),
         );
-        // Heard of once: the part is where it is shown from the first frame on.
-        steering.order(Order::LetGo);
-        let tape = Tape::default();
-        let mut session = Session::new(stage.config.clone(), workspace);
-        let viewer = session.viewer();
-        let session = session.record_with(Box::new(tape.clone()));
-        self.hub.begin(stage.start, |number| Live {
-            number,
-            exhibits: Arc::clone(&stage.exhibits),
-            tape,
-            steering,
-            viewer,
-            workspace,
-            geometry,
-            way: stage.way.clone(),
-            meter: Meter::default(),
-            doing: 0,
+        // One command, so that the part is where it is shown from the first frame on.
+        remote.command(RemoteCommand::LetGo);
+        let recorder = Recorder::default();
+        let mut haptic_session = Session::new(session.config.clone(), workspace);
+        let viewer = haptic_session.viewer();
+        let haptic_session = haptic_session.record_with(Box::new(recorder.clone()));
+        self.broadcaster
+            .begin_session(session.start, |number| LiveSession {
+                number,
+                content: Arc::clone(&session.content),
+                recorder,
+                remote,
+                viewer,
+                workspace,
+                geometry,
+                path: session.path.clone(),
+                meter: RateMeter::default(),
+                doing: 0,
+            });
+        let outcome = self.run_until(cancel, |stop| {
+            haptic_session.run(&mut hand, session.source, Clock::Real, f64::INFINITY, stop)
         });
-        let outcome = self.until(cancel, |stop| {
-            session.run(&mut hand, stage.source, Clock::Real, f64::INFINITY, stop)
-        });
-        self.hub.end();
+        self.broadcaster.end_session();
         Ok(outcome?.report)
     }
 
-    /// Does `work`, and tells it to stop when it should.
-    fn until<T>(&self, cancel: &AtomicBool, work: impl FnOnce(&AtomicBool) -> T) -> T {
+    /// Runs `work` with a flag that is set when it has to stop.
+    fn run_until<T>(&self, cancel: &AtomicBool, work: impl FnOnce(&AtomicBool) -> T) -> T {
         let (stop, done) = (AtomicBool::new(false), AtomicBool::new(false));
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 while !done.load(Ordering::Relaxed) {
-                    if cancel.load(Ordering::Relaxed) || self.hub.is_other_wanted() {
+                    if cancel.load(Ordering::Relaxed) || self.broadcaster.is_other_wanted() {
                         stop.store(true, Ordering::Relaxed);
                     }
-                    std::thread::sleep(LOOK);
+                    std::thread::sleep(POLL_PAUSE);
                 }
             });
             let result = work(&stop);
@@ -172,7 +177,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.hub.quit.store(true, Ordering::Relaxed);
+        self.broadcaster.quit.store(true, Ordering::Relaxed);
         if let Some(thread) = self.listener.take() {
             // It has nothing to fail at.
             let _ = thread.join();

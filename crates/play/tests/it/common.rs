@@ -1,4 +1,4 @@
-//! A stage with a wall, a server on it, and pages of tungstenite.
+//! A session with a wall, a server on it, and pages of tungstenite.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use glam::DVec3;
-use haptic::{Geometry, HapticConfig, LoopReport, Way, Workspace};
-use pegfit_play::{FRAME_BYTES, NoExhibits, Options, Request, Server, Stage};
+use haptic::{Geometry, HapticConfig, LoopReport, TimedPath, Workspace};
+use pegfit_play::{FRAME_BYTES, NoContent, Options, PlaySession, Request, Server};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::{Message, WebSocket};
@@ -44,7 +44,7 @@ pub(crate) fn over(z: f64) -> Pose {
     Pose::from_translation(DVec3::new(0.0, 0.0, z))
 }
 
-/// A server with the wall on its stage, until it is ended or dropped.
+/// A server with the wall on its session, until it is ended or dropped.
 pub(crate) struct Theatre {
     pub(crate) url: String,
     pub(crate) address: SocketAddr,
@@ -65,8 +65,8 @@ impl Theatre {
             let mut reports = Vec::new();
             while !flag.load(Ordering::Relaxed) {
                 let pair = server.wanted();
-                let stage = stage(0.03 + pair as f64 * 0.01);
-                reports.push(server.perform(&stage, &flag).unwrap());
+                let session = session(0.03 + pair as f64 * 0.01);
+                reports.push(server.run_session(&session, &flag).unwrap());
             }
             reports
         });
@@ -81,7 +81,7 @@ impl Theatre {
         }
     }
 
-    /// Ends it; what the loops were like, a stage after the other.
+    /// Ends it; what the loops were like, a session after the other.
     pub(crate) fn end(mut self) -> Vec<LoopReport> {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.take().unwrap().join().unwrap()
@@ -119,19 +119,19 @@ impl Drop for Theatre {
     }
 }
 
-fn stage(start: f64) -> Stage<'static> {
+fn session(start: f64) -> PlaySession<'static> {
     let config = HapticConfig {
         ramp_s: 0.1,
         ..HapticConfig::default()
     };
     let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
-    Stage {
+    PlaySession {
         source: &Wall,
         config,
         workspace,
         // Only the first pair has one: down, through the wall.
-        way: (start < 0.035)
-            .then(|| Way::new(&[over(0.02), over(0.01), over(-0.02)], &workspace).unwrap()),
+        path: (start < 0.035)
+            .then(|| TimedPath::new(&[over(0.02), over(0.01), over(-0.02)], &workspace).unwrap()),
         geometry: Geometry {
             seated: Pose::IDENTITY,
             axis: DVec3::NEG_Z,
@@ -140,7 +140,7 @@ fn stage(start: f64) -> Stage<'static> {
             tilt: 0.05,
         },
         start: over(start),
-        exhibits: Arc::new(NoExhibits),
+        content: Arc::new(NoContent),
     }
 }
 
@@ -150,7 +150,7 @@ pub(crate) struct Seen {
     pub(crate) is_hand: bool,
     pub(crate) is_held: bool,
     pub(crate) pages: u8,
-    pub(crate) stage: u32,
+    pub(crate) session: u32,
     pub(crate) flags: u16,
     pub(crate) height: f64,
     pub(crate) force: f64,
@@ -167,7 +167,7 @@ impl Seen {
         Self {
             is_hand: bytes[1] == 1,
             flags: u16::from_le_bytes([bytes[2], bytes[3]]),
-            stage: u32::from_le_bytes(four(4)),
+            session: u32::from_le_bytes(four(4)),
             wall: f64::from_le_bytes(bytes[16..24].try_into().unwrap()),
             height: float(60),
             force: DVec3::new(float(80), float(84), float(88)).length(),

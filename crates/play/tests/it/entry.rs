@@ -206,14 +206,14 @@ fn a_page_is_greeted_with_the_pairs_and_the_stage() {
     let theatre = Theatre::open();
     let mut page = theatre.page();
     let first = page.frame();
-    assert_eq!(first.stage, 1);
+    assert_eq!(first.session, 1);
     assert!(
         page.texts[0].contains("\"pairs\":[\"one\",\"two\"]"),
         "{:?}",
         page.texts
     );
     assert!(
-        page.texts.iter().any(|text| text.contains("\"stage\":1")),
+        page.texts.iter().any(|text| text.contains("\"session\":1")),
         "{:?}",
         page.texts
     );

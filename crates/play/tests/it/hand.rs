@@ -24,7 +24,7 @@ fn one_page_holds_the_hand_and_the_others_watch() {
         second.say(Request::Script(Script::Snap));
         second.say(Request::Choose(1));
         let seen = second.frame();
-        assert!(!seen.is_hand && seen.is_held && seen.stage == 1);
+        assert!(!seen.is_hand && seen.is_held && seen.session == 1);
         first.say(there);
         assert!((first.frame().height - 0.05).abs() < 2e-3);
     }
@@ -114,7 +114,7 @@ fn what_is_recorded_can_be_fetched_and_replayed() {
     assert!(log.starts_with("HTTP/1.1 200 OK") && log.lines().count() > 200);
     page.say(Request::Replay);
     // Pressed again, by the tape.
-    page.until(Some(Request::Beat), |seen| seen.force > 1.0);
+    page.until(Some(Request::Heartbeat), |seen| seen.force > 1.0);
 }
 
 #[test]
@@ -122,18 +122,18 @@ fn another_pair_is_another_stage() {
     let theatre = Theatre::open();
     let mut page = theatre.page();
     page.say(Request::Take);
-    page.until(None, |seen| seen.is_hand && seen.stage == 1);
-    // There is no such pair; this one is on the stage already.
+    page.until(None, |seen| seen.is_hand && seen.session == 1);
+    // There is no such pair; this one is on the session already.
     page.say(Request::Choose(7));
     page.say(Request::Choose(0));
     page.say(Request::Choose(1));
-    let second = page.until(None, |seen| seen.stage == 2);
+    let second = page.until(None, |seen| seen.session == 2);
     assert!(
         second.is_hand && (second.height - 0.04).abs() < 1e-3,
         "{second:?}"
     );
     // The frame may come before the words.
-    let told = |page: &Page| page.texts.iter().any(|text| text.contains("\"stage\":2"));
+    let told = |page: &Page| page.texts.iter().any(|text| text.contains("\"session\":2"));
     while !told(&page) {
         page.frame();
     }
@@ -147,7 +147,7 @@ fn scripts_run_until_they_are_stopped() {
     let mut page = theatre.page();
     page.say(Request::Take);
     page.say(Request::Script(Script::Collision));
-    page.until(Some(Request::Beat), |seen| seen.force > 0.5);
+    page.until(Some(Request::Heartbeat), |seen| seen.force > 0.5);
     page.until(Some(Request::Hold(over(0.05))), |seen| {
         (seen.height - 0.05).abs() < 1e-3
     });
@@ -163,23 +163,23 @@ fn the_hand_follows_the_way_in_slowly_and_the_wall_stops_it() {
     });
     assert!(page.texts.iter().any(|text| text.contains("\"way\":true")));
     page.say(Request::Follow);
-    let began = page.until(Some(Request::Beat), |seen| {
+    let began = page.until(Some(Request::Heartbeat), |seen| {
         (seen.height - 0.02).abs() < 1e-4
     });
-    let halfway = page.until(Some(Request::Beat), |seen| seen.height < 0.01);
+    let halfway = page.until(Some(Request::Heartbeat), |seen| seen.height < 0.01);
     // A second of rest, then 10 mm at 20 mm/s.
     assert!(halfway.wall - began.wall > 1000.0, "{began:?} {halfway:?}");
-    let stopped = page.until(Some(Request::Beat), |seen| seen.force > 1.0);
+    let stopped = page.until(Some(Request::Heartbeat), |seen| seen.force > 1.0);
     assert!(stopped.height > -0.003, "{stopped:?}");
-    // The other pair has no way: nothing happens.
+    // The other pair has no path: nothing happens.
     page.say(Request::Choose(1));
-    page.until(Some(Request::Beat), |seen| seen.stage == 2);
+    page.until(Some(Request::Heartbeat), |seen| seen.session == 2);
     page.until(Some(Request::Hold(over(0.06))), |seen| {
         (seen.height - 0.06).abs() < 1e-3
     });
     let before = page.frame().ticks;
     page.say(Request::Follow);
-    let after = page.until(Some(Request::Beat), |seen| seen.ticks > before + 500);
+    let after = page.until(Some(Request::Heartbeat), |seen| seen.ticks > before + 500);
     assert!((after.height - 0.06).abs() < 1e-3, "{after:?}");
     assert!(page.texts.iter().any(|text| text.contains("\"way\":false")));
 }

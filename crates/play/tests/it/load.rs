@@ -33,7 +33,7 @@ fn ten_thousand_messages_a_second_are_refused_and_cost_no_ticks() {
     let flooded = loop_beside(|theatre| {
         let (began, mut sent, mut doors) = (Instant::now(), 0_u32, 0);
         let mut page = theatre.page();
-        let nonsense = [Request::Take.bytes(), Request::Beat.bytes()];
+        let nonsense = [Request::Take.bytes(), Request::Heartbeat.bytes()];
         while began.elapsed() < Duration::from_secs(1) {
             let due = (began.elapsed().as_secs_f64() * 1e4) as u32;
             while sent < due {

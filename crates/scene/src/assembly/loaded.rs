@@ -144,7 +144,7 @@ impl Assembly {
     pub fn geometry(&self, source: &dyn EnergySource) -> Geometry {
         let fit = &self.scene().fit;
         let moving = self.setup.moving_at(&Pose::IDENTITY);
-        Geometry::of_fit(source, &moving, fit.assembled, fit.axis, fit.depth)
+        Geometry::from_fit(source, &moving, fit.assembled, fit.axis, fit.depth)
     }
 
     /// Where a hand at rest holds the moving part: at the fit.

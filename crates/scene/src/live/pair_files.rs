@@ -7,7 +7,7 @@ use fft_correlate::{EnergyScale, Pair, PairSetup, TableStore};
 use glam::DVec3;
 use haptic::PairSpec;
 use haptic::scene::{
-    Content, LoadFailure, Loaded, Loader, beside_the_loop, direct_reach, table_reach,
+    Content, LoadFailure, LoadedPair, Loader, direct_reach, table_reach, with_spare_core,
 };
 use sdf_grid::{Aabb, Monitor, TriangleMesh};
 
@@ -46,7 +46,7 @@ impl Extent {
         }
     }
 
-    pub(super) fn of_loaded(loaded: &Loaded) -> Self {
+    pub(super) fn of_loaded(loaded: &LoadedPair) -> Self {
         Self {
             reach: loaded.reach,
             bytes: match &loaded.content {
@@ -126,7 +126,7 @@ impl PairFiles {
         &self,
         assembly: &Assembly,
         warnings: &mut Vec<SceneWarning>,
-    ) -> Result<Loaded, SceneError> {
+    ) -> Result<LoadedPair, SceneError> {
         let Some(path) = &self.table else {
             return self.direct(&assembly.setup.parts, &assembly.pair);
         };
@@ -142,19 +142,19 @@ impl PairFiles {
     /// What loads it; `first` is given on the first load. The threads that load ask `monitor`.
     pub(super) fn loader(
         self,
-        mut first: Option<Loaded>,
+        mut first: Option<LoadedPair>,
         monitor: Arc<dyn Monitor + Send>,
     ) -> Loader {
-        let load = move || -> Result<Loaded, LoadFailure> {
+        let load = move || -> Result<LoadedPair, LoadFailure> {
             match first.take() {
                 Some(loaded) => Ok(loaded),
-                None => Ok(beside_the_loop(|| self.load(&*monitor))??),
+                None => Ok(with_spare_core(|| self.load(&*monitor))??),
             }
         };
         Box::new(load)
     }
 
-    fn load(&self, monitor: &dyn Monitor) -> Result<Loaded, SceneError> {
+    fn load(&self, monitor: &dyn Monitor) -> Result<LoadedPair, SceneError> {
         // Opened first: a table that is not there is no reason to read meshes.
         let store = self.table.as_deref().map(TableStore::open).transpose()?;
         let setup = SceneSetup::read(self.scene.clone(), self.memory)?;
@@ -164,16 +164,20 @@ impl PairFiles {
         }
     }
 
-    fn direct(&self, parts: &PairSetup, pair: &Pair) -> Result<Loaded, SceneError> {
+    fn direct(&self, parts: &PairSetup, pair: &Pair) -> Result<LoadedPair, SceneError> {
         let (bounds, radius) = self.bounds(parts);
-        Loaded::direct(pair, &bounds, radius)
+        LoadedPair::direct(pair, &bounds, radius)
             .map_err(|e| SceneError::refused(&self.scene.path, "", e))
     }
 
     /// The table, if it belongs to the parts as they are.
-    fn interpolated(&self, store: TableStore, setup: &SceneSetup) -> Result<Loaded, SceneError> {
+    fn interpolated(
+        &self,
+        store: TableStore,
+        setup: &SceneSetup,
+    ) -> Result<LoadedPair, SceneError> {
         setup.expect_table(&store)?;
-        Ok(Loaded::table(store, self.pivot)?)
+        Ok(LoadedPair::table(store, self.pivot)?)
     }
 
     /// Bounds of the fixed part, and the moving part's radius about the point that reaches speak of,

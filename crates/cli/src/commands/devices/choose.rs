@@ -5,7 +5,7 @@ use std::path::Path;
 use haptic::device::attached::{self, Survey};
 use haptic::device::info::{Access, DeviceInfo, DeviceKind};
 use haptic::log::{Recording, device_file, read_device};
-use haptic::{Device, DeviceError, DeviceSpec, HandConfig, HapticConfig, Replay, read_log};
+use haptic::{Device, DeviceError, DeviceSpec, HapticConfig, OperatorConfig, Replay, read_log};
 
 use crate::args::device_choice::{DeviceChoice, Which};
 use crate::context::Context;
@@ -100,7 +100,7 @@ fn replay(log: &Path, config: &HapticConfig, context: &Context) -> Result<Replay
     }
     let spec = DeviceSpec {
         name: format!("replay of {}", log.display()),
-        ..recorded.unwrap_or_else(|| HandConfig::default().spec())
+        ..recorded.unwrap_or_else(|| OperatorConfig::default().spec())
     };
     Replay::new(spec, samples, config)
         .map_err(|e| CommandError::bad_input(log.display().to_string(), e))

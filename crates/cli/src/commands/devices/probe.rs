@@ -25,7 +25,7 @@ const LINE: Duration = Duration::from_millis(500);
 /// Characters on each side of a bar's middle.
 const HALF: usize = 20;
 
-/// Speeds at the ends of a rate's bar, as [`haptic::device::hid::spacemouse::Feel`] has them by default.
+/// Speeds at the ends of a rate's bar, as [`haptic::device::hid::spacemouse::SpaceMouseSettings`] has them by default.
 const FULL_SPEED: f64 = 0.1;
 const FULL_TURN: f64 = 1.0;
 
@@ -91,7 +91,7 @@ pub(super) fn run(
 fn look(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> Look {
     let state = device.poll(time);
     let connected = !matches!(state, Err(DeviceError::Disconnected));
-    let state = state.unwrap_or(DeviceState::at(Default::default(), time));
+    let state = state.unwrap_or(DeviceState::at_rest(Default::default(), time));
     let shown = match spec.rate_controlled {
         true => state.twist,
         false => Twist {

@@ -1,6 +1,6 @@
 //! What is attached and what it can do.
 
-use haptic::device::attached::Missing;
+use haptic::device::attached::MissingDriver;
 use haptic::device::info::{Access, DeviceInfo, DeviceKind};
 
 use super::choose::{explain, pick, survey, unusable, which_text};
@@ -40,7 +40,7 @@ fn kinds(name: Option<&str>) -> Vec<DeviceKind> {
 }
 
 /// Says what a kind of device wants before there can be one.
-fn tell(missing: &Missing) {
+fn tell(missing: &MissingDriver) {
     crate::remark!("{}: {}", missing.kind.word(), missing.reason);
 }
 

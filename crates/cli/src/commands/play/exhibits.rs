@@ -8,7 +8,7 @@ use fft_correlate::{DirectOptions, EnergyScale, EnergySource, Pose, TableStore};
 use fft_correlate::{DockingRequest, Placement};
 use haptic::Geometry;
 use pegfit_pictures::{Slice, sheet, skeleton_points};
-use pegfit_play::{Exhibits, MOST_TRIANGLES, MeshMessage};
+use pegfit_play::{Content, MOST_TRIANGLES, MeshMessage};
 use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
 use sdf_grid::{DensityField, DensityKernel, Monitor, TriangleMesh};
 use serde_json::{Value, json};
@@ -193,7 +193,7 @@ impl SceneExhibits {
     }
 }
 
-impl Exhibits for SceneExhibits {
+impl Content for SceneExhibits {
     fn description(&self) -> Value {
         self.description.clone()
     }
@@ -241,7 +241,7 @@ impl Exhibits for SceneExhibits {
 }
 
 fn message(mesh: &TriangleMesh) -> MeshMessage {
-    MeshMessage::of(mesh, MOST_TRIANGLES)
+    MeshMessage::from_mesh(mesh, MOST_TRIANGLES)
 }
 
 fn floats(values: impl IntoIterator<Item = f64>) -> impl Iterator<Item = u8> {

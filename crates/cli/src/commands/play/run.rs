@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use fft_correlate::Pose;
-use haptic::{LoopReport, Way};
-use pegfit_play::{Exhibits, Options, Server, Stage};
+use haptic::{LoopReport, TimedPath};
+use pegfit_play::{Content, Options, PlaySession, Server};
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::Monitor;
 use sdf_grid::shapes::PegInHole;
@@ -103,17 +103,17 @@ fn play(
     let exhibits = Arc::new(exhibits);
     let source = pairs.live.source();
     let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));
-    let stage = Stage {
+    let stage = PlaySession {
         source,
         config: scene.device.clone(),
         workspace,
         start: route::start(&geometry, workspace.grip),
         geometry,
-        way: poses.and_then(|poses| Way::new(poses, &workspace)),
-        exhibits: Arc::clone(&exhibits) as Arc<dyn Exhibits>,
+        path: poses.and_then(|poses| TimedPath::new(poses, &workspace)),
+        content: Arc::clone(&exhibits) as Arc<dyn Content>,
     };
     let _held = Hold::begin();
-    let report = server.perform(&stage, cancel_flag());
+    let report = server.run_session(&stage, cancel_flag());
     exhibits.end();
     Ok(report?)
 }

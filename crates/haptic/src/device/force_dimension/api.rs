@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use crate::device::contract::DeviceError;
-use crate::device::library::{Driver, Wanted};
-use crate::device::shown::shown;
+use crate::device::driver::{Driver, DriverSource};
+use crate::device::text::printable;
 
 /// Where libdhd lies.
-pub(super) const WANTED: Wanted = Wanted {
+pub(super) const DRIVER: DriverSource = DriverSource {
     name: "Force Dimension SDK",
     files: if cfg!(windows) {
         &["dhd64.dll"]
@@ -61,7 +61,7 @@ macro_rules! functions {
         impl Api {
             /// Loads `file`, else the installed library.
             pub(super) fn load(file: Option<PathBuf>) -> Result<Self, DeviceError> {
-                let driver = Driver::load(WANTED, file)?;
+                let driver = Driver::load(DRIVER, file)?;
                 // SAFETY: the types are those of the Force Dimension SDK's public reference.
                 let api = unsafe { Self { $($field: driver.function($symbol)?,)* } };
                 api.check_version()?;
@@ -113,7 +113,7 @@ impl Api {
             [3, minor, ..] if minor >= 7 => Ok(()),
             [major, ..] if major > 3 => Ok(()),
             [major, minor, release, _] => Err(DeviceError::Unsuitable {
-                name: WANTED.name.into(),
+                name: DRIVER.name.into(),
                 expected: "version 3.7 or later".into(),
                 found: format!("version {major}.{minor}.{release}"),
             }),
@@ -123,7 +123,7 @@ impl Api {
     /// What went wrong last.
     pub(super) fn error(&self, name: &str) -> DeviceError {
         // SAFETY: these take nothing; the text is the library's own and lasts.
-        let (code, text) = unsafe { ((self.last_error)(), (self.last_error_text)()) };
+        let (code, message) = unsafe { ((self.last_error)(), (self.last_error_text)()) };
         let help = match code {
             error::BUSY | error::IN_USE => "; does another program hold it?",
             error::NO_DRIVER => "; install the USB driver of the SDK",
@@ -134,7 +134,7 @@ impl Api {
             error::NOT_READY => "; is it switched on and calibrated?",
             _ => "",
         };
-        let reason = format!("{} ({code}){help}", words(text));
+        let reason = format!("{} ({code}){help}", driver_text(message));
         let name = name.to_owned();
         match code {
             error::BUSY | error::IN_USE | error::NO_DEVICE | error::NOT_READY => {
@@ -149,11 +149,11 @@ impl Api {
         let mut v = DVec3::ZERO;
         // SAFETY: three numbers to fill.
         let code = unsafe { read(&raw mut v.x, &raw mut v.y, &raw mut v.z, id) };
-        self.done(code, name).map(|()| v)
+        self.check(code, name).map(|()| v)
     }
 
     /// Whether a call succeeded; positive codes are remarks (a saturated motor, a call too soon).
-    pub(super) fn done(&self, code: c_int, name: &str) -> Result<(), DeviceError> {
+    pub(super) fn check(&self, code: c_int, name: &str) -> Result<(), DeviceError> {
         match code {
             0.. => Ok(()),
             _ => Err(self.error(name)),
@@ -162,11 +162,11 @@ impl Api {
 }
 
 /// A text of the library, fit to be shown; empty where there is none.
-pub(super) fn words(text: *const c_char) -> String {
+pub(super) fn driver_text(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
     // SAFETY: not null, and the library ends its texts with a zero byte.
     let text = unsafe { CStr::from_ptr(text) };
-    shown(&text.to_string_lossy())
+    printable(&text.to_string_lossy())
 }

@@ -6,11 +6,6 @@
 //! in metres, newtons and newton metres.
 
 mod api;
-mod look;
-mod model;
-mod opened;
-mod options;
-mod servo;
+mod device;
 
-pub use look::{find, open};
-pub use options::DhdOptions;
+pub use device::{DhdOptions, find, open};

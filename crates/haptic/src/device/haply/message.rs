@@ -1,4 +1,4 @@
-//! What the service says and is told. Keys that are not used here are skipped.
+//! Messages from and to the service. Keys that are not used here are skipped.
 
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
@@ -58,7 +58,7 @@ pub(super) struct ArmState {
     pub(super) cursor_velocity: Option<Vector>,
 }
 
-/// What is not said counts as well.
+/// A missing key counts as a good state.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default)]
 pub(super) struct ArmStatus {

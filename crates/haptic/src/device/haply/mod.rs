@@ -5,14 +5,8 @@
 //! the user, z up, in metres and newtons; its origin lies at the device's plate, so poses here are
 //! shifted by [`CENTRE`]. The grip, if there is one, gives rotation and buttons.
 
-mod look;
+mod device;
 mod message;
-mod opened;
-mod options;
-mod servo;
 mod socket;
-mod timed;
 
-pub use look::{find, open};
-pub use opened::CENTRE;
-pub use options::InverseOptions;
+pub use device::{CENTRE, InverseOptions, find, open};

@@ -48,7 +48,7 @@ impl Fake {
     pub(crate) fn connector(&self) -> Connector {
         let fake = self.clone();
         Box::new(move || {
-            fake.there()?.connections += 1;
+            fake.connected()?.connections += 1;
             Ok(Box::new(fake.clone()))
         })
     }
@@ -58,7 +58,7 @@ impl Fake {
         std::mem::take(&mut self.lock().sent)
     }
 
-    fn there(&self) -> Result<MutexGuard<'_, FakeState>, DeviceError> {
+    fn connected(&self) -> Result<MutexGuard<'_, FakeState>, DeviceError> {
         let state = self.lock();
         if state.plugged {
             Ok(state)
@@ -70,7 +70,7 @@ impl Fake {
 
 impl HidPort for Fake {
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, DeviceError> {
-        let mut state = self.there()?;
+        let mut state = self.connected()?;
         let report = match state.input.pop_front() {
             Some(report) => report,
             None => {
@@ -85,7 +85,7 @@ impl HidPort for Fake {
     }
 
     fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.there()?.sent.push(report.to_vec());
+        self.connected()?.sent.push(report.to_vec());
         Ok(())
     }
 
@@ -94,19 +94,19 @@ impl HidPort for Fake {
     }
 
     fn get_feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
-        let mut state = self.there()?;
+        let mut state = self.connected()?;
         let answer = (state.answer)(report[0]);
         report[..answer.len()].copy_from_slice(&answer);
         Ok(answer.len())
     }
 
     fn descriptor(&mut self) -> Result<Vec<u8>, DeviceError> {
-        Ok(self.there()?.descriptor.clone())
+        Ok(self.connected()?.descriptor.clone())
     }
 }
 
 /// Waits for something that happens on another thread; a slow machine only waits longer.
-pub(crate) fn until(mut done: impl FnMut() -> bool) {
+pub(crate) fn wait_for(mut done: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !done() {
         assert!(begin.elapsed() < Duration::from_secs(20), "never happened");

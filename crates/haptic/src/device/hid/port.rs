@@ -1,9 +1,9 @@
-//! HID devices: what they are asked and told, and the reading half that all of them share.
+//! The port of a HID device, and the reading half that all of them share.
 
 use std::time::{Duration, Instant};
 
 use crate::device::contract::DeviceError;
-use crate::device::threaded::halves::{InputHalf, Reading};
+use crate::device::threaded::{InputHalf, Reading};
 
 /// Longest input report read, bytes.
 const LONGEST: usize = 1024;

@@ -10,11 +10,11 @@ use crate::device::contract::Device;
 use crate::device::hid::fake::{Fake, unhex};
 use crate::device::hid::pid;
 use crate::device::hid::port::HidInput;
-use crate::device::hid::spacemouse::{Feel, SpaceMouse, spec};
-use crate::device::threaded::device::{Cursor, Threaded};
+use crate::device::hid::spacemouse::{SpaceMouse, SpaceMouseSettings, spec};
+use crate::device::threaded::{Cursor, ThreadedDevice};
 use crate::path::force_path::ForcePath;
 use crate::path::sample::{Sample, flags};
-use crate::run::clock::Clock;
+use crate::run::pace::Clock;
 use crate::run::session::Session;
 
 /// A spring to the origin.
@@ -92,8 +92,11 @@ fn a_session_with_a_spacemouse_replays_bit_by_bit() {
     let fake = Fake::new(Vec::new(), |_| Vec::new());
     // Pushed to the right by half, and turned a little.
     fake.lock().rest = vec![1, 175, 0, 0, 0, 0, 0, 60, 0, 0, 0, 0, 0];
-    let input = HidInput::new(fake.connector(), SpaceMouse::new(Feel::default()));
+    let input = HidInput::new(
+        fake.connector(),
+        SpaceMouse::new(SpaceMouseSettings::default()),
+    );
     let mut device =
-        Threaded::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap();
+        ThreadedDevice::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap();
     replays(&mut device);
 }

@@ -9,8 +9,8 @@
 //! battery   17 percent ...               wireless models
 //! ```
 //!
-//! The layout is told by each report's own length, not by the model: the same ids have been seen
-//! with both. While it is deflected a device reports all the time; one that falls silent out of
+//! The length of each report decides its layout, not the model: the same ids have been seen with
+//! both. While it is deflected a device reports all the time; one that falls silent out of
 //! the middle has lost its radio link and counts as let go after [`SILENCE`].
 //!
 //! Axes on the wire, from the user's seat: x right, y towards the user, z down, rotations about the
@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::device::contract::{DeviceError, DeviceSpec};
 use crate::device::hid::port::{Decoder, HidPort};
-use crate::device::threaded::halves::{Motion, Reading};
+use crate::device::threaded::{Motion, Reading};
 
 /// Vendor, product and name of every 3Dconnexion device known to send these reports.
 pub const MODELS: [(u16, u16, &str); 24] = [
@@ -130,7 +130,7 @@ pub fn parse(bytes: &[u8]) -> Report {
 /// How deflections become speeds: the table `spacemouse` of a scene's `[device]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Feel {
+pub struct SpaceMouseSettings {
     /// m/s of the device at full deflection, > 0. Default 0.1.
     pub speed: f64,
     /// rad/s at full deflection, > 0. Default 1.
@@ -140,7 +140,7 @@ pub struct Feel {
     pub dead_zone: f64,
 }
 
-impl Default for Feel {
+impl Default for SpaceMouseSettings {
     fn default() -> Self {
         Self {
             speed: 0.1,
@@ -150,7 +150,7 @@ impl Default for Feel {
     }
 }
 
-impl Feel {
+impl SpaceMouseSettings {
     fn axis(&self, counts: i16) -> f64 {
         let x = f64::from(counts) / FULL;
         let beyond = (x.abs().min(1.0) - self.dead_zone).max(0.0);
@@ -171,7 +171,7 @@ struct Deflection {
 }
 
 impl Deflection {
-    fn take(&mut self, report: Report, feel: &Feel) {
+    fn take(&mut self, report: Report, feel: &SpaceMouseSettings) {
         let translation = |t| feel.vector(t) * feel.speed;
         let rotation = |r| feel.vector(r) * feel.angular_speed;
         match report {
@@ -208,13 +208,13 @@ pub fn spec(name: &str) -> DeviceSpec {
 /// The meaning of their reports; give it to [`HidInput`](crate::device::hid::HidInput).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SpaceMouse {
-    feel: Feel,
+    feel: SpaceMouseSettings,
     state: Deflection,
 }
 
 impl SpaceMouse {
     /// A device at rest.
-    pub fn new(feel: Feel) -> Self {
+    pub fn new(feel: SpaceMouseSettings) -> Self {
         Self {
             feel,
             state: Deflection::default(),

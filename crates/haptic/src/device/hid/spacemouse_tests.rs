@@ -1,9 +1,9 @@
 use super::*;
 use crate::device::contract::Device;
-use crate::device::hid::fake::{Fake, until};
+use crate::device::hid::fake::{Fake, wait_for};
 use crate::device::hid::port::HidInput;
-use crate::device::threaded::device::Cursor;
-use crate::device::threaded::device::Threaded;
+use crate::device::threaded::Cursor;
+use crate::device::threaded::ThreadedDevice;
 
 #[test]
 fn reads_the_split_layout() {
@@ -33,7 +33,7 @@ fn short_or_strange_reports_are_nothing() {
 
 #[test]
 fn axes_point_right_away_and_up_with_a_dead_zone() {
-    let feel = Feel::default();
+    let feel = SpaceMouseSettings::default();
     let mut state = Deflection::default();
     // Pushed right, pulled towards the user, pressed down.
     state.take(Report::Translation([350, 350, 350]), &feel);
@@ -65,9 +65,12 @@ fn pushed(combined: bool) -> Fake {
     fake
 }
 
-fn device(fake: &Fake) -> Threaded {
-    let input = HidInput::new(fake.connector(), SpaceMouse::new(Feel::default()));
-    Threaded::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap()
+fn device(fake: &Fake) -> ThreadedDevice {
+    let input = HidInput::new(
+        fake.connector(),
+        SpaceMouse::new(SpaceMouseSettings::default()),
+    );
+    ThreadedDevice::spawn(spec("mouse"), Cursor::default(), Box::new(input), None).unwrap()
 }
 
 #[test]
@@ -87,14 +90,14 @@ fn as_a_device_it_steers_a_cursor_and_passes_the_conformance_suite_in_both_layou
 fn unplugged_it_is_gone_and_comes_back_at_rest_where_it_was() {
     let fake = pushed(false);
     let mut device = device(&fake);
-    until(|| device.poll(0.0).is_ok_and(|s| s.buttons == 2));
+    wait_for(|| device.poll(0.0).is_ok_and(|s| s.buttons == 2));
     device.poll(0.05).unwrap();
     let place = device.poll(0.1).unwrap().pose;
     fake.lock().plugged = false;
-    until(|| device.poll(0.1) == Err(DeviceError::Disconnected));
+    wait_for(|| device.poll(0.1) == Err(DeviceError::Disconnected));
     fake.lock().rest = Vec::new();
     fake.lock().plugged = true;
-    until(|| device.poll(0.1).is_ok());
+    wait_for(|| device.poll(0.1).is_ok());
     let back = device.poll(0.2).unwrap();
     assert_eq!((back.pose, back.buttons), (place, 0));
     assert_eq!(fake.lock().connections, 2);
@@ -102,7 +105,7 @@ fn unplugged_it_is_gone_and_comes_back_at_rest_where_it_was() {
 
 #[test]
 fn a_deflected_device_that_falls_silent_counts_as_let_go() {
-    let mut mouse = SpaceMouse::new(Feel::default());
+    let mut mouse = SpaceMouse::new(SpaceMouseSettings::default());
     assert_eq!(mouse.silence(SILENCE), None);
     mouse.decode(&[3, 1]).unwrap();
     mouse.decode(&[1, 0x5e, 0x01, 0, 0, 0, 0]).unwrap();
@@ -134,7 +137,7 @@ proptest::proptest! {
     /// Whatever a device sends, the cursor is asked for finite rates within the full deflection.
     #[test]
     fn any_bytes_give_bounded_rates(reports: Vec<Vec<u8>>) {
-        let feel = Feel::default();
+        let feel = SpaceMouseSettings::default();
         let mut mouse = SpaceMouse::new(feel);
         for report in reports {
             if let Some(Reading { motion: Motion::Rate(rate), .. }) = mouse.decode(&report) {

@@ -9,15 +9,15 @@ use std::time::Duration;
 
 use crate::device::contract::{Device, DeviceError};
 use crate::device::hid::pid;
-use crate::device::hid::pid::layout::PidLayout;
-use crate::device::hid::pid::settings::PidSettings;
+use crate::device::hid::pid::PidLayout;
+use crate::device::hid::pid::PidSettings;
 use crate::device::hid::port::{Connector, HidInput, HidPort};
 use crate::device::hid::spacemouse;
-use crate::device::hid::spacemouse::{Feel, SpaceMouse};
+use crate::device::hid::spacemouse::{SpaceMouse, SpaceMouseSettings};
 use crate::device::info::{Access, DeviceInfo, DeviceKind, UsbIds};
-use crate::device::shown::shown;
-use crate::device::threaded::device::Cursor;
-use crate::device::threaded::device::Threaded;
+use crate::device::text::printable;
+use crate::device::threaded::Cursor;
+use crate::device::threaded::ThreadedDevice;
 use hidapi::{HidApi, HidDevice, HidError};
 
 /// Longest report descriptor the kernel keeps.
@@ -48,7 +48,7 @@ pub fn enumerate() -> Result<Vec<DeviceInfo>, DeviceError> {
 /// What a device can be, `None` if nothing here.
 fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> Option<DeviceInfo> {
     let (vendor, product) = (device.vendor_id(), device.product_id());
-    let product_name = device.product_string().map(shown);
+    let product_name = device.product_string().map(printable);
     let product_name = product_name.as_deref().filter(|n| !n.trim().is_empty());
     let (kind, name, spec) = match spacemouse::recognise(vendor, product, usages) {
         Some(model) => {
@@ -75,7 +75,7 @@ fn describe(path: &str, device: &hidapi::DeviceInfo, usages: &[(u16, u16)]) -> O
 
 /// Its serial number as it is shown and typed, empty if it has none.
 fn serial(device: &hidapi::DeviceInfo) -> String {
-    device.serial_number().map(shown).unwrap_or_default()
+    device.serial_number().map(printable).unwrap_or_default()
 }
 
 fn access(path: &str) -> Access {
@@ -98,7 +98,7 @@ fn descriptor_at(path: &str) -> Option<Vec<u8>> {
 /// # Errors
 /// If it is gone, may not be opened, or is not what it was listed as.
 pub fn open(info: &DeviceInfo) -> Result<Box<dyn Device>, DeviceError> {
-    open_with(info, Feel::default(), PidSettings::default())
+    open_with(info, SpaceMouseSettings::default(), PidSettings::default())
 }
 
 /// Opens an attached device as the loop wants it; of the settings, those of its kind count.
@@ -107,11 +107,11 @@ pub fn open(info: &DeviceInfo) -> Result<Box<dyn Device>, DeviceError> {
 /// If it is gone, may not be opened, or is not what it was listed as.
 pub fn open_with(
     info: &DeviceInfo,
-    feel: Feel,
+    feel: SpaceMouseSettings,
     settings: PidSettings,
 ) -> Result<Box<dyn Device>, DeviceError> {
     let device = match info.kind {
-        DeviceKind::SpaceMouse => Threaded::spawn(
+        DeviceKind::SpaceMouse => ThreadedDevice::spawn(
             spacemouse::spec(&info.name),
             Cursor::default(),
             Box::new(HidInput::new(connector(info), SpaceMouse::new(feel))),

@@ -5,13 +5,6 @@
 //! Its frame is x right, y up, z towards the user, in millimetres, newtons and newton millimetres.
 
 mod api;
-mod calibration;
-mod look;
-mod opened;
-mod options;
-mod scheduled;
-mod servo;
-mod words;
+mod device;
 
-pub use look::{find, open};
-pub use options::PhantomOptions;
+pub use device::{PhantomOptions, find, open};

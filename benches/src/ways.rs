@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fft_correlate::Pose;
 use glam::DVec3;
-use pegfit_path::{Motion, Outcome as Found, PathAnswer};
+use pegfit_path::{Motion, Outcome as Found, PathResult};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::{TriangleMesh, shapes};
 
@@ -169,7 +169,7 @@ impl KnownPair {
 
     /// Whether an answer between the parts as `placed` is the known one: a way without overlap by the
     /// known motions, or none after everything was tried.
-    pub fn is_right(&self, placed: &PlacedPair, answer: &PathAnswer) -> bool {
+    pub fn is_right(&self, placed: &PlacedPair, answer: &PathResult) -> bool {
         match answer.outcome {
             Found::Blocked { exhausted, .. } => self.way == Known::Stays && exhausted,
             Found::Free => {

@@ -40,7 +40,7 @@ pub(super) fn after<T: Serialize, A>(
         return Ok(found?);
     };
     match &found {
-        Err(PathError::Explored { item }) => {
+        Err(PathError::Visited { item }) => {
             let expected = "what was tried for the same question";
             return Err(refused(file, expected, format!("{item} differs")));
         }

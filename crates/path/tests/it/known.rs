@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::DVec3;
-use pegfit_path::{Motion, Outcome, PathOptions};
+use pegfit_path::{Motion, Outcome, PathRequest};
 use sdf_grid::shapes;
 
 use crate::common::Placed;
@@ -127,9 +127,9 @@ fn a_captive_ball_does_not_come_out() {
     let cases = [(2e-5, 5e-4), (4e-5, 3e-4), (2e-4, 5e-4), (5e-4, 1e-3)];
     for (seed, (clearance, lip)) in (8..).zip(cases) {
         let placed = Placed::new(shapes::captive_ball(clearance, lip).unwrap(), seed);
-        let answer = placed.find(PathOptions {
+        let answer = placed.find(PathRequest {
             others: 0.0,
-            ..PathOptions::default()
+            ..PathRequest::default()
         });
         let Outcome::Blocked {
             passed_at,
@@ -141,7 +141,7 @@ fn a_captive_ball_does_not_come_out() {
             panic!("{clearance}: free");
         };
         assert!(exhausted && proven, "{clearance}: {:?}", answer.effort);
-        // Facets give way by a little.
+        // Facets give path by a little.
         let passed = passed_at.unwrap();
         assert!(
             stuck_at < 1.1 * lip && passed > 0.8 * lip && passed < 2.0 * lip,

@@ -7,7 +7,7 @@ use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, Pose};
 use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pegfit::WayReport;
-use pegfit_path::{PathAnswer, PathError, PathOptions, PathSearch, Start};
+use pegfit_path::{PathError, PathRequest, PathResult, PathSearch, Start};
 use pyo3::prelude::*;
 use sdf_grid::LengthUnit;
 
@@ -102,7 +102,7 @@ fn numbers(way: &WayReport) -> Array2<f64> {
 /// What is asked of a way, poses in the scene.
 struct Question {
     goal: Pose,
-    options: PathOptions,
+    options: PathRequest,
     solids_only: bool,
 }
 
@@ -139,13 +139,13 @@ pub(crate) fn path(
     let [tolerance, step] = lengths;
     let question = Question {
         goal: placement.to_shapes(&goal),
-        options: PathOptions {
+        options: PathRequest {
             tolerance,
             step,
             time_limit: Duration::from_secs_f64(seconds),
             start,
             allow_overlap,
-            ..PathOptions::default()
+            ..PathRequest::default()
         },
         solids_only,
     };
@@ -166,7 +166,7 @@ pub(crate) fn path(
     Ok(PyWay { way })
 }
 
-fn find(parts: &Parts, question: &Question, watch: &Watch) -> Result<PathAnswer, Failure> {
+fn find(parts: &Parts, question: &Question, watch: &Watch) -> Result<PathResult, Failure> {
     let setup = &parts.setup;
     let (fixed, moving) = (Arc::clone(&setup.fixed), Arc::clone(&setup.moving));
     let search = PathSearch::new(fixed, moving, question.options)?;

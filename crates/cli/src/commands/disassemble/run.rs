@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fft_correlate::Placement;
 use pegfit_path::{
-    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep,
+    AssemblyPart, DisassemblyRequest, DisassemblyResult, DisassemblySearch, DisassemblyStep,
     DisassemblyTries,
 };
 use pegfit_scene::{PlacedParts, Scene};
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
     let placed = PlacedParts::read(&scene)?;
     scenes::tell(&placed.warnings, context);
     let metre = scene.unit.in_metres();
-    let options = DisassemblyOptions {
+    let options = DisassemblyRequest {
         tolerance: args.tolerance.map(|t| t * metre),
         step: args.step.map(|s| s * metre),
         time_limit,
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
     let search = DisassemblySearch::new(placed.parts.iter().map(named).collect(), options)?;
     let found = search.run_from(&mut tried, &context.progress);
     context.progress.finish();
-    let decided = |found: &Disassembly| found.locked.iter().all(|locked| locked.exhausted);
+    let decided = |found: &DisassemblyResult| found.locked.iter().all(|locked| locked.exhausted);
     let found = resume::after(args.resume.as_deref(), found, decided, &tried)?;
     let files: Option<Vec<String>> = args.output.as_ref().map(|_| {
         let numbered = found.steps.iter().enumerate();
@@ -91,12 +91,17 @@ fn file_name(step: usize, of: &DisassemblyStep, names: &[&str]) -> String {
 }
 
 /// A page that plays the steps.
-fn page(title: &str, found: &Disassembly, names: &[&str], meshes: &[&TriangleMesh]) -> String {
+fn page(
+    title: &str,
+    found: &DisassemblyResult,
+    names: &[&str],
+    meshes: &[&TriangleMesh],
+) -> String {
     let acts = found.steps.iter().enumerate().map(|(i, step)| Act {
         said: format!("{}. {}", i + 1, told(step, names)),
         moving: step.parts.clone(),
         staying: step.rest.clone(),
-        way: &step.way,
+        way: &step.path,
     });
     let played = Played {
         title: format!("How it comes apart: {title}"),
@@ -113,7 +118,7 @@ fn page(title: &str, found: &Disassembly, names: &[&str], meshes: &[&TriangleMes
 fn write(
     folder: &Path,
     files: &[String],
-    found: &Disassembly,
+    found: &DisassemblyResult,
     order: &Order,
 ) -> Result<(), CommandError> {
     std::fs::create_dir_all(folder).map_err(|source| CommandError::Io {
@@ -124,7 +129,7 @@ fn write(
     for (file, step) in files.iter().zip(&found.steps) {
         let file = folder.join(file);
         atomic::write_with(&file, |out| {
-            rows::write(&step.way, &Placement::default(), out)
+            rows::write(&step.path, &Placement::default(), out)
                 .map_err(|e| CommandError::failure(file.display().to_string(), e))
         })?;
     }

@@ -1,7 +1,7 @@
 //! What is told of an order, to programs and to people.
 
 use fft_correlate::Placement;
-use pegfit_path::{Disassembly, DisassemblyStep};
+use pegfit_path::{DisassemblyResult, DisassemblyStep};
 use sdf_grid::LengthUnit;
 use serde::Serialize;
 
@@ -45,12 +45,12 @@ fn named(parts: &[usize], names: &[&str]) -> Vec<String> {
 
 impl Order {
     /// `files` are those of the steps, if they are written.
-    pub(super) fn new(found: &Disassembly, names: &[&str], files: Option<&[String]>) -> Self {
+    pub(super) fn new(found: &DisassemblyResult, names: &[&str], files: Option<&[String]>) -> Self {
         let step = |(i, s): (usize, &DisassemblyStep)| Step {
             parts: named(&s.parts, names),
             rest: named(&s.rest, names),
             file: files.and_then(|f| f.get(i).cloned()),
-            way: Summary::new(&s.way, &Placement::default(), None),
+            way: Summary::new(&s.path, &Placement::default(), None),
         };
         let locked = found.locked.iter().map(|l| Locked {
             parts: named(&l.parts, names),
@@ -62,7 +62,7 @@ impl Order {
             steps: found.steps.iter().enumerate().map(step).collect(),
             locked: locked.collect(),
             tries: found.tries,
-            poses_looked_at: found.looked,
+            poses_looked_at: found.poses_checked,
             seconds: found.seconds,
         }
     }
@@ -74,12 +74,12 @@ pub(super) fn told(step: &DisassemblyStep, names: &[&str]) -> String {
         "{} off {}: {}",
         named(&step.parts, names).join(" + "),
         named(&step.rest, names).join(", "),
-        words(&step.way.motions, &Placement::default()),
+        words(&step.path.motions, &Placement::default()),
     )
 }
 
 /// Prints the order.
-pub(super) fn say(found: &Disassembly, names: &[&str], unit: LengthUnit) {
+pub(super) fn say(found: &DisassemblyResult, names: &[&str], unit: LengthUnit) {
     let metre = unit.in_metres();
     let head = match (found.steps.is_empty(), found.locked.is_empty()) {
         (_, true) => "comes apart",
@@ -91,7 +91,7 @@ pub(super) fn say(found: &Disassembly, names: &[&str], unit: LengthUnit) {
         names.len(),
         found.steps.len(),
         found.tries,
-        found.looked,
+        found.poses_checked,
         found.seconds
     );
     for (i, step) in found.steps.iter().enumerate() {
@@ -99,8 +99,8 @@ pub(super) fn say(found: &Disassembly, names: &[&str], unit: LengthUnit) {
             "  {}. {} ({:.3} {unit} long, largest overlap {:.5} {unit})",
             i + 1,
             told(step, names),
-            step.way.length() / metre,
-            step.way.deepest().1 / metre
+            step.path.length() / metre,
+            step.path.deepest().1 / metre
         );
     }
     for locked in &found.locked {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use fft_correlate::{DockingOptions, Pose};
 use glam::{DQuat, DVec3};
-use pegfit_path::{PathOptions, Start};
+use pegfit_path::{PathRequest, Start};
 use pegfit_scene::SceneSetup;
 
 use crate::args::PathArgs;
@@ -54,7 +54,7 @@ impl Goal {
 }
 
 /// What is asked of the way; lengths become metres, poses those of the shapes.
-pub(super) fn options(args: &PathArgs, setup: &SceneSetup) -> Result<PathOptions, CommandError> {
+pub(super) fn options(args: &PathArgs, setup: &SceneSetup) -> Result<PathRequest, CommandError> {
     let metre = setup.scene.unit.in_metres();
     let start = match args.from.as_str() {
         "outside" => Start::Outside,
@@ -63,13 +63,13 @@ pub(super) fn options(args: &PathArgs, setup: &SceneSetup) -> Result<PathOptions
             Start::Pose(setup.placement().to_shapes(&pose))
         }
     };
-    Ok(PathOptions {
+    Ok(PathRequest {
         tolerance: args.tolerance.map(|t| t * metre),
         step: args.step.map(|s| s * metre),
         time_limit: time_limit(args.seconds)?,
         start,
         allow_overlap: args.allow_overlap,
-        ..PathOptions::default()
+        ..PathRequest::default()
     })
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource};
-use pegfit_path::{Explored, Outcome, PathAnswer, PathSearch};
+use pegfit_path::{Outcome, PathResult, PathSearch, VisitedPoses};
 use pegfit_scene::SceneSetup;
 use sdf_grid::atomic;
 
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
     }
     let goal = Goal::parse(&args.to)?;
     time_limit(args.seconds)?;
-    let mut explored: Explored = resume::read(args.resume.as_deref())?;
+    let mut visited: VisitedPoses = resume::read(args.resume.as_deref())?;
     let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
     let options = options(args, &setup)?;
@@ -42,9 +42,9 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
         false => energies(&setup, context).map(|(e, s)| (Some(e), Some(s)))?,
     };
     let asked = source.as_ref().map(|s| s as &dyn EnergySource);
-    let found = search.find_from(&goal, asked, &mut explored, &context.progress);
+    let found = search.find_from(&goal, asked, &mut visited, &context.progress);
     context.progress.finish();
-    let found = resume::after(args.resume.as_deref(), found, is_decided, &explored)?;
+    let found = resume::after(args.resume.as_deref(), found, is_decided, &visited)?;
     let way = WayReport {
         answer: found,
         name: setup.scene.moving.name.clone(),
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
 }
 
 /// Whether a search need not go on.
-fn is_decided(answer: &PathAnswer) -> bool {
+fn is_decided(answer: &PathResult) -> bool {
     match answer.outcome {
         Outcome::Free => true,
         Outcome::Blocked { exhausted, .. } => exhausted,

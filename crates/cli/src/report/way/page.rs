@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use fft_correlate::Placement;
-use pegfit_path::PathAnswer;
+use pegfit_path::PathResult;
 use pegfit_pictures::PictureError;
 use pegfit_scene::poses::pose_fields;
 use sdf_grid::TriangleMesh;
@@ -31,7 +31,7 @@ pub(crate) struct Act<'a> {
     /// Which parts move as one, and which stay; others are not shown.
     pub(crate) moving: Vec<usize>,
     pub(crate) staying: Vec<usize>,
-    pub(crate) way: &'a PathAnswer,
+    pub(crate) way: &'a PathResult,
 }
 
 /// What a page shows.
@@ -118,7 +118,7 @@ impl Played<'_> {
     }
 }
 
-fn poses(way: &PathAnswer, placement: &Placement) -> Vec<Value> {
+fn poses(way: &PathResult, placement: &Placement) -> Vec<Value> {
     let pose = |p: &pegfit_path::PathPose| {
         let at = placement.to_scene(&p.pose);
         let force = p.response.map(|r| {

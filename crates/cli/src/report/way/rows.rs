@@ -1,7 +1,7 @@
 //! A way as comma-separated rows.
 
 use fft_correlate::Placement;
-use pegfit_path::PathAnswer;
+use pegfit_path::PathResult;
 use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
 
 use super::subject::WayReport;
@@ -25,7 +25,7 @@ impl WayReport {
 
 /// The poses of a way in the scene that places the shapes so.
 pub(crate) fn write(
-    answer: &PathAnswer,
+    answer: &PathResult,
     placement: &Placement,
     out: impl std::io::Write,
 ) -> csv::Result<()> {

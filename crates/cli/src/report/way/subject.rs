@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use fft_correlate::{Placement, Pose};
-use pegfit_path::PathAnswer;
+use pegfit_path::PathResult;
 use sdf_grid::{LengthUnit, TriangleMesh};
 
 /// A way between two parts of a scene, with what reports need.
 pub struct WayReport {
     /// The way, of the shapes.
-    pub answer: PathAnswer,
+    pub answer: PathResult,
     /// What the moving part is called.
     pub name: String,
     /// The fixed part's surface, in its own frame.

@@ -1,7 +1,7 @@
 //! What is told of a way, to programs and to people.
 
 use fft_correlate::Placement;
-use pegfit_path::{Climb, Effort, Motion, Outcome, PathAnswer};
+use pegfit_path::{Effort, EnergyBarrier, Motion, Outcome, PathResult};
 use pegfit_scene::poses::pose_fields;
 use sdf_grid::LengthUnit;
 use serde::Serialize;
@@ -35,7 +35,7 @@ pub(crate) struct Summary {
     length: f64,
     turn: f64,
     depth: Option<f64>,
-    climb: Option<Climb>,
+    climb: Option<EnergyBarrier>,
     /// Where the highest climb ends.
     climb_at: Option<[f64; 7]>,
     motions: Vec<Told>,
@@ -54,7 +54,7 @@ struct Told {
 #[derive(Serialize)]
 struct Other {
     length: f64,
-    climb: Option<Climb>,
+    climb: Option<EnergyBarrier>,
     motions: Vec<Told>,
 }
 
@@ -84,7 +84,7 @@ fn told(motions: &[Motion], placement: &Placement) -> Vec<Told> {
 }
 
 /// `free`, `overlapping`, `blocked` or `not found`.
-fn outcome(answer: &PathAnswer) -> &'static str {
+fn outcome(answer: &PathResult) -> &'static str {
     match answer.outcome {
         Outcome::Free if !answer.is_free() => "overlapping",
         Outcome::Free => "free",
@@ -118,7 +118,7 @@ impl WayReport {
 impl Summary {
     /// Of a way between shapes that are placed so.
     pub(crate) fn new(
-        answer: &PathAnswer,
+        answer: &PathResult,
         placement: &Placement,
         field_seconds: Option<f64>,
     ) -> Self {
@@ -138,7 +138,7 @@ impl Summary {
         };
         let others = answer.others.iter().map(|o| Other {
             length: o.length,
-            climb: o.climb,
+            climb: o.barrier,
             motions: told(&o.motions, placement),
         });
         Self {
@@ -156,9 +156,9 @@ impl Summary {
             length: answer.length(),
             turn: answer.turn(),
             depth: answer.depth,
-            climb: answer.climb,
+            climb: answer.barrier,
             climb_at: answer
-                .climb
+                .barrier
                 .filter(|c| c.energy > 0.0)
                 .and_then(|c| at(c.top)),
             motions: told(&answer.motions, placement),
@@ -172,8 +172,8 @@ impl Seen {
     fn new(effort: &Effort, field_seconds: Option<f64>) -> Self {
         Self {
             nodes: effort.nodes,
-            poses_looked_at: effort.looked,
-            places_passed_over: effort.passed_over,
+            poses_looked_at: effort.poses_checked,
+            places_passed_over: effort.duplicates,
             surface_points: effort.points,
             step: effort.step,
             search_seconds: effort.search_seconds,
@@ -218,7 +218,7 @@ pub(crate) fn say(way: &WayReport) {
         answer.volume / metre.powi(3),
         answer.tolerance / metre
     );
-    if let (Some(climb), Some(depth)) = (&answer.climb, answer.depth) {
+    if let (Some(climb), Some(depth)) = (&answer.barrier, answer.depth) {
         let at = answer.poses.get(climb.top).map_or(0.0, |p| p.length);
         crate::say!(
             "  fit {:.4} mJ deep; highest climb on the way in {:.4} mJ, {:.1} % of it, {:.3} {unit} \
@@ -231,7 +231,7 @@ pub(crate) fn say(way: &WayReport) {
     }
     for other in &answer.others {
         let way = words(&other.motions, &way.placement);
-        let climb = match (&other.climb, &answer.climb) {
+        let climb = match (&other.barrier, &answer.barrier) {
             (Some(own), Some(told)) if own.share < told.share + NEARLY => ", as good".to_owned(),
             (Some(own), Some(_)) => format!(", climbs {:.1} % of the depth", 100.0 * own.share),
             _ => String::new(),
@@ -246,15 +246,15 @@ pub(crate) fn say(way: &WayReport) {
     }
 }
 
-fn say_outcome(answer: &PathAnswer, unit: LengthUnit) {
+fn say_outcome(answer: &PathResult, unit: LengthUnit) {
     let metre = unit.in_metres();
     let effort = &answer.effort;
     let looked = format!(
         "{} poses looked at from {} nodes, {} places passed over where it had been, {} points on both \
          surfaces, steps of {:.4} {unit}, {:.1} s",
-        effort.looked,
+        effort.poses_checked,
         effort.nodes,
-        effort.passed_over,
+        effort.duplicates,
         effort.points,
         effort.step / metre,
         effort.search_seconds

@@ -1,11 +1,11 @@
-//! What keeps a part in at least: a ball inside of it would have to come out, too.
+//! Inscribed-sphere bound: a sphere inside the part would have to come out, too.
 //!
-//! Where a ball's middle may be is a matter of three coordinates, whatever the part does, and can be
-//! decided for all of them. In a lattice of cells a ball with its middle anywhere in a cell overlaps
-//! the fixed part by at least its radius less the distance of the cell's middle from the surface, less
-//! half the cell's diagonal. Cells are entered as water rises, those of least overlap first, until one
-//! is outside: the highest overlap on the way is the least with which the ball, and the part, could
-//! come out. Coarse cells foretell too little, never too much.
+//! The sphere's centre has three coordinates, whatever the part does, so that all its positions can be
+//! checked. In a lattice of cells a sphere with its centre anywhere in a cell overlaps the fixed part by at
+//! least its radius, less the distance of the cell's centre from the surface, less half the cell's
+//! diagonal. A flood fill enters the cells of least overlap first until one is outside: the highest overlap
+//! on its path is the least with which the sphere, and the part, can come out. Coarse cells give too low a
+//! bound, never too high.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, HashSet};
@@ -14,8 +14,8 @@ use fft_correlate::Pose;
 use glam::{DVec3, IVec3};
 use sdf_grid::Aabb;
 
-use crate::contact::body::Body;
-use crate::contact::gaps::Gaps;
+use crate::collision::body::Body;
+use crate::collision::checker::CollisionChecker;
 
 /// Edges of cells, in radii of the ball, the coarsest first.
 const CELLS: [f64; 3] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0];
@@ -29,26 +29,26 @@ const HALVINGS: u32 = 8;
 
 /// A ball inside of the moving part.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Cage {
+pub(crate) struct InscribedSphere {
     /// In the part's frame, metres.
     centre: DVec3,
     radius: f64,
 }
 
-impl Cage {
+impl InscribedSphere {
     /// About a point that is deep in the part; none if the part's centroid is outside of it.
-    pub(crate) fn new(gaps: &Gaps) -> Option<Self> {
+    pub(crate) fn new(checker: &CollisionChecker) -> Option<Self> {
         let mut deepest = Self {
-            centre: gaps.frame.centre,
-            radius: depth(&gaps.moving, gaps.frame.centre),
+            centre: checker.frame.centre,
+            radius: depth(&checker.moving, checker.frame.centre),
         };
         for halving in 0..=HALVINGS {
-            let step = gaps.frame.radius * FIRST * 0.5f64.powi(halving as i32);
+            let step = checker.frame.radius * FIRST * 0.5f64.powi(halving as i32);
             let around = DVec3::AXES.into_iter().flat_map(|e| [e, -e]);
             let around = around.map(|e| deepest.centre + step * e);
             let balls = around.map(|centre| Self {
                 centre,
-                radius: depth(&gaps.moving, centre),
+                radius: depth(&checker.moving, centre),
             });
             let better = balls.max_by(|a, b| a.radius.total_cmp(&b.radius));
             deepest = better
@@ -60,21 +60,21 @@ impl Cage {
 
     /// A depth that something has to overlap by for the part to come out from a pose, metres; `free`
     /// or less if none is known that is greater than that.
-    pub(crate) fn least_overlap(&self, gaps: &Gaps, pose: &Pose, free: f64) -> f64 {
+    pub(crate) fn lower_bound(&self, checker: &CollisionChecker, pose: &Pose, free: f64) -> f64 {
         let start = pose.apply(self.centre);
-        let bounds = gaps.fixed.bounds().grown(self.radius);
+        let bounds = checker.fixed.bounds().grown(self.radius);
         let flood =
-            |cell: &f64| self.flooded(&gaps.fixed, start, &bounds, cell * self.radius, free);
+            |cell: &f64| self.flood_cells(&checker.fixed, start, &bounds, cell * self.radius, free);
         CELLS.iter().map(flood).fold(free, f64::max)
     }
 
     /// The same in cells of one size (metres).
-    fn flooded(&self, fixed: &Body, start: DVec3, bounds: &Aabb, cell: f64, free: f64) -> f64 {
+    fn flood_cells(&self, fixed: &Body, start: DVec3, bounds: &Aabb, cell: f64, free: f64) -> f64 {
         let half_diagonal = 0.5 * 3f64.sqrt() * cell;
         let middle = |at: IVec3| start + cell * at.as_dvec3();
         let overlap = |p: DVec3| {
             let reach = self.radius - half_diagonal;
-            reach - fixed.near(p, reach)
+            reach - fixed.unsigned_distance(p, reach)
         };
         let outwards = |p: DVec3| {
             let beyond = (p - bounds.min).min(bounds.max - p);
@@ -117,7 +117,7 @@ fn depth(body: &Body, p: DVec3) -> f64 {
 /// A cell at the water's edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Cell {
-    /// The highest overlap on the way there, metres.
+    /// The highest overlap on the path there, metres.
     level: f64,
     /// How far it is to the outside, metres; negative there.
     left: f64,
@@ -152,9 +152,9 @@ mod tests {
 
     use super::*;
 
-    fn gaps((fixed, moving): (TriangleMesh, TriangleMesh)) -> Gaps {
+    fn checker_of((fixed, moving): (TriangleMesh, TriangleMesh)) -> CollisionChecker {
         let [fixed, moving] = [fixed, moving].map(|mesh| Body::of_mesh(Arc::new(mesh)));
-        Gaps::new(fixed, moving, 2e-4)
+        CollisionChecker::new(fixed, moving, 2e-4)
     }
 
     /// A ball behind a lip is held by as much as the mouth is narrower, to within a cell, in frames of
@@ -167,11 +167,11 @@ mod tests {
                 let (fixed, ball) = shapes::captive_ball(clearance, lip).unwrap();
                 let moved = fixed.transformed(turn, DVec3::new(0.3, -0.1, 0.2));
                 let place = Pose::new(turn, DVec3::new(0.3, -0.1, 0.2));
-                let gaps = gaps((moved, ball));
-                let cage = Cage::new(&gaps).unwrap();
-                assert!((cage.radius / 0.004 - 1.0).abs() < 0.01, "{cage:?}");
-                let held = cage.least_overlap(&gaps, &place, 4e-6);
-                let least = lip - 2.2 * cage.radius * 3f64.sqrt() / 64.0;
+                let checker = checker_of((moved, ball));
+                let sphere = InscribedSphere::new(&checker).unwrap();
+                assert!((sphere.radius / 0.004 - 1.0).abs() < 0.01, "{sphere:?}");
+                let held = sphere.lower_bound(&checker, &place, 4e-6);
+                let least = lip - 2.2 * sphere.radius * 3f64.sqrt() / 64.0;
                 assert!(
                     held >= least.max(4e-6) && held <= lip,
                     "{clearance} {lip}: {held}"
@@ -180,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Parts that come out are never held, however long the way.
+    /// Parts that come out are never held, however long the path.
     #[test]
     fn what_comes_out_is_not_held() {
         let pegs = (0..6).map(|seed| {
@@ -193,12 +193,12 @@ mod tests {
             shapes::spool_in_slot(2e-5).unwrap(),
         ];
         for pair in pegs.chain(others) {
-            let gaps = gaps(pair);
-            let Some(cage) = Cage::new(&gaps) else {
+            let checker = checker_of(pair);
+            let Some(sphere) = InscribedSphere::new(&checker) else {
                 continue;
             };
-            let held = cage.least_overlap(&gaps, &Pose::IDENTITY, 1e-9);
-            assert!(held <= 1e-9, "{cage:?}: {held}");
+            let held = sphere.lower_bound(&checker, &Pose::IDENTITY, 1e-9);
+            assert!(held <= 1e-9, "{sphere:?}: {held}");
         }
     }
 }

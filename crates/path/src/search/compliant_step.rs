@@ -1,13 +1,11 @@
-//! Sliding on in one direction for as long as it goes.
+//! Compliant motion: steps in one direction, each projected to contact, for as long as they lead on.
 
 use fft_correlate::Pose;
 
-use crate::contact::gaps::{Contact, Gaps};
-use crate::contact::settle::{By, Limits};
-use crate::motion::six::{Vec6, dot, length, scaled};
-use crate::search::directions::softened;
-use crate::search::escape::Escape;
-use crate::search::same::Shape;
+use crate::collision::checker::{Allowed, Contact};
+use crate::motion::vec6::{Vec6, dot, length, scaled};
+use crate::search::directions::compliant_direction;
+use crate::search::space::SearchSpace;
 
 /// Less progress than this share of a step counts as stuck.
 const STUCK: f64 = 0.3;
@@ -24,68 +22,62 @@ const MEMORY: usize = 8;
 /// Steps are halved this often before a slide counts as stuck.
 const HALVINGS: u32 = 4;
 
-/// What all slides of a search share.
-#[derive(Debug)]
-pub(crate) struct Slides<'a> {
-    pub(crate) gaps: &'a Gaps,
-    pub(crate) escape: &'a Escape,
-    pub(crate) shape: &'a Shape,
-    pub(crate) limits: Limits,
-    /// Largest motion of any point in one step, metres.
-    pub(crate) step: f64,
-}
-
-/// What ends a slide besides a wall and the outside.
-pub(crate) struct Until<'a> {
-    /// Length of a slide, metres.
+/// When a compliant motion ends, besides at a wall and outside.
+pub(crate) struct StopConditions<'a> {
+    /// Greatest length, metres.
     pub(crate) longest: f64,
     /// Whether the part has been where a pose puts it.
     pub(crate) known: &'a (dyn Fn(&Pose) -> bool + Sync),
     pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// A step that went.
+/// A step that succeeded.
 struct Step {
     pose: Pose,
     motion: Vec6,
-    /// Poses on the way, a step apart, if it was longer than that.
+    /// Intermediate poses of a long step, a step apart.
     between: Vec<Pose>,
     /// Whether the walls left it almost as it was wanted.
     smooth: bool,
 }
 
-/// Where a slide has led.
+/// The result of a compliant motion.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Slide {
+pub(crate) struct CompliantPath {
     /// Poses after each step, without the first.
     pub(crate) poses: Vec<Pose>,
     /// The motion of the last step.
     pub(crate) last: Option<Vec6>,
     /// Whether the last pose is beside the fixed part.
     pub(crate) outside: bool,
-    /// Poses that were looked at.
-    pub(crate) looked: usize,
+    /// Poses at which collisions were checked.
+    pub(crate) poses_checked: usize,
 }
 
-impl Slides<'_> {
-    /// Goes on from `start` along `direction` until one of the reasons to end: after each step the part is
-    /// pushed out of what it overlaps, and the next step repeats the motion of the last few, as a body
-    /// without friction would.
-    pub(crate) fn slide(&self, start: &Pose, direction: &Vec6, until: &Until<'_>) -> Slide {
+impl SearchSpace<'_> {
+    /// Steps from `start` along `direction`, a motion of any length, until a stop condition holds. Each
+    /// step is projected to contact; the next one repeats the motion of the last few, as a body without
+    /// friction would.
+    pub(crate) fn follow(
+        &self,
+        start: &Pose,
+        direction: &Vec6,
+        until: &StopConditions<'_>,
+    ) -> CompliantPath {
         let mut contacts = Vec::new();
-        let mut slide = Slide::default();
-        let frame = &self.gaps.frame;
+        let mut slide = CompliantPath::default();
+        let frame = &self.checker.frame;
         let (mut at, mut along, mut gone, mut pace) = (*start, *direction, 0.0, 1.0);
         let within = 3.0 * self.limits.tolerance;
-        if self
-            .shape
-            .turns_in_itself(self.gaps, start, direction, within)
-        {
+        let (filter, checker) = (self.duplicates, self.checker);
+        if filter.is_symmetric_motion(checker, start, direction, within) {
             return slide;
         }
         let mut look = LOOK;
         while gone < until.longest && !(until.stop)() {
-            let Some(step) = self.step(&at, &along, pace, &mut contacts, &mut slide.looked) else {
+            let Some(step) =
+                self.compliant_step(&at, &along, pace, &mut contacts, &mut slide.poses_checked)
+            else {
                 break;
             };
             gone += frame.largest(&at, &step.motion);
@@ -97,9 +89,9 @@ impl Slides<'_> {
             at = step.pose;
             slide.poses.extend(step.between);
             slide.poses.push(at);
-            along = self.momentum(start, &slide.poses);
+            along = self.recent_motion(start, &slide.poses);
             slide.last = Some(along);
-            if self.escape.exit(self.gaps, &at).distance < 0.0 {
+            if self.exit(&at).distance < 0.0 {
                 slide.outside = true;
                 break;
             }
@@ -114,8 +106,8 @@ impl Slides<'_> {
     }
 
     /// The screw that has led through the last few poses, where it has led to.
-    fn momentum(&self, start: &Pose, poses: &[Pose]) -> Vec6 {
-        let frame = &self.gaps.frame;
+    fn recent_motion(&self, start: &Pose, poses: &[Pose]) -> Vec6 {
+        let frame = &self.checker.frame;
         let now = poses.last().unwrap_or(start);
         let before = match poses.len() > MEMORY {
             true => &poses[poses.len() - 1 - MEMORY],
@@ -127,36 +119,37 @@ impl Slides<'_> {
     }
 
     /// A step along a motion; if it does not go, along what the walls leave of the motion.
-    fn step(
+    fn compliant_step(
         &self,
         at: &Pose,
         along: &Vec6,
         pace: f64,
         contacts: &mut Vec<Contact>,
-        looked: &mut usize,
+        poses_checked: &mut usize,
     ) -> Option<Step> {
-        self.straight(at, along, pace, contacts, looked)
+        self.shortened_step(at, along, pace, contacts, poses_checked)
             .or_else(|| {
-                let soft = softened(self.gaps, at, self.limits.level, along, contacts)?;
-                self.straight(at, &soft, 1.0, contacts, looked)
+                let soft =
+                    compliant_direction(self.checker, at, self.limits.level, along, contacts)?;
+                self.shortened_step(at, &soft, 1.0, contacts, poses_checked)
             })
     }
 
     /// A step along a motion, shorter where it has to be.
-    fn straight(
+    fn shortened_step(
         &self,
         at: &Pose,
         along: &Vec6,
         pace: f64,
         contacts: &mut Vec<Contact>,
-        looked: &mut usize,
+        poses_checked: &mut usize,
     ) -> Option<Step> {
-        let frame = &self.gaps.frame;
+        let frame = &self.checker.frame;
         let full = scaled(along, self.step / frame.largest(at, along));
         let slower = (0..=HALVINGS).map(|halving| 0.5f64.powi(halving as i32));
         let fast = (pace > 1.0).then_some(pace);
         for share in fast.into_iter().chain(slower) {
-            *looked += 1;
+            *poses_checked += 1;
             let wanted = scaled(&full, share);
             match self.trial(at, &wanted, share, contacts) {
                 Ok(step) => return Some(step),
@@ -177,13 +170,13 @@ impl Slides<'_> {
         share: f64,
         contacts: &mut Vec<Contact>,
     ) -> Result<Step, f64> {
-        let (gaps, limits) = (self.gaps, &self.limits);
+        let (checker, limits) = (self.checker, &self.limits);
         let reach = share.min(1.0) * self.step;
-        let trial = gaps.frame.moved(at, wanted);
-        let pose = gaps
-            .settle(&trial, limits, reach, By::Any, contacts)
+        let trial = checker.frame.moved(at, wanted);
+        let pose = checker
+            .project_to_contact(&trial, limits, reach, Allowed::All, contacts)
             .ok_or(1.0)?;
-        let motion = gaps.frame.between(at, &pose);
+        let motion = checker.frame.between(at, &pose);
         let progress = dot(&motion, wanted) / dot(wanted, wanted);
         if progress < STUCK {
             return Err(progress);
@@ -193,12 +186,16 @@ impl Slides<'_> {
         }
         let pieces = share.ceil() as usize;
         let piece = |i: usize| {
-            gaps.frame
+            checker
+                .frame
                 .moved(at, &scaled(&motion, i as f64 / pieces as f64))
         };
         let between: Vec<Pose> = (1..pieces).map(piece).collect();
         let depth = limits.depth(reach);
-        if !between.iter().all(|p| gaps.clear(p, limits.level, depth)) {
+        if !between
+            .iter()
+            .all(|p| checker.is_free(p, limits.level, depth))
+        {
             return Err(1.0);
         }
         let astray: Vec6 = std::array::from_fn(|k| motion[k] - wanted[k]);

@@ -1,4 +1,4 @@
-//! What a motion is, in words.
+//! Description of motions: pushes, turns and screws.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
@@ -8,19 +8,19 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::motion::frame::{Frame, shift};
-use crate::motion::six::Vec6;
+use crate::motion::vec6::Vec6;
 
-/// A turn that moves less than this share of what the displacement beside it does is not told.
+/// A turn that moves points by less than this share of the translation beside it is not reported.
 const NOTHING: f64 = 0.2;
-/// The advance of a turn of less than [`ONE_TURN`] radians is not told if it is less than this share of
-/// the part's radius.
+/// The advance of a turn of less than [`ONE_TURN`] radians is not reported if it is less than this share
+/// of the part's radius.
 const PLAY: f64 = 0.03;
 const ONE_TURN: f64 = 4.0;
 /// Directions closer than this (radians) are one.
 const SAME_DIRECTION: f64 = 0.1;
 /// Axes of turns closer than this share of the part's radius are one.
 const SAME_PLACE: f64 = 0.1;
-/// Motions shorter than this share of the part's radius, and of the whole way, are not told.
+/// Motions shorter than this share of the part's radius, and of the whole path, are not reported.
 const SHORT: f64 = 0.05;
 
 /// A motion along an axis, about it, or both: a straight one, a turn, or a screw. Along the fixed
@@ -33,11 +33,11 @@ pub struct Motion {
     /// The point of the axis that is closest to the part's centre at the outset, metres; where the
     /// centre is if there is no turn.
     pub point: [f64; 3],
-    /// By which angle the part turns, radians, 0 or more.
+    /// Allowed which angle the part turns, radians, 0 or more.
     pub turn: f64,
     /// How far it goes along the axis, metres; negative against it.
     pub advance: f64,
-    /// The way of the point of the part that goes farthest, metres.
+    /// Path length of the point of the part that goes farthest, metres.
     pub length: f64,
 }
 
@@ -132,7 +132,7 @@ impl Motion {
         }
     }
 
-    fn angle_words(&self) -> String {
+    fn describe_angle(&self) -> String {
         let near = |angle: f64| (self.turn - angle).abs() < 0.05 * angle;
         let known = [
             (FRAC_PI_2, "quarter turn"),
@@ -157,11 +157,11 @@ impl fmt::Display for Motion {
         let along = 1e3 * self.advance.abs();
         match self.pitch() {
             None => write!(f, "push {along:.1} mm along {axis}"),
-            Some(0.0) => write!(f, "{} about {axis}", self.angle_words()),
+            Some(0.0) => write!(f, "{} about {axis}", self.describe_angle()),
             Some(pitch) => {
                 let hand = if pitch > 0.0 { "right" } else { "left" };
                 let pitch = 1e3 * pitch.abs();
-                let angle = self.angle_words();
+                let angle = self.describe_angle();
                 write!(
                     f,
                     "screw, {angle} about {axis}, pitch {pitch:.2} mm, {hand}-handed"
@@ -173,34 +173,38 @@ impl fmt::Display for Motion {
 
 /// The motions that lead from each pose to the next, those about one axis as one; short ones are left
 /// out.
-pub(crate) fn motions(frame: &Frame, poses: &[Pose]) -> Vec<Motion> {
+pub(crate) fn describe_motions(frame: &Frame, poses: &[Pose]) -> Vec<Motion> {
     let steps = poses.windows(2);
     let each: Vec<Motion> = steps
         .map(|w| Motion::of(frame, &w[0], &frame.between(&w[0], &w[1])))
         .collect();
     let whole: f64 = each.iter().map(|m| m.length).sum();
     let short = SHORT * frame.radius.min(whole);
-    let mut told: Vec<Motion> = Vec::new();
+    let mut described: Vec<Motion> = Vec::new();
     for motion in each.into_iter().filter(|m| m.length > short) {
-        let joined = told
+        let joined = described
             .last()
             .and_then(|last| last.joined(&motion, frame.radius));
         match joined {
-            Some(both) => *told.last_mut().expect("joined to it") = both,
-            None => told.push(motion),
+            Some(both) => *described.last_mut().expect("joined to it") = both,
+            None => described.push(motion),
         }
     }
-    told.into_iter().map(|m| m.rounded(frame.radius)).collect()
+    described
+        .into_iter()
+        .map(|m| m.rounded(frame.radius))
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use glam::DQuat;
     use sdf_grid::shapes;
 
+    use super::*;
+
     #[test]
-    fn pushes_turns_and_screws_are_told_apart() {
+    fn pushes_turns_and_screws_are_described_apart() {
         let mesh = shapes::cuboid(DVec3::new(0.01, 0.01, 0.03)).unwrap();
         let frame = Frame::new(mesh.centroid(), mesh.vertices());
         let along = |z: f64| Pose::from_translation(DVec3::Z * z);
@@ -209,7 +213,7 @@ mod tests {
         poses.push(about(1.0, 0.01));
         poses.push(about(FRAC_PI_2, 0.01));
         poses.push(about(FRAC_PI_2, 0.0));
-        let words: Vec<String> = motions(&frame, &poses)
+        let words: Vec<String> = describe_motions(&frame, &poses)
             .iter()
             .map(Motion::to_string)
             .collect();
@@ -228,7 +232,7 @@ mod tests {
                 place * about(turn, pitch * turn / TAU) * place.inverse()
             };
             let poses: Vec<Pose> = (0..6).map(screw).collect();
-            let found = motions(&frame, &poses);
+            let found = describe_motions(&frame, &poses);
             assert_eq!(found.len(), 1);
             assert!((found[0].pitch().unwrap() - pitch).abs() < 1e-9);
             assert!((found[0].turn - 10.0).abs() < 1e-9);

@@ -63,13 +63,38 @@ pub(crate) fn solve(mut m: Mat6, mut b: Vec6) -> Option<Vec6> {
     Some(b)
 }
 
-/// The solution of `m x = b` kept short: a millionth of the trace is added to the diagonal.
-pub(crate) fn solve_damped(mut m: Mat6, b: Vec6) -> Option<Vec6> {
-    let trace: f64 = (0..6).map(|i| m[i][i]).sum();
-    for (i, row) in m.iter_mut().enumerate() {
-        row[i] += DAMPING * trace;
+/// Normal equations of a least-squares problem over motions: which change opens gaps by what they lack.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct LeastSquares {
+    stiffness: Mat6,
+    pull: Vec6,
+}
+
+impl LeastSquares {
+    /// Asks for a change along `slope`, the derivative of a gap, that opens it by `missing` metres.
+    pub(crate) fn add(&mut self, slope: &Vec6, missing: f64) {
+        add_product(&mut self.stiffness, slope, 1.0);
+        for (pull, s) in self.pull.iter_mut().zip(slope) {
+            *pull += missing * s;
+        }
     }
-    solve(m, b)
+
+    pub(crate) fn plus(mut self, other: Self) -> Self {
+        for i in 0..6 {
+            self.pull[i] += other.pull[i];
+            (0..6).for_each(|k| self.stiffness[i][k] += other.stiffness[i][k]);
+        }
+        self
+    }
+
+    /// The least change, damped by a millionth of the trace; none if nothing is asked for.
+    pub(crate) fn solution(mut self) -> Option<Vec6> {
+        let trace: f64 = (0..6).map(|i| self.stiffness[i][i]).sum();
+        for (i, row) in self.stiffness.iter_mut().enumerate() {
+            row[i] += DAMPING * trace;
+        }
+        solve(self.stiffness, self.pull).filter(|x| length(x) > 0.0)
+    }
 }
 
 /// Eigenvectors of a symmetric matrix by cyclic Jacobi rotations, the softest first.

@@ -1,15 +1,15 @@
-//! What is found of a way in.
+//! The result of a path search.
 
 use fft_correlate::{Pose, Response};
+use serde::Serialize;
 
-use crate::motion::words::Motion;
-use crate::way::climb::Climb;
+use crate::motion::describe::Motion;
 
-/// A way from outside (or a given pose) to the goal, and all that is told of it. Poses and motions are
-/// of the shapes, in the fixed part's own frame.
+/// A path from outside (or a given pose) to the goal, with its measures. Poses and motions are those of
+/// the shapes, in the fixed part's own frame.
 #[derive(Debug, Clone)]
-pub struct PathAnswer {
-    /// Whether the way is free.
+pub struct PathResult {
+    /// Whether the path is free.
     pub outcome: Outcome,
     /// From the start to the goal, at equal steps; empty if nothing was found at any level.
     pub poses: Vec<PathPose>,
@@ -18,35 +18,34 @@ pub struct PathAnswer {
     /// Overlaps up to this depth count as contact, metres.
     pub tolerance: f64,
     /// The highest climb, if energies were asked for.
-    pub climb: Option<Climb>,
+    pub barrier: Option<EnergyBarrier>,
     /// Energy out of reach less that of the goal, joules, if energies were asked for.
     pub depth: Option<f64>,
-    /// Largest volume that the solids share along the way, cubic metres: looked at where they overlap
-    /// deepest.
+    /// Volume that the solids share where they overlap deepest, cubic metres.
     pub volume: f64,
-    /// The way in words, short motions left out.
+    /// Description of the path, without short motions.
     pub motions: Vec<Motion>,
-    /// Other ways that leave in other directions, looked for as long as the first one took; none of
-    /// them climbs less, by more than a hundredth of the depth.
+    /// Paths that leave in other directions, searched for as long as the first one took; none has an energy
+    /// barrier lower by more than a hundredth of the depth.
     pub others: Vec<OtherPath>,
-    /// What was looked at.
+    /// Cost of the search.
     pub effort: Effort,
 }
 
-/// Whether a part gets there.
+/// Whether a part reaches the goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// At the points of the search the solids never overlap by more than the tolerance; whether denser
-    /// ones agree says [`PathAnswer::is_free`].
+    /// ones agree says [`PathResult::is_free`].
     Free,
-    /// They have to overlap; the way given is that of least overlap.
+    /// The parts have to overlap; the path is that of least overlap.
     Blocked {
-        /// With overlaps up to this depth a way was found, metres; none if at no depth tried.
+        /// With overlaps up to this depth a path was found, metres; none if at no depth tried.
         passed_at: Option<f64>,
         /// With overlaps up to this depth none was found, metres.
         stuck_at: f64,
         /// Whether everything was tried at the tolerance (at the step of the search), or it is proven
-        /// that there is no way; else time ran out.
+        /// that there is no path; else time ran out.
         exhausted: bool,
         /// Whether it is proven, whatever the part does: a ball inside of it does not come out with
         /// overlaps up to the tolerance.
@@ -54,39 +53,39 @@ pub enum Outcome {
     },
 }
 
-/// A pose along a way.
+/// A pose along a path.
 #[derive(Debug, Clone, Copy)]
 pub struct PathPose {
     /// Of the shapes.
     pub pose: Pose,
-    /// Way of the farthest-going point since the start, metres.
+    /// ExitPath of the farthest-going point since the start, metres.
     pub length: f64,
-    /// By how much the deepest point of either part lies in the other, metres.
+    /// Allowed how much the deepest point of either part lies in the other, metres.
     pub depth: f64,
     /// Energy and wrench on the part, if they were asked for.
     pub response: Option<Response>,
 }
 
-/// Another way.
+/// Another path.
 #[derive(Debug, Clone)]
 pub struct OtherPath {
-    /// Way of the farthest-going point, metres.
+    /// ExitPath of the farthest-going point, metres.
     pub length: f64,
-    /// The way in words, inwards.
+    /// Description of the path, inwards.
     pub motions: Vec<Motion>,
     /// The highest climb along it, if energies were asked for.
-    pub climb: Option<Climb>,
+    pub barrier: Option<EnergyBarrier>,
 }
 
-/// What a search has looked at.
+/// Cost of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Effort {
-    /// Poses from which ways on were tried.
+    /// Poses from which paths on were tried.
     pub nodes: usize,
     /// Poses to which the part was pushed.
-    pub looked: usize,
+    pub poses_checked: usize,
     /// Places that were come to again and not gone on from: the part had been there.
-    pub passed_over: usize,
+    pub duplicates: usize,
     /// Points of both surfaces that distances were taken at.
     pub points: usize,
     /// Of the search, seconds.
@@ -97,15 +96,15 @@ pub struct Effort {
     pub step: f64,
 }
 
-impl PathAnswer {
-    /// The largest overlap along the way, metres, and at which pose.
+impl PathResult {
+    /// The largest overlap along the path, metres, and at which pose.
     pub fn deepest(&self) -> (usize, f64) {
         let depths = self.poses.iter().map(|p| p.depth).enumerate();
         let deepest = depths.max_by(|a, b| a.1.total_cmp(&b.1));
         deepest.unwrap_or((0, 0.0))
     }
 
-    /// Whether a way was found and no overlap measured along it is deeper than the tolerance.
+    /// Whether a path was found and no overlap measured along it is deeper than the tolerance.
     pub fn is_free(&self) -> bool {
         self.outcome == Outcome::Free && self.deepest().1 <= self.tolerance
     }
@@ -116,7 +115,7 @@ impl PathAnswer {
         steps.map(|w| w[0].pose.angle_to(&w[1].pose)).sum()
     }
 
-    /// The same way from the goal to the start; without energies and other ways.
+    /// The same path from the goal to the start; without energies and other paths.
     pub(crate) fn outwards(mut self) -> Self {
         let whole = self.length();
         self.poses.reverse();
@@ -127,8 +126,57 @@ impl PathAnswer {
         self
     }
 
-    /// Way of the farthest-going point, metres.
+    /// ExitPath of the farthest-going point, metres.
     pub fn length(&self) -> f64 {
         self.poses.last().map_or(0.0, |p| p.length)
+    }
+}
+
+/// The energy barrier of a path: the highest climb.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct EnergyBarrier {
+    /// From a pose to a later one, joules; 0 if the energy never rises.
+    pub energy: f64,
+    /// The same as a share of the depth of the fit below the energy out of reach.
+    pub share: f64,
+    /// At which pose it ends.
+    pub top: usize,
+}
+
+/// The highest climb from first to last, of a well that is `depth` joules deep.
+pub(crate) fn energy_barrier(energies: &[f64], depth: f64) -> EnergyBarrier {
+    let mut lowest = f64::INFINITY;
+    let mut best = EnergyBarrier {
+        energy: 0.0,
+        share: 0.0,
+        top: 0,
+    };
+    for (i, energy) in energies.iter().enumerate() {
+        lowest = lowest.min(*energy);
+        if energy - lowest > best.energy {
+            best.energy = energy - lowest;
+            best.top = i;
+        }
+    }
+    best.share = if depth > 0.0 {
+        best.energy / depth
+    } else {
+        0.0
+    };
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_highest_climb_is_from_a_low_to_a_later_high() {
+        let barrier = energy_barrier(&[0.0, -1.0, 0.5, -3.0, -2.0, -4.0], 4.0);
+        assert_eq!(
+            (barrier.energy, barrier.share, barrier.top),
+            (1.5, 0.375, 2)
+        );
+        assert_eq!(energy_barrier(&[0.0, -1.0, -2.0], 2.0).energy, 0.0);
     }
 }

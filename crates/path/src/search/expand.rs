@@ -1,18 +1,16 @@
-//! Growing poses from one until one of them is outside.
+//! Best-first expansion of poses by compliant motion until one of them is outside.
 
 use std::time::Instant;
 
 use fft_correlate::Pose;
 use rayon::prelude::*;
 
-use crate::contact::gaps::Gaps;
-use crate::contact::settle::Limits;
-use crate::motion::six::Vec6;
+use crate::motion::vec6::Vec6;
+use crate::search::compliant_step::{CompliantPath, StopConditions};
 use crate::search::directions::candidates;
-use crate::search::escape::{Escape, Exit};
-use crate::search::node::Node;
-use crate::search::same::Shape;
-use crate::search::slide::{Slide, Slides, Until};
+use crate::search::exit::ExitPath;
+use crate::search::space::SearchSpace;
+use crate::search::visited::Node;
 
 /// Directions that are tried at once before other poses get their turn.
 const BATCH: usize = 4;
@@ -24,108 +22,117 @@ const FARTHEST: f64 = 7.0;
 const CLOSER: f64 = 0.2;
 /// How much a pose falls behind with each batch that has led nowhere, as a share of the radius.
 const HANDICAP: f64 = 0.15;
-/// Poses along a slide from which other ways are tried, too, lie this share of the radius apart.
+/// Poses along a slide from which other paths are tried, too, lie this share of the radius apart.
 const BRANCHES: f64 = 0.5;
 
-/// What a search has found.
+/// The result of a search.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Grown {
-    /// Ways from the first pose to outside, the first one found first.
-    pub(crate) ways: Vec<Way>,
-    /// Poses at which distances were looked at.
-    pub(crate) looked: usize,
-    /// Places that slides came to where the part had been.
-    pub(crate) passed_over: usize,
+pub(crate) struct ExpansionResult {
+    /// Paths from the first pose to outside, the first one found first.
+    pub(crate) paths: Vec<ExitPath>,
+    pub(crate) counts: SearchCounts,
     /// Whether nothing was left to try.
     pub(crate) exhausted: bool,
 }
 
-/// Poses from the first to one outside, a step apart, and where it left.
-#[derive(Debug, Clone)]
-pub(crate) struct Way {
-    pub(crate) poses: Vec<Pose>,
-    pub(crate) exit: Exit,
+/// The effort of a search.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SearchCounts {
+    /// Poses from which directions were tried.
+    pub(crate) nodes: usize,
+    /// Poses at which collisions were checked.
+    pub(crate) poses_checked: usize,
+    /// Poses reached where the part had been.
+    pub(crate) duplicates: usize,
 }
 
-impl Way {
-    /// Whether it leaves in another direction than all of `ways`.
-    pub(crate) fn differs_from(&self, ways: &[Self]) -> bool {
-        let apart = |w: &Self| w.exit.direction.dot(self.exit.direction) < OTHER;
-        ways.iter().all(apart)
+impl SearchCounts {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.nodes += other.nodes;
+        self.poses_checked += other.poses_checked;
+        self.duplicates += other.duplicates;
     }
 }
 
-/// A search: what it moves in, and when it stops.
-pub(crate) struct Growth<'a> {
-    pub(crate) gaps: &'a Gaps,
-    pub(crate) escape: &'a Escape,
-    pub(crate) shape: &'a Shape,
-    pub(crate) limits: Limits,
-    pub(crate) step: f64,
+impl ExpansionResult {
+    /// Nothing found, and nothing left to try.
+    pub(crate) fn exhausted() -> Self {
+        Self {
+            exhausted: true,
+            ..Self::default()
+        }
+    }
+}
+
+/// A best-first search and its stop conditions.
+pub(crate) struct Expansion<'a> {
+    pub(crate) space: SearchSpace<'a>,
     /// From places closer than this other directions are tried at one only, metres, unless the part is
     /// nearer to being out at the other.
     pub(crate) within: f64,
-    /// Since when ways are looked for.
+    /// When the search began.
     pub(crate) began: Instant,
     /// When to stop, found or not.
     pub(crate) deadline: Instant,
-    /// How long to look for other ways once one is found, as a share of the time that it took.
+    /// How long to look for other paths once one is found, as a share of the time that it took.
     pub(crate) others: f64,
-    pub(crate) stop: &'a (dyn Fn() -> bool + Sync),
-    /// Hears how much of the way out has been gained, 0 ..= 1.
+    /// Hears which share of the exit distance has been gained, 0 ..= 1.
     pub(crate) gained: &'a (dyn Fn(f64) + Sync),
 }
 
-/// Other ways leave in directions that make at least this angle with the first one's (its cosine).
-const OTHER: f64 = 0.7;
-/// Most ways that are looked for.
-const WAYS: usize = 3;
+/// Most paths of a search.
+const MOST_PATHS: usize = 3;
 
-impl Growth<'_> {
+impl Expansion<'_> {
     /// Best first: the pose that is closest to being out tries its next directions. `nodes` are those
-    /// of a search that goes on; if there are none it begins at `start`. `found` are ways that are known.
-    pub(crate) fn run(&self, start: &Pose, found: Vec<Way>, nodes: &mut Vec<Node>) -> Grown {
-        let slides = self.slides();
+    /// of a search that goes on; if there are none it begins at `start`. `found` are paths that are known.
+    pub(crate) fn run(
+        &self,
+        start: &Pose,
+        found: Vec<ExitPath>,
+        nodes: &mut Vec<Node>,
+    ) -> ExpansionResult {
         if nodes.is_empty() {
             nodes.push(self.node(*start, None, None));
         }
         let mut deadline = self.deadline;
         if !found.is_empty() {
-            deadline = deadline.min(self.for_others());
+            deadline = deadline.min(self.others_deadline());
         }
-        let mut grown = Grown {
-            ways: found,
-            ..Grown::default()
+        let mut expanded = ExpansionResult {
+            paths: found,
+            ..ExpansionResult::default()
         };
-        while !(self.stop)() && Instant::now() < deadline {
+        while !(self.space.stop)() && Instant::now() < deadline {
             let Some(chosen) = self.next(nodes) else {
-                grown.exhausted = true;
+                expanded.exhausted = true;
                 break;
             };
             let tried = nodes[chosen].tried;
             let (batch, longest) = self.batch(&mut nodes[chosen]);
             let pose = nodes[chosen].pose;
-            let stop = || (self.stop)() || Instant::now() > deadline;
+            let stop = || (self.space.stop)() || Instant::now() > deadline;
             // A slide goes on until it is where one has been: in a thread it has to go far.
-            let known = |pose: &Pose| self.known(nodes, pose, self.step);
-            let until = Until {
+            let known = |pose: &Pose| self.is_visited(nodes, pose, self.space.step);
+            let until = StopConditions {
                 longest,
                 known: &known,
                 stop: &stop,
             };
-            let found: Vec<Slide> = batch
+            let found: Vec<CompliantPath> = batch
                 .par_iter()
-                .map(|motion| slides.slide(&pose, motion, &until))
+                .map(|motion| self.space.follow(&pose, motion, &until))
                 .collect();
             let cut_short = stop();
             for slide in found {
-                grown.looked += slide.looked;
-                if let Some(way) = self.take(nodes, chosen, slide, &mut grown.passed_over) {
-                    if grown.ways.is_empty() {
-                        deadline = deadline.min(self.for_others());
+                expanded.counts.poses_checked += slide.poses_checked;
+                if let Some(path) = self.take(nodes, chosen, slide, &mut expanded.counts.duplicates)
+                {
+                    if expanded.paths.is_empty() {
+                        deadline = deadline.min(self.others_deadline());
                     }
-                    if way.differs_from(&grown.ways) {
-                        grown.ways.push(way);
+                    if path.differs_from(&expanded.paths) {
+                        expanded.paths.push(path);
                     }
                 }
             }
@@ -135,25 +142,16 @@ impl Growth<'_> {
             }
             let least = nodes.iter().map(|n| n.exit).fold(f64::INFINITY, f64::min);
             (self.gained)(1.0 - least / nodes[0].exit);
-            if grown.ways.len() >= WAYS {
+            if expanded.paths.len() >= MOST_PATHS {
                 break;
             }
         }
-        grown
+        expanded.counts.nodes = nodes.len();
+        expanded
     }
 
-    fn slides(&self) -> Slides<'_> {
-        Slides {
-            gaps: self.gaps,
-            escape: self.escape,
-            shape: self.shape,
-            limits: self.limits,
-            step: self.step,
-        }
-    }
-
-    /// Until when other ways are looked for, now that one is found.
-    fn for_others(&self) -> Instant {
+    /// Until when other paths are searched, now that one is found.
+    fn others_deadline(&self) -> Instant {
         Instant::now() + self.began.elapsed().mul_f64(self.others)
     }
 
@@ -162,7 +160,7 @@ impl Growth<'_> {
             pose,
             from,
             last,
-            exit: self.escape.exit(self.gaps, &pose).distance,
+            exit: self.space.exit(&pose).distance,
             motions: None,
             tried: 0,
         }
@@ -170,7 +168,7 @@ impl Growth<'_> {
 
     /// The most promising pose that has something left to try.
     fn next(&self, nodes: &[Node]) -> Option<usize> {
-        let radius = self.gaps.frame.radius;
+        let radius = self.space.checker.frame.radius;
         let open = nodes
             .iter()
             .enumerate()
@@ -182,11 +180,11 @@ impl Growth<'_> {
 
     /// The next motions to try from a node, and how far.
     fn batch(&self, node: &mut Node) -> (Vec<Vec6>, f64) {
-        let level = self.limits.level;
+        let level = self.space.limits.level;
         let motions = node.motions.get_or_insert_with(|| {
-            let exit = self.escape.exit(self.gaps, &node.pose).direction;
+            let exit = self.space.exit(&node.pose).direction;
             candidates(
-                self.gaps,
+                self.space.checker,
                 &node.pose,
                 level,
                 node.last,
@@ -203,48 +201,48 @@ impl Growth<'_> {
         node.tried = (first + count).min(motions.len());
         (
             motions[first..node.tried].to_vec(),
-            longest * self.gaps.frame.radius,
+            longest * self.space.checker.frame.radius,
         )
     }
 
-    /// Adds what a slide has reached; the way if it has reached the outside.
+    /// Adds the poses of a compliant motion; returns its path if it has reached the outside.
     fn take(
         &self,
         nodes: &mut Vec<Node>,
         from: usize,
-        slide: Slide,
-        passed_over: &mut usize,
-    ) -> Option<Way> {
+        slide: CompliantPath,
+        duplicates: &mut usize,
+    ) -> Option<ExitPath> {
         let end = *slide.poses.last()?;
         if slide.outside {
             let mut poses = chain(nodes, from);
             poses.extend(&slide.poses);
-            return Some(Way {
+            return Some(ExitPath {
                 poses,
-                exit: self.escape.exit(self.gaps, &end),
+                exit: self.space.exit(&end),
             });
         }
-        let apart = BRANCHES * self.gaps.frame.radius;
+        let apart = BRANCHES * self.space.checker.frame.radius;
         let (mut parent, mut between) = (from, Vec::new());
         let count = slide.poses.len();
         for (i, pose) in slide.poses.into_iter().enumerate() {
             between.push(pose);
             let last = i + 1 == count;
-            let far = self.gaps.frame.apart(&nodes[parent].pose, &pose) > apart;
+            let far = self.space.checker.frame.apart(&nodes[parent].pose, &pose) > apart;
             if !(last || far) {
                 continue;
             }
-            if self.known(nodes, &pose, self.within) {
-                *passed_over += 1;
+            if self.is_visited(nodes, &pose, self.within) {
+                *duplicates += 1;
                 continue;
             }
             let motion = if last { slide.last } else { None };
             let mut node = self.node(pose, Some((parent, std::mem::take(&mut between))), motion);
-            // Where a slide has gone on, other ways are tried later.
+            // Where a slide has gone on, other paths are tried later.
             node.exit += if last {
                 0.0
             } else {
-                HANDICAP * self.gaps.frame.radius
+                HANDICAP * self.space.checker.frame.radius
             };
             nodes.push(node);
             parent = nodes.len() - 1;
@@ -253,10 +251,14 @@ impl Growth<'_> {
     }
 
     /// Whether the part has been within so many metres of where it would be, no farther from being out.
-    fn known(&self, nodes: &[Node], pose: &Pose, within: f64) -> bool {
-        let exit = self.escape.exit(self.gaps, pose).distance;
+    fn is_visited(&self, nodes: &[Node], pose: &Pose, within: f64) -> bool {
+        let exit = self.space.exit(pose).distance;
         let same = |n: &Node| {
-            exit > n.exit - CLOSER * self.step && self.shape.same(self.gaps, &n.pose, pose, within)
+            exit > n.exit - CLOSER * self.space.step
+                && self
+                    .space
+                    .duplicates
+                    .is_same_place(self.space.checker, &n.pose, pose, within)
         };
         nodes.iter().any(same)
     }

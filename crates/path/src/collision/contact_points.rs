@@ -19,7 +19,7 @@ const MOST: usize = 200_000;
 /// Points on the surface of `mesh`, metres, no farther apart along sharp convex edges than `spacing`,
 /// and on blunt ones than [`SPARSE`] times it. Two solids that meet do so in a convex vertex or edge of
 /// one of them, unless they meet flat.
-pub(crate) fn touching_points(mesh: &TriangleMesh, spacing: f64) -> Vec<DVec3> {
+pub(crate) fn contact_points(mesh: &TriangleMesh, spacing: f64) -> Vec<DVec3> {
     let edges = convex_edges(mesh);
     let mut spacing = spacing;
     while count(mesh, &edges, spacing) > MOST {
@@ -142,13 +142,15 @@ fn convex_edges(mesh: &TriangleMesh) -> Vec<([u32; 2], f64)> {
 
 #[cfg(test)]
 mod tests {
+    use sdf_grid::shapes;
+    use sdf_grid::shapes::PegInHole;
+
     use super::*;
-    use sdf_grid::shapes::{self, PegInHole};
 
     #[test]
     fn points_lie_along_convex_edges_and_sparsely_on_faces() {
         let cube = shapes::cuboid(DVec3::splat(0.01)).unwrap();
-        let points = touching_points(&cube, 0.001);
+        let points = contact_points(&cube, 0.001);
         let extreme = |p: &DVec3| {
             p.abs()
                 .to_array()
@@ -166,7 +168,7 @@ mod tests {
     #[test]
     fn edges_that_point_inwards_have_no_points() {
         let (hole, _) = PegInHole::Rectangular.pair(0.0).unwrap();
-        let points = touching_points(&hole, 0.002);
+        let points = contact_points(&hole, 0.002);
         let on_inner_corner = |p: &&DVec3| {
             p.x.abs() < 0.0101
                 && p.y.abs() < 0.0101

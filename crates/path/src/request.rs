@@ -1,4 +1,4 @@
-//! What a search for a way may be asked.
+//! The request of a path search.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use fft_correlate::Pose;
 
 use crate::error::PathError;
 
-/// Where a way begins.
+/// Where a path begins.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Start {
     /// Anywhere beside the fixed part.
@@ -16,9 +16,9 @@ pub enum Start {
     Pose(Pose),
 }
 
-/// What a search for a way may be asked.
+/// Options of a path search.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PathOptions {
+pub struct PathRequest {
     /// Overlaps up to this depth count as contact, metres; a thousandth of the moving part's radius
     /// about its centroid if absent. Passages narrower than half of it may be missed.
     pub tolerance: Option<f64>,
@@ -27,16 +27,16 @@ pub struct PathOptions {
     pub step: Option<f64>,
     /// The search gives up after this time.
     pub time_limit: Duration,
-    /// Where the way begins.
+    /// Where the path begins.
     pub start: Start,
     /// Go on if the parts overlap at the goal or start: overlaps as deep as that then count as contact.
     pub allow_overlap: bool,
-    /// How long to look for other ways, as a share of the time that the first one took.
+    /// How long to look for other paths, as a share of the time that the first one took.
     pub others: f64,
 }
 
-impl Default for PathOptions {
-    /// From outside, a minute, other ways for as long as the first one took.
+impl Default for PathRequest {
+    /// From outside, a minute, other paths for as long as the first one took.
     fn default() -> Self {
         Self {
             tolerance: None,
@@ -49,7 +49,7 @@ impl Default for PathOptions {
     }
 }
 
-impl PathOptions {
+impl PathRequest {
     pub(crate) fn validate(&self) -> Result<(), PathError> {
         let lengths = [("tolerance", self.tolerance), ("step", self.step)];
         for (name, value) in lengths {

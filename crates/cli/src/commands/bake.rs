@@ -12,9 +12,9 @@ use serde::Serialize;
 
 use super::{scenes, stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
-use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::memory::display_bytes;
 use crate::report::output::{print_json, require_folder};
 
 #[derive(Serialize)]
@@ -102,7 +102,7 @@ fn prepare(
     args: &BakeArgs,
     context: &Context,
 ) -> Result<(Design, Option<TableReference>), CommandError> {
-    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
     let mut setup = scenes::setup(scene, context)?;
     let mut reference = None;
     let chosen = args.tolerance.is_some() && exists(&args.output)?;
@@ -233,7 +233,7 @@ fn part(args: &BakeArgs) -> Result<Part, CommandError> {
 
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
-    Scene::read(&args.scene)?;
+    Scene::read(&args.scene.file)?;
     let progress = stored::examine(&stored::open(&args.output)?, context)?;
     if context.json {
         return print_json(&progress);

@@ -76,7 +76,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     ] {
         file.map_or(Ok(()), |f| require_folder(f))?;
     }
-    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
     let options = DockingOptions {
         top: args.top,

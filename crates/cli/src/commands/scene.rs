@@ -11,7 +11,7 @@ use sdf_grid::{InterferenceQuery, Ledger, LengthUnit};
 use serde::Serialize;
 
 use crate::args::SceneArgs;
-use crate::commands::fits::{FACETS, TOUCHING};
+use crate::commands::check::{FACETS, TOUCHING};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::ledger;
@@ -59,9 +59,9 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
     }
     let options = SolidOptions {
         unit: args.unit,
-        segments_per_turn: args.segments_per_turn,
-        step_time_limit: Duration::from_secs(args.step_time_limit),
-        lossy: args.lossy,
+        segments_per_turn: args.reading.segments_per_turn,
+        step_time_limit: Duration::from_secs(args.reading.step_time_limit),
+        lossy: args.reading.lossy,
         visual: args.visual,
         ..SolidOptions::default()
     };

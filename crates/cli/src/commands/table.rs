@@ -5,9 +5,9 @@ use serde::Serialize;
 
 use super::stored;
 use crate::args::TableArgs;
-use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::memory::display_bytes;
 use crate::report::output::print_json;
 
 #[derive(Serialize)]

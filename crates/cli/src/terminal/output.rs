@@ -2,7 +2,8 @@
 //! of it when what it printed was lost.
 
 use std::fmt::Arguments;
-use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::io;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::{Mutex, PoisonError};
 
 use sdf_grid::text::shown_lines;
@@ -84,4 +85,25 @@ pub fn finish() -> io::Result<()> {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         other => other,
     }
+}
+
+/// Prints a line to standard error; does nothing if it is closed, as nobody is left to read it.
+pub fn remark_line(text: Arguments<'_>) {
+    let _ = writeln!(std::io::stderr(), "{}", shown_lines(&text.to_string()));
+}
+
+/// Prints a line to standard output ([`crate::terminal::output`]).
+#[macro_export]
+macro_rules! say {
+    ($($text:tt)*) => {
+        $crate::terminal::output::print_line(format_args!($($text)*))
+    };
+}
+
+/// Prints a line to standard error; does nothing if it is closed, as nobody is left to be told.
+#[macro_export]
+macro_rules! remark {
+    ($($text:tt)*) => {
+        $crate::terminal::output::remark_line(format_args!($($text)*))
+    };
 }

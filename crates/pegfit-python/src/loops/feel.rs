@@ -10,7 +10,7 @@ use haptic::{
 };
 use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
-use pegfit::FeltPage;
+use pegfit::SessionReport;
 use pyo3::prelude::*;
 use sdf_grid::atomic;
 
@@ -99,7 +99,7 @@ impl Felt {
 
     /// The page of the run as HTML.
     fn page(&self, py: Python<'_>) -> Result<String, Failure> {
-        let page = FeltPage {
+        let page = SessionReport {
             title: self.title.clone(),
             subject: self.subject.clone(),
             spec: &self.spec,
@@ -154,7 +154,7 @@ pub(crate) fn feel(
         hold(&parts, &source, script, hand, clock, watch)
     })?;
     Ok(Felt {
-        title: FeltPage::title(Some(script), &spec.name),
+        title: SessionReport::title(Some(script), &spec.name),
         subject,
         spec,
         config,

@@ -6,7 +6,7 @@ use std::time::Duration;
 use fft_correlate::{DirectEvaluator, DirectOptions, EnergySource, Pose};
 use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
-use pegfit::WayReport;
+use pegfit::PathReport;
 use pegfit_path::{PathError, PathRequest, PathResult, PathSearch, Start};
 use pyo3::prelude::*;
 use sdf_grid::LengthUnit;
@@ -41,7 +41,7 @@ impl From<PathError> for Failure {
 /// A way, and what reports of it need.
 #[pyclass(frozen, module = "pegfit._core", name = "Way")]
 pub(crate) struct PyWay {
-    way: WayReport,
+    report: PathReport,
 }
 
 #[pymethods]
@@ -49,24 +49,24 @@ impl PyWay {
     /// A row for each pose: the pose in the scene, way gone, overlap, energy, force, torque; the last
     /// seven are NaN without energies. (n, 16).
     fn numbers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        numbers(&self.way).into_pyarray(py)
+        numbers(&self.report).into_pyarray(py)
     }
 
     /// The motions inwards in words.
     fn words(&self) -> Vec<String> {
-        self.way.words()
+        self.report.words()
     }
 
     /// What `pegfit path --json` tells.
     fn summary(&self) -> Result<String, Failure> {
-        guarded(|| self.way.json().map_err(|e| Failure::of(Kind::General, &e)))
+        guarded(|| self.report.json().map_err(|e| Failure::of(Kind::General, &e)))
     }
 
     /// The rows of `pegfit path -o`.
     fn table(&self) -> Result<String, Failure> {
         guarded(|| {
             let mut rows = Vec::new();
-            let written = self.way.csv(&mut rows);
+            let written = self.report.csv(&mut rows);
             written.map_err(|e| Failure::of(Kind::General, &e))?;
             Ok(String::from_utf8_lossy(&rows).into_owned())
         })
@@ -74,16 +74,16 @@ impl PyWay {
 
     /// The page of `pegfit path --html`.
     fn page(&self) -> Result<String, Failure> {
-        guarded(|| self.way.html().map_err(|e| Failure::of(Kind::General, &e)))
+        guarded(|| self.report.html().map_err(|e| Failure::of(Kind::General, &e)))
     }
 }
 
-fn numbers(way: &WayReport) -> Array2<f64> {
-    let rows = way.answer.poses.iter().map(|at| {
-        let pose = way.placement.to_scene(&at.pose);
+fn numbers(report: &PathReport) -> Array2<f64> {
+    let rows = report.result.poses.iter().map(|at| {
+        let pose = report.placement.to_scene(&at.pose);
         let [energy, force, torque] = match &at.response {
             Some(response) => {
-                let wrench = way.placement.wrench_to_scene(&pose, &response.wrench);
+                let wrench = report.placement.wrench_to_scene(&pose, &response.wrench);
                 let (force, torque) = (wrench.force.to_array(), wrench.torque.to_array());
                 [[response.energy; 3], force, torque]
             }
@@ -150,11 +150,11 @@ pub(crate) fn path(
         solids_only,
     };
     let name = parts.name.clone();
-    let way = run(py, progress.as_ref(), move |watch| {
-        let answer = find(&parts, &question, watch)?;
+    let report = run(py, progress.as_ref(), move |watch| {
+        let result = find(&parts, &question, watch)?;
         let setup = &parts.setup;
-        Ok(WayReport {
-            answer,
+        Ok(PathReport {
+            result,
             name,
             fixed: Arc::clone(&setup.fixed),
             moving: Arc::clone(&setup.moving),
@@ -163,7 +163,7 @@ pub(crate) fn path(
             field_seconds: None,
         })
     })?;
-    Ok(PyWay { way })
+    Ok(PyWay { report })
 }
 
 fn find(parts: &Parts, question: &Question, watch: &Watch) -> Result<PathResult, Failure> {

@@ -1,5 +1,5 @@
 'use strict';
-// Plays ways one after the other: `data` has surfaces (micrometres), and acts: which parts move,
+// Plays paths one after the other: `data` has surfaces (micrometres), and acts: which parts move,
 // which stay, and the poses of those that move.
 const canvas = document.getElementById('view');
 const gl = canvas.getContext('webgl', { antialias: true, alpha: false });

@@ -4,16 +4,19 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fft_correlate::{DirectOptions, EnergyScale, EnergySource, Pose, TableStore};
-use fft_correlate::{DockingOptions, Placement};
+use fft_correlate::{
+    DirectOptions, DockingOptions, EnergyScale, EnergySource, Placement, Pose, TableStore,
+};
+use glam::DQuat;
 use haptic::Geometry;
 use pegfit_pictures::{Slice, sheet, skeleton_points};
 use pegfit_play::{Exhibits, MOST_TRIANGLES, MeshMessage};
 use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
 use sdf_grid::{DensityField, DensityKernel, Monitor, TriangleMesh};
 use serde_json::{Value, json};
 
-use super::route;
 use crate::commands::plot::on_plane;
 use crate::context::Context;
 use crate::error::CommandError;
@@ -69,7 +72,7 @@ impl SceneExhibits {
             assembly,
             fixed,
             moving,
-            cut: route::cut(&loaded.geometry(pairs.live.source())),
+            cut: cut_axis(&loaded.geometry(pairs.live.source())),
             description: Value::Null,
             over: AtomicBool::new(false),
         };
@@ -101,11 +104,11 @@ impl SceneExhibits {
             "grip": grip.to_array(),
             "cut": self.cut,
             "limits": [limits.force, limits.torque],
-            "profile": route::profile(source, &geometry),
+            "profile": profile(source, &geometry),
             "places": [
                 place("Seated", "the scene's fit", &geometry.seated),
-                place("At the entrance", "", &route::at_depth(&geometry, 0.1 * geometry.depth)),
-                place("Outside", "where it began", &route::start(&geometry, grip)),
+                place("At the entrance", "", &at_depth(&geometry, 0.1 * geometry.depth)),
+                place("Outside", "where it began", &start_pose(&geometry, grip)),
             ],
             "source": source_words,
             "error": error,
@@ -275,17 +278,89 @@ fn of_table(path: &Path) -> Result<(String, String), CommandError> {
     Ok((format!("Forces from the table {}.", path.display()), error))
 }
 
-/// The same for the evaluator: against the sum over every cell, at poses about the way in.
+/// The same for the evaluator: against the sum over every cell, at poses about the path in.
 fn of_evaluator(
     assembly: &Assembly,
     source: &dyn EnergySource,
     geometry: &Geometry,
 ) -> Result<(String, String), CommandError> {
     let full = assembly.source(&DirectOptions::FULL)?;
-    let error = 100.0 * route::force_error(source, &full, geometry);
+    let error = 100.0 * force_error(source, &full, geometry);
     let spacing = 1e3 * assembly.pair.spacing();
     Ok((
         format!("Forces by direct sums on densities {spacing:.2} mm apart."),
         format!("They are within {error:.1} % (rms) of sums over every cell."),
     ))
+}
+
+/// Points of the curve of the energy on the straight path in.
+const POINTS: u32 = 120;
+
+/// Share of the depth from which, and to which, the curve goes.
+const SPAN: (f64, f64) = (-0.6, 1.08);
+
+/// Poses at which two sources are compared.
+const POSES: u32 = 24;
+
+/// The assembled pose withdrawn so that it is `depth` metres in.
+fn at_depth(geometry: &Geometry, depth: f64) -> Pose {
+    Pose {
+        translation: geometry.seated.translation + geometry.axis * (depth - geometry.depth),
+        ..geometry.seated
+    }
+}
+
+/// Where the hand begins: before the entrance, beside the axis, tilted a little; `grip` is the point
+/// of the part about which it is turned.
+pub(super) fn start_pose(geometry: &Geometry, grip: glam::DVec3) -> Pose {
+    let before = at_depth(geometry, -0.4 * geometry.depth);
+    let side = geometry.axis.any_orthonormal_vector();
+    let turn = DQuat::from_axis_angle(side.cross(geometry.axis), geometry.tilt);
+    let rotation = (turn * before.rotation).normalize();
+    let held = before.apply(grip) + side * (1.5 * geometry.radius);
+    Pose {
+        rotation,
+        translation: held - rotation * grip,
+    }
+}
+
+/// The coordinate axis across which a cut shows the path in, seen from where the hand begins.
+fn cut_axis(geometry: &Geometry) -> usize {
+    let across = geometry.axis.cross(geometry.axis.any_orthonormal_vector());
+    across.abs().max_position()
+}
+
+/// Energy (J) against depth (m) on the straight path in.
+fn profile(source: &dyn EnergySource, geometry: &Geometry) -> Vec<[f64; 2]> {
+    let mut scratch = source.scratch();
+    let share = |k| SPAN.0 + (SPAN.1 - SPAN.0) * f64::from(k) / f64::from(POINTS);
+    (0..=POINTS)
+        .map(|k| geometry.depth * share(k))
+        .map(|depth| {
+            let pose = at_depth(geometry, depth);
+            [depth, source.evaluate(&pose, &mut scratch).energy]
+        })
+        .collect()
+}
+
+/// Root mean square difference of the forces of two sources at poses about the path in, as a share of
+/// that of `truth`.
+fn force_error(source: &dyn EnergySource, truth: &dyn EnergySource, geometry: &Geometry) -> f64 {
+    let mut rng = SmallRng::seed_from_u64(7);
+    let (mut ours, mut theirs) = (source.scratch(), truth.scratch());
+    let (mut difference, mut scale) = (0.0, 0.0);
+    for _ in 0..POSES {
+        let mut pose = at_depth(geometry, geometry.depth * rng.random_range(0.0..1.0));
+        let mut any = |most: f64| {
+            glam::DVec3::from_array([(); 3].map(|()| rng.random_range(-1.0..1.0) * most))
+        };
+        pose.translation += any(0.3 * geometry.radius);
+        pose.rotation =
+            (DQuat::from_scaled_axis(any(0.5 * geometry.tilt)) * pose.rotation).normalize();
+        let expected = truth.evaluate(&pose, &mut theirs).wrench.force;
+        let found = source.evaluate(&pose, &mut ours).wrench.force;
+        difference += (found - expected).length_squared();
+        scale += expected.length_squared();
+    }
+    (difference / scale.max(f64::MIN_POSITIVE)).sqrt()
 }

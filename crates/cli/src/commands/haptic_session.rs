@@ -10,7 +10,7 @@ use haptic::{
 };
 use pegfit_scene::Assembly;
 
-use super::scenes::within;
+use crate::commands::scenes::within;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::parquet_log;

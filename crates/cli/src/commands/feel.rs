@@ -1,4 +1,4 @@
-//! From a scene and a device to a felt force, and what is told of it.
+//! `pegfit feel`: the haptic loop.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,20 +7,19 @@ use haptic::scene::PairState;
 use haptic::{Clock, Device, DeviceSpec, LoopReport, Outcome, Replay, Sample, Script};
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::{Monitor, atomic};
+use serde::Serialize;
 
-use super::again::Again;
 use crate::args::device_choice::DeviceChoice;
 use crate::args::{FeelArgs, ScriptChoice};
 use crate::commands::devices::Chosen;
 use crate::commands::plot::force_chart;
-use crate::commands::{devices, hand, scenes};
+use crate::commands::{devices, haptic_session, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::felt::{FeltPage, privileges, told};
 use crate::report::output::{print_json, require_folder};
 use crate::report::parquet_log;
-use crate::terminal::hold::Hold;
-use crate::terminal::progress::{Progress, interrupted};
+use crate::report::session::{SessionReport, event_text, privileges};
+use crate::terminal::progress::{Hold, Progress, interrupted};
 
 /// Seconds that a hand holds the part, if nobody says how long.
 const SECONDS: f64 = 5.0;
@@ -120,8 +119,12 @@ fn feel(
 ) -> Result<Felt, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let _held = Hold::begin();
-    let keep = hand::Keep {
-        log: (args.log.as_deref().map(|log| hand::log(log, context))).transpose()?,
+    let keep = haptic_session::Keep {
+        log: (args
+            .log
+            .as_deref()
+            .map(|log| haptic_session::log(log, context)))
+        .transpose()?,
         samples: args.png.is_some() || args.report.is_some(),
     };
     let seconds = args.seconds.unwrap_or(SECONDS);
@@ -130,9 +133,9 @@ fn feel(
             Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, keep, context)?,
             Chosen::Attached(mut device) => hold(device.as_mut(), seconds, pairs, keep, context)?,
             Chosen::Simulated => {
-                let mut hand = hand::simulated(assembly, source, script, seconds);
+                let mut hand = haptic_session::simulated(assembly, source, script, seconds);
                 Felt {
-                    title: FeltPage::title(Some(script), &hand.spec().name),
+                    title: SessionReport::title(Some(script), &hand.spec().name),
                     ..hold(&mut hand, seconds, pairs, keep, context)?
                 }
             }
@@ -145,7 +148,7 @@ fn hold(
     device: &mut dyn Device,
     seconds: f64,
     pairs: &LivePairs,
-    keep: hand::Keep,
+    keep: haptic_session::Keep,
     context: &Context,
 ) -> Result<Felt, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
@@ -154,14 +157,14 @@ fn hold(
         device.spec().name,
         assembly.scene().moving.name,
     ));
-    let outcome = hand::run(assembly, source, device, seconds, Clock::Real, keep)?;
+    let outcome = haptic_session::run(assembly, source, device, seconds, Clock::Real, keep)?;
     if let Some(fault) = device.last_fault() {
         context
             .progress
             .note(&format!("the device's last fault: {fault}"));
     }
     Ok(Felt {
-        title: FeltPage::title(None, &device.spec().name),
+        title: SessionReport::title(None, &device.spec().name),
         spec: device.spec().clone(),
         outcome,
         again: None,
@@ -173,7 +176,7 @@ fn replay(
     mut recorded: Replay,
     seconds: Option<f64>,
     pairs: &LivePairs,
-    keep: hand::Keep,
+    keep: haptic_session::Keep,
     context: &Context,
 ) -> Result<Felt, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
@@ -184,13 +187,13 @@ fn replay(
         assembly.scene().moving.name,
         recorded.duration().min(seconds),
     ));
-    let keep = hand::Keep {
+    let keep = haptic_session::Keep {
         samples: true,
         ..keep
     };
-    let outcome = hand::replay(assembly, source, &mut recorded, seconds, keep)?;
+    let outcome = haptic_session::replay(assembly, source, &mut recorded, seconds, keep)?;
     Ok(Felt {
-        title: FeltPage::title(None, &recorded.spec().name),
+        title: SessionReport::title(None, &recorded.spec().name),
         spec: recorded.spec().clone(),
         again: Some(Again::compare(recorded.samples(), &outcome.samples)),
         outcome,
@@ -219,7 +222,7 @@ fn report(
         PairState::NoRoom => "not loaded: no room in the scene's memory".to_owned(),
     });
     let scene = pairs.assembly.scene();
-    let page = FeltPage {
+    let page = SessionReport {
         title,
         subject: format!("Scene {}", scene.path.display()),
         spec,
@@ -287,6 +290,49 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
         );
     }
     for event in pairs.live.events() {
-        crate::say!("scene       {}: {}", event.pair, told(&event.what));
+        crate::say!("scene       {}: {}", event.pair, event_text(&event.what));
     }
+}
+
+/// How the wrenches of a replay compare with the recorded ones, bit by bit.
+#[derive(Debug, Serialize)]
+pub(super) struct Again {
+    /// Ticks compared.
+    ticks: usize,
+    /// Ticks with another force or torque.
+    different: usize,
+    /// The first of these, as the log counts.
+    first_different: Option<u64>,
+}
+
+impl Again {
+    pub(super) fn compare(recorded: &[Sample], samples: &[Sample]) -> Self {
+        let pairs = || recorded.iter().zip(samples);
+        let other = |(a, b): &(&Sample, &Sample)| bits(a) != bits(b);
+        Self {
+            ticks: pairs().count(),
+            different: pairs().filter(other).count(),
+            first_different: pairs().find(other).map(|(recorded, _)| recorded.tick),
+        }
+    }
+
+    pub(super) fn print(&self) {
+        match self.first_different {
+            None => crate::say!(
+                "replay      all {} forces are the recorded ones, bit by bit",
+                self.ticks
+            ),
+            Some(tick) => crate::say!(
+                "replay      {} of {} forces are not the recorded ones, from tick {tick} on: \
+                 another scene, source, setting or device, or a log that began in the middle of a \
+                 run",
+                self.different,
+                self.ticks
+            ),
+        }
+    }
+}
+
+fn bits(sample: &Sample) -> [[u64; 3]; 2] {
+    [sample.wrench.torque, sample.wrench.force].map(|v| v.to_array().map(f64::to_bits))
 }

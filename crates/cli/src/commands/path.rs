@@ -1,21 +1,113 @@
-//! From arguments to a goal and what is asked of the way there.
+//! `pegfit path`: how does the part get to where it fits?
 
-use std::time::Duration;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
-use fft_correlate::{DockingOptions, Pose};
+use fft_correlate::{DirectEvaluator, DirectOptions, DockingOptions, EnergySource, Pose};
 use glam::{DQuat, DVec3};
-use pegfit_path::{PathRequest, Start};
+use pegfit_path::{Outcome, PathRequest, PathResult, PathSearch, Start, VisitedPoses};
 use pegfit_scene::SceneSetup;
+use sdf_grid::atomic;
 
 use crate::args::PathArgs;
-use crate::commands::dock;
+use crate::commands::{dock, resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::output::{print_json, require_folder};
+use crate::report::path::{PathReport, say};
+use crate::terminal::output::StandardOutput;
+
+pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
+    let to_stdout = args.output.as_deref() == Some(Path::new("-"));
+    let files = [&args.output, &args.png, &args.html, &args.resume];
+    for file in files
+        .into_iter()
+        .flatten()
+        .filter(|f| **f != *Path::new("-"))
+    {
+        require_folder(file)?;
+    }
+    let goal = Goal::parse(&args.to)?;
+    time_limit(args.seconds)?;
+    let mut visited: VisitedPoses = resume::read(args.resume.as_deref())?;
+    let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
+    let setup = scenes::setup(scene, context)?;
+    let options = options(args, &setup)?;
+    let goal = setup.placement().to_shapes(&goal.pose(&setup, context)?);
+    let parts = &setup.parts;
+    let search = PathSearch::new(parts.fixed.clone(), parts.moving.clone(), options)?;
+    let (source, field_seconds) = match args.solids_only {
+        true => (None, None),
+        false => energies(&setup, context).map(|(e, s)| (Some(e), Some(s)))?,
+    };
+    let asked = source.as_ref().map(|s| s as &dyn EnergySource);
+    let found = search.find_from(&goal, asked, &mut visited, &context.progress);
+    context.progress.finish();
+    let found = resume::after(args.resume.as_deref(), found, is_decided, &visited)?;
+    let report = PathReport {
+        result: found,
+        name: setup.scene.moving.name.clone(),
+        fixed: parts.fixed.clone(),
+        moving: parts.moving.clone(),
+        placement: *setup.placement(),
+        unit: setup.display_unit(),
+        field_seconds,
+    };
+    write(args, &report, to_stdout)?;
+    if context.json {
+        print_json(&report.summary())
+    } else if !to_stdout {
+        say(&report);
+        Ok(())
+    } else {
+        Ok(())
+    }
+}
+
+/// Whether a search need not go on.
+fn is_decided(result: &PathResult) -> bool {
+    match result.outcome {
+        Outcome::Free => true,
+        Outcome::Blocked { exhausted, .. } => exhausted,
+    }
+}
+
+/// What gives energies at poses of the shapes, and how many seconds its fields took.
+fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f64), CommandError> {
+    let began = Instant::now();
+    let pair = setup.pair(&context.progress)?;
+    context.progress.finish();
+    let source = setup.direct(&pair, &DirectOptions::FULL)?;
+    Ok((source, began.elapsed().as_secs_f64()))
+}
+
+fn write(args: &PathArgs, report: &PathReport, to_stdout: bool) -> Result<(), CommandError> {
+    match &args.output {
+        // What is refused is told at the end.
+        Some(_) if to_stdout => drop(report.csv(StandardOutput)),
+        Some(file) => atomic::write_with(file, |out| {
+            report
+                .csv(out)
+                .map_err(|e| CommandError::failure(file.display().to_string(), e))
+        })?,
+        None => {}
+    }
+    if let Some(file) = &args.png {
+        match report.png()? {
+            Some(bytes) => atomic::write(file, &bytes)?,
+            None => crate::remark!("no path to draw: {} is not written", file.display()),
+        }
+    }
+    if let Some(file) = &args.html {
+        atomic::write(file, report.html()?.as_bytes())?;
+    }
+    Ok(())
+}
 
 /// Longest search, seconds: a week.
 const LONGEST: f64 = 604_800.0;
 
-/// Where a way is to lead, as written.
+/// Where a path is to lead, as written.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Goal {
     Fit,
@@ -53,7 +145,7 @@ impl Goal {
     }
 }
 
-/// What is asked of the way; lengths become metres, poses those of the shapes.
+/// What is asked of the path; lengths become metres, poses those of the shapes.
 pub(super) fn options(args: &PathArgs, setup: &SceneSetup) -> Result<PathRequest, CommandError> {
     let metre = setup.scene.unit.in_metres();
     let start = match args.from.as_str() {

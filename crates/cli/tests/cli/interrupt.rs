@@ -10,7 +10,7 @@ use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HandConfig, HapticConfig, Session,
 };
-use pegfit::terminal::hold::Hold;
+use pegfit::terminal::progress::Hold;
 use pegfit::terminal::progress;
 
 use crate::common::{scene_folder, succeed};

@@ -59,7 +59,11 @@ impl PyWay {
 
     /// What `pegfit path --json` tells.
     fn summary(&self) -> Result<String, Failure> {
-        guarded(|| self.report.json().map_err(|e| Failure::of(Kind::General, &e)))
+        guarded(|| {
+            self.report
+                .json()
+                .map_err(|e| Failure::of(Kind::General, &e))
+        })
     }
 
     /// The rows of `pegfit path -o`.
@@ -74,7 +78,11 @@ impl PyWay {
 
     /// The page of `pegfit path --html`.
     fn page(&self) -> Result<String, Failure> {
-        guarded(|| self.report.html().map_err(|e| Failure::of(Kind::General, &e)))
+        guarded(|| {
+            self.report
+                .html()
+                .map_err(|e| Failure::of(Kind::General, &e))
+        })
     }
 }
 

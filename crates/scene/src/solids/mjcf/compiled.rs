@@ -9,10 +9,10 @@ use sdf_grid::{Ledger, LedgerKind};
 use serde::Deserialize;
 
 use crate::solids::error::ImportError;
-use crate::solids::frames;
+use crate::solids::geometry;
 use crate::solids::geometry::{Geometry, Shape, Triangles};
-use crate::solids::mjcf::chosen::{Geom, HEIGHT_FIELD, PLANE, STANDS};
-use crate::solids::mjcf::options::MujocoOptions;
+use crate::solids::mjcf::geom::MujocoOptions;
+use crate::solids::mjcf::geom::{Geom, HEIGHT_FIELD, PLANE, STANDS};
 
 /// What Python runs.
 const SCRIPT: &str = include_str!("compile.py");
@@ -150,7 +150,7 @@ fn understood(
             shape: Shape {
                 name,
                 group: found.body,
-                pose: frames::pose(DQuat::from_xyzw(x, y, z, w), found.position.map(rounded)),
+                pose: geometry::pose(DQuat::from_xyzw(x, y, z, w), found.position.map(rounded)),
                 geometry,
             },
         });

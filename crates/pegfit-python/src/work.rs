@@ -1,17 +1,19 @@
-//! Work on worker threads while the calling one waits without the interpreter, looks for Ctrl-C
+//! Long work beside Python: threads, progress, Ctrl-C.
 //! and tells of progress.
 
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use sdf_grid::Monitor;
 
-use super::monitor::Progress;
-pub(crate) use super::monitor::Watch;
-use super::pools::pool;
-use crate::failure::raised::Failure;
+use crate::failure::{Failure, Kind};
 
 /// Between two looks for Ctrl-C.
 const SLICE: Duration = Duration::from_millis(10);
@@ -144,4 +146,100 @@ impl<'a> Told<'a> {
         self.last = Some(now);
         Ok(())
     }
+}
+
+/// Progress of one computation and its order to stop; shared by all of its threads.
+#[derive(Debug, Default)]
+pub(crate) struct Watch {
+    stop: AtomicBool,
+    done: AtomicU64,
+    stage: Mutex<(String, u64)>,
+}
+
+/// How far a computation is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Progress {
+    pub(super) stage: String,
+    pub(super) done: u64,
+    pub(super) total: u64,
+}
+
+impl Watch {
+    pub(super) fn stop(&self) {
+        self.stop.store(true, Relaxed);
+    }
+
+    /// The flag itself, for loops that watch one.
+    pub(crate) fn flag(&self) -> &AtomicBool {
+        &self.stop
+    }
+
+    pub(super) fn progress(&self) -> Progress {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        Progress {
+            stage: stage.0.clone(),
+            done: self.done.load(Relaxed).min(stage.1),
+            total: stage.1,
+        }
+    }
+}
+
+impl Monitor for Watch {
+    fn advance(&self, steps: u64) {
+        self.done.fetch_add(steps, Relaxed);
+    }
+
+    fn begin(&self, stage: &str, total: u64) {
+        let mut current = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        *current = (stage.to_owned(), total);
+        self.done.store(0, Relaxed);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.stop.load(Relaxed)
+    }
+}
+
+/// Most threads that may be asked for.
+const MOST: usize = 4096;
+
+/// What the searches that go deepest need.
+const STACK_BYTES: usize = 8 << 20;
+
+/// Pools by the process that started them and the number of threads asked for. A process that was
+/// forked has none of its parent's threads, so it starts its own.
+static POOLS: Mutex<Option<HashMap<Key, Arc<ThreadPool>>>> = Mutex::new(None);
+
+type Key = (u32, Option<usize>);
+
+/// Refuses numbers of threads that no pool has.
+pub(crate) fn check(threads: Option<usize>) -> Result<(), Failure> {
+    match threads {
+        Some(found) if found == 0 || found > MOST => {
+            let expected = format!("1 to {MOST}");
+            Err(Failure::found(Kind::General, "threads", expected, found))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The pool of so many threads, one per core if `None`; started when first asked for. Only called
+/// while attached to the interpreter, so that no fork happens while the list is locked.
+pub(super) fn pool(_: Python<'_>, threads: Option<usize>) -> Result<Arc<ThreadPool>, Failure> {
+    check(threads)?;
+    let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+    let pools = pools.get_or_insert_default();
+    let key = (std::process::id(), threads);
+    if let Some(pool) = pools.get(&key) {
+        return Ok(Arc::clone(pool));
+    }
+    let built = ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .stack_size(STACK_BYTES)
+        .thread_name(|n| format!("pegfit-{n}"))
+        .build()
+        .map_err(|e| Failure::of(Kind::General, &e))?;
+    let pool = Arc::new(built);
+    pools.insert(key, Arc::clone(&pool));
+    Ok(pool)
 }

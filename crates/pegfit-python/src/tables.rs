@@ -1,22 +1,23 @@
-//! The table of a pair: designed, filled, measured.
+//! Tables: baked and opened.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, Pair, PairSetup, RotationDomain, Share, Storage, TableDesign,
-    TableFiles, TableSpec, TableStore, bake,
+    DirectEvaluator, DirectOptions, EnergyTable, Pair, PairSetup, RotationDomain, Share, Storage,
+    TableDesign, TableFiles, TableSpec, TableStore, bake,
 };
 use pegfit_scene::{TableReference, held_out_poses};
 use pyo3::prelude::*;
+use serde_json::json;
 
-use super::claim::Claim;
-use super::open::told;
-use crate::failure::raised::{Failure, Kind};
+use crate::failure::{Failure, Kind};
+use crate::memory_budget;
 use crate::pair_class::{DEFAULT_BALL, Parts, PyPair};
-use crate::source::any::AnySource;
-use crate::source::source_class::Source;
-use crate::work::run::{Watch, run};
+use crate::source::{AnySource, Source};
+use crate::work::{Watch, run};
 
 /// Of the held-out poses at which the error of a finished table is measured, as `pegfit bake` has it.
 const SEED: u64 = 1;
@@ -183,4 +184,76 @@ pub(crate) fn bake_table(
         wanted.bake(&parts, watch)
     })?;
     Ok((Source::new(source), said))
+}
+
+/// A table in memory and its description, JSON.
+pub(super) fn told(store: &TableStore, table: EnergyTable) -> (AnySource, String) {
+    let (spec, window) = (store.spec(), &store.spec().window);
+    let bounds = window.node_bounds();
+    let said = json!({
+        "path": store.path(),
+        "program": store.program(),
+        "rotations": store.grid().nodes().len(),
+        "displacements": window.shape(),
+        "spacing": window.spacing(),
+        "window_min": bounds.min,
+        "window_max": bounds.max,
+        "pivot": spec.recipe.pivot,
+        "model": spec.model(),
+        "placement": spec.placement,
+        "memory": table.memory(),
+        "error": store.error_report(),
+    });
+    (
+        AnySource::Table(Arc::new(table.in_scene())),
+        said.to_string(),
+    )
+}
+
+fn load(path: &Path, memory: u64) -> Result<(AnySource, String), Failure> {
+    let store = TableStore::open(path)?;
+    let table = store.load(memory)?;
+    Ok(told(&store, table))
+}
+
+/// Reads all of a table into memory, `memory` bytes at most.
+#[pyfunction]
+#[pyo3(signature = (path, memory))]
+pub(crate) fn open_table(
+    py: Python<'_>,
+    path: PathBuf,
+    memory: Option<u64>,
+) -> PyResult<(Source, String)> {
+    let (source, said) = run(py, None, move |_| load(&path, memory_budget(memory)))?;
+    Ok((Source::new(source), said))
+}
+
+/// Tables that this process is baking.
+static BAKING: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Between two looks whether a table is still being baked.
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// A table is being baked as long as this lives.
+pub(super) struct Claim(PathBuf);
+
+impl Claim {
+    /// Waits while this process bakes the table already: of a bake that was interrupted, what it had
+    /// begun may still end in the background. Waits on the calling thread, which computes nothing.
+    pub(super) fn wait(py: Python<'_>, path: &Path) -> PyResult<Self> {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let baking = || BAKING.lock().unwrap_or_else(PoisonError::into_inner);
+        while !baking().insert(path.clone()) {
+            py.check_signals()?;
+            py.detach(|| std::thread::sleep(PAUSE));
+        }
+        Ok(Self(path))
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        let mut baking = BAKING.lock().unwrap_or_else(PoisonError::into_inner);
+        baking.remove(&self.0);
+    }
 }

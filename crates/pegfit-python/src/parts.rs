@@ -1,4 +1,4 @@
-//! Meshes: read, given, examined.
+//! Meshes and their densities.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -7,15 +7,20 @@ use std::time::Duration;
 
 use glam::DVec3;
 use ndarray::Array2;
-use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
+use num_complex::Complex32;
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2};
 use pyo3::prelude::*;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{HygieneOptions, HygieneReport, Ledger, LengthUnit, TriangleMesh, symmetry};
+use sdf_grid::{
+    DensityField, DensityKernel, DensityOptions, HygieneOptions, HygieneReport, Lattice, Ledger,
+    LengthUnit, Sampling, TriangleMesh, symmetry,
+};
 use serde_json::json;
 
-use crate::failure::raised::{Failure, Kind};
-use crate::work::run::{guarded, run};
+use crate::failure::{Failure, Kind};
+use crate::memory_budget;
+use crate::work::{guarded, run};
 
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: as `pegfit check`.
 const SYMMETRY_TOLERANCE: f64 = 5e-4;
@@ -176,4 +181,59 @@ impl Mesh {
         });
         Ok(said.to_string())
     }
+}
+
+/// Lattice cells along the longest side unless a spacing is given: as `pegfit field`.
+const DEFAULT_CELLS: f64 = 48.0;
+
+type Arrays<'py> = (
+    Bound<'py, PyArray3<Complex32>>,
+    Bound<'py, PyArray3<Complex32>>,
+    Bound<'py, PyArray3<f32>>,
+    [f64; 3],
+    f64,
+);
+
+/// Unit exterior and interior density, signed distance, first node and spacing, metres. Nothing is
+/// copied: the arrays are those that were computed.
+#[pyfunction]
+#[pyo3(signature = (mesh, spacing, sigma, tolerance, margin, progress))]
+pub(crate) fn density<'py>(
+    py: Python<'py>,
+    mesh: &Mesh,
+    spacing: Option<f64>,
+    sigma: f64,
+    tolerance: f64,
+    margin: Option<f64>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Arrays<'py>> {
+    let mesh = Arc::clone(&mesh.mesh);
+    let field = run(py, progress.as_ref(), move |watch| {
+        let kernel = DensityKernel::new(sigma)?;
+        let bounds = mesh.bounds();
+        let longest = bounds.size().max_element();
+        let spacing = spacing.unwrap_or(longest / DEFAULT_CELLS);
+        let lattice = Lattice::covering(&bounds, margin.unwrap_or(0.25 * longest), spacing)?;
+        let (needed, limit) = (DensityField::memory_bytes(&lattice), memory_budget(None));
+        if needed > limit {
+            let what = "the density";
+            return Err(Failure::memory(Kind::Scene, what, needed.into(), limit));
+        }
+        let options = DensityOptions {
+            tolerance,
+            sampling: Sampling::Point,
+            ..DensityOptions::default()
+        };
+        Ok(DensityField::compute(
+            &mesh, &kernel, &lattice, &options, watch,
+        )?)
+    })?;
+    let lattice = *field.lattice();
+    Ok((
+        field.exterior.into_pyarray(py),
+        field.interior.into_pyarray(py),
+        field.signed_distance.into_pyarray(py),
+        lattice.origin().to_array(),
+        lattice.spacing(),
+    ))
 }

@@ -1,9 +1,7 @@
-//! The pegfit command line as a library: arguments and the commands.
-//!
-//! The binary only calls [`program::run`].
+//! The pegfit command line as a library: [`program::run`], and the reports that Python writes, too.
 
-pub mod args;
-pub mod commands;
+mod args;
+mod commands;
 mod context;
 mod error;
 mod memory;
@@ -11,8 +9,9 @@ pub mod program;
 mod report;
 pub mod terminal;
 
-pub use error::{CommandError, Exit, SceneFileError};
+pub use error::Exit;
 
 pub use memory::budget as memory_budget;
 pub use report::path::PathReport;
 pub use report::session::SessionReport;
+pub(crate) use terminal::output::{remark, say};

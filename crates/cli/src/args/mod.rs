@@ -1,6 +1,6 @@
 //! The command line: what may be typed, and what it means.
 
-pub mod device_choice;
+pub(crate) mod device_choice;
 
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -16,13 +16,13 @@ use crate::args::device_choice::DeviceChoice;
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// What every command understands.
     #[command(flatten)]
-    pub global: Global,
+    pub(crate) global: Global,
     /// What to do.
     #[command(subcommand)]
-    pub command: Command,
+    pub(crate) command: Command,
 }
 
 const EXIT_CODES: &str = "\
@@ -32,24 +32,24 @@ PEGFIT_LOG=debug (or info, trace) prints what the libraries are doing.";
 
 /// Options of every command.
 #[derive(Debug, Clone, Args)]
-pub struct Global {
+pub(crate) struct Global {
     /// Worker threads [default: one per core]
     #[arg(long, global = true, value_name = "N")]
-    pub threads: Option<usize>,
+    pub(crate) threads: Option<usize>,
     /// Most memory to use, GiB [default: nine tenths of what is available]
     #[arg(long, global = true, value_name = "GIB")]
-    pub memory: Option<f64>,
+    pub(crate) memory: Option<f64>,
     /// No progress bars and no remarks
     #[arg(long, short, global = true)]
-    pub quiet: bool,
+    pub(crate) quiet: bool,
     /// Print the result as JSON on standard output
     #[arg(long, global = true)]
-    pub json: bool,
+    pub(crate) json: bool,
 }
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub(crate) enum Command {
     /// See it all: three pegs find their holes, with pictures and a page that explains them
     Demo(DemoArgs),
     /// Say whether meshes, or those of a scene, can be used, and what had to be repaired
@@ -88,57 +88,57 @@ pub enum Command {
 
 /// Arguments of `pegfit demo`.
 #[derive(Debug, Args)]
-pub struct DemoArgs {
+pub(crate) struct DemoArgs {
     /// Folder to write to; made if absent
     #[arg(long, default_value = "pegfit-demo")]
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
 }
 
 /// Arguments of `pegfit check`.
 #[derive(Debug, Args)]
-pub struct CheckArgs {
+pub(crate) struct CheckArgs {
     /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP; or scene files, whose meshes are looked at as the
     /// scene reads them
     #[arg(required = true)]
-    pub meshes: Vec<PathBuf>,
+    pub(crate) meshes: Vec<PathBuf>,
     /// Length unit of files that state none: m, cm, mm, um, inch or foot; a scene states its own
     #[arg(long, default_value = "mm")]
-    pub unit: LengthUnit,
+    pub(crate) unit: LengthUnit,
     /// What is read of the files.
     #[command(flatten)]
-    pub choice: MeshChoice,
+    pub(crate) choice: MeshChoice,
 }
 
 /// How a file of solids is read.
 #[derive(Debug, Clone, PartialEq, Args)]
-pub struct ReadChoice {
+pub(crate) struct ReadChoice {
     /// STEP: edges around a full turn of a curved face, 6 to 1000
     #[arg(long, default_value_t = 64, value_name = "N")]
-    pub segments_per_turn: u32,
+    pub(crate) segments_per_turn: u32,
     /// STEP: processor time after which a converter is stopped
     #[arg(long, default_value_t = 120, value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=86400))]
-    pub step_time_limit: u64,
+    pub(crate) step_time_limit: u64,
     /// Leave out what changes a solid and cannot be read (negative parts of slicers, beam lattices,
     /// free-form surfaces), instead of refusing it; what is left out is listed
     #[arg(long)]
-    pub lossy: bool,
+    pub(crate) lossy: bool,
 }
 
 /// What is read of a mesh file.
 #[derive(Debug, Clone, PartialEq, Args)]
-pub struct MeshChoice {
+pub(crate) struct MeshChoice {
     /// Use only this solid of the file, by its name or its number as `pegfit check` lists them
     #[arg(long, value_name = "NAME")]
-    pub solid: Option<String>,
+    pub(crate) solid: Option<String>,
     /// How it is read.
     #[command(flatten)]
-    pub reading: ReadChoice,
+    pub(crate) reading: ReadChoice,
 }
 
 impl MeshChoice {
     /// The same for the reading library, with the unit of files that state none.
-    pub fn options(&self, unit: LengthUnit) -> ReadOptions {
+    pub(crate) fn options(&self, unit: LengthUnit) -> ReadOptions {
         let reading = &self.reading;
         let limit = Duration::from_secs(reading.step_time_limit);
         ReadOptions::choosing(unit, self.solid.clone(), reading.segments_per_turn)
@@ -148,95 +148,95 @@ impl MeshChoice {
 
 /// Arguments of `pegfit field`.
 #[derive(Debug, Args)]
-pub struct FieldArgs {
+pub(crate) struct FieldArgs {
     /// Mesh file: OBJ, STL, PLY, glTF, 3MF or STEP
-    pub mesh: PathBuf,
+    pub(crate) mesh: PathBuf,
     /// Length unit of the lengths below, and of the file unless it states its own: m, cm, mm, um,
     /// inch or foot
     #[arg(long, default_value = "mm")]
-    pub unit: LengthUnit,
+    pub(crate) unit: LengthUnit,
     /// What is read of the file.
     #[command(flatten)]
-    pub choice: MeshChoice,
+    pub(crate) choice: MeshChoice,
     /// Distance between lattice nodes [default: the longest side / 48]
     #[arg(long)]
-    pub spacing: Option<f64>,
+    pub(crate) spacing: Option<f64>,
     /// Lattice margin around the mesh [default: a quarter of the longest side]
     #[arg(long)]
-    pub margin: Option<f64>,
+    pub(crate) margin: Option<f64>,
     /// Kernel thickness, 0.03 to 0.5
     #[arg(long, default_value_t = 0.1)]
-    pub sigma: f64,
+    pub(crate) sigma: f64,
     /// Relative L2 error allowed, 1e-5 to 1e-2
     #[arg(long, default_value_t = 1e-3)]
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// VTK image file to write
     #[arg(short, long, value_name = "FIELD.vti")]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Plane of the picture, such as y=0, in the length unit
     #[arg(long, value_name = "AXIS=VALUE")]
-    pub slice: Option<String>,
+    pub(crate) slice: Option<String>,
     /// Picture of the slice to write
     #[arg(long, value_name = "P.png")]
-    pub png: Option<PathBuf>,
+    pub(crate) png: Option<PathBuf>,
     /// Picture of the skeleton in space to write: nodes where the density is high
     #[arg(long, value_name = "P.png")]
-    pub skeleton: Option<PathBuf>,
+    pub(crate) skeleton: Option<PathBuf>,
 }
 
 /// A scene with one fixed part.
 #[derive(Debug, Args)]
-pub struct SceneChoice {
+pub(crate) struct SceneChoice {
     /// Scene file
     #[arg(value_name = "SCENE")]
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// Which fixed part of a scene with several, by its name
     #[arg(long, value_name = "NAME")]
-    pub fixed: Option<String>,
+    pub(crate) fixed: Option<String>,
 }
 
 /// Arguments of `pegfit bake`.
 #[derive(Debug, Args)]
-pub struct BakeArgs {
+pub(crate) struct BakeArgs {
     /// The scene.
     #[command(flatten)]
-    pub scene: SceneChoice,
+    pub(crate) scene: SceneChoice,
     /// Table to write, a Zarr folder; or its URL (file://, and with the cargo feature `cloud` s3://,
     /// gs://, http://, https://)
     #[arg(short, long, value_name = "TABLE.zarr")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Go on with a table that was interrupted
     #[arg(long)]
-    pub resume: bool,
+    pub(crate) resume: bool,
     /// Which of --size workers this is, from 0 [default: from the launcher's environment]
     #[arg(long, value_name = "R")]
-    pub rank: Option<usize>,
+    pub(crate) rank: Option<usize>,
     /// How many workers share the table
     #[arg(long, value_name = "N")]
-    pub size: Option<usize>,
+    pub(crate) size: Option<usize>,
     /// Only say how much of the table is there
     #[arg(long)]
-    pub status: bool,
+    pub(crate) status: bool,
     /// Choose lattice and rotation step so that the rms errors of force and torque are at most this
     /// share of the rms of either, such as 5% or 0.05
     #[arg(long, value_name = "SHARE", value_parser = share)]
-    pub tolerance: Option<f64>,
+    pub(crate) tolerance: Option<f64>,
     /// How energies are stored
     #[arg(long, value_enum, default_value_t = NumbersChoice::Float16)]
-    pub numbers: NumbersChoice,
+    pub(crate) numbers: NumbersChoice,
     /// Leave out bricks of 8 x 8 x 8 displacements in which no energy differs from the far one by
     /// more than this share of the largest; 0 keeps all
     #[arg(long, value_name = "SHARE", default_value = "0.0005", value_parser = share)]
-    pub leave_out: f64,
+    pub(crate) leave_out: f64,
     /// Held-out poses at which the error of the finished table is measured [default: 1000, or 300
     /// with --tolerance, as what is true takes eight times as long on half the spacing]
     #[arg(long, value_name = "N")]
-    pub poses: Option<usize>,
+    pub(crate) poses: Option<usize>,
 }
 
 /// Kinds of stored numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum NumbersChoice {
+pub(crate) enum NumbersChoice {
     /// Half precision
     Float16,
     /// Whole numbers, with one scale for each rotation
@@ -258,166 +258,166 @@ fn share(text: &str) -> Result<f64, String> {
 
 /// Arguments of `pegfit table`.
 #[derive(Debug, Args)]
-pub struct TableArgs {
+pub(crate) struct TableArgs {
     /// Table, a Zarr folder
     #[arg(value_name = "TABLE.zarr")]
-    pub table: PathBuf,
+    pub(crate) table: PathBuf,
 }
 
 /// Arguments of `pegfit verify`.
 #[derive(Debug, Args)]
-pub struct VerifyArgs {
+pub(crate) struct VerifyArgs {
     /// Table, a Zarr folder
     #[arg(value_name = "TABLE.zarr")]
-    pub table: PathBuf,
+    pub(crate) table: PathBuf,
     /// The scene it was baked from
     #[arg(long, value_name = "SCENE.toml")]
-    pub scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Which fixed part of a scene with several, by its name
     #[arg(long, value_name = "NAME")]
-    pub fixed: Option<String>,
+    pub(crate) fixed: Option<String>,
     /// Seed of the poses [default: one more than that of the table's own measurement]
     #[arg(long)]
-    pub seed: Option<u64>,
+    pub(crate) seed: Option<u64>,
     /// How many poses
     #[arg(long, default_value_t = 1000, value_name = "N")]
-    pub poses: usize,
+    pub(crate) poses: usize,
     /// How much more than stated is still accepted, as a share of it: 0.5 allows half as much again
     #[arg(long, default_value = "0.5", value_parser = share)]
-    pub margin: f64,
+    pub(crate) margin: f64,
 }
 
 /// Arguments of `pegfit score`.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("source").required(true).args(["scene", "table"]))]
-pub struct ScoreArgs {
+pub(crate) struct ScoreArgs {
     /// Evaluate directly, from this scene's meshes
     #[arg(long, value_name = "SCENE.toml")]
-    pub scene: Option<PathBuf>,
+    pub(crate) scene: Option<PathBuf>,
     /// Interpolate this table
     #[arg(long, value_name = "TABLE.zarr")]
-    pub table: Option<PathBuf>,
+    pub(crate) table: Option<PathBuf>,
     /// Which fixed part of a scene with several, by its name
     #[arg(long, value_name = "NAME", conflicts_with = "table")]
-    pub fixed: Option<String>,
+    pub(crate) fixed: Option<String>,
     /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
     #[arg(long, value_name = "IN.csv")]
-    pub poses: PathBuf,
+    pub(crate) poses: PathBuf,
     /// Choose the lattice so that the rms errors of force and torque at these poses (200 of the first
     /// 16384) are at most this share of the rms of either, such as 5% or 0.05
     #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "table")]
-    pub tolerance: Option<f64>,
+    pub(crate) tolerance: Option<f64>,
     /// Add a column with the score's condition number, the sum of its absolute terms over itself;
     /// some hundred times slower
     #[arg(long, conflicts_with = "table")]
-    pub condition: bool,
+    pub(crate) condition: bool,
     /// Scores; - is standard output
     #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
 }
 
 /// Arguments of `pegfit dock`.
 #[derive(Debug, Args)]
-pub struct DockArgs {
+pub(crate) struct DockArgs {
     /// The scene.
     #[command(flatten)]
-    pub scene: SceneChoice,
+    pub(crate) scene: SceneChoice,
     /// How many poses to keep
     #[arg(long, default_value_t = 10, value_name = "K")]
-    pub top: usize,
+    pub(crate) top: usize,
     /// Poses found, best first; - is standard output
     #[arg(short, long, value_name = "OUT.csv", default_value = "-")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Report to write: poses, model, rotations, times
     #[arg(long, value_name = "REPORT.json")]
-    pub report: Option<PathBuf>,
+    pub(crate) report: Option<PathBuf>,
     /// Keep what has been scored in this file, and go on with it if it is there
     #[arg(long, value_name = "STATE.json")]
-    pub state: Option<PathBuf>,
+    pub(crate) state: Option<PathBuf>,
     /// Score every rotation, not only those that a sketch on twice the spacing chooses
     #[arg(long)]
-    pub exhaustive: bool,
+    pub(crate) exhaustive: bool,
     /// Faces at most this far apart count as mating, in the scene's unit [default: the spacing on
     /// which poses are ranked]
     #[arg(long, value_name = "C")]
-    pub mating_clearance: Option<f64>,
+    pub(crate) mating_clearance: Option<f64>,
 }
 
 /// Arguments of `pegfit feel`.
 #[derive(Debug, Args)]
-pub struct FeelArgs {
+pub(crate) struct FeelArgs {
     /// Scene file
-    pub scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Interpolate this table instead of evaluating directly
     #[arg(long, value_name = "TABLE.zarr")]
-    pub table: Option<PathBuf>,
+    pub(crate) table: Option<PathBuf>,
     /// What holds the moving part: simulated, auto, replay:LOG.csv, openhaptics, force-dimension,
     /// haply, pid or spacemouse (the last five with :PATH, :NAME, :SERIAL or :VENDOR:PRODUCT to
     /// choose among several; see `pegfit devices`)
     #[arg(long, value_name = "DEVICE", default_value = "simulated")]
-    pub device: DeviceChoice,
+    pub(crate) device: DeviceChoice,
     /// What the simulated hand does
     #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
-    pub script: ScriptChoice,
+    pub(crate) script: ScriptChoice,
     /// How long, seconds [default: 5, or as long as the log that is replayed]
     #[arg(long)]
-    pub seconds: Option<f64>,
+    pub(crate) seconds: Option<f64>,
     /// Write every tick; .csv or .parquet, and beside it what the device is, for a replay
     #[arg(long, value_name = "LOG.csv")]
-    pub log: Option<PathBuf>,
+    pub(crate) log: Option<PathBuf>,
     /// Draw force against time
     #[arg(long, value_name = "P.png")]
-    pub png: Option<PathBuf>,
+    pub(crate) png: Option<PathBuf>,
     /// Write a page with force, energy bookkeeping, rate, histograms and events
     #[arg(long, value_name = "R.html")]
-    pub report: Option<PathBuf>,
+    pub(crate) report: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit play`.
 #[derive(Debug, Args)]
-pub struct PlayArgs {
+pub(crate) struct PlayArgs {
     /// Scene file [default: the paper's three pairs, to choose among on the page]
-    pub scene: Option<PathBuf>,
+    pub(crate) scene: Option<PathBuf>,
     /// Interpolate this table instead of evaluating directly
     #[arg(long, value_name = "TABLE.zarr", requires = "scene")]
-    pub table: Option<PathBuf>,
+    pub(crate) table: Option<PathBuf>,
     /// A path in that the operator can follow, as `pegfit path -o` writes it
     // `--way` was its name.
     #[arg(long, alias = "way", value_name = "PATH.csv", requires = "scene")]
-    pub path: Option<PathBuf>,
+    pub(crate) path: Option<PathBuf>,
     /// Only print the page's address
     #[arg(long)]
-    pub no_open: bool,
+    pub(crate) no_open: bool,
     /// Port to listen on [default: one that is free]
     #[arg(long, default_value_t = 0, hide_default_value = true)]
-    pub port: u16,
+    pub(crate) port: u16,
     /// Address to listen on; any other than 127.0.0.1 lets others of a network in that have the
     /// page's whole address, unencrypted
     #[arg(long, value_name = "IP", default_value = "127.0.0.1")]
-    pub bind: IpAddr,
+    pub(crate) bind: IpAddr,
     /// Let pages of this machine, as a notebook's, show the page in a frame
     #[arg(long)]
-    pub embed: bool,
+    pub(crate) embed: bool,
 }
 
 /// Arguments of `pegfit devices`.
 #[derive(Debug, Args)]
-pub struct DevicesArgs {
+pub(crate) struct DevicesArgs {
     /// Show a device's axes and buttons as they move, until Ctrl-C
     #[arg(long)]
-    pub probe: bool,
+    pub(crate) probe: bool,
     /// Which one to probe, as listed: a path such as haply:049D, a serial number or VENDOR:PRODUCT
     /// [default: the first]
     #[arg(value_name = "DEVICE", requires = "probe")]
-    pub device: Option<String>,
+    pub(crate) device: Option<String>,
     /// Stop probing after so many seconds
     #[arg(long, requires = "probe")]
-    pub seconds: Option<f64>,
+    pub(crate) seconds: Option<f64>,
 }
 
 /// Scripts of the simulated hand, after the paper's two tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ScriptChoice {
+pub(crate) enum ScriptChoice {
     /// Push the part into the rim beside the fit.
     Collision,
     /// Bring the part near the fit and let go.
@@ -428,28 +428,28 @@ pub enum ScriptChoice {
 
 /// Arguments of `pegfit plot`.
 #[derive(Debug, Args)]
-pub struct PlotArgs {
+pub(crate) struct PlotArgs {
     /// Which figure
     #[arg(value_enum)]
-    pub kind: PlotKind,
+    pub(crate) kind: PlotKind,
     /// The scene.
     #[command(flatten)]
-    pub scene: SceneChoice,
+    pub(crate) scene: SceneChoice,
     /// Picture to write (not for `well`, which prints numbers)
     #[arg(short, long, value_name = "P.png")]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Plane of a slice, such as y=0, in the scene's unit [default: y through the fit]
     #[arg(long, value_name = "AXIS=VALUE")]
-    pub slice: Option<String>,
+    pub(crate) slice: Option<String>,
     /// The two translations of a score surface, such as xz, or the motion of a curve: x, y, z for
     /// translations, rx, ry, rz for rotations
     #[arg(long)]
-    pub along: Option<String>,
+    pub(crate) along: Option<String>,
 }
 
 /// The paper's figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PlotKind {
+pub(crate) enum PlotKind {
     /// Both parts' densities on a plane (figures 4b, 4c)
     Density,
     /// The product of the densities at the assembled pose (figure 4d)
@@ -466,10 +466,10 @@ pub enum PlotKind {
 
 /// Arguments of `pegfit path`.
 #[derive(Debug, Args)]
-pub struct PathArgs {
+pub(crate) struct PathArgs {
     /// The scene.
     #[command(flatten)]
-    pub scene: SceneChoice,
+    pub(crate) scene: SceneChoice,
     /// Where the path leads: `fit` (the scene's), `best` (docks first), or a pose
     /// x,y,z,qx,qy,qz,qw in metres
     #[arg(
@@ -478,7 +478,7 @@ pub struct PathArgs {
         default_value = "fit",
         allow_hyphen_values = true
     )]
-    pub to: String,
+    pub(crate) to: String,
     /// Where it begins: `outside`, or a pose x,y,z,qx,qy,qz,qw in metres
     #[arg(
         long,
@@ -486,113 +486,113 @@ pub struct PathArgs {
         default_value = "outside",
         allow_hyphen_values = true
     )]
-    pub from: String,
+    pub(crate) from: String,
     /// Poses along the path, with energy, force, torque and overlap; - is standard output
     #[arg(short, long, value_name = "PATH.csv")]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Overlaps up to this depth count as contact, in the scene's unit [default: a thousandth of the
     /// moving part's radius]
     #[arg(long, value_name = "T")]
-    pub tolerance: Option<f64>,
+    pub(crate) tolerance: Option<f64>,
     /// Largest motion of any point of the part from one pose to the next, in the scene's unit
     /// [default: a thirtieth of its radius]
     #[arg(long, value_name = "D")]
-    pub step: Option<f64>,
+    pub(crate) step: Option<f64>,
     /// Give up after so many seconds of searching
     #[arg(long, default_value_t = 60.0)]
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Go on where a search for the same path ended that ran out of time or was stopped: what it has
     /// explored is read from FILE, and written there if this one is not decided either
     #[arg(long, value_name = "FILE")]
-    pub resume: Option<PathBuf>,
+    pub(crate) resume: Option<PathBuf>,
     /// Go on if the parts overlap at the goal or at the start
     #[arg(long)]
-    pub allow_overlap: bool,
+    pub(crate) allow_overlap: bool,
     /// Look at the solids only: no fields, no energies, no forces
     #[arg(long)]
-    pub solids_only: bool,
+    pub(crate) solids_only: bool,
     /// Draw energy and force along the path
     #[arg(long, value_name = "P.png", conflicts_with = "solids_only")]
-    pub png: Option<PathBuf>,
+    pub(crate) png: Option<PathBuf>,
     /// Write a page that plays the path: both parts, energy and force; it needs no other file
     #[arg(long, value_name = "PAGE.html")]
-    pub html: Option<PathBuf>,
+    pub(crate) html: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit disassemble`.
 #[derive(Debug, Args)]
-pub struct DisassembleArgs {
+pub(crate) struct DisassembleArgs {
     /// Scene file: all its fixed parts, and the moving one where it fits
-    pub scene: PathBuf,
+    pub(crate) scene: PathBuf,
     /// Folder for the paths, one CSV per step, and order.json; made if absent
     #[arg(short, long, value_name = "DIR")]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Most parts that are moved together
     #[arg(long, default_value_t = 3, value_name = "N")]
-    pub group: usize,
+    pub(crate) group: usize,
     /// Overlaps up to this depth count as contact, in the scene's unit [default: a thousandth of the
     /// radius of what is moved]
     #[arg(long, value_name = "T")]
-    pub tolerance: Option<f64>,
+    pub(crate) tolerance: Option<f64>,
     /// Largest motion of any point from one pose to the next, in the scene's unit [default: a
     /// thirtieth of the radius of what is moved]
     #[arg(long, value_name = "D")]
-    pub step: Option<f64>,
+    pub(crate) step: Option<f64>,
     /// Give up on one part or group after so many seconds
     #[arg(long, default_value_t = 60.0)]
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Go on where a disassembly of the same parts ended that was stopped or left parts undecided: what
     /// it has tried is read from FILE, and written there if this one is not decided either
     #[arg(long, value_name = "FILE")]
-    pub resume: Option<PathBuf>,
+    pub(crate) resume: Option<PathBuf>,
     /// Go on if parts overlap where they are assembled
     #[arg(long)]
-    pub allow_overlap: bool,
+    pub(crate) allow_overlap: bool,
     /// Write a page that plays all steps one after the other; it needs no other file
     #[arg(long, value_name = "PAGE.html")]
-    pub html: Option<PathBuf>,
+    pub(crate) html: Option<PathBuf>,
 }
 
 /// Arguments of `pegfit scene`.
 #[derive(Debug, Args)]
-pub struct SceneArgs {
+pub(crate) struct SceneArgs {
     /// File of several solids (STEP, 3MF, glTF, OBJ, STL), or a robot's description (URDF, MJCF)
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// What moves: a solid, link or body by its name or number; more than once if several move
     /// together [default: none: only list what there is]
     #[arg(long, value_name = "NAME")]
-    pub moving: Vec<String>,
+    pub(crate) moving: Vec<String>,
     /// What stays [default: all others that are in reach]
     #[arg(long, value_name = "NAME", requires = "moving")]
-    pub fixed: Vec<String>,
+    pub(crate) fixed: Vec<String>,
     /// Scene file to write; meshes that it needs go into a folder beside it
     #[arg(short, long, value_name = "SCENE.toml", requires = "moving")]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Each solid that stays is a part of its own; else they are one
     #[arg(long)]
-    pub separate: bool,
+    pub(crate) separate: bool,
     /// Length unit of OBJ and STL files: m, cm, mm, um, inch or foot
     #[arg(long, default_value = "mm")]
-    pub unit: LengthUnit,
+    pub(crate) unit: LengthUnit,
     /// How it is read.
     #[command(flatten)]
-    pub reading: ReadChoice,
+    pub(crate) reading: ReadChoice,
     /// URDF, MJCF: of links that have both, the shapes to look at instead of those to collide with
     #[arg(long)]
-    pub visual: bool,
+    pub(crate) visual: bool,
 }
 
 /// Arguments of `pegfit completions`.
 #[derive(Debug, Args)]
-pub struct CompletionsArgs {
+pub(crate) struct CompletionsArgs {
     /// The shell
     #[arg(value_enum)]
-    pub shell: Shell,
+    pub(crate) shell: Shell,
 }
 
 /// Arguments of `pegfit man`.
 #[derive(Debug, Args)]
-pub struct ManArgs {
+pub(crate) struct ManArgs {
     /// The folder, which must exist
-    pub folder: PathBuf,
+    pub(crate) folder: PathBuf,
 }

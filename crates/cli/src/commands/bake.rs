@@ -146,13 +146,11 @@ fn exists(output: &Path) -> Result<bool, CommandError> {
 /// The probes may have promised too much.
 fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandError> {
     match (args.tolerance, reached) {
-        (Some(asked), Some(reached)) if reached > asked => Err(CommandError::Tolerance {
-            part: "the whole table",
-            asked,
-            reached,
-            reason: "though its probes did; it is kept. Ask for a little less, or more poses"
-                .into(),
-        }),
+        (Some(asked), Some(reached)) if reached > asked => Err(CommandError::tolerance(
+            "the whole table",
+            [asked, reached],
+            "though its probes did; it is kept. Ask for a little less, or more poses",
+        )),
         _ => Ok(()),
     }
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::args::CheckArgs;
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, Exit};
 use crate::report::ledger;
 use crate::report::output::print_json;
 
@@ -101,10 +101,10 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
         .count();
     match unusable {
         0 => Ok(()),
-        count => Err(CommandError::UnusableMeshes {
-            count,
-            total: findings.meshes.len(),
-        }),
+        count => Err(CommandError::Verdict(
+            format!("{count} of {} meshes cannot be used", findings.meshes.len()),
+            Exit::UnusableMesh,
+        )),
     }
 }
 

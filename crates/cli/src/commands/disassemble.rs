@@ -121,11 +121,7 @@ fn write(
     found: &DisassemblyResult,
     order: &Order,
 ) -> Result<(), CommandError> {
-    std::fs::create_dir_all(folder).map_err(|source| CommandError::Io {
-        action: "write",
-        path: folder.to_owned(),
-        source,
-    })?;
+    std::fs::create_dir_all(folder).map_err(|e| CommandError::write(folder, e))?;
     for (file, step) in files.iter().zip(&found.steps) {
         let file = folder.join(file);
         atomic::write_with(&file, |out| {

@@ -35,7 +35,7 @@ mod verify;
 ///
 /// # Errors
 /// Whatever stopped it; [`CommandError::exit`] has the exit code.
-pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
+pub(crate) fn run(arguments: &Arguments) -> Result<(), CommandError> {
     start_threads(&arguments.global)?;
     let context = Context {
         progress: Progress::new(arguments.global.quiet),

@@ -17,11 +17,7 @@ pub(super) fn read<T: Default + DeserializeOwned>(file: Option<&Path>) -> Result
     let Some(file) = file else {
         return Ok(T::default());
     };
-    let text = regular::read(file, LONGEST).map_err(|e| CommandError::Io {
-        action: "read",
-        path: file.to_owned(),
-        source: e.into(),
-    })?;
+    let text = regular::read(file, LONGEST).map_err(|e| CommandError::read(file, e.into()))?;
     let Some(text) = text else {
         return Ok(T::default());
     };
@@ -47,11 +43,7 @@ pub(super) fn after<T: Serialize, A>(
         Err(PathError::Cancelled) => write(file, tried)?,
         Ok(answer) if !decided(answer) => write(file, tried)?,
         Ok(_) if file.exists() => {
-            std::fs::remove_file(file).map_err(|source| CommandError::Io {
-                action: "remove",
-                path: file.to_owned(),
-                source,
-            })?;
+            std::fs::remove_file(file).map_err(|e| CommandError::io("remove", file, e))?;
         }
         _ => {}
     }
@@ -67,10 +59,5 @@ fn write<T: Serialize>(file: &Path, tried: &T) -> Result<(), CommandError> {
 }
 
 fn refused(file: &Path, expected: &str, found: impl std::fmt::Display) -> CommandError {
-    CommandError::Input {
-        file: file.display().to_string(),
-        item: "--resume".into(),
-        expected: expected.into(),
-        found: found.to_string(),
-    }
+    CommandError::input(file.display().to_string(), "--resume", expected, found)
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::stored;
 use crate::args::TableArgs;
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, Exit};
 use crate::memory::display_bytes;
 use crate::report::output::print_json;
 
@@ -53,11 +53,13 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
     }
     match progress.damaged {
         0 => Ok(()),
-        count => Err(CommandError::DamagedTable {
-            table: description.table,
-            count,
-            total: progress.rotations,
-        }),
+        count => Err(CommandError::Verdict(
+            format!(
+                "{}: {count} of {} rotations are damaged: bake with --resume",
+                description.table, progress.rotations
+            ),
+            Exit::DamagedTable,
+        )),
     }
 }
 

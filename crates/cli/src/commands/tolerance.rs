@@ -124,10 +124,5 @@ fn missed(
             )
         }
     };
-    CommandError::Tolerance {
-        part,
-        asked,
-        reached,
-        reason,
-    }
+    CommandError::tolerance(part, [asked, reached], &reason)
 }

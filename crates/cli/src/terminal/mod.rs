@@ -1,5 +1,5 @@
 //! Between the command and whoever typed it: progress, interrupts, lines of text.
 
-pub mod error_text;
-pub mod output;
+pub(crate) mod error_text;
+pub(crate) mod output;
 pub mod progress;

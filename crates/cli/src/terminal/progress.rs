@@ -41,7 +41,7 @@ pub fn cancel_flag() -> &'static AtomicBool {
 }
 
 /// True once a stop has been asked for.
-pub fn interrupted() -> bool {
+pub(crate) fn interrupted() -> bool {
     CANCELLED.load(Ordering::SeqCst)
 }
 
@@ -49,7 +49,7 @@ pub fn interrupted() -> bool {
 ///
 /// # Errors
 /// [`CommandError::Interrupted`] once Ctrl-C was pressed.
-pub fn check_interrupt() -> Result<(), CommandError> {
+pub(crate) fn check_interrupt() -> Result<(), CommandError> {
     match interrupted() {
         true => Err(CommandError::Interrupted),
         false => Ok(()),
@@ -58,7 +58,7 @@ pub fn check_interrupt() -> Result<(), CommandError> {
 
 /// One progress bar at a time on standard error, with rate and time left.
 #[derive(Debug)]
-pub struct Progress {
+pub(crate) struct Progress {
     quiet: bool,
     bar: Mutex<Stage>,
 }
@@ -72,7 +72,7 @@ struct Stage {
 
 impl Progress {
     /// A reporter; `quiet` hides it but still listens for Ctrl-C.
-    pub fn new(quiet: bool) -> Self {
+    pub(crate) fn new(quiet: bool) -> Self {
         Self {
             quiet,
             bar: Mutex::new(Stage {
@@ -84,14 +84,14 @@ impl Progress {
     }
 
     /// Removes the bar from the terminal.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         if let Ok(stage) = self.bar.lock() {
             stage.bar.finish_and_clear();
         }
     }
 
     /// Prints a line to standard error without tearing the bar, unless quiet.
-    pub fn note(&self, line: &str) {
+    pub(crate) fn note(&self, line: &str) {
         if self.quiet {
             return;
         }

@@ -150,14 +150,13 @@ fn read_path(path: &Path) -> Result<Vec<Pose>, CommandError> {
     let poses = reader.take(MOST + 1).collect::<Result<Vec<Pose>, _>>()?;
     match poses.len() {
         2..=MOST => Ok(poses),
-        found => Err(CommandError::Input {
-            file: name,
-            item: "rows".into(),
-            expected: format!("2 to {MOST} poses"),
-            found: match found > MOST {
+        found => {
+            let found = match found > MOST {
                 true => "more".into(),
                 false => found.to_string(),
-            },
-        }),
+            };
+            let expected = format!("2 to {MOST} poses");
+            Err(CommandError::input(name, "rows", expected, found))
+        }
     }
 }

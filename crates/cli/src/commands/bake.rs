@@ -56,7 +56,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     let energies = design.setup.energies(&design.table)?;
     let share = part.share(args.resume);
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
-        .map_err(|e| stored::explain(&args.output, e))?;
+        .map_err(|e| stored::bake_error(&args.output, e))?;
     context.progress.finish();
     let seconds = began.elapsed().as_secs_f64();
     let mut store = stored::open(&args.output)?;

@@ -62,33 +62,33 @@ struct Findings {
 
 /// A mesh to look at, and how to read it.
 #[derive(Debug, Clone, PartialEq)]
-struct Subject {
+struct MeshInput {
     path: PathBuf,
     options: ReadOptions,
 }
 
 pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
-    let (mut subjects, mut pairs) = (Vec::new(), Vec::new());
+    let (mut inputs, mut pairs) = (Vec::new(), Vec::new());
     for path in &args.meshes {
         match path.extension().is_some_and(|e| e == "toml") {
             true => {
                 let scene = Scene::read(path)?;
-                subjects.extend(meshes_of(&scene));
+                inputs.extend(meshes_of(&scene));
                 pairs.extend(fits_of(&scene));
             }
-            false => subjects.push(Subject {
+            false => inputs.push(MeshInput {
                 path: path.clone(),
                 options: args.choice.options(args.unit),
             }),
         }
     }
-    let meshes = subjects.iter().map(judge).collect();
+    let meshes = inputs.iter().map(judge).collect();
     let findings = Findings { meshes, pairs };
     if context.json {
         print_json(&findings)?;
     } else {
-        for (verdict, subject) in findings.meshes.iter().zip(&subjects) {
-            print(verdict, subject.options.unit);
+        for (verdict, input) in findings.meshes.iter().zip(&inputs) {
+            print(verdict, input.options.unit);
         }
         for pair in &findings.pairs {
             print_fit(pair);
@@ -109,24 +109,24 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
 }
 
 /// Every mesh of a scene once, however often it stands there.
-fn meshes_of(scene: &Scene) -> Vec<Subject> {
-    let mut subjects = Vec::new();
+fn meshes_of(scene: &Scene) -> Vec<MeshInput> {
+    let mut inputs = Vec::new();
     for part in scene.fixed_parts().chain([&scene.moving]) {
         for mesh in &part.meshes {
-            let subject = Subject {
+            let input = MeshInput {
                 path: mesh.path.clone(),
                 options: mesh.options(scene.unit),
             };
-            if !subjects.contains(&subject) {
-                subjects.push(subject);
+            if !inputs.contains(&input) {
+                inputs.push(input);
             }
         }
     }
-    subjects
+    inputs
 }
 
-fn judge(subject: &Subject) -> Verdict {
-    match examine(&subject.path, &subject.options) {
+fn judge(input: &MeshInput) -> Verdict {
+    match examine(&input.path, &input.options) {
         Ok(found) => Verdict::Usable {
             symmetry: found.symmetry,
             ledger: found.ledger,
@@ -137,7 +137,7 @@ fn judge(subject: &Subject) -> Verdict {
             usable: true,
         },
         Err(error) => Verdict::Unusable {
-            name: subject.path.display().to_string(),
+            name: input.path.display().to_string(),
             next: next_for(&error),
             error: error.to_string(),
             usable: false,

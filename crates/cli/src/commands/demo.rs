@@ -232,7 +232,7 @@ fn tabulate(
     let energies = assembly.setup.energies(&design)?;
     discard(path)?;
     bake(path, spec, &energies, Share::ALL, &context.progress)
-        .map_err(|e| stored::explain(path, e))?;
+        .map_err(|e| stored::bake_error(path, e))?;
     context.progress.finish();
     let table = stored::load(&stored::open(path)?, context)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -268,7 +268,7 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
         top: 5,
         ..setup.docking_options()
     };
-    let docking = dock::look(&setup, options, context)?;
+    let docking = dock::find_poses(&setup, options, context)?;
     let seconds = began.elapsed().as_secs_f64();
     let Some(best) = docking.poses.first() else {
         return Err(CommandError::input(

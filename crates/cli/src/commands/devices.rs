@@ -273,9 +273,9 @@ const HALF: usize = 20;
 const FULL_SPEED: f64 = 0.1;
 const FULL_TURN: f64 = 1.0;
 
-/// One look at the device.
+/// One frame at the device.
 #[derive(Debug, Serialize)]
-struct Look {
+struct ProbeFrame {
     /// Seconds since the start.
     time: f64,
     /// False while it is unplugged.
@@ -292,7 +292,7 @@ struct Look {
 }
 
 /// Shows the device until Ctrl-C or for `seconds`. Bars are redrawn in a terminal; elsewhere each
-/// line is a look, as JSON if asked for.
+/// line is a frame, as JSON if asked for.
 fn probe(info: &DeviceInfo, seconds: Option<f64>, context: &Context) -> Result<(), CommandError> {
     let limit = match seconds {
         Some(s) if !(s.is_finite() && s > 0.0) => {
@@ -307,18 +307,18 @@ fn probe(info: &DeviceInfo, seconds: Option<f64>, context: &Context) -> Result<(
     let begin = Instant::now();
     let mut lines = 0;
     while begin.elapsed().as_secs_f64() < limit && !interrupted() {
-        let look = look(device.as_mut(), &spec, begin.elapsed().as_secs_f64());
+        let frame = read_frame(device.as_mut(), &spec, begin.elapsed().as_secs_f64());
         if context.json {
-            let text = serde_json::to_string(&look);
+            let text = serde_json::to_string(&frame);
             crate::say!("{}", text.map_err(|e| CommandError::failure("JSON", e))?);
         } else if redraw {
             // Up over the last picture, and down again line by line.
             output::rewind(lines);
-            let picture = picture(&spec, &look);
+            let picture = picture(&spec, &frame);
             crate::say!("{}", picture.trim_end());
             lines = picture.lines().count();
         } else {
-            crate::say!("{}", line(&look));
+            crate::say!("{}", line(&frame));
         }
         if !output::is_wanted() {
             break;
@@ -328,7 +328,7 @@ fn probe(info: &DeviceInfo, seconds: Option<f64>, context: &Context) -> Result<(
     Ok(())
 }
 
-fn look(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> Look {
+fn read_frame(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> ProbeFrame {
     let state = device.poll(time);
     let connected = !matches!(state, Err(DeviceError::Disconnected));
     let state = state.unwrap_or(DeviceState::at(Default::default(), time));
@@ -339,7 +339,7 @@ fn look(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> Look {
             linear: state.pose.translation,
         },
     };
-    Look {
+    ProbeFrame {
         time,
         connected,
         fault: device.last_fault().map(|fault| fault.to_string()),
@@ -353,7 +353,7 @@ fn look(device: &mut dyn Device, spec: &DeviceSpec, time: f64) -> Look {
     }
 }
 
-fn picture(spec: &DeviceSpec, look: &Look) -> String {
+fn picture(spec: &DeviceSpec, frame: &ProbeFrame) -> String {
     let (reach, unit) = match spec.rate_controlled {
         true => (FULL_SPEED, "mm/s"),
         false => (spec.workspace / 2.0, "mm"),
@@ -362,11 +362,11 @@ fn picture(spec: &DeviceSpec, look: &Look) -> String {
         true => (FULL_TURN, "°/s"),
         false => (std::f64::consts::PI, "°"),
     };
-    let mut text = match look.connected {
+    let mut text = match frame.connected {
         true => format!("{}\n", spec.name),
-        false => format!("{}  ({})\n", spec.name, gone(look)),
+        false => format!("{}  ({})\n", spec.name, gone(frame)),
     };
-    for (name, value) in ["x", "y", "z"].iter().zip(look.linear) {
+    for (name, value) in ["x", "y", "z"].iter().zip(frame.linear) {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
@@ -376,7 +376,7 @@ fn picture(spec: &DeviceSpec, look: &Look) -> String {
         );
     }
     if spec.input_dof == 6 {
-        for (name, value) in ["rx", "ry", "rz"].iter().zip(look.angular) {
+        for (name, value) in ["rx", "ry", "rz"].iter().zip(frame.angular) {
             let degrees = value.to_degrees();
             let _ = writeln!(
                 text,
@@ -385,12 +385,12 @@ fn picture(spec: &DeviceSpec, look: &Look) -> String {
             );
         }
     }
-    let _ = writeln!(text, "buttons {}", buttons(look));
+    let _ = writeln!(text, "buttons {}", buttons(frame));
     text
 }
 
-fn buttons(look: &Look) -> String {
-    match look.buttons.as_slice() {
+fn buttons(frame: &ProbeFrame) -> String {
+    match frame.buttons.as_slice() {
         [] => "none".into(),
         held => held
             .iter()
@@ -419,23 +419,23 @@ fn bar(share: f64) -> String {
 }
 
 /// What is said of a device that does not answer.
-fn gone(look: &Look) -> String {
-    match &look.fault {
+fn gone(frame: &ProbeFrame) -> String {
+    match &frame.fault {
         None => "unplugged".to_owned(),
         Some(fault) => format!("unplugged: {fault}"),
     }
 }
 
-fn line(look: &Look) -> String {
-    if !look.connected {
-        return format!("{:8.2} s  {}", look.time, gone(look));
+fn line(frame: &ProbeFrame) -> String {
+    if !frame.connected {
+        return format!("{:8.2} s  {}", frame.time, gone(frame));
     }
-    let [x, y, z] = (DVec3::from_array(look.linear) * 1e3).to_array();
-    let [rx, ry, rz] = look.angular.map(f64::to_degrees);
+    let [x, y, z] = (DVec3::from_array(frame.linear) * 1e3).to_array();
+    let [rx, ry, rz] = frame.angular.map(f64::to_degrees);
     format!(
         "{:8.2} s  x {x:.1} y {y:.1} z {z:.1}  rx {rx:.1} ry {ry:.1} rz {rz:.1}  buttons {}",
-        look.time,
-        buttons(look)
+        frame.time,
+        buttons(frame)
     )
 }
 
@@ -459,7 +459,7 @@ mod tests {
     #[test]
     fn a_picture_has_a_line_per_axis_and_says_what_is_held() {
         let spec = haptic::device::hid::spacemouse::spec("mouse");
-        let look = Look {
+        let frame = ProbeFrame {
             time: 0.0,
             connected: true,
             fault: None,
@@ -467,12 +467,12 @@ mod tests {
             angular: [0.0; 3],
             buttons: vec![1, 3],
         };
-        let text = picture(&spec, &look);
+        let text = picture(&spec, &frame);
         assert_eq!(text.lines().count(), 8);
         assert!(
             text.contains("100.0 mm/s") && text.contains("buttons 1 3"),
             "{text}"
         );
-        assert!(line(&look).contains("z -50.0"));
+        assert!(line(&frame).contains("z -50.0"));
     }
 }

@@ -34,7 +34,7 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
     let mut tried: DisassemblyTries = resume::read(args.resume.as_deref())?;
     let scene = Scene::read(&args.scene)?;
     let placed = PlacedParts::read(&scene)?;
-    scenes::tell(&placed.warnings, context);
+    scenes::print_warnings(&placed.warnings, context);
     let metre = scene.unit.in_metres();
     let options = DisassemblyRequest {
         tolerance: args.tolerance.map(|t| t * metre),

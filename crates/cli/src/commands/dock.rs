@@ -34,11 +34,11 @@ struct Summary {
     stages: Vec<fft_correlate::dock::SearchStage>,
     seconds: f64,
     milliseconds_per_rotation: f64,
-    poses: Vec<Found>,
+    poses: Vec<DockedPose>,
 }
 
 #[derive(Clone, Serialize)]
-struct Found {
+struct DockedPose {
     position: [f64; 3],
     rotation: [f64; 4],
     /// Under the docking weights, joules: the order of the list.
@@ -85,7 +85,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         mating_clearance: (args.mating_clearance).map(|c| c * setup.scene.unit.in_metres()),
         ..setup.docking_options()
     };
-    let found = look(&setup, options, context)?;
+    let found = find_poses(&setup, options, context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
             write(&found, setup.placement(), out)
@@ -104,7 +104,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         // What is refused is told at the end.
         let _ = write(&found, setup.placement(), StandardOutput);
     } else {
-        say(&setup, &found);
+        print(&setup, &found);
     }
     // What was scored before Ctrl-C has been written; the exit code says that it is not all.
     match interrupted() {
@@ -114,7 +114,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
 }
 
 /// Docks the parts of a scene; the poses found are those of the shapes.
-pub(super) fn look(
+pub(super) fn find_poses(
     setup: &SceneSetup,
     options: DockingOptions,
     context: &Context,
@@ -147,12 +147,12 @@ fn summary(report: &DockingReport, placement: &Placement) -> Summary {
         poses: report
             .poses
             .iter()
-            .map(|pose| Found::new(pose, placement))
+            .map(|pose| DockedPose::new(pose, placement))
             .collect(),
     }
 }
 
-impl Found {
+impl DockedPose {
     fn new(pose: &DockingPose, placement: &Placement) -> Self {
         let found = &pose.found;
         let at = placement.to_scene(&found.pose);
@@ -219,7 +219,7 @@ fn write(
     Ok(rows.flush()?)
 }
 
-fn say(setup: &SceneSetup, report: &DockingReport) {
+fn print(setup: &SceneSetup, report: &DockingReport) {
     let sketch = report.stages.iter().find(|s| s.name == "sketch");
     if let Some(stage) = sketch {
         crate::say!(

@@ -26,35 +26,35 @@ const SECONDS: f64 = 5.0;
 
 /// What is told to programs.
 #[derive(serde::Serialize)]
-struct Told<'a> {
+struct JsonReport<'a> {
     #[serde(flatten)]
     report: &'a LoopReport,
     #[serde(skip_serializing_if = "Option::is_none")]
-    replay: Option<&'a Again>,
+    replay: Option<&'a ReplayComparison>,
 }
 
 /// What came of a run.
-struct Felt {
+struct SessionResult {
     title: String,
     spec: DeviceSpec,
     outcome: Outcome,
-    again: Option<Again>,
+    comparison: Option<ReplayComparison>,
 }
 
 pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(), CommandError> {
-    check(args)?;
+    check_outputs(args)?;
     let script = match args.script {
         ScriptChoice::Collision => Script::Collision,
         ScriptChoice::Snap => Script::Snap,
         ScriptChoice::Free => Script::Free,
     };
     let pairs = load(args, context)?;
-    let Felt {
+    let SessionResult {
         title,
         spec,
         outcome,
-        again,
-    } = feel(args, script, &pairs, context)?;
+        comparison,
+    } = run_session(args, script, &pairs, context)?;
     if let Some(path) = &args.png {
         draw(path, &outcome.samples, title.clone())?;
     }
@@ -63,13 +63,13 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         atomic::write(path, page.as_bytes())?;
     }
     match context.json {
-        true => print_json(&Told {
+        true => print_json(&JsonReport {
             report: &outcome.report,
-            replay: again.as_ref(),
+            replay: comparison.as_ref(),
         })?,
         false => {
             print(&outcome.report, &pairs);
-            again.iter().for_each(Again::print);
+            comparison.iter().for_each(ReplayComparison::print);
         }
     }
     // The log and the picture of an interrupted run are whole: it only ended early.
@@ -80,7 +80,7 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
 }
 
 /// Refuses what could not be done or written, before anything is loaded.
-fn check(args: &FeelArgs) -> Result<(), CommandError> {
+fn check_outputs(args: &FeelArgs) -> Result<(), CommandError> {
     if let Some(seconds) = args.seconds.filter(|s| !(s.is_finite() && *s > 0.0)) {
         return Err(CommandError::option(
             "--seconds",
@@ -106,20 +106,20 @@ fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
     // The thread that loads hears of Ctrl-C and shows no bars.
     let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));
     let pairs = LivePairs::start(&scene, assembly, args.table.as_deref(), &quiet)?;
-    scenes::tell(&pairs.warnings, context);
+    scenes::print_warnings(&pairs.warnings, context);
     Ok(pairs)
 }
 
 /// Runs the loop with the device that was asked for.
-fn feel(
+fn run_session(
     args: &FeelArgs,
     script: Script,
     pairs: &LivePairs,
     context: &Context,
-) -> Result<Felt, CommandError> {
+) -> Result<SessionResult, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let _held = Hold::begin();
-    let keep = haptic_session::Keep {
+    let keep = haptic_session::Recording {
         log: (args
             .log
             .as_deref()
@@ -131,12 +131,14 @@ fn feel(
     Ok(
         match devices::choose(&args.device, &assembly.scene().device, context)? {
             Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, keep, context)?,
-            Chosen::Attached(mut device) => hold(device.as_mut(), seconds, pairs, keep, context)?,
+            Chosen::Attached(mut device) => {
+                run_device(device.as_mut(), seconds, pairs, keep, context)?
+            }
             Chosen::Simulated => {
                 let mut hand = haptic_session::simulated(assembly, source, script, seconds);
-                Felt {
+                SessionResult {
                     title: SessionReport::title(Some(script), &hand.spec().name),
-                    ..hold(&mut hand, seconds, pairs, keep, context)?
+                    ..run_device(&mut hand, seconds, pairs, keep, context)?
                 }
             }
         },
@@ -144,13 +146,13 @@ fn feel(
 }
 
 /// A device holds the part.
-fn hold(
+fn run_device(
     device: &mut dyn Device,
     seconds: f64,
     pairs: &LivePairs,
-    keep: haptic_session::Keep,
+    keep: haptic_session::Recording,
     context: &Context,
-) -> Result<Felt, CommandError> {
+) -> Result<SessionResult, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     context.progress.note(&format!(
         "the {} holds {} for {seconds} s",
@@ -163,22 +165,22 @@ fn hold(
             .progress
             .note(&format!("the device's last fault: {fault}"));
     }
-    Ok(Felt {
+    Ok(SessionResult {
         title: SessionReport::title(None, &device.spec().name),
         spec: device.spec().clone(),
         outcome,
-        again: None,
+        comparison: None,
     })
 }
 
-/// The recording holds the part again, at its own times and without waiting.
+/// The recording holds the part comparison, at its own times and without waiting.
 fn replay(
     mut recorded: Replay,
     seconds: Option<f64>,
     pairs: &LivePairs,
-    keep: haptic_session::Keep,
+    keep: haptic_session::Recording,
     context: &Context,
-) -> Result<Felt, CommandError> {
+) -> Result<SessionResult, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let seconds = seconds.unwrap_or(f64::INFINITY);
     context.progress.note(&format!(
@@ -187,15 +189,18 @@ fn replay(
         assembly.scene().moving.name,
         recorded.duration().min(seconds),
     ));
-    let keep = haptic_session::Keep {
+    let keep = haptic_session::Recording {
         samples: true,
         ..keep
     };
     let outcome = haptic_session::replay(assembly, source, &mut recorded, seconds, keep)?;
-    Ok(Felt {
+    Ok(SessionResult {
         title: SessionReport::title(None, &recorded.spec().name),
         spec: recorded.spec().clone(),
-        again: Some(Again::compare(recorded.samples(), &outcome.samples)),
+        comparison: Some(ReplayComparison::compare(
+            recorded.samples(),
+            &outcome.samples,
+        )),
         outcome,
     })
 }
@@ -296,7 +301,7 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
 
 /// How the wrenches of a replay compare with the recorded ones, bit by bit.
 #[derive(Debug, Serialize)]
-pub(super) struct Again {
+pub(super) struct ReplayComparison {
     /// Ticks compared.
     ticks: usize,
     /// Ticks with another force or torque.
@@ -305,7 +310,7 @@ pub(super) struct Again {
     first_different: Option<u64>,
 }
 
-impl Again {
+impl ReplayComparison {
     pub(super) fn compare(recorded: &[Sample], samples: &[Sample]) -> Self {
         let pairs = || recorded.iter().zip(samples);
         let other = |(a, b): &(&Sample, &Sample)| bits(a) != bits(b);

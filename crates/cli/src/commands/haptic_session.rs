@@ -10,7 +10,7 @@ use haptic::{
 };
 use pegfit_scene::Assembly;
 
-use crate::commands::scenes::within;
+use crate::commands::scenes::scene_item;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::parquet_log;
@@ -25,7 +25,7 @@ pub(super) fn run_simulated(
     clock: Clock,
 ) -> Result<Outcome, CommandError> {
     let mut hand = simulated(assembly, source, script, seconds);
-    let keep = Keep {
+    let keep = Recording {
         log: None,
         samples: true,
     };
@@ -48,7 +48,7 @@ pub(super) fn simulated(
 }
 
 /// What is kept of every tick.
-pub(super) struct Keep {
+pub(super) struct Recording {
     /// In a file.
     pub(super) log: Option<Box<dyn SampleWriter>>,
     /// In the outcome.
@@ -62,11 +62,11 @@ pub(super) fn run(
     device: &mut dyn Device,
     seconds: f64,
     clock: Clock,
-    keep: Keep,
+    keep: Recording,
 ) -> Result<Outcome, CommandError> {
     session(assembly, keep)
         .run(device, source, clock, seconds, cancel_flag())
-        .map_err(|e| told(assembly, e))
+        .map_err(|e| loop_error(assembly, e))
 }
 
 /// Runs the loop at the times of a recording, for `seconds` of it.
@@ -75,14 +75,14 @@ pub(super) fn replay(
     source: &dyn EnergySource,
     recorded: &mut Replay,
     seconds: f64,
-    keep: Keep,
+    keep: Recording,
 ) -> Result<Outcome, CommandError> {
     session(assembly, keep)
         .replay(recorded, source, seconds, cancel_flag())
-        .map_err(|e| told(assembly, e))
+        .map_err(|e| loop_error(assembly, e))
 }
 
-fn session(assembly: &Assembly, keep: Keep) -> Session {
+fn session(assembly: &Assembly, keep: Recording) -> Session {
     let session = Session::new(assembly.scene().device.clone(), assembly.workspace());
     let session = match keep.log {
         Some(log) => session.record_with(log),
@@ -113,9 +113,9 @@ pub(super) fn log(path: &Path, context: &Context) -> Result<Box<dyn SampleWriter
     Ok(log)
 }
 
-fn told(assembly: &Assembly, error: HapticError) -> CommandError {
+fn loop_error(assembly: &Assembly, error: HapticError) -> CommandError {
     match error {
-        HapticError::Config(_) => CommandError::bad_input(within(assembly, "device"), error),
+        HapticError::Config(_) => CommandError::bad_input(scene_item(assembly, "device"), error),
         other => CommandError::failure("haptic loop", other),
     }
 }

@@ -134,7 +134,7 @@ impl Goal {
                     top: 1,
                     ..setup.docking_options()
                 };
-                let found = dock::look(setup, options, context)?;
+                let found = dock::find_poses(setup, options, context)?;
                 let best = found.poses.first().ok_or_else(|| {
                     let expected = "a scene in which docking finds a pose";
                     CommandError::option("--to best", expected, "none")

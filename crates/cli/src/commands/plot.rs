@@ -17,7 +17,7 @@ use sdf_grid::{
 };
 
 use crate::args::{PlotArgs, PlotKind};
-use crate::commands::scenes::within;
+use crate::commands::scenes::scene_item;
 use crate::commands::{haptic_session, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
@@ -203,9 +203,9 @@ pub(in crate::commands) fn on_plane(
     slice: &Slice,
     monitor: &dyn Monitor,
 ) -> Result<DensityField, CommandError> {
-    let failed = |e| CommandError::bad_input(within(assembly, "density"), e);
+    let failed = |e| CommandError::bad_input(scene_item(assembly, "density"), e);
     let kernel = DensityKernel::new(assembly.pair.model().sigma)
-        .map_err(|e| CommandError::bad_input(within(assembly, "model"), e))?;
+        .map_err(|e| CommandError::bad_input(scene_item(assembly, "model"), e))?;
     let options = DensityOptions {
         sampling: Sampling::Point,
         ..DensityOptions::default()
@@ -391,7 +391,7 @@ pub(in crate::commands) fn score_surface(
     let mut reach = parts.reach();
     reach[across] = 0.0;
     let window = TranslationWindow::new(middle - reach, middle + reach, assembly.pair.spacing())
-        .map_err(|e| CommandError::bad_input(within(assembly, "window"), e))?;
+        .map_err(|e| CommandError::bad_input(scene_item(assembly, "window"), e))?;
     let score = assembly.scores(&window)?;
     Ok(draw_surface(assembly, plane, &window, middle, &score)?)
 }

@@ -33,7 +33,7 @@ pub(super) fn load(store: &TableStore, context: &Context) -> Result<EnergyTable,
 }
 
 /// What a failed bake is to be called.
-pub(super) fn explain(path: &Path, error: BakeError) -> CommandError {
+pub(super) fn bake_error(path: &Path, error: BakeError) -> CommandError {
     match error {
         BakeError::Cancelled => CommandError::Interrupted,
         BakeError::Exists { .. } => CommandError::input(

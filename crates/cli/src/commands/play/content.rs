@@ -26,7 +26,7 @@ use crate::terminal::progress::interrupted;
 const FITS: usize = 6;
 
 /// A scene's exhibits.
-pub(super) struct SceneExhibits {
+pub(super) struct SceneContent {
     assembly: Assembly,
     /// Surfaces of the fixed parts where they stand, in the scene's order.
     fixed: Vec<MeshMessage>,
@@ -39,15 +39,15 @@ pub(super) struct SceneExhibits {
 }
 
 /// Shows nothing; cancels what nobody waits for any more.
-struct Search<'a>(&'a AtomicBool);
+struct CancelFlag<'a>(&'a AtomicBool);
 
-impl Monitor for Search<'_> {
+impl Monitor for CancelFlag<'_> {
     fn cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed) || interrupted()
     }
 }
 
-impl SceneExhibits {
+impl SceneContent {
     /// Reads what is shown of `scene`, whose pairs are loaded.
     pub(super) fn new(
         scene: &Scene,
@@ -155,7 +155,7 @@ impl SceneExhibits {
         };
         let bounds = mesh.bounds();
         let bounds = bounds.grown(0.2 * bounds.size().max_element());
-        let monitor = Search(&self.over);
+        let monitor = CancelFlag(&self.over);
         let field = on_plane(&mesh, &self.assembly, &bounds, &slice, &monitor).ok()?;
         let inside = sheet(&field.interior, &field, &slice);
         let outside = sheet(&field.exterior, &field, &slice);
@@ -196,7 +196,7 @@ impl SceneExhibits {
     }
 }
 
-impl Exhibits for SceneExhibits {
+impl Exhibits for SceneContent {
     fn description(&self) -> Value {
         self.description.clone()
     }
@@ -223,7 +223,7 @@ impl Exhibits for SceneExhibits {
             top: FITS,
             ..setup.docking_options()
         };
-        let found = (setup.dock(options, &Search(&self.over))).map_err(|e| e.to_string())?;
+        let found = (setup.dock(options, &CancelFlag(&self.over))).map_err(|e| e.to_string())?;
         // As the loop would have it there, not the search on its own lattice.
         let source =
             (self.assembly.source(&DirectOptions::REAL_TIME)).map_err(|e| e.to_string())?;

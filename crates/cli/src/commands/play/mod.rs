@@ -18,7 +18,7 @@ use serde_json::json;
 
 use crate::args::PlayArgs;
 use crate::commands::play::browser::Signpost;
-use crate::commands::play::content::SceneExhibits;
+use crate::commands::play::content::SceneContent;
 use crate::commands::{demo, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
@@ -101,9 +101,9 @@ fn play(
     // The thread that loads hears of Ctrl-C and shows no bars.
     let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));
     let pairs = LivePairs::start(scene, assembly, args.table.as_deref(), &quiet)?;
-    scenes::tell(&pairs.warnings, context);
+    scenes::print_warnings(&pairs.warnings, context);
     check_interrupt()?;
-    let exhibits = SceneExhibits::new(scene, &pairs, args.table.as_deref(), context)?;
+    let exhibits = SceneContent::new(scene, &pairs, args.table.as_deref(), context)?;
     let exhibits = Arc::new(exhibits);
     let source = pairs.live.source();
     let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));

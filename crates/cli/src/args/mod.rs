@@ -50,9 +50,9 @@ pub(crate) struct Global {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// See it all: three pegs find their holes, with pictures and a page that explains them
+    /// Run everything on three pegs and holes, with pictures and a page that explains them
     Demo(DemoArgs),
-    /// Say whether meshes, or those of a scene, can be used, and what had to be repaired
+    /// Check whether meshes, or those of a scene, can be used, and print what had to be repaired
     Check(CheckArgs),
     /// Make a scene of a file of solids (STEP, 3MF, glTF, ...) or of a robot (URDF, MJCF)
     Scene(SceneArgs),
@@ -60,19 +60,19 @@ pub(crate) enum Command {
     Field(FieldArgs),
     /// Tabulate a scene's energy over its whole domain
     Bake(BakeArgs),
-    /// Say what a table holds, how large it is and how wrong it says it is
+    /// Print a table's contents, size and stated error
     Table(TableArgs),
-    /// Measure a table's error again at fresh poses and compare it with what the table says
+    /// Measure a table's error at fresh poses and compare it with the stated one
     Verify(VerifyArgs),
     /// Score, energy, force and torque at listed poses
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
     Dock(DockArgs),
-    /// Find the path into the fit and out of it, with the forces along it, or that there is none
+    /// Find an insertion path to the fit, with the forces along it, or prove that there is none
     Path(PathArgs),
-    /// Find the order in which the parts of a scene come apart, and each one's path
+    /// Find the order in which the parts of a scene come apart, with a removal path for each
     Disassemble(DisassembleArgs),
-    /// Feel it on a page: the 1 kHz loop, your mouse as the hand, and the forces shown
+    /// Run the 1 kHz loop on a page, with the mouse as operator and the forces shown
     Play(PlayArgs),
     /// Run the 1 kHz haptic loop
     Feel(FeelArgs),
@@ -97,8 +97,8 @@ pub(crate) struct DemoArgs {
 /// Arguments of `pegfit check`.
 #[derive(Debug, Args)]
 pub(crate) struct CheckArgs {
-    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP; or scene files, whose meshes are looked at as the
-    /// scene reads them
+    /// Mesh files: OBJ, STL, PLY, glTF, 3MF or STEP; or scene files, whose meshes are checked as
+    /// the scene reads them
     #[arg(required = true)]
     pub(crate) meshes: Vec<PathBuf>,
     /// Length unit of files that state none: m, cm, mm, um, inch or foot; a scene states its own
@@ -190,7 +190,7 @@ pub(crate) struct SceneChoice {
     /// Scene file
     #[arg(value_name = "SCENE")]
     pub(crate) file: PathBuf,
-    /// Which fixed part of a scene with several, by its name
+    /// Name of the fixed part, in a scene with several
     #[arg(long, value_name = "NAME")]
     pub(crate) fixed: Option<String>,
 }
@@ -205,7 +205,7 @@ pub(crate) struct BakeArgs {
     /// gs://, http://, https://)
     #[arg(short, long, value_name = "TABLE.zarr")]
     pub(crate) output: PathBuf,
-    /// Go on with a table that was interrupted
+    /// Continue a table that was interrupted
     #[arg(long)]
     pub(crate) resume: bool,
     /// Which of --size workers this is, from 0 [default: from the launcher's environment]
@@ -214,7 +214,7 @@ pub(crate) struct BakeArgs {
     /// How many workers share the table
     #[arg(long, value_name = "N")]
     pub(crate) size: Option<usize>,
-    /// Only say how much of the table is there
+    /// Only print how much of the table is there
     #[arg(long)]
     pub(crate) status: bool,
     /// Choose lattice and rotation step so that the rms errors of force and torque are at most this
@@ -229,7 +229,7 @@ pub(crate) struct BakeArgs {
     #[arg(long, value_name = "SHARE", default_value = "0.0005", value_parser = share)]
     pub(crate) leave_out: f64,
     /// Held-out poses at which the error of the finished table is measured [default: 1000, or 300
-    /// with --tolerance, as what is true takes eight times as long on half the spacing]
+    /// with --tolerance, as the reference takes eight times as long on half the spacing]
     #[arg(long, value_name = "N")]
     pub(crate) poses: Option<usize>,
 }
@@ -273,7 +273,7 @@ pub(crate) struct VerifyArgs {
     /// The scene it was baked from
     #[arg(long, value_name = "SCENE.toml")]
     pub(crate) scene: PathBuf,
-    /// Which fixed part of a scene with several, by its name
+    /// Name of the fixed part, in a scene with several
     #[arg(long, value_name = "NAME")]
     pub(crate) fixed: Option<String>,
     /// Seed of the poses [default: one more than that of the table's own measurement]
@@ -297,7 +297,7 @@ pub(crate) struct ScoreArgs {
     /// Interpolate this table
     #[arg(long, value_name = "TABLE.zarr")]
     pub(crate) table: Option<PathBuf>,
-    /// Which fixed part of a scene with several, by its name
+    /// Name of the fixed part, in a scene with several
     #[arg(long, value_name = "NAME", conflicts_with = "table")]
     pub(crate) fixed: Option<String>,
     /// Poses: columns x,y,z,qx,qy,qz,qw in metres, any order; - is standard input
@@ -331,10 +331,10 @@ pub(crate) struct DockArgs {
     /// Report to write: poses, model, rotations, times
     #[arg(long, value_name = "REPORT.json")]
     pub(crate) report: Option<PathBuf>,
-    /// Keep what has been scored in this file, and go on with it if it is there
+    /// Keep scored rotations in this file, and continue from it if it exists
     #[arg(long, value_name = "STATE.json")]
     pub(crate) state: Option<PathBuf>,
-    /// Score every rotation, not only those that a sketch on twice the spacing chooses
+    /// Score every rotation, not only those that a coarse screening on twice the spacing chooses
     #[arg(long)]
     pub(crate) exhaustive: bool,
     /// Faces at most this far apart count as mating, in the scene's unit [default: the spacing on
@@ -351,12 +351,12 @@ pub(crate) struct FeelArgs {
     /// Interpolate this table instead of evaluating directly
     #[arg(long, value_name = "TABLE.zarr")]
     pub(crate) table: Option<PathBuf>,
-    /// What holds the moving part: simulated, auto, replay:LOG.csv, openhaptics, force-dimension,
+    /// Operator that holds the moving part: simulated, auto, replay:LOG.csv, openhaptics, force-dimension,
     /// haply, pid or spacemouse (the last five with :PATH, :NAME, :SERIAL or :VENDOR:PRODUCT to
     /// choose among several; see `pegfit devices`)
     #[arg(long, value_name = "DEVICE", default_value = "simulated")]
     pub(crate) device: DeviceChoice,
-    /// What the simulated hand does
+    /// What the simulated operator does
     #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
     pub(crate) script: ScriptChoice,
     /// How long, seconds [default: 5, or as long as the log that is replayed]
@@ -415,7 +415,7 @@ pub(crate) struct DevicesArgs {
     pub(crate) seconds: Option<f64>,
 }
 
-/// Scripts of the simulated hand, after the paper's two tests.
+/// Scripts of the simulated operator, after the paper's two tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ScriptChoice {
     /// Push the part into the rim beside the fit.
@@ -470,7 +470,7 @@ pub(crate) struct PathArgs {
     /// The scene.
     #[command(flatten)]
     pub(crate) scene: SceneChoice,
-    /// Where the path leads: `fit` (the scene's), `best` (docks first), or a pose
+    /// Goal of the path: `fit` (the scene's), `best` (docks first), or a pose
     /// x,y,z,qx,qy,qz,qw in metres
     #[arg(
         long,
@@ -479,7 +479,7 @@ pub(crate) struct PathArgs {
         allow_hyphen_values = true
     )]
     pub(crate) to: String,
-    /// Where it begins: `outside`, or a pose x,y,z,qx,qy,qz,qw in metres
+    /// Start of the path: `outside`, or a pose x,y,z,qx,qy,qz,qw in metres
     #[arg(
         long,
         value_name = "POSE",
@@ -501,14 +501,14 @@ pub(crate) struct PathArgs {
     /// Give up after so many seconds of searching
     #[arg(long, default_value_t = 60.0)]
     pub(crate) seconds: f64,
-    /// Go on where a search for the same path ended that ran out of time or was stopped: what it has
-    /// explored is read from FILE, and written there if this one is not decided either
+    /// Continue a search for the same path that ran out of time or was stopped: its visited poses are
+    /// read from FILE, and written there if this search is not decided either
     #[arg(long, value_name = "FILE")]
     pub(crate) resume: Option<PathBuf>,
-    /// Go on if the parts overlap at the goal or at the start
+    /// Continue if the parts overlap at the goal or at the start
     #[arg(long)]
     pub(crate) allow_overlap: bool,
-    /// Look at the solids only: no fields, no energies, no forces
+    /// Use the solids only: no fields, no energies, no forces
     #[arg(long)]
     pub(crate) solids_only: bool,
     /// Draw energy and force along the path
@@ -541,11 +541,11 @@ pub(crate) struct DisassembleArgs {
     /// Give up on one part or group after so many seconds
     #[arg(long, default_value_t = 60.0)]
     pub(crate) seconds: f64,
-    /// Go on where a disassembly of the same parts ended that was stopped or left parts undecided: what
-    /// it has tried is read from FILE, and written there if this one is not decided either
+    /// Continue a disassembly of the same parts that was stopped or left parts undecided: its attempts
+    /// are read from FILE, and written there if this one is not decided either
     #[arg(long, value_name = "FILE")]
     pub(crate) resume: Option<PathBuf>,
-    /// Go on if parts overlap where they are assembled
+    /// Continue if parts overlap where they are assembled
     #[arg(long)]
     pub(crate) allow_overlap: bool,
     /// Write a page that plays all steps one after the other; it needs no other file

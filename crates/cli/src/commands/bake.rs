@@ -160,7 +160,7 @@ fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandE
 struct Part {
     rank: usize,
     size: usize,
-    /// What said so, if it was not the command line.
+    /// The launcher that set it, if it was not the command line.
     launcher: Option<String>,
 }
 
@@ -174,7 +174,7 @@ impl Part {
     }
 
     /// What a launcher's environment was taken for.
-    fn told(&self) -> Option<String> {
+    fn description(&self) -> Option<String> {
         let launcher = self.launcher.as_ref()?;
         let (rank, size) = (self.rank, self.size);
         Some(match size {
@@ -188,7 +188,7 @@ impl Part {
 
     /// Tells it before the work.
     fn note(&self, context: &Context) {
-        if let Some(told) = self.told() {
+        if let Some(told) = self.description() {
             context.progress.note(&told);
         }
     }
@@ -319,7 +319,7 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
     );
-    if let Some(told) = summary.share.told() {
+    if let Some(told) = summary.share.description() {
         crate::say!("{told}");
     }
     match &summary.error {

@@ -29,7 +29,7 @@ const MOST: f64 = 20.0;
 const OPEN: &str = "it can be used as it is; export a closed solid for exact signs, and for shorter \
                     computations";
 
-/// What is said about one file.
+/// The verdict on one file.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum Verdict {
@@ -51,7 +51,7 @@ enum Verdict {
     },
 }
 
-/// What is printed for programs; of the same shape whatever was asked about.
+/// The result for programs; its shape does not depend on the inputs.
 #[derive(Debug, Serialize)]
 struct Findings {
     /// Every mesh, in the order in which it was named.
@@ -335,7 +335,7 @@ pub(super) const FACETS: f64 = 2e-3;
 /// Share up to which parts count as touching: what is shared then is rounding.
 pub(super) const TOUCHING: f64 = 1e-6;
 
-/// What is said of a fixed part and the moving one at the fit.
+/// Interference of a fixed part and the moving one at the fit.
 #[derive(Debug, Serialize)]
 struct Fit {
     /// The scene that puts them there.
@@ -354,7 +354,7 @@ struct Fit {
     next: Vec<String>,
 }
 
-/// Every pair of a scene; none if a mesh cannot be used, which is said of the mesh.
+/// Every pair of a scene; none if a mesh cannot be used: its own verdict says so.
 fn fits_of(scene: &Scene) -> Vec<Fit> {
     let Ok(pairs) = scene.fit_solids() else {
         return Vec::new();

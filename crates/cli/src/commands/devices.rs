@@ -36,7 +36,7 @@ pub(in crate::commands) fn run(args: &DevicesArgs, context: &Context) -> Result<
         true => print_json(&found)?,
         false => found.devices.iter().for_each(print),
     }
-    found.missing.iter().for_each(tell);
+    found.missing.iter().for_each(print_missing);
     if found.devices.iter().any(|d| d.access == Access::Ready) {
         explain(&found.devices);
         return Ok(());
@@ -53,7 +53,7 @@ fn kinds(name: Option<&str>) -> Vec<DeviceKind> {
 }
 
 /// Says what a kind of device wants before there can be one.
-fn tell(missing: &Missing) {
+fn print_missing(missing: &Missing) {
     crate::remark!("{}: {}", missing.kind.word(), missing.reason);
 }
 
@@ -118,7 +118,7 @@ enum Unusable {
 
 /// What holds the moving part.
 pub(in crate::commands) enum Chosen {
-    /// The simulated hand.
+    /// The simulated operator.
     Simulated,
     /// A recording.
     Replay(Replay),
@@ -418,7 +418,7 @@ fn bar(share: f64) -> String {
     )
 }
 
-/// What is said of a device that does not answer.
+/// Text about a device that does not answer.
 fn gone(frame: &ProbeFrame) -> String {
     match &frame.fault {
         None => "unplugged".to_owned(),

@@ -69,7 +69,7 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
     if context.json {
         print_json(&order)
     } else {
-        say(&found, &names, placed.display_unit);
+        print(&found, &names, placed.display_unit);
         Ok(())
     }
 }
@@ -206,7 +206,7 @@ pub(super) fn describe_step(step: &DisassemblyStep, names: &[&str]) -> String {
 }
 
 /// Prints the order.
-pub(super) fn say(found: &DisassemblyResult, names: &[&str], unit: LengthUnit) {
+fn print(found: &DisassemblyResult, names: &[&str], unit: LengthUnit) {
     let metre = unit.in_metres();
     let head = match (found.steps.is_empty(), found.locked.is_empty()) {
         (_, true) => "comes apart",

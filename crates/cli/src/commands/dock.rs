@@ -101,7 +101,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     if context.json {
         print_json(&summary)?;
     } else if to_stdout {
-        // What is refused is told at the end.
+        // Refused writes are reported at the end.
         let _ = write(&found, setup.placement(), StandardOutput);
     } else {
         print(&setup, &found);

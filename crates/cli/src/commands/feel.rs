@@ -21,10 +21,10 @@ use crate::report::parquet_log;
 use crate::report::session::{SessionReport, event_text, privileges};
 use crate::terminal::progress::{Hold, Progress, interrupted};
 
-/// Seconds that a hand holds the part, if nobody says how long.
+/// Default length of a run, seconds.
 const SECONDS: f64 = 5.0;
 
-/// What is told to programs.
+/// The report for programs.
 #[derive(serde::Serialize)]
 struct JsonReport<'a> {
     #[serde(flatten)]
@@ -33,7 +33,7 @@ struct JsonReport<'a> {
     replay: Option<&'a ReplayComparison>,
 }
 
-/// What came of a run.
+/// The result of a run.
 struct SessionResult {
     title: String,
     spec: DeviceSpec,
@@ -173,7 +173,7 @@ fn run_device(
     })
 }
 
-/// The recording holds the part comparison, at its own times and without waiting.
+/// The recording holds the part again, at its own times and without waiting.
 fn replay(
     mut recorded: Replay,
     seconds: Option<f64>,

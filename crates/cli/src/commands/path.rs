@@ -14,7 +14,7 @@ use crate::commands::{dock, resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::{print_json, require_folder};
-use crate::report::path::{PathReport, say};
+use crate::report::path::{PathReport, print};
 use crate::terminal::output::StandardOutput;
 
 pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError> {
@@ -32,10 +32,10 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
     let mut visited: VisitedPoses = resume::read(args.resume.as_deref())?;
     let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
-    let options = options(args, &setup)?;
+    let request = request(args, &setup)?;
     let goal = setup.placement().to_shapes(&goal.pose(&setup, context)?);
     let parts = &setup.parts;
-    let search = PathSearch::new(parts.fixed.clone(), parts.moving.clone(), options)?;
+    let search = PathSearch::new(parts.fixed.clone(), parts.moving.clone(), request)?;
     let (source, field_seconds) = match args.solids_only {
         true => (None, None),
         false => energies(&setup, context).map(|(e, s)| (Some(e), Some(s)))?,
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
     if context.json {
         print_json(&report.summary())
     } else if !to_stdout {
-        say(&report);
+        print(&report);
         Ok(())
     } else {
         Ok(())
@@ -72,7 +72,7 @@ fn is_decided(result: &PathResult) -> bool {
     }
 }
 
-/// What gives energies at poses of the shapes, and how many seconds its fields took.
+/// The source of energies at poses of the shapes, and how many seconds its fields took.
 fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f64), CommandError> {
     let began = Instant::now();
     let pair = setup.pair(&context.progress)?;
@@ -83,7 +83,7 @@ fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f
 
 fn write(args: &PathArgs, report: &PathReport, to_stdout: bool) -> Result<(), CommandError> {
     match &args.output {
-        // What is refused is told at the end.
+        // Refused writes are reported at the end.
         Some(_) if to_stdout => drop(report.csv(StandardOutput)),
         Some(file) => atomic::write_with(file, |out| {
             report
@@ -107,7 +107,7 @@ fn write(args: &PathArgs, report: &PathReport, to_stdout: bool) -> Result<(), Co
 /// Longest search, seconds: a week.
 const LONGEST: f64 = 604_800.0;
 
-/// Where a path is to lead, as written.
+/// The goal of a path, as written.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Goal {
     Fit,
@@ -145,8 +145,8 @@ impl Goal {
     }
 }
 
-/// What is asked of the path; lengths become metres, poses those of the shapes.
-pub(super) fn options(args: &PathArgs, setup: &SceneSetup) -> Result<PathRequest, CommandError> {
+/// The request; lengths become metres, poses those of the shapes.
+pub(super) fn request(args: &PathArgs, setup: &SceneSetup) -> Result<PathRequest, CommandError> {
     let metre = setup.scene.unit.in_metres();
     let start = match args.from.as_str() {
         "outside" => Start::Outside,

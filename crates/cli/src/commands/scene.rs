@@ -17,9 +17,9 @@ use crate::error::CommandError;
 use crate::report::ledger;
 use crate::report::output::{print_json, require_folder};
 
-/// What is said of a solid.
+/// Summary of a solid.
 #[derive(Debug, Serialize)]
-struct Told {
+struct SolidSummary {
     /// Of its solid, link or body, from 1.
     number: usize,
     name: String,
@@ -41,10 +41,10 @@ enum Role {
     LeftOut,
 }
 
-/// Everything that is said.
+/// Summary for programs.
 #[derive(Debug, Serialize)]
 struct Summary {
-    solids: Vec<Told>,
+    solids: Vec<SolidSummary>,
     /// Cubic metres of what moves; 0 if nothing does.
     moving_volume: f64,
     scene: Option<PathBuf>,
@@ -69,14 +69,14 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
     if args.moving.is_empty() {
         let summary = Summary {
             solids: (0..set.solids.len())
-                .map(|i| told(&set, i, Role::Listed))
+                .map(|i| describe_solid(&set, i, Role::Listed))
                 .collect(),
             moving_volume: 0.0,
             scene: None,
             meshes: Vec::new(),
             ledger: set.ledger.clone(),
         };
-        return say(&summary, &args.file, context);
+        return print(&summary, &args.file, context);
     }
     let draft = set.draft(&args.moving, &args.fixed, args.separate)?;
     let mut summary = describe(&draft);
@@ -84,10 +84,10 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
         summary.meshes = draft.write(output)?;
         summary.scene = Some(output.clone());
     }
-    say(&summary, &args.file, context)
+    print(&summary, &args.file, context)
 }
 
-fn told(set: &SolidSet, index: usize, role: Role) -> Told {
+fn describe_solid(set: &SolidSet, index: usize, role: Role) -> SolidSummary {
     let solid = &set.solids[index];
     let groups = set.groups();
     let number = groups
@@ -95,7 +95,7 @@ fn told(set: &SolidSet, index: usize, role: Role) -> Told {
         .position(|(g, _)| *g == solid.group)
         .unwrap_or(0)
         + 1;
-    Told {
+    SolidSummary {
         number,
         name: set.called(index),
         triangles: solid.mesh.triangles().len(),
@@ -118,14 +118,24 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         let shared = |m| InterferenceQuery::new(&fixed, m).at(DQuat::IDENTITY, DVec3::ZERO);
         moving.iter().map(|m| shared(m).volume).sum()
     };
-    let mut solids: Vec<Told> = (draft.fixed.par_iter())
-        .map(|&i| Told {
+    let mut solids: Vec<SolidSummary> = (draft.fixed.par_iter())
+        .map(|&i| SolidSummary {
             shared_volume: Some(shared(i)),
-            ..told(set, i, Role::Fixed)
+            ..describe_solid(set, i, Role::Fixed)
         })
         .collect();
-    solids.extend(draft.moving.iter().map(|&i| told(set, i, Role::Moving)));
-    solids.extend(draft.left_out.iter().map(|&i| told(set, i, Role::LeftOut)));
+    solids.extend(
+        draft
+            .moving
+            .iter()
+            .map(|&i| describe_solid(set, i, Role::Moving)),
+    );
+    solids.extend(
+        draft
+            .left_out
+            .iter()
+            .map(|&i| describe_solid(set, i, Role::LeftOut)),
+    );
     solids.sort_by_key(|s| s.number);
     Summary {
         solids,
@@ -136,7 +146,7 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
     }
 }
 
-fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandError> {
+fn print(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandError> {
     if context.json {
         return print_json(summary);
     }
@@ -180,7 +190,7 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
 }
 
 /// That solids cut into each other where they are, and what to do about it.
-fn say_overlap(solid: &Told, share: f64, cubic_millimetres: f64) {
+fn say_overlap(solid: &SolidSummary, share: f64, cubic_millimetres: f64) {
     let advice = match share <= FACETS {
         true => "facets, or a press fit",
         false => "more than facets do: look whether the file shows the fit (pegfit plot overlap)",

@@ -1,4 +1,4 @@
-//! Scenes for commands: read and loaded, with what their user should know.
+//! Scenes for commands: read and loaded, with warnings printed.
 
 use std::path::Path;
 
@@ -38,7 +38,7 @@ pub(super) fn print_warnings(warnings: &[SceneWarning], context: &Context) {
     }
 }
 
-/// What errors say they are about: the scene file and a part of it.
+/// The subject of an error: the scene file and a part of it.
 pub(super) fn scene_item(assembly: &Assembly, item: &str) -> String {
     format!("{}: {item}", assembly.scene().path.display())
 }

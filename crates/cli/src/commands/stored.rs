@@ -1,4 +1,4 @@
-//! A table that is there: opened, read, examined, its errors told.
+//! Existing tables: opened, read, examined, their errors printed.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Tables and lattices for a tolerance that was asked for, and what is told of the choice.
+//! Tables and lattices for a requested tolerance, with messages about the choice.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ fn tolerance_error(error: SceneError, share: Option<f64>) -> CommandError {
     }
 }
 
-/// A trial in words.
+/// Text of a trial.
 fn trial_text(trial: &Trial) -> String {
     match trial {
         Trial::Lattice { spacing, error } => format!(

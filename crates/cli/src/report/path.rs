@@ -1,4 +1,4 @@
-//! What is written of a path: rows, a summary, charts, a page that plays it.
+//! Reports of a path: rows, a summary, charts, and a page that plays it.
 //! that needs no other.
 
 use std::sync::Arc;
@@ -182,7 +182,7 @@ fn outcome(result: &PathResult) -> &'static str {
 }
 
 impl PathReport {
-    /// What is told of the path, as JSON: metres, radians, joules.
+    /// A summary of the path as JSON: metres, radians, joules.
     ///
     /// # Errors
     /// If a number has no place in JSON.
@@ -282,9 +282,9 @@ pub(crate) fn words(motions: &[Motion], placement: &Placement) -> String {
 }
 
 /// Prints what a person asks first.
-pub(crate) fn say(report: &PathReport) {
+pub(crate) fn print(report: &PathReport) {
     let (result, unit) = (&report.result, report.unit);
-    say_outcome(result, unit);
+    print_outcome(result, unit);
     if result.poses.is_empty() {
         return;
     }
@@ -332,7 +332,7 @@ pub(crate) fn say(report: &PathReport) {
     }
 }
 
-fn say_outcome(result: &PathResult, unit: LengthUnit) {
+fn print_outcome(result: &PathResult, unit: LengthUnit) {
     let metre = unit.in_metres();
     let effort = &result.effort;
     let looked = format!(
@@ -382,12 +382,12 @@ const VIEW: &str = "<canvas id=\"view\"></canvas>\n<div class=\"bar\">\
 <label><input id=\"ten\" type=\"checkbox\"> ten poses</label></div>\n<p id=\"said\"></p>";
 const PLAYER: &str = include_str!("path_player.js");
 
-/// Most triangles of a part on the page: of larger ones the page says that they are left out.
+/// Most triangles of a part on the page; larger parts are left out, with a note.
 const MOST_TRIANGLES: usize = 200_000;
 
 /// One motion after the other on a page.
 pub(crate) struct Act<'a> {
-    /// What is said of it.
+    /// Its description.
     pub(crate) said: String,
     /// Which parts move as one, and which stay; others are not shown.
     pub(crate) moving: Vec<usize>,

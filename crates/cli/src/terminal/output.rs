@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use sdf_grid::text::shown_lines;
 
-/// What the system said first against a write; nothing is written after it.
+/// The first refused write; nothing is written after it.
 static REFUSED: Mutex<Option<io::Error>> = Mutex::new(None);
 
 /// Standard output as a writer that remembers a refusal, for [`finish`].
@@ -51,7 +51,7 @@ fn copy(error: &io::Error) -> io::Error {
     }
 }
 
-/// Prints a line. What comes of it is told by [`finish`].
+/// Prints a line; [`finish`] reports failures.
 pub(crate) fn print_line(text: Arguments<'_>) {
     let mut line = shown_lines(&text.to_string()).into_owned();
     line.push('\n');
@@ -100,7 +100,7 @@ macro_rules! say {
 }
 pub(crate) use say;
 
-/// Prints a line to standard error; does nothing if it is closed, as nobody is left to be told.
+/// Prints a line to standard error; does nothing if it is closed.
 macro_rules! remark {
     ($($text:tt)*) => {
         $crate::terminal::output::remark_line(format_args!($($text)*))

@@ -53,7 +53,7 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
     loop {
         let (_, scene) = &pairs[server.wanted()];
         let report = play(&server, scene, args, poses.as_deref(), context)?;
-        tell(&report, context);
+        print_report(&report, context);
         if interrupted() {
             return Ok(());
         }
@@ -123,7 +123,7 @@ fn play(
 }
 
 /// What the loop was like.
-fn tell(report: &LoopReport, context: &Context) {
+fn print_report(report: &LoopReport, context: &Context) {
     let (latency, lateness) = (&report.latency_us, &report.lateness_us);
     context.progress.note(&format!(
         "{:.1} Hz over {:.1} s; computing p50 {:.0} µs, p99 {:.0} µs; late p50 {:.0} µs, p99 {:.0} \

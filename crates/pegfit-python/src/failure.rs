@@ -53,7 +53,7 @@ struct Evidence {
 
 impl Failure {
     /// What an error says, with all that caused it.
-    pub(crate) fn of(kind: Kind, error: &dyn Error) -> Self {
+    pub(crate) fn from_error(kind: Kind, error: &dyn Error) -> Self {
         let mut message = error.to_string();
         let mut cause = error.source();
         while let Some(inner) = cause {
@@ -160,7 +160,7 @@ impl From<Failure> for PyErr {
 
 impl From<MeshError> for Failure {
     fn from(error: MeshError) -> Self {
-        let said = Self::of(Kind::Mesh, &error);
+        let said = Self::from_error(Kind::Mesh, &error);
         match error {
             MeshError::Read { path, source } | MeshError::Write { path, source } => said
                 .about("file", "a file that can be used", source)
@@ -291,7 +291,7 @@ fn of_shape(said: Failure, error: MeshError) -> Failure {
 
 impl From<DensityError> for Failure {
     fn from(error: DensityError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             DensityError::Option {
                 name,
@@ -308,13 +308,13 @@ impl From<DensityError> for Failure {
 
 impl From<KernelError> for Failure {
     fn from(error: KernelError) -> Self {
-        Self::of(Kind::Scene, &error).about("sigma", "0.03 to 0.5", error.found)
+        Self::from_error(Kind::Scene, &error).about("sigma", "0.03 to 0.5", error.found)
     }
 }
 
 impl From<LatticeError> for Failure {
     fn from(error: LatticeError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             LatticeError::Spacing { found } => said.about("spacing", "positive and finite", found),
             LatticeError::Bounds { found } => said.about("bounds", "finite numbers", found),
@@ -329,14 +329,14 @@ impl From<LatticeError> for Failure {
 
 impl From<CacheError> for Failure {
     fn from(error: CacheError) -> Self {
-        let said = Self::of(Kind::General, &error);
+        let said = Self::from_error(Kind::General, &error);
         (said.about("cache", "a folder", &error.source)).in_file(error.path.display())
     }
 }
 
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             SceneError::Mesh(inner) => (*inner).into(),
             SceneError::Table(inner) => (*inner).into(),
@@ -384,7 +384,7 @@ impl From<SceneError> for Failure {
 
 impl From<PairError> for Failure {
     fn from(error: PairError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             PairError::Model(model) => said.about(model.name, model.expected, model.found),
             PairError::Mismatch {
@@ -399,7 +399,7 @@ impl From<PairError> for Failure {
 
 impl From<PairBuildError> for Failure {
     fn from(error: PairBuildError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             PairBuildError::Pair(inner) => inner.into(),
             PairBuildError::Kernel(inner) => inner.into(),
@@ -423,7 +423,7 @@ impl From<PairSetupError> for Failure {
         match error {
             PairSetupError::Build(inner) => inner.into(),
             PairSetupError::Energy(inner) => inner.into(),
-            PairSetupError::Cancelled => Self::of(Kind::General, &error),
+            PairSetupError::Cancelled => Self::from_error(Kind::General, &error),
         }
     }
 }
@@ -443,7 +443,7 @@ impl From<TableDesignError> for Failure {
 
 impl From<RotationError> for Failure {
     fn from(error: RotationError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             RotationError::Range {
                 name,
@@ -469,14 +469,14 @@ impl From<DockingError> for Failure {
             DockingError::Memory { needed, limit } => {
                 Self::memory(Kind::Scene, "the correlation", needed.into(), limit)
             }
-            other => Self::of(Kind::Scene, &other),
+            other => Self::from_error(Kind::Scene, &other),
         }
     }
 }
 
 impl From<DirectError> for Failure {
     fn from(error: DirectError) -> Self {
-        let said = Self::of(Kind::Scene, &error);
+        let said = Self::from_error(Kind::Scene, &error);
         match error {
             DirectError::Option {
                 name,
@@ -490,7 +490,7 @@ impl From<DirectError> for Failure {
 
 impl From<ConfigError> for Failure {
     fn from(error: ConfigError) -> Self {
-        let said = Self::of(Kind::Device, &error);
+        let said = Self::from_error(Kind::Device, &error);
         said.about(error.key, error.expected, error.found)
     }
 }
@@ -499,7 +499,7 @@ impl From<HapticError> for Failure {
     fn from(error: HapticError) -> Self {
         match error {
             HapticError::Config(inner) => inner.into(),
-            other => Self::of(Kind::Device, &other),
+            other => Self::from_error(Kind::Device, &other),
         }
     }
 }
@@ -517,19 +517,19 @@ impl From<EnergyScaleError> for Failure {
 
 impl From<CorrelateError> for Failure {
     fn from(error: CorrelateError) -> Self {
-        Self::of(Kind::Scene, &error)
+        Self::from_error(Kind::Scene, &error)
     }
 }
 
 impl From<WellError> for Failure {
     fn from(error: WellError) -> Self {
-        Self::of(Kind::Scene, &error)
+        Self::from_error(Kind::Scene, &error)
     }
 }
 
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
-        let said = Self::of(Kind::Table, &error);
+        let said = Self::from_error(Kind::Table, &error);
         match error {
             StoreError::Missing { path } => {
                 (said.about("table", "a table", "nothing")).in_file(path.display())
@@ -581,14 +581,14 @@ impl From<TableError> for Failure {
                 Self::memory(Kind::Table, "the table", needed, limit)
             }
             TableError::Rotations(inner) => inner.into(),
-            other => Self::of(Kind::Table, &other),
+            other => Self::from_error(Kind::Table, &other),
         }
     }
 }
 
 impl From<BakeError> for Failure {
     fn from(error: BakeError) -> Self {
-        let said = Self::of(Kind::Table, &error);
+        let said = Self::from_error(Kind::Table, &error);
         match error {
             BakeError::Store(inner) => inner.into(),
             BakeError::Exists { path } => said
@@ -614,7 +614,7 @@ impl From<TableSetupError> for Failure {
 
 impl From<ToleranceError> for Failure {
     fn from(error: ToleranceError) -> Self {
-        let said = Self::of(Kind::Table, &error);
+        let said = Self::from_error(Kind::Table, &error);
         match error {
             ToleranceError::Missed { asked, reached, .. } => {
                 said.about("tolerance", format!("at least {reached}"), asked)

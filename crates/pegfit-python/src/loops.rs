@@ -96,7 +96,7 @@ impl Felt {
     /// Counts, quantiles and energy balance as JSON.
     fn summary(&self) -> Result<String, Failure> {
         serde_json::to_string_pretty(&self.outcome.report)
-            .map_err(|e| Failure::of(Kind::General, &e))
+            .map_err(|e| Failure::from_error(Kind::General, &e))
     }
 
     /// The page of the run as HTML.
@@ -110,7 +110,10 @@ impl Felt {
             events: &[],
             pairs: Vec::new(),
         };
-        let drawn = || page.html().map_err(|e| Failure::of(Kind::General, &e));
+        let drawn = || {
+            page.html()
+                .map_err(|e| Failure::from_error(Kind::General, &e))
+        };
         py.detach(|| guarded(drawn))
     }
 }
@@ -119,7 +122,7 @@ impl Felt {
 #[pyfunction]
 pub(crate) fn write_text(path: PathBuf, text: &str) -> Result<(), Failure> {
     atomic::write(&path, text.as_bytes())
-        .map_err(|e| Failure::of(Kind::General, &e).in_file(path.display()))
+        .map_err(|e| Failure::from_error(Kind::General, &e).in_file(path.display()))
 }
 
 /// Runs the loop; `subject` is what its page says was felt.

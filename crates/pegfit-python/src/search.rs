@@ -207,7 +207,7 @@ impl From<PathError> for Failure {
             PathError::Pose { .. } => Kind::Pose,
             _ => Kind::Scene,
         };
-        let said = Self::of(kind, &error);
+        let said = Self::from_error(kind, &error);
         match error {
             PathError::Option {
                 name,
@@ -243,7 +243,7 @@ impl PyWay {
         guarded(|| {
             self.report
                 .json()
-                .map_err(|e| Failure::of(Kind::General, &e))
+                .map_err(|e| Failure::from_error(Kind::General, &e))
         })
     }
 
@@ -252,7 +252,7 @@ impl PyWay {
         guarded(|| {
             let mut rows = Vec::new();
             let written = self.report.csv(&mut rows);
-            written.map_err(|e| Failure::of(Kind::General, &e))?;
+            written.map_err(|e| Failure::from_error(Kind::General, &e))?;
             Ok(String::from_utf8_lossy(&rows).into_owned())
         })
     }
@@ -262,7 +262,7 @@ impl PyWay {
         guarded(|| {
             self.report
                 .html()
-                .map_err(|e| Failure::of(Kind::General, &e))
+                .map_err(|e| Failure::from_error(Kind::General, &e))
         })
     }
 }
@@ -289,7 +289,7 @@ fn path_rows(report: &PathReport) -> Array2<f64> {
 }
 
 /// What is asked of a way, poses in the scene.
-struct Question {
+struct PathQuery {
     goal: Pose,
     options: PathRequest,
     solids_only: bool,
@@ -326,7 +326,7 @@ pub(crate) fn path(
         None => Start::Outside,
     };
     let [tolerance, step] = lengths;
-    let question = Question {
+    let query = PathQuery {
         goal: placement.to_shapes(&goal),
         options: PathRequest {
             tolerance,
@@ -340,7 +340,7 @@ pub(crate) fn path(
     };
     let name = parts.name.clone();
     let report = run(py, progress.as_ref(), move |watch| {
-        let result = find(&parts, &question, watch)?;
+        let result = find(&parts, &query, watch)?;
         let setup = &parts.setup;
         Ok(PathReport {
             result,
@@ -355,11 +355,11 @@ pub(crate) fn path(
     Ok(PyWay { report })
 }
 
-fn find(parts: &Parts, question: &Question, watch: &Watch) -> Result<PathResult, Failure> {
+fn find(parts: &Parts, query: &PathQuery, watch: &Watch) -> Result<PathResult, Failure> {
     let setup = &parts.setup;
     let (fixed, moving) = (Arc::clone(&setup.fixed), Arc::clone(&setup.moving));
-    let search = PathSearch::new(fixed, moving, question.options)?;
-    let source = match question.solids_only {
+    let search = PathSearch::new(fixed, moving, query.options)?;
+    let source = match query.solids_only {
         true => None,
         false => {
             let pair = parts.pair(watch)?;
@@ -367,5 +367,5 @@ fn find(parts: &Parts, question: &Question, watch: &Watch) -> Result<PathResult,
         }
     };
     let source = source.as_ref().map(|s| s as &dyn EnergySource);
-    Ok(search.find(&question.goal, source, watch)?)
+    Ok(search.find(&query.goal, source, watch)?)
 }

@@ -26,7 +26,7 @@ const SEED: u64 = 1;
 const LEAVE_OUT: f64 = 5e-4;
 
 /// What is asked of a table.
-struct Wanted {
+struct TableRequest {
     path: PathBuf,
     half_extent: Option<glam::DVec3>,
     rotations: RotationDomain,
@@ -48,7 +48,7 @@ fn reference(pair: &Pair, spacing: f64) -> Result<TableReference, Failure> {
     })
 }
 
-impl Wanted {
+impl TableRequest {
     /// The table as it is to be baked. One that is already there has chosen for its tolerance.
     fn design(&self, parts: &Parts, watch: &Watch) -> Result<Design, Failure> {
         let mut setup = parts.setup.clone();
@@ -122,7 +122,7 @@ impl Wanted {
         };
         let error = truth.measure(&baked, &table.pair, held_out_poses(self.tolerance), SEED);
         store.write_error_report(&error)?;
-        Ok(told(&store, baked))
+        Ok(described(&store, baked))
     }
 }
 
@@ -170,7 +170,7 @@ pub(crate) fn bake_table(
         let found = tolerance.unwrap_or_default();
         return Err(Failure::found(Kind::Scene, "tolerance", expected, found).into());
     }
-    let wanted = Wanted {
+    let wanted = TableRequest {
         path,
         half_extent: crate::pair_class::half_extent(half_extent)?,
         rotations,
@@ -187,7 +187,7 @@ pub(crate) fn bake_table(
 }
 
 /// A table in memory and its description, JSON.
-pub(super) fn told(store: &TableStore, table: EnergyTable) -> (AnySource, String) {
+pub(super) fn described(store: &TableStore, table: EnergyTable) -> (AnySource, String) {
     let (spec, window) = (store.spec(), &store.spec().window);
     let bounds = window.node_bounds();
     let said = json!({
@@ -213,7 +213,7 @@ pub(super) fn told(store: &TableStore, table: EnergyTable) -> (AnySource, String
 fn load(path: &Path, memory: u64) -> Result<(AnySource, String), Failure> {
     let store = TableStore::open(path)?;
     let table = store.load(memory)?;
-    Ok(told(&store, table))
+    Ok(described(&store, table))
 }
 
 /// Reads all of a table into memory, `memory` bytes at most.

@@ -87,13 +87,13 @@ fn wait<T: Send>(
     result: &mut Receiver<Result<T, Failure>>,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<Result<T, Failure>> {
-    let mut told = Told::new(progress);
+    let mut told = Reporter::new(progress);
     loop {
         let heard = &mut *result;
         let next = py.detach(move || heard.recv_timeout(SLICE));
         match next {
             Ok(done) => {
-                told.tell(py, watch.progress())?;
+                told.report(py, watch.progress())?;
                 return Ok(done);
             }
             Err(RecvTimeoutError::Timeout) => {
@@ -109,13 +109,13 @@ fn wait<T: Send>(
 }
 
 /// The caller's `progress`, and what it has heard.
-struct Told<'a> {
+struct Reporter<'a> {
     progress: Option<&'a Py<PyAny>>,
     last: Option<Progress>,
     when: Instant,
 }
 
-impl<'a> Told<'a> {
+impl<'a> Reporter<'a> {
     /// Between two calls.
     const PAUSE: Duration = Duration::from_millis(50);
 
@@ -132,10 +132,10 @@ impl<'a> Told<'a> {
             return Ok(());
         }
         self.when = Instant::now();
-        self.tell(py, watch.progress())
+        self.report(py, watch.progress())
     }
 
-    fn tell(&mut self, py: Python<'_>, now: Progress) -> PyResult<()> {
+    fn report(&mut self, py: Python<'_>, now: Progress) -> PyResult<()> {
         let Some(progress) = self.progress else {
             return Ok(());
         };
@@ -238,7 +238,7 @@ pub(super) fn pool(_: Python<'_>, threads: Option<usize>) -> Result<Arc<ThreadPo
         .stack_size(STACK_BYTES)
         .thread_name(|n| format!("pegfit-{n}"))
         .build()
-        .map_err(|e| Failure::of(Kind::General, &e))?;
+        .map_err(|e| Failure::from_error(Kind::General, &e))?;
     let pool = Arc::new(built);
     pools.insert(key, Arc::clone(&pool));
     Ok(pool)

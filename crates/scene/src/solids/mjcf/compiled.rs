@@ -29,7 +29,7 @@ struct Model {
     version: String,
     bodies: Vec<String>,
     meshes: Vec<Mesh>,
-    geoms: Vec<Found>,
+    geoms: Vec<CompiledGeom>,
     joints: u64,
     keys: u64,
     flexes: u64,
@@ -47,7 +47,7 @@ struct Mesh {
 }
 
 #[derive(Debug, Deserialize)]
-struct Found {
+struct CompiledGeom {
     kind: String,
     /// Number of its mesh.
     mesh: Option<usize>,

@@ -20,10 +20,10 @@ pub(super) fn geoms(
     why: &str,
     ledger: &mut Ledger,
 ) -> Result<Vec<Geom>, ImportError> {
-    let known = Known { path, why };
-    known.model(model)?;
-    let reader = ModelReader::new(known, model)?;
-    let mut found = Found {
+    let subset = Subset { path, why };
+    subset.model(model)?;
+    let reader = ModelReader::new(subset, model)?;
+    let mut found = GeomList {
         geoms: Vec::new(),
         bodies: 1,
         ledger,
@@ -35,14 +35,14 @@ pub(super) fn geoms(
 }
 
 /// What was met so far.
-struct Found<'a> {
+struct GeomList<'a> {
     geoms: Vec<Geom>,
     bodies: usize,
     ledger: &'a mut Ledger,
 }
 
 struct ModelReader<'a> {
-    known: Known<'a>,
+    subset: Subset<'a>,
     meshes: HashMap<String, Geometry>,
     /// Geoms that a pair names: they touch, whatever they say themselves.
     paired: HashSet<&'a str>,
@@ -52,20 +52,20 @@ struct ModelReader<'a> {
 }
 
 impl<'a> ModelReader<'a> {
-    fn new(known: Known<'a>, model: &'a Element) -> Result<Self, ImportError> {
+    fn new(subset: Subset<'a>, model: &'a Element) -> Result<Self, ImportError> {
         let compiler = model.child("compiler");
         let setting = |name: &str| compiler.and_then(|c| c.attribute(name));
-        let folder = known.path.parent().unwrap_or(Path::new(""));
+        let folder = subset.path.parent().unwrap_or(Path::new(""));
         let folder = folder.join(setting("meshdir").or(setting("assetdir")).unwrap_or(""));
         let pairs = model.all("contact").flat_map(|c| c.all("pair"));
         let ends = pairs.flat_map(|p| [p.attribute("geom1"), p.attribute("geom2")]);
         let degrees = setting("angle") != Some("radian");
         Ok(Self {
-            meshes: meshes(&known, model, &folder)?,
+            meshes: meshes(&subset, model, &folder)?,
             paired: ends.flatten().collect(),
             angle: if degrees { 1f64.to_radians() } else { 1.0 },
             sequence: setting("eulerseq").unwrap_or("xyz"),
-            known,
+            subset,
         })
     }
 
@@ -76,7 +76,7 @@ impl<'a> ModelReader<'a> {
         place: Pose,
         name: &str,
         group: usize,
-        found: &mut Found<'_>,
+        found: &mut GeomList<'_>,
     ) -> Result<(), ImportError> {
         for child in &holder.children {
             match child.name.as_str() {
@@ -119,7 +119,7 @@ impl<'a> ModelReader<'a> {
     /// Whether a geom is only for the eye: it touches nothing.
     fn is_visual(&self, geom: &Element) -> Result<bool, ImportError> {
         let off = |name: &str| -> Result<bool, ImportError> {
-            Ok(geom.numbers::<1>(self.known.path, name)? == Some([0.0]))
+            Ok(geom.numbers::<1>(self.subset.path, name)? == Some([0.0]))
         };
         let named = geom
             .attribute("name")
@@ -133,12 +133,12 @@ impl<'a> ModelReader<'a> {
         geom: &Element,
         ledger: &mut Ledger,
     ) -> Result<Option<Geometry>, ImportError> {
-        let path = self.known.path;
+        let path = self.subset.path;
         let kind = geom.attribute("type").unwrap_or("sphere");
         if let Some(mesh) = geom.attribute("mesh") {
             if kind != "mesh" {
                 return Err(self
-                    .known
+                    .subset
                     .beyond(geom, format!("a {kind} fitted to a mesh")));
             }
             let found = self.meshes.get(mesh);
@@ -179,13 +179,13 @@ impl<'a> ModelReader<'a> {
                 ledger.add(LedgerKind::Ignored, "hfield geom", HEIGHT_FIELD);
                 return Ok(None);
             }
-            other => return Err(self.known.beyond(geom, format!("type={other:?}"))),
+            other => return Err(self.subset.beyond(geom, format!("type={other:?}"))),
         }))
     }
 
     /// Where an element is in what holds it.
     fn pose(&self, element: &Element) -> Result<Pose, ImportError> {
-        let path = self.known.path;
+        let path = self.subset.path;
         let position = element.numbers::<3>(path, "pos")?.unwrap_or_default();
         let wrong = |expected: &str| element.wrong(path, expected, "another");
         let rotation = if let Some([w, x, y, z]) = element.numbers::<4>(path, "quat")? {
@@ -213,15 +213,15 @@ impl<'a> ModelReader<'a> {
 
 /// The meshes among the assets, by name.
 fn meshes(
-    known: &Known<'_>,
+    subset: &Subset<'_>,
     model: &Element,
     folder: &Path,
 ) -> Result<HashMap<String, Geometry>, ImportError> {
-    let path = known.path;
+    let path = subset.path;
     let mut meshes = HashMap::new();
     for mesh in model.all("asset").flat_map(|asset| asset.all("mesh")) {
         let Some(file) = mesh.attribute("file").map(PathBuf::from) else {
-            return Err(known.beyond(mesh, "a mesh without a file"));
+            return Err(subset.beyond(mesh, "a mesh without a file"));
         };
         let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
         let at = folder.join(&file);
@@ -230,9 +230,9 @@ fn meshes(
             Some("obj") if !has_several(&at) => {}
             Some("obj") => {
                 let found = "an OBJ file of several objects, of which MuJoCo reads the first";
-                return Err(known.beyond(mesh, found));
+                return Err(subset.beyond(mesh, found));
             }
-            _ => return Err(known.beyond(mesh, format!("file={:?}", file.display()))),
+            _ => return Err(subset.beyond(mesh, format!("file={:?}", file.display()))),
         }
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
         let name = mesh
@@ -376,13 +376,13 @@ const GEOM_ASIDE: [&str; 19] = [
 const MESH_ASIDE: [&str; 3] = ["inertia", "maxhullvert", "smoothnormal"];
 
 /// Checks that a model has nothing but what is read without MuJoCo.
-pub(super) struct Known<'a> {
+pub(super) struct Subset<'a> {
     pub(super) path: &'a Path,
     /// Why there is no MuJoCo.
     pub(super) why: &'a str,
 }
 
-impl Known<'_> {
+impl Subset<'_> {
     /// What is wrong with an element that MuJoCo could read.
     pub(super) fn beyond(&self, element: &Element, found: impl Into<String>) -> ImportError {
         let expected = format!(

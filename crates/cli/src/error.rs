@@ -14,7 +14,7 @@ use pegfit_scene::{ImportError, LineError, SceneError};
 use sdf_grid::MeshError;
 use sdf_grid::atomic::AtomicError;
 
-use crate::memory::display_bytes;
+use crate::bytes::display_bytes;
 
 /// A library's error.
 type Cause = Box<dyn Error + Send + Sync>;

@@ -78,15 +78,18 @@ pub struct OtherPath {
 }
 
 /// Cost of a search.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Effort {
     /// Poses from which paths on were tried.
     pub nodes: usize,
     /// Poses to which the part was pushed.
+    #[serde(rename = "poses_looked_at")]
     pub poses_checked: usize,
     /// Places that were come to again and not gone on from: the part had been there.
+    #[serde(rename = "places_passed_over")]
     pub duplicates: usize,
     /// Points of both surfaces that distances were taken at.
+    #[serde(rename = "surface_points")]
     pub points: usize,
     /// Of the search, seconds.
     pub search_seconds: f64,

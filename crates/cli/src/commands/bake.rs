@@ -12,10 +12,10 @@ use serde::Serialize;
 
 use super::{scenes, stored, tolerance};
 use crate::args::{BakeArgs, NumbersChoice};
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::memory::display_bytes;
-use crate::report::output::{print_json, require_folder};
+use crate::report::output::require_folder;
 
 #[derive(Serialize)]
 struct Summary {
@@ -71,10 +71,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         summary.error = Some(error);
         summary.complete = true;
     }
-    match context.json {
-        true => print_json(&summary)?,
-        false => print(&summary, &progress),
-    }
+    context.show(&summary, || print(&summary, &progress))?;
     let rotations = &store.spec().rotations;
     let reached = summary.error.as_ref().map(|e| e.wrench(rotations));
     check_tolerance(args, reached)
@@ -233,18 +230,16 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
     Scene::read(&args.scene.file)?;
     let progress = stored::examine(&stored::open(&args.output)?, context)?;
-    if context.json {
-        return print_json(&progress);
-    }
-    crate::say!(
-        "{}: {} of {} rotations finished, {} missing, {} damaged",
-        args.output.display(),
-        progress.finished,
-        progress.rotations,
-        progress.missing,
-        progress.damaged
-    );
-    Ok(())
+    context.show(&progress, || {
+        say!(
+            "{}: {} of {} rotations finished, {} missing, {} damaged",
+            args.output.display(),
+            progress.finished,
+            progress.rotations,
+            progress.missing,
+            progress.damaged
+        );
+    })
 }
 
 fn measure(
@@ -296,7 +291,7 @@ fn summary(
 }
 
 fn print(summary: &Summary, progress: &stored::Progress) {
-    crate::say!(
+    say!(
         "{}: {} of {} rotations, {} in memory, {} on disk",
         summary.table,
         progress.finished,
@@ -304,7 +299,7 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         display_bytes(summary.bytes),
         display_bytes(summary.bytes_on_disk)
     );
-    crate::say!(
+    say!(
         "computed {} rotations in {:.2} s ({:.1} ms each), {} were there, {} of them damaged",
         summary.computed,
         summary.seconds,
@@ -312,7 +307,7 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         summary.kept + summary.repaired,
         summary.repaired
     );
-    crate::say!(
+    say!(
         "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers, {} less in memory",
         summary.bricks_left_out,
         summary.bricks,
@@ -320,10 +315,10 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
     );
     if let Some(told) = summary.share.description() {
-        crate::say!("{told}");
+        say!("{told}");
     }
     match &summary.error {
-        None => crate::say!("not complete yet: its error is measured when it is"),
+        None => say!("not complete yet: its error is measured when it is"),
         Some(error) => stored::print_error(error),
     }
 }

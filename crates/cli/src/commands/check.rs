@@ -16,7 +16,6 @@ use crate::args::CheckArgs;
 use crate::context::Context;
 use crate::error::{CommandError, Exit};
 use crate::report::ledger;
-use crate::report::output::print_json;
 
 /// Components and solids listed one by one.
 const MOST_LISTED: usize = 12;
@@ -84,16 +83,14 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
     }
     let meshes = inputs.iter().map(judge).collect();
     let findings = Findings { meshes, pairs };
-    if context.json {
-        print_json(&findings)?;
-    } else {
+    context.show(&findings, || {
         for (verdict, input) in findings.meshes.iter().zip(&inputs) {
             print(verdict, input.options.unit);
         }
         for pair in &findings.pairs {
             print_fit(pair);
         }
-    }
+    })?;
     let unusable = findings
         .meshes
         .iter()
@@ -195,10 +192,10 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
         Verdict::Unusable {
             name, error, next, ..
         } => {
-            crate::say!("{}: cannot be used", shown(name));
-            crate::say!("  {error}");
+            say!("{}: cannot be used", shown(name));
+            say!("  {error}");
             if let Some(next) = next {
-                crate::say!("  next         {next}");
+                say!("  next         {next}");
             }
         }
         Verdict::Usable {
@@ -210,9 +207,9 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             warnings,
             ..
         } => {
-            crate::say!("{}: usable", shown(&report.name));
+            say!("{}: usable", shown(&report.name));
             if let Some(stated) = stated_unit {
-                crate::say!("  unit         {stated}, as the file says");
+                say!("  unit         {stated}, as the file says");
             }
             ledger::print(ledger);
             if solids.len() > 1 {
@@ -227,16 +224,16 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
                     SymmetryOrder::Continuous => "any turn".to_owned(),
                     SymmetryOrder::Finite(n) => format!("{n}-fold"),
                 };
-                crate::say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
+                say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
             }
             for warning in warnings {
-                crate::say!("  note         {warning}");
+                say!("  note         {warning}");
             }
             if let Some(next) = odd_size(report, stated_unit.is_some()) {
-                crate::say!("  next         {next}");
+                say!("  next         {next}");
             }
             if report.open_edges > 0 {
-                crate::say!("  next         {OPEN}");
+                say!("  next         {OPEN}");
             }
         }
     }
@@ -244,17 +241,17 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
 
 fn print_list(title: &str, lines: &[String]) {
     for line in lines.iter().take(MOST_LISTED) {
-        crate::say!("  {title:<12} {line}");
+        say!("  {title:<12} {line}");
     }
     if let Some(more) = lines.len().checked_sub(MOST_LISTED + 1) {
-        crate::say!("  {title:<12} and {} more", more + 1);
+        say!("  {title:<12} and {} more", more + 1);
     }
 }
 
 /// What hygiene did to the triangles.
 fn print_changes(report: &HygieneReport, unit: LengthUnit) {
     let metre = unit.in_metres();
-    crate::say!(
+    say!(
         "  triangles    {} of {} kept: {} without area, {} duplicate, {} edges cut at T-junctions",
         report.triangles,
         report.input_triangles,
@@ -262,7 +259,7 @@ fn print_changes(report: &HygieneReport, unit: LengthUnit) {
         report.duplicate_faces,
         report.stitched_edges
     );
-    crate::say!(
+    say!(
         "  vertices     {} of {} kept: {} welded within {:.3e} {unit}, {} unused",
         report.vertices,
         report.input_vertices,
@@ -275,7 +272,7 @@ fn print_changes(report: &HygieneReport, unit: LengthUnit) {
 /// How the surface hangs together.
 fn print_surface(report: &HygieneReport, unit: LengthUnit) {
     let metre = unit.in_metres();
-    crate::say!("  components   {}", report.components);
+    say!("  components   {}", report.components);
     if report.components > 1 {
         let lines: Vec<String> = report
             .per_component
@@ -296,16 +293,16 @@ fn print_surface(report: &HygieneReport, unit: LengthUnit) {
         print_list("component", &lines);
     }
     match (report.watertight, report.open_edges) {
-        (true, _) => crate::say!("  watertight   yes"),
-        (false, 0) => crate::say!("  watertight   no"),
-        (false, n) => crate::say!(
+        (true, _) => say!("  watertight   yes"),
+        (false, 0) => say!("  watertight   no"),
+        (false, n) => say!(
             "  watertight   no, {n} open edges, {:.3} % of the area missing",
             100.0 * report.open_area_fraction
         ),
     }
     match report.flipped_faces {
-        0 => crate::say!("  orientation  outwards"),
-        n => crate::say!("  orientation  outwards, after {n} faces were reversed"),
+        0 => say!("  orientation  outwards"),
+        n => say!("  orientation  outwards, after {n} faces were reversed"),
     }
 }
 
@@ -313,12 +310,12 @@ fn print_size(report: &HygieneReport, unit: LengthUnit) {
     let metre = unit.in_metres();
     let size = report.bounds.size() / metre;
     let low = report.bounds.min / metre;
-    crate::say!(
+    say!(
         "  volume       {:.6} {unit}³",
         report.volume / metre.powi(3)
     );
-    crate::say!("  area         {:.6} {unit}²", report.area / metre.powi(2));
-    crate::say!(
+    say!("  area         {:.6} {unit}²", report.area / metre.powi(2));
+    say!(
         "  bounds       {:.6} x {:.6} x {:.6} {unit}, from ({:.6}, {:.6}, {:.6})",
         size.x,
         size.y,
@@ -403,21 +400,21 @@ fn judge_fit(pair: &FitSolids, moving: &str, scene: &str) -> Fit {
 fn print_fit(fit: &Fit) {
     let Fit { fixed, moving, .. } = fit;
     match (fit.share > TOUCHING, fit.apart > 0.0) {
-        (true, _) => crate::say!(
+        (true, _) => say!(
             "{moving} in {fixed}: they share {:.4} mm³, {:.3} % of the smaller, {:.4} mm deep",
             fit.shared_volume / 1e-9,
             100.0 * fit.share,
             1e3 * fit.depth
         ),
         (false, true) => {
-            crate::say!(
+            say!(
                 "{moving} in {fixed}: {:.3} mm apart at the fit",
                 1e3 * fit.apart
             )
         }
-        (false, false) => crate::say!("{moving} in {fixed}: they do not overlap"),
+        (false, false) => say!("{moving} in {fixed}: they do not overlap"),
     }
     for next in &fit.next {
-        crate::say!("  next         {next}");
+        say!("  next         {next}");
     }
 }

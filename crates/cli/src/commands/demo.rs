@@ -26,7 +26,6 @@ use crate::commands::plot::{
 use crate::commands::{dock, haptic_session, scenes, stored};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::print_json;
 use crate::report::page::Page;
 use crate::terminal::progress::check_interrupt;
 
@@ -55,22 +54,14 @@ pub(in crate::commands) fn run(args: &DemoArgs, context: &Context) -> Result<(),
         seconds: began.elapsed().as_secs_f64(),
     };
     let page = write_page(&args.out, &summary)?;
-    if context.json {
-        return print_json(&summary);
-    }
-    print(&summary, &page);
-    Ok(())
+    context.show(&summary, || print(&summary, &page))
 }
 
 fn print(summary: &Summary, page: &Path) {
-    crate::say!(
-        "example       fields    table     dock    tests   table error  transforms  fit found"
-    );
-    crate::say!(
-        "                 (s)      (s)      (s)      (s)     force (%)  score (%)   to (mm, °)"
-    );
+    say!("example       fields    table     dock    tests   table error  transforms  fit found");
+    say!("                 (s)      (s)      (s)      (s)     force (%)  score (%)   to (mm, °)");
     for e in &summary.examples {
-        crate::say!(
+        say!(
             "{:<12} {:>7.1} {:>8.1} {:>8.1} {:>8.1} {:>12.2} {:>11.1e}  {:.3}, {:.2}",
             e.name,
             e.field_seconds,
@@ -85,7 +76,7 @@ fn print(summary: &Summary, page: &Path) {
     }
     for e in &summary.examples {
         if let Some(r) = &e.real_time {
-            crate::say!(
+            say!(
                 "real-time loop ({}, from its table): {:.0} Hz, latency p50 {:.0} µs, p99 {:.0} µs, {} overruns in \
                  {} ticks",
                 e.name,
@@ -97,8 +88,8 @@ fn print(summary: &Summary, page: &Path) {
             );
         }
     }
-    crate::say!("{:.0} s in all; open {}", summary.seconds, page.display());
-    crate::say!("{NEXT}");
+    say!("{:.0} s in all; open {}", summary.seconds, page.display());
+    say!("{NEXT}");
 }
 
 /// Seconds of the two tests in simulated time.

@@ -19,7 +19,6 @@ use crate::args::DevicesArgs;
 use crate::args::device_choice::{DeviceChoice, Which};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::print_json;
 use crate::report::parquet_log;
 use crate::terminal::output;
 use crate::terminal::progress::{Hold, interrupted};
@@ -32,10 +31,7 @@ pub(in crate::commands) fn run(args: &DevicesArgs, context: &Context) -> Result<
         let device = pick(&found, |d| which.means(d), &which_text(&which))?;
         return probe(device, args.seconds, context);
     }
-    match context.json {
-        true => print_json(&found)?,
-        false => found.devices.iter().for_each(print),
-    }
+    context.show(&found, || found.devices.iter().for_each(print))?;
     found.missing.iter().for_each(print_missing);
     if found.devices.iter().any(|d| d.access == Access::Ready) {
         explain(&found.devices);
@@ -54,7 +50,7 @@ fn kinds(name: Option<&str>) -> Vec<DeviceKind> {
 
 /// Says what a kind of device wants before there can be one.
 fn print_missing(missing: &Missing) {
-    crate::remark!("{}: {}", missing.kind.word(), missing.reason);
+    remark!("{}: {}", missing.kind.word(), missing.reason);
 }
 
 fn print(device: &DeviceInfo) {
@@ -66,7 +62,7 @@ fn print(device: &DeviceInfo) {
     let ids = device
         .usb
         .map_or_else(String::new, |ids| format!(", {ids}"));
-    crate::say!(
+    say!(
         "{}  {} ({}{ids}{serial})",
         device.path,
         device.name,
@@ -82,7 +78,7 @@ fn print(device: &DeviceInfo) {
     } else {
         "axes"
     };
-    crate::say!(
+    say!(
         "    {} {input} in, {output}, {} Hz, {:.0} mm wide",
         spec.input_dof,
         spec.nominal_rate,
@@ -90,8 +86,8 @@ fn print(device: &DeviceInfo) {
     );
     match &device.access {
         Access::Ready => {}
-        Access::Denied => crate::say!("    may not be opened by this user"),
-        Access::Failed(reason) => crate::say!("    cannot be opened: {reason}"),
+        Access::Denied => say!("    may not be opened by this user"),
+        Access::Failed(reason) => say!("    cannot be opened: {reason}"),
     }
 }
 
@@ -247,7 +243,7 @@ fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) -> CommandErr
 fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
     let denied = |d: &DeviceInfo| d.access == Access::Denied;
     if devices.into_iter().any(denied) {
-        crate::remark!(
+        remark!(
             "To let whoever sits at this machine open them, write the following to {UDEV_PATH},\n\
              then `udevadm control --reload` and plug the device in again:\n\n{UDEV_RULES}"
         );
@@ -310,15 +306,15 @@ fn probe(info: &DeviceInfo, seconds: Option<f64>, context: &Context) -> Result<(
         let frame = read_frame(device.as_mut(), &spec, begin.elapsed().as_secs_f64());
         if context.json {
             let text = serde_json::to_string(&frame);
-            crate::say!("{}", text.map_err(|e| CommandError::failure("JSON", e))?);
+            say!("{}", text.map_err(|e| CommandError::failure("JSON", e))?);
         } else if redraw {
             // Up over the last picture, and down again line by line.
             output::rewind(lines);
             let picture = picture(&spec, &frame);
-            crate::say!("{}", picture.trim_end());
+            say!("{}", picture.trim_end());
             lines = picture.lines().count();
         } else {
-            crate::say!("{}", line(&frame));
+            say!("{}", line(&frame));
         }
         if !output::is_wanted() {
             break;

@@ -16,7 +16,7 @@ use crate::commands::path::time_limit;
 use crate::commands::{resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::{print_json, require_folder};
+use crate::report::output::require_folder;
 use crate::report::path::{Act, Played};
 use crate::report::path::{Summary, path_rows, words};
 
@@ -66,12 +66,7 @@ pub(crate) fn run(args: &DisassembleArgs, context: &Context) -> Result<(), Comma
         let meshes: Vec<&TriangleMesh> = placed.parts.iter().map(|p| p.1.as_ref()).collect();
         atomic::write(file, page(&title, &found, &names, &meshes).as_bytes())?;
     }
-    if context.json {
-        print_json(&order)
-    } else {
-        print(&found, &names, placed.display_unit);
-        Ok(())
-    }
+    context.show(&order, || print(&found, &names, placed.display_unit))
 }
 
 /// `03-lid+screw.csv`.
@@ -213,7 +208,7 @@ fn print(found: &DisassemblyResult, names: &[&str], unit: LengthUnit) {
         (false, false) => "comes apart in part",
         (true, false) => "does not come apart",
     };
-    crate::say!(
+    say!(
         "{head}: {} parts, {} steps, {} parts and groups tried, {} poses looked at, {:.1} s",
         names.len(),
         found.steps.len(),
@@ -222,7 +217,7 @@ fn print(found: &DisassemblyResult, names: &[&str], unit: LengthUnit) {
         found.seconds
     );
     for (i, step) in found.steps.iter().enumerate() {
-        crate::say!(
+        say!(
             "  {}. {} ({:.3} {unit} long, largest overlap {:.5} {unit})",
             i + 1,
             describe_step(step, names),
@@ -239,6 +234,6 @@ fn print(found: &DisassemblyResult, names: &[&str], unit: LengthUnit) {
             }
         };
         let parts = named(&locked.parts, names).join(", ");
-        crate::say!("  {parts} block each other: {how}");
+        say!("  {parts} block each other: {how}");
     }
 }

@@ -123,10 +123,10 @@ pub(super) fn find_poses(
     context.progress.finish();
     let report = found?;
     if let Some(reason) = &report.undecided {
-        crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
+        remark!("poses of nearly equal depth are not looked at closer: {reason}");
     }
     if let Some(reason) = &report.averaged {
-        crate::remark!("poses are ranked by cell averages, without contact: {reason}");
+        remark!("poses are ranked by cell averages, without contact: {reason}");
     }
     Ok(report)
 }
@@ -222,14 +222,14 @@ fn write(
 fn print(setup: &SceneSetup, report: &DockingReport) {
     let sketch = report.stages.iter().find(|s| s.name == "sketch");
     if let Some(stage) = sketch {
-        crate::say!(
+        say!(
             "sketched {} rotations, {:.2} ms each: {} chosen",
             stage.items,
             1e3 * stage.seconds / stage.items as f64,
             report.chosen
         );
     }
-    crate::say!(
+    say!(
         "scored {} of {} rotations x {} displacements, {:.2} ms each; {:.2} s in all",
         report.scored,
         report.chosen,
@@ -239,14 +239,14 @@ fn print(setup: &SceneSetup, report: &DockingReport) {
     );
     let unit = setup.display_unit();
     let metre = unit.in_metres();
-    crate::say!(
+    say!(
         "  depth   quality   mating (mm²)   energy (mJ), docking and scene's   overlap, deep (mm)   \
          condition   from the fit ({unit}, degrees)"
     );
     for pose in report.poses.iter().take(10) {
         let (fit, pivot) = (&setup.parts.assembled, report.lattices.pivot);
         let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
-        crate::say!(
+        say!(
             "  {:>5.3}   {:>7.3}   {:>12.1}   {:>12.4}   {:>17.4}   {:>7.3}%  {:>8.4}   {:>9}   \
              {:>9.4}  {:>8.3}",
             pose.depth,

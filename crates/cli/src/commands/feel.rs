@@ -16,7 +16,7 @@ use crate::commands::plot::force_chart;
 use crate::commands::{devices, haptic_session, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::{print_json, require_folder};
+use crate::report::output::require_folder;
 use crate::report::parquet_log;
 use crate::report::session::{SessionReport, event_text, privileges};
 use crate::terminal::progress::{Hold, Progress, interrupted};
@@ -62,16 +62,14 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         let page = report(title, &spec, &pairs, &outcome)?;
         atomic::write(path, page.as_bytes())?;
     }
-    match context.json {
-        true => print_json(&JsonReport {
-            report: &outcome.report,
-            replay: comparison.as_ref(),
-        })?,
-        false => {
-            print(&outcome.report, &pairs);
-            comparison.iter().for_each(ReplayComparison::print);
-        }
-    }
+    let summary = JsonReport {
+        report: &outcome.report,
+        replay: comparison.as_ref(),
+    };
+    context.show(&summary, || {
+        print(&outcome.report, &pairs);
+        comparison.iter().for_each(ReplayComparison::print);
+    })?;
     // The log and the picture of an interrupted run are whole: it only ended early.
     match interrupted() {
         true => Err(CommandError::Interrupted),
@@ -240,19 +238,19 @@ fn report(
 }
 
 fn print(report: &LoopReport, pairs: &LivePairs) {
-    crate::say!("device      {}", report.device);
-    crate::say!(
+    say!("device      {}", report.device);
+    say!(
         "rate        {:.1} Hz over {:.2} s, {} ticks",
         report.rate_hz,
         report.seconds,
         report.ticks
     );
-    crate::say!("                      p50       p99     p99.9       max");
+    say!("                      p50       p99     p99.9       max");
     for (name, q) in [
         ("latency", report.latency_us),
         ("lateness", report.lateness_us),
     ] {
-        crate::say!(
+        say!(
             "{name:<11} {:>10.1}{:>10.1}{:>10.1}{:>10.1} µs",
             q.p50,
             q.p99,
@@ -260,18 +258,18 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
             q.max
         );
     }
-    crate::say!(
+    say!(
         "overruns    {} ({} ticks left out)",
         report.overruns,
         report.missed
     );
-    crate::say!(
+    say!(
         "peak force  {:.3} N, peak torque {:.4} N·m",
         report.peak_force,
         report.peak_torque
     );
     if report.dropped_samples > 0 {
-        crate::say!(
+        say!(
             "log         {} ticks are missing: the disk was too slow",
             report.dropped_samples
         );
@@ -279,23 +277,23 @@ fn print(report: &LoopReport, pairs: &LivePairs) {
     // In simulated time nothing is asked of the system.
     let asked = (report.clock == Clock::Real).then(|| privileges(report));
     for (what, said) in asked.into_iter().flatten() {
-        crate::say!("{what:<11} {said}");
+        say!("{what:<11} {said}");
     }
     if report.not_loaded > 0 {
-        crate::say!(
+        say!(
             "scene       {} ticks in which something in reach was not loaded",
             report.not_loaded
         );
     }
     if report.outside > 0 {
         let seconds = report.seconds * report.outside as f64 / report.ticks.max(1) as f64;
-        crate::say!(
+        say!(
             "outside     {seconds:.2} s outside the table, where its energy fades: up to {:.3} N",
             report.outside_force
         );
     }
     for event in pairs.live.events() {
-        crate::say!("scene       {}: {}", event.pair, event_text(&event.what));
+        say!("scene       {}: {}", event.pair, event_text(&event.what));
     }
 }
 
@@ -323,11 +321,11 @@ impl ReplayComparison {
 
     pub(super) fn print(&self) {
         match self.first_different {
-            None => crate::say!(
+            None => say!(
                 "replay      all {} forces are the recorded ones, bit by bit",
                 self.ticks
             ),
-            Some(tick) => crate::say!(
+            Some(tick) => say!(
                 "replay      {} of {} forces are not the recorded ones, from tick {tick} on: \
                  another scene, source, setting or device, or a log that began in the middle of a \
                  run",

@@ -13,7 +13,7 @@ use crate::args::PathArgs;
 use crate::commands::{dock, resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::{print_json, require_folder};
+use crate::report::output::require_folder;
 use crate::report::path::{PathReport, print};
 use crate::terminal::output::StandardOutput;
 
@@ -54,14 +54,11 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
         field_seconds,
     };
     write(args, &report, to_stdout)?;
-    if context.json {
-        print_json(&report.summary())
-    } else if !to_stdout {
-        print(&report);
-        Ok(())
-    } else {
-        Ok(())
-    }
+    context.show(&report.summary(), || {
+        if !to_stdout {
+            print(&report);
+        }
+    })
 }
 
 /// Whether a search need not go on.
@@ -95,7 +92,7 @@ fn write(args: &PathArgs, report: &PathReport, to_stdout: bool) -> Result<(), Co
     if let Some(file) = &args.png {
         match report.png()? {
             Some(bytes) => atomic::write(file, &bytes)?,
-            None => crate::remark!("no path to draw: {} is not written", file.display()),
+            None => remark!("no path to draw: {} is not written", file.display()),
         }
     }
     if let Some(file) = &args.html {

@@ -21,7 +21,7 @@ use crate::commands::scenes::scene_item;
 use crate::commands::{haptic_session, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::{print_json, require_folder};
+use crate::report::output::require_folder;
 
 pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
     refuse_unused(args)?;
@@ -42,13 +42,14 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
         PlotKind::Energy => curve(&assembly, motion)?,
         PlotKind::Force => both_tests(&assembly, context)?,
         PlotKind::Well => {
-            return print_well(&assembly, &analyse(&assembly)?, context);
+            let well = analyse(&assembly)?;
+            return context.show(&well, || print_well(&assembly, &well));
         }
     };
     let output = output(args)?;
     atomic::write(output, &picture)?;
     if !context.json {
-        crate::say!("wrote {}", output.display());
+        say!("wrote {}", output.display());
     }
     Ok(())
 }
@@ -443,33 +444,26 @@ pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandE
     Ok(assembly.well(&source)?)
 }
 
-pub(in crate::commands) fn print_well(
-    assembly: &Assembly,
-    well: &Well,
-    context: &Context,
-) -> Result<(), CommandError> {
-    if context.json {
-        return print_json(well);
-    }
+fn print_well(assembly: &Assembly, well: &Well) {
     let unit = assembly.setup.display_unit();
     let metre = unit.in_metres();
-    crate::say!("depth       {:.4} mJ", 1e3 * well.depth);
+    say!("depth       {:.4} mJ", 1e3 * well.depth);
     let offset = DVec3::from_array(well.offset) / metre;
     let turn = DVec3::from_array(well.turn).length().to_degrees();
-    crate::say!(
+    say!(
         "minimum     ({:.4}, {:.4}, {:.4}) {unit} and {turn:.3} degrees from the fit",
         offset.x,
         offset.y,
         offset.z
     );
-    crate::say!(
+    say!(
         "stiffness is the second difference of the energy over {:.4} {unit} (and the angle that \
          moves the rim by it)",
         well.length / metre
     );
-    crate::say!("  axis     stiffness          diameter           peak");
+    say!("  axis     stiffness          diameter           peak");
     for (name, axis) in AXES.iter().zip(&well.translations) {
-        crate::say!(
+        say!(
             "  {name:<4} {:>13.4} N/m  {:>10.4} {unit}  {:>10.4} N",
             axis.stiffness,
             (axis.sides[0].convex + axis.sides[1].convex) / metre,
@@ -477,27 +471,24 @@ pub(in crate::commands) fn print_well(
         );
     }
     for (name, axis) in AXES.iter().zip(&well.rotations) {
-        crate::say!(
+        say!(
             "  r{name:<3} {:>13.6} N·m/rad {:>7.3} degrees {:>7.5} N·m",
             axis.stiffness,
             (axis.sides[0].convex + axis.sides[1].convex).to_degrees(),
             axis.sides[0].peak.max(axis.sides[1].peak)
         );
     }
-    crate::say!(
-        "barriers, as fractions of the depth: the climb on the path out and on the path in"
-    );
+    say!("barriers, as fractions of the depth: the climb on the path out and on the path in");
     for barrier in &well.barriers {
         // Adding zero turns -0 into 0.
         let [x, y, z] = barrier.direction.map(|c| c + 0.0);
-        crate::say!(
+        say!(
             "  ({x:>2.0}, {y:>2.0}, {z:>2.0})  out {:>7.3}  in {:>7.3}  beyond {:>7.3}",
             barrier.escape,
             barrier.entry,
             barrier.beyond
         );
     }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -54,7 +54,7 @@ fn write<T: Serialize>(file: &Path, tried: &T) -> Result<(), CommandError> {
     let text =
         serde_json::to_string(tried).map_err(|e| CommandError::failure("writing JSON", e))?;
     atomic::write(file, text.as_bytes())?;
-    crate::remark!("not decided: --resume {} goes on", file.display());
+    remark!("not decided: --resume {} goes on", file.display());
     Ok(())
 }
 

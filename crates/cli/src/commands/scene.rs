@@ -169,7 +169,7 @@ fn print(summary: &Summary, file: &Path, context: &Context) -> Result<(), Comman
             Role::Fixed => ", stays",
             Role::LeftOut => ", left out: out of reach, or not asked for",
         };
-        crate::say!(
+        say!(
             "{:>4}  {:<24} {:>9} triangles  {x:.3} x {y:.3} x {z:.3} {unit}{role}",
             solid.number,
             shown(&solid.name),
@@ -195,7 +195,7 @@ fn say_overlap(solid: &SolidSummary, share: f64, cubic_millimetres: f64) {
         true => "facets, or a press fit",
         false => "more than facets do: look whether the file shows the fit (pegfit plot overlap)",
     };
-    crate::say!(
+    say!(
         "overlap: {} and what moves share {cubic_millimetres:.4} mm³, {:.3} % of what moves: {advice}",
         shown(&solid.name),
         100.0 * share
@@ -209,13 +209,13 @@ fn say_next(summary: &Summary, file: &Path) {
             true => "-o scene.toml to write the scene",
             false => "--moving NAME -o scene.toml to make a scene",
         };
-        return crate::say!("next: pegfit scene {} ... {wanted}", file.display());
+        return say!("next: pegfit scene {} ... {wanted}", file.display());
     };
     if let Some(first) = summary.meshes.first() {
         let folder = first.parent().unwrap_or(Path::new(""));
-        crate::say!("meshes: {} in {}", summary.meshes.len(), folder.display());
+        say!("meshes: {} in {}", summary.meshes.len(), folder.display());
     }
     let scene = scene.display();
-    crate::say!("scene:  {scene}");
-    crate::say!("next:   pegfit check {scene}; pegfit plot well {scene}; pegfit play {scene}");
+    say!("scene:  {scene}");
+    say!("next:   pegfit check {scene}; pegfit plot well {scene}; pegfit play {scene}");
 }

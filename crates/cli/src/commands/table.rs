@@ -5,10 +5,9 @@ use serde::Serialize;
 
 use super::stored;
 use crate::args::TableArgs;
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::{CommandError, Exit};
-use crate::memory::display_bytes;
-use crate::report::output::print_json;
 
 #[derive(Serialize)]
 struct Description<'a> {
@@ -47,10 +46,7 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
         spec: store.spec(),
         error: store.error_report(),
     };
-    match context.json {
-        true => print_json(&description)?,
-        false => print(&description, &store),
-    }
+    context.show(&description, || print(&description, &store))?;
     match progress.damaged {
         0 => Ok(()),
         count => Err(CommandError::Verdict(
@@ -65,8 +61,8 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
 
 fn print(d: &Description, store: &TableStore) {
     let spec = d.spec;
-    crate::say!("{}, by {}", d.table, d.program);
-    crate::say!(
+    say!("{}, by {}", d.table, d.program);
+    say!(
         "  rotations      {} nodes, {}{}",
         d.rotations,
         domain(&spec.rotations),
@@ -77,7 +73,7 @@ fn print(d: &Description, store: &TableStore) {
         }
     );
     let bounds = spec.window.node_bounds();
-    crate::say!(
+    say!(
         "  displacements  {} x {} x {}, every {:.4} mm, from {:.3} to {:.3} mm",
         d.displacements[0],
         d.displacements[1],
@@ -86,7 +82,7 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
-    crate::say!(
+    say!(
         "  outside        energies fade over {:.1} mm, and over the rest of the half turn",
         1e3 * spec.fade_length()
     );
@@ -97,9 +93,9 @@ fn print(d: &Description, store: &TableStore) {
     print_recipe(spec);
     print_contents(d);
     match store.error_report() {
-        None => crate::say!(
-            "  error          not measured (`pegfit bake` does so when a table is finished)"
-        ),
+        None => {
+            say!("  error          not measured (`pegfit bake` does so when a table is finished)")
+        }
         Some(report) => stored::print_error(report),
     }
 }
@@ -107,7 +103,7 @@ fn print(d: &Description, store: &TableStore) {
 /// What its numbers depend on.
 fn print_recipe(spec: &TableSpec) {
     let m = spec.model();
-    crate::say!(
+    say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
         m.sigma,
         m.lambda_exterior,
@@ -120,11 +116,11 @@ fn print_recipe(spec: &TableSpec) {
         ("moving", &spec.recipe.moving),
     ] {
         if let Some(field) = field {
-            crate::say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
+            say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
         }
     }
     if let Some(field) = &spec.recipe.fixed {
-        crate::say!(
+        say!(
             "  fields         {:?}, halo {:.4} mm, tolerance {}, version {}",
             field.sampling,
             1e3 * field.halo,
@@ -136,18 +132,18 @@ fn print_recipe(spec: &TableSpec) {
 
 /// What is there.
 fn print_contents(d: &Description) {
-    crate::say!(
+    say!(
         "  storage        {:?}, unit {:e} J, energies within {:.3e} J of the far one left out",
         d.spec.storage.numbers,
         d.energy_unit,
         d.negligible
     );
-    crate::say!(
+    say!(
         "  size           {} on disk, at most {} in memory",
         display_bytes(d.bytes_on_disk),
         display_bytes(d.bytes_dense)
     );
-    crate::say!(
+    say!(
         "  finished       {} of {} rotations, {} missing, {} damaged",
         d.finished,
         d.rotations,
@@ -158,7 +154,7 @@ fn print_contents(d: &Description) {
 
 /// Where the scene that it was baked for puts a part.
 fn place(part: &str, pose: &Pose) {
-    crate::say!(
+    say!(
         "  {:<15}{:.3} mm, turned by {:.5}",
         format!("{part} part at"),
         1e3 * pose.translation,

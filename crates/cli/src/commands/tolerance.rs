@@ -8,9 +8,9 @@ use fft_correlate::tolerance::{
 };
 use pegfit_scene::{SceneError, SceneSetup};
 
+use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::memory::display_bytes;
 
 /// Designs the table of a scene for `tolerance`, the rms error of the force as a share of the rms
 /// force.

@@ -146,13 +146,8 @@ struct Other {
 
 #[derive(Serialize)]
 struct EffortSummary {
-    nodes: usize,
-    poses_looked_at: usize,
-    places_passed_over: usize,
-    surface_points: usize,
-    step: f64,
-    search_seconds: f64,
-    finish_seconds: f64,
+    #[serde(flatten)]
+    effort: Effort,
     field_seconds: Option<f64>,
 }
 
@@ -249,22 +244,10 @@ impl Summary {
                 .and_then(|c| at(c.top)),
             motions: motion_texts(&result.motions, placement),
             others: others.collect(),
-            effort: EffortSummary::new(&result.effort, field_seconds),
-        }
-    }
-}
-
-impl EffortSummary {
-    fn new(effort: &Effort, field_seconds: Option<f64>) -> Self {
-        Self {
-            nodes: effort.nodes,
-            poses_looked_at: effort.poses_checked,
-            places_passed_over: effort.duplicates,
-            surface_points: effort.points,
-            step: effort.step,
-            search_seconds: effort.search_seconds,
-            finish_seconds: effort.finish_seconds,
-            field_seconds,
+            effort: EffortSummary {
+                effort: result.effort,
+                field_seconds,
+            },
         }
     }
 }
@@ -289,8 +272,8 @@ pub(crate) fn print(report: &PathReport) {
         return;
     }
     let metre = unit.in_metres();
-    crate::say!("  in: {}", words(&result.motions, &report.placement));
-    crate::say!(
+    say!("  in: {}", words(&result.motions, &report.placement));
+    say!(
         "  {:.3} {unit} long, {:.1} degrees of turning, in {} poses, no point moves more than \
          {:.4} {unit} between two",
         result.length() / metre,
@@ -298,7 +281,7 @@ pub(crate) fn print(report: &PathReport) {
         result.poses.len(),
         result.step / metre
     );
-    crate::say!(
+    say!(
         "  largest overlap {:.5} {unit}, {:.2e} {unit}³; up to {:.5} {unit} count as contact",
         result.deepest().1 / metre,
         result.volume / metre.powi(3),
@@ -306,7 +289,7 @@ pub(crate) fn print(report: &PathReport) {
     );
     if let (Some(climb), Some(depth)) = (&result.barrier, result.depth) {
         let at = result.poses.get(climb.top).map_or(0.0, |p| p.length);
-        crate::say!(
+        say!(
             "  fit {:.4} mJ deep; highest climb on the path in {:.4} mJ, {:.1} % of it, {:.3} {unit} \
              from the start",
             1e3 * depth,
@@ -322,13 +305,13 @@ pub(crate) fn print(report: &PathReport) {
             (Some(own), Some(_)) => format!(", climbs {:.1} % of the depth", 100.0 * own.share),
             _ => String::new(),
         };
-        crate::say!(
+        say!(
             "  also: {path} ({:.3} {unit} long{climb})",
             other.length / metre
         );
     }
     if result.others.is_empty() {
-        crate::say!("  no other path was found in as much time again");
+        say!("  no other path was found in as much time again");
     }
 }
 
@@ -347,9 +330,9 @@ fn print_outcome(result: &PathResult, unit: LengthUnit) {
     );
     match result.outcome {
         Outcome::Free if !result.is_free() => {
-            crate::say!("passes with overlaps deeper than contact, see below: {looked}");
+            say!("passes with overlaps deeper than contact, see below: {looked}");
         }
-        Outcome::Free => crate::say!("free: {looked}"),
+        Outcome::Free => say!("free: {looked}"),
         Outcome::Blocked {
             passed_at,
             stuck_at,
@@ -363,15 +346,15 @@ fn print_outcome(result: &PathResult, unit: LengthUnit) {
                     "no free path was found before time ran out: allow more --seconds"
                 }
             };
-            crate::say!("{how}; {looked}");
+            say!("{how}; {looked}");
             let stuck = stuck_at / metre;
             match passed_at {
-                Some(passed) => crate::say!(
+                Some(passed) => say!(
                     "  with overlaps of {stuck:.4} {unit} it sticks, with {:.4} {unit} it passes; the \
                      path of least overlap found:",
                     passed / metre
                 ),
-                None => crate::say!("  nor with overlaps up to {stuck:.4} {unit}"),
+                None => say!("  nor with overlaps up to {stuck:.4} {unit}"),
             }
         }
     }

@@ -7,7 +7,7 @@ use haptic::{DeviceSpec, HapticConfig, LoopReport, Outcome, Sample, Script, flag
 use hdrhistogram::Histogram;
 use pegfit_pictures::{LineChart, Mark, PictureError, Series, reduced};
 
-use crate::memory::display_bytes;
+use crate::bytes::display_bytes;
 use crate::report::page::{CHART, Page, escaped};
 
 /// Events listed; the rest is counted.

@@ -1,5 +1,6 @@
 //! Between the command and whoever typed it: progress, interrupts, lines of text.
 
 pub(crate) mod error_text;
+#[macro_use]
 pub(crate) mod output;
 pub mod progress;

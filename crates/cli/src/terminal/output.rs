@@ -98,7 +98,6 @@ macro_rules! say {
         $crate::terminal::output::print_line(format_args!($($text)*))
     };
 }
-pub(crate) use say;
 
 /// Prints a line to standard error; does nothing if it is closed.
 macro_rules! remark {
@@ -106,4 +105,3 @@ macro_rules! remark {
         $crate::terminal::output::remark_line(format_args!($($text)*))
     };
 }
-pub(crate) use remark;

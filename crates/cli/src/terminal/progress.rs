@@ -96,7 +96,7 @@ impl Progress {
             return;
         }
         if let Ok(stage) = self.bar.lock() {
-            stage.bar.suspend(|| crate::remark!("{line}"));
+            stage.bar.suspend(|| remark!("{line}"));
         }
     }
 }

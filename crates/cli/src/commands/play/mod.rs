@@ -64,8 +64,8 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
 fn announce(server: &Server, args: &PlayArgs, context: &Context) -> Option<Signpost> {
     let url = server.url();
     match context.json {
-        true => crate::say!("{}", json!({ "url": url })),
-        false => crate::say!("{url}"),
+        true => say!("{}", json!({ "url": url })),
+        false => say!("{url}"),
     }
     if !args.bind.is_loopback() {
         context.progress.note(&format!(

@@ -80,23 +80,23 @@ pub struct OtherPath {
 /// Cost of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Effort {
-    /// Poses from which paths on were tried.
+    /// Poses from which directions were tried.
     pub nodes: usize,
-    /// Poses to which the part was pushed.
+    /// Poses at which collisions were checked.
     #[serde(rename = "poses_looked_at")]
     pub poses_checked: usize,
-    /// Places that were come to again and not gone on from: the part had been there.
+    /// Poses reached where the part had been: the search does not continue from them.
     #[serde(rename = "places_passed_over")]
     pub duplicates: usize,
-    /// Points of both surfaces that distances were taken at.
+    /// Points of both surfaces at which distances are taken.
     #[serde(rename = "surface_points")]
     pub points: usize,
-    /// Of the search, seconds.
-    pub search_seconds: f64,
-    /// Of what came after: shortening, relaxing, measuring; seconds.
-    pub finish_seconds: f64,
     /// Longest motion of any point between two poses of the search, metres.
     pub step: f64,
+    /// Time of the search, seconds.
+    pub search_seconds: f64,
+    /// Time of shortening, smoothing and measuring, seconds.
+    pub finish_seconds: f64,
 }
 
 impl PathResult {

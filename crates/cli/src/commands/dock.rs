@@ -195,26 +195,15 @@ fn write(
     rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
     for pose in &report.poses {
         let found = &pose.found;
-        for value in pose_fields(&placement.to_scene(&found.pose)) {
-            rows.write_field(value.to_string())?;
-        }
+        let mut numbers = pose_fields(&placement.to_scene(&found.pose)).to_vec();
         let width = found.half_width.unwrap_or(f64::INFINITY);
-        for value in [
-            found.energy,
-            pose.depth,
-            pose.mating_area,
-            pose.model_energy,
-            width,
-            pose.overlap,
-        ] {
-            rows.write_field(value.to_string())?;
-        }
-        rows.write_field(found.refined.to_string())?;
-        rows.write_field(pose.condition.map_or(String::new(), |c| c.to_string()))?;
-        for value in [pose.quality, pose.interference.depth] {
-            rows.write_field(value.to_string())?;
-        }
-        rows.write_record(None::<&[u8]>)?;
+        numbers.extend([found.energy, pose.depth, pose.mating_area]);
+        numbers.extend([pose.model_energy, width, pose.overlap]);
+        let mut row: Vec<String> = numbers.iter().map(f64::to_string).collect();
+        row.push(found.refined.to_string());
+        row.push(pose.condition.map_or(String::new(), |c| c.to_string()));
+        row.extend([pose.quality, pose.interference.depth].map(|v| v.to_string()));
+        rows.write_record(&row)?;
     }
     Ok(rows.flush()?)
 }

@@ -13,10 +13,8 @@ use crate::error::{CommandError, Exit};
 struct Description<'a> {
     table: String,
     program: &'a str,
-    rotations: usize,
-    finished: usize,
-    missing: usize,
-    damaged: usize,
+    #[serde(flatten)]
+    progress: stored::Progress,
     displacements: [usize; 3],
     bytes_dense: u64,
     bytes_on_disk: u64,
@@ -32,10 +30,7 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
     let description = Description {
         table: args.table.display().to_string(),
         program: store.program(),
-        rotations: progress.rotations,
-        finished: progress.finished,
-        missing: progress.missing,
-        damaged: progress.damaged,
+        progress,
         displacements: store.spec().window.shape(),
         bytes_dense: u64::try_from(store.spec().bytes(progress.rotations)).unwrap_or(u64::MAX),
         bytes_on_disk: store
@@ -64,7 +59,7 @@ fn print(d: &Description, store: &TableStore) {
     say!("{}, by {}", d.table, d.program);
     say!(
         "  rotations      {} nodes, {}{}",
-        d.rotations,
+        d.progress.rotations,
         domain(&spec.rotations),
         match &spec.symmetry {
             Some(s) if s.order == 0 => format!(", the {:?} part turns freely", s.part),
@@ -145,10 +140,10 @@ fn print_contents(d: &Description) {
     );
     say!(
         "  finished       {} of {} rotations, {} missing, {} damaged",
-        d.finished,
-        d.rotations,
-        d.missing,
-        d.damaged
+        d.progress.finished,
+        d.progress.rotations,
+        d.progress.missing,
+        d.progress.damaged
     );
 }
 

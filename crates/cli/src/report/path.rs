@@ -74,22 +74,20 @@ pub(crate) fn path_rows(
     rows.write_record(POSE_COLUMNS.iter().chain(&COLUMNS))?;
     for at in &result.poses {
         let pose = placement.to_scene(&at.pose);
-        let numbers = pose_fields(&pose).into_iter().chain([at.length, at.depth]);
-        for value in numbers {
-            rows.write_field(value.to_string())?;
+        let mut numbers = pose_fields(&pose).to_vec();
+        numbers.extend([at.length, at.depth]);
+        if let Some(response) = &at.response {
+            let wrench = placement.wrench_to_scene(&pose, &response.wrench);
+            numbers.push(response.energy);
+            numbers.extend(
+                [wrench.torque, wrench.force]
+                    .map(|v| v.to_array())
+                    .as_flattened(),
+            );
         }
-        match &at.response {
-            Some(response) => {
-                let wrench = placement.wrench_to_scene(&pose, &response.wrench);
-                let vectors = [wrench.torque, wrench.force].map(|v| v.to_array());
-                rows.write_field(response.energy.to_string())?;
-                for value in vectors.iter().flatten() {
-                    rows.write_field(value.to_string())?;
-                }
-            }
-            None => (0..7).try_for_each(|_| rows.write_field(""))?,
-        }
-        rows.write_record(None::<&[u8]>)?;
+        let mut row: Vec<String> = numbers.iter().map(f64::to_string).collect();
+        row.resize(POSE_COLUMNS.len() + COLUMNS.len(), String::new());
+        rows.write_record(&row)?;
     }
     Ok(rows.flush()?)
 }

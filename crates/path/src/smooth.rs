@@ -8,7 +8,7 @@ use crate::motion::frame::Frame;
 use crate::motion::vec6::{Vec6, dot, length, scaled};
 use crate::search::space::SearchSpace;
 
-/// Most rounds of relaxing.
+/// Rounds of descending.
 const ROUNDS: usize = 6;
 
 impl SearchSpace<'_> {

@@ -15,7 +15,7 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    /// The first solid is what it has at least.
+    /// A body of one solid or more.
     pub(crate) fn new(first: Arc<Solid>, more: impl IntoIterator<Item = Arc<Solid>>) -> Self {
         Self {
             solids: std::iter::once(first).chain(more).collect(),
@@ -39,7 +39,7 @@ impl Body {
         boxes.fold(Aabb::EMPTY, |all, one| all.union(&one))
     }
 
-    /// Of all solids, each counted by its volume, metres.
+    /// Centroid of all solids, weighted by volume, metres.
     pub(crate) fn centroid(&self) -> DVec3 {
         // Flat solids count, too.
         let weighed = |mesh: &TriangleMesh| {
@@ -101,11 +101,10 @@ const THIN: f64 = 1e-3;
 /// decide.
 const UNSURE: f64 = 0.2;
 
-/// A closed surface that knows which side of it points are on.
+/// A solid with signed distances.
 ///
-/// The sign is that of the angle with the pseudonormal of the face, edge or vertex that is nearest
-/// (Bærentzen and Aanæs 2005); of meshes with open edges, and where thin faces leave it open, that of
-/// the winding number, which has the last word on points inside.
+/// The pseudonormal of the nearest face, edge or vertex gives the sign (Bærentzen and Aanæs 2005). The
+/// winding number decides for meshes with open edges, near thin faces, and for points inside.
 #[derive(Debug, Clone)]
 pub(crate) struct Solid {
     pub(crate) mesh: Arc<TriangleMesh>,
@@ -153,13 +152,13 @@ impl Solid {
         }
     }
 
-    /// At a point nearer to the surface than `radius`; none elsewhere, inside or outside.
+    /// Signed distance at a point; none if the surface is farther than `radius` metres.
     pub(crate) fn probe(&self, p: DVec3, radius: f64) -> Option<Probe> {
         let nearest = self.bvh.nearest_within(p, radius)?;
         Some(self.sided(p, &nearest))
     }
 
-    /// Distance of a point from the surface, inside or outside, if that is nearer than `radius`.
+    /// Distance of a point from the surface, unsigned; none if it is farther than `radius` metres.
     pub(crate) fn unsigned_distance(&self, p: DVec3, radius: f64) -> Option<f64> {
         Some(self.bvh.nearest_within(p, radius)?.distance)
     }
@@ -182,7 +181,7 @@ impl Solid {
         }
     }
 
-    /// Of the face, edge or vertex on which the nearest point lies.
+    /// Pseudonormal of the face, edge or vertex that holds the nearest point.
     fn pseudonormal(&self, nearest: &Nearest) -> DVec3 {
         let t = self.mesh.triangles()[nearest.triangle];
         let corners = self.mesh.corners(nearest.triangle);

@@ -42,7 +42,7 @@ impl CollisionChecker {
         }
     }
 
-    /// The same parts with points this far apart.
+    /// The same parts, with points at most `spacing` metres apart.
     pub(crate) fn finer(&self, spacing: f64) -> Self {
         Self {
             fixed_points: points_of(&self.fixed, spacing),
@@ -92,7 +92,7 @@ impl CollisionChecker {
         contacts.iter().map(|c| c.distance).fold(margin, f64::min)
     }
 
-    /// Whether no point overlaps by more than `level`, of those that do by less than `depth`.
+    /// Whether no point is deeper than `level` metres; points deeper than `depth` are not seen.
     pub(crate) fn is_free(&self, pose: &Pose, level: f64, depth: f64) -> bool {
         let radius = depth.max(level);
         let inside = |body: &Body, p: DVec3| {
@@ -109,8 +109,8 @@ impl CollisionChecker {
         a && b
     }
 
-    /// Allowed how much the deepest point of either part lies in the other, metres; 0 if none does. Points
-    /// that lie deeper than `most` are not seen.
+    /// Penetration depth: of the deepest point of either part in the other, metres; 0 if none overlaps.
+    /// Points deeper than `most` are not seen.
     pub(crate) fn depth(&self, pose: &Pose, most: f64) -> f64 {
         let back = pose.inverse();
         let inside = |body: &Body, p: DVec3| {
@@ -124,7 +124,7 @@ impl CollisionChecker {
         moving.chain(fixed).fold(0.0, f64::max)
     }
 
-    /// Volume that the bodies share, cubic metres.
+    /// Interference volume, cubic metres.
     pub(crate) fn shared_volume(&self, pose: &Pose) -> f64 {
         self.fixed.shared_volume(&self.moving, pose)
     }
@@ -140,7 +140,7 @@ impl CollisionChecker {
     }
 }
 
-/// Where the solids of a body touch others.
+/// Points of a body that can touch others.
 fn points_of(body: &Body, spacing: f64) -> Vec<DVec3> {
     let each = body.meshes().map(|mesh| contact_points(mesh, spacing));
     each.flatten().collect()
@@ -152,11 +152,11 @@ const MOST: usize = 8;
 /// Two corrections that gain less than this share of what is missing show that no more will.
 const STALLED: f64 = 0.1;
 
-/// How far corrections may lead.
+/// The range of corrections.
 struct Within {
-    /// From here,
+    /// Where they begin.
     origin: Pose,
-    /// so many times three, metres; no farther at once than this.
+    /// The longest correction, metres; three times as much in all.
     reach: f64,
     by: Allowed,
 }
@@ -267,7 +267,7 @@ impl CollisionChecker {
     }
 }
 
-/// The smallest motion that brings all distances below `aim` to it, in the mean square.
+/// The smallest motion that raises all distances below `aim` to it (least squares).
 fn opening_motion(contacts: &[Contact], aim: f64, by: Allowed) -> Option<Vec6> {
     let mut sums = LeastSquares::default();
     for c in contacts.iter().filter(|c| c.distance < aim) {

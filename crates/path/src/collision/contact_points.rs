@@ -105,7 +105,7 @@ fn face_parts([a, b, c]: [DVec3; 3], spacing: f64) -> usize {
     parts((b - a).cross(c - a).length().sqrt(), FACES * spacing)
 }
 
-/// At least how many points there are.
+/// A lower bound of the number of points.
 fn count(mesh: &TriangleMesh, edges: &[([u32; 2], f64)], spacing: f64) -> usize {
     let along = edges.iter().map(|([a, b], angle)| {
         let [a, b] = [a, b].map(|v| mesh.vertices()[*v as usize]);

@@ -15,7 +15,7 @@ const BLOCKED: f64 = 0.05;
 /// [`FASTEST`] times.
 const SMOOTH: f64 = 0.15;
 const FASTEST: f64 = 3.0;
-/// A slide looks after so many steps each whether it has come where the part has been.
+/// Steps between two checks whether the part has been there.
 const LOOK: usize = 5;
 /// Poses over which the direction of a slide is taken.
 const MEMORY: usize = 8;
@@ -105,7 +105,7 @@ impl SearchSpace<'_> {
         slide
     }
 
-    /// The screw that has led through the last few poses, where it has led to.
+    /// The screw motion through the last few poses, at the last one.
     fn recent_motion(&self, start: &Pose, poses: &[Pose]) -> Vec6 {
         let frame = &self.checker.frame;
         let now = poses.last().unwrap_or(start);
@@ -118,7 +118,7 @@ impl SearchSpace<'_> {
         frame.carried(&motion, from, to)
     }
 
-    /// A step along a motion; if it does not go, along what the walls leave of the motion.
+    /// A step along a motion; if it fails, along the part of it that the walls resist little.
     fn compliant_step(
         &self,
         at: &Pose,
@@ -161,8 +161,8 @@ impl SearchSpace<'_> {
         None
     }
 
-    /// The pose next to where a motion leads; else the share of the motion that was left, one if it led
-    /// through something. `share` is the motion's, of a step.
+    /// Projects the end of a motion to contact; else the share of the motion that was left, 1 if it led
+    /// through something. `share` is the length of the motion in steps.
     fn trial(
         &self,
         at: &Pose,

@@ -1,4 +1,4 @@
-//! Which paths to try from a pose.
+//! Directions to try from a pose.
 
 use fft_correlate::Pose;
 use glam::DVec3;
@@ -19,10 +19,9 @@ const SOFT: f64 = 1e-3;
 /// Most distinct normals of walls.
 const NORMALS: usize = 5;
 
-/// Unit motions to try, the last one first, then straight along `exit`, where the part would be out
-/// soonest, then those that the walls resist least: the softest
-/// directions of all contacts together (a screw in a thread, a slide in a groove), straight motions
-/// along and across walls, turns about the same axes; each in both senses.
+/// Unit motions to try: the last one first, then the translation along `exit`, then those that the walls
+/// resist least, each in both senses. These are the softest directions of all contacts together (a screw
+/// in a thread, a slide in a groove), translations along and across walls, and turns about the same axes.
 pub(crate) fn candidates(
     checker: &CollisionChecker,
     pose: &Pose,
@@ -57,8 +56,7 @@ pub(crate) fn candidates(
     kept
 }
 
-/// What the walls leave of a motion from a pose: its part along which they resist little; none if they
-/// leave nothing.
+/// The part of a motion that the walls resist little; none if they resist all of it.
 pub(crate) fn compliant_direction(
     checker: &CollisionChecker,
     pose: &Pose,
@@ -78,7 +76,7 @@ pub(crate) fn compliant_direction(
     (length(&left) > 0.1 * length(motion)).then_some(left)
 }
 
-/// How much all contacts resist motions, the nearer ones more.
+/// Stiffness of all contacts, nearer ones weighted more.
 fn stiffness(contacts: &[Contact], far: f64) -> Mat6 {
     let mut m: Mat6 = [[0.0; 6]; 6];
     for c in contacts {
@@ -134,7 +132,7 @@ fn axes(checker: &CollisionChecker, pose: &Pose, contacts: &[Contact], far: f64)
     axes
 }
 
-/// Of the moving part's outermost vertices, in its own frame.
+/// Principal axes of the moving part's outermost vertices, in its own frame.
 fn principal_axes(checker: &CollisionChecker) -> [DVec3; 3] {
     let mut m: Mat6 = [[0.0; 6]; 6];
     for q in &checker.frame.extremes {

@@ -7,7 +7,7 @@ use sdf_grid::TriangleMesh;
 use crate::collision::checker::CollisionChecker;
 use crate::motion::frame::directions;
 
-/// Directions in which parts may part.
+/// Directions in which exits are measured.
 const DIRECTIONS: usize = 192;
 
 /// Paths differ if their exits make at least this angle (its cosine).
@@ -19,8 +19,8 @@ pub(crate) struct ExitDistance {
     heights: Vec<(DVec3, f64)>,
 }
 
-/// Along which direction, in the fixed frame, a part would have to be moved least to lie wholly beyond
-/// the other, and how far.
+/// The direction, in the fixed frame, in which the least translation takes the part beyond the other, and
+/// its length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Exit {
     pub(crate) direction: DVec3,
@@ -81,7 +81,7 @@ impl ExitDistance {
         best
     }
 
-    /// Allowed all vertices of the moving part.
+    /// The distance by all vertices of the moving part.
     fn exact(&self, checker: &CollisionChecker, pose: &Pose, direction: DVec3) -> f64 {
         let own = pose.rotation.conjugate() * direction;
         let heights = checker.moving.vertices().map(|q| q.dot(own));

@@ -17,10 +17,10 @@ const BATCH: usize = 4;
 /// How far a new motion is tried, and how far one goes on as before; in radii.
 const NEAREST: f64 = 0.8;
 const FARTHEST: f64 = 7.0;
-/// A place counts as another one if it is closer to being out by this share of a step: a nut that has
-/// turned by a side has come a little farther.
+/// A pose is no duplicate if its exit distance is less by this share of a step: a nut that has turned by
+/// a side has come a little farther.
 const CLOSER: f64 = 0.2;
-/// How much a pose falls behind with each batch that has led nowhere, as a share of the radius.
+/// Penalty of a pose for each batch without success, as a share of the radius.
 const HANDICAP: f64 = 0.15;
 /// Poses along a slide from which other paths are tried, too, lie this share of the radius apart.
 const BRANCHES: f64 = 0.5;
@@ -74,7 +74,7 @@ pub(crate) struct Expansion<'a> {
     pub(crate) began: Instant,
     /// When to stop, found or not.
     pub(crate) deadline: Instant,
-    /// How long to look for other paths once one is found, as a share of the time that it took.
+    /// Time to search for other paths, as a share of the time that the first one took.
     pub(crate) others: f64,
     /// Hears which share of the exit distance has been gained, 0 ..= 1.
     pub(crate) gained: &'a (dyn Fn(f64) + Sync),

@@ -27,7 +27,7 @@ const MOST_CELLS: usize = 50_000;
 const FIRST: f64 = 0.25;
 const HALVINGS: u32 = 8;
 
-/// A ball inside of the moving part.
+/// A sphere inside the moving part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct InscribedSphere {
     /// In the part's frame, metres.
@@ -36,7 +36,7 @@ pub(crate) struct InscribedSphere {
 }
 
 impl InscribedSphere {
-    /// About a point that is deep in the part; none if the part's centroid is outside of it.
+    /// A sphere about a deep point of the part; none if the centroid is outside.
     pub(crate) fn new(checker: &CollisionChecker) -> Option<Self> {
         let mut deepest = Self {
             centre: checker.frame.centre,
@@ -58,8 +58,8 @@ impl InscribedSphere {
         (deepest.radius > 0.0).then_some(deepest)
     }
 
-    /// A depth that something has to overlap by for the part to come out from a pose, metres; `free`
-    /// or less if none is known that is greater than that.
+    /// A lower bound of the penetration that an exit from a pose needs, metres; `free` if no greater one is
+    /// known.
     pub(crate) fn lower_bound(&self, checker: &CollisionChecker, pose: &Pose, free: f64) -> f64 {
         let start = pose.apply(self.centre);
         let bounds = checker.fixed.bounds().grown(self.radius);
@@ -114,7 +114,7 @@ fn depth(body: &Body, p: DVec3) -> f64 {
     probes.map(|probe| -probe.distance).fold(0.0, f64::max)
 }
 
-/// A cell at the water's edge.
+/// A cell at the front of the flood fill.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Cell {
     /// The highest overlap on the path there, metres.

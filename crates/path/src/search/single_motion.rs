@@ -23,7 +23,7 @@ const GROWTH: f64 = 1.5;
 const SPARSE: f64 = 3.0;
 /// Most corrections at each length.
 const CORRECTIONS: usize = 6;
-/// What corrections leave of the length of a motion that leads on, at least.
+/// Corrections leave at least this share of a motion's length, or the motion is given up.
 const SHORTER: f64 = 0.9;
 /// No correction moves the end by more than so many steps.
 const REACH: f64 = 2.0;
@@ -139,8 +139,7 @@ impl SingleMotion<'_> {
         (1..=count).map(at).collect()
     }
 
-    /// The motion that opens all checker that are too narrow at some of `count` poses along this one, in the
-    /// mean square.
+    /// The motion that opens all narrow gaps at `count` poses along this one (least squares).
     fn corrected(
         &self,
         start: &Pose,
@@ -163,7 +162,7 @@ impl SingleMotion<'_> {
         Some(changed((REACH * self.space.step / moved).min(1.0)))
     }
 
-    /// Adds how contacts after a share of a motion resist changes of the whole, and ask for them.
+    /// Adds the contacts after a share of a motion to the equations for a change of the whole motion.
     fn add(
         &self,
         start: &Pose,
@@ -200,7 +199,7 @@ impl SingleMotion<'_> {
         }
     }
 
-    /// The poses of a motion as far as outside.
+    /// The poses of a motion until the part is outside.
     fn outwards(&self, start: &Pose, motion: &Vec6) -> Option<ExitPath> {
         let mut poses = vec![*start];
         for pose in self.poses(start, motion, self.space.step) {
@@ -214,7 +213,7 @@ impl SingleMotion<'_> {
     }
 }
 
-/// A unit motion, and before it, if it turns little or not at all, its push, which stays one.
+/// A unit motion; if it turns little, its translation is tried before it, without rotations.
 fn upright_first(motion: &Vec6) -> impl Iterator<Item = (Vec6, Allowed)> + use<> {
     let [x, y, z, along @ ..] = *motion;
     let leans = length(&[x, y, z, 0.0, 0.0, 0.0]);
@@ -257,7 +256,7 @@ mod tests {
         (found, pair.checker, place.rotation * DVec3::Z)
     }
 
-    /// In words, by poses that are far apart.
+    /// Description, by poses that are far apart.
     fn described(checker: &CollisionChecker, path: &ExitPath) -> Vec<Motion> {
         let (end, rest) = path.poses.split_last().unwrap();
         let some = rest.iter().step_by(20).chain([end]).copied();

@@ -15,9 +15,9 @@ use crate::motion::vec6::{Vec6, scaled};
 #[serde(deny_unknown_fields)]
 pub struct VisitedPoses {
     question: Option<Question>,
-    /// Passes, coarse to fine, in which everything was tried.
+    /// Finished passes, coarse to fine.
     pub(crate) passes: usize,
-    /// Of the pass that has begun.
+    /// Nodes of the current pass.
     pub(crate) nodes: Vec<Node>,
 }
 
@@ -42,10 +42,10 @@ impl VisitedPoses {
         self.passes == 0 && self.nodes.is_empty()
     }
 
-    /// Begins a question, or goes on with it.
+    /// Begins a request, or continues it.
     ///
     /// # Errors
-    /// If it belongs to another one, or its places do not lead from one to the next.
+    /// If the poses belong to another request, or do not lead from one to the next.
     pub(crate) fn check_request(
         &mut self,
         [fixed, moving]: [&Body; 2],
@@ -102,7 +102,7 @@ pub(crate) struct Node {
     /// The node that it was reached from, an earlier one, and the poses between.
     pub(crate) from: Option<(usize, Vec<Pose>)>,
     pub(crate) last: Option<Vec6>,
-    /// How far it is from being out, metres.
+    /// Exit distance, metres.
     pub(crate) exit: f64,
     /// Motions to try, found when they are first needed.
     pub(crate) motions: Option<Vec<Vec6>>,

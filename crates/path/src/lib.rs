@@ -2,7 +2,7 @@
 //!
 //! [`PathSearch`] searches from the goal outwards: the part slides along its contacts, without friction,
 //! in every direction that the walls leave, best first, until it lies beside the fixed part. The allowed
-//! penetration rises until a path exits. The path is then shortened to few screw motions, moved away
+//! penetration rises until a path exists. The path is then shortened to few screw motions, moved away
 //! from the walls, lowered in energy where it climbs, and measured.
 //! [`DisassemblySearch`] does so with the parts and groups of an assembly, one after the other.
 //!

@@ -58,9 +58,9 @@ pub enum Outcome {
 pub struct PathPose {
     /// Of the shapes.
     pub pose: Pose,
-    /// ExitPath of the farthest-going point since the start, metres.
+    /// Path length of the farthest-going point since the start, metres.
     pub length: f64,
-    /// Allowed how much the deepest point of either part lies in the other, metres.
+    /// Penetration depth: of the deepest point of either part in the other, metres.
     pub depth: f64,
     /// Energy and wrench on the part, if they were asked for.
     pub response: Option<Response>,
@@ -69,7 +69,7 @@ pub struct PathPose {
 /// Another path.
 #[derive(Debug, Clone)]
 pub struct OtherPath {
-    /// ExitPath of the farthest-going point, metres.
+    /// Path length of the farthest-going point, metres.
     pub length: f64,
     /// Description of the path, inwards.
     pub motions: Vec<Motion>,
@@ -129,7 +129,7 @@ impl PathResult {
         self
     }
 
-    /// ExitPath of the farthest-going point, metres.
+    /// Path length of the farthest-going point, metres.
     pub fn length(&self) -> f64 {
         self.poses.last().map_or(0.0, |p| p.length)
     }

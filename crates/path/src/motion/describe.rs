@@ -33,7 +33,7 @@ pub struct Motion {
     /// The point of the axis that is closest to the part's centre at the outset, metres; where the
     /// centre is if there is no turn.
     pub point: [f64; 3],
-    /// Allowed which angle the part turns, radians, 0 or more.
+    /// Rotation angle, radians, 0 or more.
     pub turn: f64,
     /// How far it goes along the axis, metres; negative against it.
     pub advance: f64,

@@ -1,4 +1,4 @@
-"""Assembly forces from two meshes: score, dock, bake, find the way in, and feel.
+"""Assembly forces from two meshes: score, dock, bake, find insertion paths, and feel.
 
 Metres, newtons, newton metres, joules, seconds. A pose takes the moving part's frame to the fixed
 part's (or the scene's): x y z qx qy qz qw. Energy is lowest where the parts fit; force and torque

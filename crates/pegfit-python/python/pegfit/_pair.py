@@ -42,7 +42,7 @@ def _refused(item: str, expected: str, found: str) -> SceneError:
 
 
 def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
-    """One end of a way: a pose `(7,)`, or `None` for the word."""
+    """One end of a path: a pose `(7,)`, or `None` for the word."""
     if isinstance(given, str):
         if given != word:
             words = "fit, best" if item == "to" else word
@@ -421,12 +421,12 @@ class Pair:
         state: Optional[Path] = None,
         progress: Progress = None,
     ) -> Docking:
-        """Looks for the poses where the moving part belongs, from any start.
+        """Searches the poses where the moving part belongs, from any start.
 
         Args:
             top: Distinct poses to return, at most.
             tolerance: Relative L2 error allowed in the density fields, 1e-5 to 1e-2.
-            exhaustive: Score every rotation, without a sketch to choose among them.
+            exhaustive: Score every rotation, without a coarse screening.
             state: File that keeps what was scored; a later call goes on from there.
             progress: `True` for a bar, or a function of the units done and their number.
 
@@ -477,23 +477,23 @@ class Pair:
         solids_only: bool = False,
         progress: Progress = None,
     ) -> Way:
-        """The way by which the moving part gets to where it fits, or that it does not come out.
+        """Searches an insertion path of the moving part to where it fits, or proves that there is none.
 
         Args:
-            to: Where it leads: `"fit"`, `"best"` (docks first), or a pose, `(7,)` or `(4, 4)`.
-            from_: Where it begins: `"outside"`, beside the fixed part, or a pose.
+            to: The goal: `"fit"`, `"best"` (docks first), or a pose, `(7,)` or `(4, 4)`.
+            from_: The start: `"outside"`, beside the fixed part, or a pose.
             tolerance: Overlaps up to this depth count as contact, metres; a thousandth of the moving
                 part's radius if `None`.
             step: Largest motion of any point of the part between two poses, metres; a thirtieth of
                 its radius if `None`.
             seconds: The search gives up after this time.
-            allow_overlap: Go on if the parts overlap at the goal or start.
+            allow_overlap: Continue if the parts overlap at the goal or start.
             solids_only: No fields and no energies: seconds less.
             progress: `True` for a bar, or a function of the units done and their number.
 
         Raises:
             PoseError: A pose is none.
-            SceneError: A number is out of range, the parts overlap where the way is to begin or end
+            SceneError: A number is out of range, the parts overlap at the goal or start
                 and that is not allowed, or they lie beside each other at the goal.
             KeyboardInterrupt: Within 50 ms of Ctrl-C.
 

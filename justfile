@@ -38,7 +38,7 @@ site *ARGS:
 
 # What the command says of itself, written to docs/command-line.md.
 command-line:
-    PEGFIT_DRAW=1 cargo test -q -p pegfit --test cli command_page
+    PEGFIT_DRAW=1 cargo test -q -p pegfit --test cli command_line
 
 # Sets the one version: crates, citation, wheel.
 version NEW:

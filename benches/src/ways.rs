@@ -5,8 +5,7 @@ use std::path::Path;
 
 use fft_correlate::Pose;
 use glam::DVec3;
-use pegfit_fixtures as shapes;
-use pegfit_path::{Motion, Outcome as Found, PathAnswer};
+use pegfit_path::{Motion, Outcome as Found, PathResult};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::TriangleMesh;
 
@@ -95,7 +94,7 @@ pub fn known_pairs(folder: Option<&Path>) -> Outcome<Vec<KnownPair>> {
         add(pair.name, parts, 0.0, way);
     }
     for seed in 0..8 {
-        let fit = shapes::random_fit(seed)?;
+        let fit = pegfit_fixtures::random_fit(seed)?;
         let way = if fit.through { "through" } else { "blind" };
         let mm = millimetres(fit.clearance);
         let name = format!("peg {seed}, {}, {way}, {mm} mm", fit.kind);
@@ -106,11 +105,16 @@ pub fn known_pairs(folder: Option<&Path>) -> Outcome<Vec<KnownPair>> {
     for c in CLEARANCES {
         let name = |what: &str| format!("{what}, {} mm", millimetres(c));
         let through = Known::Along { either: true };
-        add(name("dovetail"), shapes::dovetail(c)?, c, through);
+        add(name("dovetail"), pegfit_fixtures::dovetail(c)?, c, through);
         let round = Known::RoundTheCorner;
-        add(name("spool"), shapes::spool_in_slot(c)?, c, round);
-        add(name("bayonet"), shapes::bayonet(c)?, c, Known::Bayonet);
-        let ball = shapes::captive_ball(c, 5e-4)?;
+        add(name("spool"), pegfit_fixtures::spool_in_slot(c)?, c, round);
+        add(
+            name("bayonet"),
+            pegfit_fixtures::bayonet(c)?,
+            c,
+            Known::Bayonet,
+        );
+        let ball = pegfit_fixtures::captive_ball(c, 5e-4)?;
         add(name("captive ball"), ball, c, Known::Stays);
     }
     for (pitch, right_handed) in THREADS {
@@ -134,7 +138,7 @@ fn bolt_and_nut(
     right_handed: bool,
     clearance: f64,
 ) -> Outcome<(TriangleMesh, TriangleMesh)> {
-    let thread = shapes::Thread {
+    let thread = pegfit_fixtures::Thread {
         pitch,
         radius: 0.005,
         depth: 0.4 * pitch,
@@ -170,7 +174,7 @@ impl KnownPair {
 
     /// Whether an answer between the parts as `placed` is the known one: a way without overlap by the
     /// known motions, or none after everything was tried.
-    pub fn is_right(&self, placed: &PlacedPair, answer: &PathAnswer) -> bool {
+    pub fn is_right(&self, placed: &PlacedPair, answer: &PathResult) -> bool {
         match answer.outcome {
             Found::Blocked { exhausted, .. } => self.way == Known::Stays && exhausted,
             Found::Free => {

@@ -17,8 +17,8 @@ use pegfit_benches::ways::{CLEARANCES, Known, KnownPair, known_pairs, millimetre
 use pegfit_benches::{Arguments, Outcome};
 use pegfit_fixtures as shapes;
 use pegfit_path::{
-    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyStep, PathAnswer,
-    PathOptions, PathSearch,
+    AssemblyPart, DisassemblyRequest, DisassemblyResult, DisassemblySearch, DisassemblyStep,
+    PathRequest, PathResult, PathSearch,
 };
 use rand::{SeedableRng, rngs::SmallRng, seq::SliceRandom};
 use sdf_grid::{Silent, mesh_io};
@@ -61,7 +61,7 @@ impl Wanted {
 struct Tally {
     right: usize,
     seconds: Vec<f64>,
-    looked: usize,
+    poses_checked: usize,
     nodes: usize,
     /// Metres; none of parts that stay.
     overlap: Option<f64>,
@@ -147,7 +147,7 @@ impl Tally {
             self.right.to_string(),
             significant(self.seconds[frames / 2], 2),
             significant(self.seconds[frames - 1], 2),
-            (self.looked / frames).to_string(),
+            (self.poses_checked / frames).to_string(),
             (self.nodes / frames).to_string(),
             self.overlap
                 .map_or("-".to_owned(), |o| significant(1e3 * o, 2)),
@@ -160,10 +160,10 @@ fn of_pair(known: &KnownPair, wanted: &Wanted) -> Outcome<Tally> {
     let mut tally = Tally::default();
     for frame in wanted.frames.clone() {
         let placed = known.placed(frame);
-        let options = PathOptions {
+        let options = PathRequest {
             time_limit: wanted.limit,
             others: 0.0,
-            ..PathOptions::default()
+            ..PathRequest::default()
         };
         let began = Instant::now();
         let (fixed, moving) = (placed.fixed.clone(), placed.moving.clone());
@@ -175,7 +175,7 @@ fn of_pair(known: &KnownPair, wanted: &Wanted) -> Outcome<Tally> {
             println!("{}, frame {frame}: {}", known.name, told(&answer));
         }
         tally.right += usize::from(right);
-        tally.looked += answer.effort.looked;
+        tally.poses_checked += answer.effort.poses_checked;
         tally.nodes += answer.effort.nodes;
         if known.way != Known::Stays {
             let overlap = tally.overlap.unwrap_or(0.0);
@@ -186,7 +186,7 @@ fn of_pair(known: &KnownPair, wanted: &Wanted) -> Outcome<Tally> {
 }
 
 /// What a wrong answer says.
-fn told(answer: &PathAnswer) -> String {
+fn told(answer: &PathResult) -> String {
     let motions: Vec<String> = answer.motions.iter().map(ToString::to_string).collect();
     format!("{:?}: {}", answer.outcome, motions.join("; "))
 }
@@ -205,25 +205,25 @@ fn of_burr(clearance: f64, wanted: &Wanted) -> Outcome<Tally> {
             name: format!("stick {stick}"),
             mesh: Arc::new(sticks[*stick].transformed(place.rotation, place.translation)),
         };
-        let options = DisassemblyOptions {
+        let options = DisassemblyRequest {
             time_limit: wanted.limit,
-            ..DisassemblyOptions::default()
+            ..DisassemblyRequest::default()
         };
         let search = DisassemblySearch::new(order.iter().map(part).collect(), options)?;
         let found = search.run(&Silent)?;
         let key = order.iter().position(|stick| *stick == KEY);
         let right = opens(&found, key, place.rotation * DVec3::X);
         if !right {
-            let step = |step: &DisassemblyStep| format!("{:?} {}", step.parts, told(&step.way));
+            let step = |step: &DisassemblyStep| format!("{:?} {}", step.parts, told(&step.path));
             let steps: Vec<String> = found.steps.iter().map(step).collect();
             let (steps, stay) = (steps.join("\n    "), &found.locked);
             println!("burr, frame {frame}: key {key:?}, {stay:?} stay\n    {steps}");
         }
         tally.right += usize::from(right);
         tally.seconds.push(found.seconds);
-        tally.looked += found.looked;
+        tally.poses_checked += found.poses_checked;
         tally.nodes += found.tries;
-        let deepest = found.steps.iter().map(|step| step.way.deepest().1);
+        let deepest = found.steps.iter().map(|step| step.path.deepest().1);
         let overlap = deepest.fold(tally.overlap.unwrap_or(0.0), f64::max);
         tally.overlap = Some(overlap);
     }
@@ -231,15 +231,15 @@ fn of_burr(clearance: f64, wanted: &Wanted) -> Outcome<Tally> {
 }
 
 /// Whether the key comes first, straight along an axis, and everything else after it.
-fn opens(found: &Disassembly, key: Option<usize>, axis: DVec3) -> bool {
+fn opens(found: &DisassemblyResult, key: Option<usize>, axis: DVec3) -> bool {
     let Some(first) = found.steps.first() else {
         return false;
     };
-    let [motion] = &first.way.motions[..] else {
+    let [motion] = &first.path.motions[..] else {
         return false;
     };
     let straight = motion.turn == 0.0 && DVec3::from_array(motion.axis).dot(axis).abs() > 0.99;
-    let free = found.steps.iter().all(|step| step.way.is_free());
+    let free = found.steps.iter().all(|step| step.path.is_free());
     first.parts.len() == 1
         && key == Some(first.parts[0])
         && straight

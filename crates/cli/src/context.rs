@@ -1,5 +1,9 @@
 //! What every command gets besides its own arguments.
 
+use serde::Serialize;
+
+use crate::error::CommandError;
+use crate::report::output::print_json;
 use crate::terminal::progress::Progress;
 
 /// What every command gets besides its own arguments.
@@ -11,4 +15,21 @@ pub(crate) struct Context {
     pub(crate) json: bool,
     /// Bytes that computations may plan to use.
     pub(crate) memory: u64,
+}
+
+impl Context {
+    /// Prints a result: as JSON for programs, else by `print` for people.
+    pub(crate) fn show(
+        &self,
+        result: &impl Serialize,
+        print: impl FnOnce(),
+    ) -> Result<(), CommandError> {
+        match self.json {
+            true => print_json(result),
+            false => {
+                print();
+                Ok(())
+            }
+        }
+    }
 }

@@ -1,135 +1,64 @@
-//! What can go wrong in a command, and the exit code each case maps to.
+//! What can go wrong in a command, and the exit code of each case.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use fft_correlate::StoreError;
 use miette::{Diagnostic, NamedSource, SourceSpan};
-
+use pegfit_path::PathError;
+use pegfit_pictures::{PictureError, SliceTextError};
+use pegfit_play::PlayError;
 use pegfit_scene::poses::PoseError;
 use pegfit_scene::{ImportError, LineError, SceneError};
+use sdf_grid::MeshError;
+use sdf_grid::atomic::AtomicError;
 
 use crate::bytes::display_bytes;
-use crate::exit::Exit;
+
+/// A library's error.
+type Cause = Box<dyn Error + Send + Sync>;
 
 /// Every failure of a command.
 #[derive(Debug, thiserror::Error, Diagnostic)]
-pub enum CommandError {
+pub(crate) enum CommandError {
     /// A value in an argument or an input file is not acceptable.
     #[error("{file}: {item}: expected {expected}, found {found}")]
     Input {
-        /// The file, or `command line`.
         file: String,
-        /// The key, column, row or option.
         item: String,
-        /// What would have been accepted.
         expected: String,
-        /// What was there.
         found: String,
     },
     /// A line of the scene file is not acceptable.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Line(Box<SceneFileError>),
-    /// The scene cannot be used for another reason.
+    /// A library refuses the input, in its own words.
     #[error(transparent)]
-    Scene(Box<SceneError>),
-    /// No scene can be made of a file.
+    Refused(Cause),
+    /// A library failed, in its own words: the input is not to blame.
     #[error(transparent)]
-    Import(ImportError),
-    /// Rows of poses cannot be read.
-    #[error(transparent)]
-    Poses(#[from] PoseError),
-    /// A mesh file cannot be used.
-    #[error(transparent)]
-    Mesh(Box<sdf_grid::MeshError>),
-    /// The computation would need more memory than the machine has free.
-    #[error(
-        "{what} needs about {} of memory but only {} can be used: coarsen the lattice, shrink the \
-         window, or raise --memory",
-        display_bytes(*.needed), display_bytes(*.budget)
-    )]
-    Memory {
-        /// The computation.
-        what: String,
-        /// Its estimate, bytes.
-        needed: u64,
-        /// What it may use, bytes.
-        budget: u64,
-    },
+    Failed(Cause),
     /// The operating system refused to read or write a file.
     #[error("cannot {action} {}", path.display())]
     Io {
-        /// `read` or `write`.
         action: &'static str,
-        /// The file.
         path: PathBuf,
-        /// The system's reason.
         source: std::io::Error,
     },
-    /// `pegfit check` found unusable meshes; the report has been printed.
-    #[error("{count} of {total} meshes cannot be used")]
-    UnusableMeshes {
-        /// How many.
-        count: usize,
-        /// Of how many examined.
-        total: usize,
-    },
-    /// `pegfit table` found damaged chunks; the description has been printed.
-    #[error("{table}: {count} of {total} rotations are damaged: bake with --resume")]
-    DamagedTable {
-        /// The table.
-        table: String,
-        /// How many.
-        count: usize,
-        /// Of how many.
-        total: usize,
-    },
-    /// A library refused or failed for a reason not listed above.
+    /// The result of the command is bad; a report may have been printed.
+    #[error("{0}")]
+    Verdict(String, Exit),
+    /// A library refused the input, or failed, in a context.
     #[error("{context}")]
     Library {
-        /// What was being done, and to which file.
         context: String,
-        /// The library's error.
-        source: Box<dyn std::error::Error + Send + Sync>,
-        /// True if the input is at fault, false if the machine is.
+        source: Cause,
+        /// Whether the input is at fault; else the machine is.
         input: bool,
-        /// What to do about it.
         #[help]
         next: Option<String>,
-    },
-    /// There is no way between two poses to be looked for.
-    #[error(transparent)]
-    Path(pegfit_path::PathError),
-    /// A page could not be served, or the loop not run on it.
-    #[error(transparent)]
-    Play(#[from] pegfit_play::PlayError),
-    /// A picture could not be drawn.
-    #[error(transparent)]
-    Picture(#[from] pegfit_pictures::PictureError),
-    /// No table of the scene meets the tolerance that was asked for.
-    #[error(
-        "errors of force and torque of {:.3} % asked for, {:.3} % reached: {part} is what cannot be met, {reason}",
-        100.0 * asked, 100.0 * reached
-    )]
-    Tolerance {
-        /// `the lattice`, `the rotation step` or `the whole table`.
-        part: &'static str,
-        /// Share of the rms force.
-        asked: f64,
-        /// The least share found.
-        reached: f64,
-        /// At which setting it was found, and why there is no finer one.
-        reason: String,
-    },
-    /// A table is further from the truth than it says.
-    #[error(
-        "{table}: {count} of 6 errors are beyond what the table states, by more than the margin"
-    )]
-    Claim {
-        /// The table.
-        table: String,
-        /// How many.
-        count: usize,
     },
     /// The user asked to stop.
     #[error("interrupted; finished results are kept")]
@@ -139,7 +68,7 @@ pub enum CommandError {
 /// What is wrong with a line of a scene file, with the text so that the line can be shown.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("{said}")]
-pub struct SceneFileError {
+pub(crate) struct SceneFileError {
     /// File, line, expected and found.
     said: String,
     /// The whole scene file.
@@ -191,20 +120,16 @@ impl From<SceneError> for CommandError {
                 "one part, or --fixed NAME to choose",
                 found,
             ),
-            SceneError::Mesh(e) => Self::Mesh(e),
+            SceneError::Mesh(e) => (*e).into(),
             SceneError::Table(e) => Self::table(*e),
             SceneError::Memory {
                 path,
                 what,
                 needed,
                 limit,
-            } => Self::Memory {
-                what: format!("{}: {what}", path.display()),
-                needed,
-                budget: limit,
-            },
+            } => Self::memory(&format!("{}: {what}", path.display()), needed, limit),
             SceneError::Cancelled => Self::Interrupted,
-            other => Self::Scene(Box::new(other)),
+            other => Self::Refused(Box::new(other)),
         }
     }
 }
@@ -213,37 +138,43 @@ impl From<ImportError> for CommandError {
     fn from(error: ImportError) -> Self {
         match error {
             ImportError::Read { path, source } => Self::read(&path, source),
-            ImportError::Mesh(e) => Self::Mesh(e),
+            ImportError::Mesh(e) => (*e).into(),
             ImportError::Write(e) => Self::write(&e.path, e.source),
-            other => Self::Import(other),
+            other => Self::Refused(Box::new(other)),
         }
     }
 }
 
-impl From<pegfit_path::PathError> for CommandError {
-    fn from(error: pegfit_path::PathError) -> Self {
+impl From<PathError> for CommandError {
+    fn from(error: PathError) -> Self {
         match error {
-            pegfit_path::PathError::Cancelled => Self::Interrupted,
-            other => Self::Path(other),
+            PathError::Cancelled => Self::Interrupted,
+            other => Self::Refused(Box::new(other)),
         }
     }
 }
 
-impl From<sdf_grid::atomic::AtomicError> for CommandError {
-    fn from(error: sdf_grid::atomic::AtomicError) -> Self {
+impl From<AtomicError> for CommandError {
+    fn from(error: AtomicError) -> Self {
         Self::write(&error.path, error.source)
     }
 }
 
-impl From<sdf_grid::MeshError> for CommandError {
-    fn from(error: sdf_grid::MeshError) -> Self {
-        Self::Mesh(Box::new(error))
-    }
+/// Errors that need no word besides their own.
+macro_rules! kept {
+    ($($error:ty => $kind:ident),*) => {$(
+        impl From<$error> for CommandError {
+            fn from(error: $error) -> Self {
+                Self::$kind(Box::new(error))
+            }
+        }
+    )*};
 }
+kept!(MeshError => Refused, PoseError => Refused, PictureError => Failed, PlayError => Failed);
 
 impl CommandError {
     /// An unacceptable value in `file`.
-    pub fn input(
+    pub(crate) fn input(
         file: impl Into<String>,
         item: impl Into<String>,
         expected: impl Into<String>,
@@ -258,7 +189,7 @@ impl CommandError {
     }
 
     /// An unacceptable command-line option.
-    pub fn option(
+    pub(crate) fn option(
         item: impl Into<String>,
         expected: impl Into<String>,
         found: impl ToString,
@@ -267,16 +198,37 @@ impl CommandError {
     }
 
     /// A plane of a slice that cannot be used.
-    pub fn slice(error: pegfit_pictures::SliceTextError) -> Self {
-        Self::option(
-            "--slice",
-            pegfit_pictures::SliceTextError::EXPECTED,
-            error.found,
+    pub(crate) fn slice(error: SliceTextError) -> Self {
+        Self::option("--slice", SliceTextError::EXPECTED, error.found)
+    }
+
+    /// A computation would need more memory than it may use; both in bytes.
+    pub(crate) fn memory(what: &str, needed: u64, budget: u64) -> Self {
+        let (needed, budget) = (display_bytes(needed), display_bytes(budget));
+        Self::Verdict(
+            format!(
+                "{what} needs about {needed} of memory but only {budget} can be used: coarsen the \
+                 lattice, shrink the window, or raise --memory"
+            ),
+            Exit::BadInput,
+        )
+    }
+
+    /// No table of the scene meets the tolerance that was asked for; both as shares of the rms force.
+    pub(crate) fn tolerance(part: &str, [asked, reached]: [f64; 2], reason: &str) -> Self {
+        Self::Verdict(
+            format!(
+                "errors of force and torque of {:.3} % asked for, {:.3} % reached: {part} is what \
+                 cannot be met, {reason}",
+                100.0 * asked,
+                100.0 * reached
+            ),
+            Exit::Failure,
         )
     }
 
     /// A table that cannot be used; where there is none, how to come by one.
-    pub fn table(error: StoreError) -> Self {
+    pub(crate) fn table(error: StoreError) -> Self {
         let missing = match &error {
             StoreError::Missing { path } => Some(path.display().to_string()),
             _ => None,
@@ -289,52 +241,47 @@ impl CommandError {
     }
 
     /// A file that cannot be read.
-    pub fn read(path: &Path, source: std::io::Error) -> Self {
-        Self::Io {
-            action: "read",
-            path: path.to_owned(),
-            source,
-        }
+    pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
+        Self::io("read", path, source)
     }
 
     /// A file that cannot be written.
-    pub fn write(path: &Path, source: std::io::Error) -> Self {
+    pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
+        Self::io("write", path, source)
+    }
+
+    /// A file for which an action fails.
+    pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
+        let path = path.to_owned();
         Self::Io {
-            action: "write",
-            path: path.to_owned(),
+            action,
+            path,
             source,
         }
     }
 
     /// A library error that the input is to blame for.
-    pub fn bad_input(
-        context: impl Into<String>,
-        source: impl std::error::Error + Send + Sync + 'static,
-    ) -> Self {
-        Self::Library {
-            context: context.into(),
-            source: Box::new(source),
-            input: true,
-            next: None,
-        }
+    pub(crate) fn bad_input(context: impl Into<String>, source: impl Into<Cause>) -> Self {
+        Self::library(context, source, true)
     }
 
     /// A library error that is nobody's fault.
-    pub fn failure(
-        context: impl Into<String>,
-        source: impl std::error::Error + Send + Sync + 'static,
-    ) -> Self {
+    pub(crate) fn failure(context: impl Into<String>, source: impl Into<Cause>) -> Self {
+        Self::library(context, source, false)
+    }
+
+    fn library(context: impl Into<String>, source: impl Into<Cause>, input: bool) -> Self {
         Self::Library {
             context: context.into(),
-            source: Box::new(source),
-            input: false,
+            source: source.into(),
+            input,
             next: None,
         }
     }
 
     /// The same with what to do about it, if it is a library's.
     #[must_use]
-    pub fn with_next(mut self, advice: impl Into<String>) -> Self {
+    pub(crate) fn with_next(mut self, advice: impl Into<String>) -> Self {
         if let Self::Library { next, .. } = &mut self {
             *next = Some(advice.into());
         }
@@ -342,7 +289,7 @@ impl CommandError {
     }
 
     /// Whether whoever was to read what is written went away, as `head` does when it has enough.
-    pub fn is_closed_pipe(&self) -> bool {
+    pub(crate) fn is_closed_pipe(&self) -> bool {
         let broken = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
         match self {
             Self::Io {
@@ -359,25 +306,13 @@ impl CommandError {
     }
 
     /// The exit code of a run that ended with this error.
-    pub fn exit(&self) -> Exit {
+    pub(crate) fn exit(&self) -> Exit {
         match self {
-            Self::Input { .. }
-            | Self::Line(_)
-            | Self::Scene(_)
-            | Self::Import(_)
-            | Self::Poses(_)
-            | Self::Mesh(_)
-            | Self::Path(_)
-            | Self::Memory { .. } => Exit::BadInput,
-            Self::Tolerance { .. } | Self::Claim { .. } => Exit::Failure,
-            Self::Library { input: true, .. } => Exit::BadInput,
+            Self::Verdict(_, exit) => *exit,
+            Self::Input { .. } | Self::Line(_) | Self::Refused(_) => Exit::BadInput,
             // A file that is missing is a wrong argument; one that cannot be written is not.
-            Self::Io { action: "read", .. } => Exit::BadInput,
-            Self::Io { .. } | Self::Library { .. } | Self::Picture(_) | Self::Play(_) => {
-                Exit::Failure
-            }
-            Self::UnusableMeshes { .. } => Exit::UnusableMesh,
-            Self::DamagedTable { .. } => Exit::DamagedTable,
+            Self::Library { input: true, .. } | Self::Io { action: "read", .. } => Exit::BadInput,
+            Self::Library { .. } | Self::Io { .. } | Self::Failed(_) => Exit::Failure,
             Self::Interrupted => Exit::Interrupted,
         }
     }
@@ -408,4 +343,29 @@ fn other_file(path: &Path) -> Option<String> {
              a robot"
         )
     })
+}
+
+/// How a run of `pegfit` ended, as the shell sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// The command did what it was asked to.
+    Success = 0,
+    /// Something failed that the input cannot be blamed for: a disk, a device, a library.
+    Failure = 1,
+    /// The arguments, or a file they name, cannot be used: nothing was computed.
+    BadInput = 2,
+    /// `pegfit check` found a mesh that no other command would accept.
+    UnusableMesh = 3,
+    /// `pegfit table` found chunks that cannot be read: every command that interpolates the table
+    /// would refuse it, `pegfit bake --resume` mends it. Missing chunks are no damage.
+    DamagedTable = 4,
+    /// Stopped by Ctrl-C or a termination signal; finished results are kept.
+    Interrupted = 130,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit as u8)
+    }
 }

@@ -1,20 +1,19 @@
-//! The pegfit command line as a library: arguments and the commands.
-//!
-//! The binary only calls [`program::run`].
+//! The pegfit command line as a library: [`program::run`], and the reports that Python writes, too.
 
-pub mod args;
+#[macro_use]
+pub mod terminal;
+
+mod args;
 mod bytes;
-pub mod commands;
+mod commands;
 mod context;
 mod error;
-mod exit;
 mod memory;
 pub mod program;
 mod report;
-pub mod terminal;
 
-pub use error::{CommandError, SceneFileError};
-pub use exit::Exit;
+pub use error::Exit;
+
 pub use memory::budget as memory_budget;
-pub use report::felt::FeltPage;
-pub use report::way::WayReport;
+pub use report::path::PathReport;
+pub use report::session::SessionReport;

@@ -18,11 +18,7 @@ pub fn budget(limit: Option<u64>) -> u64 {
 /// Names the computation, its need and the budget.
 pub(crate) fn require(what: &str, needed: u64, budget: u64) -> Result<(), CommandError> {
     if needed > budget {
-        return Err(CommandError::Memory {
-            what: what.to_owned(),
-            needed,
-            budget,
-        });
+        return Err(CommandError::memory(what, needed, budget));
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use tracing_subscriber::prelude::*;
 use crate::args::Arguments;
 use crate::commands;
 use crate::error::CommandError;
-use crate::exit::Exit;
+use crate::error::Exit;
 use crate::terminal::error_text::error_text;
 use crate::terminal::output;
 use crate::terminal::progress::watch_for_interrupts;

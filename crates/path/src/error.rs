@@ -1,6 +1,6 @@
-//! Why there is nothing to be said of a way in.
+//! Errors of path searches.
 
-/// Why a search for a way cannot begin, or did not end.
+/// Why a search for a path cannot begin, or did not end.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PathError {
     /// An option is out of range.
@@ -19,7 +19,7 @@ pub enum PathError {
         /// `goal` or `start`.
         which: &'static str,
     },
-    /// The parts overlap where a way is to begin or end.
+    /// The parts overlap where a path is to begin or end.
     #[error(
         "at the {which} the parts overlap by {:.4} mm, {:.4} mm³ in all, where {:.4} mm count as \
          contact: allow it, or give the pose more exactly",
@@ -53,7 +53,7 @@ pub enum PathError {
     },
     /// The parts lie beside each other at the goal: there is nothing to go into.
     #[error(
-        "at the goal the parts lie beside each other, {:.4} mm apart: no way leads in; is it the \
+        "at the goal the parts lie beside each other, {:.4} mm apart: no path leads in; is it the \
          pose where the part belongs?",
         1e3 * gap
     )]
@@ -61,9 +61,9 @@ pub enum PathError {
         /// Between the parts' extents, metres.
         gap: f64,
     },
-    /// What was explored does not belong to what is asked.
-    #[error("what was explored belongs to another question: {item} differs")]
-    Explored {
+    /// The visited poses belong to another request.
+    #[error("the visited poses belong to another request: {item} differs")]
+    Visited {
         /// What differs.
         item: &'static str,
     },

@@ -23,31 +23,19 @@ mod _core {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use crate::loops::body_force::PyBodyForce;
-    #[pymodule_export]
-    use crate::loops::feel::{Felt, feel, tick_columns, write_text};
-    #[pymodule_export]
-    use crate::loops::force_path::PyForcePath;
+    use crate::loops::{Felt, PyBodyForce, PyForcePath, feel, tick_columns, write_text};
     #[pymodule_export]
     use crate::pair_class::PyPair;
     #[pymodule_export]
-    use crate::parts::density::density;
-    #[pymodule_export]
-    use crate::parts::mesh::{Mesh, peg_in_hole};
+    use crate::parts::{Mesh, density, peg_in_hole};
     #[pymodule_export]
     use crate::poses::from_matrices;
     #[pymodule_export]
-    use crate::search::correlate::{correlate, highest, poses_at};
+    use crate::search::{PyWay, correlate, dock, highest, path, poses_at};
     #[pymodule_export]
-    use crate::search::dock::dock;
+    use crate::source::Source;
     #[pymodule_export]
-    use crate::search::path::{PyWay, path};
-    #[pymodule_export]
-    use crate::source::source_class::Source;
-    #[pymodule_export]
-    use crate::tables::bake::bake_table;
-    #[pymodule_export]
-    use crate::tables::open::open_table;
+    use crate::tables::{bake_table, open_table};
 
     /// The version of the package.
     #[pymodule_export]

@@ -14,12 +14,12 @@ use pegfit_scene::{FitChoice, Scene, SceneSetup};
 use pyo3::prelude::*;
 use sdf_grid::{FieldCache, Monitor};
 
-use crate::failure::raised::{Failure, Kind};
+use crate::failure::{Failure, Kind};
 use crate::memory_budget;
-use crate::parts::mesh::Mesh;
-use crate::source::any::AnySource;
-use crate::source::source_class::Source;
-use crate::work::run::{guarded, run};
+use crate::parts::Mesh;
+use crate::source::AnySource;
+use crate::source::Source;
+use crate::work::{guarded, run};
 
 /// Rotations tabulated unless others are given, as in a scene: a ball about the modelled pose.
 pub(crate) const DEFAULT_BALL: [f64; 2] = [20.0, 5.0];

@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView2};
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
-use crate::failure::raised::{Failure, Kind};
+use crate::failure::{Failure, Kind};
 
 /// Quaternions this close to unit length, and matrices this close to rotations, are taken for
 /// rounded ones.

@@ -9,8 +9,6 @@ use plotters::prelude::{
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoFont, TextStyle, register_font};
 
-use crate::error::PictureError;
-
 /// A rectangle of a sheet, of pixels or of lines.
 pub type Area<DB> = DrawingArea<DB, Shift>;
 
@@ -238,6 +236,16 @@ pub(crate) fn round_ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
     (first as i64..=last as i64)
         .map(|i| i as f64 * step)
         .collect()
+}
+
+/// A picture that could not be drawn or encoded.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw {what}: {reason}")]
+pub struct PictureError {
+    /// Which picture.
+    pub what: String,
+    /// The drawing library's reason.
+    pub reason: String,
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use plotters::prelude::*;
 
 use crate::canvas::{Drawing, GRID, INK, Panel, centred, stroke, text_size};
 use crate::colour::ColourScale;
-use crate::legend;
+use crate::heat_map::{draw_legend, legend_frame};
 
 /// Points with values, and lines for orientation. Positions are in the unit of the picture.
 #[derive(Debug, Clone)]
@@ -40,12 +40,12 @@ impl Cloud {
     /// If the drawing library refuses.
     pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
         let size = text_size(panel);
-        let (scene, bar) = legend::framed(panel, &self.title, &self.note)?;
+        let (scene, bar) = legend_frame(panel, &self.title, &self.note)?;
         let view = View::of(self, scene.dim_in_pixel(), size);
         self.draw_edges(&scene, &view)?;
         self.draw_points(&scene, &view)?;
         view.draw_axes(&scene, &self.unit, size)?;
-        legend::draw(&bar, &self.scale, &self.legend, size)
+        draw_legend(&bar, &self.scale, &self.legend, size)
     }
 
     fn draw_edges(&self, scene: &Panel<'_>, view: &View) -> Drawing {

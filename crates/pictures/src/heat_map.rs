@@ -2,15 +2,16 @@
 
 use std::ops::Range;
 
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use crate::canvas;
 use crate::canvas::{
-    self, Drawing, FAINT, GRID, INK, Panel, centred, number, stroke, text, text_size, tick,
+    Drawing, FAINT, INK, Panel, centred, number, round_ticks, stroke, text, text_size, tick, titled,
 };
 use crate::colour::ColourScale;
-use crate::{contour, legend};
 
 /// Values over a rectangle, drawn as colours.
 #[derive(Debug, Clone)]
@@ -106,9 +107,9 @@ impl HeatMap {
     /// If the drawing library refuses.
     pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
         let size = text_size(panel);
-        let (map, bar) = legend::framed(panel, &self.title, &self.note)?;
+        let (map, bar) = legend_frame(panel, &self.title, &self.note)?;
         self.draw_map(&map, size)?;
-        legend::draw(&bar, &self.scale, &self.legend, size)
+        draw_legend(&bar, &self.scale, &self.legend, size)
     }
 
     /// Half a sample beyond the outer samples on each side.
@@ -159,7 +160,7 @@ impl HeatMap {
             let levels = lines.levels.iter().map(|l| (*l, thin));
             let mut labels = Labels::default();
             for (level, style) in levels.chain(lines.bold.iter().map(|l| (*l, thick))) {
-                let pieces = contour::segments(lines.values.view(), level);
+                let pieces = contour_segments(lines.values.view(), level);
                 let pieces: Vec<_> = pieces
                     .into_iter()
                     .map(|piece| piece.map(|p| self.place(p)))
@@ -236,9 +237,6 @@ fn shrink_to_aspect<'a>(
     panel.margin(spare_h / 2, spare_h / 2, spare_w / 2, spare_w / 2)
 }
 
-/// Grid colour is shared with charts so that panels side by side look alike.
-pub(crate) const MESH: RGBColor = GRID;
-
 /// Levels for contour lines of a distance: round numbers on both sides of zero.
 pub(crate) fn distance_levels(values: &Array2<f32>, about: usize) -> Vec<f64> {
     let (low, high) = values
@@ -250,4 +248,140 @@ pub(crate) fn distance_levels(values: &Array2<f32>, about: usize) -> Vec<f64> {
     let mut ticks = canvas::round_ticks(low, high, about);
     ticks.retain(|t| *t != 0.0);
     ticks
+}
+
+/// A straight piece of a contour between two points, in fractional indices `[row, column]`.
+pub(crate) type Segment = [[f64; 2]; 2];
+
+/// The pieces of the line where `values` crosses `level`. Squares with a non-finite corner are
+/// left out; of the two ways through a saddle, the one that joins the corners above is taken.
+fn contour_segments(values: ArrayView2<'_, f32>, level: f64) -> Vec<Segment> {
+    let (rows, columns) = values.dim();
+    let mut out = Vec::new();
+    for i in 0..rows.saturating_sub(1) {
+        for j in 0..columns.saturating_sub(1) {
+            let corner = |di: usize, dj: usize| f64::from(values[[i + di, j + dj]]) - level;
+            // Around the square, so that neighbours in the list share an edge.
+            let places = [(0, 0), (0, 1), (1, 1), (1, 0)];
+            let v = places.map(|(di, dj)| corner(di, dj));
+            if !v.iter().all(|x| x.is_finite()) {
+                continue;
+            }
+            let mut crossings = Vec::with_capacity(4);
+            for k in 0..4 {
+                let (a, b) = (v[k], v[(k + 1) % 4]);
+                if (a < 0.0) != (b < 0.0) {
+                    let share = a / (a - b);
+                    let from = places[k];
+                    let to = places[(k + 1) % 4];
+                    let along = |p: usize, q: usize| p as f64 + share * (q as f64 - p as f64);
+                    crossings.push([
+                        i as f64 + along(from.0, to.0),
+                        j as f64 + along(from.1, to.1),
+                    ]);
+                }
+            }
+            match crossings[..] {
+                [a, b] => out.push([a, b]),
+                // Crossing k lies on the edge from corner k: cut off the corners below.
+                [a, b, c, d] if v[0] < 0.0 => out.extend([[d, a], [b, c]]),
+                [a, b, c, d] => out.extend([[a, b], [c, d]]),
+                _ => {}
+            }
+        }
+    }
+    out
+}
+
+/// Room that the bar and its numbers take, drawing pixels.
+const LEGEND_WIDTH: u32 = stroke(150);
+
+/// Draws `title` at the top of a panel and `note` at its foot; gives what is between, without and with
+/// the room for the bar.
+///
+/// # Errors
+/// If the drawing library refuses.
+pub(crate) fn legend_frame<'a>(
+    panel: &Panel<'a>,
+    title: &str,
+    note: &str,
+) -> Result<(Panel<'a>, Panel<'a>), Box<dyn std::error::Error + Send + Sync>> {
+    let width = panel.dim_in_pixel().0;
+    let size = text_size(panel);
+    let rest = titled(panel, title)?;
+    let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
+    let place = (width as i32 / 2, size as i32 / 2);
+    foot.draw_text(note, &centred(size, FAINT), place)?;
+    Ok(rest.split_horizontally(width - LEGEND_WIDTH - size))
+}
+
+/// Draws the bar with `caption` (the quantity and its unit, a line or several) above it.
+pub(crate) fn draw_legend(
+    panel: &Panel<'_>,
+    scale: &ColourScale,
+    caption: &str,
+    size: u32,
+) -> Drawing {
+    let (_, height) = panel.dim_in_pixel();
+    let line = size as i32 + 4;
+    let (left, right) = (size as i32 / 2, size as i32 / 2 + size as i32);
+    let above = text(size, INK).pos(Pos::new(HPos::Left, VPos::Top));
+    for (i, words) in caption.lines().enumerate() {
+        panel.draw_text(words, &above, (left, i as i32 * line))?;
+    }
+    let top = caption.lines().count() as i32 * line + size as i32 / 2;
+    let bottom = height as i32 - 4 * size as i32;
+    let span = f64::from((bottom - top).max(1));
+    for y in top..=bottom {
+        let share = f64::from(bottom - y) / span;
+        let value = scale.low + share * (scale.high - scale.low);
+        let colour = scale.colour(value).filled();
+        panel.draw(&Rectangle::new([(left, y), (right, y + 1)], colour))?;
+    }
+    let frame = FAINT.stroke_width(stroke(1));
+    panel.draw(&Rectangle::new([(left, top), (right, bottom + 1)], frame))?;
+    let beside = text(size, INK).pos(Pos::new(HPos::Left, VPos::Center));
+    for value in round_ticks(scale.low, scale.high, 7) {
+        let share = (value - scale.low) / (scale.high - scale.low);
+        let y = bottom - (share * span) as i32;
+        let mark = vec![(right, y), (right + size as i32 / 4, y)];
+        panel.draw(&PathElement::new(mark, FAINT))?;
+        panel.draw_text(&number(value, 3), &beside, (right + size as i32 / 2, y))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_circle_is_found_where_it_is() {
+        let values = Array2::from_shape_fn((41, 41), |(i, j)| {
+            ((i as f32 - 20.0).hypot(j as f32 - 20.0)) - 12.5
+        });
+        let found = contour_segments(values.view(), 0.0);
+        assert!(found.len() > 60);
+        for [x, y] in found.iter().flatten() {
+            // Linear interpolation of a distance over one cell is off by at most 1/(8 r).
+            let radius = (x - 20.0).hypot(y - 20.0);
+            assert!((radius - 12.5).abs() < 0.02, "{radius}");
+        }
+        let length: f64 = found
+            .iter()
+            .map(|[a, b]| (a[0] - b[0]).hypot(a[1] - b[1]))
+            .sum();
+        assert!((length / (std::f64::consts::TAU * 12.5) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_saddle_joins_the_high_corners() {
+        let values = ndarray::array![[-1.0f32, 1.0], [1.0, -1.0]];
+        for [a, b] in contour_segments(values.view(), 0.0) {
+            // Both pieces cut off a low corner: their middles are near (0,0) and (1,1).
+            let (x, y) = ((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0);
+            assert!((x - y).abs() < 1e-12, "{x} {y}");
+        }
+        assert_eq!(contour_segments(values.view(), 0.0).len(), 2);
+    }
 }

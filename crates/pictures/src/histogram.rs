@@ -2,9 +2,9 @@
 
 use plotters::prelude::*;
 
+use crate::canvas::GRID;
 use crate::canvas::{Area, Drawing, FAINT, INK, PAPER, number, text, text_size};
 use crate::colour::SERIES;
-use crate::heat_map::MESH;
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]
@@ -48,7 +48,7 @@ impl Histogram {
             .configure_mesh()
             .disable_x_mesh()
             .light_line_style(PAPER.mix(0.0))
-            .bold_line_style(MESH)
+            .bold_line_style(GRID)
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
             .y_desc(&self.vertical)

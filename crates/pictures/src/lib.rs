@@ -7,27 +7,21 @@
 mod canvas;
 mod cloud;
 mod colour;
-mod contour;
-mod error;
 mod figure;
 mod heat_map;
 mod histogram;
-mod legend;
 mod line_chart;
-mod reduce;
-mod slice;
 mod surface;
 mod vti;
 
-pub use canvas::{Area, Drawing, DrawingError, Panel, number, png, samples, svg};
+pub use canvas::{Area, Drawing, DrawingError, Panel, PictureError, number, png, samples, svg};
 pub use cloud::Cloud;
 pub use colour::{ColourMap, ColourScale};
-pub use error::PictureError;
-pub use figure::{density_map, distance_contours, sheet, skeleton, skeleton_points};
+pub use figure::{
+    AXES, Slice, SliceTextError, density_map, distance_contours, sheet, skeleton, skeleton_points,
+};
 pub use heat_map::{Contours, HeatMap};
 pub use histogram::Histogram;
-pub use line_chart::{LineChart, Mark, Series};
-pub use reduce::reduced;
-pub use slice::{AXES, Slice, SliceTextError};
+pub use line_chart::{LineChart, Mark, Series, reduced};
 pub use surface::Surface;
 pub use vti::write_vti;

@@ -3,11 +3,11 @@
 use ndarray::Array2;
 use plotters::prelude::*;
 
+use crate::canvas::GRID;
 use crate::canvas::{
     Drawing, FAINT, INK, Panel, centred, number, samples, text, text_size, titled,
 };
 use crate::colour::ColourScale;
-use crate::heat_map::MESH;
 
 /// A function of two variables.
 #[derive(Debug, Clone)]
@@ -66,8 +66,8 @@ impl Surface {
         });
         chart
             .configure_axes()
-            .light_grid_style(MESH.mix(0.4))
-            .bold_grid_style(MESH)
+            .light_grid_style(GRID.mix(0.4))
+            .bold_grid_style(GRID)
             .axis_panel_style(RGBColor(250, 250, 252))
             .label_style(text(size, INK))
             .x_labels(5)

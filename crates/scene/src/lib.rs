@@ -33,17 +33,17 @@ mod scene;
 mod setup;
 mod solids;
 
-pub use assembly::loaded::Assembly;
-pub use assembly::profile::{Motion, ProfilePoint};
+pub use assembly::{Assembly, Motion, ProfilePoint};
+
 pub use error::{LineError, Refusal, SceneError};
-pub use live::live_pairs::LivePairs;
+pub use live::LivePairs;
 pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
-pub use setup::meshes::FitSolids;
-pub use setup::placed_parts::PlacedParts;
+pub use setup::parts::FitSolids;
+pub use setup::parts::SceneWarning;
+pub use setup::scene_setup::PlacedParts;
 pub use setup::scene_setup::SceneSetup;
 pub use setup::tables::{TableReference, held_out_poses};
-pub use setup::warning::SceneWarning;
 pub use solids::draft::SceneDraft;
 pub use solids::error::ImportError;
-pub use solids::mjcf::options::MujocoOptions;
+pub use solids::mjcf::geom::MujocoOptions;
 pub use solids::solid_set::{PlacedSolid, SolidOptions, SolidSet};

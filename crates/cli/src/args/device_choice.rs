@@ -7,7 +7,7 @@ use haptic::device::info::{DeviceInfo, DeviceKind};
 
 /// A device, or how to find one.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum DeviceChoice {
+pub(crate) enum DeviceChoice {
     /// A mass, spring and damper that follows a script: no hardware needed.
     Simulated,
     /// What is attached, force feedback first; the simulated hand if nothing is.
@@ -20,7 +20,7 @@ pub enum DeviceChoice {
 
 /// Which of several devices of a kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Which {
+pub(crate) enum Which {
     /// The first.
     First,
     /// The one that is called so: path, driver's name, serial number or `vendor:product`.
@@ -29,12 +29,12 @@ pub enum Which {
 
 impl Which {
     /// Whether it means this device.
-    pub fn means(&self, device: &DeviceInfo) -> bool {
+    pub(crate) fn means(&self, device: &DeviceInfo) -> bool {
         self.name().is_none_or(|name| device.is_called(name))
     }
 
     /// What was typed.
-    pub fn name(&self) -> Option<&str> {
+    pub(crate) fn name(&self) -> Option<&str> {
         match self {
             Self::First => None,
             Self::Named(name) => Some(name),

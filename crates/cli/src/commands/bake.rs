@@ -15,7 +15,7 @@ use crate::args::BakeArgs;
 use crate::bytes::display_bytes;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::output::{print_json, require_folder};
+use crate::report::output::require_folder;
 
 #[derive(Serialize)]
 struct Summary {
@@ -56,7 +56,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     let energies = design.setup.energies(&design.table)?;
     let share = part.share(args.resume);
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
-        .map_err(|e| stored::explain(&args.output, e))?;
+        .map_err(|e| stored::bake_error(&args.output, e))?;
     context.progress.finish();
     let seconds = began.elapsed().as_secs_f64();
     let mut store = stored::open(&args.output)?;
@@ -71,10 +71,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         summary.error = Some(error);
         summary.complete = true;
     }
-    match context.json {
-        true => print_json(&summary)?,
-        false => print(&summary, &progress),
-    }
+    context.show(&summary, || print(&summary, &progress))?;
     let rotations = &store.spec().rotations;
     let reached = summary.error.as_ref().map(|e| e.wrench(rotations));
     check_tolerance(args, reached)
@@ -98,7 +95,7 @@ fn prepare(
     args: &BakeArgs,
     context: &Context,
 ) -> Result<(Design, Option<TableReference>), CommandError> {
-    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
     let mut setup = scenes::setup(scene, context)?;
     let mut reference = None;
     let chosen = args.tolerance.is_some() && exists(&args.output)?;
@@ -142,13 +139,11 @@ fn exists(output: &Path) -> Result<bool, CommandError> {
 /// The probes may have promised too much.
 fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandError> {
     match (args.tolerance, reached) {
-        (Some(asked), Some(reached)) if reached > asked => Err(CommandError::Tolerance {
-            part: "the whole table",
-            asked,
-            reached,
-            reason: "though its probes did; it is kept. Ask for a little less, or more poses"
-                .into(),
-        }),
+        (Some(asked), Some(reached)) if reached > asked => Err(CommandError::tolerance(
+            "the whole table",
+            [asked, reached],
+            "though its probes did; it is kept. Ask for a little less, or more poses",
+        )),
         _ => Ok(()),
     }
 }
@@ -158,7 +153,7 @@ fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandE
 struct Part {
     rank: usize,
     size: usize,
-    /// What said so, if it was not the command line.
+    /// The launcher that set it, if it was not the command line.
     launcher: Option<String>,
 }
 
@@ -172,7 +167,7 @@ impl Part {
     }
 
     /// What a launcher's environment was taken for.
-    fn told(&self) -> Option<String> {
+    fn description(&self) -> Option<String> {
         let launcher = self.launcher.as_ref()?;
         let (rank, size) = (self.rank, self.size);
         Some(match size {
@@ -186,7 +181,7 @@ impl Part {
 
     /// Tells it before the work.
     fn note(&self, context: &Context) {
-        if let Some(told) = self.told() {
+        if let Some(told) = self.description() {
             context.progress.note(&told);
         }
     }
@@ -229,20 +224,18 @@ fn part(args: &BakeArgs) -> Result<Part, CommandError> {
 
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
-    Scene::read(&args.scene)?;
+    Scene::read(&args.scene.file)?;
     let progress = stored::examine(&stored::open(&args.output)?, context)?;
-    if context.json {
-        return print_json(&progress);
-    }
-    crate::say!(
-        "{}: {} of {} rotations finished, {} missing, {} damaged",
-        args.output.display(),
-        progress.finished,
-        progress.rotations,
-        progress.missing,
-        progress.damaged
-    );
-    Ok(())
+    context.show(&progress, || {
+        say!(
+            "{}: {} of {} rotations finished, {} missing, {} damaged",
+            args.output.display(),
+            progress.finished,
+            progress.rotations,
+            progress.missing,
+            progress.damaged
+        );
+    })
 }
 
 fn measure(
@@ -294,7 +287,7 @@ fn summary(
 }
 
 fn print(summary: &Summary, progress: &stored::Progress) {
-    crate::say!(
+    say!(
         "{}: {} of {} rotations, {} in memory, {} on disk",
         summary.table,
         progress.finished,
@@ -302,7 +295,7 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         display_bytes(summary.bytes),
         display_bytes(summary.bytes_on_disk)
     );
-    crate::say!(
+    say!(
         "computed {} rotations in {:.2} s ({:.1} ms each), {} were there, {} of them damaged",
         summary.computed,
         summary.seconds,
@@ -310,18 +303,18 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         summary.kept + summary.repaired,
         summary.repaired
     );
-    crate::say!(
+    say!(
         "left out {} of {} bricks, which hold nothing of note: {} less on disk than plain numbers, {} less in memory",
         summary.bricks_left_out,
         summary.bricks,
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
     );
-    if let Some(told) = summary.share.told() {
-        crate::say!("{told}");
+    if let Some(told) = summary.share.description() {
+        say!("{told}");
     }
     match &summary.error {
-        None => crate::say!("not complete yet: its error is measured when it is"),
+        None => say!("not complete yet: its error is measured when it is"),
         Some(error) => stored::print_error(error),
     }
 }

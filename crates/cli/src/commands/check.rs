@@ -2,18 +2,20 @@
 
 use std::path::PathBuf;
 
-use pegfit_scene::Scene;
+use glam::{DQuat, DVec3};
+use pegfit_scene::{FitSolids, Scene};
 use sdf_grid::mesh_io::{ReadOptions, Solid, examine};
 use sdf_grid::text::shown;
-use sdf_grid::{Ledger, LengthUnit, MeshError, RepairReport, SymmetryAxis, SymmetryOrder};
+use sdf_grid::{
+    Interference, InterferenceQuery, Ledger, LengthUnit, MeshError, RepairReport, SymmetryAxis,
+    SymmetryOrder,
+};
 use serde::Serialize;
 
 use crate::args::CheckArgs;
-use crate::commands::fits::{self, Fit};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, Exit};
 use crate::report::ledger;
-use crate::report::output::print_json;
 
 /// Components and solids listed one by one.
 const MOST_LISTED: usize = 12;
@@ -26,7 +28,7 @@ const MOST: f64 = 20.0;
 const OPEN: &str = "it can be used as it is; export a closed solid for exact signs, and for shorter \
                     computations";
 
-/// What is said about one file.
+/// The verdict on one file.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum Verdict {
@@ -48,7 +50,7 @@ enum Verdict {
     },
 }
 
-/// What is printed for programs; of the same shape whatever was asked about.
+/// The result for programs; its shape does not depend on the inputs.
 #[derive(Debug, Serialize)]
 struct Findings {
     /// Every mesh, in the order in which it was named.
@@ -59,38 +61,36 @@ struct Findings {
 
 /// A mesh to look at, and how to read it.
 #[derive(Debug, Clone, PartialEq)]
-struct Subject {
+struct MeshInput {
     path: PathBuf,
     options: ReadOptions,
 }
 
 pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandError> {
-    let (mut subjects, mut pairs) = (Vec::new(), Vec::new());
+    let (mut inputs, mut pairs) = (Vec::new(), Vec::new());
     for path in &args.meshes {
         match path.extension().is_some_and(|e| e == "toml") {
             true => {
                 let scene = Scene::read(path)?;
-                subjects.extend(meshes_of(&scene));
-                pairs.extend(fits::of(&scene));
+                inputs.extend(meshes_of(&scene));
+                pairs.extend(fits_of(&scene));
             }
-            false => subjects.push(Subject {
+            false => inputs.push(MeshInput {
                 path: path.clone(),
                 options: args.choice.options(args.unit),
             }),
         }
     }
-    let meshes = subjects.iter().map(judge).collect();
+    let meshes = inputs.iter().map(judge).collect();
     let findings = Findings { meshes, pairs };
-    if context.json {
-        print_json(&findings)?;
-    } else {
-        for (verdict, subject) in findings.meshes.iter().zip(&subjects) {
-            print(verdict, subject.options.unit);
+    context.show(&findings, || {
+        for (verdict, input) in findings.meshes.iter().zip(&inputs) {
+            print(verdict, input.options.unit);
         }
         for pair in &findings.pairs {
-            fits::print(pair);
+            print_fit(pair);
         }
-    }
+    })?;
     let unusable = findings
         .meshes
         .iter()
@@ -98,32 +98,32 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
         .count();
     match unusable {
         0 => Ok(()),
-        count => Err(CommandError::UnusableMeshes {
-            count,
-            total: findings.meshes.len(),
-        }),
+        count => Err(CommandError::Verdict(
+            format!("{count} of {} meshes cannot be used", findings.meshes.len()),
+            Exit::UnusableMesh,
+        )),
     }
 }
 
 /// Every mesh of a scene once, however often it stands there.
-fn meshes_of(scene: &Scene) -> Vec<Subject> {
-    let mut subjects = Vec::new();
+fn meshes_of(scene: &Scene) -> Vec<MeshInput> {
+    let mut inputs = Vec::new();
     for part in scene.fixed_parts().chain([&scene.moving]) {
         for mesh in &part.meshes {
-            let subject = Subject {
+            let input = MeshInput {
                 path: mesh.path.clone(),
                 options: mesh.options(scene.unit),
             };
-            if !subjects.contains(&subject) {
-                subjects.push(subject);
+            if !inputs.contains(&input) {
+                inputs.push(input);
             }
         }
     }
-    subjects
+    inputs
 }
 
-fn judge(subject: &Subject) -> Verdict {
-    match examine(&subject.path, &subject.options) {
+fn judge(input: &MeshInput) -> Verdict {
+    match examine(&input.path, &input.options) {
         Ok(found) => Verdict::Usable {
             symmetry: found.symmetry,
             ledger: found.ledger,
@@ -134,7 +134,7 @@ fn judge(subject: &Subject) -> Verdict {
             usable: true,
         },
         Err(error) => Verdict::Unusable {
-            name: subject.path.display().to_string(),
+            name: input.path.display().to_string(),
             next: next_for(&error),
             error: error.to_string(),
             usable: false,
@@ -192,10 +192,10 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
         Verdict::Unusable {
             name, error, next, ..
         } => {
-            crate::say!("{}: cannot be used", shown(name));
-            crate::say!("  {error}");
+            say!("{}: cannot be used", shown(name));
+            say!("  {error}");
             if let Some(next) = next {
-                crate::say!("  next         {next}");
+                say!("  next         {next}");
             }
         }
         Verdict::Usable {
@@ -207,9 +207,9 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
             warnings,
             ..
         } => {
-            crate::say!("{}: usable", shown(&report.name));
+            say!("{}: usable", shown(&report.name));
             if let Some(stated) = stated_unit {
-                crate::say!("  unit         {stated}, as the file says");
+                say!("  unit         {stated}, as the file says");
             }
             ledger::print(ledger);
             if solids.len() > 1 {
@@ -224,16 +224,16 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
                     SymmetryOrder::Continuous => "any turn".to_owned(),
                     SymmetryOrder::Finite(n) => format!("{n}-fold"),
                 };
-                crate::say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
+                say!("  symmetry     {order} about ({x:.4}, {y:.4}, {z:.4})");
             }
             for warning in warnings {
-                crate::say!("  note         {warning}");
+                say!("  note         {warning}");
             }
             if let Some(next) = odd_size(report, stated_unit.is_some()) {
-                crate::say!("  next         {next}");
+                say!("  next         {next}");
             }
             if report.open_edges > 0 {
-                crate::say!("  next         {OPEN}");
+                say!("  next         {OPEN}");
             }
         }
     }
@@ -241,17 +241,17 @@ fn print(verdict: &Verdict, unit: LengthUnit) {
 
 fn print_list(title: &str, lines: &[String]) {
     for line in lines.iter().take(MOST_LISTED) {
-        crate::say!("  {title:<12} {line}");
+        say!("  {title:<12} {line}");
     }
     if let Some(more) = lines.len().checked_sub(MOST_LISTED + 1) {
-        crate::say!("  {title:<12} and {} more", more + 1);
+        say!("  {title:<12} and {} more", more + 1);
     }
 }
 
-/// What repair did to the triangles.
+/// What hygiene did to the triangles.
 fn print_changes(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
-    crate::say!(
+    say!(
         "  triangles    {} of {} kept: {} without area, {} duplicate, {} edges cut at T-junctions",
         report.triangles,
         report.input_triangles,
@@ -259,7 +259,7 @@ fn print_changes(report: &RepairReport, unit: LengthUnit) {
         report.duplicate_faces,
         report.stitched_edges
     );
-    crate::say!(
+    say!(
         "  vertices     {} of {} kept: {} welded within {:.3e} {unit}, {} unused",
         report.vertices,
         report.input_vertices,
@@ -272,7 +272,7 @@ fn print_changes(report: &RepairReport, unit: LengthUnit) {
 /// How the surface hangs together.
 fn print_surface(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
-    crate::say!("  components   {}", report.components);
+    say!("  components   {}", report.components);
     if report.components > 1 {
         let lines: Vec<String> = report
             .per_component
@@ -293,16 +293,16 @@ fn print_surface(report: &RepairReport, unit: LengthUnit) {
         print_list("component", &lines);
     }
     match (report.watertight, report.open_edges) {
-        (true, _) => crate::say!("  watertight   yes"),
-        (false, 0) => crate::say!("  watertight   no"),
-        (false, n) => crate::say!(
+        (true, _) => say!("  watertight   yes"),
+        (false, 0) => say!("  watertight   no"),
+        (false, n) => say!(
             "  watertight   no, {n} open edges, {:.3} % of the area missing",
             100.0 * report.open_area_fraction
         ),
     }
     match report.flipped_faces {
-        0 => crate::say!("  orientation  outwards"),
-        n => crate::say!("  orientation  outwards, after {n} faces were reversed"),
+        0 => say!("  orientation  outwards"),
+        n => say!("  orientation  outwards, after {n} faces were reversed"),
     }
 }
 
@@ -310,12 +310,12 @@ fn print_size(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
     let size = report.bounds.size() / metre;
     let low = report.bounds.min / metre;
-    crate::say!(
+    say!(
         "  volume       {:.6} {unit}³",
         report.volume / metre.powi(3)
     );
-    crate::say!("  area         {:.6} {unit}²", report.area / metre.powi(2));
-    crate::say!(
+    say!("  area         {:.6} {unit}²", report.area / metre.powi(2));
+    say!(
         "  bounds       {:.6} x {:.6} x {:.6} {unit}, from ({:.6}, {:.6}, {:.6})",
         size.x,
         size.y,
@@ -324,4 +324,97 @@ fn print_size(report: &RepairReport, unit: LengthUnit) {
         low.y,
         low.z
     );
+}
+
+/// Share of the smaller part's volume up to which facets, or a press fit, may be all that overlaps.
+pub(super) const FACETS: f64 = 2e-3;
+
+/// Share up to which parts count as touching: what is shared then is rounding.
+pub(super) const TOUCHING: f64 = 1e-6;
+
+/// Interference of a fixed part and the moving one at the fit.
+#[derive(Debug, Serialize)]
+struct Fit {
+    /// The scene that puts them there.
+    scene: String,
+    fixed: String,
+    moving: String,
+    /// Cubic metres.
+    shared_volume: f64,
+    /// Of the smaller part's volume.
+    share: f64,
+    /// How deep a point of either lies in the other at most, metres.
+    depth: f64,
+    /// Metres between their boxes along the axis on which they are farthest apart; 0 if they meet.
+    apart: f64,
+    /// What to do, if anything.
+    next: Vec<String>,
+}
+
+/// Every pair of a scene; none if a mesh cannot be used: its own verdict says so.
+fn fits_of(scene: &Scene) -> Vec<Fit> {
+    let Ok(pairs) = scene.fit_solids() else {
+        return Vec::new();
+    };
+    let path = scene.path.display().to_string();
+    let fit = |pair: FitSolids| judge_fit(&pair, &scene.moving.name, &path);
+    pairs.into_iter().map(fit).collect()
+}
+
+fn judge_fit(pair: &FitSolids, moving: &str, scene: &str) -> Fit {
+    let (a, b) = (pair.fixed.bounds(), pair.moving.bounds());
+    let gap = (a.min - b.max).max(b.min - a.max).max_element().max(0.0);
+    let query = InterferenceQuery::new(&pair.fixed, &pair.moving);
+    let Interference { volume, depth } = query.at(DQuat::IDENTITY, DVec3::ZERO);
+    let share = volume / pair.fixed.volume().min(pair.moving.volume());
+    let mut next: Vec<String> = pair.scale.iter().map(|w| w.to_string()).collect();
+    if share > FACETS {
+        next.push(format!(
+            "they overlap by more than facets do: put them where they fit (position, rotation under \
+             [moving], or [fit]); `pegfit plot overlap {scene} -o overlap.png` shows where"
+        ));
+        next.push(format!(
+            "if the overlap is meant: `pegfit path {scene} --allow-overlap` says how deep it is"
+        ));
+    }
+    if gap > 0.375 * b.diagonal() {
+        next.push(
+            "they are out of reach of each other: export both from one assembly, or put them where \
+             they fit (position, rotation under [moving], or [fit])"
+                .to_owned(),
+        );
+    }
+    Fit {
+        scene: scene.to_owned(),
+        fixed: pair.name.clone(),
+        moving: moving.to_owned(),
+        shared_volume: volume,
+        share,
+        depth,
+        apart: gap,
+        next,
+    }
+}
+
+/// For people.
+fn print_fit(fit: &Fit) {
+    let Fit { fixed, moving, .. } = fit;
+    match (fit.share > TOUCHING, fit.apart > 0.0) {
+        (true, _) => say!(
+            "{moving} in {fixed}: they share {:.4} mm³, {:.3} % of the smaller, {:.4} mm deep",
+            fit.shared_volume / 1e-9,
+            100.0 * fit.share,
+            1e3 * fit.depth
+        ),
+        (false, true) => {
+            say!(
+                "{moving} in {fixed}: {:.3} mm apart at the fit",
+                1e3 * fit.apart
+            )
+        }
+        (false, false) => say!("{moving} in {fixed}: they do not overlap"),
+    }
+    for next in &fit.next {
+        say!("  next         {next}");
+    }
 }

@@ -34,11 +34,11 @@ struct Summary {
     stages: Vec<fft_correlate::dock::SearchStage>,
     seconds: f64,
     milliseconds_per_rotation: f64,
-    poses: Vec<Found>,
+    poses: Vec<DockedPose>,
 }
 
 #[derive(Clone, Serialize)]
-struct Found {
+struct DockedPose {
     position: [f64; 3],
     rotation: [f64; 4],
     /// Under the docking weights, joules: the order of the list.
@@ -76,7 +76,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     ] {
         file.map_or(Ok(()), |f| require_folder(f))?;
     }
-    let scene = scenes::read(&args.scene, args.fixed.as_deref())?;
+    let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
     let options = DockingRequest {
         top: args.top,
@@ -85,7 +85,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         mating_clearance: (args.mating_clearance).map(|c| c * setup.scene.unit.in_metres()),
         ..setup.docking_options()
     };
-    let found = look(&setup, options, context)?;
+    let found = find_poses(&setup, options, context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
             write(&found, setup.placement(), out)
@@ -101,10 +101,10 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     if context.json {
         print_json(&summary)?;
     } else if to_stdout {
-        // What is refused is told at the end.
+        // Refused writes are reported at the end.
         let _ = write(&found, setup.placement(), StandardOutput);
     } else {
-        say(&setup, &found);
+        print(&setup, &found);
     }
     // What was scored before Ctrl-C has been written; the exit code says that it is not all.
     match interrupted() {
@@ -114,7 +114,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
 }
 
 /// Docks the parts of a scene; the poses found are those of the shapes.
-pub(super) fn look(
+pub(super) fn find_poses(
     setup: &SceneSetup,
     options: DockingRequest,
     context: &Context,
@@ -123,10 +123,10 @@ pub(super) fn look(
     context.progress.finish();
     let report = found?;
     if let Some(reason) = &report.undecided {
-        crate::remark!("poses of nearly equal depth are not looked at closer: {reason}");
+        remark!("poses of nearly equal depth are not looked at closer: {reason}");
     }
     if let Some(reason) = &report.averaged {
-        crate::remark!("poses are ranked by cell averages, without contact: {reason}");
+        remark!("poses are ranked by cell averages, without contact: {reason}");
     }
     Ok(report)
 }
@@ -147,12 +147,12 @@ fn summary(report: &DockingResult, placement: &Placement) -> Summary {
         poses: report
             .poses
             .iter()
-            .map(|pose| Found::new(pose, placement))
+            .map(|pose| DockedPose::new(pose, placement))
             .collect(),
     }
 }
 
-impl Found {
+impl DockedPose {
     fn new(pose: &DockingPose, placement: &Placement) -> Self {
         let found = &pose.found;
         let at = placement.to_scene(&found.pose);
@@ -195,41 +195,30 @@ fn write(
     rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
     for pose in &report.poses {
         let found = &pose.found;
-        for value in pose_fields(&placement.to_scene(&found.pose)) {
-            rows.write_field(value.to_string())?;
-        }
+        let mut numbers = pose_fields(&placement.to_scene(&found.pose)).to_vec();
         let width = found.half_width.unwrap_or(f64::INFINITY);
-        for value in [
-            found.energy,
-            pose.depth,
-            pose.mating_area,
-            pose.model_energy,
-            width,
-            pose.overlap,
-        ] {
-            rows.write_field(value.to_string())?;
-        }
-        rows.write_field(found.refined.to_string())?;
-        rows.write_field(pose.condition.map_or(String::new(), |c| c.to_string()))?;
-        for value in [pose.quality, pose.interference.depth] {
-            rows.write_field(value.to_string())?;
-        }
-        rows.write_record(None::<&[u8]>)?;
+        numbers.extend([found.energy, pose.depth, pose.mating_area]);
+        numbers.extend([pose.model_energy, width, pose.overlap]);
+        let mut row: Vec<String> = numbers.iter().map(f64::to_string).collect();
+        row.push(found.refined.to_string());
+        row.push(pose.condition.map_or(String::new(), |c| c.to_string()));
+        row.extend([pose.quality, pose.interference.depth].map(|v| v.to_string()));
+        rows.write_record(&row)?;
     }
     Ok(rows.flush()?)
 }
 
-fn say(setup: &SceneSetup, report: &DockingResult) {
+fn print(setup: &SceneSetup, report: &DockingResult) {
     let sketch = report.stages.iter().find(|s| s.name == "sketch");
     if let Some(stage) = sketch {
-        crate::say!(
+        say!(
             "sketched {} rotations, {:.2} ms each: {} chosen",
             stage.items,
             1e3 * stage.seconds / stage.items as f64,
             report.chosen
         );
     }
-    crate::say!(
+    say!(
         "scored {} of {} rotations x {} displacements, {:.2} ms each; {:.2} s in all",
         report.scored,
         report.chosen,
@@ -239,14 +228,14 @@ fn say(setup: &SceneSetup, report: &DockingResult) {
     );
     let unit = setup.display_unit();
     let metre = unit.in_metres();
-    crate::say!(
+    say!(
         "  depth   quality   mating (mm²)   energy (mJ), docking and scene's   overlap, deep (mm)   \
          condition   from the fit ({unit}, degrees)"
     );
     for pose in report.poses.iter().take(10) {
         let (fit, pivot) = (&setup.parts.assembled, report.lattices.pivot);
         let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
-        crate::say!(
+        say!(
             "  {:>5.3}   {:>7.3}   {:>12.1}   {:>12.4}   {:>17.4}   {:>7.3}%  {:>8.4}   {:>9}   \
              {:>9.4}  {:>8.3}",
             pose.depth,

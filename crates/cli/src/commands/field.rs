@@ -218,20 +218,20 @@ fn report_result(
         return print_json(summary);
     }
     let [nx, ny, nz] = summary.nodes;
-    crate::say!(
+    say!(
         "mesh        {}, {} triangles",
         summary.mesh,
         summary.triangles
     );
-    crate::say!(
+    say!(
         "lattice     {nx} x {ny} x {nz}, spacing {:.6} {}",
         summary.spacing_m / args.unit.in_metres(),
         args.unit
     );
-    crate::say!("computed    in {:.2} s", summary.seconds);
-    crate::say!("largest     |density| {:.3}", summary.largest_density);
+    say!("computed    in {:.2} s", summary.seconds);
+    say!("largest     |density| {:.3}", summary.largest_density);
     for output in outputs(args) {
-        crate::say!("wrote       {}", output.display());
+        say!("wrote       {}", output.display());
     }
     Ok(())
 }

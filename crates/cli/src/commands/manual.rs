@@ -10,7 +10,7 @@ use crate::error::CommandError;
 pub(super) fn complete(args: &CompletionsArgs) {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut Arguments::command(), "pegfit", &mut text);
-    crate::say!("{}", String::from_utf8_lossy(&text));
+    say!("{}", String::from_utf8_lossy(&text));
 }
 
 /// Writes `pegfit.1` and a page for each command.
@@ -41,6 +41,6 @@ fn page(command: &Command, name: &str, args: &ManArgs) -> Result<(), CommandErro
         .render(&mut text)
         .map_err(|e| CommandError::write(&path, e))?;
     atomic::write(&path, &text)?;
-    crate::say!("{}", path.display());
+    say!("{}", path.display());
     Ok(())
 }

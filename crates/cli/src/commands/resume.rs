@@ -17,11 +17,7 @@ pub(super) fn read<T: Default + DeserializeOwned>(file: Option<&Path>) -> Result
     let Some(file) = file else {
         return Ok(T::default());
     };
-    let text = regular::read(file, LONGEST).map_err(|e| CommandError::Io {
-        action: "read",
-        path: file.to_owned(),
-        source: e.into(),
-    })?;
+    let text = regular::read(file, LONGEST).map_err(|e| CommandError::read(file, e.into()))?;
     let Some(text) = text else {
         return Ok(T::default());
     };
@@ -40,18 +36,14 @@ pub(super) fn after<T: Serialize, A>(
         return Ok(found?);
     };
     match &found {
-        Err(PathError::Explored { item }) => {
+        Err(PathError::Visited { item }) => {
             let expected = "what was tried for the same question";
             return Err(refused(file, expected, format!("{item} differs")));
         }
         Err(PathError::Cancelled) => write(file, tried)?,
         Ok(answer) if !decided(answer) => write(file, tried)?,
         Ok(_) if file.exists() => {
-            std::fs::remove_file(file).map_err(|source| CommandError::Io {
-                action: "remove",
-                path: file.to_owned(),
-                source,
-            })?;
+            std::fs::remove_file(file).map_err(|e| CommandError::io("remove", file, e))?;
         }
         _ => {}
     }
@@ -62,15 +54,10 @@ fn write<T: Serialize>(file: &Path, tried: &T) -> Result<(), CommandError> {
     let text =
         serde_json::to_string(tried).map_err(|e| CommandError::failure("writing JSON", e))?;
     atomic::write(file, text.as_bytes())?;
-    crate::remark!("not decided: --resume {} goes on", file.display());
+    remark!("not decided: --resume {} goes on", file.display());
     Ok(())
 }
 
 fn refused(file: &Path, expected: &str, found: impl std::fmt::Display) -> CommandError {
-    CommandError::Input {
-        file: file.display().to_string(),
-        item: "--resume".into(),
-        expected: expected.into(),
-        found: found.to_string(),
-    }
+    CommandError::input(file.display().to_string(), "--resume", expected, found)
 }

@@ -11,15 +11,15 @@ use sdf_grid::{InterferenceQuery, Ledger, LengthUnit};
 use serde::Serialize;
 
 use crate::args::SceneArgs;
-use crate::commands::fits::{FACETS, TOUCHING};
+use crate::commands::check::{FACETS, TOUCHING};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::ledger;
 use crate::report::output::{print_json, require_folder};
 
-/// What is said of a solid.
+/// Summary of a solid.
 #[derive(Debug, Serialize)]
-struct Told {
+struct SolidSummary {
     /// Of its solid, link or body, from 1.
     number: usize,
     name: String,
@@ -41,10 +41,10 @@ enum Role {
     LeftOut,
 }
 
-/// Everything that is said.
+/// Summary for programs.
 #[derive(Debug, Serialize)]
 struct Summary {
-    solids: Vec<Told>,
+    solids: Vec<SolidSummary>,
     /// Cubic metres of what moves; 0 if nothing does.
     moving_volume: f64,
     scene: Option<PathBuf>,
@@ -59,9 +59,9 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
     }
     let options = SolidOptions {
         unit: args.unit,
-        segments_per_turn: args.segments_per_turn,
-        step_time_limit: Duration::from_secs(args.step_time_limit),
-        lossy: args.lossy,
+        segments_per_turn: args.reading.segments_per_turn,
+        step_time_limit: Duration::from_secs(args.reading.step_time_limit),
+        lossy: args.reading.lossy,
         visual: args.visual,
         ..SolidOptions::default()
     };
@@ -69,14 +69,14 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
     if args.moving.is_empty() {
         let summary = Summary {
             solids: (0..set.solids.len())
-                .map(|i| told(&set, i, Role::Listed))
+                .map(|i| describe_solid(&set, i, Role::Listed))
                 .collect(),
             moving_volume: 0.0,
             scene: None,
             meshes: Vec::new(),
             ledger: set.ledger.clone(),
         };
-        return say(&summary, &args.file, context);
+        return print(&summary, &args.file, context);
     }
     let draft = set.draft(&args.moving, &args.fixed, args.separate)?;
     let mut summary = describe(&draft);
@@ -84,10 +84,10 @@ pub(super) fn run(args: &SceneArgs, context: &Context) -> Result<(), CommandErro
         summary.meshes = draft.write(output)?;
         summary.scene = Some(output.clone());
     }
-    say(&summary, &args.file, context)
+    print(&summary, &args.file, context)
 }
 
-fn told(set: &SolidSet, index: usize, role: Role) -> Told {
+fn describe_solid(set: &SolidSet, index: usize, role: Role) -> SolidSummary {
     let solid = &set.solids[index];
     let groups = set.groups();
     let number = groups
@@ -95,7 +95,7 @@ fn told(set: &SolidSet, index: usize, role: Role) -> Told {
         .position(|(g, _)| *g == solid.group)
         .unwrap_or(0)
         + 1;
-    Told {
+    SolidSummary {
         number,
         name: set.called(index),
         triangles: solid.mesh.triangles().len(),
@@ -118,14 +118,24 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
         let shared = |m| InterferenceQuery::new(&fixed, m).at(DQuat::IDENTITY, DVec3::ZERO);
         moving.iter().map(|m| shared(m).volume).sum()
     };
-    let mut solids: Vec<Told> = (draft.fixed.par_iter())
-        .map(|&i| Told {
+    let mut solids: Vec<SolidSummary> = (draft.fixed.par_iter())
+        .map(|&i| SolidSummary {
             shared_volume: Some(shared(i)),
-            ..told(set, i, Role::Fixed)
+            ..describe_solid(set, i, Role::Fixed)
         })
         .collect();
-    solids.extend(draft.moving.iter().map(|&i| told(set, i, Role::Moving)));
-    solids.extend(draft.left_out.iter().map(|&i| told(set, i, Role::LeftOut)));
+    solids.extend(
+        draft
+            .moving
+            .iter()
+            .map(|&i| describe_solid(set, i, Role::Moving)),
+    );
+    solids.extend(
+        draft
+            .left_out
+            .iter()
+            .map(|&i| describe_solid(set, i, Role::LeftOut)),
+    );
     solids.sort_by_key(|s| s.number);
     Summary {
         solids,
@@ -136,7 +146,7 @@ fn describe(draft: &SceneDraft<'_>) -> Summary {
     }
 }
 
-fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandError> {
+fn print(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandError> {
     if context.json {
         return print_json(summary);
     }
@@ -159,7 +169,7 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
             Role::Fixed => ", stays",
             Role::LeftOut => ", left out: out of reach, or not asked for",
         };
-        crate::say!(
+        say!(
             "{:>4}  {:<24} {:>9} triangles  {x:.3} x {y:.3} x {z:.3} {unit}{role}",
             solid.number,
             shown(&solid.name),
@@ -180,12 +190,12 @@ fn say(summary: &Summary, file: &Path, context: &Context) -> Result<(), CommandE
 }
 
 /// That solids cut into each other where they are, and what to do about it.
-fn say_overlap(solid: &Told, share: f64, cubic_millimetres: f64) {
+fn say_overlap(solid: &SolidSummary, share: f64, cubic_millimetres: f64) {
     let advice = match share <= FACETS {
         true => "facets, or a press fit",
         false => "more than facets do: look whether the file shows the fit (pegfit plot overlap)",
     };
-    crate::say!(
+    say!(
         "overlap: {} and what moves share {cubic_millimetres:.4} mm³, {:.3} % of what moves: {advice}",
         shown(&solid.name),
         100.0 * share
@@ -199,13 +209,13 @@ fn say_next(summary: &Summary, file: &Path) {
             true => "-o scene.toml to write the scene",
             false => "--moving NAME -o scene.toml to make a scene",
         };
-        return crate::say!("next: pegfit scene {} ... {wanted}", file.display());
+        return say!("next: pegfit scene {} ... {wanted}", file.display());
     };
     if let Some(first) = summary.meshes.first() {
         let folder = first.parent().unwrap_or(Path::new(""));
-        crate::say!("meshes: {} in {}", summary.meshes.len(), folder.display());
+        say!("meshes: {} in {}", summary.meshes.len(), folder.display());
     }
     let scene = scene.display();
-    crate::say!("scene:  {scene}");
-    crate::say!("next:   pegfit check {scene}; pegfit plot well {scene}; pegfit play {scene}");
+    say!("scene:  {scene}");
+    say!("next:   pegfit check {scene}; pegfit plot well {scene}; pegfit play {scene}");
 }

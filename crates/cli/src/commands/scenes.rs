@@ -1,4 +1,4 @@
-//! Scenes for commands: read and loaded, with what their user should know.
+//! Scenes for commands: read and loaded, with warnings printed.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ pub(super) fn read(path: &Path, fixed: Option<&str>) -> Result<Scene, CommandErr
 /// Reads the meshes of a scene with one fixed part.
 pub(super) fn setup(scene: Scene, context: &Context) -> Result<SceneSetup, CommandError> {
     let setup = SceneSetup::read(scene, context.memory)?;
-    tell(&setup.warnings, context);
+    print_warnings(&setup.warnings, context);
     Ok(setup)
 }
 
@@ -26,7 +26,7 @@ pub(super) fn load(scene: Scene, context: &Context) -> Result<Assembly, CommandE
     Ok(assembly)
 }
 
-pub(super) fn tell(warnings: &[SceneWarning], context: &Context) {
+pub(super) fn print_warnings(warnings: &[SceneWarning], context: &Context) {
     for warning in warnings {
         let kind = match warning {
             SceneWarning::Scale { .. } => "warning",
@@ -38,7 +38,7 @@ pub(super) fn tell(warnings: &[SceneWarning], context: &Context) {
     }
 }
 
-/// What errors say they are about: the scene file and a part of it.
-pub(super) fn within(assembly: &Assembly, item: &str) -> String {
+/// The subject of an error: the scene file and a part of it.
+pub(super) fn scene_item(assembly: &Assembly, item: &str) -> String {
     format!("{}: {item}", assembly.scene().path.display())
 }

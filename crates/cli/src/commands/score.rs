@@ -74,8 +74,8 @@ fn read_ahead(mut poses: AnyReader) -> Chunks {
     chunks
 }
 
-/// Evaluates and writes chunk by chunk, in order. What standard output, which has no name, refuses is
-/// told at the end of the run.
+/// Evaluates and writes chunk by chunk, in order. Writes that standard output,
+/// which has no name, refuses are reported at the end of the run.
 fn stream(
     poses: &mut dyn Iterator<Item = Result<Vec<Pose>, PoseError>>,
     scorer: &Scorer,

@@ -1,4 +1,4 @@
-//! A table that is there: opened, read, examined, its errors told.
+//! Existing tables: opened, read, examined, their errors printed.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ pub(super) fn load(store: &TableStore, context: &Context) -> Result<EnergyTable,
 }
 
 /// What a failed bake is to be called.
-pub(super) fn explain(path: &Path, error: BakeError) -> CommandError {
+pub(super) fn bake_error(path: &Path, error: BakeError) -> CommandError {
     match error {
         BakeError::Cancelled => CommandError::Interrupted,
         BakeError::Exists { .. } => CommandError::input(
@@ -74,7 +74,7 @@ pub(super) fn print_error(report: &ErrorReport) {
         0.0 => "on the table's own lattice".to_owned(),
         h => format!("on a lattice of {:.4} mm", 1e3 * h),
     };
-    crate::say!(
+    say!(
         "  error          against direct evaluation {reference} at {} held-out poses (seed {}), of \
          each rms:",
         report.poses,
@@ -83,7 +83,7 @@ pub(super) fn print_error(report: &ErrorReport) {
     for (name, e) in report.quantities() {
         let percent = |value: f64| 100.0 * value / e.scale;
         let [x, y, z, qx, qy, qz, qw] = e.worst_pose;
-        crate::say!(
+        say!(
             "    {name:<7} rms {:.3} %, p99 {:.3} %, worst {:.2} % at t = ({x:.6}, {y:.6}, {z:.6}) \
              m, q = ({qx:.5}, {qy:.5}, {qz:.5}, {qw:.5})",
             percent(e.rms),
@@ -92,6 +92,6 @@ pub(super) fn print_error(report: &ErrorReport) {
         );
     }
     if let Some(condition) = report.condition {
-        crate::say!("    the terms of a score are {condition:.3} times the score in all (median)");
+        say!("    the terms of a score are {condition:.3} times the score in all (median)");
     }
 }

@@ -7,17 +7,14 @@ use super::stored;
 use crate::args::TableArgs;
 use crate::bytes::display_bytes;
 use crate::context::Context;
-use crate::error::CommandError;
-use crate::report::output::print_json;
+use crate::error::{CommandError, Exit};
 
 #[derive(Serialize)]
 struct Description<'a> {
     table: String,
     program: &'a str,
-    rotations: usize,
-    finished: usize,
-    missing: usize,
-    damaged: usize,
+    #[serde(flatten)]
+    progress: stored::Progress,
     displacements: [usize; 3],
     bytes_dense: u64,
     bytes_on_disk: u64,
@@ -33,10 +30,7 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
     let description = Description {
         table: args.table.display().to_string(),
         program: store.program(),
-        rotations: progress.rotations,
-        finished: progress.finished,
-        missing: progress.missing,
-        damaged: progress.damaged,
+        progress,
         displacements: store.spec().window.shape(),
         bytes_dense: u64::try_from(store.spec().bytes(progress.rotations)).unwrap_or(u64::MAX),
         bytes_on_disk: store
@@ -47,26 +41,25 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
         spec: store.spec(),
         error: store.error_report(),
     };
-    match context.json {
-        true => print_json(&description)?,
-        false => print(&description, &store),
-    }
+    context.show(&description, || print(&description, &store))?;
     match progress.damaged {
         0 => Ok(()),
-        count => Err(CommandError::DamagedTable {
-            table: description.table,
-            count,
-            total: progress.rotations,
-        }),
+        count => Err(CommandError::Verdict(
+            format!(
+                "{}: {count} of {} rotations are damaged: bake with --resume",
+                description.table, progress.rotations
+            ),
+            Exit::DamagedTable,
+        )),
     }
 }
 
 fn print(d: &Description, store: &TableStore) {
     let spec = d.spec;
-    crate::say!("{}, by {}", d.table, d.program);
-    crate::say!(
+    say!("{}, by {}", d.table, d.program);
+    say!(
         "  rotations      {} nodes, {}{}",
-        d.rotations,
+        d.progress.rotations,
         domain(&spec.rotations),
         match &spec.symmetry {
             Some(s) if s.order == 0 => format!(", the {:?} part turns freely", s.part),
@@ -75,7 +68,7 @@ fn print(d: &Description, store: &TableStore) {
         }
     );
     let bounds = spec.window.node_bounds();
-    crate::say!(
+    say!(
         "  displacements  {} x {} x {}, every {:.4} mm, from {:.3} to {:.3} mm",
         d.displacements[0],
         d.displacements[1],
@@ -84,7 +77,7 @@ fn print(d: &Description, store: &TableStore) {
         1e3 * bounds.min,
         1e3 * bounds.max
     );
-    crate::say!(
+    say!(
         "  outside        energies fade over {:.1} mm, and over the rest of the half turn",
         1e3 * spec.fade_length()
     );
@@ -95,9 +88,9 @@ fn print(d: &Description, store: &TableStore) {
     print_recipe(spec);
     print_contents(d);
     match store.error_report() {
-        None => crate::say!(
-            "  error          not measured (`pegfit bake` does so when a table is finished)"
-        ),
+        None => {
+            say!("  error          not measured (`pegfit bake` does so when a table is finished)")
+        }
         Some(report) => stored::print_error(report),
     }
 }
@@ -105,7 +98,7 @@ fn print(d: &Description, store: &TableStore) {
 /// What its numbers depend on.
 fn print_recipe(spec: &TableSpec) {
     let m = spec.model();
-    crate::say!(
+    say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
         m.sigma,
         m.lambda_exterior,
@@ -118,11 +111,11 @@ fn print_recipe(spec: &TableSpec) {
         ("moving", &spec.recipe.moving),
     ] {
         if let Some(field) = field {
-            crate::say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
+            say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
         }
     }
     if let Some(field) = &spec.recipe.fixed {
-        crate::say!(
+        say!(
             "  fields         {:?}, halo {:.4} mm, tolerance {}, version {}",
             field.sampling,
             1e3 * field.halo,
@@ -134,28 +127,28 @@ fn print_recipe(spec: &TableSpec) {
 
 /// What is there.
 fn print_contents(d: &Description) {
-    crate::say!(
-        "  storage        Half, unit {:e} J, energies within {:.3e} J of the far one left out",
+    say!(
+        "  storage        float16, unit {:e} J, energies within {:.3e} J of the far one left out",
         d.energy_unit,
         d.negligible
     );
-    crate::say!(
+    say!(
         "  size           {} on disk, at most {} in memory",
         display_bytes(d.bytes_on_disk),
         display_bytes(d.bytes_dense)
     );
-    crate::say!(
+    say!(
         "  finished       {} of {} rotations, {} missing, {} damaged",
-        d.finished,
-        d.rotations,
-        d.missing,
-        d.damaged
+        d.progress.finished,
+        d.progress.rotations,
+        d.progress.missing,
+        d.progress.damaged
     );
 }
 
 /// Where the scene that it was baked for puts a part.
 fn place(part: &str, pose: &Pose) {
-    crate::say!(
+    say!(
         "  {:<15}{:.3} mm, turned by {:.5}",
         format!("{part} part at"),
         1e3 * pose.translation,

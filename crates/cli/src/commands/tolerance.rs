@@ -1,4 +1,4 @@
-//! Tables and lattices for a tolerance that was asked for, and what is told of the choice.
+//! Tables and lattices for a requested tolerance, with messages about the choice.
 
 use std::path::Path;
 
@@ -21,10 +21,10 @@ pub(super) fn choose(
 ) -> Result<TolerantDesign, CommandError> {
     let progress = &context.progress;
     let found = setup.design_for(tolerance, progress, &mut |trial| {
-        progress.note(&told(&trial));
+        progress.note(&trial_text(&trial));
     });
     progress.finish();
-    found.map_err(|e| explained(e, Some(LATTICE_SHARE)))
+    found.map_err(|e| tolerance_error(e, Some(LATTICE_SHARE)))
 }
 
 /// Direct quadrature with errors of force and torque within `tolerance` at some of `poses`, of the
@@ -37,27 +37,27 @@ pub(super) fn choose_direct(
 ) -> Result<TolerantDirect, CommandError> {
     let progress = &context.progress;
     let found = setup.direct_for(poses, tolerance, progress, &mut |trial| {
-        progress.note(&told(&trial));
+        progress.note(&trial_text(&trial));
     });
     progress.finish();
-    found.map_err(|e| explained(e, None))
+    found.map_err(|e| tolerance_error(e, None))
 }
 
 /// `share` is that of the tolerance that the lattice may use.
-fn explained(error: SceneError, share: Option<f64>) -> CommandError {
+fn tolerance_error(error: SceneError, share: Option<f64>) -> CommandError {
     match error {
         SceneError::Tolerance {
             path,
             asked,
             reached,
             limit,
-        } => missed(&path, [asked, reached], share, &limit),
+        } => tolerance_missed(&path, [asked, reached], share, &limit),
         other => other.into(),
     }
 }
 
-/// A trial in words.
-fn told(trial: &Trial) -> String {
+/// Text of a trial.
+fn trial_text(trial: &Trial) -> String {
     match trial {
         Trial::Lattice { spacing, error } => format!(
             "spacing {:.4} mm: error {:.3} %",
@@ -71,7 +71,7 @@ fn told(trial: &Trial) -> String {
     }
 }
 
-fn missed(
+fn tolerance_missed(
     scene: &Path,
     [asked, reached]: [f64; 2],
     share: Option<f64>,
@@ -124,10 +124,5 @@ fn missed(
             )
         }
     };
-    CommandError::Tolerance {
-        part,
-        asked,
-        reached,
-        reason,
-    }
+    CommandError::tolerance(part, [asked, reached], &reason)
 }

@@ -6,8 +6,7 @@ use serde::Serialize;
 use super::{scenes, stored};
 use crate::args::VerifyArgs;
 use crate::context::Context;
-use crate::error::CommandError;
-use crate::report::output::print_json;
+use crate::error::{CommandError, Exit};
 
 #[derive(Serialize)]
 struct Verdict {
@@ -50,24 +49,26 @@ pub(super) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CommandErr
         found,
         beyond,
     };
-    match context.json {
-        true => print_json(&verdict)?,
-        false => print(&verdict),
-    }
+    context.show(&verdict, || print(&verdict))?;
     match count {
         0 => Ok(()),
-        count => Err(CommandError::Claim { table: name, count }),
+        count => Err(CommandError::Verdict(
+            format!(
+                "{name}: {count} of 6 errors are beyond what the table states, by more than the margin"
+            ),
+            Exit::Failure,
+        )),
     }
 }
 
 fn print(verdict: &Verdict) {
-    crate::say!(
+    say!(
         "{}: {} fresh poses (seed {}), error as a share of each quantity's rms",
         verdict.table,
         verdict.found.poses,
         verdict.found.seed
     );
-    crate::say!(
+    say!(
         "{:<8}{:>14}{:>12}{:>14}{:>12}",
         "",
         "rms stated",
@@ -82,7 +83,7 @@ fn print(verdict: &Verdict) {
         .zip(verdict.found.quantities())
     {
         let percent = |value: f64| 100.0 * value / a.scale;
-        crate::say!(
+        say!(
             "{name:<8}{:>12.3} %{:>10.3} %{:>12.3} %{:>10.3} %",
             percent(a.rms),
             percent(b.rms),
@@ -91,13 +92,13 @@ fn print(verdict: &Verdict) {
         );
     }
     let terms = |r: &ErrorReport| r.condition.map_or("-".to_owned(), |c| format!("{c:.3}"));
-    crate::say!(
+    say!(
         "terms of a score over the score (median): {} stated, {} found",
         terms(&verdict.stated),
         terms(&verdict.found)
     );
     for excess in &verdict.beyond {
-        crate::say!(
+        say!(
             "BEYOND: {} of {} is {:.4e}, {:.4e} stated, {:.0} % more than that is accepted",
             excess.statistic,
             excess.quantity,
@@ -107,6 +108,6 @@ fn print(verdict: &Verdict) {
         );
     }
     if verdict.beyond.is_empty() {
-        crate::say!("holds within {:.0} %", 100.0 * verdict.margin);
+        say!("holds within {:.0} %", 100.0 * verdict.margin);
     }
 }

@@ -9,7 +9,7 @@ const MOST_LISTED: usize = 20;
 /// Prints what was read in one line, then a line for each item that was ignored or assumed.
 pub(crate) fn print(ledger: &Ledger) {
     for line in lines(ledger) {
-        crate::say!("{line}");
+        say!("{line}");
     }
 }
 

@@ -1,8 +1,8 @@
 //! What commands write: pages, tables of poses, logs.
 
-pub(crate) mod felt;
-pub(crate) mod html;
 pub(crate) mod ledger;
 pub(crate) mod output;
+pub(crate) mod page;
 pub(crate) mod parquet_log;
-pub(crate) mod way;
+pub(crate) mod path;
+pub(crate) mod session;

@@ -26,7 +26,7 @@ pub(crate) fn require_folder(output: &Path) -> Result<(), CommandError> {
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CommandError> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|e| CommandError::failure("writing JSON", e))?;
-    crate::say!("{}", json_escaped(&text));
+    say!("{}", json_escaped(&text));
     Ok(())
 }
 

@@ -9,7 +9,7 @@ use sdf_grid::text::shown_lines;
 
 /// An error with all its causes. In colours where there are any, unless it has something in it that
 /// a terminal would obey: names and lines come from files.
-pub fn error_text(error: &dyn Diagnostic) -> String {
+pub(crate) fn error_text(error: &dyn Diagnostic) -> String {
     let plain = text(error, options().color(false).build());
     match shown_lines(&plain) {
         Cow::Borrowed(_) => text(error, options().build()),

@@ -1,7 +1,6 @@
 //! Between the command and whoever typed it: progress, interrupts, lines of text.
 
-pub mod error_text;
-pub mod hold;
-pub mod output;
+pub(crate) mod error_text;
+#[macro_use]
+pub(crate) mod output;
 pub mod progress;
-pub mod say;

@@ -1,16 +1,15 @@
 //! Progress bars and the Ctrl-C flag, handed to the libraries as their [`Monitor`].
+//! been told to stop.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sdf_grid::Monitor;
 use sdf_grid::text::shown_lines;
 
-use crate::error::CommandError;
-use crate::exit::Exit;
-use crate::terminal::hold;
+use crate::error::{CommandError, Exit};
 
 /// Set by the first Ctrl-C; every long computation looks at it between units of work.
 static CANCELLED: AtomicBool = AtomicBool::new(false);
@@ -27,7 +26,7 @@ const STOP_WAIT: Duration = Duration::from_secs(3);
 pub fn watch_for_interrupts() {
     let handler = || {
         if CANCELLED.swap(true, Ordering::SeqCst) {
-            hold::wait_for_none(STOP_WAIT);
+            wait_for_none(STOP_WAIT);
             std::process::exit(Exit::Interrupted as i32);
         }
     };
@@ -42,7 +41,7 @@ pub fn cancel_flag() -> &'static AtomicBool {
 }
 
 /// True once a stop has been asked for.
-pub fn interrupted() -> bool {
+pub(crate) fn interrupted() -> bool {
     CANCELLED.load(Ordering::SeqCst)
 }
 
@@ -50,7 +49,7 @@ pub fn interrupted() -> bool {
 ///
 /// # Errors
 /// [`CommandError::Interrupted`] once Ctrl-C was pressed.
-pub fn check_interrupt() -> Result<(), CommandError> {
+pub(crate) fn check_interrupt() -> Result<(), CommandError> {
     match interrupted() {
         true => Err(CommandError::Interrupted),
         false => Ok(()),
@@ -59,7 +58,7 @@ pub fn check_interrupt() -> Result<(), CommandError> {
 
 /// One progress bar at a time on standard error, with rate and time left.
 #[derive(Debug)]
-pub struct Progress {
+pub(crate) struct Progress {
     quiet: bool,
     bar: Mutex<Stage>,
 }
@@ -73,7 +72,7 @@ struct Stage {
 
 impl Progress {
     /// A reporter; `quiet` hides it but still listens for Ctrl-C.
-    pub fn new(quiet: bool) -> Self {
+    pub(crate) fn new(quiet: bool) -> Self {
         Self {
             quiet,
             bar: Mutex::new(Stage {
@@ -85,19 +84,19 @@ impl Progress {
     }
 
     /// Removes the bar from the terminal.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         if let Ok(stage) = self.bar.lock() {
             stage.bar.finish_and_clear();
         }
     }
 
     /// Prints a line to standard error without tearing the bar, unless quiet.
-    pub fn note(&self, line: &str) {
+    pub(crate) fn note(&self, line: &str) {
         if self.quiet {
             return;
         }
         if let Ok(stage) = self.bar.lock() {
-            stage.bar.suspend(|| crate::remark!("{line}"));
+            stage.bar.suspend(|| remark!("{line}"));
         }
     }
 }
@@ -142,5 +141,62 @@ impl Monitor for Progress {
 
     fn cancelled(&self) -> bool {
         interrupted()
+    }
+}
+
+/// Devices held now.
+static HELD: Mutex<u32> = Mutex::new(0);
+
+/// Told when one is let go.
+static LET_GO: Condvar = Condvar::new();
+
+/// A device is held as long as this lives; declare it before the device, so that it goes last.
+#[derive(Debug)]
+#[must_use]
+pub struct Hold(());
+
+impl Hold {
+    /// A device is about to be opened.
+    pub fn begin() -> Self {
+        *HELD.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+        Self(())
+    }
+}
+
+impl Drop for Hold {
+    fn drop(&mut self) {
+        *HELD.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        LET_GO.notify_all();
+    }
+}
+
+/// Waits until no device is held, at most for `limit`; true if none is.
+pub fn wait_for_none(limit: Duration) -> bool {
+    let held = HELD.lock().unwrap_or_else(PoisonError::into_inner);
+    let waited = LET_GO.wait_timeout_while(held, limit, |held| *held > 0);
+    let (held, _) = waited.unwrap_or_else(PoisonError::into_inner);
+    *held == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waiting_ends_when_the_last_device_is_let_go_and_not_before() {
+        let moment = Duration::from_millis(50);
+        assert!(wait_for_none(Duration::ZERO));
+        let (first, second) = (Hold::begin(), Hold::begin());
+        assert!(!wait_for_none(moment));
+        drop(first);
+        assert!(!wait_for_none(moment));
+        let begin = Instant::now();
+        let other = std::thread::spawn(move || {
+            std::thread::sleep(moment);
+            drop(second);
+        });
+        assert!(wait_for_none(Duration::from_secs(20)));
+        assert!(begin.elapsed() >= moment);
+        other.join().unwrap();
     }
 }

@@ -10,8 +10,8 @@ use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, OperatorConfig, Session,
 };
-use pegfit::terminal::hold::Hold;
 use pegfit::terminal::progress;
+use pegfit::terminal::progress::Hold;
 
 use crate::common::{scene_folder, succeed};
 

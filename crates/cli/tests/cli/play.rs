@@ -267,7 +267,7 @@ fn a_way_that_is_none_is_refused_by_its_file() {
         std::fs::write(folder.path().join("way.csv"), text).unwrap();
         refuse(
             folder.path(),
-            &["play", "scene.toml", "--no-open", "--way", "way.csv"],
+            &["play", "scene.toml", "--no-open", "--path", "way.csv"],
         )
     };
     let one = "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n";

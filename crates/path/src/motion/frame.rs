@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
-use crate::motion::six::{Vec6, scaled};
+use crate::motion::vec6::{Vec6, scaled};
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
 
-/// How many directions a part's extreme vertices are looked for in.
+/// Directions in which a part's extreme vertices are found.
 const DIRECTIONS: usize = 128;
 
 /// A part's centre, size and outermost vertices, in its own frame; small motions are about its centre.
@@ -145,7 +145,7 @@ fn extreme(points: &[DVec3], direction: DVec3) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::six::length;
+    use crate::motion::vec6::length;
     use sdf_grid::shapes;
 
     #[test]

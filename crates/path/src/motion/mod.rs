@@ -1,5 +1,5 @@
-//! Screw motions: how far they move a part, and what they are in words.
+//! Screw motions of a part: their size, and their description in words.
 
+pub(crate) mod describe;
 pub(crate) mod frame;
-pub(crate) mod six;
-pub(crate) mod words;
+pub(crate) mod vec6;

@@ -1,14 +1,14 @@
-//! Which ways to try from a pose.
+//! Directions to try from a pose.
 
 use fft_correlate::Pose;
 use glam::DVec3;
 
-use crate::contact::gaps::{Contact, Gaps};
-use crate::motion::six::{
+use crate::collision::checker::{CollisionChecker, Contact};
+use crate::motion::vec6::{
     Mat6, Vec6, add_product, dot, eigenvectors, length, quadratic, scaled, solve,
 };
 
-/// Contacts closer than this share of the part's radius have a say.
+/// Contacts closer than this share of the part's radius count.
 const FAR: f64 = 0.1;
 /// Normals closer than this (their cosine) count as one.
 const SAME_NORMAL: f64 = 0.95;
@@ -16,27 +16,26 @@ const SAME_NORMAL: f64 = 0.95;
 const SAME_MOTION: f64 = 0.97;
 /// Motions that contacts resist less than this share of all their resistance are soft.
 const SOFT: f64 = 1e-3;
-/// Most normals of walls that are told apart.
+/// Most distinct normals of walls.
 const NORMALS: usize = 5;
 
-/// Unit motions to try, the last one first, then straight along `exit`, where the part would be out
-/// soonest, then those that the walls resist least: the softest
-/// directions of all contacts together (a screw in a thread, a slide in a groove), straight motions
-/// along and across walls, turns about the same axes; each in both senses.
+/// Unit motions to try: the last one first, then the translation along `exit`, then those that the walls
+/// resist least, each in both senses. These are the softest directions of all contacts together (a screw
+/// in a thread, a slide in a groove), translations along and across walls, and turns about the same axes.
 pub(crate) fn candidates(
-    gaps: &Gaps,
+    checker: &CollisionChecker,
     pose: &Pose,
     level: f64,
     last: Option<Vec6>,
     exit: DVec3,
     contacts: &mut Vec<Contact>,
 ) -> Vec<Vec6> {
-    let far = FAR * gaps.frame.radius;
-    gaps.near(pose, far, level + far, contacts);
+    let far = FAR * checker.frame.radius;
+    checker.collect_contacts(pose, far, level + far, contacts);
     let stiffness = stiffness(contacts, far);
-    let frame = &gaps.frame;
+    let frame = &checker.frame;
     let mut found: Vec<Vec6> = eigenvectors(stiffness).to_vec();
-    for axis in axes(gaps, pose, contacts, far) {
+    for axis in axes(checker, pose, contacts, far) {
         found.push(frame.motion(DVec3::ZERO, axis));
         found.push(frame.motion(axis / frame.radius, DVec3::ZERO));
     }
@@ -57,17 +56,16 @@ pub(crate) fn candidates(
     kept
 }
 
-/// What the walls leave of a motion from a pose: its part along which they resist little; none if they
-/// leave nothing.
-pub(crate) fn softened(
-    gaps: &Gaps,
+/// The part of a motion that the walls resist little; none if they resist all of it.
+pub(crate) fn compliant_direction(
+    checker: &CollisionChecker,
     pose: &Pose,
     level: f64,
     motion: &Vec6,
     contacts: &mut Vec<Contact>,
 ) -> Option<Vec6> {
-    let far = FAR * gaps.frame.radius;
-    gaps.near(pose, far, level + far, contacts);
+    let far = FAR * checker.frame.radius;
+    checker.collect_contacts(pose, far, level + far, contacts);
     let mut stiffness = stiffness(contacts, far);
     let trace: f64 = (0..6).map(|i| stiffness[i][i]).sum();
     let soft = SOFT * trace;
@@ -78,7 +76,7 @@ pub(crate) fn softened(
     (length(&left) > 0.1 * length(motion)).then_some(left)
 }
 
-/// How much all contacts resist motions, the nearer ones more.
+/// Stiffness of all contacts, nearer ones weighted more.
 fn stiffness(contacts: &[Contact], far: f64) -> Mat6 {
     let mut m: Mat6 = [[0.0; 6]; 6];
     for c in contacts {
@@ -93,7 +91,7 @@ fn weight(contact: &Contact, far: f64) -> f64 {
 
 /// Normals of the walls about a pose and the directions along two of them at once; where there are not
 /// enough, the part's own axes.
-fn axes(gaps: &Gaps, pose: &Pose, contacts: &[Contact], far: f64) -> Vec<DVec3> {
+fn axes(checker: &CollisionChecker, pose: &Pose, contacts: &[Contact], far: f64) -> Vec<DVec3> {
     let mut walls: Vec<(DVec3, f64)> = Vec::new();
     for c in contacts {
         let same = |w: &&mut (DVec3, f64)| w.0.normalize().dot(c.normal).abs() > SAME_NORMAL;
@@ -128,17 +126,17 @@ fn axes(gaps: &Gaps, pose: &Pose, contacts: &[Contact], far: f64) -> Vec<DVec3> 
         }
     }
     walls.iter().for_each(|w| add(*w));
-    for axis in principal_axes(gaps) {
+    for axis in principal_axes(checker) {
         add(pose.rotation * axis);
     }
     axes
 }
 
-/// Of the moving part's outermost vertices, in its own frame.
-fn principal_axes(gaps: &Gaps) -> [DVec3; 3] {
+/// Principal axes of the moving part's outermost vertices, in its own frame.
+fn principal_axes(checker: &CollisionChecker) -> [DVec3; 3] {
     let mut m: Mat6 = [[0.0; 6]; 6];
-    for q in &gaps.frame.extremes {
-        let d = *q - gaps.frame.centre;
+    for q in &checker.frame.extremes {
+        let d = *q - checker.frame.centre;
         add_product(&mut m, &[0.0, 0.0, 0.0, d.x, d.y, d.z], 1.0);
     }
     for (i, row) in m.iter_mut().enumerate().take(3) {

@@ -1,11 +1,10 @@
-//! From the fit into the open: poses that touch nothing, grown by sliding along what they touch.
+//! The search for exit paths: poses expanded from the goal by compliant motion until the part is outside.
 
-pub(crate) mod cage;
+pub(crate) mod compliant_step;
 pub(crate) mod directions;
-pub(crate) mod escape;
-pub(crate) mod explored;
-pub(crate) mod grow;
-pub(crate) mod node;
-pub(crate) mod same;
-pub(crate) mod single;
-pub(crate) mod slide;
+pub(crate) mod exit;
+pub(crate) mod expand;
+pub(crate) mod inscribed_sphere;
+pub(crate) mod single_motion;
+pub(crate) mod space;
+pub(crate) mod visited;

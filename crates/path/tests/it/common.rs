@@ -1,11 +1,11 @@
-//! Pairs in frames of their own, and ways looked at by other means than those that found them.
+//! Pairs in frames of their own, and paths looked at by other means than those that found them.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
-use pegfit_path::{Motion, PathAnswer, PathOptions, PathSearch};
+use pegfit_path::{Motion, PathRequest, PathResult, PathSearch};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{Bvh, Silent, TriangleMesh};
@@ -41,18 +41,18 @@ impl Placed {
         }
     }
 
-    pub(crate) fn find(&self, options: PathOptions) -> PathAnswer {
+    pub(crate) fn find(&self, options: PathRequest) -> PathResult {
         let (fixed, moving) = (self.fixed.clone(), self.moving.clone());
         let search = PathSearch::new(fixed, moving, options).unwrap();
         search.find(&self.goal, None, &Silent).unwrap()
     }
 
-    /// A way that is free, checked pose by pose.
-    pub(crate) fn free(&self) -> PathAnswer {
-        let answer = self.find(PathOptions {
+    /// A path that is free, checked pose by pose.
+    pub(crate) fn free(&self) -> PathResult {
+        let answer = self.find(PathRequest {
             time_limit: Duration::from_secs(600),
             others: 0.0,
-            ..PathOptions::default()
+            ..PathRequest::default()
         });
         assert!(
             answer.is_free(),
@@ -65,14 +65,14 @@ impl Placed {
     }
 
     /// The motions as they are in the frame in which the parts were made.
-    pub(crate) fn motions(&self, answer: &PathAnswer) -> Vec<Motion> {
+    pub(crate) fn motions(&self, answer: &PathResult) -> Vec<Motion> {
         let own = self.place.inverse();
         answer.motions.iter().map(|m| m.placed(&own)).collect()
     }
 
-    /// By winding numbers at random points: nothing lies deep in both solids at any pose; steps are
+    /// Allowed winding numbers at random points: nothing lies deep in both solids at any pose; steps are
     /// equal and no longer than said, from outside to the goal.
-    pub(crate) fn check(&self, answer: &PathAnswer) {
+    pub(crate) fn check(&self, answer: &PathResult) {
         let (fixed, moving) = (Bvh::build(&self.fixed), Bvh::build(&self.moving));
         let mut random = SmallRng::seed_from_u64(7);
         let bounds = self.moving.bounds();

@@ -3,8 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::DVec3;
-use pegfit_fixtures as shapes;
-use pegfit_path::{Motion, Outcome, PathOptions};
+use pegfit_path::{Motion, Outcome, PathRequest};
 
 use crate::common::Placed;
 
@@ -19,7 +18,7 @@ fn along(motion: &Motion, axis: DVec3) -> bool {
 #[test]
 fn pegs_come_out_along_their_axis() {
     for seed in 0..4 {
-        let fit = shapes::random_fit(seed).unwrap();
+        let fit = pegfit_fixtures::random_fit(seed).unwrap();
         let through = fit.slide != [0.0; 2];
         let (kind, clearance) = (fit.kind, fit.clearance);
         let placed = Placed::new((fit.fixed, fit.moving), 100 + seed);
@@ -37,7 +36,7 @@ fn pegs_come_out_along_their_axis() {
 #[test]
 fn a_dovetail_goes_sideways() {
     for (seed, clearance) in [(0, 3e-5), (1, 3e-4)] {
-        let placed = Placed::new(shapes::dovetail(clearance).unwrap(), seed);
+        let placed = Placed::new(pegfit_fixtures::dovetail(clearance).unwrap(), seed);
         let motions = placed.motions(&placed.free());
         assert_eq!(motions.len(), 1, "{clearance}: {motions:?}");
         let straight = along(&motions[0], DVec3::Z) || along(&motions[0], -DVec3::Z);
@@ -48,7 +47,7 @@ fn a_dovetail_goes_sideways() {
 #[test]
 fn a_spool_goes_round_the_corner_of_its_slot() {
     for (seed, clearance) in [(2, 5e-5), (3, 4e-4)] {
-        let placed = Placed::new(shapes::spool_in_slot(clearance).unwrap(), seed);
+        let placed = Placed::new(pegfit_fixtures::spool_in_slot(clearance).unwrap(), seed);
         let motions = placed.motions(&placed.free());
         // In along +y from below, then along +x; the corner between may be cut.
         let [up, .., across] = &motions[..] else {
@@ -75,7 +74,7 @@ fn a_spool_goes_round_the_corner_of_its_slot() {
 #[test]
 fn a_bayonet_is_pushed_turned_and_let_back() {
     for (seed, clearance) in [(4, 5e-5), (5, 2e-4)] {
-        let placed = Placed::new(shapes::bayonet(clearance).unwrap(), seed);
+        let placed = Placed::new(pegfit_fixtures::bayonet(clearance).unwrap(), seed);
         let motions = placed.motions(&placed.free());
         let turn: f64 = motions
             .iter()
@@ -97,7 +96,7 @@ fn a_bayonet_is_pushed_turned_and_let_back() {
 #[test]
 fn nuts_follow_their_thread() {
     for (seed, pitch, right_handed) in [(6, 0.002, true), (7, 0.003, false)] {
-        let thread = shapes::Thread {
+        let thread = pegfit_fixtures::Thread {
             pitch,
             radius: 0.004,
             depth: 0.4 * pitch,
@@ -126,10 +125,10 @@ fn nuts_follow_their_thread() {
 fn a_captive_ball_does_not_come_out() {
     let cases = [(2e-5, 5e-4), (4e-5, 3e-4), (2e-4, 5e-4), (5e-4, 1e-3)];
     for (seed, (clearance, lip)) in (8..).zip(cases) {
-        let placed = Placed::new(shapes::captive_ball(clearance, lip).unwrap(), seed);
-        let answer = placed.find(PathOptions {
+        let placed = Placed::new(pegfit_fixtures::captive_ball(clearance, lip).unwrap(), seed);
+        let answer = placed.find(PathRequest {
             others: 0.0,
-            ..PathOptions::default()
+            ..PathRequest::default()
         });
         let Outcome::Blocked {
             passed_at,
@@ -141,7 +140,7 @@ fn a_captive_ball_does_not_come_out() {
             panic!("{clearance}: free");
         };
         assert!(exhausted && proven, "{clearance}: {:?}", answer.effort);
-        // Facets give way by a little.
+        // Facets give path by a little.
         let passed = passed_at.unwrap();
         assert!(
             stuck_at < 1.1 * lip && passed > 0.8 * lip && passed < 2.0 * lip,

@@ -1,4 +1,4 @@
-//! Ways that are known, in frames of all kinds.
+//! Paths that are known, in frames of all kinds.
 
 mod common;
 mod known;

@@ -8,7 +8,8 @@ use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
 use pegfit_fixtures as shapes;
 use pegfit_path::{
-    AssemblyPart, Disassembly, DisassemblyOptions, DisassemblySearch, DisassemblyTries, PathError,
+    AssemblyPart, DisassemblyRequest, DisassemblyResult, DisassemblySearch, DisassemblyTries,
+    PathError,
 };
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
@@ -50,21 +51,21 @@ fn placed(parts: Vec<(&str, TriangleMesh)>, seed: u64) -> (Vec<AssemblyPart>, Po
     (parts.into_iter().map(part).collect(), pose)
 }
 
-fn options() -> DisassemblyOptions {
-    DisassemblyOptions {
+fn options() -> DisassemblyRequest {
+    DisassemblyRequest {
         time_limit: Duration::from_secs(300),
-        ..DisassemblyOptions::default()
+        ..DisassemblyRequest::default()
     }
 }
 
-/// Taken apart; every way is checked by winding numbers at vertices and begins where it should.
-fn apart(parts: &[AssemblyPart], options: DisassemblyOptions) -> Disassembly {
+/// Taken apart; every path is checked by winding numbers at vertices and begins where it should.
+fn apart(parts: &[AssemblyPart], options: DisassemblyRequest) -> DisassemblyResult {
     let search = DisassemblySearch::new(parts.to_vec(), options).unwrap();
     let found = search.run(&Silent).unwrap();
     for step in &found.steps {
-        let way = &step.way;
-        assert!(way.is_free() && way.poses[0].length == 0.0);
-        let first = &way.poses[0].pose;
+        let path = &step.path;
+        assert!(path.is_free() && path.poses[0].length == 0.0);
+        let first = &path.poses[0].pose;
         assert!(first.translation.length() < 1e-9);
         assert!(first.rotation.angle_between(DQuat::IDENTITY) < 1e-7);
         let solids: Vec<Bvh> = step
@@ -72,13 +73,13 @@ fn apart(parts: &[AssemblyPart], options: DisassemblyOptions) -> Disassembly {
             .iter()
             .map(|p| Bvh::build(&parts[*p].mesh))
             .collect();
-        for at in &way.poses {
+        for at in &path.poses {
             let moved = step.parts.iter().flat_map(|p| parts[*p].mesh.vertices());
             for p in moved {
                 let p = at.pose.apply(*p);
                 let apart = solids.iter().map(|s| s.signed_distance(p));
                 let least = apart.fold(f64::INFINITY, f64::min);
-                assert!(least > -1.01 * way.tolerance, "{:?}: {least}", step.parts);
+                assert!(least > -1.01 * path.tolerance, "{:?}: {least}", step.parts);
             }
         }
     }
@@ -100,7 +101,7 @@ fn boxes_come_out_of_a_tray_each_by_itself() {
         assert!(found.locked.is_empty());
         for (i, step) in found.steps.iter().enumerate() {
             assert_eq!(step.parts, [i + 1]);
-            let out = place.rotation.conjugate() * DVec3::from_array(step.way.motions[0].axis);
+            let out = place.rotation.conjugate() * DVec3::from_array(step.path.motions[0].axis);
             assert!(out.z > 0.99, "{out}");
         }
         assert_eq!(found.steps[2].rest, [0]);
@@ -127,12 +128,12 @@ fn a_box_under_a_lid_waits_for_it() {
     assert_eq!(order, [&[2][..], &[1]]);
     assert!(found.locked.is_empty() && found.tries == 3);
     let own = |m: &pegfit_path::Motion| place.rotation.conjugate() * DVec3::from_array(m.axis);
-    let [lid] = &found.steps[0].way.motions[..] else {
-        panic!("{:?}", found.steps[0].way.motions);
+    let [lid] = &found.steps[0].path.motions[..] else {
+        panic!("{:?}", found.steps[0].path.motions);
     };
     assert!(own(lid).x > 0.99);
-    let last = found.steps[1].way.motions.last().unwrap();
-    assert!(own(last).x > 0.9, "{:?}", found.steps[1].way.motions);
+    let last = found.steps[1].path.motions.last().unwrap();
+    assert!(own(last).x > 0.9, "{:?}", found.steps[1].path.motions);
 }
 
 fn spool_in_plate(clearance: f64) -> Vec<(&'static str, TriangleMesh)> {
@@ -162,9 +163,9 @@ fn a_disassembly_goes_on_where_it_ended() {
     let with_box = [spool_in_plate(1e-4), vec![("box", box_beside)]].concat();
     let (parts, _) = placed(with_box, 7);
     let search = |seconds: f64| {
-        let options = DisassemblyOptions {
+        let options = DisassemblyRequest {
             time_limit: Duration::from_secs_f64(seconds),
-            ..DisassemblyOptions::default()
+            ..DisassemblyRequest::default()
         };
         DisassemblySearch::new(parts.clone(), options).unwrap()
     };
@@ -193,7 +194,7 @@ fn a_disassembly_goes_on_where_it_ended() {
     others.swap(0, 1);
     let others = DisassemblySearch::new(others, options()).unwrap();
     let refused = others.run_from(&mut tried, &Silent);
-    assert!(matches!(refused, Err(PathError::Explored { .. })));
+    assert!(matches!(refused, Err(PathError::Visited { .. })));
 }
 
 /// Only the key can be taken first, by a push, however much its play would let it lean. It is tried
@@ -206,8 +207,8 @@ fn a_burr_opens_by_its_key() {
     let (parts, place) = placed(parts, 7);
     let found = apart(&parts, options());
     assert_eq!(found.steps[0].parts, [5]);
-    let [motion] = &found.steps[0].way.motions[..] else {
-        panic!("not one: {:?}", found.steps[0].way.motions);
+    let [motion] = &found.steps[0].path.motions[..] else {
+        panic!("not one: {:?}", found.steps[0].path.motions);
     };
     let axis = DVec3::from_array(motion.axis);
     assert!(motion.turn == 0.0 && (place.rotation.conjugate() * axis).x.abs() > 0.999);
@@ -227,11 +228,11 @@ fn what_is_no_assembly_is_refused_by_name() {
     let few = search(parts[..1].to_vec(), options());
     assert!(matches!(few, Some(PathError::Option { name: "parts", .. })));
     for options in [
-        DisassemblyOptions {
+        DisassemblyRequest {
             largest_group: 0,
             ..options()
         },
-        DisassemblyOptions {
+        DisassemblyRequest {
             tolerance: Some(-1.0),
             ..options()
         },
@@ -247,7 +248,7 @@ fn what_is_no_assembly_is_refused_by_name() {
     };
     assert_eq!(parts, ["plate", "spool"]);
     assert!((5e-5..6e-4).contains(&depth), "{depth}");
-    let allowed = DisassemblyOptions {
+    let allowed = DisassemblyRequest {
         allow_overlap: true,
         ..options()
     };

@@ -4,17 +4,16 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
-use pegfit_fixtures as shapes;
-use pegfit_path::{Outcome, PathError, PathOptions, PathSearch, Start};
-use sdf_grid::{Monitor, Silent};
+use pegfit_path::{Outcome, PathError, PathRequest, PathSearch, Start};
+use sdf_grid::{Monitor, Silent, shapes};
 
 use crate::common::Placed;
 
 fn dovetail() -> Placed {
-    Placed::new(shapes::dovetail(2e-4).unwrap(), 20)
+    Placed::new(pegfit_fixtures::dovetail(2e-4).unwrap(), 20)
 }
 
-fn search(placed: &Placed, options: PathOptions) -> PathSearch {
+fn search(placed: &Placed, options: PathRequest) -> PathSearch {
     PathSearch::new(placed.fixed.clone(), placed.moving.clone(), options).unwrap()
 }
 
@@ -27,7 +26,7 @@ fn moved(placed: &Placed, shift: DVec3) -> Pose {
 fn goals_that_overlap_are_refused_with_the_depth_unless_that_is_allowed() {
     let placed = dovetail();
     let goal = moved(&placed, DVec3::new(0.0, -6e-4, 0.0));
-    let refused = search(&placed, PathOptions::default()).find(&goal, None, &Silent);
+    let refused = search(&placed, PathRequest::default()).find(&goal, None, &Silent);
     let Err(PathError::Overlap {
         which: "goal",
         depth,
@@ -40,10 +39,10 @@ fn goals_that_overlap_are_refused_with_the_depth_unless_that_is_allowed() {
     assert!((depth - 4e-4).abs() < 1e-8, "{depth}");
     // Its foot, 10 mm x 16 mm, and a little of its flanks.
     assert!((0.9..1.2).contains(&(volume / (160e-6 * 4e-4))), "{volume}");
-    let options = PathOptions {
+    let options = PathRequest {
         allow_overlap: true,
         others: 0.0,
-        ..PathOptions::default()
+        ..PathRequest::default()
     };
     let answer = search(&placed, options).find(&goal, None, &Silent).unwrap();
     assert_eq!(answer.outcome, Outcome::Free);
@@ -53,7 +52,7 @@ fn goals_that_overlap_are_refused_with_the_depth_unless_that_is_allowed() {
 #[test]
 fn goals_beside_the_part_and_options_out_of_range_are_refused() {
     let placed = dovetail();
-    let ready = search(&placed, PathOptions::default());
+    let ready = search(&placed, PathRequest::default());
     let beside = moved(&placed, DVec3::new(0.0, 0.0, 0.020));
     let refused = ready.find(&beside, None, &Silent);
     assert!(matches!(refused, Err(PathError::Outside { gap }) if (gap - 0.004).abs() < 1e-9));
@@ -64,17 +63,17 @@ fn goals_beside_the_part_and_options_out_of_range_are_refused() {
     let refused = ready.find(&no_pose, None, &Silent);
     assert!(matches!(refused, Err(PathError::Pose { which: "goal" })));
     for options in [
-        PathOptions {
+        PathRequest {
             tolerance: Some(0.0),
-            ..PathOptions::default()
+            ..PathRequest::default()
         },
-        PathOptions {
+        PathRequest {
             step: Some(f64::NAN),
-            ..PathOptions::default()
+            ..PathRequest::default()
         },
-        PathOptions {
+        PathRequest {
             others: -1.0,
-            ..PathOptions::default()
+            ..PathRequest::default()
         },
     ] {
         let (fixed, moving) = (placed.fixed.clone(), placed.moving.clone());
@@ -92,7 +91,7 @@ fn a_monitor_that_cancels_ends_the_search() {
         }
     }
     let placed = dovetail();
-    let found = search(&placed, PathOptions::default()).find(&placed.goal, None, &Impatient);
+    let found = search(&placed, PathRequest::default()).find(&placed.goal, None, &Impatient);
     assert!(matches!(found, Err(PathError::Cancelled)));
 }
 
@@ -101,9 +100,9 @@ fn a_monitor_that_cancels_ends_the_search() {
 fn ways_begin_where_they_are_asked_to() {
     let placed = dovetail();
     let start = moved(&placed, DVec3::new(0.0, -0.03, 0.0));
-    let options = PathOptions {
+    let options = PathRequest {
         start: Start::Pose(start),
-        ..PathOptions::default()
+        ..PathRequest::default()
     };
     let answer = search(&placed, options)
         .find(&placed.goal, None, &Silent)
@@ -112,10 +111,10 @@ fn ways_begin_where_they_are_asked_to() {
     assert_eq!(answer.poses[0].pose, start);
     assert!(answer.length() > 0.04);
     let inside = Arc::new(shapes::cuboid(DVec3::splat(0.004)).unwrap());
-    let shell = Arc::new(shapes::captive_ball(2e-4, 5e-4).unwrap().0);
-    let options = PathOptions {
+    let shell = Arc::new(pegfit_fixtures::captive_ball(2e-4, 5e-4).unwrap().0);
+    let options = PathRequest {
         start: Start::Pose(Pose::from_translation(DVec3::Z * 0.02)),
-        ..PathOptions::default()
+        ..PathRequest::default()
     };
     let free = PathSearch::new(shell, inside, options).unwrap();
     let answer = free.find(&Pose::IDENTITY, None, &Silent).unwrap();

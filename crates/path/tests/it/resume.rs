@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use fft_correlate::Pose;
 use glam::DVec3;
-use pegfit_fixtures as shapes;
-use pegfit_path::{Explored, Outcome, PathError, PathOptions, PathSearch};
+use pegfit_path::{Outcome, PathError, PathRequest, PathSearch, VisitedPoses};
 use sdf_grid::Monitor;
 
 use crate::common::Placed;
@@ -23,46 +22,46 @@ impl Monitor for Patient {
 }
 
 fn search(placed: &Placed, tolerance: Option<f64>) -> PathSearch {
-    let options = PathOptions {
+    let options = PathRequest {
         tolerance,
         time_limit: Duration::from_secs(600),
         others: 0.0,
-        ..PathOptions::default()
+        ..PathRequest::default()
     };
     PathSearch::new(placed.fixed.clone(), placed.moving.clone(), options).unwrap()
 }
 
 /// As it would come out of a file.
-fn written(explored: &Explored) -> Explored {
-    serde_json::from_str(&serde_json::to_string(explored).unwrap()).unwrap()
+fn written(visited: &VisitedPoses) -> VisitedPoses {
+    serde_json::from_str(&serde_json::to_string(visited).unwrap()).unwrap()
 }
 
 #[test]
 fn a_search_goes_on_where_it_was_stopped() {
-    let placed = Placed::new(shapes::spool_in_slot(2e-4).unwrap(), 30);
-    let mut explored = Explored::default();
+    let placed = Placed::new(pegfit_fixtures::spool_in_slot(2e-4).unwrap(), 30);
+    let mut visited = VisitedPoses::default();
     let (mut places, mut stops) = (0, 0);
-    // Not enough to find the way at once; searches after the first begin far on.
+    // Not enough to find the path at once; searches after the first begin far on.
     let answer = loop {
         let ready = search(&placed, None);
         let monitor = Patient(AtomicUsize::new(120));
-        let found = ready.find_from(&placed.goal, None, &mut explored, &monitor);
-        explored = written(&explored);
+        let found = ready.find_from(&placed.goal, None, &mut visited, &monitor);
+        visited = written(&visited);
         match found {
-            Err(PathError::Cancelled) if explored.places() > 0 => {
-                assert!(explored.places() >= places);
-                places = explored.places();
+            Err(PathError::Cancelled) if visited.count() > 0 => {
+                assert!(visited.count() >= places);
+                places = visited.count();
                 stops += 1;
                 assert!(stops < 60, "{places}");
             }
-            Err(PathError::Cancelled) => panic!("nothing explored"),
+            Err(PathError::Cancelled) => panic!("nothing visited"),
             other => break other.unwrap(),
         }
         if stops == 4 {
             // With time it is found from there.
             let all = Patient(AtomicUsize::new(usize::MAX));
             break search(&placed, None)
-                .find_from(&placed.goal, None, &mut explored, &all)
+                .find_from(&placed.goal, None, &mut visited, &all)
                 .unwrap();
         }
     };
@@ -76,19 +75,19 @@ fn a_search_goes_on_where_it_was_stopped() {
 
 #[test]
 fn what_was_explored_for_another_way_is_refused() {
-    let placed = Placed::new(shapes::dovetail(2e-4).unwrap(), 31);
-    let stopped = |placed: &Placed, explored: &mut Explored| {
+    let placed = Placed::new(pegfit_fixtures::dovetail(2e-4).unwrap(), 31);
+    let stopped = |placed: &Placed, visited: &mut VisitedPoses| {
         let monitor = Patient(AtomicUsize::new(20));
-        let found = search(placed, None).find_from(&placed.goal, None, explored, &monitor);
+        let found = search(placed, None).find_from(&placed.goal, None, visited, &monitor);
         assert!(matches!(found, Err(PathError::Cancelled)), "{found:?}");
     };
-    let mut explored = Explored::default();
-    stopped(&placed, &mut explored);
-    assert!(explored.places() > 0);
-    let refused = |ready: PathSearch, goal: &Pose, mut explored: Explored| {
+    let mut visited = VisitedPoses::default();
+    stopped(&placed, &mut visited);
+    assert!(visited.count() > 0);
+    let refused = |ready: PathSearch, goal: &Pose, mut visited: VisitedPoses| {
         let all = Patient(AtomicUsize::new(usize::MAX));
-        match ready.find_from(goal, None, &mut explored, &all) {
-            Err(PathError::Explored { item }) => item,
+        match ready.find_from(goal, None, &mut visited, &all) {
+            Err(PathError::Visited { item }) => item,
             other => panic!("{other:?}"),
         }
     };
@@ -97,16 +96,16 @@ fn what_was_explored_for_another_way_is_refused() {
         ..placed.goal
     };
     let of = |tolerance| search(&placed, tolerance);
-    assert_eq!(refused(of(None), &goal, explored.clone()), "the goal");
-    let finer = refused(of(Some(1e-6)), &placed.goal, explored.clone());
+    assert_eq!(refused(of(None), &goal, visited.clone()), "the goal");
+    let finer = refused(of(Some(1e-6)), &placed.goal, visited.clone());
     assert_eq!(finer, "the tolerance");
-    let other = Placed::new(shapes::dovetail(3e-4).unwrap(), 31);
-    let other = refused(search(&other, None), &placed.goal, explored.clone());
+    let other = Placed::new(pegfit_fixtures::dovetail(3e-4).unwrap(), 31);
+    let other = refused(search(&other, None), &placed.goal, visited.clone());
     assert_eq!(other, "the fixed part");
     // A place that is reached from itself.
-    let mut value = serde_json::to_value(&explored).unwrap();
+    let mut value = serde_json::to_value(&visited).unwrap();
     value["nodes"][0]["from"] = serde_json::json!([0, []]);
-    let circle: Explored = serde_json::from_value(value.clone()).unwrap();
+    let circle: VisitedPoses = serde_json::from_value(value.clone()).unwrap();
     let circle = refused(of(None), &placed.goal, circle);
     assert_eq!(circle, "what leads where");
     for (key, wrong) in [
@@ -116,6 +115,9 @@ fn what_was_explored_for_another_way_is_refused() {
     ] {
         let mut value = value.clone();
         value["nodes"][0][key] = wrong;
-        assert!(serde_json::from_value::<Explored>(value).is_err(), "{key}");
+        assert!(
+            serde_json::from_value::<VisitedPoses>(value).is_err(),
+            "{key}"
+        );
     }
 }

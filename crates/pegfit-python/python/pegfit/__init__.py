@@ -1,4 +1,4 @@
-"""Assembly forces from two meshes: score, dock, bake, find the way in, and feel.
+"""Assembly forces from two meshes: score, dock, bake, find insertion paths, and feel.
 
 Metres, newtons, newton metres, joules, seconds. A pose takes the moving part's frame to the fixed
 part's (or the scene's): x y z qx qy qz qw. Energy is lowest where the parts fit; force and torque
@@ -9,10 +9,9 @@ from pegfit._core import VERSION as __version__
 from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, SceneError, TableError
 from pegfit._loop import TICK, ForcePath, Run, feel
 from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
-from pegfit._pair import Pair
+from pegfit._pair import Docking, Pair, Scores
 from pegfit._play import Page, play
 from pegfit._response import Response
-from pegfit._search import Docking, Scores
 from pegfit._source import REAL_TIME_POINTS, Evaluator, Source, Table
 from pegfit._way import Way
 

@@ -16,7 +16,7 @@ from pegfit._pair import Pair
 from pegfit._poses import rows, three
 from pegfit._progress import Progress, Reporting
 from pegfit._report import write_report
-from pegfit._source import REAL_TIME_POINTS, Evaluator, Table
+from pegfit._source import REAL_TIME_POINTS, Evaluator, PairLike, Table
 
 Float = NDArray[np.float64]
 
@@ -107,8 +107,8 @@ def source_of(source: Union[Evaluator, Table, Pair]) -> _core.Source:
     raise PegfitError(message, item="source", expected=expected, found=found)
 
 
-def _pair_of(source: Union[Evaluator, Table, Pair], pair: Optional[Pair]) -> Pair:
-    known = source if isinstance(source, Pair) else source._pair
+def _pair_of(source: Union[Evaluator, Table, Pair], pair: Optional[Pair]) -> PairLike:
+    known: Optional[PairLike] = source if isinstance(source, Pair) else source._pair
     if pair is None and known is None:
         expected = "the pair that the table was baked from: a table does not hold its meshes"
         message = f"pair: expected {expected}, found none"

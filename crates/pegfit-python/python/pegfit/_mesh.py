@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
-from pegfit._counts import count
-from pegfit._errors import MeshError
+from pegfit._errors import MeshError, count
 from pegfit._progress import Progress, Reporting
 
 if TYPE_CHECKING:
@@ -292,7 +291,8 @@ class Density:
         """Draws the imaginary part on the plane of nodes nearest to `y` (needs matplotlib)."""
         from pegfit._plots import density_map
 
-        return density_map(self, y, ax)
+        axes = [self.axis(k) for k in range(3)]
+        return density_map(axes, self.exterior + self.interior, y, ax)
 
     def __repr__(self) -> str:
         shape = " x ".join(str(n) for n in self.signed_distance.shape)

@@ -6,20 +6,21 @@ import json
 import warnings
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
-from pegfit._counts import count, count_or_none
-from pegfit._errors import SceneError
+from pegfit._errors import SceneError, count, count_or_none
 from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
 from pegfit._poses import RotationLike, quaternion, rows, three
 from pegfit._progress import Progress, Reporting
-from pegfit._search import Docking, Scores
 from pegfit._source import Evaluator, Table
 from pegfit._way import Way
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as _Axes
 
 Float = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def _refused(item: str, expected: str, found: str) -> SceneError:
 
 
 def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
-    """One end of a way: a pose `(7,)`, or `None` for the word."""
+    """One end of a path: a pose `(7,)`, or `None` for the word."""
     if isinstance(given, str):
         if given != word:
             words = "fit, best" if item == "to" else word
@@ -49,6 +50,122 @@ def _end(given: Union[str, ArrayLike], word: str, item: str) -> Optional[Float]:
         return None
     pose: Float = rows(np.asarray(given, dtype=np.float64)[None])[0]
     return pose
+
+
+@dataclass(frozen=True, repr=False)
+class Scores:
+    """The score of one rotation over displacements.
+
+    Attributes:
+        values: Cubic metres, `(nx, ny, nz)`; the energy is minus gamma times it.
+        origin: First displacement, metres.
+        spacing: Metres between displacements.
+        rotation: Of the moving part, x y z w.
+    """
+
+    values: NDArray[np.float32]
+    origin: Float
+    spacing: float
+    rotation: Float
+    _pair: Pair
+
+    def _axis(self, k: int) -> Float:
+        return np.asarray(self.origin[k] + self.spacing * np.arange(self.values.shape[k]))
+
+    @property
+    def x(self) -> Float:
+        """Displacements of the pivot along the fixed part's own x axis, metres, `(nx,)`."""
+        return self._axis(0)
+
+    @property
+    def y(self) -> Float:
+        """The same along y, `(ny,)`."""
+        return self._axis(1)
+
+    @property
+    def z(self) -> Float:
+        """The same along z, `(nz,)`."""
+        return self._axis(2)
+
+    def top(self, k: int = 10, *, apart: Optional[float] = None) -> tuple[Float, Float]:
+        """The highest local maxima: their poses `(m, 7)` and scores `(m,)`, m at most `k`, highest
+        first, more than `apart` metres from each other (two spacings if `None`).
+
+        >>> from pegfit import Pair, peg_in_hole
+        >>> scores = Pair(*peg_in_hole("combined"), spacing=0.003).correlate(window=0.006)
+        >>> poses, values = scores.top(1)
+        >>> poses.shape, bool(values[0] == scores.values.max())
+        ((1, 7), True)
+        """
+        radius = 2.0 if apart is None else apart / self.spacing
+        if not radius >= 0:
+            raise _refused("apart", "metres, not negative", str(apart))
+        highest = _core.highest(self.values, count(k, "k", SceneError), radius)
+        index = np.array(highest, dtype=np.intp).reshape(-1, 3)
+        displacements = self.origin + self.spacing * index
+        poses = _core.poses_at(self._pair._core, self.rotation, displacements)
+        return poses, self.values[tuple(index.T)].astype(np.float64)
+
+    def plot(self, ax: Optional[_Axes] = None) -> _Axes:
+        """Draws the score on the plane of y in which it is highest (needs matplotlib)."""
+        from pegfit._plots import score_map
+
+        return score_map([self.x, self.y, self.z], self.values, ax)
+
+    def __repr__(self) -> str:
+        shape = " x ".join(str(n) for n in self.values.shape)
+        return (
+            f"Scores at {shape} displacements every {1e3 * self.spacing:.4g} mm, "
+            f"highest {float(self.values.max()):.4g} m³"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Docking:
+    """Poses where the moving part may belong, lowest energy first, unrefined ones last.
+
+    Attributes:
+        poses: `(k, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
+        energy: Under the docking weights, joules, `(k,)`.
+        depth: Energy as a share of the deepest pose's, `(k,)`.
+        quality: Score as a share of what the smaller part would score in a perfect mould of itself,
+            0 to 1, `(k,)`.
+        mating_area: Area of the moving part's faces that lie against opposite faces of the fixed one,
+            square metres, `(k,)`.
+        model_energy: Energy under the pair's own model, joules, `(k,)`.
+        half_width: How far the energy takes to rise to half, metres, `(k,)`; infinite if it does not
+            within the moving part.
+        overlap: Share of the moving part's volume that the fixed one fills as well, measured from
+            the surfaces, `(k,)`.
+        penetration: How deep a point of either part lies in the other at most, metres, `(k,)`.
+        condition: How far the terms of the score cancel, `(k,)`; NaN for all but the best.
+        refined: False where downhill led out of the domain, `(k,)`.
+        scored: Rotations scored.
+        rotations: Rotations looked at.
+    """
+
+    poses: Float
+    energy: Float
+    depth: Float
+    quality: Float
+    mating_area: Float
+    model_energy: Float
+    half_width: Float
+    overlap: Float
+    penetration: Float
+    condition: Float
+    refined: NDArray[np.bool_]
+    scored: int
+    rotations: int
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        text = f"Docking: {len(self)} poses of {self.scored} of {self.rotations} rotations"
+        if len(self) == 0:
+            return text
+        return f"{text}, deepest {1e3 * self.energy[0]:.4g} mJ"
 
 
 @dataclass(frozen=True)
@@ -304,12 +421,12 @@ class Pair:
         state: Optional[Path] = None,
         progress: Progress = None,
     ) -> Docking:
-        """Looks for the poses where the moving part belongs, from any start.
+        """Searches the poses where the moving part belongs, from any start.
 
         Args:
             top: Distinct poses to return, at most.
             tolerance: Relative L2 error allowed in the density fields, 1e-5 to 1e-2.
-            exhaustive: Score every rotation, without a sketch to choose among them.
+            exhaustive: Score every rotation, without a coarse screening.
             state: File that keeps what was scored; a later call goes on from there.
             progress: `True` for a bar, or a function of the units done and their number.
 
@@ -360,23 +477,23 @@ class Pair:
         solids_only: bool = False,
         progress: Progress = None,
     ) -> Way:
-        """The way by which the moving part gets to where it fits, or that it does not come out.
+        """Searches an insertion path of the moving part to where it fits, or proves that there is none.
 
         Args:
-            to: Where it leads: `"fit"`, `"best"` (docks first), or a pose, `(7,)` or `(4, 4)`.
-            from_: Where it begins: `"outside"`, beside the fixed part, or a pose.
+            to: The goal: `"fit"`, `"best"` (docks first), or a pose, `(7,)` or `(4, 4)`.
+            from_: The start: `"outside"`, beside the fixed part, or a pose.
             tolerance: Overlaps up to this depth count as contact, metres; a thousandth of the moving
                 part's radius if `None`.
             step: Largest motion of any point of the part between two poses, metres; a thirtieth of
                 its radius if `None`.
             seconds: The search gives up after this time.
-            allow_overlap: Go on if the parts overlap at the goal or start.
+            allow_overlap: Continue if the parts overlap at the goal or start.
             solids_only: No fields and no energies: seconds less.
             progress: `True` for a bar, or a function of the units done and their number.
 
         Raises:
             PoseError: A pose is none.
-            SceneError: A number is out of range, the parts overlap where the way is to begin or end
+            SceneError: A number is out of range, the parts overlap at the goal or start
                 and that is not allowed, or they lie beside each other at the goal.
             KeyboardInterrupt: Within 50 ms of Ctrl-C.
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Optional
+from typing import TYPE_CHECKING, Any, Callable, Optional
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as _Axes
 
-    from pegfit._mesh import Density
-    from pegfit._search import Scores
-    from pegfit._source import Table
+Float = NDArray[np.float64]
 
 
 def _drawn_on(ax: Optional[_Axes]) -> _Axes:
@@ -33,31 +32,31 @@ def _map(ax: Optional[_Axes], x: Any, z: Any, values: Any, label: str, title: st
     return drawn
 
 
-def density_map(density: Density, y: float, ax: Optional[_Axes]) -> _Axes:
-    """Im density on the plane of nodes nearest to `y`."""
-    along = density.axis(1)
-    j = int(np.argmin(np.abs(along - y)))
-    values = (density.exterior[:, j] + density.interior[:, j]).imag
-    title = f"Density, y = {1e3 * along[j]:.3g} mm"
-    return _map(ax, density.axis(0), density.axis(2), values, "Im density", title)
+def density_map(axes: list[Float], values: Any, y: float, ax: Optional[_Axes]) -> _Axes:
+    """Im density on the plane of nodes nearest to `y`; `values` over the three axes, metres."""
+    j = int(np.argmin(np.abs(axes[1] - y)))
+    title = f"Density, y = {1e3 * axes[1][j]:.3g} mm"
+    return _map(ax, axes[0], axes[2], values[:, j].imag, "Im density", title)
 
 
-def score_map(scores: Scores, ax: Optional[_Axes]) -> _Axes:
-    """The score on the plane of y in which it is highest."""
-    j = int(np.unravel_index(int(np.argmax(scores.values)), scores.values.shape)[1])
-    title = f"Score, y = {1e3 * scores.y[j]:.3g} mm"
-    return _map(ax, scores.x, scores.z, scores.values[:, j], "score (m³)", title)
+def score_map(axes: list[Float], values: Any, ax: Optional[_Axes]) -> _Axes:
+    """The score on the plane of y in which it is highest; `values` over the three axes, metres."""
+    j = int(np.unravel_index(int(np.argmax(values)), values.shape)[1])
+    title = f"Score, y = {1e3 * axes[1][j]:.3g} mm"
+    return _map(ax, axes[0], axes[2], values[:, j], "score (m³)", title)
 
 
-def energy_lines(table: Table, ax: Optional[_Axes]) -> _Axes:
-    """Energy along x, y and z through the identity, as far as the window goes."""
+def energy_lines(
+    window: Float, energy: Callable[[Float], Float], title: str, ax: Optional[_Axes]
+) -> _Axes:
+    """Energy along x, y and z through the identity, as far as the window goes, metres `(2, 3)`."""
     drawn = _drawn_on(ax)
-    low, high = table.window
+    low, high = window
     for k, name in enumerate("xyz"):
         poses = np.zeros((201, 7))
         poses[:, 6] = 1.0
         poses[:, k] = np.linspace(low[k], high[k], len(poses))
-        drawn.plot(1e3 * poses[:, k], 1e3 * table.query(poses).energy, label=f"along {name}")
-    drawn.set(xlabel="displacement (mm)", ylabel="energy (mJ)", title=table.path)
+        drawn.plot(1e3 * poses[:, k], 1e3 * energy(poses), label=f"along {name}")
+    drawn.set(xlabel="displacement (mm)", ylabel="energy (mJ)", title=title)
     drawn.legend()
     return drawn

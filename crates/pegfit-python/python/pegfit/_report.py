@@ -1,4 +1,4 @@
-"""Files that runs and ways are written to, one kind per ending."""
+"""Files that runs and paths are written to, one kind per ending."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def write_report(
     table: Callable[[], str],
     summary: Callable[[], str],
 ) -> None:
-    """Writes what the ending asks for: `.html` the page, `.csv` the table, `.json` the summary."""
+    """Writes what the ending chooses: `.html` the page, `.csv` the table, `.json` the summary."""
     contents = {".html": page, ".csv": table, ".json": summary}
     content = contents.get(os.path.splitext(path)[1].lower())
     if content is None:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pegfit import _core
-from pegfit._counts import count_or_none
-from pegfit._errors import TableError
+from pegfit._errors import TableError, count_or_none
 from pegfit._mesh import Path
 from pegfit._poses import PosesLike, rows
 from pegfit._response import Response, check_out
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from matplotlib.axes import Axes as _Axes
-
-    from pegfit._pair import Pair
 
 Float = NDArray[np.float64]
 
@@ -39,11 +36,23 @@ class Source(Protocol):
         ...
 
 
+class PairLike(Protocol):
+    """What sources know of the pair that made them: a `Pair`."""
+
+    _core: _core.Pair
+
+    def evaluator(
+        self, tolerance: Optional[float] = None, *, max_points: Optional[int] = None
+    ) -> Evaluator:
+        """Energy at any pose by direct quadrature."""
+        ...
+
+
 class _Source:
     """What tables and evaluators have in common."""
 
     _core: _core.Source
-    _pair: Optional[Pair]
+    _pair: Optional[PairLike]
 
     def query(
         self, poses: PosesLike, threads: Optional[int] = None, out: Optional[Response] = None
@@ -98,13 +107,13 @@ class Evaluator(_Source):
     def __init__(
         self,
         core: _core.Source,
-        pair: Pair,
+        pair: PairLike,
         points: int,
         error: Optional[float],
         asked: tuple[Optional[float], Optional[int]],
     ) -> None:
         self._core = core
-        self._pair: Pair = pair
+        self._pair: PairLike = pair
         self.points = points
         self.error = error
         self._asked = asked
@@ -118,11 +127,11 @@ class Evaluator(_Source):
         return f"Evaluator of {self._pair!r}: {self.points} points{error}"
 
 
-def _evaluator(pair: Pair, tolerance: Optional[float], max_points: Optional[int]) -> Evaluator:
+def _evaluator(pair: PairLike, tolerance: Optional[float], max_points: Optional[int]) -> Evaluator:
     return pair.evaluator(tolerance, max_points=max_points)
 
 
-def _reopened(path: str, pair: Optional[Pair]) -> Table:
+def _reopened(path: str, pair: Optional[PairLike]) -> Table:
     table = Table.open(path)
     table._pair = pair
     return table
@@ -135,7 +144,7 @@ class Table(_Source):
     interpolated energy. Close it, or use it in a `with`, to give its memory back early.
     """
 
-    def __init__(self, core: _core.Source, description: str, pair: Optional[Pair]) -> None:
+    def __init__(self, core: _core.Source, description: str, pair: Optional[PairLike]) -> None:
         self._core = core
         self._pair = pair
         self._said: dict[str, Any] = json.loads(description)
@@ -213,7 +222,7 @@ class Table(_Source):
         """Draws the energy along x, y and z through the modelled pose (needs matplotlib)."""
         from pegfit._plots import energy_lines
 
-        return energy_lines(self, ax)
+        return energy_lines(self.window, lambda poses: self.query(poses).energy, self.path, ax)
 
     def close(self) -> None:
         """Gives the memory back once queries that are under way have ended."""

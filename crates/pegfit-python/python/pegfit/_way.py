@@ -1,4 +1,4 @@
-"""A way in: poses, forces, and what it is in words."""
+"""An insertion path: poses, forces, and its description."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ Float = NDArray[np.float64]
 
 
 class Way:
-    """The way from outside, or from a pose, to the goal: n poses at equal steps, none if none was
-    found. Backwards it is the way out.
+    """The insertion path from outside, or from a pose, to the goal: n poses at equal steps, none if none
+    was found. Reversed, it is the removal path.
 
     Attributes:
         poses: `(n, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
-        length: Way of the farthest-going point since the start, metres, `(n,)`.
-        overlap: By how much the deepest point of either part lies in the other, metres, `(n,)`.
-        energy: Joules, `(n,)`; this and the next two are NaN if only the solids were looked at.
+        length: Path length of the farthest-going point since the start, metres, `(n,)`.
+        overlap: Penetration depth: of the deepest point of either part in the other, metres, `(n,)`.
+        energy: Joules, `(n,)`; this and the next two are NaN with `solids_only`.
         force: On the moving part, newtons, `(n, 3)`.
         torque: Newton metres, `(n, 3)`, about where the pose takes the origin of the moving part's
             frame.
-        words: The motions inwards, such as `push 12.0 mm along (0.00, 0.00, -1.00)`.
-        summary: What `pegfit path --json` tells, by name.
+        words: Descriptions of the motions inwards, such as `push 12.0 mm along (0.00, 0.00, -1.00)`.
+        summary: The result of `pegfit path --json`, by name.
     """
 
     def __init__(self, core: _core.Way) -> None:
@@ -43,7 +43,7 @@ class Way:
 
     @property
     def free(self) -> bool:
-        """Whether no overlap along the way is deeper than contact."""
+        """Whether no overlap along the path is deeper than contact."""
         return bool(self.summary["outcome"] == "free")
 
     @property
@@ -54,7 +54,8 @@ class Way:
 
     @property
     def barrier(self) -> Optional[float]:
-        """The highest climb of the energy on the way in, joules; `None` without energies."""
+        """The energy barrier: the highest climb of the energy on the path in, joules; `None` without
+        energies."""
         climb = self.summary["climb"]
         return None if climb is None else float(climb["energy"])
 
@@ -65,10 +66,10 @@ class Way:
         return None if depth is None else float(depth)
 
     def report(self, path: Union[str, PathLike[str]]) -> None:
-        """Writes the way.
+        """Writes the path.
 
         Args:
-            path: Its ending says what: `.html` the page of `pegfit path --html`, which plays it,
+            path: Its ending chooses: `.html` the page of `pegfit path --html`, which plays it,
                 `.csv` the rows of `pegfit path -o`, `.json` the summary.
 
         Raises:

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::error::SceneError;
 use crate::file::check;
 use crate::file::raw::RawScene;
-use crate::file::source::Source;
+use crate::file::values::Source;
 use crate::scene::Scene;
 
 impl Scene {

@@ -1,14 +1,13 @@
 //! Numbers, places and rotations as a scene writes them.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
 use toml::Spanned;
 
-use crate::error::SceneError;
-use crate::file::source::Source;
+use crate::error::{LineError, SceneError};
 
 /// How far a quaternion may be from unit length and still be taken as a rotation.
 const QUATERNION_SLACK: f64 = 1e-3;
@@ -113,5 +112,27 @@ pub(crate) fn quaternion(xyzw: [f64; 4]) -> Result<DQuat, f64> {
         Ok(q.normalize())
     } else {
         Err(length)
+    }
+}
+
+/// The text of a scene file, for errors that show the line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) path: &'a Path,
+    pub(super) text: &'a str,
+}
+
+impl Source<'_> {
+    /// An error at a byte range of the text.
+    pub(super) fn error(&self, span: Range<usize>, message: impl Into<String>) -> SceneError {
+        let start = span.start.min(self.text.len());
+        let before = &self.text.as_bytes()[..start];
+        SceneError::Line(Box::new(LineError {
+            path: self.path.to_owned(),
+            line: before.iter().filter(|&&b| b == b'\n').count() + 1,
+            message: message.into(),
+            text: self.text.to_owned(),
+            span: start..span.end.clamp(start, self.text.len()),
+        }))
     }
 }

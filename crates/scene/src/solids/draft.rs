@@ -3,7 +3,7 @@
 use fft_correlate::pair::default_spacing;
 use sdf_grid::{Aabb, LengthUnit, MeshError, TriangleMesh};
 
-use crate::setup::meshes::joined;
+use crate::setup::parts::joined;
 use crate::solids::error::ImportError;
 use crate::solids::solid_set::SolidSet;
 

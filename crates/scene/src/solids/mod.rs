@@ -3,7 +3,6 @@
 pub(crate) mod draft;
 mod element;
 pub(crate) mod error;
-mod frames;
 mod geometry;
 pub(crate) mod mjcf;
 pub(crate) mod solid_set;

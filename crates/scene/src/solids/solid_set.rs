@@ -10,7 +10,7 @@ use sdf_grid::{Ledger, LengthUnit, TriangleMesh};
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
 use crate::solids::geometry::Shape;
-use crate::solids::mjcf::options::MujocoOptions;
+use crate::solids::mjcf::geom::MujocoOptions;
 use crate::solids::{mjcf, urdf};
 
 /// Metres; scenes of solids below are in millimetres.
@@ -242,8 +242,8 @@ fn described(
     let root = Element::read(path)?;
     let visual = options.visual;
     let shapes = match root.name.as_str() {
-        "robot" => urdf::read::shapes(path, &root, visual, ledger)?,
-        "mujoco" => mjcf::read::shapes(path, &root, visual, &options.mujoco, ledger)?,
+        "robot" => urdf::shapes(path, &root, visual, ledger)?,
+        "mujoco" => mjcf::shapes(path, &root, visual, &options.mujoco, ledger)?,
         other => {
             let expected = "<robot> (URDF) or <mujoco> (MJCF)";
             return Err(root.wrong(path, expected, format!("<{other}>")));

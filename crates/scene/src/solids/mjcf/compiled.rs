@@ -9,10 +9,10 @@ use sdf_grid::{Ledger, LedgerKind};
 use serde::Deserialize;
 
 use crate::solids::error::ImportError;
-use crate::solids::frames;
+use crate::solids::geometry;
 use crate::solids::geometry::{Geometry, Shape, Triangles};
-use crate::solids::mjcf::chosen::{Geom, HEIGHT_FIELD, PLANE, STANDS};
-use crate::solids::mjcf::options::MujocoOptions;
+use crate::solids::mjcf::geom::MujocoOptions;
+use crate::solids::mjcf::geom::{Geom, HEIGHT_FIELD, PLANE, STANDS};
 
 /// What Python runs.
 const SCRIPT: &str = include_str!("compile.py");
@@ -29,7 +29,7 @@ struct Model {
     version: String,
     bodies: Vec<String>,
     meshes: Vec<Mesh>,
-    geoms: Vec<Found>,
+    geoms: Vec<CompiledGeom>,
     joints: u64,
     keys: u64,
     flexes: u64,
@@ -47,7 +47,7 @@ struct Mesh {
 }
 
 #[derive(Debug, Deserialize)]
-struct Found {
+struct CompiledGeom {
     kind: String,
     /// Number of its mesh.
     mesh: Option<usize>,
@@ -150,7 +150,7 @@ fn understood(
             shape: Shape {
                 name,
                 group: found.body,
-                pose: frames::pose(DQuat::from_xyzw(x, y, z, w), found.position.map(rounded)),
+                pose: geometry::pose(DQuat::from_xyzw(x, y, z, w), found.position.map(rounded)),
                 geometry,
             },
         });

@@ -9,10 +9,9 @@ use sdf_grid::{Ledger, LedgerKind};
 
 use crate::solids::element::Element;
 use crate::solids::error::ImportError;
-use crate::solids::frames;
+use crate::solids::geometry;
 use crate::solids::geometry::{Geometry, Shape};
-use crate::solids::mjcf::chosen::{Geom, HEIGHT_FIELD, PLANE, STANDS};
-use crate::solids::mjcf::known::Known;
+use crate::solids::mjcf::geom::{Geom, HEIGHT_FIELD, PLANE, STANDS};
 
 /// Every geom of the model at the reference pose; `why` there is no MuJoCo stands in errors.
 pub(super) fn geoms(
@@ -21,10 +20,10 @@ pub(super) fn geoms(
     why: &str,
     ledger: &mut Ledger,
 ) -> Result<Vec<Geom>, ImportError> {
-    let known = Known { path, why };
-    known.model(model)?;
-    let reader = ModelReader::new(known, model)?;
-    let mut found = Found {
+    let subset = Subset { path, why };
+    subset.model(model)?;
+    let reader = ModelReader::new(subset, model)?;
+    let mut found = GeomList {
         geoms: Vec::new(),
         bodies: 1,
         ledger,
@@ -36,14 +35,14 @@ pub(super) fn geoms(
 }
 
 /// What was met so far.
-struct Found<'a> {
+struct GeomList<'a> {
     geoms: Vec<Geom>,
     bodies: usize,
     ledger: &'a mut Ledger,
 }
 
 struct ModelReader<'a> {
-    known: Known<'a>,
+    subset: Subset<'a>,
     meshes: HashMap<String, Geometry>,
     /// Geoms that a pair names: they touch, whatever they say themselves.
     paired: HashSet<&'a str>,
@@ -53,20 +52,20 @@ struct ModelReader<'a> {
 }
 
 impl<'a> ModelReader<'a> {
-    fn new(known: Known<'a>, model: &'a Element) -> Result<Self, ImportError> {
+    fn new(subset: Subset<'a>, model: &'a Element) -> Result<Self, ImportError> {
         let compiler = model.child("compiler");
         let setting = |name: &str| compiler.and_then(|c| c.attribute(name));
-        let folder = known.path.parent().unwrap_or(Path::new(""));
+        let folder = subset.path.parent().unwrap_or(Path::new(""));
         let folder = folder.join(setting("meshdir").or(setting("assetdir")).unwrap_or(""));
         let pairs = model.all("contact").flat_map(|c| c.all("pair"));
         let ends = pairs.flat_map(|p| [p.attribute("geom1"), p.attribute("geom2")]);
         let degrees = setting("angle") != Some("radian");
         Ok(Self {
-            meshes: meshes(&known, model, &folder)?,
+            meshes: meshes(&subset, model, &folder)?,
             paired: ends.flatten().collect(),
             angle: if degrees { 1f64.to_radians() } else { 1.0 },
             sequence: setting("eulerseq").unwrap_or("xyz"),
-            known,
+            subset,
         })
     }
 
@@ -77,7 +76,7 @@ impl<'a> ModelReader<'a> {
         place: Pose,
         name: &str,
         group: usize,
-        found: &mut Found<'_>,
+        found: &mut GeomList<'_>,
     ) -> Result<(), ImportError> {
         for child in &holder.children {
             match child.name.as_str() {
@@ -120,7 +119,7 @@ impl<'a> ModelReader<'a> {
     /// Whether a geom is only for the eye: it touches nothing.
     fn is_visual(&self, geom: &Element) -> Result<bool, ImportError> {
         let off = |name: &str| -> Result<bool, ImportError> {
-            Ok(geom.numbers::<1>(self.known.path, name)? == Some([0.0]))
+            Ok(geom.numbers::<1>(self.subset.path, name)? == Some([0.0]))
         };
         let named = geom
             .attribute("name")
@@ -134,12 +133,12 @@ impl<'a> ModelReader<'a> {
         geom: &Element,
         ledger: &mut Ledger,
     ) -> Result<Option<Geometry>, ImportError> {
-        let path = self.known.path;
+        let path = self.subset.path;
         let kind = geom.attribute("type").unwrap_or("sphere");
         if let Some(mesh) = geom.attribute("mesh") {
             if kind != "mesh" {
                 return Err(self
-                    .known
+                    .subset
                     .beyond(geom, format!("a {kind} fitted to a mesh")));
             }
             let found = self.meshes.get(mesh);
@@ -180,13 +179,13 @@ impl<'a> ModelReader<'a> {
                 ledger.add(LedgerKind::Ignored, "hfield geom", HEIGHT_FIELD);
                 return Ok(None);
             }
-            other => return Err(self.known.beyond(geom, format!("type={other:?}"))),
+            other => return Err(self.subset.beyond(geom, format!("type={other:?}"))),
         }))
     }
 
     /// Where an element is in what holds it.
     fn pose(&self, element: &Element) -> Result<Pose, ImportError> {
-        let path = self.known.path;
+        let path = self.subset.path;
         let position = element.numbers::<3>(path, "pos")?.unwrap_or_default();
         let wrong = |expected: &str| element.wrong(path, expected, "another");
         let rotation = if let Some([w, x, y, z]) = element.numbers::<4>(path, "quat")? {
@@ -196,33 +195,33 @@ impl<'a> ModelReader<'a> {
             let axis = axis.ok_or_else(|| wrong("an axis that is not zero"))?;
             DQuat::from_axis_angle(axis, self.angle * angle)
         } else if let Some(angles) = element.numbers::<3>(path, "euler")? {
-            frames::euler(self.sequence, angles.map(|a| self.angle * a))
+            geometry::euler(self.sequence, angles.map(|a| self.angle * a))
                 .ok_or_else(|| wrong("an eulerseq of three axes"))?
         } else if let Some(axes) = element.numbers::<6>(path, "xyaxes")? {
-            frames::from_axes(axes).ok_or_else(|| wrong("two axes that are not parallel"))?
+            geometry::from_axes(axes).ok_or_else(|| wrong("two axes that are not parallel"))?
         } else if let Some(z) = element.numbers::<3>(path, "zaxis")? {
-            frames::from_z_axis(z).ok_or_else(|| wrong("an axis that is not zero"))?
+            geometry::from_z_axis(z).ok_or_else(|| wrong("an axis that is not zero"))?
         } else {
             DQuat::IDENTITY
         };
         if rotation.length() < 1e-9 {
             return Err(wrong("a quaternion that is not zero"));
         }
-        Ok(frames::pose(rotation, position))
+        Ok(geometry::pose(rotation, position))
     }
 }
 
 /// The meshes among the assets, by name.
 fn meshes(
-    known: &Known<'_>,
+    subset: &Subset<'_>,
     model: &Element,
     folder: &Path,
 ) -> Result<HashMap<String, Geometry>, ImportError> {
-    let path = known.path;
+    let path = subset.path;
     let mut meshes = HashMap::new();
     for mesh in model.all("asset").flat_map(|asset| asset.all("mesh")) {
         let Some(file) = mesh.attribute("file").map(PathBuf::from) else {
-            return Err(known.beyond(mesh, "a mesh without a file"));
+            return Err(subset.beyond(mesh, "a mesh without a file"));
         };
         let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
         let at = folder.join(&file);
@@ -231,9 +230,9 @@ fn meshes(
             Some("obj") if !has_several(&at) => {}
             Some("obj") => {
                 let found = "an OBJ file of several objects, of which MuJoCo reads the first";
-                return Err(known.beyond(mesh, found));
+                return Err(subset.beyond(mesh, found));
             }
-            _ => return Err(known.beyond(mesh, format!("file={:?}", file.display()))),
+            _ => return Err(subset.beyond(mesh, format!("file={:?}", file.display()))),
         }
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
         let name = mesh
@@ -265,4 +264,278 @@ fn has_several(path: &Path) -> bool {
     after_face
         .skip_while(|word| *word == "f")
         .any(|word| word == "f")
+}
+
+/// Sections and parts of bodies that never change where a solid is or what it is.
+const ASIDE: [&str; 11] = [
+    "option",
+    "size",
+    "visual",
+    "statistic",
+    "custom",
+    "extension",
+    "keyframe",
+    "actuator",
+    "sensor",
+    "tendon",
+    "equality",
+];
+const IN_BODY: [&str; 6] = ["joint", "freejoint", "inertial", "site", "camera", "light"];
+const IN_ASSET: [&str; 5] = ["texture", "material", "hfield", "skin", "model"];
+const IN_DEFAULT: [&str; 20] = [
+    "texture",
+    "material",
+    "joint",
+    "site",
+    "camera",
+    "light",
+    "pair",
+    "equality",
+    "tendon",
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+];
+
+/// Attributes that are read, and those that never change a solid.
+const COMPILER: [&str; 21] = [
+    "angle",
+    "assetdir",
+    "coordinate",
+    "eulerseq",
+    "meshdir",
+    "strippath",
+    "alignfree",
+    "autolimits",
+    "balanceinertia",
+    "boundinertia",
+    "boundmass",
+    "convexhull",
+    "discardvisual",
+    "exactmeshinertia",
+    "fitaabb",
+    "fusestatic",
+    "inertiafromgeom",
+    "inertiagrouprange",
+    "settotalmass",
+    "texturedir",
+    "usethread",
+];
+const PLACE: [&str; 6] = ["pos", "quat", "axisangle", "euler", "xyaxes", "zaxis"];
+const BODY: [&str; 6] = ["name", "childclass", "mocap", "gravcomp", "user", "sleep"];
+const FRAME: [&str; 2] = ["name", "childclass"];
+const MESH: [&str; 8] = [
+    "name",
+    "class",
+    "file",
+    "scale",
+    "material",
+    "inertia",
+    "maxhullvert",
+    "smoothnormal",
+];
+const GEOM: [&str; 8] = [
+    "name",
+    "class",
+    "type",
+    "size",
+    "mesh",
+    "hfield",
+    "contype",
+    "conaffinity",
+];
+const GEOM_ASIDE: [&str; 19] = [
+    "group",
+    "condim",
+    "priority",
+    "friction",
+    "mass",
+    "density",
+    "shellinertia",
+    "solmix",
+    "solref",
+    "solimp",
+    "margin",
+    "gap",
+    "material",
+    "rgba",
+    "user",
+    "fluidshape",
+    "fluidcoef",
+    "castshadow",
+    "adhesion",
+];
+const MESH_ASIDE: [&str; 3] = ["inertia", "maxhullvert", "smoothnormal"];
+
+/// Checks that a model has nothing but what is read without MuJoCo.
+pub(super) struct Subset<'a> {
+    pub(super) path: &'a Path,
+    /// Why there is no MuJoCo.
+    pub(super) why: &'a str,
+}
+
+impl Subset<'_> {
+    /// What is wrong with an element that MuJoCo could read.
+    pub(super) fn beyond(&self, element: &Element, found: impl Into<String>) -> ImportError {
+        let expected = format!(
+            "only what pegfit reads without MuJoCo (pip install mujoco; {})",
+            self.why
+        );
+        element.wrong(self.path, expected, found)
+    }
+
+    pub(super) fn model(&self, model: &Element) -> Result<(), ImportError> {
+        self.attributes(model, &[&["model"]])?;
+        let mut classes = HashSet::from(["main"]);
+        let mut compilers = 0;
+        self.no_include(model)?;
+        for default in model.all("default") {
+            self.default(default, &mut classes)?;
+        }
+        for child in &model.children {
+            match child.name.as_str() {
+                "default" | "contact" => {}
+                "compiler" if compilers == 0 => {
+                    compilers += 1;
+                    self.compiler(child)?;
+                }
+                "asset" => self.asset(child, &classes)?,
+                "worldbody" => {
+                    self.attributes(child, &[])?;
+                    self.inside(child, &classes)?;
+                }
+                name if ASIDE.contains(&name) => {}
+                name => return Err(self.beyond(model, format!("another <{name}>"))),
+            }
+        }
+        Ok(())
+    }
+
+    /// Another file may hold anything, wherever it is included.
+    fn no_include(&self, element: &Element) -> Result<(), ImportError> {
+        for child in &element.children {
+            if child.name == "include" {
+                return Err(self.beyond(child, "a file to include"));
+            }
+            self.no_include(child)?;
+        }
+        Ok(())
+    }
+
+    fn compiler(&self, compiler: &Element) -> Result<(), ImportError> {
+        self.attributes(compiler, &[&COMPILER])?;
+        for (name, accepted) in [
+            ("angle", ["degree", "radian"]),
+            ("coordinate", ["local", "local"]),
+            ("strippath", ["false", "false"]),
+        ] {
+            match compiler.attribute(name) {
+                Some(found) if !accepted.contains(&found) => {
+                    return Err(self.beyond(compiler, format!("{name}={found:?}")));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Defaults that change no solid; the names of their classes.
+    fn default<'e>(
+        &self,
+        default: &'e Element,
+        classes: &mut HashSet<&'e str>,
+    ) -> Result<(), ImportError> {
+        self.attributes(default, &[&["class"]])?;
+        classes.extend(default.attribute("class"));
+        for child in &default.children {
+            match child.name.as_str() {
+                "default" => self.default(child, classes)?,
+                "geom" => self.attributes(child, &[&GEOM_ASIDE])?,
+                "mesh" => self.attributes(child, &[&MESH_ASIDE])?,
+                name if IN_DEFAULT.contains(&name) => {}
+                name => return Err(self.beyond(default, format!("<{name}>"))),
+            }
+        }
+        Ok(())
+    }
+
+    fn asset(&self, asset: &Element, classes: &HashSet<&str>) -> Result<(), ImportError> {
+        self.attributes(asset, &[])?;
+        for child in &asset.children {
+            match child.name.as_str() {
+                "mesh" => {
+                    self.attributes(child, &[&MESH])?;
+                    self.class(child, classes)?;
+                    self.empty(child)?;
+                }
+                name if IN_ASSET.contains(&name) => {}
+                name => return Err(self.beyond(asset, format!("<{name}>"))),
+            }
+        }
+        Ok(())
+    }
+
+    /// What is in a body, a frame or the world.
+    fn inside(&self, holder: &Element, classes: &HashSet<&str>) -> Result<(), ImportError> {
+        for child in &holder.children {
+            let own: &[&str] = match child.name.as_str() {
+                "body" => &BODY,
+                "frame" => &FRAME,
+                "geom" => &GEOM,
+                name if IN_BODY.contains(&name) => continue,
+                name => return Err(self.beyond(holder, format!("<{name}>"))),
+            };
+            self.class(child, classes)?;
+            if child.name == "geom" {
+                self.attributes(child, &[own, &PLACE, &GEOM_ASIDE])?;
+                self.empty(child)?;
+            } else {
+                self.attributes(child, &[own, &PLACE])?;
+                self.inside(child, classes)?;
+            }
+            let turns = PLACE[1..]
+                .iter()
+                .filter(|name| child.attribute(name).is_some());
+            if turns.count() > 1 {
+                return Err(child.wrong(self.path, "one orientation", "several"));
+            }
+        }
+        Ok(())
+    }
+
+    fn attributes(&self, element: &Element, known: &[&[&str]]) -> Result<(), ImportError> {
+        for (name, text) in element.attributes() {
+            if !known.iter().any(|names| names.contains(&name)) {
+                return Err(self.beyond(element, format!("{name}={text:?}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn class(&self, element: &Element, classes: &HashSet<&str>) -> Result<(), ImportError> {
+        for attribute in ["class", "childclass"] {
+            match element.attribute(attribute) {
+                Some(class) if !classes.contains(class) => {
+                    return Err(element.wrong(self.path, "a class among the defaults", class));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn empty(&self, element: &Element) -> Result<(), ImportError> {
+        match element.children.first() {
+            Some(child) => Err(self.beyond(element, format!("<{}>", child.name))),
+            None => Ok(()),
+        }
+    }
 }

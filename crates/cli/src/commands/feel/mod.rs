@@ -1,6 +1,0 @@
-//! `pegfit feel`: the haptic loop.
-
-mod again;
-mod run;
-
-pub(super) use run::run;

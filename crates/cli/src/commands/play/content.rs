@@ -1,0 +1,366 @@
+//! What a page is shown of a scene besides the loop: surfaces, densities, places, and what is known
+//! of the forces' error.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fft_correlate::{
+    DirectOptions, DockingRequest, EnergyScale, EnergySource, Placement, Pose, TableStore,
+};
+use glam::DQuat;
+use haptic::Geometry;
+use pegfit_pictures::{Slice, sheet, skeleton_points};
+use pegfit_play::{Content, MOST_TRIANGLES, MeshMessage};
+use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+use sdf_grid::{DensityField, DensityKernel, Monitor, TriangleMesh};
+use serde_json::{Value, json};
+
+use crate::commands::plot::on_plane;
+use crate::context::Context;
+use crate::error::CommandError;
+use crate::terminal::progress::interrupted;
+
+/// Poses that a search lists.
+const FITS: usize = 6;
+
+/// A scene's content.
+pub(super) struct SceneContent {
+    assembly: Assembly,
+    /// Surfaces of the fixed parts where they stand, in the scene's order.
+    fixed: Vec<MeshMessage>,
+    moving: MeshMessage,
+    /// The coordinate axis across which parts are cut open: 0, 1, 2.
+    cut: usize,
+    description: Value,
+    /// Nobody looks any more.
+    over: AtomicBool,
+}
+
+/// Shows nothing; cancels what nobody waits for any more.
+struct CancelFlag<'a>(&'a AtomicBool);
+
+impl Monitor for CancelFlag<'_> {
+    fn cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed) || interrupted()
+    }
+}
+
+impl SceneContent {
+    /// Reads what is shown of `scene`, whose pairs are loaded.
+    pub(super) fn new(
+        scene: &Scene,
+        pairs: &LivePairs,
+        table: Option<&Path>,
+        context: &Context,
+    ) -> Result<Self, CommandError> {
+        let loaded = &pairs.assembly;
+        let assembly = Assembly {
+            setup: loaded.setup.clone(),
+            pair: loaded.pair.clone(),
+            field_seconds: loaded.field_seconds,
+        };
+        let mut fixed = vec![message(&assembly.setup.placed_fixed())];
+        for part in &scene.others {
+            let single = scene.clone().only(Some(&part.name))?;
+            let setup = SceneSetup::read(single, context.memory)?;
+            fixed.push(message(&setup.placed_fixed()));
+        }
+        let moving = message(&assembly.setup.moving_at(&Pose::IDENTITY));
+        let mut content = Self {
+            assembly,
+            fixed,
+            moving,
+            cut: cut_axis(&loaded.geometry(pairs.live.source())),
+            description: Value::Null,
+            over: AtomicBool::new(false),
+        };
+        content.description = content.describe(pairs, table)?;
+        Ok(content)
+    }
+
+    /// Ends searches that still run.
+    pub(super) fn end(&self) {
+        self.over.store(true, Ordering::Relaxed);
+    }
+
+    fn describe(&self, pairs: &LivePairs, table: Option<&Path>) -> Result<Value, CommandError> {
+        let (assembly, source) = (&self.assembly, pairs.live.source());
+        let geometry = assembly.geometry(source);
+        let limits = &assembly.scene().device.limits;
+        let grip = assembly.workspace().grip;
+        let (source_words, error) = match table.or(assembly.scene().fixed.table.as_deref()) {
+            Some(path) => of_table(path)?,
+            None => of_evaluator(assembly, source, &geometry)?,
+        };
+        Ok(json!({
+            "title": assembly.scene().moving.name,
+            "fixed": pairs.names,
+            "moving": assembly.scene().moving.name,
+            "seated": numbers(&geometry.seated),
+            "axis": geometry.axis.to_array(),
+            "depth": geometry.depth,
+            "grip": grip.to_array(),
+            "cut": self.cut,
+            "limits": [limits.force, limits.torque],
+            "profile": profile(source, &geometry),
+            "places": [
+                place("Seated", "the scene's fit", &geometry.seated),
+                place("At the entrance", "", &at_depth(&geometry, 0.1 * geometry.depth)),
+                place("Outside", "where it began", &start_pose(&geometry, grip)),
+            ],
+            "source": source_words,
+            "error": error,
+            "coarser": self.coarser(),
+        }))
+    }
+
+    /// Says which surfaces are shown coarser than they are.
+    fn coarser(&self) -> Option<String> {
+        let setup = &self.assembly.setup;
+        let whole = [&setup.parts.fixed, &setup.parts.moving].map(|m| m.triangles().len());
+        let shown = [self.fixed[0].triangles, self.moving.triangles];
+        (shown != whole).then(|| {
+            format!(
+                "Surfaces are shown with {} and {} of their {} and {} triangles; the forces are \
+                 those of all.",
+                shown[0], shown[1], whole[0], whole[1]
+            )
+        })
+    }
+
+    /// A part and where it is: the fixed one in the scene, the moving one as poses move it.
+    fn part(&self, name: &str) -> Option<(TriangleMesh, &DensityField, Pose)> {
+        let (setup, pair) = (&self.assembly.setup, &self.assembly.pair);
+        let Placement { fixed, moving } = *setup.placement();
+        match name {
+            "0" => Some((setup.placed_fixed(), pair.fixed(), fixed)),
+            "moving" => Some((setup.moving_at(&Pose::IDENTITY), pair.moving(), moving)),
+            _ => None,
+        }
+    }
+
+    /// A part's density on the plane through the middle: inside positive, outside negative.
+    fn slice(&self, name: &str) -> Option<Vec<u8>> {
+        let (mesh, ..) = self.part(name)?;
+        let pivot = self.assembly.pivot();
+        let through = match name {
+            "moving" => pivot,
+            _ => self.assembly.assembled().apply(pivot),
+        };
+        let slice = Slice {
+            axis: self.cut,
+            at: through[self.cut],
+        };
+        let bounds = mesh.bounds();
+        let bounds = bounds.grown(0.2 * bounds.size().max_element());
+        let monitor = CancelFlag(&self.over);
+        let field = on_plane(&mesh, &self.assembly, &bounds, &slice, &monitor).ok()?;
+        let inside = sheet(&field.interior, &field, &slice);
+        let outside = sheet(&field.exterior, &field, &slice);
+        let lattice = field.lattice();
+        let [across, up] = slice.plane_axes();
+        let shape = lattice.shape();
+        let mut bytes = Vec::new();
+        for count in [shape[across], shape[up]] {
+            bytes.extend(u32::try_from(count).ok()?.to_le_bytes());
+        }
+        let spacing = lattice.spacing();
+        let side = |axis: usize| glam::DVec3::AXES[axis] * (spacing * shape[axis] as f64);
+        let corner =
+            lattice.origin() - 0.5 * spacing * (glam::DVec3::AXES[across] + glam::DVec3::AXES[up]);
+        for vector in [corner, side(across), side(up)] {
+            bytes.extend(floats(vector.to_array()));
+        }
+        for row in 0..shape[up] {
+            let value = |column| {
+                let [i, o] = [&inside, &outside].map(|v| f64::from(v[[column, row]].norm()));
+                if i > o { i } else { -o }
+            };
+            bytes.extend(floats((0..shape[across]).map(value)));
+        }
+        Some(bytes)
+    }
+
+    /// A part's skeleton: points and their densities.
+    fn skeleton(&self, name: &str) -> Option<Vec<u8>> {
+        let (_, field, pose) = self.part(name)?;
+        let kernel = DensityKernel::new(self.assembly.pair.model().sigma).ok()?;
+        let points = skeleton_points(field, &kernel).into_iter();
+        let numbers = points.flat_map(|(point, value)| {
+            let [x, y, z] = pose.apply(point).to_array();
+            [x, y, z, value]
+        });
+        Some(floats(numbers).collect())
+    }
+}
+
+impl Content for SceneContent {
+    fn description(&self) -> Value {
+        self.description.clone()
+    }
+
+    fn bytes(&self, name: &str) -> Option<Vec<u8>> {
+        let (kind, part) = name.split_once('/')?;
+        match (kind, part) {
+            ("mesh", "moving") => Some(self.moving.bytes.clone()),
+            ("mesh", number) => {
+                let number: usize = number.parse().ok()?;
+                self.fixed.get(number).map(|mesh| mesh.bytes.clone())
+            }
+            ("slice", part) => self.slice(part),
+            ("skeleton", part) => self.skeleton(part),
+            _ => None,
+        }
+    }
+
+    fn dock(&self) -> Result<Value, String> {
+        let mut setup = self.assembly.setup.clone();
+        // Energies on the page have one scale.
+        setup.parts.energy = EnergyScale::Gamma(self.assembly.pair.model().gamma);
+        let options = DockingRequest {
+            top: FITS,
+            ..setup.docking_options()
+        };
+        let found = (setup.dock(options, &CancelFlag(&self.over))).map_err(|e| e.to_string())?;
+        // As the loop would have it there, not the search on its own lattice.
+        let source =
+            (self.assembly.source(&DirectOptions::REAL_TIME)).map_err(|e| e.to_string())?;
+        let mut scratch = source.scratch();
+        let places = found.poses.iter().enumerate().map(|(index, pose)| {
+            let at = setup.placement().to_scene(&pose.found.pose);
+            let (shift, turn) = self.assembly.from_fit(&at);
+            let note = format!(
+                "{:.1} mJ, {:.1} mm and {:.0}° from the fit",
+                1e3 * source.evaluate(&at, &mut scratch).energy,
+                1e3 * shift,
+                turn.to_degrees()
+            );
+            place(&format!("Found {}", index + 1), &note, &at)
+        });
+        Ok(places.collect())
+    }
+}
+
+fn message(mesh: &TriangleMesh) -> MeshMessage {
+    MeshMessage::from_mesh(mesh, MOST_TRIANGLES)
+}
+
+fn floats(values: impl IntoIterator<Item = f64>) -> impl Iterator<Item = u8> {
+    values.into_iter().flat_map(|v| (v as f32).to_le_bytes())
+}
+
+fn numbers(pose: &Pose) -> [f64; 7] {
+    let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
+    [x, y, z, qx, qy, qz, qw]
+}
+
+fn place(title: &str, note: &str, pose: &Pose) -> Value {
+    json!({ "title": title, "note": note, "pose": numbers(pose) })
+}
+
+/// Where energies come from, and how far they are off: of a table, what it states.
+fn of_table(path: &Path) -> Result<(String, String), CommandError> {
+    let store = TableStore::open(path)
+        .map_err(|e| CommandError::bad_input(path.display().to_string(), e))?;
+    let error = match store.error_report() {
+        Some(report) => {
+            let share = |e: &fft_correlate::table::Errors| 100.0 * e.rms / e.scale;
+            format!(
+                "It states {:.1} % error of forces and {:.1} % of torques (rms).",
+                share(&report.force),
+                share(&report.torque)
+            )
+        }
+        None => "It states no error.".to_owned(),
+    };
+    Ok((format!("Forces from the table {}.", path.display()), error))
+}
+
+/// The same for the evaluator: against the sum over every cell, at poses about the path in.
+fn of_evaluator(
+    assembly: &Assembly,
+    source: &dyn EnergySource,
+    geometry: &Geometry,
+) -> Result<(String, String), CommandError> {
+    let full = assembly.source(&DirectOptions::FULL)?;
+    let error = 100.0 * force_error(source, &full, geometry);
+    let spacing = 1e3 * assembly.pair.spacing();
+    Ok((
+        format!("Forces by direct sums on densities {spacing:.2} mm apart."),
+        format!("They are within {error:.1} % (rms) of sums over every cell."),
+    ))
+}
+
+/// Points of the curve of the energy on the straight path in.
+const POINTS: u32 = 120;
+
+/// Share of the depth from which, and to which, the curve goes.
+const SPAN: (f64, f64) = (-0.6, 1.08);
+
+/// Poses at which two sources are compared.
+const POSES: u32 = 24;
+
+/// The assembled pose withdrawn so that it is `depth` metres in.
+fn at_depth(geometry: &Geometry, depth: f64) -> Pose {
+    Pose {
+        translation: geometry.seated.translation + geometry.axis * (depth - geometry.depth),
+        ..geometry.seated
+    }
+}
+
+/// Where the hand begins: before the entrance, beside the axis, tilted a little; `grip` is the point
+/// of the part about which it is turned.
+pub(super) fn start_pose(geometry: &Geometry, grip: glam::DVec3) -> Pose {
+    let before = at_depth(geometry, -0.4 * geometry.depth);
+    let side = geometry.axis.any_orthonormal_vector();
+    let turn = DQuat::from_axis_angle(side.cross(geometry.axis), geometry.tilt);
+    let rotation = (turn * before.rotation).normalize();
+    let held = before.apply(grip) + side * (1.5 * geometry.radius);
+    Pose {
+        rotation,
+        translation: held - rotation * grip,
+    }
+}
+
+/// The coordinate axis across which a cut shows the path in, seen from where the hand begins.
+fn cut_axis(geometry: &Geometry) -> usize {
+    let across = geometry.axis.cross(geometry.axis.any_orthonormal_vector());
+    across.abs().max_position()
+}
+
+/// Energy (J) against depth (m) on the straight path in.
+fn profile(source: &dyn EnergySource, geometry: &Geometry) -> Vec<[f64; 2]> {
+    let mut scratch = source.scratch();
+    let share = |k| SPAN.0 + (SPAN.1 - SPAN.0) * f64::from(k) / f64::from(POINTS);
+    (0..=POINTS)
+        .map(|k| geometry.depth * share(k))
+        .map(|depth| {
+            let pose = at_depth(geometry, depth);
+            [depth, source.evaluate(&pose, &mut scratch).energy]
+        })
+        .collect()
+}
+
+/// Root mean square difference of the forces of two sources at poses about the path in, as a share of
+/// that of `truth`.
+fn force_error(source: &dyn EnergySource, truth: &dyn EnergySource, geometry: &Geometry) -> f64 {
+    let mut rng = SmallRng::seed_from_u64(7);
+    let (mut ours, mut theirs) = (source.scratch(), truth.scratch());
+    let (mut difference, mut scale) = (0.0, 0.0);
+    for _ in 0..POSES {
+        let mut pose = at_depth(geometry, geometry.depth * rng.random_range(0.0..1.0));
+        let mut any = |most: f64| {
+            glam::DVec3::from_array([(); 3].map(|()| rng.random_range(-1.0..1.0) * most))
+        };
+        pose.translation += any(0.3 * geometry.radius);
+        pose.rotation =
+            (DQuat::from_scaled_axis(any(0.5 * geometry.tilt)) * pose.rotation).normalize();
+        let expected = truth.evaluate(&pose, &mut theirs).wrench.force;
+        let found = source.evaluate(&pose, &mut ours).wrench.force;
+        difference += (found - expected).length_squared();
+        scale += expected.length_squared();
+    }
+    (difference / scale.max(f64::MIN_POSITIVE)).sqrt()
+}

@@ -1,4 +1,0 @@
-//! Meshes and their densities.
-
-pub(crate) mod density;
-pub(crate) mod mesh;

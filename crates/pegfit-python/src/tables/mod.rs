@@ -1,5 +1,0 @@
-//! Tables: baked and opened.
-
-pub(crate) mod bake;
-mod claim;
-pub(crate) mod open;

@@ -4,28 +4,76 @@
 //! (`AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`, `GOOGLE_SERVICE_ACCOUNT`, ...); see the documentation of
 //! `object_store`.
 
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
+use object_store::path::Path as Key;
 use object_store::prefix::PrefixStore;
+use object_store::{ObjectStore, ObjectStoreExt};
+use sdf_grid::regular::RegularError;
 use tokio::runtime::{Builder, Handle, Runtime};
-use zarrs_object_store::AsyncObjectStore;
-use zarrs_storage::storage_adapter::async_to_sync::{
-    AsyncToSyncBlockOn, AsyncToSyncStorageAdapter,
-};
 
-use crate::table::store::Backend;
 use crate::table::store::error::StoreError;
+use crate::table::store::storage::Storage;
 
 /// How the names of settings in the environment begin, in lower case.
 const PREFIXES: [&str; 2] = ["aws_", "google_"];
 
-/// Waits for requests on the calling thread; a thread of the runtime serves the network.
-struct BlockingRuntime(Handle);
+/// A folder of an object store. Requests wait on the calling thread; a thread of the runtime serves
+/// the network.
+struct Bucket {
+    store: PrefixStore<Box<dyn ObjectStore>>,
+    runtime: Handle,
+}
 
-impl AsyncToSyncBlockOn for BlockingRuntime {
-    fn block_on<F: Future>(&self, future: F) -> F::Output {
-        self.0.block_on(future)
+impl Storage for Bucket {
+    fn size(&self, key: &str) -> io::Result<Option<u64>> {
+        let head = self.runtime.block_on(self.store.head(&Key::from(key)));
+        found(head.map(|object| object.size))
+    }
+
+    fn read(&self, key: &str, limit: u64) -> Result<Option<Vec<u8>>, RegularError> {
+        self.runtime.block_on(async {
+            let Some(object) = found(self.store.get(&Key::from(key)).await)? else {
+                return Ok(None);
+            };
+            let found = object.meta.size;
+            if found > limit {
+                return Err(RegularError::Length { limit, found });
+            }
+            let bytes = object.bytes().await.map_err(io::Error::from)?;
+            Ok(Some(bytes.into()))
+        })
+    }
+
+    fn write(&self, key: &str, bytes: Vec<u8>) -> io::Result<()> {
+        let key = Key::from(key);
+        self.runtime.block_on(self.store.put(&key, bytes.into()))?;
+        Ok(())
+    }
+
+    fn list(&self, prefix: &str) -> io::Result<Vec<(String, u64)>> {
+        let mut files = Vec::new();
+        let mut folders = vec![Key::from(prefix)];
+        while let Some(folder) = folders.pop() {
+            let listed = self.store.list_with_delimiter(Some(&folder));
+            let listed = self.runtime.block_on(listed)?;
+            folders.extend(listed.common_prefixes);
+            let objects = listed.objects.into_iter();
+            files.extend(objects.map(|object| (object.location.to_string(), object.size)));
+        }
+        files.sort_unstable();
+        Ok(files)
+    }
+}
+
+/// `None` if there is no such object.
+fn found<T>(result: object_store::Result<T>) -> io::Result<Option<T>> {
+    match result.map_err(io::Error::from) {
+        Ok(value) => Ok(Some(value)),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(e),
     }
 }
 
@@ -44,7 +92,7 @@ fn runtime() -> std::io::Result<Handle> {
 }
 
 /// The store of a URL, its path being the folder of the table.
-pub(super) fn connect(place: &Path) -> Result<Arc<Backend>, StoreError> {
+pub(super) fn connect(place: &Path) -> Result<Arc<dyn Storage>, StoreError> {
     let fail = |reason: String| StoreError::Url {
         url: place.into(),
         reason,
@@ -62,10 +110,8 @@ pub(super) fn connect(place: &Path) -> Result<Arc<Backend>, StoreError> {
     let plain = (url.scheme() == "http").then(|| ("allow_http".into(), "true".into()));
     let (store, folder) = object_store::parse_url_opts(&url, settings.chain(plain))
         .map_err(|e| fail(e.to_string()))?;
-    let store = AsyncObjectStore::new(PrefixStore::new(store, folder));
-    let handle = runtime().map_err(|e| fail(e.to_string()))?;
-    Ok(Arc::new(AsyncToSyncStorageAdapter::new(
-        Arc::new(store),
-        BlockingRuntime(handle),
-    )))
+    Ok(Arc::new(Bucket {
+        store: PrefixStore::new(store, folder),
+        runtime: runtime().map_err(|e| fail(e.to_string()))?,
+    }))
 }

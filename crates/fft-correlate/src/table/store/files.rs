@@ -14,13 +14,9 @@ use sdf_grid::atomic::AtomicFile;
 use sdf_grid::regular;
 use sdf_grid::regular::RegularError;
 use serde_json::Value;
-use zarrs_filesystem::FilesystemStore;
-use zarrs_storage::storage_adapter::atomic_write::AtomicWriteStorageAdapter;
-use zarrs_storage::store::MemoryStore;
-use zarrs_storage::{Bytes, StorageError, StoreKey, StorePrefix};
 
-use crate::table::store::Backend;
 use crate::table::store::error::StoreError;
+use crate::table::store::storage::{Folder, Memory, Storage};
 
 /// The place of a table. Clones are the same place.
 #[derive(Clone)]
@@ -28,7 +24,7 @@ pub struct TableFiles {
     /// A path, a URL, or what errors call a table in memory.
     place: PathBuf,
     is_folder: bool,
-    storage: Arc<Backend>,
+    storage: Arc<dyn Storage>,
 }
 
 /// Why the bytes of a file were not had.
@@ -82,14 +78,10 @@ impl TableFiles {
     /// # Errors
     /// If the path is not text.
     pub fn in_folder(path: &Path) -> Result<Self, StoreError> {
-        let files = FilesystemStore::new(path).map_err(|e| StoreError::Io {
-            path: path.into(),
-            source: io::Error::new(io::ErrorKind::InvalidInput, e),
-        })?;
         Ok(Self {
             place: path.into(),
             is_folder: true,
-            storage: Arc::new(AtomicWriteStorageAdapter::new(Arc::new(files))),
+            storage: Arc::new(Folder(path.into())),
         })
     }
 
@@ -98,7 +90,7 @@ impl TableFiles {
         Self {
             place: name.into(),
             is_folder: false,
-            storage: Arc::new(MemoryStore::new()),
+            storage: Arc::new(Memory::default()),
         }
     }
 
@@ -149,8 +141,8 @@ impl TableFiles {
         let key = "zarr.json";
         let file = match regular::open(&folder.join(key)) {
             Ok(Some((file, _))) => file,
-            Ok(None) => return Err(self.io(key, io::Error::from(io::ErrorKind::NotFound).into())),
-            Err(e) => return Err(self.io(key, StorageError::Other(e.to_string()))),
+            Ok(None) => return Err(self.io(key, io::ErrorKind::NotFound.into())),
+            Err(e) => return Err(self.io(key, io::Error::other(e))),
         };
         let locked = match alone {
             true => file.try_lock(),
@@ -180,57 +172,42 @@ impl TableFiles {
     /// # Errors
     /// If they cannot be listed.
     pub fn keys(&self) -> Result<Vec<String>, StoreError> {
-        let keys = self.storage.list().map_err(|e| self.io("", e))?;
-        let mut keys: Vec<String> = keys.iter().map(|k| k.as_str().to_owned()).collect();
-        keys.sort_unstable();
-        Ok(keys)
+        self.keys_under("")
     }
 
     /// The bytes of a file; `None` if there is no such file.
     ///
     /// # Errors
     /// If it cannot be read, is no file, or the key begins or ends with a slash.
-    pub fn read(&self, key: &str) -> Result<Option<Bytes>, StoreError> {
+    pub fn read(&self, key: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let get = self.get(key, u64::MAX);
-        get.map_err(|e| e.or(|reason| self.io(key, StorageError::Other(reason))))
+        get.map_err(|e| e.or(|reason| self.io(key, io::Error::other(reason))))
     }
 
     /// The bytes of a file of at most `limit`, of which nothing is read if there are more.
-    pub(super) fn get(&self, key: &str, limit: u64) -> Result<Option<Bytes>, ReadError> {
-        let io = |e| ReadError::Failed(self.io(key, e));
-        let name = store_key(key).map_err(io)?;
-        if let Some(folder) = self.folder() {
-            let read = regular::read(&folder.join(key), limit);
-            return read.map(|b| b.map(Bytes::from)).map_err(|e| match e {
-                RegularError::Io(e) => io(StorageError::from(e)),
-                refused => ReadError::Refused(refused.to_string()),
-            });
-        }
-        match self.storage.size_key(&name).map_err(io)? {
-            None => Ok(None),
-            Some(found) if found > limit => {
-                let refused = RegularError::Length { limit, found };
-                Err(ReadError::Refused(refused.to_string()))
-            }
-            Some(_) => self.storage.get(&name).map_err(io),
-        }
+    pub(super) fn get(&self, key: &str, limit: u64) -> Result<Option<Vec<u8>>, ReadError> {
+        check_key(key).map_err(|e| ReadError::Failed(self.io(key, e)))?;
+        self.storage.read(key, limit).map_err(|e| match e {
+            RegularError::Io(e) => ReadError::Failed(self.io(key, e)),
+            refused => ReadError::Refused(refused.to_string()),
+        })
     }
 
     pub(super) fn size(&self, key: &str) -> Result<Option<u64>, StoreError> {
-        let size = store_key(key).and_then(|k| self.storage.size_key(&k));
+        let size = check_key(key).and_then(|()| self.storage.size(key));
         size.map_err(|e| self.io(key, e))
     }
 
     /// Writes a file of a table, whole or not at all; a kill may leave a file beside it.
     pub(super) fn set(&self, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
-        let set = store_key(key).and_then(|k| self.storage.set(&k, bytes.into()));
+        let set = check_key(key).and_then(|()| self.storage.write(key, bytes));
         set.map_err(|e| self.io(key, e))
     }
 
     /// The same, of text that people may read.
     pub(super) fn set_json(&self, key: &str, content: &Value) -> Result<(), StoreError> {
         let text = serde_json::to_vec_pretty(content);
-        let text = text.map_err(|e| self.io(key, StorageError::Other(e.to_string())))?;
+        let text = text.map_err(|e| self.io(key, io::Error::other(e)))?;
         self.set(key, text)
     }
 
@@ -270,25 +247,19 @@ impl TableFiles {
     /// Bytes of all files whose keys begin with `prefix`, which ends with a slash. Temporary files
     /// of other processes come and go meanwhile.
     pub(super) fn bytes(&self, prefix: &'static str) -> Result<u64, StoreError> {
-        let key = StorePrefix::new(prefix).expect("prefixes are literals that end with a slash");
-        self.storage
-            .size_prefix(&key)
-            .map_err(|e| self.io(prefix, e))
+        let files = self.storage.list(prefix);
+        let files = files.map_err(|e| self.io(prefix, e))?;
+        Ok(files.iter().map(|(_, size)| size).sum())
     }
 
     /// Keys of the files directly and deeper under `prefix`, which ends with a slash.
     pub(super) fn keys_under(&self, prefix: &'static str) -> Result<Vec<String>, StoreError> {
-        let key = StorePrefix::new(prefix).expect("prefixes are literals that end with a slash");
-        let keys = self.storage.list_prefix(&key);
-        let keys = keys.map_err(|e| self.io(prefix, e))?;
-        Ok(keys.iter().map(|k| k.as_str().to_owned()).collect())
+        let files = self.storage.list(prefix);
+        let files = files.map_err(|e| self.io(prefix, e))?;
+        Ok(files.into_iter().map(|(key, _)| key).collect())
     }
 
-    pub(super) fn io(&self, key: &str, error: StorageError) -> StoreError {
-        let source = match error {
-            StorageError::IOError(e) => io::Error::new(e.kind(), e.to_string()),
-            e => io::Error::other(e.to_string()),
-        };
+    pub(super) fn io(&self, key: &str, source: io::Error) -> StoreError {
         StoreError::Io {
             path: self.place.join(key),
             source,
@@ -304,8 +275,15 @@ fn folder_of(table: &Path) -> &Path {
     }
 }
 
-fn store_key(key: &str) -> Result<StoreKey, StorageError> {
-    Ok(StoreKey::new(key)?)
+/// A key names a file below the table's place.
+fn check_key(key: &str) -> io::Result<()> {
+    match key.split('/').any(|part| matches!(part, "" | "." | "..")) {
+        false => Ok(()),
+        true => Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            format!("expected a path of names between single slashes, found {key:?}"),
+        )),
+    }
 }
 
 /// Scheme and rest of a URL; `None` for a path.

@@ -10,7 +10,5 @@ mod cloud;
 pub(crate) mod error;
 pub(crate) mod files;
 pub(crate) mod metadata;
+mod storage;
 pub(crate) mod table_store;
-
-/// A folder, an object store or memory.
-type Backend = dyn zarrs_storage::ReadableWritableListableStorageTraits;

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use sdf_grid::recipe::{Difference, difference};
-use zarrs_storage::Bytes;
 
 use crate::pair::model::PairRecipe;
 use crate::rotations::chart::Chart;
@@ -277,7 +276,7 @@ impl TableStore {
         size_of::<u16>() * self.header.table.window.len()
     }
 
-    fn get(&self, key: &str, limit: u64) -> Result<Option<Bytes>, StoreError> {
+    fn get(&self, key: &str, limit: u64) -> Result<Option<Vec<u8>>, StoreError> {
         let get = self.files.get(key, limit);
         get.map_err(|e| e.or(|reason| self.damaged(key, reason)))
     }
@@ -305,7 +304,7 @@ impl TableStore {
         let digest = self.identity.chunk(row, &raw);
         let key = self.coefficients.key(row);
         let packed = pack(&raw, &digest);
-        let packed = packed.map_err(|e| self.files.io(&key, e.into()))?;
+        let packed = packed.map_err(|e| self.files.io(&key, e))?;
         self.files.set(&key, packed)
     }
 

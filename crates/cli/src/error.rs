@@ -1,11 +1,11 @@
 //! What can go wrong in a command, and the exit code of each case.
 
 use std::error::Error;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use fft_correlate::StoreError;
-use miette::{Diagnostic, NamedSource, SourceSpan};
 use pegfit_path::PathError;
 use pegfit_pictures::{PictureError, SliceTextError};
 use pegfit_play::PlayError;
@@ -20,7 +20,7 @@ use crate::bytes::display_bytes;
 type Cause = Box<dyn Error + Send + Sync>;
 
 /// Every failure of a command.
-#[derive(Debug, thiserror::Error, Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum CommandError {
     /// A value in an argument or an input file is not acceptable.
     #[error("{file}: {item}: expected {expected}, found {found}")]
@@ -32,7 +32,6 @@ pub(crate) enum CommandError {
     },
     /// A line of the scene file is not acceptable.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Line(Box<SceneFileError>),
     /// A library refuses the input, in its own words.
     #[error(transparent)]
@@ -57,7 +56,7 @@ pub(crate) enum CommandError {
         source: Cause,
         /// Whether the input is at fault; else the machine is.
         input: bool,
-        #[help]
+        /// What helps.
         next: Option<String>,
     },
     /// The user asked to stop.
@@ -66,29 +65,28 @@ pub(crate) enum CommandError {
 }
 
 /// What is wrong with a line of a scene file, with the text so that the line can be shown.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("{said}")]
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
 pub(crate) struct SceneFileError {
     /// File, line, expected and found.
-    said: String,
+    message: String,
+    pub(crate) file: String,
     /// The whole scene file.
-    #[source_code]
-    text: NamedSource<String>,
+    pub(crate) text: String,
     /// The offending bytes.
-    #[label("here")]
-    span: SourceSpan,
-    /// What to do about it.
-    #[help]
+    pub(crate) span: Range<usize>,
+    /// What helps.
     next: Option<String>,
 }
 
 impl From<LineError> for SceneFileError {
     fn from(error: LineError) -> Self {
         Self {
-            said: error.to_string(),
+            message: error.to_string(),
             next: other_file(&error.path),
-            text: NamedSource::new(error.path.display().to_string(), visible(&error.text)),
-            span: SourceSpan::from(error.span),
+            file: error.path.display().to_string(),
+            text: visible(&error.text),
+            span: error.span,
         }
     }
 }
@@ -276,6 +274,15 @@ impl CommandError {
             source: source.into(),
             input,
             next: None,
+        }
+    }
+
+    /// What helps, if that is known.
+    pub(crate) fn help(&self) -> Option<&str> {
+        match self {
+            Self::Line(error) => error.next.as_deref(),
+            Self::Library { next, .. } => next.as_deref(),
+            _ => None,
         }
     }
 

@@ -1,44 +1,55 @@
 //! Errors as text.
 
 use std::borrow::Cow;
-use std::fmt;
-use std::io::IsTerminal;
+use std::error::Error;
 
-use miette::{Diagnostic, MietteHandler, MietteHandlerOpts, ReportHandler};
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use sdf_grid::text::shown_lines;
 
-/// An error with all its causes. In colours where there are any, unless it has something in it that
-/// a terminal would obey: names and lines come from files.
-pub(crate) fn error_text(error: &dyn Diagnostic) -> String {
-    let plain = text(error, options().color(false).build());
+use crate::error::CommandError;
+
+/// An error with all its causes, the line of the scene that it is about, and what helps. In colours
+/// on a terminal, unless the text has something that a terminal would obey: names and lines come
+/// from files.
+pub(crate) fn error_text(error: &CommandError) -> String {
+    let plain = render(error, &Renderer::plain());
     match shown_lines(&plain) {
-        Cow::Borrowed(_) => text(error, options().build()),
+        Cow::Borrowed(_) if console::colors_enabled_stderr() => render(error, &Renderer::styled()),
+        Cow::Borrowed(_) => plain,
         Cow::Owned(escaped) => escaped,
     }
 }
 
-/// Wraps text for people only: programs get every message on one line.
-fn options() -> MietteHandlerOpts {
-    MietteHandlerOpts::new()
-        .terminal_links(false)
-        .wrap_lines(std::io::stderr().is_terminal())
-        .break_words(false)
-}
-
-fn text(error: &dyn Diagnostic, handler: MietteHandler) -> String {
-    struct Text<'e>(&'e dyn Diagnostic, MietteHandler);
-    impl fmt::Debug for Text<'_> {
-        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            self.1.debug(self.0, f)
+fn render(error: &CommandError, renderer: &Renderer) -> String {
+    let title = error.to_string();
+    let causes: Vec<_> = std::iter::successors(error.source(), |e| (*e).source())
+        .map(ToString::to_string)
+        .collect();
+    let title = Level::ERROR.primary_title(title);
+    let mut group = match error {
+        CommandError::Line(line) => {
+            let here = AnnotationKind::Primary
+                .span(line.span.clone())
+                .label("here");
+            let snippet = Snippet::source(&line.text)
+                .path(&line.file)
+                .annotation(here);
+            title.element(snippet)
         }
+        _ => Group::with_title(title),
+    };
+    for cause in causes {
+        group = group.element(Level::NOTE.with_name("caused by").message(cause));
     }
-    format!("{:?}", Text(error, handler))
+    if let Some(help) = error.help() {
+        group = group.element(Level::HELP.message(help));
+    }
+    renderer.render(&[group])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::CommandError;
 
     #[test]
     fn what_a_terminal_would_obey_is_escaped_in_every_cause() {

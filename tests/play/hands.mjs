@@ -140,7 +140,7 @@ export async function follows() {
     const folder = mkdtempSync(join(tmpdir(), "pegfit-way-"));
     const way = join(folder, "way.csv");
     execFileSync(program, ["path", scene, "-o", way, "-q"], { cwd: root });
-    const server = await play(scene, "--way", way);
+    const server = await play(scene, "--path", way);
     const page = await open(server.url);
     await until(page, "the hand", (now) => now.isHand);
     const stage = await page.evaluate(() => window.pegfit.stage());
@@ -149,7 +149,7 @@ export async function follows() {
     await page.locator("#follow").click();
     await until(page, "the fit", (now) =>
         now.doing === 5 && Math.abs(now.depth - stage.depth) < 1e-3);
-    console.log("the way that was found leads in");
+    console.log("the path that was found leads in");
     assert.deepEqual(page.complaints, []);
     await page.close();
     await server.end();

@@ -125,7 +125,7 @@ export class Drag {
         this.offset.copy(this.target.position).sub(hit);
     }
 
-    /** Drags are in a plane that holds the way in, unless one looks along it. */
+    /** Drags are in a plane that holds the path, unless one looks along it. */
     private facing(): THREE.Vector3 {
         const facing = this.view.camera.getWorldDirection(new THREE.Vector3());
         const across = facing.clone().projectOnPlane(this.view.axis);

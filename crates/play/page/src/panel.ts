@@ -8,7 +8,7 @@ export function element<T extends HTMLElement = HTMLElement>(id: string): T {
     return found as T;
 }
 
-const DOING = ["", "", "collision", "snap", "replay", "the way in"];
+const DOING = ["", "", "collision", "snap", "replay", "the path"];
 
 export class Panel {
     private limits: [number, number] = [5, 0.3];

@@ -33,7 +33,7 @@ export class View {
     /** Size of everything, metres. */
     size = 0.1;
     grip = new THREE.Vector3();
-    /** The way in. */
+    /** The path. */
     axis = new THREE.Vector3(0, 0, -1);
     private readonly renderer: THREE.WebGLRenderer;
     private readonly fixed = new THREE.Group();

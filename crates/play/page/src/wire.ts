@@ -112,14 +112,14 @@ export interface Place {
 export interface Stage {
     stage: number;
     pair: number;
-    /** Whether there is a way in that the hand can follow. */
+    /** Whether there is a path that the operator can follow. */
     way?: boolean;
     title?: string;
     /** Names of the parts that stay; mesh/0 ... are theirs, mesh/moving is the other's. */
     fixed?: string[];
     moving?: string;
     seated?: Pose;
-    /** Direction of the way in, its length, and the point of the part that the hand holds. */
+    /** Direction of the path, its length, and the point of the part that the hand holds. */
     axis?: Vector;
     depth?: number;
     grip?: Vector;

@@ -22,5 +22,4 @@ pub use protocol::mesh::{MOST_TRIANGLES, MeshMessage};
 pub use protocol::request::Request;
 pub use server::access::token;
 pub use server::serve::{Options, Server};
-pub use session::content::PlaySession;
-pub use session::content::{Content, NoContent};
+pub use session::content::{Content, NoContent, PlaySession};

@@ -7,9 +7,9 @@
 //! ```
 //!
 //! [`Server`] listens on this machine and serves the page, which is part of the program; whoever
-//! has the address with its token may watch, one at a time holds the hand. [`Server::run_session`] runs
-//! the loop on a [`PlaySession`]: the threads that serve never hold it up. What a page may ask besides
-//! comes from the session's [`Content`]. Messages and their layouts are in `docs/play.md`.
+//! has the address with its token may watch, one at a time holds the hand. [`Server::run_session`]
+//! runs the loop on a [`PlaySession`]: the threads that serve never hold it up. What a page may ask
+//! besides comes from the session's [`Content`]. Messages and their layouts are in `docs/play.md`.
 
 mod error;
 mod protocol;

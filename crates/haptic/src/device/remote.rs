@@ -34,8 +34,8 @@ pub enum RemoteCommand {
     Script(Script),
     /// Replay poses, one per tick of the loop, then stay at the last one.
     Replay(Arc<[Pose]>),
-    /// Be at the beginning of a path, as [`RemoteCommand::Place`], then follow it as a spring pulls,
-    /// and hold its end.
+    /// Be at the beginning of a path, as [`RemoteCommand::Place`], then follow it as a spring
+    /// pulls, and hold its end.
     Follow(TimedPath),
 }
 

@@ -1,4 +1,5 @@
-//! What the simulated operator intends: the paper's two tests ("Haptic Experiments") and a free wander.
+//! What the simulated operator intends: the paper's two tests ("Haptic Experiments") and a free
+//! wander.
 
 use fft_correlate::{EnergySource, Pose};
 use glam::{DQuat, DVec3};

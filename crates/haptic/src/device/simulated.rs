@@ -1,5 +1,6 @@
-//! Simulated operators: the body of an operator without hardware, a mass on a spring-damper that is pulled
-//! to where the operator wants to be and gives way to forces; and a device that follows a script.
+//! Simulated operators: the body of an operator without hardware, a mass on a spring-damper that is
+//! pulled to where the operator wants to be and gives way to forces; and a device that follows a
+//! script.
 
 use fft_correlate::{Pose, Twist, Wrench};
 use glam::DVec3;
@@ -86,8 +87,8 @@ impl OperatorConfig {
     }
 }
 
-/// Where an operator wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none; stiffness
-/// and strength are in proportion.
+/// Where an operator wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none;
+/// stiffness and strength are in proportion.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) pose: Pose,
@@ -117,8 +118,8 @@ impl OperatorBody {
         }
     }
 
-    /// Moves on to `now` on the loop's clock; `pull` says what the operator wants, at seconds since the
-    /// first call.
+    /// Moves on to `now` on the loop's clock; `pull` says what the operator wants, at seconds since
+    /// the first call.
     pub(crate) fn follow(&mut self, now: f64, hand: &OperatorConfig, pull: impl Fn(f64) -> Target) {
         let start = *self.start.get_or_insert(now);
         let elapsed = (now - start - self.time).clamp(0.0, LONGEST_GAP);

@@ -39,8 +39,8 @@ pub struct Passivity {
 pub struct EnergyAccount {
     /// Net work of the operator on the loop through the force.
     pub work_force: f64,
-    /// Net work of the operator on the loop through the torque. Only the sum of both is kept passive:
-    /// a field may turn the part with what its translation cost, and give it back.
+    /// Net work of the operator on the loop through the torque. Only the sum of both is kept
+    /// passive: a field may turn the part with what its translation cost, and give it back.
     pub work_torque: f64,
     /// Sum of all falls of the balance: energy made by sampling and lag.
     pub made: f64,

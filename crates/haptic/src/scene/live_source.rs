@@ -171,7 +171,8 @@ impl Reader {
 }
 
 impl LiveSource {
-    /// Begins with `sum`; `start` is what [`LiveSource::last_pose`] says before the first evaluation.
+    /// Begins with `sum`; `start` is what [`LiveSource::last_pose`] says before the first
+    /// evaluation.
     pub fn new(sum: SumSource, start: &Pose) -> Self {
         Self {
             id: SourceId::new(),

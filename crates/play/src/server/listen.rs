@@ -1,5 +1,5 @@
-//! Accepts connections. One thread reads the heads of all requests without waiting for any; a request
-//! with the right token gets a thread of its own.
+//! Accepts connections. One thread reads the heads of all requests without waiting for any; a
+//! request with the right token gets a thread of its own.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read};
@@ -148,8 +148,8 @@ impl PendingConnections {
         });
     }
 
-    /// Reads what has come. Returns connections with a complete or invalid head, and drops those that
-    /// took too long or went away.
+    /// Reads what has come. Returns connections with a complete or invalid head, and drops those
+    /// that took too long or went away.
     fn poll(&mut self, now: Instant) -> Vec<Received> {
         let mut received = Vec::new();
         for mut pending in std::mem::take(&mut self.waiting) {

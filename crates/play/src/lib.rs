@@ -7,9 +7,9 @@
 //! ```
 //!
 //! [`Server`] listens on this machine and serves the page, which is part of the program; whoever
-//! has the address with its token may watch, one at a time holds the hand. [`Server::run_session`] runs
-//! the loop on a [`PlaySession`]: the threads that serve never hold it up. What a page may ask besides
-//! comes from the session's [`Content`]. Messages and their layouts are in `docs/play.md`.
+//! has the address with its token may watch, one at a time holds the hand. [`Server::run_session`]
+//! runs the loop on a [`PlaySession`]: the threads that serve never hold it up. What a page may ask
+//! besides comes from the session's [`Content`]. Messages and their layouts are in `docs/play.md`.
 
 mod error;
 mod protocol;
@@ -22,5 +22,4 @@ pub use protocol::mesh::{MOST_TRIANGLES, MeshMessage};
 pub use protocol::request::Request;
 pub use server::access::token;
 pub use server::serve::{Options, Server};
-pub use session::content::PlaySession;
-pub use session::content::{Content, NoContent};
+pub use session::content::{Content, NoContent, PlaySession};

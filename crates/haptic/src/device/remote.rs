@@ -34,8 +34,8 @@ pub enum RemoteCommand {
     Script(Script),
     /// Replay poses, one per tick of the loop, then stay at the last one.
     Replay(Arc<[Pose]>),
-    /// Be at the beginning of a path, as [`RemoteCommand::Place`], then follow it as a spring pulls,
-    /// and hold its end.
+    /// Be at the beginning of a path, as [`RemoteCommand::Place`], then follow it as a spring
+    /// pulls, and hold its end.
     Follow(TimedPath),
 }
 
@@ -98,7 +98,7 @@ pub struct RemoteDevice {
     body: OperatorBody,
     number: u64,
     beat: u64,
-    /// When the last sign of life was heard, and when the order at hand began.
+    /// When the last heartbeat came, and when the current command began.
     heard: Option<f64>,
     began: f64,
     polls: usize,
@@ -121,7 +121,7 @@ pub struct LoopTimes {
 }
 
 impl RemoteDevice {
-    /// A hand at rest at `start`, a pose of the part, and what steers it. The loop's times say after
+    /// A device at rest at `start`, a pose of the part, and its control. The loop's times say after
     /// which silence it lets go, and how soon it is as strong as before.
     pub fn new(
         config: OperatorConfig,

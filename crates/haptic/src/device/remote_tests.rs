@@ -1,4 +1,4 @@
-//! Of the steered hand.
+//! The remote device in a loop.
 
 use fft_correlate::{EnergySource, Response, Scratch};
 
@@ -181,7 +181,7 @@ fn a_hand_that_was_told_to_let_go_gives_way() {
     assert!(gone.object.translation.z > -1e-6);
 }
 
-/// Pushed against a wall that the hand is too weak for, its force let go in every way there is.
+/// Pushed against a wall that the operator is too weak for, its force let go in every way there is.
 #[test]
 fn no_wall_is_crossed_while_forces_come_back() {
     let body = OperatorConfig {

@@ -1,4 +1,5 @@
-//! What the simulated hand intends: the paper's two tests ("Haptic Experiments") and a free wander.
+//! What the simulated operator intends: the paper's two tests ("Haptic Experiments") and a free
+//! wander.
 
 use fft_correlate::{EnergySource, Pose};
 use glam::{DQuat, DVec3};
@@ -15,10 +16,10 @@ const SNAP_PERIOD: f64 = 1.0;
 /// Fractions of a snap period: wander until the first, approach until the second, then let go.
 const SNAP_PHASES: (f64, f64) = (0.35, 0.55);
 
-/// Strength of a hand that has let go.
+/// Strength of an operator that has let go.
 const LOOSE: f64 = 0.02;
 
-/// What the hand tries.
+/// What the operator tries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Script {
@@ -41,13 +42,13 @@ pub struct Geometry {
     pub axis: DVec3,
     /// Travel from the entrance to the seat, metres.
     pub depth: f64,
-    /// Half width of the moving part across the axis, metres: how far the hand strays.
+    /// Half width of the moving part across the axis, metres: how far the operator strays.
     pub radius: f64,
-    /// How far the hand tilts the part when it is careless, radians.
+    /// How far the operator tilts the part when it is careless, radians.
     pub tilt: f64,
 }
 
-/// Where the hand wants the moving part, and how firmly.
+/// Where the operator wants the moving part, and how firmly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intent {
     /// Wanted pose of the moving part, scene frame.
@@ -58,7 +59,7 @@ pub struct Intent {
 
 impl Script {
     /// The intent `time` seconds after the start; the same seed gives the same intents. `reach` is
-    /// how far the hand aims beyond a wall (metres, scene); `duration` is the script's length.
+    /// how far the operator aims beyond a wall (metres, scene); `duration` is the script's length.
     pub fn intent(
         self,
         geometry: &Geometry,
@@ -183,7 +184,7 @@ fn interpolate(from: &Pose, to: &Pose, share: f64) -> Pose {
     from.perturbed(&(from.twist_to(to) * share))
 }
 
-/// How far a careless hand tilts the part, radians.
+/// How far a careless operator tilts the part, radians.
 const CARELESS_TILT: f64 = 0.08;
 
 impl Geometry {

@@ -1,5 +1,6 @@
-//! Simulated operators: the body of a hand without hardware, a mass on a spring-damper that is pulled
-//! to where the operator wants to be and gives way to forces; and a device that follows a script.
+//! Simulated operators: the body of an operator without hardware, a mass on a spring-damper that is
+//! pulled to where the operator wants to be and gives way to forces; and a device that follows a
+//! script.
 
 use fft_correlate::{Pose, Twist, Wrench};
 use glam::DVec3;
@@ -16,14 +17,14 @@ const STEP: f64 = 2.5e-4;
 /// Longest time caught up in one poll, seconds.
 const LONGEST_GAP: f64 = 1.0;
 
-/// The hand and what it does. Lengths at the device.
+/// The operator and what it does. Lengths at the device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OperatorConfig {
     /// Moving mass of hand and handle, kg.
     pub mass: f64,
     /// Stiffness of a firm grip, N/m.
     pub stiffness: f64,
-    /// Damping, N·s/m, kept when the hand lets go.
+    /// Damping, N·s/m, kept when the operator lets go.
     pub damping: f64,
     /// Moment of inertia, kg·m².
     pub inertia: f64,
@@ -86,8 +87,8 @@ impl OperatorConfig {
     }
 }
 
-/// Where a hand wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none; stiffness
-/// and strength are in proportion.
+/// Where an operator wants its handle, device frame, and how firmly: 1 is a firm grip, 0 none;
+/// stiffness and strength are in proportion.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) pose: Pose,
@@ -117,8 +118,8 @@ impl OperatorBody {
         }
     }
 
-    /// Moves on to `now` on the loop's clock; `pull` says what the hand wants, at seconds since the
-    /// first call.
+    /// Moves on to `now` on the loop's clock; `pull` says what the operator wants, at seconds since
+    /// the first call.
     pub(crate) fn follow(&mut self, now: f64, hand: &OperatorConfig, pull: impl Fn(f64) -> Target) {
         let start = *self.start.get_or_insert(now);
         let elapsed = (now - start - self.time).clamp(0.0, LONGEST_GAP);
@@ -161,7 +162,7 @@ struct Tremor {
     phase: f64,
 }
 
-/// The simulated hand as a device.
+/// The simulated operator as a device.
 #[derive(Debug)]
 pub struct SimulatedOperator {
     spec: DeviceSpec,
@@ -169,7 +170,7 @@ pub struct SimulatedOperator {
     body: OperatorBody,
 }
 
-/// What the hand wants at a time.
+/// What the operator wants at a time.
 #[derive(Debug)]
 struct ScriptedMotion {
     config: OperatorConfig,
@@ -180,7 +181,7 @@ struct ScriptedMotion {
 }
 
 impl SimulatedOperator {
-    /// A hand at rest where its script starts.
+    /// An operator at rest where its script starts.
     pub fn new(
         config: OperatorConfig,
         script: Script,

@@ -1,5 +1,5 @@
-//! What devices, drivers and services say of themselves, made fit to be shown: a terminal obeys some
-//! characters, and whatever was plugged in may send them.
+//! What devices, drivers and services say of themselves, made fit to be shown: a terminal obeys
+//! some characters, and whatever was plugged in may send them.
 
 use sdf_grid::text;
 

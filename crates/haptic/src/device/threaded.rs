@@ -113,8 +113,8 @@ pub(crate) trait OpenDevice: Sized {
     /// Pushes with `wrench` from now on and reads the handle.
     fn exchange(&mut self, wrench: &Wrench) -> Result<Exchange, DeviceError>;
 
-    /// Exchanges by `link` until the device is dropped, the last time without force, or until the device
-    /// fails.
+    /// Exchanges by `link` until the device is dropped, the last time without force, or until the
+    /// device fails.
     fn serve(mut self, link: &mut Link) -> Result<(), DeviceError> {
         loop {
             let begin = Instant::now();
@@ -370,8 +370,8 @@ impl Link {
     }
 }
 
-/// Opens, serves, and opens again after a fault until the device is dropped. `connected` gets the result of
-/// the first opening.
+/// Opens, serves, and opens again after a fault until the device is dropped. `connected` gets the
+/// result of the first opening.
 fn exchange_all<D: OpenDevice>(
     mut open: impl FnMut() -> Result<(D, DeviceSpec), DeviceError>,
     mut link: Link,
@@ -424,8 +424,8 @@ fn read_all(mut half: Box<dyn InputHalf>, mut input: Input<InputState>, signals:
     }
 }
 
-/// Writes the newest wrench until the device is dropped, and stops the device when asked to or when the loop
-/// falls silent.
+/// Writes the newest wrench until the device is dropped, and stops the device when asked to or when
+/// the loop falls silent.
 fn write_all(mut half: Box<dyn OutputHalf>, mut outlet: Outlet) {
     let signals = Arc::clone(&outlet.signals);
     while !signals.must_quit() {

@@ -235,13 +235,13 @@ const LONGEST_LINE: u64 = 1 << 16;
 pub struct Recording {
     /// Every tick that is whole.
     pub samples: Vec<Sample>,
-    /// The line, counted from 1, that was left out: the last one, which ends in the middle, as where
-    /// a run was killed.
+    /// The line, counted from 1, that was left out: the last one, which ends in the middle, as
+    /// where a run was killed.
     pub torn_line: Option<u64>,
 }
 
-/// Reads a log written by [`crate::Session`], also one of a run that did not end (`NAME.part`). A last
-/// line that ends in the middle is left out, which the recording says.
+/// Reads a log written by [`crate::Session`], also one of a run that did not end (`NAME.part`). A
+/// last line that ends in the middle is left out, which the recording says.
 ///
 /// # Errors
 /// If the file cannot be read, lacks a column, or holds something that is not a number.
@@ -292,8 +292,8 @@ pub(crate) fn rows<R: Read>(
     }))
 }
 
-/// A row without its end of line that is whole nevertheless: its last column says what its last number
-/// does.
+/// A row without its end of line that is whole nevertheless: its last column says what its last
+/// number does.
 fn complete_row(text: &[u8]) -> Option<Sample> {
     let mut csv = csv::ReaderBuilder::new()
         .has_headers(false)

@@ -30,8 +30,8 @@ const NUMBERS: usize = COLUMNS.len() - 1;
 /// Columns of whole numbers.
 const INTEGERS: [&str; 4] = ["tick", "buttons", "evaluations", "flags"];
 
-/// A log that grows as CSV, which can be read whatever ends the run, and becomes Parquet at the end:
-/// a Parquet file without its end is no file.
+/// A log that grows as CSV, which can be read whatever ends the run, and becomes Parquet at the
+/// end: a Parquet file without its end is no file.
 struct ParquetLog {
     path: PathBuf,
     growing: CsvLog,

@@ -56,8 +56,8 @@ pub(crate) struct Writer {
     path: PathBuf,
 }
 
-/// Starts the threads, which write to `file` what `device` does, and keep every sample if `keep` says
-/// so.
+/// Starts the threads, which write to `file` what `device` does, and keep every sample if `keep`
+/// says so.
 pub(crate) fn start(
     file: Option<Box<dyn SampleWriter>>,
     device: &DeviceSpec,
@@ -236,8 +236,8 @@ pub trait SampleWriter: Send {
     /// If it cannot be written.
     fn write(&mut self, sample: &Sample) -> Result<(), RecordError>;
 
-    /// Hands all that was taken to the system, so that it is there whatever ends this process. Called
-    /// many times a second.
+    /// Hands all that was taken to the system, so that it is there whatever ends this process.
+    /// Called many times a second.
     ///
     /// # Errors
     /// If it cannot be written.

@@ -190,8 +190,8 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// The given settings where they allow more than the ordinary ones do: a replay with others than the
-/// recording's is no broken file.
+/// The given settings where they allow more than the ordinary ones do: a replay with others than
+/// the recording's is no broken file.
 fn lenient(config: &HapticConfig) -> HapticConfig {
     let ordinary = HapticConfig::default();
     let mut settings = config.clone();

@@ -8,10 +8,10 @@
 //! x' = argmin E(x) + |x - f|²/2,   lengths by the square root of inertia over dt²
 //! ```
 //!
-//! with `f` where the body would get without the force. That is the implicit Euler step, which stands
-//! in a kink instead of jumping over it. Where the energy bends down it could still gain; so work and
-//! energy are counted with the body's true velocities, and a step that would end with more of both
-//! than there was ends slower.
+//! with `f` where the body would get without the force. That is the implicit Euler step, which
+//! stands in a kink instead of jumping over it. Where the energy bends down it could still gain; so
+//! work and energy are counted with the body's true velocities, and a step that would end with more
+//! of both than there was ends slower.
 
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Twist, Wrench};
 use glam::DVec3;
@@ -174,8 +174,8 @@ impl BodyForce {
     }
 }
 
-/// The surplus after the step before, by the velocities that the body really had. A body that is not
-/// where its velocity took it was put there, which is nobody's work.
+/// The surplus after the step before, by the velocities that the body really had. A body that is
+/// not where its velocity took it was put there, which is nobody's work.
 fn settle(
     surplus: f64,
     last: &LastStep,

@@ -1,7 +1,7 @@
 //! Time-domain passivity: counts the energy at the device's port and damps what is too much.
 //!
 //! Between two polls the device moves by a small twist while the last wrench is held, so the work
-//! of the hand on the loop is exactly `-wrench · twist`. What the field and the springs hold is
+//! of the operator on the loop is exactly `-wrench · twist`. What the field and the springs hold is
 //! known too (the wrench is a gradient), so the *balance*
 //!
 //! ```text
@@ -37,10 +37,10 @@ pub struct Passivity {
 /// Energy bookkeeping over a run, joules.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct EnergyAccount {
-    /// Net work of the hand on the loop through the force.
+    /// Net work of the operator on the loop through the force.
     pub work_force: f64,
-    /// Net work of the hand on the loop through the torque. Only the sum of both is kept passive:
-    /// a field may turn the part with what its translation cost, and give it back.
+    /// Net work of the operator on the loop through the torque. Only the sum of both is kept
+    /// passive: a field may turn the part with what its translation cost, and give it back.
     pub work_torque: f64,
     /// Sum of all falls of the balance: energy made by sampling and lag.
     pub made: f64,
@@ -53,7 +53,7 @@ pub struct EnergyAccount {
 }
 
 impl EnergyAccount {
-    /// Net work of the hand on the loop.
+    /// Net work of the operator on the loop.
     pub fn work_in(&self) -> f64 {
         self.work_force + self.work_torque
     }

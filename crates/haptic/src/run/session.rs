@@ -95,9 +95,9 @@ impl Session {
         }
     }
 
-    /// Writes every tick to a CSV file ([`crate::log::COLUMNS`]), and what the device can do beside it
-    /// ([`crate::log::device_file`]). The file grows as `NAME.part` and takes its name at the end;
-    /// whatever ends the process before, the part is there and can be replayed.
+    /// Writes every tick to a CSV file ([`crate::log::COLUMNS`]), and what the device can do beside
+    /// it ([`crate::log::device_file`]). The file grows as `NAME.part` and takes its name at the
+    /// end; whatever ends the process before, the part is there and can be replayed.
     #[must_use]
     pub fn record_to(mut self, path: impl Into<PathBuf>) -> Self {
         self.log = Some(Log::Csv(path.into()));

@@ -17,7 +17,7 @@ use crate::scene::sum::{SourceId, SumScratch, SumSource, add};
 const RING: usize = 4;
 
 /// A sum with a reader's working memory.
-pub(super) struct Snapshot {
+struct Snapshot {
     sum: SumSource,
     scratch: SumScratch,
     /// Whether each pair counts.
@@ -26,7 +26,7 @@ pub(super) struct Snapshot {
 
 impl Snapshot {
     /// All pairs count.
-    pub(super) fn new(sum: &SumSource) -> Box<Self> {
+    fn new(sum: &SumSource) -> Box<Self> {
         Box::new(Self {
             scratch: sum.pair_scratches(),
             counted: vec![true; sum.len()],
@@ -35,7 +35,7 @@ impl Snapshot {
     }
 
     /// The sum over the pairs in reach that count.
-    pub(super) fn respond(&mut self, pose: &Pose) -> Response {
+    fn respond(&mut self, pose: &Pose) -> Response {
         let Self {
             sum,
             scratch,
@@ -45,7 +45,7 @@ impl Snapshot {
     }
 
     /// Whether every pair in reach is loaded and counts.
-    pub(super) fn all_loaded(&self, pose: &Pose) -> bool {
+    fn all_loaded(&self, pose: &Pose) -> bool {
         let mut pairs = self.sum.reached(pose);
         pairs.all(|(i, pair)| self.counted[i] && pair.has_source())
     }
@@ -53,7 +53,7 @@ impl Snapshot {
     /// Takes the place of `old`: pairs that are the same count here if they counted there. Gives
     /// what this changes at `pose`; `None` if all pairs are the same, whatever of them is in
     /// memory. Pairs that are the same are not asked.
-    pub(super) fn replace(&mut self, old: &mut Self, pose: &Pose) -> Option<Response> {
+    fn replace(&mut self, old: &mut Self, pose: &Pose) -> Option<Response> {
         for i in 0..self.counted.len() {
             self.counted[i] = !self.has_same(old, i) || old.counted[i];
         }
@@ -94,7 +94,7 @@ impl Snapshot {
 
     /// Lets every pair in reach count if all that matters of it at `pose` is in memory, and gives
     /// what that changed; `None` if nothing.
-    pub(super) fn update_counted(&mut self, pose: &Pose) -> Option<Response> {
+    fn update_counted(&mut self, pose: &Pose) -> Option<Response> {
         let Self {
             sum,
             scratch,
@@ -171,7 +171,8 @@ impl Reader {
 }
 
 impl LiveSource {
-    /// Begins with `sum`; `start` is what [`LiveSource::last_pose`] says before the first evaluation.
+    /// Begins with `sum`; `start` is what [`LiveSource::last_pose`] says before the first
+    /// evaluation.
     pub fn new(sum: SumSource, start: &Pose) -> Self {
         Self {
             id: SourceId::new(),

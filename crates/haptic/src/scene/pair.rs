@@ -92,9 +92,9 @@ impl LoadedPair {
     }
 }
 
-/// Where the pivot must be, in the fixed part's frame, for a pair evaluated directly to have energy.
-/// Beyond the halo of one part and the bounds of the other there is none; with a separation weight
-/// the halos of both meet.
+/// Where the pivot must be, in the fixed part's frame, for a pair evaluated directly to have
+/// energy. Beyond the halo of one part and the bounds of the other there is none; with a separation
+/// weight the halos of both meet.
 pub fn direct_reach(model: &ScoreModel, halo: f64, fixed: &Aabb, radius: f64) -> Aabb {
     let halos = match model.separation_weight {
         0.0 => halo,
@@ -103,8 +103,8 @@ pub fn direct_reach(model: &ScoreModel, halo: f64, fixed: &Aabb, radius: f64) ->
     fixed.grown(halos + SLACK * halo + radius)
 }
 
-/// The same for a table: [`TableSpec::fade_length`] beyond its window it has faded out. `pivot` is the point of the
-/// moving part that reaches speak of, metres, its frame.
+/// The same for a table: [`TableSpec::fade_length`] beyond its window it has faded out. `pivot` is
+/// the point of the moving part that reaches speak of, metres, its frame.
 pub fn table_reach(spec: &TableSpec, pivot: DVec3) -> Aabb {
     let (window, own) = (&spec.window, spec.pivot());
     let last = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();

@@ -342,8 +342,8 @@ impl ResidencyManager {
         self.publish();
     }
 
-    /// Loads a pair, or shares what was loaded for another. Returns the bytes that this takes. If it
-    /// fails, what was loaded before stays.
+    /// Loads a pair, or shares what was loaded for another. Returns the bytes that this takes. If
+    /// it fails, what was loaded before stays.
     fn acquire(&mut self, index: usize) -> Result<u64, LoadFailure> {
         let files = file_stats(&self.entries[index].spec.files);
         let shared = self.shared(index, &files);

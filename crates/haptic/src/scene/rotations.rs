@@ -249,7 +249,8 @@ impl Tables {
         self.idle = false;
     }
 
-    /// Updates the urgencies of all rotations; `views` gives the rotations at which a group is evaluated.
+    /// Updates the urgencies of all rotations; `views` gives the rotations at which a group is
+    /// evaluated.
     pub(crate) fn update_priorities(&mut self, views: impl Fn(usize) -> Vec<Viewpoint>) {
         for (&group, rotations) in &mut self.groups {
             if rotations.update_priorities(&views(group)) {
@@ -258,8 +259,8 @@ impl Tables {
         }
     }
 
-    /// Reads the most urgent rotations below `limit` that fit into `allowed` bytes, or evicts others
-    /// for them.
+    /// Reads the most urgent rotations below `limit` that fit into `allowed` bytes, or evicts
+    /// others for them.
     pub(crate) fn step(&mut self, limit: f32, allowed: u64) -> Step {
         let absent = self.nodes(false);
         let wanted = absent.filter(|n| n.urgency < limit && n.urgency.is_finite());

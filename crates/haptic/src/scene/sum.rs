@@ -19,7 +19,8 @@ pub struct PlacedSource {
     pub reach: Option<Aabb>,
 }
 
-/// The sum of several pairs. Pairs are skipped while the moving part's pivot is outside their reach.
+/// The sum of several pairs. Pairs are skipped while the moving part's pivot is outside their
+/// reach.
 ///
 /// Among the pairs in reach the coverage is the greatest of those that are loaded, times the share
 /// that is: a pair that is in reach and not loaded, in whole or in the part that matters, pulls it

@@ -1,5 +1,5 @@
-//! Shared by all connections: the session, the controlling page, and the pair wanted next. The loop's
-//! thread never takes its lock.
+//! Shared by all connections: the session, the controlling page, and the pair wanted next. The
+//! loop's thread never takes its lock.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

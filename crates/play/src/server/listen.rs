@@ -1,5 +1,5 @@
-//! Accepts connections. One thread reads the heads of all requests without waiting for any; a request
-//! with the right token gets a thread of its own.
+//! Accepts connections. One thread reads the heads of all requests without waiting for any; a
+//! request with the right token gets a thread of its own.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read};
@@ -114,7 +114,7 @@ const HEAD_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Connections that have not shown the key yet, the oldest first.
 #[derive(Default)]
-pub(crate) struct PendingConnections {
+struct PendingConnections {
     waiting: VecDeque<Pending>,
 }
 
@@ -125,15 +125,15 @@ struct Pending {
 }
 
 /// Someone who has bytes all that is listened to here.
-pub(crate) struct Received {
-    pub(crate) stream: TcpStream,
+struct Received {
+    stream: TcpStream,
     /// `None` if it was nothing that a browser says.
-    pub(crate) head: Option<Head>,
+    head: Option<Head>,
 }
 
 impl PendingConnections {
     /// Adds a connection.
-    pub(crate) fn add(&mut self, stream: TcpStream, now: Instant) {
+    fn add(&mut self, stream: TcpStream, now: Instant) {
         // One that cannot be read without waiting is not read at all.
         if stream.set_nonblocking(true).is_err() {
             return;
@@ -148,9 +148,9 @@ impl PendingConnections {
         });
     }
 
-    /// Reads what has come. Returns connections with a complete or invalid head, and drops those that
-    /// took too long or went away.
-    pub(crate) fn poll(&mut self, now: Instant) -> Vec<Received> {
+    /// Reads what has come. Returns connections with a complete or invalid head, and drops those
+    /// that took too long or went away.
+    fn poll(&mut self, now: Instant) -> Vec<Received> {
         let mut received = Vec::new();
         for mut pending in std::mem::take(&mut self.waiting) {
             let head = match pending.read() {

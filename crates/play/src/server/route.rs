@@ -55,7 +55,7 @@ pub(crate) fn reply(broadcaster: &Broadcaster, name: &str) -> Reply {
 }
 
 /// A file of the page.
-pub(crate) fn asset(name: &str) -> Option<Reply> {
+fn asset(name: &str) -> Option<Reply> {
     Some(match name {
         "" => Reply::ok(
             "text/html; charset=utf-8",

@@ -24,8 +24,8 @@ const POLL_PAUSE: Duration = Duration::from_millis(5);
 /// as strong as what the loop may show would go through every wall.
 const STRENGTH: f64 = 0.6;
 
-/// The page's hand weighs nothing but itself, kg, and is damped accordingly, N·s/m: it keeps up with
-/// a mouse.
+/// The page's hand weighs nothing but itself, kg, and is damped accordingly, N·s/m: it keeps up
+/// with a mouse.
 const LIGHT: (f64, f64) = (0.1, 8.0);
 
 /// Where to listen.
@@ -104,7 +104,8 @@ impl Server {
         pair
     }
 
-    /// Runs the loop on a session, in real time, until `cancel` is set or a page wants another pair.
+    /// Runs the loop on a session, in real time, until `cancel` is set or a page wants another
+    /// pair.
     ///
     /// # Errors
     /// If the loop cannot run or its hand not be stopped.

@@ -34,8 +34,8 @@ impl DhdOptions {
     }
 }
 
-/// Numbers of a family of devices: of delta, omega and sigma no more than CHAI3D allows them; of the
-/// others, and all sizes, cautious guesses.
+/// Numbers of a family of devices: of delta, omega and sigma no more than CHAI3D allows them; of
+/// the others, and all sizes, cautious guesses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Model {
     /// Greatest force, N.

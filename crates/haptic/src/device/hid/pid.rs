@@ -399,14 +399,14 @@ impl PidLayout {
     }
 
     /// Create New Effect: a constant force.
-    pub(super) fn create(&self) -> Vec<u8> {
+    fn create(&self) -> Vec<u8> {
         let mut report = self.create.blank();
         self.create.choose(&mut report, usage::CONSTANT_FORCE);
         report
     }
 
     /// A Block Load report to be filled by the device.
-    pub(super) fn blank_block_load(&self) -> Vec<u8> {
+    fn blank_block_load(&self) -> Vec<u8> {
         self.block_load.blank()
     }
 
@@ -424,7 +424,7 @@ impl PidLayout {
     }
 
     /// A Pool report to be filled by the device, if it has one.
-    pub(super) fn blank_pool(&self) -> Option<Vec<u8>> {
+    fn blank_pool(&self) -> Option<Vec<u8>> {
         self.pool.as_ref().map(ReportLayout::blank)
     }
 
@@ -440,7 +440,7 @@ impl PidLayout {
     }
 
     /// Set Effect: a constant force in `block` along `axis` alone, without end or trigger.
-    pub(super) fn set_effect(&self, block: i64, axis: usize) -> Vec<u8> {
+    fn set_effect(&self, block: i64, axis: usize) -> Vec<u8> {
         let layout = &self.set_effect;
         let mut report = layout.blank();
         put(layout, &mut report, usage::BLOCK_INDEX, block);
@@ -459,7 +459,7 @@ impl PidLayout {
     }
 
     /// The magnitude that stands for `share` of the full force, -1 ..= 1.
-    pub(super) fn magnitude(&self, share: f64) -> i64 {
+    fn magnitude(&self, share: f64) -> i64 {
         let full = match share < 0.0 {
             true => -self.magnitude.minimum,
             false => self.magnitude.maximum,
@@ -469,7 +469,7 @@ impl PidLayout {
     }
 
     /// Set Constant Force.
-    pub(super) fn constant(&self, block: i64, magnitude: i64) -> Vec<u8> {
+    fn constant(&self, block: i64, magnitude: i64) -> Vec<u8> {
         let mut report = self.constant.blank();
         put(&self.constant, &mut report, usage::BLOCK_INDEX, block);
         self.magnitude.write(&mut report, magnitude);
@@ -477,7 +477,7 @@ impl PidLayout {
     }
 
     /// Effect Operation: start, for ever.
-    pub(super) fn start(&self, block: i64) -> Vec<u8> {
+    fn start(&self, block: i64) -> Vec<u8> {
         let layout = &self.operation;
         let mut report = layout.blank();
         put(layout, &mut report, usage::BLOCK_INDEX, block);
@@ -487,7 +487,7 @@ impl PidLayout {
     }
 
     /// Block Free, if the device has it.
-    pub(super) fn free(&self, block: i64) -> Option<Vec<u8>> {
+    fn free(&self, block: i64) -> Option<Vec<u8>> {
         let layout = self.block_free.as_ref()?;
         let mut report = layout.blank();
         put(layout, &mut report, usage::BLOCK_INDEX, block);
@@ -495,14 +495,14 @@ impl PidLayout {
     }
 
     /// Device Control, if the device has it.
-    pub(super) fn control(&self, command: Usage) -> Option<Vec<u8>> {
+    fn control(&self, command: Usage) -> Option<Vec<u8>> {
         let layout = self.control.as_ref()?;
         let mut report = layout.blank();
         layout.choose(&mut report, command).then_some(report)
     }
 
     /// Device Gain, if the device has it.
-    pub(super) fn gain(&self, share: f64) -> Option<Vec<u8>> {
+    fn gain(&self, share: f64) -> Option<Vec<u8>> {
         let layout = self.gain.as_ref()?;
         let field = layout.find(usage::DEVICE_GAIN)?;
         let mut report = layout.blank();

@@ -281,7 +281,7 @@ impl ItemState {
 }
 
 /// Walks the items of a descriptor.
-pub(super) fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
+fn screen(descriptor: &[u8]) -> Result<(), &'static str> {
     let mut walk = DescriptorWalk {
         states: vec![ItemState::default()],
         depth: 0,

@@ -1,4 +1,10 @@
-//! What a correlator will do and need, known before anything is made.
+//! The plan of a correlator: sizes, memory and time, known before anything is allocated.
+//!
+//! The time is that of a model: each stage is a number of vectors of lanes that pass through
+//! transforms, products and samples, weighed with times measured on one thread of a Zen 3 server
+//! with vectors of eight f32 (AVX2). At 128 points per axis the model is within a few percent, at
+//! 64, where everything stays in the caches, 15 % too long. Other machines differ by a factor that
+//! hardly changes which transform size is cheapest.
 
 use std::fmt;
 

@@ -1,4 +1,5 @@
-//! Where a pair's densities are nonzero: all that a plan needs to know of them.
+//! The products of a score and where their factors are nonzero, from the densities or, before any
+//! density is computed, from the parts' bounds.
 
 use glam::DVec3;
 use ndarray::Array3;

@@ -1,4 +1,5 @@
-//! Which table a pair is given: its nodes, its symmetry, what it records.
+//! The table of a pair: its nodes, its symmetry, its recipe; and whether a stored table was baked
+//! from the same pair.
 
 use std::fmt;
 

@@ -1,5 +1,5 @@
 //! Energies over a grid of rotations and a lattice of translations, as coefficients of cubic
-//! B-splines, kept in half precision.
+//! B-splines, kept in half precision; their interpolation and its exact gradient.
 
 use std::sync::Arc;
 

@@ -1,4 +1,11 @@
-//! The attribute `pegfit` of a table: what it holds, how, and what was measured of it.
+//! The files of a table without coefficients: the attribute `pegfit`, coordinates, surfaces.
+//!
+//! Coordinates follow from the attribute; they are for other readers, and must agree with it.
+//!
+//! Two digests tie a table's numbers together: one over the attribute `pegfit`, stored in it, so that
+//! no number of it changes unseen; and one in every chunk, over its numbers, its place and everything
+//! that the energies depend on, so that a chunk belongs to one place of one table. Neither stops
+//! somebody who computes them again.
 
 use std::io;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! A table on disk or in an object store.
+//! A table on disk or in an object store: opened, its chunks (one rotation node each) written and
+//! checked, and loaded into memory.
 
 use std::io;
 use std::path::Path;

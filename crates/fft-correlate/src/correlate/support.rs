@@ -82,6 +82,51 @@ impl PairSupport {
             products: products(pair.model()).map(of_product).collect(),
         })
     }
+
+    /// Where the densities that these meshes will have can be nonzero: never less than
+    /// [`PairSupport::of`] finds. Plans made from it need at least what those of the pair need;
+    /// correlators are built with plans of the pair itself.
+    pub fn planned(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Self {
+        let (h, halo) = (plan.spacing(), plan.density.halo);
+        let spread = plan.spread();
+        let lattice = plan.fixed_lattice;
+        let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
+        let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
+        let grown = h + spread;
+        // Solids fill their bounds, exteriors the whole lattice.
+        let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
+        let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
+        let radius = moving.radius_about(plan.pivot);
+        let of_product = |product: Product| {
+            let (nodes, reach) = match product.moving.is_interior() {
+                true => (moving_solid, radius),
+                false => (
+                    IndexBox::of_shape(plan.moving_lattice.shape()),
+                    radius + halo,
+                ),
+            };
+            ProductSupport {
+                fixed: Some(match product.fixed.is_interior() {
+                    true => fixed_solid,
+                    false => IndexBox::of_shape(lattice.shape()),
+                }),
+                moving: Some(MovingSupport::within(
+                    nodes,
+                    moving_first,
+                    (reach + spread) / h + CUT,
+                    plan.interpolation(),
+                )),
+                product,
+            }
+        };
+        Self {
+            spacing: h,
+            interpolation: plan.interpolation(),
+            fixed_first,
+            moving_first,
+            products: products(&plan.model).map(of_product).collect(),
+        }
+    }
 }
 
 impl MovingSupport {
@@ -252,53 +297,6 @@ pub(super) fn products(m: &ScoreModel) -> impl Iterator<Item = Product> {
 
 /// Cells that a boundary cuts have their middle within this of it, cells: half a diagonal.
 const CUT: f64 = 0.5 * 1.732_050_807_568_877_2;
-
-impl PairSupport {
-    /// Where the densities that these meshes will have can be nonzero: never less than
-    /// [`PairSupport::of`] finds. Plans made from it need at least what those of the pair need;
-    /// correlators are built with plans of the pair itself.
-    pub fn planned(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Self {
-        let (h, halo) = (plan.spacing(), plan.density.halo);
-        let spread = plan.spread();
-        let lattice = plan.fixed_lattice;
-        let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
-        let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
-        let grown = h + spread;
-        // Solids fill their bounds, exteriors the whole lattice.
-        let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
-        let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
-        let radius = moving.radius_about(plan.pivot);
-        let of_product = |product: Product| {
-            let (nodes, reach) = match product.moving.is_interior() {
-                true => (moving_solid, radius),
-                false => (
-                    IndexBox::of_shape(plan.moving_lattice.shape()),
-                    radius + halo,
-                ),
-            };
-            ProductSupport {
-                fixed: Some(match product.fixed.is_interior() {
-                    true => fixed_solid,
-                    false => IndexBox::of_shape(lattice.shape()),
-                }),
-                moving: Some(MovingSupport::within(
-                    nodes,
-                    moving_first,
-                    (reach + spread) / h + CUT,
-                    plan.interpolation(),
-                )),
-                product,
-            }
-        };
-        Self {
-            spacing: h,
-            interpolation: plan.interpolation(),
-            fixed_first,
-            moving_first,
-            products: products(&plan.model).map(of_product).collect(),
-        }
-    }
-}
 
 /// The nodes of a lattice in a box.
 fn solid(bounds: &Aabb, lattice: &Lattice) -> IndexBox {

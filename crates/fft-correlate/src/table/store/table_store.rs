@@ -214,20 +214,7 @@ impl TableStore {
         self.header = header;
         Ok(())
     }
-}
 
-/// State of a rotation node's chunk.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ChunkState {
-    /// There and whole.
-    Finished,
-    /// Not there.
-    Missing,
-    /// There but truncated or wrong.
-    Damaged(String),
-}
-
-impl TableStore {
     /// What the table holds, with the parts' surfaces that the contact energy needs.
     ///
     /// # Errors
@@ -368,6 +355,17 @@ impl TableStore {
             first,
         }
     }
+}
+
+/// State of a rotation node's chunk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ChunkState {
+    /// There and whole.
+    Finished,
+    /// Not there.
+    Missing,
+    /// There but truncated or wrong.
+    Damaged(String),
 }
 
 /// Refuses a header whose rotation domain is of another order of size than the file of the nodes'

@@ -108,7 +108,6 @@ impl Wanted {
         let spec = TableSpec {
             storage: Storage {
                 leave_out: LEAVE_OUT,
-                ..Storage::default()
             },
             ..table.spec.clone()
         };

@@ -49,7 +49,7 @@ mod vectors;
 
 pub use basin::{Well, WellError, WellOptions};
 pub use correlate::correlator::Correlator;
-pub use correlate::error::CorrelateError;
+pub use correlate::support::CorrelateError;
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::docking::{Docking, DockingPose, DockingRequest, DockingResult};
@@ -72,9 +72,9 @@ pub use table::accuracy::{ErrorReport, Excess, measure_error, typical_condition}
 pub use table::bake::{BakeError, BakeResult, Share, bake};
 pub use table::design::{TableDesign, TableDesignError};
 pub use table::energy_table::EnergyTable;
-pub use table::error::TableError;
 pub use table::launcher::Launcher;
 pub use table::parts::PartialTable;
+pub use table::spec::TableError;
 pub use table::spec::{Storage, TableSpec};
 pub use table::store::error::StoreError;
 pub use table::store::files::TableFiles;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use sdf_grid::Monitor;
 
 use crate::correlate::correlator::Correlator;
-use crate::correlate::error::CorrelateError;
+use crate::correlate::support::CorrelateError;
 use crate::correlate::{CorrelatorPlan, CorrelatorScratch, PairSupport};
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum};
 use crate::geometry::translation::TranslationWindow;

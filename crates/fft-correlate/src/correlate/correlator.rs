@@ -21,14 +21,13 @@ use ndarray::{Array3, ArrayViewMut3};
 use num_complex::Complex;
 
 use crate::correlate::contract::{MovingRows, StageTimes};
-use crate::correlate::error::CorrelateError;
 use crate::correlate::kernels;
 use crate::correlate::kernels::{Fused, FusedScratch};
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::plan::{CorrelatorPlan, ProductPlan};
 use crate::correlate::real::Real;
 use crate::correlate::resample::{MovingField, RotatedField, RotationMoments};
-use crate::correlate::support::PairSupport;
+use crate::correlate::support::{CorrelateError, PairSupport};
 use crate::geometry::half_turn::{HalfTurn, RotationSum};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;

@@ -12,7 +12,6 @@ use fearless_simd::Level;
 use serde::Serialize;
 
 use crate::correlate::contract::Sizes;
-use crate::correlate::error::CorrelateError;
 use crate::correlate::kernels::Fused;
 use crate::correlate::kernels::lane_fft::{
     LineEnds, RadixStep, cost, is_supported_length, steps, turning_steps,
@@ -20,7 +19,7 @@ use crate::correlate::kernels::lane_fft::{
 use crate::correlate::overlap::{IndexBox, Overlap, overlap};
 use crate::correlate::real::Real;
 use crate::correlate::resample::{MovingField, RotationMoments};
-use crate::correlate::support::{PairSupport, ProductSupport};
+use crate::correlate::support::{CorrelateError, PairSupport, ProductSupport};
 use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::translation::TranslationWindow;
 use crate::vectors;

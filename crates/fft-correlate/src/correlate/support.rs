@@ -6,7 +6,6 @@ use ndarray::Array3;
 use num_complex::{Complex, Complex32};
 use sdf_grid::{Aabb, DensityField, Lattice, TriangleMesh};
 
-use crate::correlate::error::CorrelateError;
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
 use crate::pair::builder::PairPlan;
@@ -307,4 +306,41 @@ fn solid(bounds: &Aabb, lattice: &Lattice) -> IndexBox {
         hi: whole(index(bounds.max).ceil() + 1.0),
     };
     inside.intersect(&IndexBox::of_shape(lattice.shape()))
+}
+
+/// Why a correlator cannot be planned or built.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CorrelateError {
+    /// The window's spacing is not the pair's.
+    #[error(
+        "translation window: expected the pair's lattice spacing {expected} m, found {found} m"
+    )]
+    Spacing {
+        /// The pair's spacing, metres.
+        expected: f64,
+        /// The window's spacing, metres.
+        found: f64,
+    },
+    /// The transform would have too many points.
+    #[error("transform of {size:?} points: expected at most {limit} in all")]
+    Size {
+        /// Points per axis.
+        size: [usize; 3],
+        /// The largest number of points accepted.
+        limit: u64,
+    },
+    /// A density is not finite.
+    #[error("density of the {part} part is not finite at lattice node {index:?}")]
+    NotFinite {
+        /// `fixed` or `moving`.
+        part: &'static str,
+        /// The first such node.
+        index: [usize; 3],
+    },
+    /// The pair to build for is not the one that was planned for.
+    #[error(
+        "pair: expected the one that the plan was made for, found other weights, or densities that \
+         are nonzero elsewhere"
+    )]
+    OtherPair,
 }

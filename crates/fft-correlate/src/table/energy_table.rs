@@ -17,9 +17,8 @@ use crate::rotations::chart::Chart;
 use crate::rotations::grid::{RotationGrid, Site};
 use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
 use crate::table::encode::{EncodedNode, Probe, encode, far_code, probe};
-use crate::table::error::TableError;
 use crate::table::layout::{Layout, Row, Rows, zeroed_pages};
-use crate::table::spec::TableSpec;
+use crate::table::spec::{TableError, TableSpec};
 use crate::table::stencil::{RotationTap, Stencil, value_of};
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of

@@ -5,7 +5,6 @@ pub(crate) mod bake;
 pub(crate) mod design;
 mod encode;
 pub(crate) mod energy_table;
-pub(crate) mod error;
 pub(crate) mod launcher;
 mod layout;
 pub(crate) mod parts;

@@ -4,7 +4,7 @@ use crate::direct::evaluator::DirectError;
 use crate::pair::builder::PairBuildError;
 use crate::pair::setup::PairSetupError;
 use crate::table::design::TableDesignError;
-use crate::table::error::TableError;
+use crate::table::spec::TableError;
 
 /// Why there is nothing finer than the best that was tried.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -312,12 +312,7 @@ impl LocalEnergy<'_> {
         side
     }
 
-    fn barrier(
-        &mut self,
-        direction: DVec3,
-        [reach, length]: [f64; 2],
-        far: f64,
-    ) -> Barrier {
+    fn barrier(&mut self, direction: DVec3, [reach, length]: [f64; 2], far: f64) -> Barrier {
         let n = scan_points(reach, length);
         let at = |i: usize| reach * i as f64 / n as f64;
         let mut energies: Vec<f64> = (0..=n)

@@ -2,7 +2,7 @@
 
 use fft_correlate::{
     CorrelateError, DirectError, DockingError, EnergyScaleError, PairBuildError, PairError,
-    PairSetupError, RotationError, TableDesignError, WellError,
+    PairSetupError, RotationError, TablePlanError, WellError,
 };
 use haptic::{ConfigError, HapticError};
 use pegfit_scene::SceneError;
@@ -103,13 +103,13 @@ impl From<PairSetupError> for Failure {
     }
 }
 
-impl From<TableDesignError> for Failure {
-    fn from(error: TableDesignError) -> Self {
+impl From<TablePlanError> for Failure {
+    fn from(error: TablePlanError) -> Self {
         match error {
-            TableDesignError::Window(inner) => inner.into(),
-            TableDesignError::Rotations(inner) => inner.into(),
-            TableDesignError::Correlate(inner) => inner.into(),
-            TableDesignError::Memory { needed, limit } => {
+            TablePlanError::Window(inner) => inner.into(),
+            TablePlanError::Rotations(inner) => inner.into(),
+            TablePlanError::Correlate(inner) => inner.into(),
+            TablePlanError::Memory { needed, limit } => {
                 Self::memory(Kind::Scene, "the correlation", needed.into(), limit)
             }
         }

@@ -99,7 +99,7 @@ impl From<ToleranceError> for Failure {
                 said.about("tolerance", format!("at least {reached}"), asked)
             }
             ToleranceError::Pair(inner) => inner.into(),
-            ToleranceError::Design(inner) => inner.into(),
+            ToleranceError::Plan(inner) => inner.into(),
             ToleranceError::Table(inner) => inner.into(),
             ToleranceError::Direct(inner) => inner.into(),
             ToleranceError::Cancelled => said,

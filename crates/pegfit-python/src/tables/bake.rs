@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, Pair, PairSetup, RotationDomain, Share, Storage, TableDesign,
-    TableFiles, TableSpec, TableStore, bake,
+    DirectEvaluator, DirectOptions, Pair, PairSetup, RotationDomain, Share, Storage, TableFiles,
+    TablePlan, TableSpec, TableStore, bake,
 };
 use pegfit_scene::{TableReference, held_out_poses};
 use pyo3::prelude::*;
@@ -36,7 +36,7 @@ struct Wanted {
 /// A table to be filled, and what its error is measured against if not against its own pair.
 struct Design {
     setup: PairSetup,
-    table: TableDesign,
+    table: TablePlan,
     reference: Option<TableReference>,
 }
 
@@ -69,14 +69,14 @@ impl Wanted {
             }
             Some(tolerance) => {
                 let (memory, mut tried) = (parts.memory, |_| ());
-                let made = TableDesign::for_tolerance(
+                let made = TablePlan::for_tolerance(
                     &setup, &rotations, tolerance, memory, watch, &mut tried,
                 )?;
                 let reference = TableReference {
                     truth: made.reference,
                     spacing: made.reference_spacing,
                 };
-                let (table, reference) = (made.design, Some(reference));
+                let (table, reference) = (made.plan, Some(reference));
                 return Ok(Design {
                     setup,
                     table,
@@ -85,7 +85,7 @@ impl Wanted {
             }
         }
         let pair = pair.map_or_else(|| setup.load(watch), Ok)?;
-        let table = TableDesign::new(&setup, pair, rotations)?;
+        let table = TablePlan::new(&setup, pair, rotations)?;
         Ok(Design {
             setup,
             table,

@@ -4,8 +4,7 @@ use std::time::Instant;
 
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergySource, InScene, Pair, Placement, Pose,
-    TableDesign, TranslationWindow, Well, WellOptions, from_fit, symmetry_group,
-    symmetry_on_lattice,
+    TablePlan, TranslationWindow, Well, WellOptions, from_fit, symmetry_group, symmetry_on_lattice,
 };
 use glam::DVec3;
 use haptic::{Geometry, Workspace};
@@ -90,7 +89,7 @@ impl Assembly {
     ///
     /// # Errors
     /// If its window has too many nodes.
-    pub fn design(&self) -> Result<TableDesign, SceneError> {
+    pub fn design(&self) -> Result<TablePlan, SceneError> {
         self.setup.design(self.pair.clone())
     }
 

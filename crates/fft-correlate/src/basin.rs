@@ -208,28 +208,28 @@ fn scan_points(reach: f64, length: f64) -> usize {
 }
 
 /// An energy source at poses counted from a base pose by pivot displacement and rotation vector.
-pub(super) struct LocalEnergy<'a> {
-    pub(super) source: &'a dyn EnergySource,
-    pub(super) scratch: Scratch,
-    pub(super) base: Pose,
-    pub(super) pivot: DVec3,
+struct LocalEnergy<'a> {
+    source: &'a dyn EnergySource,
+    scratch: Scratch,
+    base: Pose,
+    pivot: DVec3,
 }
 
 /// Displacement of the pivot and rotation vector about it.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Step {
-    pub(super) turn: DVec3,
-    pub(super) shift: DVec3,
+struct Step {
+    turn: DVec3,
+    shift: DVec3,
 }
 
 impl LocalEnergy<'_> {
-    pub(super) fn pose(&self, step: Step) -> Pose {
+    fn pose(&self, step: Step) -> Pose {
         let rotation = DQuat::from_scaled_axis(step.turn) * self.base.rotation;
         let pivot = self.base.apply(self.pivot) + step.shift;
         Pose::new(rotation, pivot - rotation * self.pivot)
     }
 
-    pub(super) fn energy(&mut self, step: Step) -> f64 {
+    fn energy(&mut self, step: Step) -> f64 {
         self.source
             .evaluate(&self.pose(step), &mut self.scratch)
             .energy
@@ -248,7 +248,7 @@ impl LocalEnergy<'_> {
     }
 
     /// Far outside any reach; sources go to their far value there.
-    pub(super) fn far_energy(&mut self) -> f64 {
+    fn far_energy(&mut self) -> f64 {
         self.energy(Step {
             shift: DVec3::splat(1e6),
             ..Step::default()
@@ -257,7 +257,7 @@ impl LocalEnergy<'_> {
 
     /// Compass search: try each axis both ways, halve the step when nothing is lower. Slow but at
     /// home on V-shaped energies, where gradients mislead.
-    pub(super) fn descend(&mut self, length: f64, radius: f64) -> Step {
+    fn descend(&mut self, length: f64, radius: f64) -> Step {
         let axes = axes(radius);
         let mut best = Step::default();
         let mut lowest = self.energy(best);
@@ -281,7 +281,7 @@ impl LocalEnergy<'_> {
         best
     }
 
-    pub(super) fn axis(&mut self, axis: Step, length: f64, reach: f64) -> Axis {
+    fn axis(&mut self, axis: Step, length: f64, reach: f64) -> Axis {
         let zero = Step::default();
         let centre = self.energy(zero);
         let ends = self.energy(zero.plus(&axis, length)) + self.energy(zero.plus(&axis, -length));
@@ -312,12 +312,7 @@ impl LocalEnergy<'_> {
         side
     }
 
-    pub(super) fn barrier(
-        &mut self,
-        direction: DVec3,
-        [reach, length]: [f64; 2],
-        far: f64,
-    ) -> Barrier {
+    fn barrier(&mut self, direction: DVec3, [reach, length]: [f64; 2], far: f64) -> Barrier {
         let n = scan_points(reach, length);
         let at = |i: usize| reach * i as f64 / n as f64;
         let mut energies: Vec<f64> = (0..=n)
@@ -361,7 +356,7 @@ impl Step {
 }
 
 /// Translations along and rotations about x, y, z; a rotation by `1 / radius` counts as a metre.
-pub(super) fn axes(radius: f64) -> [Step; 6] {
+fn axes(radius: f64) -> [Step; 6] {
     let e = [DVec3::X, DVec3::Y, DVec3::Z];
     std::array::from_fn(|a| {
         if a < 3 {

@@ -1,4 +1,6 @@
-//! The loop over rotations: groups of half turns handed out to all threads, one at a time.
+//! The loop over rotations, with which docking scores and tables are filled: groups of half turns are
+//! handed out to all threads, one at a time. A producer ([`NodeEnergies`]) gives the energies of one
+//! rotation at all translations of a window.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
@@ -10,7 +12,7 @@ use rayon::prelude::*;
 use sdf_grid::Monitor;
 
 use crate::correlate::correlator::Correlator;
-use crate::correlate::error::CorrelateError;
+use crate::correlate::support::CorrelateError;
 use crate::correlate::{CorrelatorPlan, CorrelatorScratch, PairSupport};
 use crate::geometry::half_turn::{HalfTurn, HalfTurnGroup, RotationSum};
 use crate::geometry::translation::TranslationWindow;

@@ -1,4 +1,4 @@
-//! What vector code shares.
+//! Shared by vector code: the instructions that `sdf-grid` chooses, transposition, inlining.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, SimdFloat};

@@ -6,7 +6,7 @@ use fft_correlate::table::TableSetupError;
 use fft_correlate::tolerance::ToleranceError;
 use fft_correlate::{
     BakeError, CorrelateError, DirectError, DockingError, EnergyScaleError, PairBuildError,
-    PairError, PairSetupError, RotationError, StoreError, TableDesignError, TableError, WellError,
+    PairError, PairSetupError, RotationError, StoreError, TableError, TablePlanError, WellError,
 };
 use haptic::{ConfigError, HapticError};
 use pegfit_scene::SceneError;
@@ -428,13 +428,13 @@ impl From<PairSetupError> for Failure {
     }
 }
 
-impl From<TableDesignError> for Failure {
-    fn from(error: TableDesignError) -> Self {
+impl From<TablePlanError> for Failure {
+    fn from(error: TablePlanError) -> Self {
         match error {
-            TableDesignError::Window(inner) => inner.into(),
-            TableDesignError::Rotations(inner) => inner.into(),
-            TableDesignError::Correlate(inner) => inner.into(),
-            TableDesignError::Memory { needed, limit } => {
+            TablePlanError::Window(inner) => inner.into(),
+            TablePlanError::Rotations(inner) => inner.into(),
+            TablePlanError::Correlate(inner) => inner.into(),
+            TablePlanError::Memory { needed, limit } => {
                 Self::memory(Kind::Scene, "the correlation", needed.into(), limit)
             }
         }
@@ -620,7 +620,7 @@ impl From<ToleranceError> for Failure {
                 said.about("tolerance", format!("at least {reached}"), asked)
             }
             ToleranceError::Pair(inner) => inner.into(),
-            ToleranceError::Design(inner) => inner.into(),
+            ToleranceError::Plan(inner) => inner.into(),
             ToleranceError::Table(inner) => inner.into(),
             ToleranceError::Direct(inner) => inner.into(),
             ToleranceError::Cancelled => said,

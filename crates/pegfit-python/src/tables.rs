@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyTable, Pair, PairSetup, RotationDomain, Share, Storage,
-    TableDesign, TableFiles, TableSpec, TableStore, bake,
+    TableFiles, TablePlan, TableSpec, TableStore, bake,
 };
 use pegfit_scene::{TableReference, held_out_poses};
 use pyo3::prelude::*;
@@ -37,7 +37,7 @@ struct TableRequest {
 /// A table to be filled, and what its error is measured against if not against its own pair.
 struct Design {
     setup: PairSetup,
-    table: TableDesign,
+    table: TablePlan,
     reference: Option<TableReference>,
 }
 
@@ -70,14 +70,14 @@ impl TableRequest {
             }
             Some(tolerance) => {
                 let (memory, mut tried) = (parts.memory, |_| ());
-                let made = TableDesign::for_tolerance(
+                let made = TablePlan::for_tolerance(
                     &setup, &rotations, tolerance, memory, watch, &mut tried,
                 )?;
                 let reference = TableReference {
                     truth: made.reference,
                     spacing: made.reference_spacing,
                 };
-                let (table, reference) = (made.design, Some(reference));
+                let (table, reference) = (made.plan, Some(reference));
                 return Ok(Design {
                     setup,
                     table,
@@ -86,7 +86,7 @@ impl TableRequest {
             }
         }
         let pair = pair.map_or_else(|| setup.load(watch), Ok)?;
-        let table = TableDesign::new(&setup, pair, rotations)?;
+        let table = TablePlan::new(&setup, pair, rotations)?;
         Ok(Design {
             setup,
             table,
@@ -109,7 +109,6 @@ impl TableRequest {
         let spec = TableSpec {
             storage: Storage {
                 leave_out: LEAVE_OUT,
-                ..Storage::default()
             },
             ..table.spec.clone()
         };

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergySource, InScene, Pair, Placement, Pose,
-    Response, TableDesign, TranslationWindow, Well, WellOptions, from_fit, symmetry_group,
+    Response, TablePlan, TranslationWindow, Well, WellOptions, from_fit, symmetry_group,
     symmetry_on_lattice,
 };
 use glam::{DQuat, DVec3};
@@ -91,7 +91,7 @@ impl Assembly {
     ///
     /// # Errors
     /// If its window has too many nodes.
-    pub fn design(&self) -> Result<TableDesign, SceneError> {
+    pub fn design(&self) -> Result<TablePlan, SceneError> {
         self.setup.design(self.pair.clone())
     }
 

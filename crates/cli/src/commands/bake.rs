@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeResult, EnergyTable, ErrorReport, Launcher, Share, Storage, TableDesign, TableFiles,
+    BakeResult, EnergyTable, ErrorReport, Launcher, Share, Storage, TableFiles, TablePlan,
     TableSpec, TableStore, bake,
 };
 use pegfit_scene::{Scene, SceneSetup, TableReference, held_out_poses};
@@ -80,7 +80,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
 /// A scene and its table.
 struct Design {
     setup: SceneSetup,
-    table: TableDesign,
+    table: TablePlan,
 }
 
 fn storage(args: &BakeArgs) -> Storage {
@@ -105,7 +105,7 @@ fn prepare(
             truth: found.reference,
             spacing: found.reference_spacing,
         };
-        let table = found.design;
+        let table = found.plan;
         return Ok((Design { setup, table }, Some(reference)));
     }
     if chosen {

@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use fft_correlate::Pose;
-use fft_correlate::tolerance::{
-    LATTICE_SHARE, Limit, TRIALS, TolerantDesign, TolerantDirect, Trial,
-};
+use fft_correlate::tolerance::{LATTICE_SHARE, Limit, TRIALS, TolerantDirect, TolerantPlan, Trial};
 use pegfit_scene::{SceneError, SceneSetup};
 
 use crate::bytes::display_bytes;
@@ -18,7 +16,7 @@ pub(super) fn choose(
     setup: &SceneSetup,
     tolerance: f64,
     context: &Context,
-) -> Result<TolerantDesign, CommandError> {
+) -> Result<TolerantPlan, CommandError> {
     let progress = &context.progress;
     let found = setup.design_for(tolerance, progress, &mut |trial| {
         progress.note(&trial_text(&trial));

@@ -1,4 +1,15 @@
-//! Correlators: a pair's spectra and fields, and the scores that they give.
+//! Correlators: a pair's spectra and fields, the scores that they give, and their exact gradient.
+//!
+//! The score depends on the pose only through the rotated moving field,
+//! `f(d) = Re sum_p A(p) g(p - d)`, and `g` is an interpolant with a gradient of its own. So the
+//! derivatives are
+//!
+//! - by the displacement: `-Re sum_p A(p) (∇g)(p - d)`,
+//! - by a turn about the displaced pivot: `-Re sum_p A(p) (q × ∇g)(q)` with `q = p - d`,
+//!
+//! six correlations with the spectra of the score. Multiplying the score's own spectrum by `i k`
+//! would be cheaper, but only the window's scores are free of wrap-around and of cropping: what lies
+//! outside would ring into the window's derivative, and turns have no such factor.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -10,14 +21,13 @@ use ndarray::{Array3, ArrayViewMut3};
 use num_complex::Complex;
 
 use crate::correlate::contract::{MovingRows, StageTimes};
-use crate::correlate::error::CorrelateError;
 use crate::correlate::kernels;
 use crate::correlate::kernels::{Fused, FusedScratch};
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::plan::{CorrelatorPlan, ProductPlan};
 use crate::correlate::real::Real;
 use crate::correlate::resample::{MovingField, RotatedField, RotationMoments};
-use crate::correlate::support::PairSupport;
+use crate::correlate::support::{CorrelateError, PairSupport};
 use crate::geometry::half_turn::{HalfTurn, RotationSum};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;

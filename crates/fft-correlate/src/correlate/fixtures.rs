@@ -1,4 +1,5 @@
-//! A made-up pair for the tests of this folder.
+//! For the tests of this folder: a synthetic pair, and windowed correlation by whole
+//! three-dimensional transforms in double precision.
 
 use std::sync::Arc;
 

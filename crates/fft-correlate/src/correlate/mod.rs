@@ -23,7 +23,6 @@
 
 mod contract;
 pub(crate) mod correlator;
-pub(crate) mod error;
 #[cfg(test)]
 mod fixtures;
 mod kernels;
@@ -31,7 +30,7 @@ mod overlap;
 mod plan;
 mod real;
 mod resample;
-mod support;
+pub(crate) mod support;
 
 pub use crate::geometry::half_turn::{HalfTurn, RotationSum};
 pub use contract::StageTimes;

@@ -1,4 +1,10 @@
-//! What a correlator will do and need, known before anything is made.
+//! The plan of a correlator: sizes, memory and time, known before anything is allocated.
+//!
+//! The time is that of a model: each stage is a number of vectors of lanes that pass through
+//! transforms, products and samples, weighed with times measured on one thread of a Zen 3 server
+//! with vectors of eight f32 (AVX2). At 128 points per axis the model is within a few percent, at
+//! 64, where everything stays in the caches, 15 % too long. Other machines differ by a factor that
+//! hardly changes which transform size is cheapest.
 
 use std::fmt;
 
@@ -6,7 +12,6 @@ use fearless_simd::Level;
 use serde::Serialize;
 
 use crate::correlate::contract::Sizes;
-use crate::correlate::error::CorrelateError;
 use crate::correlate::kernels::Fused;
 use crate::correlate::kernels::lane_fft::{
     LineEnds, RadixStep, cost, is_supported_length, steps, turning_steps,
@@ -14,7 +19,7 @@ use crate::correlate::kernels::lane_fft::{
 use crate::correlate::overlap::{IndexBox, Overlap, overlap};
 use crate::correlate::real::Real;
 use crate::correlate::resample::{MovingField, RotationMoments};
-use crate::correlate::support::{PairSupport, ProductSupport};
+use crate::correlate::support::{CorrelateError, PairSupport, ProductSupport};
 use crate::geometry::half_turn::HalfTurnGroup;
 use crate::geometry::translation::TranslationWindow;
 use crate::vectors;

@@ -1,11 +1,11 @@
-//! Where a pair's densities are nonzero: all that a plan needs to know of them.
+//! The products of a score and where their factors are nonzero, from the densities or, before any
+//! density is computed, from the parts' bounds.
 
 use glam::DVec3;
 use ndarray::Array3;
 use num_complex::{Complex, Complex32};
 use sdf_grid::{Aabb, DensityField, Lattice, TriangleMesh};
 
-use crate::correlate::error::CorrelateError;
 use crate::correlate::overlap::IndexBox;
 use crate::correlate::real::Real;
 use crate::pair::builder::PairPlan;
@@ -80,6 +80,51 @@ impl PairSupport {
             moving_first,
             products: products(pair.model()).map(of_product).collect(),
         })
+    }
+
+    /// Where the densities that these meshes will have can be nonzero: never less than
+    /// [`PairSupport::of`] finds. Plans made from it need at least what those of the pair need;
+    /// correlators are built with plans of the pair itself.
+    pub fn planned(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Self {
+        let (h, halo) = (plan.spacing(), plan.density.halo);
+        let spread = plan.spread();
+        let lattice = plan.fixed_lattice;
+        let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
+        let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
+        let grown = h + spread;
+        // Solids fill their bounds, exteriors the whole lattice.
+        let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
+        let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
+        let radius = moving.radius_about(plan.pivot);
+        let of_product = |product: Product| {
+            let (nodes, reach) = match product.moving.is_interior() {
+                true => (moving_solid, radius),
+                false => (
+                    IndexBox::of_shape(plan.moving_lattice.shape()),
+                    radius + halo,
+                ),
+            };
+            ProductSupport {
+                fixed: Some(match product.fixed.is_interior() {
+                    true => fixed_solid,
+                    false => IndexBox::of_shape(lattice.shape()),
+                }),
+                moving: Some(MovingSupport::within(
+                    nodes,
+                    moving_first,
+                    (reach + spread) / h + CUT,
+                    plan.interpolation(),
+                )),
+                product,
+            }
+        };
+        Self {
+            spacing: h,
+            interpolation: plan.interpolation(),
+            fixed_first,
+            moving_first,
+            products: products(&plan.model).map(of_product).collect(),
+        }
     }
 }
 
@@ -252,53 +297,6 @@ pub(super) fn products(m: &ScoreModel) -> impl Iterator<Item = Product> {
 /// Cells that a boundary cuts have their middle within this of it, cells: half a diagonal.
 const CUT: f64 = 0.5 * 1.732_050_807_568_877_2;
 
-impl PairSupport {
-    /// Where the densities that these meshes will have can be nonzero: never less than
-    /// [`PairSupport::of`] finds. Plans made from it need at least what those of the pair need;
-    /// correlators are built with plans of the pair itself.
-    pub fn planned(plan: &PairPlan, fixed: &TriangleMesh, moving: &TriangleMesh) -> Self {
-        let (h, halo) = (plan.spacing(), plan.density.halo);
-        let spread = plan.spread();
-        let lattice = plan.fixed_lattice;
-        let first = |lattice: &Lattice| (lattice.origin() - plan.pivot) / h;
-        let (fixed_first, moving_first) = (first(&lattice), first(&plan.moving_lattice));
-        let grown = h + spread;
-        // Solids fill their bounds, exteriors the whole lattice.
-        let fixed_solid = solid(&fixed.bounds().grown(grown), &lattice);
-        let moving_solid = solid(&moving.bounds().grown(h + spread), &plan.moving_lattice);
-        let radius = moving.radius_about(plan.pivot);
-        let of_product = |product: Product| {
-            let (nodes, reach) = match product.moving.is_interior() {
-                true => (moving_solid, radius),
-                false => (
-                    IndexBox::of_shape(plan.moving_lattice.shape()),
-                    radius + halo,
-                ),
-            };
-            ProductSupport {
-                fixed: Some(match product.fixed.is_interior() {
-                    true => fixed_solid,
-                    false => IndexBox::of_shape(lattice.shape()),
-                }),
-                moving: Some(MovingSupport::within(
-                    nodes,
-                    moving_first,
-                    (reach + spread) / h + CUT,
-                    plan.interpolation(),
-                )),
-                product,
-            }
-        };
-        Self {
-            spacing: h,
-            interpolation: plan.interpolation(),
-            fixed_first,
-            moving_first,
-            products: products(&plan.model).map(of_product).collect(),
-        }
-    }
-}
-
 /// The nodes of a lattice in a box.
 fn solid(bounds: &Aabb, lattice: &Lattice) -> IndexBox {
     let index = |p: DVec3| (p - lattice.origin()) / lattice.spacing();
@@ -308,4 +306,41 @@ fn solid(bounds: &Aabb, lattice: &Lattice) -> IndexBox {
         hi: whole(index(bounds.max).ceil() + 1.0),
     };
     inside.intersect(&IndexBox::of_shape(lattice.shape()))
+}
+
+/// Why a correlator cannot be planned or built.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CorrelateError {
+    /// The window's spacing is not the pair's.
+    #[error(
+        "translation window: expected the pair's lattice spacing {expected} m, found {found} m"
+    )]
+    Spacing {
+        /// The pair's spacing, metres.
+        expected: f64,
+        /// The window's spacing, metres.
+        found: f64,
+    },
+    /// The transform would have too many points.
+    #[error("transform of {size:?} points: expected at most {limit} in all")]
+    Size {
+        /// Points per axis.
+        size: [usize; 3],
+        /// The largest number of points accepted.
+        limit: u64,
+    },
+    /// A density is not finite.
+    #[error("density of the {part} part is not finite at lattice node {index:?}")]
+    NotFinite {
+        /// `fixed` or `moving`.
+        part: &'static str,
+        /// The first such node.
+        index: [usize; 3],
+    },
+    /// The pair to build for is not the one that was planned for.
+    #[error(
+        "pair: expected the one that the plan was made for, found other weights, or densities that \
+         are nonzero elsewhere"
+    )]
+    OtherPair,
 }

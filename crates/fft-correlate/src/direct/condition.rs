@@ -45,11 +45,12 @@ impl Condition {
         let inverse = pose.inverse();
         let mut total = Self::default();
         for term in score_terms(pair.model(), pair.fixed(), pair.moving()) {
-            let (points, looked_up, motion) = match term.points {
-                Side::Moving => (pair.moving(), pair.fixed(), pose),
-                Side::Fixed => (pair.fixed(), pair.moving(), &inverse),
+            let motion = match term.points {
+                Side::Moving => pose,
+                Side::Fixed => &inverse,
             };
-            let part = Self::of_term(&term, pair.interpolation(), [points, looked_up], motion);
+            let parts = [term.points, term.points.other()].map(|side| pair.part(side));
+            let part = Self::of_term(&term, pair.interpolation(), parts, motion);
             total.score += part.score;
             total.magnitude += part.magnitude;
         }

@@ -22,7 +22,6 @@ use crate::geometry::se3::{Pose, Wrench};
 use crate::pair::builder::{PairBuildError, coarser_pair};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
-use crate::pair::interpolation::Interpolation;
 use crate::pair::model::Side;
 use crate::vectors;
 
@@ -206,60 +205,17 @@ impl DirectEvaluator {
 
     /// Of cell averages, merged where they vary little.
     fn of_averages(pair: &Pair, options: &DirectOptions) -> Result<Self, DirectError> {
-        let field = |side| match side {
-            Side::Fixed => pair.fixed(),
-            Side::Moving => pair.moving(),
-        };
         let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
         let blocks: Vec<_> = terms
             .iter()
-            .map(|t| Blocks::new(field(t.points), t.weights))
+            .map(|t| Blocks::new(pair.part(t.points), t.weights))
             .collect();
         let limit = merge_limit(&blocks, options.merge_tolerance as f32, options.max_points);
-        let mut products = Vec::new();
-        let mut description = DirectDescription {
-            terms: Vec::new(),
-            merge_tolerance: limit.into(),
-            bytes: 0,
-        };
+        let mut evaluator = Self::empty(pair, limit.into());
         for (term, blocks) in terms.iter().zip(&blocks) {
-            let points = blocks.points(limit);
-            let coarsest = points.iter().rposition(|p| !p.is_empty());
-            let looked_up = term.points.other();
-            let grids = LookupGrid::pyramid(
-                field(looked_up),
-                term.lookup,
-                coarsest.map_or(0, |l| l + 1),
-                Interpolation::Trilinear,
-            )
-            .map_err(|found| DirectError::Size {
-                side: looked_up,
-                limit: LookupGrid::MAX_NODES,
-                found,
-            })?;
-            description.terms.push(TermDescription {
-                term: *term,
-                cells: blocks.cells(),
-                points: points.iter().map(Vec::len).sum(),
-            });
-            // A density without exterior (no room on its lattice) leaves nothing to look up.
-            for (points, grid) in points.iter().zip(grids).filter(|(p, _)| !p.is_empty()) {
-                let points = PointSet::new(points, pair.spacing());
-                description.bytes += points.bytes() + grid.bytes();
-                products.push(Product {
-                    points_of: term.points,
-                    points,
-                    grid,
-                });
-            }
+            evaluator.add(pair, term, blocks.cells(), &blocks.points(limit))?;
         }
-        Ok(Self {
-            products,
-            contact: None,
-            gamma: pair.model().gamma,
-            level: vectors::native(),
-            description,
-        })
+        Ok(evaluator)
     }
 
     /// Of smoothed densities: as many points as their lattice has cells that count, on a coarser
@@ -270,13 +226,9 @@ impl DirectEvaluator {
         options: &DirectOptions,
     ) -> Result<Self, DirectError> {
         let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
-        let field = |side| match side {
-            Side::Fixed => pair.fixed(),
-            Side::Moving => pair.moving(),
-        };
         let points: Vec<_> = terms
             .iter()
-            .map(|t| cells(field(t.points), t.weights))
+            .map(|t| cells(pair.part(t.points), t.weights))
             .collect();
         let count: usize = points.iter().map(Vec::len).sum();
         if let Some(most) = options.max_points.filter(|most| count > *most) {
@@ -285,44 +237,63 @@ impl DirectEvaluator {
                 .map_err(|e| DirectError::Coarser(Box::new(e)))?;
             return Self::new(&coarser, options);
         }
-        let mut evaluator = Self {
-            products: Vec::new(),
-            contact: Some(contact.clone()),
-            gamma: pair.model().gamma,
-            level: vectors::native(),
-            description: DirectDescription {
-                terms: Vec::new(),
-                merge_tolerance: 0.0,
-                bytes: contact.bytes(),
-            },
-        };
-        for (term, points) in terms.iter().zip(&points) {
-            evaluator.add(term, points, field(term.points.other()))?;
+        let mut evaluator = Self::empty(pair, 0.0);
+        evaluator.contact = Some(contact.clone());
+        evaluator.description.bytes = contact.bytes();
+        for (term, points) in terms.iter().zip(points) {
+            evaluator.add(pair, term, points.len(), &[points])?;
         }
         Ok(evaluator)
     }
 
-    /// Adds a product of points with a smoothed density.
-    fn add(&mut self, term: &Term, points: &[Point], to: &DensityField) -> Result<(), DirectError> {
-        let grids =
-            LookupGrid::pyramid(to, term.lookup, 1, Interpolation::Quadratic).map_err(|found| {
-                DirectError::Size {
-                    side: term.points.other(),
-                    limit: LookupGrid::MAX_NODES,
-                    found,
-                }
-            })?;
+    fn empty(pair: &Pair, merge_tolerance: f64) -> Self {
+        Self {
+            products: Vec::new(),
+            contact: None,
+            gamma: pair.model().gamma,
+            level: vectors::native(),
+            description: DirectDescription {
+                terms: Vec::new(),
+                merge_tolerance,
+                bytes: 0,
+            },
+        }
+    }
+
+    /// Adds the products of a term: the points of each level, of which `cells` were merged, with the
+    /// other part's density on a lattice of that level.
+    fn add(
+        &mut self,
+        pair: &Pair,
+        term: &Term,
+        cells: usize,
+        levels: &[Vec<Point>],
+    ) -> Result<(), DirectError> {
+        let coarsest = levels.iter().rposition(|p| !p.is_empty());
+        let side = term.points.other();
+        let grids = LookupGrid::pyramid(
+            pair.part(side),
+            term.lookup,
+            coarsest.map_or(0, |level| level + 1),
+            pair.interpolation(),
+        )
+        .map_err(|found| DirectError::Size {
+            side,
+            limit: LookupGrid::MAX_NODES,
+            found,
+        })?;
         self.description.terms.push(TermDescription {
             term: *term,
-            cells: points.len(),
-            points: points.len(),
+            cells,
+            points: levels.iter().map(Vec::len).sum(),
         });
-        let points = PointSet::new(points, to.lattice().spacing());
-        for grid in grids {
+        // A density without exterior (no room on its lattice) leaves nothing to look up.
+        for (points, grid) in levels.iter().zip(grids).filter(|(p, _)| !p.is_empty()) {
+            let points = PointSet::new(points, pair.spacing());
             self.description.bytes += points.bytes() + grid.bytes();
             self.products.push(Product {
                 points_of: term.points,
-                points: points.clone(),
+                points,
                 grid,
             });
         }

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use sdf_grid::recipe::Difference;
 use sdf_grid::{DensityError, LatticeError};
 
-use crate::correlate::error::CorrelateError;
+use crate::correlate::support::CorrelateError;
 use crate::direct::evaluator::DirectError;
 use crate::pair::builder::PairBuildError;
 use crate::pair::fields::PairError;

@@ -1,4 +1,5 @@
-//! How a search proceeds.
+//! The options, weights, domain and pairs of a search, and the recipe of all that its result depends
+//! on.
 
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, LatticeError};

@@ -1,4 +1,5 @@
-//! The best places of a score: local maxima over translations, and distinct poses among many.
+//! Peak calling: the best local maxima of scores over rotations and translations, and distinct poses
+//! among many.
 
 use std::cmp::Ordering;
 use std::convert::Infallible;

@@ -1,4 +1,4 @@
-//! The docking product: where does the moving part belong?
+//! The search of docking, in stages:
 //!
 //! 0. **Screening**, where there are many rotations: every one, all translations at once, on a lattice
 //!    of wide cells and with lighter interiors; the best go on.

@@ -1,4 +1,5 @@
-//! What a docking search has done so far, in a file that is whole at any moment.
+//! Scoring the rotations of a search in batches, and the state file that keeps them, whole at any
+//! moment.
 
 use std::path::Path;
 use std::time::Instant;

@@ -1,5 +1,6 @@
 //! Half turns about the axes of the lattice: rotations that differ by one share most of the work of
-//! a correlation ([`crate::Correlator::score_half_turns`]).
+//! a correlation ([`crate::Correlator::score_half_turns`]). Weighted sums over a few near rotations,
+//! which a table keeps at a rotation node.
 
 use std::collections::HashMap;
 

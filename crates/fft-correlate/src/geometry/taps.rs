@@ -2,6 +2,10 @@
 //!
 //! Value, slope and curvature are continuous. The coefficients are those of
 //! [`Prefilter`] along translations, of [`crate::rotations::chart`] along rotations.
+//!
+//! The coefficients of the spline through values `f` fulfil `c[i-1] + 4 c[i] + c[i+1] = 6 f[i]` along
+//! each axis, with the coefficients beyond the ends extrapolated as [`Taps::open`] does: there the
+//! first two equations make `c[0] - c[1] = f[0] - f[1]`, and alike at the other end.
 
 /// Four neighbouring nodes of one axis, the weights of their coefficients, and the weights'
 /// derivatives by the coordinate (in units of the spacing). Absent nodes repeat the last one with weight 0.

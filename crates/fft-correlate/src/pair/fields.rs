@@ -11,7 +11,7 @@ use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
+use crate::pair::model::{ModelError, PairRecipe, ScoreModel, Side};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///
@@ -152,6 +152,14 @@ impl Pair {
     /// Density of the moving part in its own frame.
     pub fn moving(&self) -> &DensityField {
         &self.moving
+    }
+
+    /// Density of one of the parts in its own frame.
+    pub(crate) fn part(&self, side: Side) -> &DensityField {
+        match side {
+            Side::Fixed => &self.fixed,
+            Side::Moving => &self.moving,
+        }
     }
 
     /// Weights and scale.

@@ -1,4 +1,4 @@
-//! The parameters that turn two densities into an energy.
+//! The parameters that turn two densities into an energy, and the recipe of all that it depends on.
 
 use glam::DVec3;
 use sdf_grid::FieldRecipe;

@@ -1,4 +1,5 @@
 //! Two parts and all that decides their pair: where docking, tables and the haptic loop begin.
+//! The energy scale gamma and the lattice spacing are chosen here.
 
 use std::sync::Arc;
 

@@ -1,4 +1,5 @@
 //! Charts over a set of rotations, their images under a symmetry, and the seams that join them.
+//! Rotations outside a ball are read where the ball ends.
 
 use std::f64::consts::FRAC_PI_4;
 

@@ -1,4 +1,11 @@
-//! Coordinates on a patch of rotations in which nodes form a box.
+//! Coordinates on a patch of rotations in which nodes form a box, and the coefficients of their cubic
+//! B-splines.
+//!
+//! A spline whose coefficients are the values of a wave of phase `w` per node is too small by
+//! `(2 + cos w) / 3`. To undo that exactly would tie every node to all others of its chart.
+//! Instead, a coefficient is the value less a share of the Laplacian in chart coordinates, by
+//! differences over half a node: each node stands for itself, at the edge of a chart as in its
+//! middle, and can be computed by anyone.
 
 use glam::{DQuat, DVec3};
 

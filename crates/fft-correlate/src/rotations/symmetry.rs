@@ -1,4 +1,5 @@
-//! What the symmetry of two parts is good for: fewer rotations in a table, equal fits.
+//! The symmetry of two parts: fewer rotations in a table, equal fits. A pose is turned by a symmetry
+//! onto the rotations that a table holds, and its wrench back.
 
 use std::f64::consts::{PI, TAU};
 

@@ -8,8 +8,7 @@ use crate::geometry::half_turn::HalfTurn;
 use crate::geometry::taps::Prefilter;
 use crate::rotations::grid::RotationGrid;
 use crate::sweep::NodeEnergies;
-use crate::table::error::TableError;
-use crate::table::spec::{Storage, TableSpec};
+use crate::table::spec::{Storage, TableError, TableSpec};
 
 /// What all rotation nodes of a table share, found by probing a few of them.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,5 +1,5 @@
 //! Energies over a grid of rotations and a lattice of translations, as coefficients of cubic
-//! B-splines, kept in half precision.
+//! B-splines, kept in half precision; their interpolation and its exact gradient.
 
 use std::sync::Arc;
 
@@ -17,9 +17,8 @@ use crate::rotations::chart::Chart;
 use crate::rotations::grid::{RotationGrid, Site};
 use crate::sweep::{Consumer, Group, Member, NodeEnergies, sweep};
 use crate::table::encode::{EncodedNode, Probe, encode, far_code, probe};
-use crate::table::error::TableError;
 use crate::table::layout::{Layout, Row, Rows, zeroed_pages};
-use crate::table::spec::TableSpec;
+use crate::table::spec::{TableError, TableSpec};
 use crate::table::stencil::{RotationTap, Stencil, value_of};
 
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
@@ -214,138 +213,7 @@ impl EnergyTable {
     pub(crate) fn row(&self, slot: u32) -> Option<&[u16]> {
         self.rows.get(slot as usize, self.plan.layout.length())
     }
-}
 
-/// Fills the slots of a table.
-struct Filler<'a> {
-    plan: &'a Plan,
-    /// The producer's, joules.
-    unit: f32,
-    encoded: EncodedNode,
-}
-
-impl<'a> Consumer<&'a mut [u16]> for Filler<'_> {
-    type Error = TableError;
-
-    fn take(
-        &mut self,
-        node: Member<&'a mut [u16]>,
-        energies: &mut [f32],
-    ) -> Result<(), TableError> {
-        let Plan {
-            spec,
-            probe,
-            layout,
-            ..
-        } = self.plan;
-        let encoded = &mut self.encoded;
-        encode(spec, probe, node.row, self.unit, energies, encoded)?;
-        let far = far_code(spec, probe.unit);
-        layout.pack(&encoded.codes, far, node.target);
-        Ok(())
-    }
-}
-
-impl EnergySource for EnergyTable {
-    fn scratch(&self) -> Scratch {
-        Scratch::default()
-    }
-
-    fn evaluate(&self, pose: &Pose, _scratch: &mut Scratch) -> Response {
-        self.respond(pose)
-    }
-
-    fn is_loaded(&self, pose: &Pose, _scratch: &Scratch) -> bool {
-        self.has_around(pose)
-    }
-}
-
-/// An interpolated value and its slopes per node, above the far energy, joules.
-#[derive(Debug, Clone, Copy)]
-struct PatchValue {
-    energy: f64,
-    translation: DVec3,
-    rotation: [f64; 3],
-}
-
-/// What is read at a place, above the far energy.
-struct Contribution {
-    /// Joules.
-    energy: f64,
-    /// Slopes per node.
-    translation: DVec3,
-    /// Slopes by a turn of what is read, joules per radian.
-    turn: DVec3,
-}
-
-impl Contribution {
-    /// One everywhere.
-    const ONE: Self = Self {
-        energy: 1.0,
-        translation: DVec3::ZERO,
-        turn: DVec3::ZERO,
-    };
-
-    fn new(reading: &PatchValue, site: &Site<'_>) -> Self {
-        Self {
-            energy: reading.energy,
-            translation: reading.translation,
-            turn: (0..3)
-                .map(|k| reading.rotation[k] * site.gradients[k])
-                .sum::<DVec3>(),
-        }
-    }
-}
-
-/// Where a patch is read.
-struct Place<'a> {
-    site: &'a Site<'a>,
-    /// The moving part's arm from its origin to the pivot, fixed frame, metres.
-    arm: DVec3,
-    displacement: &'a Displacement,
-    spacing: f64,
-}
-
-impl Place<'_> {
-    /// Adds the patch's share of what is read, as far as it counts here, to an energy and its
-    /// wrench, differentiated as a product.
-    fn add(&self, read: &Contribution, to: &mut Response) {
-        let (site, reach) = (self.site, &self.displacement.reach);
-        let [cx, cy, cz] = reach.each_ref().map(|r| r.weight);
-        let [sx, sy, sz] = reach.each_ref().map(|r| r.weight_slope);
-        let window_weight = cx * cy * cz;
-        let window_gradient = DVec3::new(sx * cy * cz, cx * sy * cz, cx * cy * sz);
-        let weight = site.weight * window_weight;
-        let slope = DVec3::from_array(reach.each_ref().map(|r| r.slope));
-        let by_displacement = (weight * read.translation * slope
-            + site.weight * read.energy * window_gradient)
-            / self.spacing;
-        let by_turn =
-            weight * site.turn_back(read.turn) + window_weight * read.energy * site.weight_gradient;
-        let force = -by_displacement;
-        let wrench = site.pull_back(&Wrench {
-            torque: self.arm.cross(force) - by_turn,
-            force,
-        });
-        let value = weight * read.energy;
-        to.energy += site.share * value;
-        to.wrench += wrench * site.share;
-        to.wrench.torque -= value * site.share_gradient;
-    }
-
-    /// Whether what is read is read at the query's own pose.
-    fn is_inside(&self) -> bool {
-        self.site.rest.is_none() && self.displacement.reach.iter().all(Reach::is_inside)
-    }
-}
-
-/// Where and how the translation axes are read for one displacement.
-struct Displacement {
-    taps: [Taps; 3],
-    reach: [Reach; 3],
-}
-
-impl EnergyTable {
     /// Asks the processor to fetch what a query at `pose` will read.
     fn prefetch(&self, pose: &Pose) {
         if !pose.is_valid() {
@@ -574,6 +442,135 @@ impl EnergyTable {
             .sum::<f64>()
             .min(1.0)
     }
+}
+
+/// Fills the slots of a table.
+struct Filler<'a> {
+    plan: &'a Plan,
+    /// The producer's, joules.
+    unit: f32,
+    encoded: EncodedNode,
+}
+
+impl<'a> Consumer<&'a mut [u16]> for Filler<'_> {
+    type Error = TableError;
+
+    fn take(
+        &mut self,
+        node: Member<&'a mut [u16]>,
+        energies: &mut [f32],
+    ) -> Result<(), TableError> {
+        let Plan {
+            spec,
+            probe,
+            layout,
+            ..
+        } = self.plan;
+        let encoded = &mut self.encoded;
+        encode(spec, probe, node.row, self.unit, energies, encoded)?;
+        let far = far_code(spec, probe.unit);
+        layout.pack(&encoded.codes, far, node.target);
+        Ok(())
+    }
+}
+
+impl EnergySource for EnergyTable {
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    fn evaluate(&self, pose: &Pose, _scratch: &mut Scratch) -> Response {
+        self.respond(pose)
+    }
+
+    fn is_loaded(&self, pose: &Pose, _scratch: &Scratch) -> bool {
+        self.has_around(pose)
+    }
+}
+
+/// An interpolated value and its slopes per node, above the far energy, joules.
+#[derive(Debug, Clone, Copy)]
+struct PatchValue {
+    energy: f64,
+    translation: DVec3,
+    rotation: [f64; 3],
+}
+
+/// What is read at a place, above the far energy.
+struct Contribution {
+    /// Joules.
+    energy: f64,
+    /// Slopes per node.
+    translation: DVec3,
+    /// Slopes by a turn of what is read, joules per radian.
+    turn: DVec3,
+}
+
+impl Contribution {
+    /// One everywhere.
+    const ONE: Self = Self {
+        energy: 1.0,
+        translation: DVec3::ZERO,
+        turn: DVec3::ZERO,
+    };
+
+    fn new(reading: &PatchValue, site: &Site<'_>) -> Self {
+        Self {
+            energy: reading.energy,
+            translation: reading.translation,
+            turn: (0..3)
+                .map(|k| reading.rotation[k] * site.gradients[k])
+                .sum::<DVec3>(),
+        }
+    }
+}
+
+/// Where a patch is read.
+struct Place<'a> {
+    site: &'a Site<'a>,
+    /// The moving part's arm from its origin to the pivot, fixed frame, metres.
+    arm: DVec3,
+    displacement: &'a Displacement,
+    spacing: f64,
+}
+
+impl Place<'_> {
+    /// Adds the patch's share of what is read, as far as it counts here, to an energy and its
+    /// wrench, differentiated as a product.
+    fn add(&self, read: &Contribution, to: &mut Response) {
+        let (site, reach) = (self.site, &self.displacement.reach);
+        let [cx, cy, cz] = reach.each_ref().map(|r| r.weight);
+        let [sx, sy, sz] = reach.each_ref().map(|r| r.weight_slope);
+        let window_weight = cx * cy * cz;
+        let window_gradient = DVec3::new(sx * cy * cz, cx * sy * cz, cx * cy * sz);
+        let weight = site.weight * window_weight;
+        let slope = DVec3::from_array(reach.each_ref().map(|r| r.slope));
+        let by_displacement = (weight * read.translation * slope
+            + site.weight * read.energy * window_gradient)
+            / self.spacing;
+        let by_turn =
+            weight * site.turn_back(read.turn) + window_weight * read.energy * site.weight_gradient;
+        let force = -by_displacement;
+        let wrench = site.pull_back(&Wrench {
+            torque: self.arm.cross(force) - by_turn,
+            force,
+        });
+        let value = weight * read.energy;
+        to.energy += site.share * value;
+        to.wrench += wrench * site.share;
+        to.wrench.torque -= value * site.share_gradient;
+    }
+
+    /// Whether what is read is read at the query's own pose.
+    fn is_inside(&self) -> bool {
+        self.site.rest.is_none() && self.displacement.reach.iter().all(Reach::is_inside)
+    }
+}
+
+/// Where and how the translation axes are read for one displacement.
+struct Displacement {
+    taps: [Taps; 3],
+    reach: [Reach; 3],
 }
 
 /// Weights of up to 8 successive nodes of an axis, of which a query reads 4.

@@ -4,7 +4,7 @@
 //! neighbours along y lie side by side for each z, `[x][y / 4][z][y % 4]`, so one read of 16
 //! numbers holds 4 nodes of z by 4 of y: half the reads, and half the cache lines, of plain C
 //! order. Along each such pencil only the stretch that holds something is kept; the rest is read
-//! from one run of far values.
+//! from one run of far values. Rotation nodes lie all in one piece, or each by itself and some absent.
 
 use std::ops::Range;
 use std::sync::Arc;

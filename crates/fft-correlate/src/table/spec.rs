@@ -8,10 +8,9 @@ use crate::geometry::placement::Placement;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
-use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError};
 use crate::rotations::grid::RotationGrid;
-use crate::table::error::TableError;
 use crate::table::layout::Layout;
 
 /// What a table holds and for which pair: everything that decides its values. Window and rotations
@@ -236,4 +235,63 @@ fn radius(part: &FieldRecipe, point: DVec3) -> f64 {
     let sides = DVec3::from_array(lattice.shape().map(|n| n as f64 - 1.0)) * lattice.spacing();
     let (low, high) = (lattice.origin() - point, lattice.origin() + sides - point);
     low.abs().max(high.abs()).length()
+}
+
+/// Why a table cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TableError {
+    /// A model parameter is out of range.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The rotations cannot be gridded.
+    #[error(transparent)]
+    Rotations(#[from] RotationError),
+    /// A number of the specification is not finite or not a lattice's.
+    #[error("table: {name} must be {expected}, found {found}")]
+    Spec {
+        /// Which.
+        name: &'static str,
+        /// What is accepted.
+        expected: &'static str,
+        /// What was given.
+        found: String,
+    },
+    /// The energies do not fit.
+    #[error(
+        "table of {rotations} rotations x {displacements} displacements needs {needed} bytes, \
+         {limit} are allowed"
+    )]
+    Memory {
+        /// Rotation nodes.
+        rotations: u64,
+        /// Translation nodes of each rotation.
+        displacements: u64,
+        /// Bytes of energies.
+        needed: u128,
+        /// The limit, bytes.
+        limit: u64,
+    },
+    /// A computed energy is not a finite number.
+    #[error("energy of rotation node {row}, translation node {index:?} is {found}")]
+    NotFinite {
+        /// Rotation node.
+        row: usize,
+        /// Translation node.
+        index: [usize; 3],
+        /// The energy, joules.
+        found: f32,
+    },
+    /// A coefficient is so much larger than those probed that half precision cannot hold it.
+    #[error("coefficient of rotation node {row} is {found} J, beyond the representable {limit} J")]
+    Overflow {
+        /// Rotation node.
+        row: usize,
+        /// It, joules.
+        found: f32,
+        /// The largest that the table's unit can hold, joules.
+        limit: f64,
+    },
+    /// The caller asked to stop.
+    #[error("cancelled")]
+    Cancelled,
 }

@@ -8,7 +8,7 @@ use crate::pair::fields::Pair;
 use crate::pair::setup::PairSetup;
 use crate::rotations::domain::RotationDomain;
 use crate::table::accuracy::{ErrorReport, HeldOut, random_pose};
-use crate::table::design::TableDesign;
+use crate::table::plan::TablePlan;
 use crate::tolerance::error::ToleranceError;
 use crate::tolerance::refine::{BEYOND, SpacingSearch, Trial};
 
@@ -68,10 +68,10 @@ impl TolerantDirect {
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
     ) -> Result<Self, ToleranceError> {
-        let design = TableDesign::new(setup, setup.load(monitor)?, rotations.clone())?;
-        let draw = |index| random_pose(&design.spec, SEED, index);
+        let plan = TablePlan::new(setup, setup.load(monitor)?, rotations.clone())?;
+        let draw = |index| random_pose(&plan.spec, SEED, index);
         let poses: Vec<Pose> = (0..POSES as u64).map(draw).collect();
-        Self::refined(setup, design.pair, &poses, tolerance, monitor, tried)
+        Self::refined(setup, plan.pair, &poses, tolerance, monitor, tried)
     }
 
     /// Begins with the setup's own pair.

@@ -3,8 +3,8 @@
 use crate::direct::evaluator::DirectError;
 use crate::pair::builder::PairBuildError;
 use crate::pair::setup::PairSetupError;
-use crate::table::design::TableDesignError;
-use crate::table::error::TableError;
+use crate::table::plan::TablePlanError;
+use crate::table::spec::TableError;
 
 /// Why there is nothing finer than the best that was tried.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +65,7 @@ pub enum ToleranceError {
     Pair(PairSetupError),
     /// A pair has no such table.
     #[error(transparent)]
-    Design(#[from] TableDesignError),
+    Plan(#[from] TablePlanError),
     /// A probe cannot be computed.
     #[error(transparent)]
     Table(TableError),
@@ -102,7 +102,7 @@ impl ToleranceError {
             Self::Pair(PairSetupError::Build(PairBuildError::Memory { needed, limit, .. })) => {
                 Some(("the density fields", needed, limit))
             }
-            Self::Design(TableDesignError::Memory { needed, limit }) => {
+            Self::Plan(TablePlanError::Memory { needed, limit }) => {
                 Some(("the correlation", needed, limit))
             }
             _ => None,

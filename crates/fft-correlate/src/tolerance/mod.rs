@@ -8,4 +8,4 @@ pub(crate) mod table;
 pub use direct::TolerantDirect;
 pub use error::{Limit, ToleranceError};
 pub use refine::{TRIALS, Trial};
-pub use table::{LATTICE_SHARE, TolerantDesign};
+pub use table::{LATTICE_SHARE, TolerantPlan};

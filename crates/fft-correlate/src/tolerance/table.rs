@@ -13,8 +13,8 @@ use crate::pair::fields::Pair;
 use crate::pair::setup::PairSetup;
 use crate::rotations::domain::RotationDomain;
 use crate::table::accuracy::{HeldOut, random_pose, wrench_of_all};
-use crate::table::design::TableDesign;
 use crate::table::energy_table::EnergyTable;
+use crate::table::plan::TablePlan;
 use crate::table::spec::TableSpec;
 use crate::tolerance::error::{Limit, ToleranceError};
 use crate::tolerance::refine::{BEYOND, SpacingSearch, TRIALS, Trial};
@@ -62,17 +62,17 @@ const FIRST_STEP: f64 = 2.4;
 /// The coarsest rotation step that is tried, degrees.
 const MAX_STEP: f64 = 15.0;
 
-/// A design that meets a tolerance, and what its error is to be measured against.
-pub struct TolerantDesign {
+/// A plan that meets a tolerance, and what its error is to be measured against.
+pub struct TolerantPlan {
     /// The table.
-    pub design: TableDesign,
+    pub plan: TablePlan,
     /// On lattices of half the spacing.
     pub reference: DirectEvaluator,
     /// Spacing of `reference`, metres.
     pub reference_spacing: f64,
 }
 
-impl TableDesign {
+impl TablePlan {
     /// The coarsest table over a setup's box of displacements and `rotations` whose errors of force
     /// and of torque, the rms of each as a share of its own rms, are both within `tolerance` by its
     /// probes. Spacing and rotation step are chosen; what they are in `setup` and `rotations` is where the search
@@ -89,7 +89,7 @@ impl TableDesign {
         memory: u64,
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
-    ) -> Result<TolerantDesign, ToleranceError> {
+    ) -> Result<TolerantPlan, ToleranceError> {
         let mut search = Search {
             setup: setup.clone(),
             rotations,
@@ -100,7 +100,7 @@ impl TableDesign {
         };
         search.setup.builder.memory_limit = Some(memory);
         let (mut found, direct, lattice) = search.lattice()?;
-        search.step(&mut found.design, &direct, lattice)?;
+        search.step(&mut found.plan, &direct, lattice)?;
         Ok(found)
     }
 }
@@ -117,28 +117,28 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// A table on a lattice that is fine enough, its lattice's quadrature, and its error.
-    fn lattice(&mut self) -> Result<(TolerantDesign, DirectEvaluator, f64), ToleranceError> {
+    fn lattice(&mut self) -> Result<(TolerantPlan, DirectEvaluator, f64), ToleranceError> {
         let first = self.setup.load(self.monitor)?;
         let search = SpacingSearch::new(&self.setup, first, self.tolerance, LATTICE_SHARE);
         let (rotations, memory, monitor) = (self.rotations, self.memory, self.monitor);
         search.refine_until(self.tried, |setup, half| {
             let at = |setup: &PairSetup| {
                 let pair = setup.load(monitor)?;
-                Ok::<_, ToleranceError>(TableDesign::new(setup, pair, rotations.clone())?)
+                Ok::<_, ToleranceError>(TablePlan::new(setup, pair, rotations.clone())?)
             };
             let fine = at(half)?;
             let reference_spacing = fine.pair.spacing();
             let reference = DirectEvaluator::new(&fine.pair, &DirectOptions::FULL)?;
             drop(fine);
-            let design = at(setup)?;
-            design.scores(memory)?;
-            let direct = DirectEvaluator::new(&design.pair, &DirectOptions::FULL)?;
-            let spec = &design.spec;
+            let plan = at(setup)?;
+            plan.scores(memory)?;
+            let direct = DirectEvaluator::new(&plan.pair, &DirectOptions::FULL)?;
+            let spec = &plan.spec;
             let held_out = HeldOut::at_random_poses(spec, &reference, LATTICE_POSES, SEEDS[0]);
             let report = held_out.errors_of(&direct, spec.pivot());
             let error = BEYOND * wrench_of_all(&[report], &spec.rotations);
-            let found = TolerantDesign {
-                design,
+            let found = TolerantPlan {
+                plan,
                 reference,
                 reference_spacing,
             };
@@ -159,21 +159,21 @@ impl Search<'_> {
     /// between.
     fn step(
         &mut self,
-        design: &mut TableDesign,
+        plan: &mut TablePlan,
         direct: &DirectEvaluator,
         lattice: f64,
     ) -> Result<(), ToleranceError> {
-        let Some(step) = step_of(&design.spec.rotations) else {
+        let Some(step) = step_of(&plan.spec.rotations) else {
             return Ok(());
         };
-        let mut step = step.min(self.first_step(&design.pair));
-        let held_out = held_out(&design.spec, direct);
+        let mut step = step.min(self.first_step(&plan.pair));
+        let held_out = held_out(&plan.spec, direct);
         let asked = PROBE_SHARE * self.tolerance;
         let mut least = (f64::INFINITY, step);
         // The coarsest that is good enough, and the finest that is not.
         let (mut met, mut missed) = (0.0f64, f64::INFINITY);
         for _ in 0..TRIALS {
-            if let Err(needed) = self.fits(design, step) {
+            if let Err(needed) = self.fits(plan, step) {
                 if met > 0.0 {
                     break;
                 }
@@ -185,7 +185,7 @@ impl Search<'_> {
                 };
                 return Err(self.missed_error(least.0, limit));
             }
-            let error = lattice.hypot(self.probe(design, &held_out, step)?);
+            let error = lattice.hypot(self.probe(plan, &held_out, step)?);
             (self.tried)(Trial::Step {
                 step_deg: step,
                 error,
@@ -207,7 +207,7 @@ impl Search<'_> {
         if met == 0.0 {
             return Err(self.missed_error(least.0, Limit::Steps { best: least.1 }));
         }
-        set_step(&mut design.spec.rotations, met);
+        set_step(&mut plan.spec.rotations, met);
         Ok(())
     }
 
@@ -221,8 +221,8 @@ impl Search<'_> {
     }
 
     /// Whether the whole table would fit in memory at a step; else its need, if it can be counted.
-    fn fits(&self, design: &TableDesign, step: f64) -> Result<(), Option<u128>> {
-        let mut spec = design.spec.clone();
+    fn fits(&self, plan: &TablePlan, step: f64) -> Result<(), Option<u128>> {
+        let mut spec = plan.spec.clone();
         set_step(&mut spec.rotations, step);
         let bytes = spec.grid().ok().map(|grid| spec.bytes(grid.nodes().len()));
         match bytes {
@@ -235,12 +235,12 @@ impl Search<'_> {
     /// from direct quadrature.
     fn probe(
         &self,
-        design: &TableDesign,
+        plan: &TablePlan,
         held_out: &[HeldOut],
         step: f64,
     ) -> Result<f64, ToleranceError> {
-        let energies = design.energies(self.memory)?;
-        let whole = &design.spec;
+        let energies = plan.energies(self.memory)?;
+        let whole = &plan.spec;
         let mut reports = Vec::new();
         for (index, held_out) in held_out.iter().enumerate() {
             let rotation = held_out_rotation(whole, index as u64);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fft_correlate::tolerance::{ToleranceError, TolerantDirect, Trial};
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Pair, PairBuilder, PairSetup, Pose,
-    RotationDomain, TableDesign, measure_error,
+    RotationDomain, TablePlan, measure_error,
 };
 use glam::{DQuat, DVec3};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
@@ -101,15 +101,14 @@ fn a_table_meets_the_tolerance_asked_for_in_any_frame() {
     ] {
         let coarse = setup(which, clearance, turn, 0.0026);
         let (memory, told) = (2 << 30, &mut |_| ());
-        let found =
-            TableDesign::for_tolerance(&coarse, &rotations, tolerance, memory, &Silent, told);
-        let design = found.unwrap().design;
-        let energies = design.energies(memory).unwrap();
-        let table = EnergyTable::compute(design.spec, &energies, memory, &Silent).unwrap();
-        let fine = setup(which, clearance, turn, 0.4 * design.pair.spacing());
+        let found = TablePlan::for_tolerance(&coarse, &rotations, tolerance, memory, &Silent, told);
+        let plan = found.unwrap().plan;
+        let energies = plan.energies(memory).unwrap();
+        let table = EnergyTable::compute(plan.spec, &energies, memory, &Silent).unwrap();
+        let fine = setup(which, clearance, turn, 0.4 * plan.pair.spacing());
         let fine = fine.load(&Silent).unwrap();
         // On one scale of energy.
-        let fine = fine.with_gamma(design.pair.model().gamma).unwrap();
+        let fine = fine.with_gamma(plan.pair.model().gamma).unwrap();
         let truth = DirectEvaluator::new(&fine, &DirectOptions::FULL).unwrap();
         let reached = measure_error(&table, &truth, 200, 77).wrench(&rotations);
         assert!(

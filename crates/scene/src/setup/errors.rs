@@ -1,7 +1,7 @@
 //! What the libraries' errors are called where a scene is at hand.
 
 use fft_correlate::tolerance::ToleranceError;
-use fft_correlate::{DockingError, PairBuildError, PairSetupError, TableDesignError};
+use fft_correlate::{DockingError, PairBuildError, PairSetupError, TablePlanError};
 
 use crate::error::SceneError;
 use crate::scene::Scene;
@@ -54,12 +54,12 @@ impl Scene {
         }
     }
 
-    pub(super) fn design_error(&self, error: TableDesignError) -> SceneError {
+    pub(super) fn design_error(&self, error: TablePlanError) -> SceneError {
         match error {
-            TableDesignError::Window(e) => SceneError::refused(&self.path, "window", e),
-            TableDesignError::Rotations(e) => SceneError::refused(&self.path, "rotations", e),
-            TableDesignError::Correlate(e) => SceneError::refused(&self.path, "window", e),
-            TableDesignError::Memory { needed, limit } => {
+            TablePlanError::Window(e) => SceneError::refused(&self.path, "window", e),
+            TablePlanError::Rotations(e) => SceneError::refused(&self.path, "rotations", e),
+            TablePlanError::Correlate(e) => SceneError::refused(&self.path, "window", e),
+            TablePlanError::Memory { needed, limit } => {
                 self.memory_error(CORRELATION, needed, limit)
             }
         }
@@ -91,7 +91,7 @@ impl Scene {
                 limit,
             },
             ToleranceError::Pair(e) => self.pair_error(e),
-            ToleranceError::Design(e) => self.design_error(e),
+            ToleranceError::Plan(e) => self.design_error(e),
             ToleranceError::Table(e) => SceneError::refused(&self.path, "probing", e),
             ToleranceError::Direct(e) => SceneError::refused(&self.path, "", e),
         }

@@ -1,10 +1,10 @@
 //! The table of a scene: designed, filled, and compared with the scene and with the truth.
 
 use fft_correlate::table::TableSetupError;
-use fft_correlate::tolerance::{TolerantDesign, TolerantDirect, Trial};
+use fft_correlate::tolerance::{TolerantDirect, TolerantPlan, Trial};
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergyTable, ErrorReport, Pair, PairEnergies, Pose, StoreError,
-    TableDesign, TableSpec, TableStore, measure_error, typical_condition,
+    TablePlan, TableSpec, TableStore, measure_error, typical_condition,
 };
 use sdf_grid::Monitor;
 
@@ -55,8 +55,8 @@ impl SceneSetup {
     ///
     /// # Errors
     /// If its window has too many nodes.
-    pub fn design(&self, pair: Pair) -> Result<TableDesign, SceneError> {
-        let design = TableDesign::new(&self.parts, pair, self.rotations.clone());
+    pub fn design(&self, pair: Pair) -> Result<TablePlan, SceneError> {
+        let design = TablePlan::new(&self.parts, pair, self.rotations.clone());
         design.map_err(|e| self.scene.design_error(e))
     }
 
@@ -64,15 +64,15 @@ impl SceneSetup {
     /// of its own rms, are within `tolerance` by its probes; `tried` hears of every step.
     ///
     /// # Errors
-    /// As [`TableDesign::for_tolerance`].
+    /// As [`TablePlan::for_tolerance`].
     pub fn design_for(
         &self,
         tolerance: f64,
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
-    ) -> Result<TolerantDesign, SceneError> {
+    ) -> Result<TolerantPlan, SceneError> {
         let (parts, rotations) = (&self.parts, &self.rotations);
-        TableDesign::for_tolerance(parts, rotations, tolerance, self.memory, monitor, tried)
+        TablePlan::for_tolerance(parts, rotations, tolerance, self.memory, monitor, tried)
             .map_err(|e| self.scene.tolerance_error(e))
     }
 
@@ -96,7 +96,7 @@ impl SceneSetup {
     ///
     /// # Errors
     /// If it does not fit in memory, or its rotations or window are out of range.
-    pub fn energies(&self, design: &TableDesign) -> Result<PairEnergies, SceneError> {
+    pub fn energies(&self, design: &TablePlan) -> Result<PairEnergies, SceneError> {
         let energies = design.energies(self.memory);
         energies.map_err(|e| self.scene.design_error(e))
     }

@@ -1,4 +1,7 @@
-//! Transforms, sizes and fixed spectra of one correlation.
+//! Transforms, sizes and fixed spectra of one correlation, and the working memory of one thread.
+//!
+//! The fixed spectra are made once, by RustFFT, without normalization. "Negative" means the kernel
+//! `e^{-2 pi i k x / n}`.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -16,7 +19,7 @@ use crate::correlate::kernels::tile::{Buffer, Tile};
 use crate::correlate::real::Real;
 use crate::geometry::half_turn::HalfTurn;
 
-/// Transforms, sizes and fixed spectra; see the folder's page.
+/// Transforms, sizes and fixed spectra; see the documentation of the folder.
 pub(crate) struct Fused<T> {
     pub(super) level: Level,
     pub(super) sizes: Sizes,

@@ -1,4 +1,4 @@
-//! Trilinear samples of a field, eight at a time.
+//! Samples of a field, eight at a time: trilinear, or by quadratic B-splines.
 
 use fearless_simd::prelude::*;
 use ndarray::Array3;

@@ -1,4 +1,5 @@
-//! Stages 1 and 3 and the y transforms of stage 2, one plane or one block of columns at a time.
+//! The three stages of one rotation: forward planes, products per block of columns (x transforms of
+//! every term, products with the fixed spectra, one x transform back for each sum), inverse planes.
 
 use std::ops::Range;
 use std::time::Instant;

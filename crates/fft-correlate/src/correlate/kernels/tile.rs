@@ -1,6 +1,6 @@
 //! Numbers that are read and written vector by vector, in orders and with overlaps that borrowed
 //! slices cannot express: lines of a bundle, and sums that take the place of what they were made
-//! of.
+//! of; their aligned memory, and prefetch hints.
 
 use std::cell::Cell;
 

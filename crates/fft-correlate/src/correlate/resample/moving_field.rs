@@ -1,4 +1,5 @@
-//! One unit field of the moving part, cropped to its support, ready to be turned.
+//! One unit field of the moving part, cropped to its support, ready to be
+//! rotated, and the occupancy of its blocks, by which empty space is skipped.
 
 use glam::DVec3;
 use ndarray::{Array3, Axis};

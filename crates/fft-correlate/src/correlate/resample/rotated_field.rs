@@ -1,4 +1,4 @@
-//! A field turned by one rotation.
+//! A field turned by one rotation, sampled on as many rows at once as a vector has lanes.
 
 use std::ops::Range;
 

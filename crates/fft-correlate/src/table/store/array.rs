@@ -1,4 +1,8 @@
-//! The arrays of a table as Zarr v3 describes them: metadata, and keys of chunks.
+//! The arrays of a table as Zarr v3 describes them: metadata, keys of chunks, and their coding.
+//!
+//! The codecs are Zarr's own: `bytes` (little-endian), for coefficients `gzip`, and `crc32c`. They
+//! are written here because unpacked bytes must not grow beyond what a chunk holds, and because a
+//! gzip header has room for the digest of the packed bytes, which other readers skip.
 
 use std::io;
 use std::io::{Read, Write};

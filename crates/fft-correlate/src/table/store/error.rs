@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use sdf_grid::recipe::Difference;
 
-use crate::table::error::TableError;
+use crate::table::spec::TableError;
 
 /// Why a table on disk cannot be made, read or extended.
 #[derive(Debug, thiserror::Error)]

@@ -1,4 +1,11 @@
-//! The attribute `pegfit` of a table: what it holds, how, and what was measured of it.
+//! The files of a table without coefficients: the attribute `pegfit`, coordinates, surfaces.
+//!
+//! Coordinates follow from the attribute; they are for other readers, and must agree with it.
+//!
+//! Two digests tie a table's numbers together: one over the attribute `pegfit`, stored in it, so that
+//! no number of it changes unseen; and one in every chunk, over its numbers, its place and everything
+//! that the energies depend on, so that a chunk belongs to one place of one table. Neither stops
+//! somebody who computes them again.
 
 use std::io;
 use std::path::Path;
@@ -14,8 +21,7 @@ use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
 use crate::table::encode::Probe;
-use crate::table::error::TableError;
-use crate::table::spec::TableSpec;
+use crate::table::spec::{TableError, TableSpec};
 use crate::table::store::array::{Chunking, Numbers, TableArray};
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;

@@ -1,4 +1,5 @@
-//! A table on disk or in an object store.
+//! A table on disk or in an object store: opened, its chunks (one rotation node each) written and
+//! checked, and loaded into memory.
 
 use std::io;
 use std::path::Path;
@@ -12,9 +13,8 @@ use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
 use crate::table::encode::{EncodedNode, Probe, far_code};
 use crate::table::energy_table::{EnergyTable, Plan};
-use crate::table::error::TableError;
 use crate::table::layout::Layout;
-use crate::table::spec::TableSpec;
+use crate::table::spec::{TableError, TableSpec};
 use crate::table::stencil::value_of;
 use crate::table::store::array::{TableArray, most_packed, pack, unpack};
 use crate::table::store::error::StoreError;
@@ -212,20 +212,7 @@ impl TableStore {
         self.header = header;
         Ok(())
     }
-}
 
-/// State of a rotation node's chunk.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ChunkState {
-    /// There and whole.
-    Finished,
-    /// Not there.
-    Missing,
-    /// There but truncated or wrong.
-    Damaged(String),
-}
-
-impl TableStore {
     /// What the table holds, with the parts' surfaces that the contact energy needs.
     ///
     /// # Errors
@@ -366,6 +353,17 @@ impl TableStore {
             first,
         }
     }
+}
+
+/// State of a rotation node's chunk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ChunkState {
+    /// There and whole.
+    Finished,
+    /// Not there.
+    Missing,
+    /// There but truncated or wrong.
+    Damaged(String),
 }
 
 /// Refuses a header whose rotation domain is of another order of size than the file of the nodes'

@@ -1,8 +1,9 @@
-//! Which table a pair is given: its nodes, its symmetry, what it records.
+//! The table of a pair: its nodes, its symmetry, its recipe; and whether a stored table was baked
+//! from the same pair.
 
 use std::fmt;
 
-use crate::correlate::error::CorrelateError;
+use crate::correlate::support::CorrelateError;
 use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::builder::PairBuildError;
@@ -19,7 +20,7 @@ use crate::table::store::table_store::TableStore;
 
 /// A pair and the table that is to be computed of it.
 #[derive(Debug, Clone)]
-pub struct TableDesign {
+pub struct TablePlan {
     /// The pair; its gamma is the table's.
     pub pair: Pair,
     /// Displacements of the pivot.
@@ -30,7 +31,7 @@ pub struct TableDesign {
 
 /// Why there is no such table.
 #[derive(Debug, thiserror::Error)]
-pub enum TableDesignError {
+pub enum TablePlanError {
     /// The translations do not make a window.
     #[error("translations: {0}")]
     Window(#[from] sdf_grid::LatticeError),
@@ -50,7 +51,7 @@ pub enum TableDesignError {
     },
 }
 
-impl TableDesign {
+impl TablePlan {
     /// The table of a setup's pair over its box of displacements and `rotations` (of
     /// the shapes), shortened by the
     /// symmetry of either part. `pair` is [`PairSetup::load`]'s.
@@ -61,7 +62,7 @@ impl TableDesign {
         setup: &PairSetup,
         pair: Pair,
         rotations: RotationDomain,
-    ) -> Result<Self, TableDesignError> {
+    ) -> Result<Self, TablePlanError> {
         let middle = setup.center + pair.displacement(&setup.assembled);
         let (reach, spacing) = (setup.reach(), pair.spacing());
         let window = TranslationWindow::new(middle - reach, middle + reach, spacing)?;
@@ -75,17 +76,17 @@ impl TableDesign {
         Ok(Self { pair, window, spec })
     }
 
-    /// What filling the table will do and need.
+    /// What the bake of the table needs.
     ///
     /// # Errors
     /// If the rotations are out of range or too many, the window is too large for a transform, or a
     /// density is not finite.
-    pub fn plan(&self) -> Result<TablePlan, TableDesignError> {
+    pub fn plan(&self) -> Result<BakePlan, TablePlanError> {
         let grid = self.spec.grid()?;
         let support = PairSupport::of(&self.pair)?;
         let groups = grid.half_turn_groups();
         let rotations = grid.nodes().len();
-        Ok(TablePlan {
+        Ok(BakePlan {
             rotations,
             bytes: self.spec.bytes(rotations),
             scores: CorrelatorPlan::for_groups(&support, &self.window, &groups)?.for_sums(),
@@ -96,33 +97,33 @@ impl TableDesign {
     /// of the current rayon pool; nothing of its size is allocated before that is known.
     ///
     /// # Errors
-    /// If it would need more, or as [`TableDesign::plan`].
-    pub fn energies(&self, limit: u64) -> Result<PairEnergies, TableDesignError> {
+    /// If it would need more, or as [`TablePlan::plan`].
+    pub fn energies(&self, limit: u64) -> Result<PairEnergies, TablePlanError> {
         Ok(PairEnergies::build(&self.scores(limit)?, &self.pair)?)
     }
 
-    /// The plan of [`TableDesign::energies`].
+    /// The plan of [`TablePlan::energies`].
     ///
     /// # Errors
     /// As it.
-    pub(crate) fn scores(&self, limit: u64) -> Result<CorrelatorPlan, TableDesignError> {
+    pub(crate) fn scores(&self, limit: u64) -> Result<CorrelatorPlan, TablePlanError> {
         // Not even the rotations are listed before this.
         let listed = RotationGrid::bytes(&self.spec.rotations, self.spec.symmetry.as_ref());
         if let Some(needed) = listed.filter(|needed| *needed > limit) {
-            return Err(TableDesignError::Memory { needed, limit });
+            return Err(TablePlanError::Memory { needed, limit });
         }
-        let TablePlan { scores, .. } = self.plan()?;
+        let BakePlan { scores, .. } = self.plan()?;
         let needed = scores.bytes(rayon::current_num_threads());
         match needed > limit {
-            true => Err(TableDesignError::Memory { needed, limit }),
+            true => Err(TablePlanError::Memory { needed, limit }),
             false => Ok(scores),
         }
     }
 }
 
-/// What filling a table will do and need: data to print and compare.
+/// The rotations, memory and correlation of a bake: data to print and compare.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TablePlan {
+pub struct BakePlan {
     /// Rotation nodes.
     pub rotations: usize,
     /// Bytes of the energies, if nothing of note is left out.
@@ -131,7 +132,7 @@ pub struct TablePlan {
     pub scores: CorrelatorPlan,
 }
 
-impl fmt::Display for TablePlan {
+impl fmt::Display for BakePlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mib = self.bytes as f64 / f64::from(1 << 20);
         write!(
@@ -186,5 +187,37 @@ impl TableStore {
 }
 
 #[cfg(test)]
-#[path = "design_tests.rs"]
-mod tests;
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+    use sdf_grid::{Silent, shapes::PegInHole};
+
+    use super::*;
+
+    #[test]
+    fn a_correlation_beyond_the_limit_is_refused_by_what_its_plan_says() {
+        let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
+        let mut setup = PairSetup::new(Arc::new(hole), Arc::new(peg));
+        setup.builder.spacing = Some(0.004);
+        setup.half_extent = Some(DVec3::splat(0.01));
+        let pair = setup.load(&Silent).unwrap();
+        let design = TablePlan::new(&setup, pair, RotationDomain::ball(20.0, 10.0)).unwrap();
+        let plan = design.plan().unwrap();
+        let needed = plan.scores.bytes(rayon::current_num_threads());
+        match design.energies(needed - 1) {
+            Err(TablePlanError::Memory { needed: n, limit }) => {
+                assert_eq!((n, limit), (needed, needed - 1));
+            }
+            other => panic!("{:?}", other.map(|_| "energies")),
+        }
+        let energies = design.energies(needed).unwrap();
+        assert_eq!(*energies.correlator().plan(), plan.scores);
+        let said = plan.to_string();
+        let rotations = design.spec.grid().unwrap().nodes().len();
+        assert!(
+            said.contains(&format!("{rotations} rotations")) && said.contains("MiB"),
+            "{said}"
+        );
+    }
+}

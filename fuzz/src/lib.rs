@@ -36,7 +36,7 @@ pub fn mesh(format: MeshFormat, bytes: &[u8]) {
     }
 }
 
-/// What hygiene promises of a mesh: every number finite, every index valid, every face with an
+/// What repair promises of a mesh: every number finite, every index valid, every face with an
 /// area, and a mesh that the same tolerance accepts a second time.
 fn check(mesh: &TriangleMesh, weld_tolerance: f64) {
     assert!(!mesh.triangles().is_empty());
@@ -54,8 +54,8 @@ fn check(mesh: &TriangleMesh, weld_tolerance: f64) {
     assert!(again.is_ok(), "a clean mesh is refused");
 }
 
-/// Hygiene on vertices of any bits and triangles of any indices.
-pub fn hygiene(bytes: &[u8]) {
+/// Repair of vertices of any bits and triangles of any indices.
+pub fn repair(bytes: &[u8]) {
     let Some((&[flags, count], rest)) = bytes.split_first_chunk() else {
         return;
     };

@@ -27,7 +27,7 @@ pub use field::point::tree::DensityProbe;
 pub use field::point::unit::UnitDensity;
 pub use field::recipe::{FIELD_VERSION, FieldRecipe};
 pub use field::sampling::signed_distance::signed_distances;
-pub use frame::snug::snug_rotation;
+pub use frame::minimum_box::minimum_box_rotation;
 pub use frame::symmetry;
 pub use frame::symmetry::{SymmetryAxis, SymmetryOrder};
 pub use mesh::aabb::Aabb;
@@ -43,6 +43,6 @@ pub use support::place::require_unplanted;
 pub use support::{atomic, growing, recipe, regular, text};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
-pub use surface::ball::largest_ball_radius;
 pub use surface::bvh::tree::{Bvh, Nearest};
+pub use surface::inscribed_sphere::inscribed_sphere_radius;
 pub use surface::interference::{Interference, InterferenceQuery};

@@ -8,7 +8,7 @@ use pegfit_structure::{
     Graph, arrows, circles, file_length, flow_chart, function_lengths, public_paths, read_crate,
 };
 
-const CRATES: [&str; 10] = [
+const CRATES: [&str; 11] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
@@ -19,6 +19,7 @@ const CRATES: [&str; 10] = [
     "cli",
     "pegfit-c",
     "pegfit-python",
+    "fixtures",
 ];
 
 fn repository() -> PathBuf {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{Aabb, ContactError, MatingLimits, Monitor, TriangleMesh, snug_rotation};
+use sdf_grid::{Aabb, ContactError, MatingLimits, Monitor, TriangleMesh, minimum_box_rotation};
 
 use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::dock::decide::decide;
@@ -150,7 +150,7 @@ impl<'a> Docking<'a> {
     pub fn new(setup: &'a PairSetup, options: DockingOptions) -> Self {
         let rotation = match setup.half_extent {
             Some(_) => DQuat::IDENTITY,
-            None => snug_rotation(&setup.fixed),
+            None => minimum_box_rotation(&setup.fixed),
         };
         let turned =
             (rotation != DQuat::IDENTITY).then(|| setup.fixed.transformed(rotation, DVec3::ZERO));

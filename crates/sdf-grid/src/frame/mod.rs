@@ -1,5 +1,5 @@
-//! Directions that a part itself suggests: its principal axes, its symmetries, its snuggest box.
+//! Directions that a part itself suggests: its principal axes, its symmetries, its smallest box.
 
+pub(crate) mod minimum_box;
 mod principal_axes;
-pub(crate) mod snug;
 pub mod symmetry;

@@ -140,7 +140,7 @@ fn described(
     components: Vec<ComponentReport>,
 ) -> RepairReport {
     let topology = Topology::new(triangles, vertices.len());
-    let count = |is: fn(&Edge<'_>) -> bool| topology.edges().filter(|e| is(e)).count();
+    let count = |is: fn(&Edge<'_>) -> bool| topology.edges().filter(is).count();
     let faces = triangles.iter().map(|t| t.map(|v| vertices[v as usize]));
     let area: f64 = faces.map(face_area).sum();
     let missing = missing_area(vertices, &topology);

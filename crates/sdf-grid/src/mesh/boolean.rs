@@ -14,7 +14,7 @@ pub(crate) struct ClosedSurface {
 }
 
 /// What two solids have in common.
-pub(crate) enum Common {
+pub(crate) enum Intersection {
     /// Nothing, or faces only.
     Nothing,
     /// The surface of the solid that both fill.
@@ -37,15 +37,15 @@ impl ClosedSurface {
     }
 
     /// What both fill; none if the library fails.
-    pub(crate) fn intersection(&self, other: &Self) -> Option<Common> {
+    pub(crate) fn intersection(&self, other: &Self) -> Option<Intersection> {
         let common = guarded(|| compute_boolean(&self.surface, &other.surface, OpType::Intersect));
         if let Some(surface) = common {
-            return Some(Common::Solid(Box::new(Self { surface })));
+            return Some(Intersection::Solid(Box::new(Self { surface })));
         }
         // The library refuses to return an empty surface. Solids that share nothing add up.
         let sum = self.volume() + other.volume();
         let union = self.union(other)?;
-        ((union.volume() - sum).abs() <= 1e-9 * sum).then_some(Common::Nothing)
+        ((union.volume() - sum).abs() <= 1e-9 * sum).then_some(Intersection::Nothing)
     }
 
     /// Its vertices and triangles.

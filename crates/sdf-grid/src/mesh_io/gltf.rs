@@ -257,16 +257,17 @@ impl<'a> GltfReader<'a> {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             self.add(&primitive, transform, &place)?;
         }
-        let mut lose = |item: &str, reason: &str| {
+        let mut record_loss = |item: &str, reason: &str| {
             let place = format!("node {} {name:?}", node.index());
-            self.soup.lose(Some(solid..solid + 1), place, item, reason);
+            self.soup
+                .record_loss(Some(solid..solid + 1), place, item, reason);
         };
         if node.skin().is_some() {
-            lose("a skin", "joints move the vertices");
+            record_loss("a skin", "joints move the vertices");
         }
         let weights = node.weights().or(mesh.weights()).unwrap_or_default();
         if weights.iter().any(|w| *w != 0.0) {
-            lose("morph targets with weights", "they move the vertices");
+            record_loss("morph targets with weights", "they move the vertices");
         } else {
             let targets = mesh.primitives().map(|p| p.morph_targets().count()).sum();
             self.soup

@@ -109,7 +109,7 @@ impl Soup {
 
     /// Notes what changes a solid, or all of them, and is not read: such solids can only be used
     /// if the options of reading allow it.
-    pub(super) fn lose(
+    pub(super) fn record_loss(
         &mut self,
         solids: Option<Range<usize>>,
         place: impl Into<String>,

@@ -100,14 +100,14 @@ pub(super) fn convert_file(
 }
 
 /// What a converter made of a file.
-struct Converted {
+struct ConvertedFile {
     converter: PathBuf,
     stl: Vec<u8>,
     ledger: Ledger,
 }
 
 /// Why a converter made nothing of a file.
-enum Failed {
+enum ConversionError {
     /// It is not installed.
     Missing(String),
     /// It is, but failed: what it should have done and what came of it.
@@ -117,7 +117,7 @@ enum Failed {
 }
 
 /// Runs the converter, or one after the other until one succeeds.
-fn convert(file: &Path, options: &StepOptions) -> Result<Converted, MeshError> {
+fn convert(file: &Path, options: &StepOptions) -> Result<ConvertedFile, MeshError> {
     let programs = match &options.converter {
         Some(converter) => vec![converter.clone()],
         None => CONVERTERS.map(PathBuf::from).to_vec(),
@@ -133,18 +133,20 @@ fn convert(file: &Path, options: &StepOptions) -> Result<Converted, MeshError> {
             };
             match run.run() {
                 Ok((stl, ledger)) => {
-                    return Ok(Converted {
+                    return Ok(ConvertedFile {
                         converter: program.clone(),
                         stl,
                         ledger,
                     });
                 }
-                Err(Failed::NoSolid(found)) => {
+                Err(ConversionError::NoSolid(found)) => {
                     let path = file.to_owned();
                     return Err(MeshError::NoSolid { path, found });
                 }
-                Err(Failed::Missing(why)) => missing.push(format!("{}: {why}", run.name())),
-                Err(Failed::Broken(expected, found)) => {
+                Err(ConversionError::Missing(why)) => {
+                    missing.push(format!("{}: {why}", run.name()))
+                }
+                Err(ConversionError::Broken(expected, found)) => {
                     broken.push((program.clone(), run.name(), expected, found));
                 }
             }
@@ -205,7 +207,7 @@ impl Conversion<'_> {
     }
 
     /// Runs in a folder of its own.
-    fn run(&self) -> Result<(Vec<u8>, Ledger), Failed> {
+    fn run(&self) -> Result<(Vec<u8>, Ledger), ConversionError> {
         let converter = Converter {
             file: self.file,
             program: self.converter,
@@ -213,18 +215,24 @@ impl Conversion<'_> {
             memory_limit: self.options.memory_limit,
         };
         let finished = converter.execute(|command, folder| self.add_arguments(command, folder));
-        let finished = finished.map_err(|[expected, found]| Failed::Broken(expected, found))?;
+        let finished =
+            finished.map_err(|[expected, found]| ConversionError::Broken(expected, found))?;
         if finished.status.code() == Some(NO_SOLID) && self.module.is_some() {
-            return Err(Failed::NoSolid(finished.last_lines(1)));
+            return Err(ConversionError::NoSolid(finished.last_lines(1)));
         }
         if finished.messages.contains(NO_SOLID_SAID) {
-            return Err(Failed::NoSolid("nothing that bounds a solid".to_owned()));
+            return Err(ConversionError::NoSolid(
+                "nothing that bounds a solid".to_owned(),
+            ));
         }
         if finished.is_not_installed() {
-            return Err(Failed::Missing(finished.last_lines(1)));
+            return Err(ConversionError::Missing(finished.last_lines(1)));
         }
         let Some(stl) = finished.output(OUTPUT) else {
-            return Err(Failed::Broken("triangles".to_owned(), finished.describe()));
+            return Err(ConversionError::Broken(
+                "triangles".to_owned(),
+                finished.describe(),
+            ));
         };
         let listed = finished.output(LEDGER).unwrap_or_default();
         Ok((

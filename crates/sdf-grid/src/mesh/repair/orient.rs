@@ -16,7 +16,7 @@ const FLAT: f64 = 1e-9;
 const WITNESSES: usize = 8;
 
 /// The oriented faces and what was done to them.
-pub(super) struct Oriented {
+pub(super) struct OrientedFaces {
     /// All faces in their input order.
     pub(super) triangles: Vec<[u32; 3]>,
     /// What became of each component, in the order of their first faces.
@@ -47,7 +47,7 @@ impl Shell {
     }
 }
 
-impl Oriented {
+impl OrientedFaces {
     /// The oriented faces of a shell.
     pub(super) fn faces_of(&self, shell: usize) -> impl Iterator<Item = [u32; 3]> + '_ {
         let faces = self.shells[shell].faces.iter();
@@ -67,7 +67,7 @@ struct Component {
 }
 
 /// Orients every component of `triangles`.
-pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
+pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> OrientedFaces {
     let (groups, mut flipped) = flood(&Topology::new(&triangles, vertices.len()));
     let components: Vec<Component> = groups
         .into_iter()
@@ -111,7 +111,7 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
         .zip(&flipped)
         .map(|(&t, &flip)| turned(t, flip))
         .collect();
-    Oriented {
+    OrientedFaces {
         triangles: oriented,
         components: reports,
         shells,

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::orient::{Oriented, Shell};
+use super::orient::{OrientedFaces, Shell};
 use crate::mesh::aabb::Aabb;
 use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::error::MeshError;
@@ -14,7 +14,7 @@ use crate::mesh::error::MeshError;
 const SAME: f64 = 1e-9;
 
 /// The surface of a union.
-pub(super) struct United {
+pub(super) struct UnionMesh {
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
     /// Components of the input that became part of another.
@@ -34,16 +34,16 @@ struct Body {
 pub(super) fn unite(
     name: &str,
     vertices: &[DVec3],
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     touching: f64,
-) -> Result<Option<United>, MeshError> {
+) -> Result<Option<UnionMesh>, MeshError> {
     let bodies = bodies(&oriented.shells);
     let mut united = None;
     for group in groups(&bodies, touching) {
         let shells = || group.iter().flat_map(|&b| &bodies[b].shells).copied();
         match union(vertices, oriented, &bodies, &group) {
             Some(surface) if differs(&surface, vertices, oriented, shells()) => {
-                let united = united.get_or_insert_with(|| Pieces::without_any(oriented));
+                let united = united.get_or_insert_with(|| Replacement::without_any(oriented));
                 united.replace(shells(), &surface);
             }
             Some(_) => {}
@@ -91,7 +91,7 @@ fn groups(bodies: &[Body], touching: f64) -> Vec<Vec<usize>> {
 /// The union of a group, two and two, so that each surface passes through few booleans.
 fn union(
     vertices: &[DVec3],
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     bodies: &[Body],
     group: &[usize],
 ) -> Option<ClosedSurface> {
@@ -120,7 +120,7 @@ fn union(
 fn differs(
     union: &ClosedSurface,
     vertices: &[DVec3],
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     shells: impl Iterator<Item = usize>,
 ) -> bool {
     let (mut volume, mut area) = (0.0, 0.0);
@@ -138,7 +138,7 @@ fn differs(
 /// Shells that have no union may not cut through one another.
 fn refuse_overlaps(
     name: &str,
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     shells: impl Iterator<Item = usize>,
 ) -> Result<(), MeshError> {
     for first in shells {
@@ -154,13 +154,13 @@ fn refuse_overlaps(
 }
 
 /// The shells that stay, and the unions of the others.
-struct Pieces {
+struct Replacement {
     stays: Vec<bool>,
     unions: Vec<(Vec<DVec3>, Vec<[u32; 3]>)>,
 }
 
-impl Pieces {
-    fn without_any(oriented: &Oriented) -> Self {
+impl Replacement {
+    fn without_any(oriented: &OrientedFaces) -> Self {
         Self {
             stays: vec![true; oriented.shells.len()],
             unions: Vec::new(),
@@ -172,8 +172,8 @@ impl Pieces {
         self.unions.push(union.mesh());
     }
 
-    fn joined(self, vertices: &[DVec3], oriented: &Oriented) -> United {
-        let mut united = United {
+    fn joined(self, vertices: &[DVec3], oriented: &OrientedFaces) -> UnionMesh {
+        let mut united = UnionMesh {
             vertices: vertices.to_vec(),
             triangles: Vec::new(),
             components: self.stays.iter().filter(|stays| !**stays).count(),

@@ -11,7 +11,7 @@ use crate::mesh::aabb::Aabb;
 const CELL_WIDTH: f64 = 8.0;
 
 /// Which vertex each vertex became.
-pub(super) struct Welded {
+pub(super) struct Weld {
     /// For each vertex, the vertex that stands for it (itself if it was kept).
     pub(super) representative: Vec<u32>,
     /// Number of vertices that became another one.
@@ -20,7 +20,7 @@ pub(super) struct Welded {
 
 /// Welds greedily in lexicographic order of position, so that the outcome does not depend on the
 /// order of the vertices. Kept vertices do not move and are more than `distance` apart.
-pub(super) fn weld(vertices: &[DVec3], distance: f64) -> Welded {
+pub(super) fn weld(vertices: &[DVec3], distance: f64) -> Weld {
     let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
     let key = |i: u32| (vertices[i as usize] + 0.0).to_array();
     order.sort_unstable_by(|&a, &b| {
@@ -49,7 +49,7 @@ pub(super) fn weld(vertices: &[DVec3], distance: f64) -> Welded {
         }
         previous = Some(i);
     }
-    Welded {
+    Weld {
         representative,
         merged,
     }

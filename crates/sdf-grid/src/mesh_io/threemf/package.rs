@@ -107,7 +107,7 @@ pub(super) struct Model {
     /// Objects by their id.
     pub(super) objects: HashMap<u32, Object>,
     /// What is to be built.
-    pub(super) items: Vec<Placed>,
+    pub(super) items: Vec<Placement>,
 }
 
 /// A mesh or an assembly.
@@ -141,12 +141,12 @@ pub(super) enum Kind {
         vertices: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
     },
-    Components(Vec<Placed>),
+    Components(Vec<Placement>),
 }
 
 /// An object and where it is put.
 #[derive(Debug)]
-pub(super) struct Placed {
+pub(super) struct Placement {
     pub(super) object: u32,
     /// From the object's frame to that of what holds it.
     pub(super) transform: DMat4,
@@ -384,8 +384,8 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn placed(&self, e: &BytesStart<'_>) -> Result<Placed, MeshError> {
-        Ok(Placed {
+    fn placed(&self, e: &BytesStart<'_>) -> Result<Placement, MeshError> {
+        Ok(Placement {
             object: self.number(e, "objectid")?,
             transform: self.transform(e)?,
             path: self.attribute(e, "path")?,

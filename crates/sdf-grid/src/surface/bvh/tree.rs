@@ -45,12 +45,12 @@ impl Bvh {
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to
-    /// `flat` ([`pieces::merged`]) are merged and long faces cut.
+    /// `flat` ([`pieces::merge_coplanar`]) are merged and long faces cut.
     pub(crate) fn merged(mesh: &TriangleMesh, flat: f64, leaves: Leaves) -> Self {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
-        let faces = pieces::merged(mesh.triangles(), &corners, flat);
+        let faces = pieces::merge_coplanar(mesh.triangles(), &corners, flat);
         let tree = build::tree(faces.len(), leaves, |i| faces.get(i));
         Self::over(tree, centre, scale, faces.closed)
     }

@@ -34,13 +34,16 @@ pub(crate) fn outlines(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> V
     let regions = surface.regions();
     let found = (0..regions.count()).into_par_iter().map(|id| {
         let region = regions.get(id);
-        let whole = match region {
+        let outline = match region {
             [_] => None,
-            _ => surface.whole(&regions, id),
+            _ => surface.region_outline(&regions, id),
         };
-        match whole {
+        match outline {
             Some(outline) => vec![outline],
-            None => region.iter().filter_map(|t| surface.alone(*t)).collect(),
+            None => region
+                .iter()
+                .filter_map(|t| surface.triangle_outline(*t))
+                .collect(),
         }
     });
     found.collect::<Vec<_>>().concat()
@@ -71,13 +74,13 @@ impl Surface<'_> {
 
     /// Rings without the corners on straight sides, but for those in which rings touch: what is
     /// dropped there might lie a little beyond the other ring.
-    pub(super) fn all_straightened(&self, rings: &[Vec<u32>]) -> Vec<Vec<u32>> {
+    pub(super) fn straighten_all(&self, rings: &[Vec<u32>]) -> Vec<Vec<u32>> {
         let mut corners = rings.concat();
         corners.sort_unstable();
         let touching = corners.windows(2).filter(|w| w[0] == w[1]).map(|w| w[0]);
         let touching: Vec<u32> = touching.collect();
         let straight = |ring: &Vec<u32>| {
-            let straight = self.straightened(ring, &touching);
+            let straight = self.straighten(ring, &touching);
             straight.unwrap_or_else(|| ring.clone())
         };
         rings.iter().map(straight).collect()
@@ -85,7 +88,7 @@ impl Surface<'_> {
 
     /// A ring without the corners on straight sides, all within `flat` of what is left (Douglas and
     /// Peucker); none if nothing is left or it takes too long. Those of `keep`, in order, stay.
-    pub(super) fn straightened(&self, ring: &[u32], keep: &[u32]) -> Option<Vec<u32>> {
+    pub(super) fn straighten(&self, ring: &[u32], keep: &[u32]) -> Option<Vec<u32>> {
         let at = |k: usize| self.vertices[ring[k] as usize];
         let farthest = |from: DVec3| {
             (0..ring.len()).max_by(|a, b| {
@@ -124,7 +127,7 @@ impl Surface<'_> {
 }
 
 impl Surface<'_> {
-    fn alone(&self, triangle: u32) -> Option<Outline> {
+    fn triangle_outline(&self, triangle: u32) -> Option<Outline> {
         let facet = self.facets[triangle as usize];
         let corners = self.corners(triangle);
         (facet.area > 0.0).then(|| Outline {
@@ -135,9 +138,9 @@ impl Surface<'_> {
     }
 
     /// A region as one polygon; none if its outline is not that of its triangles.
-    fn whole(&self, regions: &Regions, id: usize) -> Option<Outline> {
+    fn region_outline(&self, regions: &Regions, id: usize) -> Option<Outline> {
         let plane = self.plane(regions, id);
-        let rings = self.all_straightened(&self.loops(regions, id)?);
+        let rings = self.straighten_all(&self.loops(regions, id)?);
         let flat = |v: &u32| {
             let p = self.vertices[*v as usize];
             p - plane.normal * (p - plane.origin).dot(plane.normal)

@@ -62,7 +62,7 @@ impl Pieces {
 
 /// Faces that cover the triangles of corners `vertices[i]`, where what lies within `flat` of a
 /// plane lies in it; at least [`EXACT`]. Deterministic.
-pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pieces {
+pub(crate) fn merge_coplanar(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pieces {
     let surface = Surface::new(indices, vertices, flat);
     let regions = surface.regions();
     let cover = |mut faces: Vec<Piece>, id: usize| {
@@ -108,14 +108,14 @@ impl Surface<'_> {
         };
         // Most regions of curved parts: without a list.
         if let [a, b] = *region
-            && let Some(face) = self.pair(a, b, normal)
+            && let Some(face) = self.join_two(a, b, normal)
             && covers(std::slice::from_ref(&face))
         {
             faces.push(face);
             return;
         }
         if region.len() > 2
-            && let Some(anew) = self.outlined(regions, id)
+            && let Some(anew) = self.triangulate_region(regions, id)
             && covers(&anew)
         {
             faces.extend(anew);
@@ -131,7 +131,7 @@ impl Surface<'_> {
     }
 
     /// Two triangles of one plane as one face; none if that is not convex.
-    fn pair(&self, a: u32, b: u32, normal: DVec3) -> Option<Piece> {
+    fn join_two(&self, a: u32, b: u32, normal: DVec3) -> Option<Piece> {
         let k = self.side_towards(a, b)?;
         let l = self.side_towards(b, a)?;
         let (of_a, of_b) = (self.indices(a), self.indices(b));
@@ -143,14 +143,14 @@ impl Surface<'_> {
         ];
         let corner = |k: usize| self.is_corner(ring[k], ring[(k + 1) % 4], ring[(k + 2) % 4]);
         if !(0..4).all(corner) {
-            let kept: [u32; 3] = self.straightened(&ring, &[])?.try_into().ok()?;
+            let kept: [u32; 3] = self.straighten(&ring, &[])?.try_into().ok()?;
             return Piece::triangle(kept.map(|v| self.vertices[v as usize]), a);
         }
-        self.convex(&ring, normal, a)
+        self.convex_face(&ring, normal, a)
     }
 
     /// Three or four corners as a face; none if there are more, or they make no convex one.
-    fn convex(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Piece> {
+    fn convex_face(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Piece> {
         let count = ring.len();
         let at = |k: usize| self.vertices[ring[k] as usize];
         let turns = |k: usize| {
@@ -172,16 +172,16 @@ impl Surface<'_> {
     }
 
     /// A region of several triangles cut anew; none if its outline crosses itself.
-    fn outlined(&self, regions: &Regions, id: usize) -> Option<Vec<Piece>> {
+    fn triangulate_region(&self, regions: &Regions, id: usize) -> Option<Vec<Piece>> {
         let (source, plane) = (regions.get(id)[0], self.plane(regions, id));
         let [across, up] = plane.axes();
         let flat = |v: u32| {
             let p = self.vertices[v as usize] - plane.origin;
             DVec2::new(p.dot(across), p.dot(up))
         };
-        let mut rings = self.all_straightened(&self.loops(regions, id)?);
+        let mut rings = self.straighten_all(&self.loops(regions, id)?);
         if let [ring] = rings.as_slice()
-            && let Some(face) = self.convex(ring, plane.normal, source)
+            && let Some(face) = self.convex_face(ring, plane.normal, source)
         {
             return Some(vec![face]);
         }
@@ -205,7 +205,7 @@ impl Surface<'_> {
                 _ => Piece::quadrangle([0, 1, 2, 3].map(at), source),
             }
         };
-        let rings = paired(&cuts, &flat);
+        let rings = pair_triangles(&cuts, &flat);
         Some(rings.iter().filter_map(face).collect())
     }
 }
@@ -269,7 +269,7 @@ fn halves(f: &Piece, longest: usize) -> [Option<Piece>; 2] {
 
 /// Triangles of the points of a plane, joined in pairs to convex quadrangles across their longest
 /// common edges.
-fn paired(triangles: &[[u32; 3]], points: &[DVec2]) -> Vec<Vec<u32>> {
+fn pair_triangles(triangles: &[[u32; 3]], points: &[DVec2]) -> Vec<Vec<u32>> {
     let at = |v: u32| points[v as usize];
     let topology = Topology::new(triangles, points.len());
     let common = topology.edges().filter_map(|edge| {

@@ -96,7 +96,7 @@ impl Plane {
 
 /// Which neighbours of a triangle lie in its plane.
 #[derive(Clone, Copy)]
-enum Coplanar {
+enum CoplanarNeighbours {
     None,
     /// This one, and none of its other neighbours.
     One(u32),
@@ -187,7 +187,10 @@ impl<'a> Surface<'a> {
     pub(super) fn regions(&self) -> Regions {
         let all = (0..self.facets.len() as u32).into_par_iter();
         let (coplanar, seeds) = rayon::join(
-            || all.map(|t| self.coplanar(t)).collect::<Vec<Coplanar>>(),
+            || {
+                all.map(|t| self.coplanar(t))
+                    .collect::<Vec<CoplanarNeighbours>>()
+            },
             || self.largest_first(),
         );
         let mut regions = Regions {
@@ -201,18 +204,18 @@ impl<'a> Surface<'a> {
                 continue;
             }
             let plane = match coplanar[seed as usize] {
-                Coplanar::None => {
+                CoplanarNeighbours::None => {
                     regions.add(seed);
                     None
                 }
-                Coplanar::One(other) => {
+                CoplanarNeighbours::One(other) => {
                     regions.add(seed);
                     if regions.of[other as usize] == NONE {
                         regions.add(other);
                     }
                     None
                 }
-                Coplanar::Several => Some(self.grow(&mut regions, seed)),
+                CoplanarNeighbours::Several => Some(self.grow(&mut regions, seed)),
             };
             regions.close(plane);
         }
@@ -251,19 +254,19 @@ impl<'a> Surface<'a> {
     }
 
     /// Which neighbours would join a region grown from a triangle if none were in another region.
-    fn coplanar(&self, triangle: u32) -> Coplanar {
+    fn coplanar(&self, triangle: u32) -> CoplanarNeighbours {
         let plane = self.plane_of(triangle);
         let near = |n: &u32| self.off(*n, &plane) <= MARGIN * self.flat;
         let mut others = self.neighbours(triangle).filter(near);
         match (others.next(), others.next()) {
-            (None, _) => Coplanar::None,
+            (None, _) => CoplanarNeighbours::None,
             (Some(one), None)
                 if self.off(one, &plane) <= self.flat
                     && !self.neighbours(one).any(|n| n != triangle && near(&n)) =>
             {
-                Coplanar::One(one)
+                CoplanarNeighbours::One(one)
             }
-            _ => Coplanar::Several,
+            _ => CoplanarNeighbours::Several,
         }
     }
 
@@ -312,7 +315,7 @@ impl<'a> Surface<'a> {
                 }
                 continue;
             }
-            match self.fitted(&regions.triangles[start..], &plane) {
+            match self.fit_plane(&regions.triangles[start..], &plane) {
                 Some(fitted) => (plane, sound) = (fitted, end),
                 None => {
                     // Once more, without those that are a little off.
@@ -337,7 +340,7 @@ impl<'a> Surface<'a> {
     }
 
     /// A plane near another in which all of these triangles lie.
-    fn fitted(&self, triangles: &[u32], near: &Plane) -> Option<Plane> {
+    fn fit_plane(&self, triangles: &[u32], near: &Plane) -> Option<Plane> {
         let corners = triangles.iter().flat_map(|t| self.corners(*t));
         let plane = near.fitted(corners)?;
         let lies = |t: &u32| self.off(*t, &plane) <= self.flat;

@@ -28,7 +28,6 @@ pub use field::point::unit::UnitDensity;
 pub use field::recipe::{FIELD_VERSION, FieldRecipe};
 pub use field::sampling::signed_distance::signed_distances;
 pub use frame::minimum_box::minimum_box_rotation;
-pub use frame::symmetry;
 pub use frame::symmetry::{SymmetryAxis, SymmetryOrder};
 pub use mesh::aabb::Aabb;
 pub use mesh::error::MeshError;
@@ -46,3 +45,8 @@ pub use support::{large, level, prefetch};
 pub use surface::bvh::tree::{Bvh, Nearest};
 pub use surface::inscribed_sphere::inscribed_sphere_radius;
 pub use surface::interference::{Interference, InterferenceQuery};
+
+/// Rotational symmetry axes of a part.
+pub mod symmetry {
+    pub use crate::frame::symmetry::detect;
+}

@@ -2,4 +2,4 @@
 
 pub(crate) mod minimum_box;
 mod principal_axes;
-pub mod symmetry;
+pub(crate) mod symmetry;

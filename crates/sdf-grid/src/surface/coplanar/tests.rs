@@ -158,7 +158,7 @@ fn sheets_keep_both_sides() {
     assert!(up.abs() < 1e-12 && (all - 2.0).abs() < 1e-12, "{up} {all}");
 }
 
-/// A comb is straighten tooth by tooth: not more than a bounded number of looks.
+/// A comb is straightened tooth by tooth: not more than a bounded number of looks.
 #[test]
 fn combs_do_not_take_for_ever() {
     let teeth = 60_000u32;

@@ -81,12 +81,7 @@ struct ItemReader<'a> {
 }
 
 impl<'a> ItemReader<'a> {
-    pub(super) fn new(
-        file: &'a str,
-        package: Package<'a>,
-        root: String,
-        slicer: slicer::Objects,
-    ) -> Self {
+    fn new(file: &'a str, package: Package<'a>, root: String, slicer: slicer::Objects) -> Self {
         Self {
             file,
             package,
@@ -100,7 +95,7 @@ impl<'a> ItemReader<'a> {
         }
     }
 
-    pub(super) fn run(mut self) -> Result<Soup, MeshError> {
+    fn run(mut self) -> Result<Soup, MeshError> {
         let root = Rc::clone(&self.root);
         let (path, model) = self.model(&root)?;
         self.unit = model.unit;

@@ -17,8 +17,7 @@ pub(super) const NONE: u32 = u32::MAX;
 /// must then lie within `flat` of a plane of its own.
 const MARGIN: f64 = 6.0;
 
-/// A plane is not fitted to points that lie on a line up to this: variance across over variance
-/// along.
+/// No plane is fitted to points whose variance across a line is below this share of that along it.
 const THIN: f64 = 1e-13;
 
 /// The plane and size of a triangle.
@@ -27,11 +26,11 @@ pub(super) struct Facet {
     pub(super) normal: DVec3,
     /// Zero if the triangle has no normal.
     pub(super) area: f64,
-    /// Whether it is so narrow that rounding may have turned it over.
+    /// Whether it is so narrow that rounding may have flipped it.
     needle: bool,
 }
 
-/// Needles are narrower than this, in units of their length.
+/// Needles are narrower than this share of their length.
 const NEEDLE: f64 = 1e-3;
 
 impl Facet {
@@ -48,7 +47,7 @@ impl Facet {
     }
 }
 
-/// Where the triangles of a region lie.
+/// The plane of a region.
 #[derive(Clone, Copy)]
 pub(super) struct Plane {
     pub(super) origin: DVec3,
@@ -152,7 +151,7 @@ pub(super) struct Surface<'a> {
     pub(super) topology: Topology<'a>,
     pub(super) vertices: &'a [DVec3],
     pub(super) facets: Vec<Facet>,
-    /// What lies this near to a plane or a line lies in it.
+    /// Tolerance: points this close to a plane or a line count as lying in it.
     pub(super) flat: f64,
 }
 
@@ -279,14 +278,14 @@ impl<'a> Surface<'a> {
 
     /// Adds the triangles of the flat region around one; its plane.
     ///
-    /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates
-    /// nothing is fitted. Rounded ones leave it farther away; then the plane follows them.
+    /// The plane stays that of the first triangle while the others lie in it, so nothing is fitted on
+    /// exact coordinates. Rounded coordinates depart from it farther away; then a plane is fitted.
     fn grow(&self, regions: &mut Regions, seed: u32) -> Plane {
         let start = regions.triangles.len();
         let mut plane = self.plane_of(seed);
         regions.add(seed);
         let mut next = start;
-        // The triangles before this one are known to lie in the plane.
+        // Triangles before this index are known to lie in the plane.
         let mut sound = start + 1;
         let mut allowed = MARGIN * self.flat;
         loop {
@@ -303,7 +302,8 @@ impl<'a> Surface<'a> {
                         sound += usize::from(all_sound && off <= self.flat);
                     }
                 }
-                // A plane may be off by about as much beyond its points as between them.
+                // Beyond its points a fitted plane errs about as much as between them: fit again
+                // when the region has doubled.
                 if regions.triangles.len() - start >= 2 * (sound - start) {
                     break;
                 }
@@ -318,7 +318,7 @@ impl<'a> Surface<'a> {
             match self.fit_plane(&regions.triangles[start..], &plane) {
                 Some(fitted) => (plane, sound) = (fitted, end),
                 None => {
-                    // Once more, without those that are a little off.
+                    // Start again without the provisional triangles.
                     for t in regions.triangles.drain(sound..) {
                         regions.of[t as usize] = NONE;
                     }
@@ -328,8 +328,8 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// How far a triangle leaves a plane, infinity if it is steep. Needles lie every way: the
-    /// surface is the same chain with them, folded back where they are upside down.
+    /// The largest distance of a triangle's corner from a plane; infinite if the triangle is tilted
+    /// against it. Needles count whatever their normal: rounding may have flipped them.
     fn off(&self, triangle: u32, plane: &Plane) -> f64 {
         let facet = &self.facets[triangle as usize];
         if facet.area <= 0.0 || !facet.needle && facet.normal.dot(plane.normal) <= 0.9 {

@@ -9,9 +9,8 @@ use super::facet::{Facet, Hull, View};
 use super::lanes::Lanes;
 use super::points::{Packet, Points};
 use crate::dispatch_lanes;
-use crate::support::large;
-use crate::support::level;
 use crate::support::prefetch::fetch_value;
+use crate::support::{large, level};
 use crate::surface::bvh::build::Stack;
 use crate::surface::bvh::tree::Bvh;
 

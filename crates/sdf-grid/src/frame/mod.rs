@@ -1,4 +1,4 @@
-//! Directions that a part itself suggests: its principal axes, its symmetries, its smallest box.
+//! Frames of a part: principal axes, symmetry axes, smallest box.
 
 pub(crate) mod minimum_box;
 mod principal_axes;

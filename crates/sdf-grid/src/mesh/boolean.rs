@@ -13,11 +13,11 @@ pub(crate) struct ClosedSurface {
     surface: Manifold,
 }
 
-/// What two solids have in common.
+/// The intersection of two solids.
 pub(crate) enum Intersection {
     /// Nothing, or faces only.
     Nothing,
-    /// The surface of the solid that both fill.
+    /// The surface of the intersection.
     Solid(Box<ClosedSurface>),
 }
 
@@ -30,13 +30,13 @@ impl ClosedSurface {
         Some(Self { surface })
     }
 
-    /// The surface of the solid that either fills; none if the library fails.
+    /// The union of both; none if the library fails.
     pub(crate) fn union(&self, other: &Self) -> Option<Self> {
         let surface = guarded(|| compute_boolean(&self.surface, &other.surface, OpType::Add))?;
         Some(Self { surface })
     }
 
-    /// What both fill; none if the library fails.
+    /// The intersection of both; none if the library fails.
     pub(crate) fn intersection(&self, other: &Self) -> Option<Intersection> {
         let common = guarded(|| compute_boolean(&self.surface, &other.surface, OpType::Intersect));
         if let Some(surface) = common {

@@ -1,5 +1,5 @@
-//! What a file is before its format matters: text in some encoding, or something that only has the
-//! name of a mesh file.
+//! The content of a file before its format matters: text in some encoding, or something that is no
+//! mesh despite its name.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -9,12 +9,12 @@ use std::path::Path;
 use super::ledger::{Ledger, LedgerKind};
 use crate::mesh::error::MeshError;
 
-/// Bytes at the start that are looked at.
+/// Bytes at the start that are inspected.
 pub(super) const PEEK: usize = 1024;
 
 const UTF8_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-/// Beginnings of what is no mesh, what it is and what helps.
+/// First bytes of files that are no meshes, their kind, and a remedy.
 const STARTS: [(&[u8], &str, &str); 13] = [
     (b"version https://git-lfs", LFS, PULL),
     (b"version https://hawser", LFS, PULL),
@@ -57,7 +57,7 @@ const RENAME: &str = "rename it so that its name ends as files of its format do"
 const EXPORT: &str = "export it as text in this format";
 const ENCODE: &str = "save it as UTF-8";
 
-/// What the name of a file promises.
+/// The content that the name of a file promises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ExpectedFormat {
     Obj,
@@ -230,7 +230,7 @@ pub(super) fn read_whole(path: &Path) -> Result<Vec<u8>, MeshError> {
     read_start(path, usize::MAX)
 }
 
-/// The first bytes of a file, at most so many.
+/// The first bytes of a file, at most `most`.
 pub(super) fn read_start(path: &Path, most: usize) -> Result<Vec<u8>, MeshError> {
     let mut bytes = Vec::new();
     File::open(path)

@@ -102,7 +102,7 @@ impl Converter<'_> {
         })
     }
 
-    /// What went wrong, as an error that names the file and the program.
+    /// An error that names the file and the program.
     pub fn failure(&self, expected: impl Into<String>, found: impl Into<String>) -> MeshError {
         MeshError::Converter {
             path: self.file.to_owned(),

@@ -473,7 +473,7 @@ impl Numbers<'_> {
         Ok((0..count).map(pair).collect())
     }
 
-    /// The bytes of a view from an offset on, with room for so many elements.
+    /// The bytes of a view from an offset on, with room for the given number of elements.
     fn strided<'b>(
         &'b self,
         view: &View<'_>,
@@ -613,7 +613,7 @@ const QUANTIZED: &str = "KHR_mesh_quantization";
 /// A mesh in many places.
 const INSTANCES: &str = "EXT_mesh_gpu_instancing";
 
-/// What is asked for instead of a compressed mesh.
+/// The expected alternative to a compressed mesh.
 const UNCOMPRESSED: &str = "a mesh that is not compressed (export it without compression)";
 
 /// Compressed meshes and buffers.

@@ -22,10 +22,10 @@ const SCRAPS: f64 = 0.01;
 /// Below this fraction of area times diagonal a surface encloses nothing.
 const FLAT: f64 = 1e-9;
 
-/// Most bodies that are told apart.
+/// Files with more bodies are read as one solid.
 const MOST_BODIES: usize = 4096;
 
-/// Most faces looked at, per face of the file, to tell which body lies in which.
+/// Limit of face visits, per face of the file, in finding which body lies in which.
 const MOST_LOOKS: usize = 64;
 
 /// Names that a joined part shows.
@@ -68,8 +68,8 @@ pub(super) fn join_open(soup: &mut Soup, item: &str) {
     }
 }
 
-/// Makes one solid of those of one name of which one is open: the file goes on with a solid that it
-/// began before. Closed ones of one name are copies of a part.
+/// Joins solids of the same name if one of them is open: the file continues a solid that it began
+/// before. Closed solids of the same name are copies of a part.
 pub(super) fn join_namesakes(soup: &mut Soup) {
     let names = soup.names.clone();
     let mut first: FxHashMap<&str, usize> = FxHashMap::default();

@@ -13,10 +13,10 @@ use super::stl;
 use super::unit::LengthUnit;
 use crate::mesh::error::MeshError;
 
-/// What Python runs: Gmsh, or else Open CASCADE, through their Python modules.
+/// The script for Python: converts by Gmsh, or else Open CASCADE, through their Python modules.
 const SCRIPT: &str = include_str!("step.py");
 
-/// What the program `gmsh` runs, after a line that sets `Segments`: as [`SCRIPT`] does, but all
+/// The script for the program `gmsh`, after a line that sets `Segments`: as [`SCRIPT`], but all
 /// solids become one mesh.
 const GEOMETRY: &str = include_str!("step.geo");
 
@@ -29,10 +29,10 @@ const MODULES: [&str; 2] = ["gmsh", "OCP"];
 /// Exit code of [`SCRIPT`] for a file without a solid.
 const NO_SOLID: i32 = 70;
 
-/// What [`GEOMETRY`] says of such a file.
+/// The message of [`GEOMETRY`] for such a file.
 const NO_SOLID_SAID: &str = "pegfit: no solid in the file";
 
-/// What to do without a converter.
+/// The remedy for a missing converter.
 const INSTALL: &str = "an installed converter (pip install gmsh)";
 
 /// The file that a converter writes, and what [`SCRIPT`] lists beside it.
@@ -99,14 +99,14 @@ pub(super) fn convert_file(
     Ok((converted.converter, soup))
 }
 
-/// What a converter made of a file.
+/// The output of a converter.
 struct ConvertedFile {
     converter: PathBuf,
     stl: Vec<u8>,
     ledger: Ledger,
 }
 
-/// Why a converter made nothing of a file.
+/// Why a converter failed.
 enum ConversionError {
     /// It is not installed.
     Missing(String),
@@ -152,7 +152,7 @@ fn convert(file: &Path, options: &StepOptions) -> Result<ConvertedFile, MeshErro
             }
         }
     }
-    // What an installed converter says of the file tells more than that others are missing.
+    // The message of an installed converter is more informative than that others are missing.
     let Some((converter, _, expected, found)) = broken.first().cloned() else {
         return Err(MeshError::Converter {
             path: file.to_owned(),
@@ -173,7 +173,7 @@ fn convert(file: &Path, options: &StepOptions) -> Result<ConvertedFile, MeshErro
     })
 }
 
-/// What a program can convert with: the modules of Python, or nothing else.
+/// The modules by which a program can convert: those of Python, or none.
 fn modules(program: &Path) -> &'static [Option<&'static str>] {
     const OF_PYTHON: [Option<&str>; 2] = [Some(MODULES[0]), Some(MODULES[1])];
     match is_python(program) {
@@ -197,7 +197,7 @@ struct Conversion<'a> {
 }
 
 impl Conversion<'_> {
-    /// What messages call it.
+    /// Its name in messages.
     fn name(&self) -> String {
         let program = self.converter.display();
         match self.module {
@@ -268,7 +268,7 @@ impl Conversion<'_> {
     }
 }
 
-/// What [`SCRIPT`] says beside triangles.
+/// The ledger that [`SCRIPT`] writes beside the triangles.
 fn ledger(text: &str) -> Ledger {
     let mut ledger = Ledger::default();
     for line in text.lines() {

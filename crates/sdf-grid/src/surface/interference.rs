@@ -1,4 +1,4 @@
-//! How far two solids lie in one another.
+//! Volume and depth of the interference of two solids.
 
 use glam::{DQuat, DVec3, Vec3Swizzles};
 
@@ -8,13 +8,13 @@ use crate::mesh::boolean::{ClosedSurface, Intersection};
 use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
 
-/// How far two solids lie in one another at a pose.
+/// Volume and depth of the interference of two solids at a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Interference {
-    /// The volume that both fill, cubic metres.
+    /// Volume of the intersection, cubic metres.
     pub volume: f64,
-    /// The greatest distance of a point of either surface that lies in the other solid from that
-    /// solid's surface, metres: how far the parts have to give way.
+    /// Penetration depth, metres: the greatest distance, from the other solid's surface, of a point
+    /// of either surface that lies inside the other solid.
     pub depth: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The boundary of a part as distances and integrals see it: flat faces and a tree over them.
+//! The boundary of a part for distances and integrals: flat faces and a tree over them.
 
 pub(crate) mod bvh;
 pub(crate) mod coplanar;

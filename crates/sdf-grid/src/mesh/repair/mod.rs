@@ -1,4 +1,4 @@
-//! What every mesh goes through before anything is computed from it.
+//! Repair of a mesh, before anything is computed from it.
 //!
 //! In order: vertices must be finite and indices in range; vertices closer than a tolerance are
 //! welded; faces without area and repeated faces are dropped; open edges are cut where the vertices
@@ -98,7 +98,7 @@ fn welded(vertices: &[DVec3], triangles: &[[u32; 3]], distance: f64) -> (Vec<[u3
     (triangles.iter().map(on).collect(), welded.merged)
 }
 
-/// What was done to faces.
+/// Counts of changed faces.
 struct FaceChanges {
     zero_area: usize,
     duplicate: usize,

@@ -20,7 +20,7 @@ const WITNESSES: usize = 8;
 pub(super) struct OrientedFaces {
     /// All faces in their input order.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// What became of each component, in the order of their first faces.
+    /// A report of each component, in the order of their first faces.
     pub(super) components: Vec<ComponentReport>,
     /// Where each of them lies.
     pub(super) shells: Vec<Shell>,

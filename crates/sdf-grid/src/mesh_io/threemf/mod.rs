@@ -3,7 +3,7 @@
 //! Read through the `zip` and `quick-xml` crates in one pass over each model, because the 3MF
 //! crates there are build the whole document in memory first, or keep coordinates in single
 //! precision. Meshes, components, build items, the production extension's parts in other files and
-//! what slicers say of parts are read; materials and everything else that is no boundary is listed.
+//! slicers' settings of parts are read; materials and everything else that is no boundary is listed.
 
 mod package;
 mod slicer;
@@ -47,7 +47,7 @@ struct Frame {
     /// Of the model that places it, in the root's unit.
     unit: f64,
     depth: usize,
-    /// What a slicer says of it.
+    /// The slicer's settings for it.
     part: Option<Part>,
 }
 
@@ -60,11 +60,11 @@ struct Leaf {
     transform: DMat4,
     /// Of the model's unit, in the root's unit.
     unit: f64,
-    /// What a slicer says of the component.
+    /// The slicer's settings for the component.
     part: Option<Part>,
 }
 
-/// From objects that refer to one another to a soup.
+/// Unfolds the items of a build, whose objects refer to one another, into a soup.
 struct ItemReader<'a> {
     file: &'a str,
     package: Package<'a>,

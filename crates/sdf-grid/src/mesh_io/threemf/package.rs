@@ -102,11 +102,11 @@ pub(super) struct Model {
     pub(super) unit_stated: bool,
     /// Extensions that it requires and that are not read, by their namespaces.
     pub(super) extensions: Vec<String>,
-    /// What it keeps beside objects, by element.
+    /// Counts of its other elements, by name.
     pub(super) resources: Vec<String>,
     /// Objects by their id.
     pub(super) objects: HashMap<u32, Object>,
-    /// What is to be built.
+    /// The items to build.
     pub(super) items: Vec<Placement>,
 }
 
@@ -134,7 +134,7 @@ impl Object {
     }
 }
 
-/// What an object is made of.
+/// The content of an object.
 #[derive(Debug)]
 pub(super) enum Kind {
     Mesh {

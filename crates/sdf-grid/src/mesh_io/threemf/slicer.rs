@@ -1,4 +1,4 @@
-//! What slicers say of the parts of an object, in files of their own beside the models.
+//! Settings of slicers for the parts of an object, in separate files beside the models.
 //!
 //! PrusaSlicer and its kin list runs of triangles (`volume`) in `Metadata/Slic3r_PE_model.config`,
 //! Bambu Studio and OrcaSlicer list components (`part`) in `Metadata/model_settings.config`.
@@ -12,7 +12,7 @@ use super::package::{Package, attribute};
 use crate::mesh::error::MeshError;
 use crate::mesh_io::soup::syntax;
 
-/// What a part of an object is for.
+/// The purpose of a part of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Purpose {
     /// Material.
@@ -48,7 +48,7 @@ pub(super) struct Part {
     pub(super) name: String,
 }
 
-/// What slicers say of one object of the root model.
+/// The slicer's settings for one object of the root model.
 #[derive(Debug, Default)]
 pub(super) struct Object {
     /// Its components, by the id of the object that each is.
@@ -57,7 +57,7 @@ pub(super) struct Object {
     pub(super) runs: Vec<(usize, usize, Part)>,
 }
 
-/// What slicers say of the objects of the root model, by their ids.
+/// The slicers' settings for the objects of the root model, by their ids.
 pub(super) type Objects = HashMap<u32, Object>;
 
 /// Reads all that slicers say.

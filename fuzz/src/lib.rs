@@ -9,7 +9,7 @@ use glam::DVec3;
 pub use programs::{hid, replay, table};
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
 use sdf_grid::{
-    Bvh, DensityField, DensityKernel, DensityOptions, RepairOptions, Lattice, LengthUnit, Silent,
+    Bvh, DensityField, DensityKernel, DensityOptions, Lattice, LengthUnit, RepairOptions, Silent,
     TriangleMesh, signed_distances,
 };
 

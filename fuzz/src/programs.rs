@@ -4,12 +4,10 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use fft_correlate::{
-    NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake,
-};
+use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
 use glam::{DQuat, DVec3};
-use haptic::device::hid::pid::PidLayout;
 use haptic::device::hid::report::Layouts;
+use haptic::device::hid::pid::PidLayout;
 use sdf_grid::{Lattice, Silent};
 use tempfile::TempDir;
 

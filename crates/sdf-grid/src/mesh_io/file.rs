@@ -49,9 +49,7 @@ impl ReadOptions {
             ..Self::default()
         }
     }
-}
 
-impl ReadOptions {
     /// The same, with a limit to the processor time of a converter of STEP files, and leaving out
     /// what changes a solid and cannot be read if that is `lossy`.
     #[must_use]

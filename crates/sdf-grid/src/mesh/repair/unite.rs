@@ -10,7 +10,7 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::error::MeshError;
 
-/// Changes of volume and area, as a share, up to which a union is what its parts were.
+/// Relative changes of volume and area up to which a union counts as equal to its parts.
 const SAME: f64 = 1e-9;
 
 /// The surface of a union.
@@ -27,7 +27,7 @@ struct Body {
     bounds: Aabb,
 }
 
-/// Unites the shells of `oriented` where that changes anything; `name` is the part's.
+/// Unites the shells of `oriented` where that changes anything; `name` is the name of the part.
 ///
 /// # Errors
 /// If two shells cut through one another and are not closed, so that they have no union.
@@ -67,7 +67,7 @@ fn bodies(shells: &[Shell]) -> Vec<Body> {
     (0..shells.len()).filter(outward).map(body).collect()
 }
 
-/// Bodies whose boxes come within `touching` of one another, by their numbers; two or more in each.
+/// Groups of two or more bodies whose boxes are connected within `touching`, by their numbers.
 fn groups(bodies: &[Body], touching: f64) -> Vec<Vec<usize>> {
     let mut left: Vec<usize> = (0..bodies.len()).collect();
     let mut groups = Vec::new();
@@ -88,7 +88,7 @@ fn groups(bodies: &[Body], touching: f64) -> Vec<Vec<usize>> {
     groups
 }
 
-/// The union of a group, two and two, so that each surface passes through few booleans.
+/// The union of a group, pair by pair, so that each surface passes through few booleans.
 fn union(
     vertices: &[DVec3],
     oriented: &OrientedFaces,
@@ -116,7 +116,7 @@ fn union(
     surfaces.pop()
 }
 
-/// Whether a union is another surface than its shells.
+/// Whether a union differs from its shells.
 fn differs(
     union: &ClosedSurface,
     vertices: &[DVec3],
@@ -135,7 +135,7 @@ fn differs(
     changed(union.volume(), volume) || changed(union.area(), area)
 }
 
-/// Shells that have no union may not cut through one another.
+/// Refuses shells without a union that cut through one another.
 fn refuse_overlaps(
     name: &str,
     oriented: &OrientedFaces,
@@ -153,7 +153,7 @@ fn refuse_overlaps(
     Ok(())
 }
 
-/// The shells that stay, and the unions of the others.
+/// The shells that stay, and the unions that replace the others.
 struct Replacement {
     stays: Vec<bool>,
     unions: Vec<(Vec<DVec3>, Vec<[u32; 3]>)>,

@@ -6,15 +6,15 @@ use glam::{DVec3, I64Vec3};
 
 use crate::mesh::aabb::Aabb;
 
-/// Cells are this many weld distances wide: most vertices then lie far enough from every cell face
-/// to need a look into one cell only.
+/// Width of a cell in weld distances: most vertices then lie far enough from the cell's faces that
+/// one cell is searched for them.
 const CELL_WIDTH: f64 = 8.0;
 
-/// Which vertex each vertex became.
+/// The result of welding.
 pub(super) struct Weld {
-    /// For each vertex, the vertex that stands for it (itself if it was kept).
+    /// For each vertex, the vertex that replaces it (itself if it was kept).
     pub(super) representative: Vec<u32>,
-    /// Number of vertices that became another one.
+    /// Number of vertices that were replaced.
     pub(super) merged: usize,
 }
 

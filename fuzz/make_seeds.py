@@ -100,12 +100,12 @@ def field():
     put("field", "pyramid", solid(2, grid + [(2, 2, 0)], above + fan))
 
 
-def hygiene():
+def repair():
     cells = b"".join(struct.pack("<3h", *c) for c in CORNERS)
     faces = bytes(i for t in TRIANGLES for i in t)
-    put("hygiene", "box", bytes([0, 8]) + cells + faces)
+    put("repair", "box", bytes([0, 8]) + cells + faces)
     halves = b"".join(b"".join(struct.pack("<f", x)[2:] for x in c) for c in CORNERS)
-    put("hygiene", "floats", bytes([1, 8]) + halves + faces + faces[:9])
+    put("repair", "floats", bytes([1, 8]) + halves + faces + faces[:9])
 
 
 def programs():
@@ -124,5 +124,5 @@ def programs():
     put("replay", "header", "tick,time,dt,x,y,z,qx,qy,qz,qw\n0,0,0.001,0,0,0,0,0,0,1\n")
 
 
-for make in (obj, stl, ply, gltf, threemf, hygiene, field, programs):
+for make in (obj, stl, ply, gltf, threemf, repair, field, programs):
     make()

@@ -9,7 +9,7 @@ use glam::DVec3;
 pub use programs::{hid, replay, table};
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
 use sdf_grid::{
-    Bvh, DensityField, DensityKernel, DensityOptions, RepairOptions, Lattice, LengthUnit, Silent,
+    Bvh, DensityField, DensityKernel, DensityOptions, Lattice, LengthUnit, RepairOptions, Silent,
     TriangleMesh, signed_distances,
 };
 
@@ -36,7 +36,7 @@ pub fn mesh(format: MeshFormat, bytes: &[u8]) {
     }
 }
 
-/// What hygiene promises of a mesh: every number finite, every index valid, every face with an
+/// What repair promises of a mesh: every number finite, every index valid, every face with an
 /// area, and a mesh that the same tolerance accepts a second time.
 fn check(mesh: &TriangleMesh, weld_tolerance: f64) {
     assert!(!mesh.triangles().is_empty());
@@ -54,8 +54,8 @@ fn check(mesh: &TriangleMesh, weld_tolerance: f64) {
     assert!(again.is_ok(), "a clean mesh is refused");
 }
 
-/// Hygiene on vertices of any bits and triangles of any indices.
-pub fn hygiene(bytes: &[u8]) {
+/// Repair of vertices of any bits and triangles of any indices.
+pub fn repair(bytes: &[u8]) {
     let Some((&[flags, count], rest)) = bytes.split_first_chunk() else {
         return;
     };

@@ -22,13 +22,12 @@ pub use field::kernel::{DensityKernel, KernelError};
 pub use field::lattice::{Lattice, LatticeError};
 pub use field::options::DensityError;
 pub use field::options::{DensityOptions, Sampling};
+pub use field::point::edge_integral::UnitDensity;
 pub use field::point::reference::ReferenceDensity;
 pub use field::point::tree::DensityProbe;
-pub use field::point::unit::UnitDensity;
 pub use field::recipe::{FIELD_VERSION, FieldRecipe};
 pub use field::sampling::signed_distance::signed_distances;
-pub use frame::snug::snug_rotation;
-pub use frame::symmetry;
+pub use frame::minimum_box::minimum_box_rotation;
 pub use frame::symmetry::{SymmetryAxis, SymmetryOrder};
 pub use mesh::aabb::Aabb;
 pub use mesh::error::MeshError;
@@ -43,6 +42,11 @@ pub use support::place::require_unplanted;
 pub use support::{atomic, growing, recipe, regular, text};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
-pub use surface::ball::largest_ball_radius;
 pub use surface::bvh::tree::{Bvh, Nearest};
+pub use surface::inscribed_sphere::inscribed_sphere_radius;
 pub use surface::interference::{Interference, InterferenceQuery};
+
+/// Rotational symmetry axes of a part.
+pub mod symmetry {
+    pub use crate::frame::symmetry::detect;
+}

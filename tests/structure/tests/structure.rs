@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use pegfit_structure::{Graph, arrows, circles, file_length, flow_chart, public_paths, read_crate};
 
-const CRATES: [&str; 10] = [
+const CRATES: [&str; 11] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
@@ -17,6 +17,7 @@ const CRATES: [&str; 10] = [
     "cli",
     "pegfit-c",
     "pegfit-python",
+    "fixtures",
 ];
 
 fn repository() -> PathBuf {

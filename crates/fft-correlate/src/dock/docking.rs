@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{
     Aabb, ContactError, Interference, InterferenceQuery, MatingLimits, MatingSurfaces, Monitor,
-    TriangleMesh, snug_rotation,
+    TriangleMesh, minimum_box_rotation,
 };
 
 use crate::correlate::{CorrelatorPlan, PairSupport};
@@ -149,7 +149,7 @@ impl<'a> Docking<'a> {
     pub fn new(setup: &'a PairSetup, options: DockingRequest) -> Self {
         let rotation = match setup.half_extent {
             Some(_) => DQuat::IDENTITY,
-            None => snug_rotation(&setup.fixed),
+            None => minimum_box_rotation(&setup.fixed),
         };
         let turned =
             (rotation != DQuat::IDENTITY).then(|| setup.fixed.transformed(rotation, DVec3::ZERO));

@@ -8,7 +8,7 @@ use glam::DVec3;
 use sdf_grid::{
     Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldCache,
     FieldRecipe, KernelError, Lattice, LatticeError, Monitor, Sampling, Silent, TriangleMesh,
-    largest_ball_radius,
+    inscribed_sphere_radius,
 };
 
 use crate::pair::contact::{Contact, Smoothing, jump};
@@ -142,7 +142,7 @@ pub fn default_spacing(fixed: &TriangleMesh, moving: &TriangleMesh, halo: f64) -
         false => moving,
     };
     let wanted = |radius: f64| two_digits(2.0 * radius / DEFAULT_CELLS, f64::round);
-    largest_ball_radius(smaller, 0.5 * DEFAULT_CELLS * affordable)
+    inscribed_sphere_radius(smaller, 0.5 * DEFAULT_CELLS * affordable)
         .map(wanted)
         .filter(|spacing| *spacing > affordable)
         .unwrap_or_else(|| two_digits(affordable, |digits| (digits - 1e-9).ceil()))

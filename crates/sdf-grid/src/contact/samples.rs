@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::error::ContactError;
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::pieces::merged;
+use crate::surface::coplanar::pieces::merge_coplanar;
 use crate::surface::face::Piece;
 
 /// What is flat, in units of the part's largest extent.
@@ -118,7 +118,7 @@ pub(crate) fn surface_samples(
         return Err(ContactError::Distance { found: distance });
     }
     let flat = FLAT * mesh.bounds().size().max_element();
-    let faces = merged(mesh.triangles(), mesh.vertices(), flat);
+    let faces = merge_coplanar(mesh.triangles(), mesh.vertices(), flat);
     let faces = (0..faces.len()).filter_map(|i| faces.get(i));
     let mut samples = Vec::new();
     surface_pieces(faces, distance, |_, s| samples.push(s))?;

@@ -5,7 +5,7 @@
 //!
 //! - [`kernel`], [`quadrature`], [`lattice`]: the kernel of a density, rules of integration, and
 //!   the places of values;
-//! - [`point`]: densities and their gradients at single points in f64;
+//! - [`point`]: densities at single points in f64;
 //! - [`packet`]: the tree code on packets of sixteen points in f32;
 //! - [`sampling`]: from points to lattice values: blocks, halo, boundary and cell averages;
 //! - [`density_field`], [`cache`]: whole fields, and where they are kept.

@@ -1,5 +1,5 @@
-//! Directions that a part itself suggests: its principal axes, its symmetries, its snuggest box.
+//! Frames of a part: principal axes, symmetry axes, smallest box.
 
+pub(crate) mod minimum_box;
 mod principal_axes;
-pub(crate) mod snug;
-pub mod symmetry;
+pub(crate) mod symmetry;

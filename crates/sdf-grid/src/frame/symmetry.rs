@@ -16,7 +16,7 @@ use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
-/// The highest finite order looked for.
+/// The highest finite order that is tested.
 const MAX_ORDER: u32 = 360;
 
 /// How often a turn about an axis brings a part onto itself.
@@ -176,7 +176,7 @@ impl Part {
             let angle = 2.0 * PI * f64::from(k) / f64::from(n);
             self.maps_onto_itself(direction, angle)
         };
-        // A multiple far from the turns of low order tells soonest.
+        // A multiple far from the turns of low order fails soonest.
         maps((0.382 * f64::from(n)).ceil() as u32) && (1..=n / 2).all(maps)
     }
 
@@ -245,7 +245,7 @@ fn rotation(from: [DVec3; 2], to: [DVec3; 2]) -> Option<DQuat> {
     Some(DQuat::from_mat3(&(frame(to)? * frame(from)?.transpose())))
 }
 
-/// Axis and angle of a rotation; `None` below the turn of the highest order looked for.
+/// Axis and angle of a rotation; `None` below the turn of the highest order that is tested.
 fn turn(rotation: DQuat) -> Option<Turn> {
     let (axis, angle) = rotation.to_axis_angle();
     let angle = angle.min(2.0 * PI - angle);

@@ -13,11 +13,11 @@ pub(crate) struct ClosedSurface {
     surface: Manifold,
 }
 
-/// What two solids have in common.
-pub(crate) enum Common {
+/// The intersection of two solids.
+pub(crate) enum Intersection {
     /// Nothing, or faces only.
     Nothing,
-    /// The surface of the solid that both fill.
+    /// The surface of the intersection.
     Solid(Box<ClosedSurface>),
 }
 
@@ -30,22 +30,22 @@ impl ClosedSurface {
         Some(Self { surface })
     }
 
-    /// The surface of the solid that either fills; none if the library fails.
+    /// The union of both; none if the library fails.
     pub(crate) fn union(&self, other: &Self) -> Option<Self> {
         let surface = guarded(|| compute_boolean(&self.surface, &other.surface, OpType::Add))?;
         Some(Self { surface })
     }
 
-    /// What both fill; none if the library fails.
-    pub(crate) fn intersection(&self, other: &Self) -> Option<Common> {
+    /// The intersection of both; none if the library fails.
+    pub(crate) fn intersection(&self, other: &Self) -> Option<Intersection> {
         let common = guarded(|| compute_boolean(&self.surface, &other.surface, OpType::Intersect));
         if let Some(surface) = common {
-            return Some(Common::Solid(Box::new(Self { surface })));
+            return Some(Intersection::Solid(Box::new(Self { surface })));
         }
         // The library refuses to return an empty surface. Solids that share nothing add up.
         let sum = self.volume() + other.volume();
         let union = self.union(other)?;
-        ((union.volume() - sum).abs() <= 1e-9 * sum).then_some(Common::Nothing)
+        ((union.volume() - sum).abs() <= 1e-9 * sum).then_some(Intersection::Nothing)
     }
 
     /// Its vertices and triangles.

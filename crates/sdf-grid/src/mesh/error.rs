@@ -13,7 +13,7 @@ pub enum MeshError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file cannot be written.
@@ -21,7 +21,7 @@ pub enum MeshError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file's name ends in nothing that is read here.
@@ -41,9 +41,9 @@ pub enum MeshError {
         path: PathBuf,
         /// The program.
         converter: PathBuf,
-        /// What it should have done.
+        /// The result that was expected.
         expected: String,
-        /// What came of it.
+        /// The result that was found.
         found: String,
     },
     /// The file describes faces or curves, but no solid.
@@ -54,7 +54,7 @@ pub enum MeshError {
     NoSolid {
         /// The file.
         path: PathBuf,
-        /// What is there instead.
+        /// The content found instead.
         found: String,
     },
     /// The file does not follow its format.
@@ -64,9 +64,9 @@ pub enum MeshError {
         file: String,
         /// Where in the file: a line, a byte offset or an element.
         place: String,
-        /// What the format asks for there.
+        /// The syntax that the format requires there.
         expected: String,
-        /// What is there.
+        /// The syntax found there.
         found: String,
     },
     /// The file is something else than its name says.
@@ -74,11 +74,11 @@ pub enum MeshError {
     Foreign {
         /// The file.
         file: String,
-        /// What its name promises.
+        /// The content that its name promises.
         expected: &'static str,
-        /// What it is.
+        /// The content found.
         found: String,
-        /// What to do about it.
+        /// A remedy.
         help: &'static str,
     },
     /// The file has something that changes a solid and cannot be read. The option `lossy` of
@@ -92,7 +92,7 @@ pub enum MeshError {
         file: String,
         /// Where in the file it is.
         place: String,
-        /// What it is.
+        /// The content found.
         found: String,
     },
     /// The file has no such solid, or several.
@@ -126,7 +126,7 @@ pub enum MeshError {
     TooLarge {
         /// The file or part.
         part: String,
-        /// What there is too much of.
+        /// The items that are too many.
         item: &'static str,
         /// The largest number accepted.
         limit: u64,
@@ -214,7 +214,7 @@ pub enum MeshError {
         part: String,
         /// Index of the polygon, from 0.
         polygon: usize,
-        /// What is wrong with it.
+        /// The fault.
         found: String,
     },
     /// A length unit is not known.

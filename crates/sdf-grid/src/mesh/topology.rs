@@ -42,6 +42,22 @@ impl HalfEdge {
 }
 
 /// Adjacency of the faces of a mesh, borrowed from its triangles.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::shapes;
+///
+/// let cube = shapes::cuboid(DVec3::ONE)?;
+/// let topology = cube.topology();
+/// assert!(topology.is_closed());
+/// assert_eq!(topology.edges().count(), 18);
+/// for edge in topology.edges() {
+///     let half = edge.half_edges()[0];
+///     let twin = topology.twin(half).expect("closed");
+///     assert_eq!(topology.ends(half)[0], topology.ends(twin)[1]);
+/// }
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Topology<'a> {
     triangles: &'a [[u32; 3]],

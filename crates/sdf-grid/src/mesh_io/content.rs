@@ -1,5 +1,5 @@
-//! What a file is before its format matters: text in some encoding, or something that only has the
-//! name of a mesh file.
+//! The content of a file before its format matters: text in some encoding, or something that is no
+//! mesh despite its name.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -9,12 +9,12 @@ use std::path::Path;
 use super::ledger::{Ledger, LedgerKind};
 use crate::mesh::error::MeshError;
 
-/// Bytes at the start that are looked at.
+/// Bytes at the start that are inspected.
 pub(super) const PEEK: usize = 1024;
 
 const UTF8_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-/// Beginnings of what is no mesh, what it is and what helps.
+/// First bytes of files that are no meshes, their kind, and a remedy.
 const STARTS: [(&[u8], &str, &str); 13] = [
     (b"version https://git-lfs", LFS, PULL),
     (b"version https://hawser", LFS, PULL),
@@ -32,12 +32,16 @@ const STARTS: [(&[u8], &str, &str); 13] = [
 ];
 
 /// Beginnings of formats that are read, and the format each belongs to.
-const FORMATS: [(&[u8], &str, &[Expected]); 6] = [
-    (b"glTF\x02\0\0\0", "a binary glTF file", &[Expected::Gltf]),
-    (b"ply\n", "a PLY file", &[Expected::Ply]),
-    (b"ply\r", "a PLY file", &[Expected::Ply]),
-    (b"ISO-10303-21;", "a STEP file", &[Expected::Step]),
-    (b"solid ", "an ASCII STL file", &[Expected::Stl]),
+const FORMATS: [(&[u8], &str, &[ExpectedFormat]); 6] = [
+    (
+        b"glTF\x02\0\0\0",
+        "a binary glTF file",
+        &[ExpectedFormat::Gltf],
+    ),
+    (b"ply\n", "a PLY file", &[ExpectedFormat::Ply]),
+    (b"ply\r", "a PLY file", &[ExpectedFormat::Ply]),
+    (b"ISO-10303-21;", "a STEP file", &[ExpectedFormat::Step]),
+    (b"solid ", "an ASCII STL file", &[ExpectedFormat::Stl]),
     // Scalable vector graphics, replies of servers.
     (b"<?xml", "an XML document", &[]),
 ];
@@ -53,9 +57,9 @@ const RENAME: &str = "rename it so that its name ends as files of its format do"
 const EXPORT: &str = "export it as text in this format";
 const ENCODE: &str = "save it as UTF-8";
 
-/// What the name of a file promises.
+/// The content that the name of a file promises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Expected {
+pub(super) enum ExpectedFormat {
     Obj,
     Stl,
     Ply,
@@ -64,7 +68,7 @@ pub(super) enum Expected {
     Step,
 }
 
-impl Expected {
+impl ExpectedFormat {
     fn name(self) -> &'static str {
         match self {
             Self::Obj => "an OBJ file",
@@ -77,7 +81,7 @@ impl Expected {
     }
 }
 
-impl From<MeshFormat> for Expected {
+impl From<MeshFormat> for ExpectedFormat {
     fn from(format: MeshFormat) -> Self {
         match format {
             MeshFormat::Obj => Self::Obj,
@@ -94,7 +98,7 @@ impl From<MeshFormat> for Expected {
 pub(super) fn prepare<'a>(
     file: &str,
     bytes: &'a [u8],
-    expected: Expected,
+    expected: ExpectedFormat,
     ledger: &mut Ledger,
 ) -> Result<Cow<'a, [u8]>, MeshError> {
     let text = match utf16(bytes) {
@@ -106,7 +110,7 @@ pub(super) fn prepare<'a>(
         None => Cow::Borrowed(bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes)),
     };
     check(file, &text, expected)?;
-    if expected == Expected::Obj && text.iter().take(PEEK).any(|&b| b == 0) {
+    if expected == ExpectedFormat::Obj && text.iter().take(PEEK).any(|&b| b == 0) {
         return Err(foreign(file, expected, "binary data", EXPORT));
     }
     Ok(text)
@@ -114,7 +118,7 @@ pub(super) fn prepare<'a>(
 
 /// Refuses what is no STEP file by its name; STEP is read by other programs, which know no UTF-16.
 pub(super) fn check_step(file: &str, start: &[u8]) -> Result<(), MeshError> {
-    let expected = Expected::Step;
+    let expected = ExpectedFormat::Step;
     if let Some(big) = utf16(start) {
         check(file, &from_utf16(start, big), expected)?;
         return Err(foreign(file, expected, "UTF-16 text", ENCODE));
@@ -128,7 +132,7 @@ pub(super) fn check_step(file: &str, start: &[u8]) -> Result<(), MeshError> {
 
 fn foreign(
     file: &str,
-    expected: Expected,
+    expected: ExpectedFormat,
     found: impl Into<String>,
     help: &'static str,
 ) -> MeshError {
@@ -141,7 +145,7 @@ fn foreign(
 }
 
 /// Refuses what has only the name of a mesh file, or of one in this format.
-fn check(file: &str, bytes: &[u8], expected: Expected) -> Result<(), MeshError> {
+fn check(file: &str, bytes: &[u8], expected: ExpectedFormat) -> Result<(), MeshError> {
     let start = bytes[..bytes.len().min(PEEK)].trim_ascii_start();
     if start.is_empty() && bytes.len() < PEEK {
         return Err(foreign(file, expected, "an empty file", DOWNLOAD));
@@ -149,7 +153,7 @@ fn check(file: &str, bytes: &[u8], expected: Expected) -> Result<(), MeshError> 
     if is_page(start) {
         return Err(foreign(file, expected, "an HTML page", PAGE));
     }
-    let archive = expected == Expected::ThreeMf;
+    let archive = expected == ExpectedFormat::ThreeMf;
     let known = STARTS.iter().find(|(mark, ..)| start.starts_with(mark));
     if let Some(&(mark, found, help)) = known
         && !(archive && mark == b"PK\x03\x04")
@@ -226,7 +230,7 @@ pub(super) fn read_whole(path: &Path) -> Result<Vec<u8>, MeshError> {
     read_start(path, usize::MAX)
 }
 
-/// The first bytes of a file, at most so many.
+/// The first bytes of a file, at most `most`.
 pub(super) fn read_start(path: &Path, most: usize) -> Result<Vec<u8>, MeshError> {
     let mut bytes = Vec::new();
     File::open(path)

@@ -69,12 +69,12 @@ impl Converter<'_> {
     pub(super) fn execute(
         &self,
         arguments: impl FnOnce(&mut Command, &Path) -> std::io::Result<()>,
-    ) -> Result<Finished, [String; 2]> {
+    ) -> Result<FinishedRun, [String; 2]> {
         let no_room = |e: std::io::Error| ["a temporary folder".to_owned(), e.to_string()];
         let folder = tempfile::tempdir().map_err(no_room)?;
         let path = folder.path().join("messages.txt");
         let messages = File::create(&path).map_err(no_room)?;
-        let mut command = self.limited();
+        let mut command = self.limited_command();
         arguments(&mut command, folder.path()).map_err(no_room)?;
         command
             .stdin(Stdio::null())
@@ -95,14 +95,14 @@ impl Converter<'_> {
             return Err([limit, "a process that still ran: stopped".to_owned()]);
         };
         let messages = std::fs::read(&path).unwrap_or_default();
-        Ok(Finished {
+        Ok(FinishedRun {
             folder,
             status,
             messages: String::from_utf8_lossy(&messages).into_owned(),
         })
     }
 
-    /// What went wrong, as an error that names the file and the program.
+    /// An error that names the file and the program.
     pub fn failure(&self, expected: impl Into<String>, found: impl Into<String>) -> MeshError {
         MeshError::Converter {
             path: self.file.to_owned(),
@@ -113,7 +113,7 @@ impl Converter<'_> {
     }
 
     /// The shell limits itself and then becomes the program; it exits with 127 if there is none.
-    fn limited(&self) -> Command {
+    fn limited_command(&self) -> Command {
         let seconds = self.time_limit.as_secs_f64().ceil().max(1.0);
         let mut command = Command::new("sh");
         command
@@ -132,14 +132,14 @@ impl Converter<'_> {
 }
 
 /// A program that ended by itself, and the folder in which it ran, which is removed with it.
-pub(super) struct Finished {
+pub(super) struct FinishedRun {
     folder: tempfile::TempDir,
     pub(super) status: ExitStatus,
     /// Everything it printed.
     pub(super) messages: String,
 }
 
-impl Finished {
+impl FinishedRun {
     pub(super) fn is_not_installed(&self) -> bool {
         let code = self.status.code();
         code.is_some_and(|code| NOT_INSTALLED.contains(&code))

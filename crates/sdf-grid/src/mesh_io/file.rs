@@ -26,17 +26,18 @@ pub struct ReadOptions {
     /// The solid to use, by its name or its number from 1 as [`MeshFile::solids`] lists them; all
     /// of them if `None`.
     pub solid: Option<String>,
-    /// What changes a solid and cannot be read (a slicer's negative part, a beam lattice, free-form
-    /// surfaces) is left out instead of refused; the ledger lists it.
+    /// Leaves out items that change a solid and cannot be read (a slicer's negative part, a beam
+    /// lattice, free-form surfaces) instead of refusing the file; the ledger lists them.
     pub lossy: bool,
-    /// What repair may change and what it refuses.
+    /// Options of the repair of the mesh.
     pub repair: RepairOptions,
     /// How STEP files become triangles.
     pub step: StepOptions,
 }
 
 impl ReadOptions {
-    /// One solid of a file, or all of them; STEP files with so many edges around a full turn.
+    /// Options for one solid of a file, or all of them, with `segments_per_turn` edges around a full
+    /// turn of curved faces in STEP files.
     pub fn choosing(unit: LengthUnit, solid: Option<String>, segments_per_turn: u32) -> Self {
         Self {
             unit,
@@ -48,9 +49,7 @@ impl ReadOptions {
             ..Self::default()
         }
     }
-}
 
-impl ReadOptions {
     /// The same, with a limit to the processor time of a converter of STEP files, and leaving out
     /// what changes a solid and cannot be read if that is `lossy`.
     #[must_use]
@@ -227,22 +226,22 @@ pub fn read_with(
 /// a fine tessellation, below what matters for a fit.
 const SYMMETRY_TOLERANCE: f64 = 5e-4;
 
-/// All that can be said of a mesh file.
+/// The result of examining a mesh file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Examination {
-    /// What repair found and repaired.
+    /// The report of its repair.
     pub report: RepairReport,
     /// The solids in the file, in its order.
     pub solids: Vec<Solid>,
     /// The unit that the file itself states.
     pub stated_unit: Option<LengthUnit>,
-    /// What was read of the file, what was ignored and what was assumed.
+    /// Items of the file that were read, ignored and assumed.
     pub ledger: Ledger,
     /// Axes about which the cleaned mesh may be turned onto itself, to within 5e-4 of its diagonal.
     pub symmetry: Vec<SymmetryAxis>,
 }
 
-/// Reads a mesh file, cleans it, and says all that can be said of it.
+/// Reads and repairs a mesh file and reports its content, faults and symmetries.
 ///
 /// # Errors
 /// As [`MeshFile::open`] and [`MeshFile::clean`].

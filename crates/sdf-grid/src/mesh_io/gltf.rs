@@ -257,16 +257,17 @@ impl<'a> GltfReader<'a> {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             self.add(&primitive, transform, &place)?;
         }
-        let mut lose = |item: &str, reason: &str| {
+        let mut record_loss = |item: &str, reason: &str| {
             let place = format!("node {} {name:?}", node.index());
-            self.soup.lose(Some(solid..solid + 1), place, item, reason);
+            self.soup
+                .record_loss(Some(solid..solid + 1), place, item, reason);
         };
         if node.skin().is_some() {
-            lose("a skin", "joints move the vertices");
+            record_loss("a skin", "joints move the vertices");
         }
         let weights = node.weights().or(mesh.weights()).unwrap_or_default();
         if weights.iter().any(|w| *w != 0.0) {
-            lose("morph targets with weights", "they move the vertices");
+            record_loss("morph targets with weights", "they move the vertices");
         } else {
             let targets = mesh.primitives().map(|p| p.morph_targets().count()).sum();
             self.soup
@@ -472,7 +473,7 @@ impl Numbers<'_> {
         Ok((0..count).map(pair).collect())
     }
 
-    /// The bytes of a view from an offset on, with room for so many elements.
+    /// The bytes of a view from an offset on, with room for the given number of elements.
     fn strided<'b>(
         &'b self,
         view: &View<'_>,
@@ -612,7 +613,7 @@ const QUANTIZED: &str = "KHR_mesh_quantization";
 /// A mesh in many places.
 const INSTANCES: &str = "EXT_mesh_gpu_instancing";
 
-/// What is asked for instead of a compressed mesh.
+/// The expected alternative to a compressed mesh.
 const UNCOMPRESSED: &str = "a mesh that is not compressed (export it without compression)";
 
 /// Compressed meshes and buffers.

@@ -1,10 +1,10 @@
-//! The ledger of a reader: what it read, what it ignored, what it assumed.
+//! The ledger of a reader: items read, ignored and assumed.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// What a reader did with an item of a file.
+/// The treatment of an item of a file by its reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LedgerKind {
@@ -30,7 +30,7 @@ impl LedgerKind {
 /// One line of a [`Ledger`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LedgerEntry {
-    /// What the reader did.
+    /// How the reader treated it.
     pub kind: LedgerKind,
     /// The item, in the format's own words, in the singular: `line element`, `texture`, `unit`.
     pub item: String,
@@ -53,11 +53,11 @@ impl fmt::Display for LedgerEntry {
     }
 }
 
-/// What a reader read, ignored and assumed, in the order in which it met each item first.
+/// Items that a reader read, ignored and assumed, in the order of their first occurrence.
 ///
-/// Lists what never changes a solid as well (textures, comments that hold metadata), so that a user
-/// can see that nothing was lost. What would change a solid is an error of the reader instead,
-/// unless its options allow it.
+/// Items that never change a solid (textures, comments that hold metadata) are listed as well, so
+/// that a user can see that nothing was lost. An unreadable item that would change a solid is an
+/// error of the reader instead, unless its options allow it.
 ///
 /// ```
 /// use sdf_grid::{Ledger, LedgerKind};

@@ -123,7 +123,7 @@ impl ObjReader<'_> {
                     _ => ("unknown statement", "one that OBJ does not have"),
                 };
                 let place = format!("line {number}, {word:?}");
-                return self.soup.lose(None, place, item, reason);
+                return self.soup.record_loss(None, place, item, reason);
             }
         };
         self.soup.ignore(word, ignored, 1);

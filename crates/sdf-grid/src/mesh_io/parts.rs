@@ -22,10 +22,10 @@ const SCRAPS: f64 = 0.01;
 /// Below this fraction of area times diagonal a surface encloses nothing.
 const FLAT: f64 = 1e-9;
 
-/// Most bodies that are told apart.
+/// Files with more bodies are read as one solid.
 const MOST_BODIES: usize = 4096;
 
-/// Most faces looked at, per face of the file, to tell which body lies in which.
+/// Limit of face visits, per face of the file, in finding which body lies in which.
 const MOST_LOOKS: usize = 64;
 
 /// Names that a joined part shows.
@@ -40,7 +40,7 @@ pub(super) fn join_open(soup: &mut Soup, item: &str) {
     let (corners, count) = welded(soup);
     let topology = Topology::new(&corners, count);
     let of = soup.solid_of_each();
-    let mut surfaces = Surfaces::new(soup, &topology, of, soup.names.len());
+    let mut surfaces = PartBuilder::new(soup, &topology, of, soup.names.len());
     surfaces.join_meeting();
     surfaces.join_torn();
     surfaces.join_hollows(|part| part.volume < 0.0);
@@ -68,8 +68,8 @@ pub(super) fn join_open(soup: &mut Soup, item: &str) {
     }
 }
 
-/// Makes one solid of those of one name of which one is open: the file goes on with a solid that it
-/// began before. Closed ones of one name are copies of a part.
+/// Joins solids of the same name if one of them is open: the file continues a solid that it began
+/// before. Closed solids of the same name are copies of a part.
 pub(super) fn join_namesakes(soup: &mut Soup) {
     let names = soup.names.clone();
     let mut first: FxHashMap<&str, usize> = FxHashMap::default();
@@ -82,7 +82,7 @@ pub(super) fn join_namesakes(soup: &mut Soup) {
     let (corners, count) = welded(soup);
     let topology = Topology::new(&corners, count);
     let of = soup.solid_of_each();
-    let mut surfaces = Surfaces::new(soup, &topology, of, names.len());
+    let mut surfaces = PartBuilder::new(soup, &topology, of, names.len());
     let open: Vec<&str> = (surfaces.parts().iter())
         .filter(|part| part.open)
         .map(|part| names[part.members[0]].as_str())
@@ -109,7 +109,7 @@ pub(super) fn divide_bodies(soup: &mut Soup) {
     if !(2..=MOST_BODIES).contains(&count) {
         return;
     }
-    let mut surfaces = Surfaces::new(soup, &topology, of, count);
+    let mut surfaces = PartBuilder::new(soup, &topology, of, count);
     surfaces.join_meeting();
     if !surfaces.join_scraps() || !surfaces.join_hollows(|_| true) {
         return;
@@ -153,7 +153,7 @@ fn welded(soup: &Soup) -> (Vec<[u32; 3]>, usize) {
 }
 
 /// Pieces of surface that are being joined to parts.
-struct Surfaces<'a> {
+struct PartBuilder<'a> {
     soup: &'a Soup,
     /// Adjacency of its triangles, vertices at one position taken as one.
     topology: &'a Topology<'a>,
@@ -164,7 +164,7 @@ struct Surfaces<'a> {
 }
 
 /// Pieces that were joined.
-struct Joined {
+struct Part {
     members: Vec<usize>,
     triangles: Vec<[u32; 3]>,
     bounds: Aabb,
@@ -177,7 +177,7 @@ struct Joined {
     missing: f64,
 }
 
-impl<'a> Surfaces<'a> {
+impl<'a> PartBuilder<'a> {
     fn new(soup: &'a Soup, topology: &'a Topology<'a>, of: Vec<usize>, pieces: usize) -> Self {
         Self {
             soup,
@@ -221,7 +221,7 @@ impl<'a> Surfaces<'a> {
     /// Joins everything that is open if some of it is too open to be a part.
     fn join_torn(&mut self) {
         let parts = self.parts();
-        let open: Vec<&Joined> = parts.iter().filter(|part| part.open).collect();
+        let open: Vec<&Part> = parts.iter().filter(|part| part.open).collect();
         if open
             .iter()
             .any(|part| part.missing > OPEN || part.volume == 0.0)
@@ -235,8 +235,8 @@ impl<'a> Surfaces<'a> {
     /// Joins open or flat scraps with the largest body; false if they are too much for that.
     fn join_scraps(&mut self) -> bool {
         let parts = self.parts();
-        let scrap = |part: &&Joined| part.open || part.volume == 0.0;
-        let area = |part: &Joined| part.area;
+        let scrap = |part: &&Part| part.open || part.volume == 0.0;
+        let area = |part: &Part| part.area;
         let scraps: f64 = parts.iter().filter(scrap).map(area).sum();
         let all: f64 = parts.iter().map(area).sum();
         let largest = parts
@@ -254,7 +254,7 @@ impl<'a> Surfaces<'a> {
 
     /// Joins closed shells that are chosen and lie within an odd number of others with the smallest
     /// of these; false if telling takes too long.
-    fn join_hollows(&mut self, chosen: impl Fn(&Joined) -> bool) -> bool {
+    fn join_hollows(&mut self, chosen: impl Fn(&Part) -> bool) -> bool {
         let parts = self.parts();
         let mut budget = MOST_LOOKS * self.of.len();
         let mut pairs = Vec::new();
@@ -262,7 +262,7 @@ impl<'a> Surfaces<'a> {
             if inner.open || inner.volume == 0.0 || !chosen(inner) {
                 continue;
             }
-            let mut around: Vec<&Joined> = Vec::new();
+            let mut around: Vec<&Part> = Vec::new();
             for (k, outer) in parts.iter().enumerate() {
                 let larger = outer.volume.abs() > inner.volume.abs();
                 if k == i || outer.open || !larger || !outer.holds(inner) {
@@ -277,7 +277,7 @@ impl<'a> Surfaces<'a> {
                 }
             }
             let tightest = (around.iter()).min_by(|a, b| {
-                let size = |part: &Joined| part.volume.abs();
+                let size = |part: &Part| part.volume.abs();
                 size(a).total_cmp(&size(b))
             });
             if let Some(outer) = tightest.filter(|_| around.len() % 2 == 1) {
@@ -291,7 +291,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The joined pieces so far, those without triangles left out.
-    fn parts(&mut self) -> Vec<Joined> {
+    fn parts(&mut self) -> Vec<Part> {
         let mut triangles: FxHashMap<usize, Vec<[u32; 3]>> = FxHashMap::default();
         for (t, &piece) in self.of.iter().enumerate() {
             let root = self.sets.root(piece);
@@ -322,7 +322,7 @@ impl<'a> Surfaces<'a> {
         let joined = roots.into_iter().map(|root| {
             let triangles = triangles.remove(&root).unwrap_or_default();
             let members = members.remove(&root).unwrap_or_default();
-            Joined::new(self.soup, members, triangles, open[root])
+            Part::new(self.soup, members, triangles, open[root])
         });
         joined.collect()
     }
@@ -337,7 +337,7 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-impl Joined {
+impl Part {
     fn new(soup: &Soup, members: Vec<usize>, triangles: Vec<[u32; 3]>, open: bool) -> Self {
         let corners = |t: &[u32; 3]| t.map(|v| soup.vertices[v as usize]);
         let bounds = Aabb::around(triangles.iter().flat_map(corners));

@@ -45,7 +45,7 @@ pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
                     .map_err(fail)?;
             }
             _ => {
-                Parser::<Skipped>::new()
+                Parser::<SkippedElement>::new()
                     .read_payload_for_element(&mut reader, element, &header)
                     .map_err(fail)?;
             }
@@ -57,7 +57,7 @@ pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     if !rest.is_empty() {
         let found = format!("{} bytes", rest.len());
         let reason = "they come after the elements that the header counts";
-        soup.lose(None, "end of file", &found, reason);
+        soup.record_loss(None, "end of file", &found, reason);
     }
     parts::divide_bodies(&mut soup);
     Ok(soup)
@@ -116,7 +116,7 @@ fn list(soup: &mut Soup, header: &Header) {
             "vertex" => &["x", "y", "z"],
             "face" => &CORNERS,
             "tristrips" if element.count > 0 => {
-                soup.lose(None, "element \"tristrips\"", name, "strips of triangles");
+                soup.record_loss(None, "element \"tristrips\"", name, "strips of triangles");
                 continue;
             }
             _ => {
@@ -252,9 +252,9 @@ impl PropertyAccess for Face {
 }
 
 /// An element that says nothing about the solid.
-struct Skipped;
+struct SkippedElement;
 
-impl PropertyAccess for Skipped {
+impl PropertyAccess for SkippedElement {
     fn new() -> Self {
         Self
     }

@@ -31,7 +31,7 @@ pub(super) struct Loss {
     solids: Option<Range<usize>>,
     /// Where in the file it stands.
     place: String,
-    /// What it is.
+    /// A description of it.
     found: String,
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Soup {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Unit that the file states.
     pub(super) unit: Option<LengthUnit>,
-    /// What was read, ignored and assumed.
+    /// Items read, ignored and assumed.
     pub(super) ledger: Ledger,
     /// Name of each solid. One without triangles is not listed.
     pub(super) names: Vec<String>,
@@ -101,15 +101,15 @@ impl Soup {
             .add_many(LedgerKind::Read, item, "", count as u64);
     }
 
-    /// Counts what changes no solid.
+    /// Counts items that change no solid.
     pub(super) fn ignore(&mut self, item: &str, reason: &str, count: usize) {
         self.ledger
             .add_many(LedgerKind::Ignored, item, reason, count as u64);
     }
 
-    /// Notes what changes a solid, or all of them, and is not read: such solids can only be used
-    /// if the options of reading allow it.
-    pub(super) fn lose(
+    /// Records an item that changes some solids, or all of them, and cannot be read: such solids can
+    /// only be used if the options of reading allow it.
+    pub(super) fn record_loss(
         &mut self,
         solids: Option<Range<usize>>,
         place: impl Into<String>,
@@ -122,7 +122,7 @@ impl Soup {
             place: place.into(),
             found: format!("{item}: {reason}"),
         };
-        // A file that is nothing but such things is told by the first of them.
+        // Of many equal losses in a row the first one is enough.
         let known = |last: &Loss| (&last.solids, &last.found) == (&loss.solids, &loss.found);
         if !self.losses.last().is_some_and(known) {
             self.losses.push(loss);

@@ -13,10 +13,10 @@ use super::stl;
 use super::unit::LengthUnit;
 use crate::mesh::error::MeshError;
 
-/// What Python runs: Gmsh, or else Open CASCADE, through their Python modules.
+/// The script for Python: converts by Gmsh, or else Open CASCADE, through their Python modules.
 const SCRIPT: &str = include_str!("step.py");
 
-/// What the program `gmsh` runs, after a line that sets `Segments`: as [`SCRIPT`] does, but all
+/// The script for the program `gmsh`, after a line that sets `Segments`: as [`SCRIPT`], but all
 /// solids become one mesh.
 const GEOMETRY: &str = include_str!("step.geo");
 
@@ -29,10 +29,10 @@ const MODULES: [&str; 2] = ["gmsh", "OCP"];
 /// Exit code of [`SCRIPT`] for a file without a solid.
 const NO_SOLID: i32 = 70;
 
-/// What [`GEOMETRY`] says of such a file.
+/// The message of [`GEOMETRY`] for such a file.
 const NO_SOLID_SAID: &str = "pegfit: no solid in the file";
 
-/// What to do without a converter.
+/// The remedy for a missing converter.
 const INSTALL: &str = "an installed converter (pip install gmsh)";
 
 /// The file that a converter writes, and what [`SCRIPT`] lists beside it.
@@ -99,15 +99,15 @@ pub(super) fn convert_file(
     Ok((converted.converter, soup))
 }
 
-/// What a converter made of a file.
-struct Converted {
+/// The output of a converter.
+struct ConvertedFile {
     converter: PathBuf,
     stl: Vec<u8>,
     ledger: Ledger,
 }
 
-/// Why a converter made nothing of a file.
-enum Failed {
+/// Why a converter failed.
+enum ConversionError {
     /// It is not installed.
     Missing(String),
     /// It is, but failed: what it should have done and what came of it.
@@ -117,7 +117,7 @@ enum Failed {
 }
 
 /// Runs the converter, or one after the other until one succeeds.
-fn convert(file: &Path, options: &StepOptions) -> Result<Converted, MeshError> {
+fn convert(file: &Path, options: &StepOptions) -> Result<ConvertedFile, MeshError> {
     let programs = match &options.converter {
         Some(converter) => vec![converter.clone()],
         None => CONVERTERS.map(PathBuf::from).to_vec(),
@@ -133,24 +133,26 @@ fn convert(file: &Path, options: &StepOptions) -> Result<Converted, MeshError> {
             };
             match run.run() {
                 Ok((stl, ledger)) => {
-                    return Ok(Converted {
+                    return Ok(ConvertedFile {
                         converter: program.clone(),
                         stl,
                         ledger,
                     });
                 }
-                Err(Failed::NoSolid(found)) => {
+                Err(ConversionError::NoSolid(found)) => {
                     let path = file.to_owned();
                     return Err(MeshError::NoSolid { path, found });
                 }
-                Err(Failed::Missing(why)) => missing.push(format!("{}: {why}", run.name())),
-                Err(Failed::Broken(expected, found)) => {
+                Err(ConversionError::Missing(why)) => {
+                    missing.push(format!("{}: {why}", run.name()))
+                }
+                Err(ConversionError::Broken(expected, found)) => {
                     broken.push((program.clone(), run.name(), expected, found));
                 }
             }
         }
     }
-    // What an installed converter says of the file tells more than that others are missing.
+    // The message of an installed converter is more informative than that others are missing.
     let Some((converter, _, expected, found)) = broken.first().cloned() else {
         return Err(MeshError::Converter {
             path: file.to_owned(),
@@ -171,7 +173,7 @@ fn convert(file: &Path, options: &StepOptions) -> Result<Converted, MeshError> {
     })
 }
 
-/// What a program can convert with: the modules of Python, or nothing else.
+/// The modules by which a program can convert: those of Python, or none.
 fn modules(program: &Path) -> &'static [Option<&'static str>] {
     const OF_PYTHON: [Option<&str>; 2] = [Some(MODULES[0]), Some(MODULES[1])];
     match is_python(program) {
@@ -195,7 +197,7 @@ struct Conversion<'a> {
 }
 
 impl Conversion<'_> {
-    /// What messages call it.
+    /// Its name in messages.
     fn name(&self) -> String {
         let program = self.converter.display();
         match self.module {
@@ -205,7 +207,7 @@ impl Conversion<'_> {
     }
 
     /// Runs in a folder of its own.
-    fn run(&self) -> Result<(Vec<u8>, Ledger), Failed> {
+    fn run(&self) -> Result<(Vec<u8>, Ledger), ConversionError> {
         let converter = Converter {
             file: self.file,
             program: self.converter,
@@ -213,18 +215,24 @@ impl Conversion<'_> {
             memory_limit: self.options.memory_limit,
         };
         let finished = converter.execute(|command, folder| self.add_arguments(command, folder));
-        let finished = finished.map_err(|[expected, found]| Failed::Broken(expected, found))?;
+        let finished =
+            finished.map_err(|[expected, found]| ConversionError::Broken(expected, found))?;
         if finished.status.code() == Some(NO_SOLID) && self.module.is_some() {
-            return Err(Failed::NoSolid(finished.last_lines(1)));
+            return Err(ConversionError::NoSolid(finished.last_lines(1)));
         }
         if finished.messages.contains(NO_SOLID_SAID) {
-            return Err(Failed::NoSolid("nothing that bounds a solid".to_owned()));
+            return Err(ConversionError::NoSolid(
+                "nothing that bounds a solid".to_owned(),
+            ));
         }
         if finished.is_not_installed() {
-            return Err(Failed::Missing(finished.last_lines(1)));
+            return Err(ConversionError::Missing(finished.last_lines(1)));
         }
         let Some(stl) = finished.output(OUTPUT) else {
-            return Err(Failed::Broken("triangles".to_owned(), finished.describe()));
+            return Err(ConversionError::Broken(
+                "triangles".to_owned(),
+                finished.describe(),
+            ));
         };
         let listed = finished.output(LEDGER).unwrap_or_default();
         Ok((
@@ -260,7 +268,7 @@ impl Conversion<'_> {
     }
 }
 
-/// What [`SCRIPT`] says beside triangles.
+/// The ledger that [`SCRIPT`] writes beside the triangles.
 fn ledger(text: &str) -> Ledger {
     let mut ledger = Ledger::default();
     for line in text.lines() {

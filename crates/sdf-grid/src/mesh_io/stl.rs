@@ -84,7 +84,7 @@ fn parse_binary(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     if room && rest.iter().any(|&b| b != 0) {
         let place = format!("byte {}", bytes.len() - rest.len());
         let found = format!("{} bytes with room for facets", rest.len());
-        soup.lose(None, place, &found, reason);
+        soup.record_loss(None, place, &found, reason);
     } else {
         soup.ignore("trailing byte", reason, rest.len());
     }

@@ -69,7 +69,7 @@ pub struct AtomicFile {
     writer: BufWriter<Target>,
 }
 
-/// What takes the content.
+/// The target of the content.
 #[derive(Debug)]
 enum Target {
     /// A file to be renamed.
@@ -261,7 +261,7 @@ fn failed(path: &Path, source: io::Error) -> AtomicError {
     }
 }
 
-/// What a temporary name for `path` begins with.
+/// The beginning of a temporary name for `path`.
 fn prefix(path: &Path) -> OsString {
     let mut prefix = OsString::from(".");
     prefix.push(path.file_name().unwrap_or_default());

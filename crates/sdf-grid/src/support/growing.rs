@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use crate::support::atomic::{AtomicError, sync_folder};
 use crate::support::place::Place;
 
-/// A file that grows beside its place as `NAME.part`, where everybody can see it, and takes its name
-/// when it is whole. What was there before stays until then.
+/// A file that grows beside its place as `NAME.part`, readable meanwhile, and takes its name when it is
+/// complete. The previous file stays until then.
 ///
 /// Whatever ends the process, all that was appended is in the part: it is never removed, and never
 /// written over by another run, which takes `NAME.1.part`. Into a device, a pipe or an open

@@ -1,6 +1,5 @@
-//! Large arrays: in large pages, and asked for ahead of their use. What is read all over otherwise
-//! waits for the addresses of its pages, for the kernel to hand them out one by one, and for
-//! distant caches.
+//! Large arrays in large pages: scattered reads otherwise wait for the addresses of small pages, and
+//! for the kernel to hand them out one by one.
 
 use rayon::prelude::*;
 
@@ -39,7 +38,7 @@ pub(crate) fn collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) ->
     list
 }
 
-/// The same with two arrays.
+/// As [`collect`], into two arrays.
 pub(crate) fn collect_both<A: Send, B: Send>(
     items: impl IndexedParallelIterator<Item = (A, B)>,
 ) -> (Vec<A>, Vec<B>) {
@@ -52,20 +51,4 @@ fn room<T>(len: usize) -> Vec<T> {
     let mut list = Vec::with_capacity(len);
     ask_for_large_pages(list.spare_capacity_mut());
     list
-}
-
-/// Asks for all of a value ahead of its use.
-#[inline(always)]
-pub(crate) fn prefetch<T>(value: &T) {
-    #[cfg(target_arch = "x86_64")]
-    for offset in (0..size_of::<T>()).step_by(64) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let at = std::ptr::from_ref(value).cast::<i8>().wrapping_add(offset);
-        // SAFETY: SSE, to which the instruction belongs, is part of every x86-64. It is a hint: it
-        // reads nothing as far as the program can tell and faults on no address, so that the last
-        // line of a value, which may begin before it, needs no argument of its own.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = value;
 }

@@ -1,8 +1,8 @@
-//! Which vector instructions run: the one choice of them.
+//! The choice of vector instructions.
 
 use fearless_simd::Level;
 
-/// What this machine has; with the feature `scalar` no vector instructions at all.
+/// The best level of this machine; with the feature `scalar`, no vector instructions at all.
 ///
 /// Unit tests are compiled for AVX2 and the baseline only: every level costs as long again to
 /// compile, and the crates' other tests compare what the machine's best gives with references.

@@ -1,4 +1,4 @@
-//! What every part of the crate leans on: files, recipes, progress and memory.
+//! Basics of the whole crate: files, recipes, progress and memory.
 
 pub(crate) mod angle;
 pub mod atomic;

@@ -1,5 +1,4 @@
-//! Where content goes that is written to a path: to a file that is replaced, or into something that
-//! takes it as it comes.
+//! The target of content that is written to a path: a file that is replaced, or a stream.
 //!
 //! A symbolic link is followed, but for one that another user has put into a folder that everybody
 //! may write to: it would have content written where that user wants it. Linux refuses such links,
@@ -12,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// As many links in a row as Linux follows.
 const MOST_LINKS: usize = 40;
 
-/// What stands at a path, or is to stand there.
+/// The target at a path.
 #[derive(Debug)]
 pub(crate) enum Place {
     /// A file that may be replaced, or nothing yet; no link any more.
@@ -22,7 +21,7 @@ pub(crate) enum Place {
 }
 
 impl Place {
-    /// What content for `path` is written to.
+    /// Finds the target of content for `path`.
     ///
     /// A descriptor that this process holds, such as `/dev/stdout`, is shared and not opened again:
     /// content then follows what was written there before.

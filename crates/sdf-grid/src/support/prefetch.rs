@@ -1,4 +1,4 @@
-//! Hints of what will be read soon.
+//! Hints to the caches of what will be read soon.
 
 /// Bytes of a cache line, or fewer.
 const LINE: usize = 64;
@@ -15,6 +15,12 @@ pub fn fetch<T>(at: *const T) {
     }
     #[cfg(not(all(target_arch = "x86_64", not(miri))))]
     let _ = at;
+}
+
+/// Asks for all of a value for the nearest cache, ahead of its use.
+#[inline(always)]
+pub(crate) fn fetch_value<T>(value: &T) {
+    fetch_all(std::slice::from_ref(value));
 }
 
 /// Asks for all of a slice for the nearest cache, ahead of its use.

@@ -1,8 +1,8 @@
-//! What two results were made from, compared as a whole.
+//! Comparison of the provenance of two results.
 //!
-//! Whatever a stored result depends on is kept beside it as one value (a field's is
+//! Everything that a stored result depends on is kept beside it as one value, its recipe (a field's is
 //! [`crate::FieldRecipe`]). Before the result is used or continued, [`difference`] names the first
-//! number in which what is stored departs from what is asked for.
+//! number in which the stored recipe differs from the requested one.
 
 use std::fmt::Display;
 
@@ -15,14 +15,14 @@ use serde_json::{Map, Value};
 pub struct Difference {
     /// Names from the outside in, with dots between them: `fixed.lattice.spacing`.
     pub key: String,
-    /// What was stored, as text; `none` if it was not.
+    /// The stored value as text; `none` if absent.
     pub stored: String,
-    /// What was given, as text; `none` if it was not.
+    /// The given value as text; `none` if absent.
     pub given: String,
 }
 
-/// The first difference between what was `stored` and what is `given`, in the order in which the
-/// keys are declared; none if they are equal.
+/// The first difference between a stored and a given recipe, in the order in which their keys are
+/// declared; none if they are equal.
 ///
 /// Values are compared as JSON holds them: numbers as numbers (1 is 1.0), and what is absent, an
 /// empty option, and a number that is not finite are all `none`.

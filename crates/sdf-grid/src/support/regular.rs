@@ -1,8 +1,8 @@
-//! Files that are files, of a size that is known before a byte is read.
+//! Reading of regular files, whose size is checked before a byte is read.
 //!
-//! What lies where a file is expected may be a pipe, which is opened only when somebody writes to
-//! it, a device, which never ends, a folder, or a file of any size. None of them is waited for, and
-//! nothing is allocated beyond what was asked for.
+//! A path may lead to a pipe, which opens only when somebody writes to it, a device, which never
+//! ends, a folder, or a file of any size. Reading waits for none of them and allocates no more than
+//! its limit.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -11,21 +11,21 @@ use std::path::Path;
 /// Why there is nothing to read.
 #[derive(Debug, thiserror::Error)]
 pub enum RegularError {
-    /// What the system said.
+    /// The system's error.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// Not a file.
     #[error("a file expected, found {found}")]
     Kind {
-        /// What is there.
+        /// The kind found.
         found: &'static str,
     },
     /// A file of more bytes than make sense.
     #[error("at most {limit} bytes expected, found {found}")]
     Length {
-        /// What was allowed, bytes.
+        /// The limit, bytes.
         limit: u64,
-        /// What is there, bytes.
+        /// The length found, bytes.
         found: u64,
     },
 }
@@ -39,8 +39,8 @@ impl From<RegularError> for io::Error {
     }
 }
 
-/// Opens a file for reading and tells its length; `None` if there is nothing. What is neither a file
-/// nor a symbolic link to one is not opened.
+/// Opens a file for reading and returns its length, bytes; `None` if there is nothing. Only files and
+/// symbolic links to files are opened.
 ///
 /// # Errors
 /// If something else is there, or the file cannot be opened.

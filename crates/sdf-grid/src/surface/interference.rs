@@ -1,20 +1,20 @@
-//! How far two solids lie in one another.
+//! Volume and depth of the interference of two solids.
 
 use glam::{DQuat, DVec3, Vec3Swizzles};
 
 use super::bvh::tree::Bvh;
 use crate::mesh::aabb::Aabb;
-use crate::mesh::boolean::{ClosedSurface, Common};
+use crate::mesh::boolean::{ClosedSurface, Intersection};
 use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
 
-/// How far two solids lie in one another at a pose.
+/// Volume and depth of the interference of two solids at a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Interference {
-    /// The volume that both fill, cubic metres.
+    /// Volume of the intersection, cubic metres.
     pub volume: f64,
-    /// The greatest distance of a point of either surface that lies in the other solid from that
-    /// solid's surface, metres: how far the parts have to give way.
+    /// Penetration depth, metres: the greatest distance, from the other solid's surface, of a point
+    /// of either surface that lies inside the other solid.
     pub depth: f64,
 }
 
@@ -73,8 +73,8 @@ impl<'a> InterferenceQuery<'a> {
         };
         let deepest = |points: Vec<DVec3>| points.into_iter().map(depth).fold(0.0, f64::max);
         match self.common(&placed) {
-            Some(Common::Nothing) => Interference::default(),
-            Some(Common::Solid(common)) => {
+            Some(Intersection::Nothing) => Interference::default(),
+            Some(Intersection::Solid(common)) => {
                 let middle = self.fixed.bounds().center();
                 let (vertices, triangles) = common.mesh();
                 let corner = |v: u32| vertices[v as usize] + middle;
@@ -102,7 +102,7 @@ impl<'a> InterferenceQuery<'a> {
     }
 
     /// The boolean intersection with the placed moving part; none if a surface is not closed.
-    fn common(&self, placed: &TriangleMesh) -> Option<Common> {
+    fn common(&self, placed: &TriangleMesh) -> Option<Intersection> {
         let middle = self.fixed.bounds().center();
         let vertices: Vec<DVec3> = placed.vertices().iter().map(|v| v - middle).collect();
         let moving = ClosedSurface::new(&vertices, placed.triangles())?;

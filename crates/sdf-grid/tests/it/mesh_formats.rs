@@ -4,8 +4,7 @@ use std::io::Write;
 
 use glam::{DMat4, DQuat, DVec3};
 use sdf_grid::mesh_io::{MeshFile, MeshFormat, ReadOptions};
-use sdf_grid::shapes;
-use sdf_grid::{LengthUnit, MeshError, RepairReport, TriangleMesh};
+use sdf_grid::{LengthUnit, MeshError, RepairReport, TriangleMesh, shapes};
 use serde_json::{Value, json};
 
 /// A box of 2 x 3 x 4.

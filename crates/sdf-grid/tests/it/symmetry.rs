@@ -3,8 +3,7 @@
 use glam::{DQuat, DVec2, DVec3};
 use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::symmetry::detect;
-use sdf_grid::{RepairOptions, TriangleMesh};
-use sdf_grid::{SymmetryAxis, SymmetryOrder};
+use sdf_grid::{RepairOptions, SymmetryAxis, SymmetryOrder, TriangleMesh};
 
 use SymmetryOrder::{Continuous, Finite};
 

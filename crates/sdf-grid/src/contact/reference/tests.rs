@@ -4,8 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::kernel::ContactKernel;
 use super::surface::{ContactSurface, Flux};
-use crate::contact::samples::SurfaceSample;
-use crate::contact::samples::surface_samples;
+use crate::contact::samples::{SurfaceSample, surface_samples};
 use crate::mesh::shapes;
 
 /// Density and distribution of the normal distribution, the latter by integrating the former.

@@ -19,7 +19,7 @@ use super::smooth_parts::SmoothParts;
 use crate::contact::error::ContactError;
 use crate::contact::samples::{SurfaceSample, surface_pieces};
 use crate::mesh::triangle_mesh::TriangleMesh;
-use crate::surface::coplanar::pieces::merged;
+use crate::surface::coplanar::pieces::merge_coplanar;
 
 /// Where the rows along sharp edges end, in units of the distance of points: at least, and by how
 /// much farther at most.
@@ -70,7 +70,7 @@ pub(super) fn spread(
         return Err(ContactError::Distance { found: distance });
     }
     let parts = SmoothParts::new(mesh);
-    let faces = merged(mesh.triangles(), mesh.vertices(), flat);
+    let faces = merge_coplanar(mesh.triangles(), mesh.vertices(), flat);
     let lattices = lattices(mesh, &parts, distance, reach)?;
     let near = ROWS[ROWS.len() - 1].iter().sum::<f64>() * distance;
     let edges = SharpEdges::new(mesh, &parts, [near, ALONG * distance])?;

@@ -9,8 +9,8 @@ use super::facet::{Facet, Hull, View};
 use super::lanes::Lanes;
 use super::points::{Packet, Points};
 use crate::dispatch_lanes;
-use crate::support::large::{self, prefetch};
-use crate::support::level;
+use crate::support::prefetch::fetch_value;
+use crate::support::{large, level};
 use crate::surface::bvh::build::Stack;
 use crate::surface::bvh::tree::Bvh;
 
@@ -41,12 +41,12 @@ impl<'a> PacketDistance<'a> {
     fn ask_below(&self, id: u32, hull: &Hull) {
         if hull.is_leaf() {
             for i in hull.range() {
-                prefetch(&self.facets[i]);
+                fetch_value(&self.facets[i]);
             }
             return;
         }
         for child in [id + 1, hull.second] {
-            prefetch(&self.hulls[child as usize]);
+            fetch_value(&self.hulls[child as usize]);
         }
     }
 

@@ -10,7 +10,7 @@ use super::points::Packet;
 use super::query::Query;
 use super::tree::PacketTree;
 use super::waiting::WaitingClusters;
-use crate::support::large::prefetch;
+use crate::support::prefetch::fetch_value;
 
 /// Working memory of the walk. Reused from packet to packet.
 #[derive(Debug, Default)]
@@ -130,13 +130,13 @@ fn ask_for(
         let place = members.trailing_zeros() as usize;
         members &= members - 1;
         if perhaps_far >> place & 1 == 1 {
-            prefetch(&clusters[place]);
+            fetch_value(&clusters[place]);
             continue;
         }
         match group.below[place] {
-            Below::Face(face) => prefetch(&tree.bvh.faces[face as usize]),
+            Below::Face(face) => fetch_value(&tree.bvh.faces[face as usize]),
             Below::Members(below) => members |= below & reached,
-            Below::Group(below) => prefetch(&tree.groups[below as usize]),
+            Below::Group(below) => fetch_value(&tree.groups[below as usize]),
         }
     }
 }

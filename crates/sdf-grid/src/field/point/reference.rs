@@ -3,9 +3,8 @@
 
 use glam::DVec3;
 
-use super::edge_integral::EdgeQuadrature;
+use super::edge_integral::{EdgeQuadrature, UnitDensity};
 use super::tree;
-use super::unit::UnitDensity;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::face::{Face, Piece};

@@ -3,8 +3,7 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::edge_integral::EdgeQuadrature;
-use super::unit::UnitDensity;
+use super::edge_integral::{EdgeQuadrature, UnitDensity};
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::options::DensityError;
 use crate::mesh::triangle_mesh::TriangleMesh;

@@ -11,8 +11,8 @@ use super::smooth::{Attempt, SmoothBlock};
 use crate::field::packet::density::PacketDensity;
 use crate::field::packet::lanes::{LANES, Lanes};
 use crate::field::packet::walk::Walk;
+use crate::field::point::edge_integral::UnitDensity;
 use crate::field::point::tree::PointDensity;
-use crate::field::point::unit::UnitDensity;
 use crate::surface::bvh::tree::Bvh;
 
 /// Values on a patch, C order. Reused from patch to patch.

@@ -14,8 +14,7 @@ use rayon::prelude::*;
 
 use super::between::{self, Between, FINE};
 use super::blocks::{Arrays, block_count};
-use crate::field::lattice::Lattice;
-use crate::field::lattice::zeros;
+use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
 
 /// Fine nodes along x that are worked on together: two blocks deep.

@@ -37,8 +37,8 @@ fn height([a, b, c]: [DVec3; 3]) -> f64 {
 /// between two solids which touch; returns how many were dropped. Indices are below `vertices`.
 pub(super) fn drop_duplicates(vertices: usize, triangles: &mut Vec<[u32; 3]>) -> usize {
     let before = triangles.len();
-    // For each set of corners the place of its first face and how much oftener its faces run one
-    // way round than the other.
+    // For each set of corners: the place of its first face, and by how much the faces of one
+    // orientation outnumber those of the other.
     let mut seen: HashMap<[u32; 3], (usize, i32)> = HashMap::with_capacity(before);
     let mut kept = Vec::with_capacity(before);
     for &t in triangles.iter() {
@@ -61,7 +61,7 @@ pub(super) fn drop_duplicates(vertices: usize, triangles: &mut Vec<[u32; 3]>) ->
     before - triangles.len()
 }
 
-/// The corners in order of their index, and 1 if that is the way the face runs round, else -1.
+/// The corners sorted by index, and the orientation of the face with respect to that order, 1 or -1.
 fn sorted(t: [u32; 3]) -> ([u32; 3], i32) {
     let mut corners = t;
     corners.sort_unstable();
@@ -70,9 +70,9 @@ fn sorted(t: [u32; 3]) -> ([u32; 3], i32) {
     (corners, if forward { 1 } else { -1 })
 }
 
-/// Drops patches of faces that had opposite copies (`cancels`) and that end where two other faces
-/// meet: both sides of a wall between solids that touch. Elsewhere opposite copies are a surface
-/// listed for both its sides, of which one stays.
+/// Drops patches of faces that had opposite copies (`cancels`) and end where two other faces meet: they
+/// are both sides of a wall between solids that touch. Elsewhere opposite copies are a surface listed
+/// for both sides, of which one stays.
 fn drop_walls(vertices: usize, triangles: &mut Vec<[u32; 3]>, cancels: &[bool]) {
     let topology = Topology::new(triangles, vertices);
     let (of, count) = topology.components();

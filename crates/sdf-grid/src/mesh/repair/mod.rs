@@ -1,4 +1,4 @@
-//! What every mesh goes through before anything is computed from it.
+//! Repair of a mesh, before anything is computed from it.
 //!
 //! In order: vertices must be finite and indices in range; vertices closer than a tolerance are
 //! welded; faces without area and repeated faces are dropped; open edges are cut where the vertices
@@ -27,7 +27,7 @@ use crate::mesh::topology::{Edge, Topology};
 const COORDINATE_LIMIT: f64 = 1e12;
 
 /// Vertices, triangles and the report of what was done to them.
-type Cleaned = (Vec<DVec3>, Vec<[u32; 3]>, RepairReport);
+type RepairedMesh = (Vec<DVec3>, Vec<[u32; 3]>, RepairReport);
 
 /// Runs the pipeline; see the module documentation.
 pub(crate) fn run(
@@ -35,7 +35,7 @@ pub(crate) fn run(
     mut vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     options: &RepairOptions,
-) -> Result<Cleaned, MeshError> {
+) -> Result<RepairedMesh, MeshError> {
     check_options(name, options)?;
     check_input(name, &vertices, &triangles)?;
     let (input_vertices, input_triangles) = (vertices.len(), triangles.len());
@@ -98,8 +98,8 @@ fn welded(vertices: &[DVec3], triangles: &[[u32; 3]], distance: f64) -> (Vec<[u3
     (triangles.iter().map(on).collect(), welded.merged)
 }
 
-/// What was done to faces.
-struct Changed {
+/// Counts of changed faces.
+struct FaceChanges {
     zero_area: usize,
     duplicate: usize,
     stitched: usize,
@@ -111,8 +111,8 @@ fn change_faces(
     triangles: &mut Vec<[u32; 3]>,
     diagonal: f64,
     weld_distance: f64,
-) -> Changed {
-    let mut changed = Changed {
+) -> FaceChanges {
+    let mut changed = FaceChanges {
         zero_area: 0,
         duplicate: 0,
         stitched: 0,
@@ -140,7 +140,7 @@ fn described(
     components: Vec<ComponentReport>,
 ) -> RepairReport {
     let topology = Topology::new(triangles, vertices.len());
-    let count = |is: fn(&Edge<'_>) -> bool| topology.edges().filter(|e| is(e)).count();
+    let count = |is: fn(&Edge<'_>) -> bool| topology.edges().filter(is).count();
     let faces = triangles.iter().map(|t| t.map(|v| vertices[v as usize]));
     let area: f64 = faces.map(face_area).sum();
     let missing = missing_area(vertices, &topology);

@@ -9,17 +9,18 @@ use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::measure::{face_area, volume, winding_number};
 use crate::mesh::topology::Topology;
 
-/// Below this fraction of area times diagonal a component encloses nothing and has no outside.
+/// Below this fraction of area times diagonal the volume of a component counts as zero: it has no
+/// outside.
 const FLAT: f64 = 1e-9;
 
-/// How many faces of a component are asked whether they lie inside another component.
+/// Number of points per component that are tested against another component.
 const WITNESSES: usize = 8;
 
 /// The oriented faces and what was done to them.
-pub(super) struct Oriented {
+pub(super) struct OrientedFaces {
     /// All faces in their input order.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// What became of each component, in the order of their first faces.
+    /// A report of each component, in the order of their first faces.
     pub(super) components: Vec<ComponentReport>,
     /// Where each of them lies.
     pub(super) shells: Vec<Shell>,
@@ -47,7 +48,7 @@ impl Shell {
     }
 }
 
-impl Oriented {
+impl OrientedFaces {
     /// The oriented faces of a shell.
     pub(super) fn faces_of(&self, shell: usize) -> impl Iterator<Item = [u32; 3]> + '_ {
         let faces = self.shells[shell].faces.iter();
@@ -67,7 +68,7 @@ struct Component {
 }
 
 /// Orients every component of `triangles`.
-pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
+pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> OrientedFaces {
     let (groups, mut flipped) = flood(&Topology::new(&triangles, vertices.len()));
     let components: Vec<Component> = groups
         .into_iter()
@@ -111,7 +112,7 @@ pub(super) fn orient(vertices: &[DVec3], triangles: Vec<[u32; 3]>) -> Oriented {
         .zip(&flipped)
         .map(|(&t, &flip)| turned(t, flip))
         .collect();
-    Oriented {
+    OrientedFaces {
         triangles: oriented,
         components: reports,
         shells,
@@ -122,12 +123,12 @@ fn turned([a, b, c]: [u32; 3], flip: bool) -> [u32; 3] {
     if flip { [a, c, b] } else { [a, b, c] }
 }
 
-/// Groups faces connected through edges of exactly two faces and says which to flip so that each
-/// group runs alike (as its first face does).
+/// Groups faces connected through edges of exactly two faces, and marks those to flip so that each
+/// group is oriented like its first face.
 fn flood(topology: &Topology<'_>) -> (Vec<Vec<u32>>, Vec<bool>) {
     const NONE: (u32, bool) = (u32::MAX, false);
     let triangles = topology.triangles();
-    // Across each side of each face: the face there, and whether it runs the other way round.
+    // The face across each side of each face, and whether its orientation is opposite.
     let mut across = vec![[NONE; 3]; triangles.len()];
     for edge in topology.edges() {
         if let [a, b] = *edge.half_edges() {
@@ -162,8 +163,8 @@ fn flood(topology: &Topology<'_>) -> (Vec<Vec<u32>>, Vec<bool>) {
     (groups, flipped)
 }
 
-/// Flips the whole component if it encloses a negative volume; a flat one so that fewer of its
-/// faces are changed.
+/// Flips the whole component if its volume is negative, or, if it is flat, where that changes fewer
+/// of its faces.
 fn outward(
     vertices: &[DVec3],
     triangles: &[[u32; 3]],
@@ -245,8 +246,8 @@ fn nesting(components: &[Component], index: usize) -> Nesting {
 }
 
 impl Component {
-    /// Points just inside the component, behind faces spread over it. Behind, not on, so that
-    /// shells which touch or coincide are still told apart.
+    /// Points just inside the component, behind faces spread over it: behind rather than on them, so
+    /// that shells which touch or coincide can be distinguished.
     fn witnesses(&self) -> Vec<DVec3> {
         let count = self.corners.len().min(WITNESSES);
         (0..count)
@@ -259,8 +260,8 @@ impl Component {
             .collect()
     }
 
-    /// Whether some of what it encloses lies outside `outer`, which encloses most of it; false if one
-    /// of them is not closed.
+    /// Whether part of its interior lies outside `outer`, which encloses most of it; false if either
+    /// is not closed.
     fn sticks_out_of(&self, outer: &Self) -> bool {
         let surface = |component: &Self| {
             let vertices: Vec<DVec3> = component.corners.iter().flatten().copied().collect();

@@ -1,10 +1,10 @@
-//! What repair may change, and what it found and changed.
+//! Options and report of the repair of a mesh.
 
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::aabb::Aabb;
 
-/// What repair may change and what it refuses.
+/// Options of the repair of a mesh: its tolerances.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct RepairOptions {
@@ -26,7 +26,7 @@ impl Default for RepairOptions {
     }
 }
 
-/// What repair found and changed in one component of the surface.
+/// Findings and changes in one component of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ComponentReport {
     /// Triangles kept.
@@ -40,7 +40,7 @@ pub struct ComponentReport {
     pub cavity: bool,
 }
 
-/// What repair found and changed.
+/// Findings and changes of the repair of a mesh.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RepairReport {
     /// File or part name.

@@ -6,13 +6,13 @@ use glam::DVec3;
 
 use crate::mesh::topology::{Edge, Topology};
 
-/// How far a vertex may be from a side that it cuts, in distances from the nearer end of that side:
-/// the two parts are then shorter than the whole.
+/// How far a vertex may be from a side that it cuts, as a share of its distance from the nearer end
+/// of that side: both parts are then shorter than the side.
 const BEND: f64 = 0.1;
 
-/// Cuts faces whose open edge passes within `distance` of the ends of other open edges, so that
-/// the edge gains those vertices. Vertices do not move. Returns the number of edges cut. Every cut
-/// takes from `budget` the faces that it adds; when that is spent, edges stay open.
+/// Cuts faces whose open edge passes within `distance` of the ends of other open edges, so that the
+/// edge gains those vertices. Vertices do not move. Returns the number of edges cut. Every cut takes
+/// the faces that it adds from `budget`; when the budget is spent, edges stay open.
 pub(super) fn stitch(
     vertices: &[DVec3],
     triangles: &mut Vec<[u32; 3]>,
@@ -37,7 +37,7 @@ pub(super) fn stitch(
     }
 }
 
-/// A face to be cut: the ends of its side with the vertices between them, and the corner opposite.
+/// A cut of a face: the ends of one side with the vertices between them, and the opposite corner.
 struct Cut {
     side: Vec<u32>,
     opposite: u32,
@@ -48,7 +48,7 @@ impl Cut {
         self.side.windows(2).map(|s| [s[0], s[1], self.opposite])
     }
 
-    /// True if every piece runs as the face did.
+    /// Whether every piece has the orientation of the face.
     fn keeps_orientation(&self, vertices: &[DVec3]) -> bool {
         let [first, .., last] = self.side[..] else {
             return false;

@@ -5,16 +5,16 @@
 
 use glam::DVec3;
 
-use super::orient::{Oriented, Shell};
+use super::orient::{OrientedFaces, Shell};
 use crate::mesh::aabb::Aabb;
 use crate::mesh::boolean::ClosedSurface;
 use crate::mesh::error::MeshError;
 
-/// Changes of volume and area, as a share, up to which a union is what its parts were.
+/// Relative changes of volume and area up to which a union counts as equal to its parts.
 const SAME: f64 = 1e-9;
 
 /// The surface of a union.
-pub(super) struct United {
+pub(super) struct UnionMesh {
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
     /// Components of the input that became part of another.
@@ -27,23 +27,23 @@ struct Body {
     bounds: Aabb,
 }
 
-/// Unites the shells of `oriented` where that changes anything; `name` is the part's.
+/// Unites the shells of `oriented` where that changes anything; `name` is the name of the part.
 ///
 /// # Errors
 /// If two shells cut through one another and are not closed, so that they have no union.
 pub(super) fn unite(
     name: &str,
     vertices: &[DVec3],
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     touching: f64,
-) -> Result<Option<United>, MeshError> {
+) -> Result<Option<UnionMesh>, MeshError> {
     let bodies = bodies(&oriented.shells);
     let mut united = None;
     for group in groups(&bodies, touching) {
         let shells = || group.iter().flat_map(|&b| &bodies[b].shells).copied();
         match union(vertices, oriented, &bodies, &group) {
             Some(surface) if differs(&surface, vertices, oriented, shells()) => {
-                let united = united.get_or_insert_with(|| Pieces::without_any(oriented));
+                let united = united.get_or_insert_with(|| Replacement::without_any(oriented));
                 united.replace(shells(), &surface);
             }
             Some(_) => {}
@@ -67,7 +67,7 @@ fn bodies(shells: &[Shell]) -> Vec<Body> {
     (0..shells.len()).filter(outward).map(body).collect()
 }
 
-/// Bodies whose boxes come within `touching` of one another, by their numbers; two or more in each.
+/// Groups of two or more bodies whose boxes are connected within `touching`, by their numbers.
 fn groups(bodies: &[Body], touching: f64) -> Vec<Vec<usize>> {
     let mut left: Vec<usize> = (0..bodies.len()).collect();
     let mut groups = Vec::new();
@@ -88,10 +88,10 @@ fn groups(bodies: &[Body], touching: f64) -> Vec<Vec<usize>> {
     groups
 }
 
-/// The union of a group, two and two, so that each surface passes through few booleans.
+/// The union of a group, pair by pair, so that each surface passes through few booleans.
 fn union(
     vertices: &[DVec3],
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     bodies: &[Body],
     group: &[usize],
 ) -> Option<ClosedSurface> {
@@ -116,11 +116,11 @@ fn union(
     surfaces.pop()
 }
 
-/// Whether a union is another surface than its shells.
+/// Whether a union differs from its shells.
 fn differs(
     union: &ClosedSurface,
     vertices: &[DVec3],
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     shells: impl Iterator<Item = usize>,
 ) -> bool {
     let (mut volume, mut area) = (0.0, 0.0);
@@ -135,10 +135,10 @@ fn differs(
     changed(union.volume(), volume) || changed(union.area(), area)
 }
 
-/// Shells that have no union may not cut through one another.
+/// Refuses shells without a union that cut through one another.
 fn refuse_overlaps(
     name: &str,
-    oriented: &Oriented,
+    oriented: &OrientedFaces,
     shells: impl Iterator<Item = usize>,
 ) -> Result<(), MeshError> {
     for first in shells {
@@ -153,14 +153,14 @@ fn refuse_overlaps(
     Ok(())
 }
 
-/// The shells that stay, and the unions of the others.
-struct Pieces {
+/// The shells that stay, and the unions that replace the others.
+struct Replacement {
     stays: Vec<bool>,
     unions: Vec<(Vec<DVec3>, Vec<[u32; 3]>)>,
 }
 
-impl Pieces {
-    fn without_any(oriented: &Oriented) -> Self {
+impl Replacement {
+    fn without_any(oriented: &OrientedFaces) -> Self {
         Self {
             stays: vec![true; oriented.shells.len()],
             unions: Vec::new(),
@@ -172,8 +172,8 @@ impl Pieces {
         self.unions.push(union.mesh());
     }
 
-    fn joined(self, vertices: &[DVec3], oriented: &Oriented) -> United {
-        let mut united = United {
+    fn joined(self, vertices: &[DVec3], oriented: &OrientedFaces) -> UnionMesh {
+        let mut united = UnionMesh {
             vertices: vertices.to_vec(),
             triangles: Vec::new(),
             components: self.stays.iter().filter(|stays| !**stays).count(),

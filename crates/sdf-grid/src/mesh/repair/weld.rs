@@ -6,21 +6,21 @@ use glam::{DVec3, I64Vec3};
 
 use crate::mesh::aabb::Aabb;
 
-/// Cells are this many weld distances wide: most vertices then lie far enough from every cell face
-/// to need a look into one cell only.
+/// Width of a cell in weld distances: most vertices then lie far enough from the cell's faces that
+/// one cell is searched for them.
 const CELL_WIDTH: f64 = 8.0;
 
-/// Which vertex each vertex became.
-pub(super) struct Welded {
-    /// For each vertex, the vertex that stands for it (itself if it was kept).
+/// The result of welding.
+pub(super) struct Weld {
+    /// For each vertex, the vertex that replaces it (itself if it was kept).
     pub(super) representative: Vec<u32>,
-    /// Number of vertices that became another one.
+    /// Number of vertices that were replaced.
     pub(super) merged: usize,
 }
 
 /// Welds greedily in lexicographic order of position, so that the outcome does not depend on the
 /// order of the vertices. Kept vertices do not move and are more than `distance` apart.
-pub(super) fn weld(vertices: &[DVec3], distance: f64) -> Welded {
+pub(super) fn weld(vertices: &[DVec3], distance: f64) -> Weld {
     let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
     let key = |i: u32| (vertices[i as usize] + 0.0).to_array();
     order.sort_unstable_by(|&a, &b| {
@@ -49,7 +49,7 @@ pub(super) fn weld(vertices: &[DVec3], distance: f64) -> Welded {
         }
         previous = Some(i);
     }
-    Welded {
+    Weld {
         representative,
         merged,
     }

@@ -3,7 +3,7 @@
 //! Read through the `zip` and `quick-xml` crates in one pass over each model, because the 3MF
 //! crates there are build the whole document in memory first, or keep coordinates in single
 //! precision. Meshes, components, build items, the production extension's parts in other files and
-//! what slicers say of parts are read; materials and everything else that is no boundary is listed.
+//! slicers' settings of parts are read; materials and everything else that is no boundary is listed.
 
 mod package;
 mod slicer;
@@ -14,7 +14,7 @@ use std::rc::Rc;
 
 use glam::DMat4;
 
-use self::package::{Kind, Model, Object, Package, Placed};
+use self::package::{Kind, Model, Object, Package, Placement};
 use self::slicer::{Part, Purpose};
 use crate::mesh::error::MeshError;
 use crate::mesh_io::ledger::LedgerKind;
@@ -27,7 +27,7 @@ pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     let mut package = Package::open(file, bytes)?;
     let root = package.root()?;
     let slicer = slicer::read(file, &mut package)?;
-    Unfolding::new(file, package, root, slicer).run()
+    ItemReader::new(file, package, root, slicer).run()
 }
 
 /// Most objects placed, counting each as often as it is placed: components of components can
@@ -47,7 +47,7 @@ struct Frame {
     /// Of the model that places it, in the root's unit.
     unit: f64,
     depth: usize,
-    /// What a slicer says of it.
+    /// The slicer's settings for it.
     part: Option<Part>,
 }
 
@@ -60,12 +60,12 @@ struct Leaf {
     transform: DMat4,
     /// Of the model's unit, in the root's unit.
     unit: f64,
-    /// What a slicer says of the component.
+    /// The slicer's settings for the component.
     part: Option<Part>,
 }
 
-/// From objects that refer to one another to a soup.
-struct Unfolding<'a> {
+/// Unfolds the items of a build, whose objects refer to one another, into a soup.
+struct ItemReader<'a> {
     file: &'a str,
     package: Package<'a>,
     root: Rc<str>,
@@ -80,13 +80,8 @@ struct Unfolding<'a> {
     placed: usize,
 }
 
-impl<'a> Unfolding<'a> {
-    pub(super) fn new(
-        file: &'a str,
-        package: Package<'a>,
-        root: String,
-        slicer: slicer::Objects,
-    ) -> Self {
+impl<'a> ItemReader<'a> {
+    fn new(file: &'a str, package: Package<'a>, root: String, slicer: slicer::Objects) -> Self {
         Self {
             file,
             package,
@@ -100,7 +95,7 @@ impl<'a> Unfolding<'a> {
         }
     }
 
-    pub(super) fn run(mut self) -> Result<Soup, MeshError> {
+    fn run(mut self) -> Result<Soup, MeshError> {
         let root = Rc::clone(&self.root);
         let (path, model) = self.model(&root)?;
         self.unit = model.unit;
@@ -130,7 +125,7 @@ impl<'a> Unfolding<'a> {
     fn lose_cut(&mut self, solids: Range<usize>, place: &str) {
         let reason = "it is cut out of the other parts of its object";
         self.soup
-            .lose(Some(solids), place, "a negative part", reason);
+            .record_loss(Some(solids), place, "a negative part", reason);
     }
 
     /// The model at a path, which may begin with a slash, and its path without.
@@ -153,7 +148,7 @@ impl<'a> Unfolding<'a> {
         for extension in &model.extensions {
             let place = format!("{path}, requiredextensions");
             let reason = "the file can only be read with this extension";
-            self.soup.lose(None, place, extension, reason);
+            self.soup.record_loss(None, place, extension, reason);
         }
         for resource in &model.resources {
             self.soup.ignore(resource, "it is no object", 1);
@@ -173,7 +168,7 @@ impl<'a> Unfolding<'a> {
     fn collect(
         &mut self,
         path: &str,
-        what: &Placed,
+        what: &Placement,
         frame: Frame,
         leaves: &mut Vec<Leaf>,
     ) -> Result<Vec<String>, MeshError> {
@@ -234,7 +229,7 @@ impl<'a> Unfolding<'a> {
     }
 
     /// Adds the meshes of an item as solids.
-    fn add(&mut self, path: &str, item: &Placed, leaves: Vec<Leaf>) -> Result<(), MeshError> {
+    fn add(&mut self, path: &str, item: &Placement, leaves: Vec<Leaf>) -> Result<(), MeshError> {
         if leaves.is_empty() {
             return Ok(());
         }
@@ -281,13 +276,13 @@ impl<'a> Unfolding<'a> {
         for element in &object.unread {
             let reason = "an element that makes the shape another one";
             self.soup
-                .lose(Some(solid..solid + 1), &place, element, reason);
+                .record_loss(Some(solid..solid + 1), &place, element, reason);
         }
         if let Some(part) = leaf.part.as_ref().filter(|p| p.purpose == Purpose::Unknown) {
             let item = format!("a part of type {:?}", part.word);
             let reason = "what it is for is not known";
             self.soup
-                .lose(Some(solid..solid + 1), &place, &item, reason);
+                .record_loss(Some(solid..solid + 1), &place, &item, reason);
         }
         let room = vertices.len().max(triangles.len());
         self.soup.check_room(self.file, room)?;
@@ -338,7 +333,7 @@ impl<'a> Unfolding<'a> {
                     let item = format!("a part of type {:?}", part.word);
                     let solids = base..self.soup.names.len();
                     let reason = "what it is for is not known";
-                    self.soup.lose(Some(solids), place, &item, reason);
+                    self.soup.record_loss(Some(solids), place, &item, reason);
                 }
             }
         }

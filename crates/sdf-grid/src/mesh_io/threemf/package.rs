@@ -102,12 +102,12 @@ pub(super) struct Model {
     pub(super) unit_stated: bool,
     /// Extensions that it requires and that are not read, by their namespaces.
     pub(super) extensions: Vec<String>,
-    /// What it keeps beside objects, by element.
+    /// Counts of its other elements, by name.
     pub(super) resources: Vec<String>,
     /// Objects by their id.
     pub(super) objects: HashMap<u32, Object>,
-    /// What is to be built.
-    pub(super) items: Vec<Placed>,
+    /// The items to build.
+    pub(super) items: Vec<Placement>,
 }
 
 /// A mesh or an assembly.
@@ -134,19 +134,19 @@ impl Object {
     }
 }
 
-/// What an object is made of.
+/// The content of an object.
 #[derive(Debug)]
 pub(super) enum Kind {
     Mesh {
         vertices: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
     },
-    Components(Vec<Placed>),
+    Components(Vec<Placement>),
 }
 
 /// An object and where it is put.
 #[derive(Debug)]
-pub(super) struct Placed {
+pub(super) struct Placement {
     pub(super) object: u32,
     /// From the object's frame to that of what holds it.
     pub(super) transform: DMat4,
@@ -384,8 +384,8 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn placed(&self, e: &BytesStart<'_>) -> Result<Placed, MeshError> {
-        Ok(Placed {
+    fn placed(&self, e: &BytesStart<'_>) -> Result<Placement, MeshError> {
+        Ok(Placement {
             object: self.number(e, "objectid")?,
             transform: self.transform(e)?,
             path: self.attribute(e, "path")?,

@@ -1,4 +1,4 @@
-//! What slicers say of the parts of an object, in files of their own beside the models.
+//! Settings of slicers for the parts of an object, in separate files beside the models.
 //!
 //! PrusaSlicer and its kin list runs of triangles (`volume`) in `Metadata/Slic3r_PE_model.config`,
 //! Bambu Studio and OrcaSlicer list components (`part`) in `Metadata/model_settings.config`.
@@ -12,7 +12,7 @@ use super::package::{Package, attribute};
 use crate::mesh::error::MeshError;
 use crate::mesh_io::soup::syntax;
 
-/// What a part of an object is for.
+/// The purpose of a part of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Purpose {
     /// Material.
@@ -48,7 +48,7 @@ pub(super) struct Part {
     pub(super) name: String,
 }
 
-/// What slicers say of one object of the root model.
+/// The slicer's settings for one object of the root model.
 #[derive(Debug, Default)]
 pub(super) struct Object {
     /// Its components, by the id of the object that each is.
@@ -57,7 +57,7 @@ pub(super) struct Object {
     pub(super) runs: Vec<(usize, usize, Part)>,
 }
 
-/// What slicers say of the objects of the root model, by their ids.
+/// The slicers' settings for the objects of the root model, by their ids.
 pub(super) type Objects = HashMap<u32, Object>;
 
 /// Reads all that slicers say.
@@ -75,7 +75,7 @@ pub(super) fn read(file: &str, package: &mut Package<'_>) -> Result<Objects, Mes
 }
 
 /// A part being read, and where it goes.
-enum Open {
+enum OpenElement {
     Component(u32),
     Run(usize, usize),
 }
@@ -89,7 +89,7 @@ fn parse(
     let mut reader = quick_xml::Reader::from_reader(input);
     let mut buffer = Vec::new();
     let mut object = None;
-    let mut open: Option<(Open, Part)> = None;
+    let mut open: Option<(OpenElement, Part)> = None;
     loop {
         let event = reader.read_event_into(&mut buffer).map_err(|e| {
             let place = format!("{path}, byte {}", reader.error_position());
@@ -127,7 +127,11 @@ fn parse(
 }
 
 /// A `part` or `volume` element.
-fn begin(file: &str, path: &str, e: &BytesStart<'_>) -> Result<Option<(Open, Part)>, MeshError> {
+fn begin(
+    file: &str,
+    path: &str,
+    e: &BytesStart<'_>,
+) -> Result<Option<(OpenElement, Part)>, MeshError> {
     let get = |name: &str| attribute(file, path, e, name);
     let mut part = Part::default();
     if let Some(word) = get("subtype")? {
@@ -138,8 +142,8 @@ fn begin(file: &str, path: &str, e: &BytesStart<'_>) -> Result<Option<(Open, Par
     let last = number(e, get("lastid")?, file, path)?;
     let id = number(e, get("id")?, file, path)?;
     let place = match (first, last, id) {
-        (Some(first), Some(last), _) => Open::Run(first as usize, last as usize),
-        (_, _, Some(id)) => Open::Component(id),
+        (Some(first), Some(last), _) => OpenElement::Run(first as usize, last as usize),
+        (_, _, Some(id)) => OpenElement::Component(id),
         _ => return Ok(None),
     };
     Ok(Some((place, part)))
@@ -162,16 +166,16 @@ fn describe(part: &mut Part, key: Option<&str>, value: String) {
     }
 }
 
-fn close(objects: &mut Objects, object: Option<u32>, open: Option<(Open, Part)>) {
+fn close(objects: &mut Objects, object: Option<u32>, open: Option<(OpenElement, Part)>) {
     let (Some(object), Some((place, part))) = (object, open) else {
         return;
     };
     let object = objects.entry(object).or_default();
     match place {
-        Open::Component(id) => {
+        OpenElement::Component(id) => {
             object.components.insert(id, part);
         }
-        Open::Run(first, last) => object.runs.push((first, last, part)),
+        OpenElement::Run(first, last) => object.runs.push((first, last, part)),
     }
 }
 

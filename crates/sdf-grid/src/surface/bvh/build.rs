@@ -11,10 +11,10 @@ use crate::surface::moments::Moments;
 /// Faces of a leaf at most.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Leaves {
-    /// Four: the best for what looks at faces one by one.
+    /// Four: best for queries that visit faces one by one.
     Small,
-    /// Eight in trees of more than [`MANY_PIECES`]: for searches and far clusters among faces so
-    /// small that they are looked at many at a time, and nodes wait for memory.
+    /// Eight in trees of more than [`MANY_PIECES`]: for queries that visit many small faces at a time
+    /// and whose nodes are limited by memory.
     LargeOfMany,
 }
 
@@ -59,7 +59,7 @@ pub(super) fn tree(
     (nodes, faces)
 }
 
-/// What the structure depends on: the box of a piece in single precision.
+/// The box of a piece in single precision, on which the structure depends.
 #[derive(Clone, Copy)]
 struct PieceBox {
     min: Vec3,
@@ -77,7 +77,7 @@ impl PieceBox {
         }
     }
 
-    /// Twice the middle.
+    /// Twice its centre.
     fn place(&self) -> Vec3 {
         self.min + self.max
     }
@@ -198,7 +198,7 @@ fn split_by_area(faces: &mut [PieceBox], axis: usize, low: f32, extent: f32) -> 
         counts[b] += 1;
         boxes[b] = union(boxes[b], (f.min, f.max));
     }
-    // What lies on either side of each boundary, from both ends.
+    // Costs of both sides of each boundary, from both ends.
     let mut costs = [0f32; BINS];
     let (mut bounds, mut count) = (EMPTY, 0);
     for s in (1..BINS).rev() {

@@ -45,12 +45,12 @@ impl Bvh {
     }
 
     /// Builds the hierarchy over the same surface in fewer faces: triangles that are coplanar up to
-    /// `flat` ([`pieces::merged`]) are merged and long faces cut.
+    /// `flat` ([`pieces::merge_coplanar`]) are merged and long faces cut.
     pub(crate) fn merged(mesh: &TriangleMesh, flat: f64, leaves: Leaves) -> Self {
         let (centre, scale) = normalization(mesh);
         let corners = mesh.vertices().par_iter().map(|p| (*p - centre) * scale);
         let corners: Vec<DVec3> = corners.collect();
-        let faces = pieces::merged(mesh.triangles(), &corners, flat);
+        let faces = pieces::merge_coplanar(mesh.triangles(), &corners, flat);
         let tree = build::tree(faces.len(), leaves, |i| faces.get(i));
         Self::over(tree, centre, scale, faces.closed)
     }
@@ -99,15 +99,15 @@ impl Bvh {
         self.found(q, self.nearest_below(q, limit, 1.0))
     }
 
-    /// The distance of `p` (metres) from the boundary, metres, or more by this share of it at most:
-    /// far faster than [`Bvh::nearest`] where much of the boundary is as far, as from an axis.
+    /// The distance of `p` (metres) from the boundary, metres, or more by at most this share of it: far
+    /// faster than [`Bvh::nearest`] where much of the boundary is equally far, as from an axis.
     pub(crate) fn distance_about(&self, p: DVec3, share: f64) -> f64 {
         let least = (1.0 + share).powi(-2);
         let (_, squared) = self.nearest_below(self.normalized(p), f64::INFINITY, least);
         squared.sqrt() / self.scale
     }
 
-    /// What a search for the point nearest to `q` (normalized) has found.
+    /// The result of a search for the point nearest to `q` (normalized), in metres.
     fn found(&self, q: DVec3, (index, squared): (usize, f64)) -> Option<Nearest> {
         let face = self.faces.get(index)?;
         Some(Nearest {
@@ -122,8 +122,8 @@ impl Bvh {
         self.nearest_below(q, f64::INFINITY, 1.0)
     }
 
-    /// The same of the faces nearer than the root of `limit`; no face's index if there is none. A face
-    /// counts as the nearest if none is nearer than `least` of its squared distance.
+    /// As [`Bvh::nearest_normalized`], among faces nearer than the root of `limit`; an invalid index if
+    /// there is none. A face counts as nearest if no other is below `least` times its squared distance.
     fn nearest_below(&self, q: DVec3, limit: f64, least: f64) -> (usize, f64) {
         let mut best = (usize::MAX, limit);
         let mut stack = Stack::new();

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 
 use super::regions::{Regions, Surface};
 
-/// A region is covered anew if its area, less what lies upside down, is at least this share of that
-/// of its triangles.
+/// A region is triangulated anew if its signed area is at least this share of the area of its
+/// triangles.
 pub(super) const UNFOLDED: f64 = 0.99;
 
-/// Straightening takes a few looks at every corner of a ring, but one by one of a comb's; then it
-/// stays.
+/// Straightening evaluates every corner of a ring a few times, but those of a comb once per tooth:
+/// rings that take more evaluations per corner stay as they are.
 const MOST_LOOKS: usize = 200;
 
 /// Areas of an outline and of its triangles may differ by this share of the area around it.
@@ -27,20 +27,23 @@ pub(crate) struct Outline {
     pub(crate) rings: Vec<Vec<DVec3>>,
 }
 
-/// The surface of the triangles with corners `vertices[i]` as flat polygons, where what lies within
-/// `flat` of a plane or of a straight line lies in it. Deterministic.
+/// The planar regions of a surface as polygons. Corners within `flat` of a common plane or straight
+/// line count as lying in it. Deterministic.
 pub(crate) fn outlines(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Vec<Outline> {
     let surface = Surface::new(indices, vertices, flat);
     let regions = surface.regions();
     let found = (0..regions.count()).into_par_iter().map(|id| {
         let region = regions.get(id);
-        let whole = match region {
+        let outline = match region {
             [_] => None,
-            _ => surface.whole(&regions, id),
+            _ => surface.region_outline(&regions, id),
         };
-        match whole {
+        match outline {
             Some(outline) => vec![outline],
-            None => region.iter().filter_map(|t| surface.alone(*t)).collect(),
+            None => region
+                .iter()
+                .filter_map(|t| surface.triangle_outline(*t))
+                .collect(),
         }
     });
     found.collect::<Vec<_>>().concat()
@@ -54,38 +57,39 @@ impl Surface<'_> {
         self.topology.outlines(regions.get(id), inside)
     }
 
-    /// Whether `b` lies off the straight way from `a` to `c`.
+    /// Whether `b` lies off the segment from `a` to `c`.
     pub(super) fn is_corner(&self, a: u32, b: u32, c: u32) -> bool {
         self.off_line(a, b, c) > self.flat * self.flat
     }
 
-    /// Squared distance of `b` from the straight way from `a` to `c`.
+    /// Squared distance of `b` from the segment from `a` to `c`.
     fn off_line(&self, a: u32, b: u32, c: u32) -> f64 {
         let at = |v: u32| self.vertices[v as usize];
         let (along, from) = (at(c) - at(a), at(b) - at(a));
         let place = from.dot(along) / along.length_squared();
-        // Of a way without a length, the distance from its end.
+        // A segment without length: the distance from its end.
         let place = if place.is_nan() { 0.0 } else { place };
         from.distance_squared(along * place.clamp(0.0, 1.0))
     }
 
-    /// Rings without the corners on straight sides, but for those in which rings touch: what is
-    /// dropped there might lie a little beyond the other ring.
-    pub(super) fn all_straightened(&self, rings: &[Vec<u32>]) -> Vec<Vec<u32>> {
+    /// Rings without the corners on straight sides. Corners in which rings touch stay: without them
+    /// one ring might cross the other.
+    pub(super) fn straighten_all(&self, rings: &[Vec<u32>]) -> Vec<Vec<u32>> {
         let mut corners = rings.concat();
         corners.sort_unstable();
         let touching = corners.windows(2).filter(|w| w[0] == w[1]).map(|w| w[0]);
         let touching: Vec<u32> = touching.collect();
         let straight = |ring: &Vec<u32>| {
-            let straight = self.straightened(ring, &touching);
+            let straight = self.straighten(ring, &touching);
             straight.unwrap_or_else(|| ring.clone())
         };
         rings.iter().map(straight).collect()
     }
 
-    /// A ring without the corners on straight sides, all within `flat` of what is left (Douglas and
-    /// Peucker); none if nothing is left or it takes too long. Those of `keep`, in order, stay.
-    pub(super) fn straightened(&self, ring: &[u32], keep: &[u32]) -> Option<Vec<u32>> {
+    /// A ring without the corners on straight sides, all within `flat` of the rest (Douglas and
+    /// Peucker); none if fewer than three corners are left or it takes too long. Corners in `keep`
+    /// (sorted) stay.
+    pub(super) fn straighten(&self, ring: &[u32], keep: &[u32]) -> Option<Vec<u32>> {
         let at = |k: usize| self.vertices[ring[k] as usize];
         let farthest = |from: DVec3| {
             (0..ring.len()).max_by(|a, b| {
@@ -93,7 +97,7 @@ impl Surface<'_> {
                 a.total_cmp(&b)
             })
         };
-        // What is farthest from anything is a corner.
+        // The point farthest from any other is a corner.
         let first = farthest(at(0))?;
         let opposite = farthest(at(first))?;
         let n = ring.len();
@@ -124,7 +128,7 @@ impl Surface<'_> {
 }
 
 impl Surface<'_> {
-    fn alone(&self, triangle: u32) -> Option<Outline> {
+    fn triangle_outline(&self, triangle: u32) -> Option<Outline> {
         let facet = self.facets[triangle as usize];
         let corners = self.corners(triangle);
         (facet.area > 0.0).then(|| Outline {
@@ -135,9 +139,9 @@ impl Surface<'_> {
     }
 
     /// A region as one polygon; none if its outline is not that of its triangles.
-    fn whole(&self, regions: &Regions, id: usize) -> Option<Outline> {
+    fn region_outline(&self, regions: &Regions, id: usize) -> Option<Outline> {
         let plane = self.plane(regions, id);
-        let rings = self.all_straightened(&self.loops(regions, id)?);
+        let rings = self.straighten_all(&self.loops(regions, id)?);
         let flat = |v: &u32| {
             let p = self.vertices[*v as usize];
             p - plane.normal * (p - plane.origin).dot(plane.normal)

@@ -9,8 +9,8 @@ use crate::mesh::polygon;
 use crate::mesh::topology::{HalfEdge, Topology};
 use crate::surface::face::Piece;
 
-/// How near to a plane or a line lies in it what differs by rounding alone, in units of the
-/// normalized part, whose longest side is 1 to 2: far below any distance that shows in a field.
+/// Tolerance of coplanarity that allows for rounding only, in units of the normalized part, whose
+/// longest side is 1 to 2: far below any distance that shows in a field.
 pub(crate) const EXACT: f64 = 1e-10;
 
 /// Faces whose longest edge, squared, exceeds their area this many times are cut across.
@@ -25,13 +25,12 @@ const MAX_CUTS: u32 = 5;
 /// Large meshes are cut less, so that cutting makes no more faces than about this many.
 const MAX_PIECES: usize = 100_000;
 
-/// What a surface is made of, in lists one after the other: to put them in one would move each once
-/// more.
+/// The faces of a surface, in consecutive lists: one list would cost another copy of each face.
 pub(crate) struct Pieces {
     lists: Vec<Vec<Piece>>,
-    /// Where each list ends in the order of all.
+    /// The index after the last face of each list.
     ends: Vec<usize>,
-    /// Whether the triangles enclose what they enclose without a gap, all the same way round.
+    /// Whether the triangles form a closed surface of one orientation.
     pub(crate) closed: bool,
 }
 
@@ -60,9 +59,9 @@ impl Pieces {
     }
 }
 
-/// Faces that cover the triangles of corners `vertices[i]`, where what lies within `flat` of a
-/// plane lies in it; at least [`EXACT`]. Deterministic.
-pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pieces {
+/// Covers the triangles with fewer faces: triangles whose corners lie within `flat` (at least
+/// [`EXACT`], unit of `vertices`) of a common plane are merged and cut anew. Deterministic.
+pub(crate) fn merge_coplanar(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pieces {
     let surface = Surface::new(indices, vertices, flat);
     let regions = surface.regions();
     let cover = |mut faces: Vec<Piece>, id: usize| {
@@ -73,7 +72,7 @@ pub(crate) fn merged(indices: &[[u32; 3]], vertices: &[DVec3], flat: f64) -> Pie
         .filter(|id| regions.get(*id).len() > LARGE)
         .collect();
     let alone = large.into_par_iter().with_max_len(1);
-    // The small ones in the order of the mesh, in which neighbours mostly are not far apart.
+    // Small regions in the order of the mesh, in which neighbours are mostly close in memory.
     let together = (0..indices.len()).into_par_iter().with_min_len(1024);
     let together = together.filter_map(|t| regions.small_from(t as u32));
     let faces: Vec<Vec<Piece>> = alone
@@ -93,7 +92,8 @@ impl Surface<'_> {
         Piece::triangle(self.corners(triangle), triangle)
     }
 
-    /// Appends faces that cover a region: cut anew, or its triangles where that fails.
+    /// Appends faces that cover a region: the region triangulated anew, or its own triangles where
+    /// that fails.
     fn cover(&self, regions: &Regions, id: usize, faces: &mut Vec<Piece>) {
         let region = regions.get(id);
         let normal = self.plane(regions, id).normal;
@@ -106,16 +106,16 @@ impl Surface<'_> {
             let slack = || faces.iter().map(|f| slack(f, self.flat)).sum();
             unfolded && (off <= 1e-9 * covered || off <= slack())
         };
-        // Most regions of curved parts: without a list.
+        // Pairs of triangles are most regions of curved parts: no list is allocated for them.
         if let [a, b] = *region
-            && let Some(face) = self.pair(a, b, normal)
+            && let Some(face) = self.join_two(a, b, normal)
             && covers(std::slice::from_ref(&face))
         {
             faces.push(face);
             return;
         }
         if region.len() > 2
-            && let Some(anew) = self.outlined(regions, id)
+            && let Some(anew) = self.triangulate_region(regions, id)
             && covers(&anew)
         {
             faces.extend(anew);
@@ -131,7 +131,7 @@ impl Surface<'_> {
     }
 
     /// Two triangles of one plane as one face; none if that is not convex.
-    fn pair(&self, a: u32, b: u32, normal: DVec3) -> Option<Piece> {
+    fn join_two(&self, a: u32, b: u32, normal: DVec3) -> Option<Piece> {
         let k = self.side_towards(a, b)?;
         let l = self.side_towards(b, a)?;
         let (of_a, of_b) = (self.indices(a), self.indices(b));
@@ -143,14 +143,14 @@ impl Surface<'_> {
         ];
         let corner = |k: usize| self.is_corner(ring[k], ring[(k + 1) % 4], ring[(k + 2) % 4]);
         if !(0..4).all(corner) {
-            let kept: [u32; 3] = self.straightened(&ring, &[])?.try_into().ok()?;
+            let kept: [u32; 3] = self.straighten(&ring, &[])?.try_into().ok()?;
             return Piece::triangle(kept.map(|v| self.vertices[v as usize]), a);
         }
-        self.convex(&ring, normal, a)
+        self.convex_face(&ring, normal, a)
     }
 
-    /// Three or four corners as a face; none if there are more, or they make no convex one.
-    fn convex(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Piece> {
+    /// A convex face of three or four corners; none if there are more or they are not convex.
+    fn convex_face(&self, ring: &[u32], normal: DVec3, source: u32) -> Option<Piece> {
         let count = ring.len();
         let at = |k: usize| self.vertices[ring[k] as usize];
         let turns = |k: usize| {
@@ -172,16 +172,16 @@ impl Surface<'_> {
     }
 
     /// A region of several triangles cut anew; none if its outline crosses itself.
-    fn outlined(&self, regions: &Regions, id: usize) -> Option<Vec<Piece>> {
+    fn triangulate_region(&self, regions: &Regions, id: usize) -> Option<Vec<Piece>> {
         let (source, plane) = (regions.get(id)[0], self.plane(regions, id));
         let [across, up] = plane.axes();
         let flat = |v: u32| {
             let p = self.vertices[v as usize] - plane.origin;
             DVec2::new(p.dot(across), p.dot(up))
         };
-        let mut rings = self.all_straightened(&self.loops(regions, id)?);
+        let mut rings = self.straighten_all(&self.loops(regions, id)?);
         if let [ring] = rings.as_slice()
-            && let Some(face) = self.convex(ring, plane.normal, source)
+            && let Some(face) = self.convex_face(ring, plane.normal, source)
         {
             return Some(vec![face]);
         }
@@ -205,19 +205,19 @@ impl Surface<'_> {
                 _ => Piece::quadrangle([0, 1, 2, 3].map(at), source),
             }
         };
-        let rings = paired(&cuts, &flat);
+        let rings = pair_triangles(&cuts, &flat);
         Some(rings.iter().filter_map(face).collect())
     }
 }
 
-/// By how much areas may differ where sides move by `flat`.
+/// The change of area that moving the sides of a face by `flat` may cause.
 fn slack(face: &Piece, flat: f64) -> f64 {
     let around: f64 = (0..face.count()).map(|k| face.edge(k).length()).sum();
     1e-9 * face.area + flat * around
 }
 
-/// Faces, flat up to `flat`, in pieces that are not long, after `cuts` cuts one after the other at
-/// most. Cuts go through the middles of long edges, so that those of neighbours meet.
+/// Cuts long faces across, each at most `cuts` times in a row. Cuts go through the midpoints of long
+/// edges, so that cuts of neighbouring faces meet. Areas may change where faces are flat up to `flat`.
 fn cut_across(faces: Vec<Piece>, cuts: u32, flat: f64) -> Vec<Piece> {
     if cuts == 0 || !faces.iter().any(|f| long_edge(f).is_some()) {
         return faces;
@@ -238,7 +238,7 @@ fn cut_across(faces: Vec<Piece>, cuts: u32, flat: f64) -> Vec<Piece> {
     done
 }
 
-/// The longest edge of a face that is drawn out along it.
+/// The longest edge of a face, if the face is long along it.
 fn long_edge(f: &Piece) -> Option<usize> {
     let length = |k: usize| f.edge(k).length_squared();
     let longest = (0..f.count()).fold(0, |a, k| if length(k) > length(a) { k } else { a });
@@ -269,7 +269,7 @@ fn halves(f: &Piece, longest: usize) -> [Option<Piece>; 2] {
 
 /// Triangles of the points of a plane, joined in pairs to convex quadrangles across their longest
 /// common edges.
-fn paired(triangles: &[[u32; 3]], points: &[DVec2]) -> Vec<Vec<u32>> {
+fn pair_triangles(triangles: &[[u32; 3]], points: &[DVec2]) -> Vec<Vec<u32>> {
     let at = |v: u32| points[v as usize];
     let topology = Topology::new(triangles, points.len());
     let common = topology.edges().filter_map(|edge| {

@@ -17,8 +17,7 @@ pub(super) const NONE: u32 = u32::MAX;
 /// must then lie within `flat` of a plane of its own.
 const MARGIN: f64 = 6.0;
 
-/// A plane is not fitted to points that lie on a line up to this: variance across over variance
-/// along.
+/// No plane is fitted to points whose variance across a line is below this share of that along it.
 const THIN: f64 = 1e-13;
 
 /// The plane and size of a triangle.
@@ -27,11 +26,11 @@ pub(super) struct Facet {
     pub(super) normal: DVec3,
     /// Zero if the triangle has no normal.
     pub(super) area: f64,
-    /// Whether it is so narrow that rounding may have turned it over.
+    /// Whether it is so narrow that rounding may have flipped it.
     needle: bool,
 }
 
-/// Needles are narrower than this, in units of their length.
+/// Needles are narrower than this share of their length.
 const NEEDLE: f64 = 1e-3;
 
 impl Facet {
@@ -48,7 +47,7 @@ impl Facet {
     }
 }
 
-/// Where the triangles of a region lie.
+/// The plane of a region.
 #[derive(Clone, Copy)]
 pub(super) struct Plane {
     pub(super) origin: DVec3,
@@ -96,7 +95,7 @@ impl Plane {
 
 /// Which neighbours of a triangle lie in its plane.
 #[derive(Clone, Copy)]
-enum Coplanar {
+enum CoplanarNeighbours {
     None,
     /// This one, and none of its other neighbours.
     One(u32),
@@ -152,7 +151,7 @@ pub(super) struct Surface<'a> {
     pub(super) topology: Topology<'a>,
     pub(super) vertices: &'a [DVec3],
     pub(super) facets: Vec<Facet>,
-    /// What lies this near to a plane or a line lies in it.
+    /// Tolerance: points this close to a plane or a line count as lying in it.
     pub(super) flat: f64,
 }
 
@@ -187,7 +186,10 @@ impl<'a> Surface<'a> {
     pub(super) fn regions(&self) -> Regions {
         let all = (0..self.facets.len() as u32).into_par_iter();
         let (coplanar, seeds) = rayon::join(
-            || all.map(|t| self.coplanar(t)).collect::<Vec<Coplanar>>(),
+            || {
+                all.map(|t| self.coplanar(t))
+                    .collect::<Vec<CoplanarNeighbours>>()
+            },
             || self.largest_first(),
         );
         let mut regions = Regions {
@@ -201,18 +203,18 @@ impl<'a> Surface<'a> {
                 continue;
             }
             let plane = match coplanar[seed as usize] {
-                Coplanar::None => {
+                CoplanarNeighbours::None => {
                     regions.add(seed);
                     None
                 }
-                Coplanar::One(other) => {
+                CoplanarNeighbours::One(other) => {
                     regions.add(seed);
                     if regions.of[other as usize] == NONE {
                         regions.add(other);
                     }
                     None
                 }
-                Coplanar::Several => Some(self.grow(&mut regions, seed)),
+                CoplanarNeighbours::Several => Some(self.grow(&mut regions, seed)),
             };
             regions.close(plane);
         }
@@ -251,19 +253,19 @@ impl<'a> Surface<'a> {
     }
 
     /// Which neighbours would join a region grown from a triangle if none were in another region.
-    fn coplanar(&self, triangle: u32) -> Coplanar {
+    fn coplanar(&self, triangle: u32) -> CoplanarNeighbours {
         let plane = self.plane_of(triangle);
         let near = |n: &u32| self.off(*n, &plane) <= MARGIN * self.flat;
         let mut others = self.neighbours(triangle).filter(near);
         match (others.next(), others.next()) {
-            (None, _) => Coplanar::None,
+            (None, _) => CoplanarNeighbours::None,
             (Some(one), None)
                 if self.off(one, &plane) <= self.flat
                     && !self.neighbours(one).any(|n| n != triangle && near(&n)) =>
             {
-                Coplanar::One(one)
+                CoplanarNeighbours::One(one)
             }
-            _ => Coplanar::Several,
+            _ => CoplanarNeighbours::Several,
         }
     }
 
@@ -276,14 +278,14 @@ impl<'a> Surface<'a> {
 
     /// Adds the triangles of the flat region around one; its plane.
     ///
-    /// While triangles lie in the plane of the first, that stays the plane: on exact coordinates
-    /// nothing is fitted. Rounded ones leave it farther away; then the plane follows them.
+    /// The plane stays that of the first triangle while the others lie in it, so nothing is fitted on
+    /// exact coordinates. Rounded coordinates depart from it farther away; then a plane is fitted.
     fn grow(&self, regions: &mut Regions, seed: u32) -> Plane {
         let start = regions.triangles.len();
         let mut plane = self.plane_of(seed);
         regions.add(seed);
         let mut next = start;
-        // The triangles before this one are known to lie in the plane.
+        // Triangles before this index are known to lie in the plane.
         let mut sound = start + 1;
         let mut allowed = MARGIN * self.flat;
         loop {
@@ -300,7 +302,8 @@ impl<'a> Surface<'a> {
                         sound += usize::from(all_sound && off <= self.flat);
                     }
                 }
-                // A plane may be off by about as much beyond its points as between them.
+                // Beyond its points a fitted plane errs about as much as between them: fit again
+                // when the region has doubled.
                 if regions.triangles.len() - start >= 2 * (sound - start) {
                     break;
                 }
@@ -312,10 +315,10 @@ impl<'a> Surface<'a> {
                 }
                 continue;
             }
-            match self.fitted(&regions.triangles[start..], &plane) {
+            match self.fit_plane(&regions.triangles[start..], &plane) {
                 Some(fitted) => (plane, sound) = (fitted, end),
                 None => {
-                    // Once more, without those that are a little off.
+                    // Start again without the provisional triangles.
                     for t in regions.triangles.drain(sound..) {
                         regions.of[t as usize] = NONE;
                     }
@@ -325,8 +328,8 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// How far a triangle leaves a plane, infinity if it is steep. Needles lie every way: the
-    /// surface is the same chain with them, folded back where they are upside down.
+    /// The largest distance of a triangle's corner from a plane; infinite if the triangle is tilted
+    /// against it. Needles count whatever their normal: rounding may have flipped them.
     fn off(&self, triangle: u32, plane: &Plane) -> f64 {
         let facet = &self.facets[triangle as usize];
         if facet.area <= 0.0 || !facet.needle && facet.normal.dot(plane.normal) <= 0.9 {
@@ -337,7 +340,7 @@ impl<'a> Surface<'a> {
     }
 
     /// A plane near another in which all of these triangles lie.
-    fn fitted(&self, triangles: &[u32], near: &Plane) -> Option<Plane> {
+    fn fit_plane(&self, triangles: &[u32], near: &Plane) -> Option<Plane> {
         let corners = triangles.iter().flat_map(|t| self.corners(*t));
         let plane = near.fitted(corners)?;
         let lies = |t: &u32| self.off(*t, &plane) <= self.flat;

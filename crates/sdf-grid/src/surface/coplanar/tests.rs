@@ -31,7 +31,7 @@ fn strips(sides: u32, layers: u32, place: impl Fn(DVec3) -> DVec3) -> (Vec<DVec3
 }
 
 fn faces(indices: &[[u32; 3]], vertices: &[DVec3]) -> Vec<Face> {
-    let pieces = merged(indices, vertices, FLAT);
+    let pieces = merge_coplanar(indices, vertices, FLAT);
     let piece = |i| Face::new(&pieces.get(i).unwrap());
     (0..pieces.len()).map(piece).collect()
 }
@@ -176,7 +176,7 @@ fn combs_do_not_take_for_ever() {
     let surface = Surface::new(&triangles, &vertices, FLAT);
     let regions = surface.regions();
     assert_eq!(regions.count(), 1);
-    let rings = surface.all_straightened(&surface.loops(&regions, 0).unwrap());
+    let rings = surface.straighten_all(&surface.loops(&regions, 0).unwrap());
     let kept: usize = rings.iter().map(Vec::len).sum();
     // All tips, and the valleys between them; the straight back is dropped if there is time for it.
     assert!(kept >= 2 * teeth as usize, "{kept}");

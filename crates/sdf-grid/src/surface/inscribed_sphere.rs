@@ -1,4 +1,4 @@
-//! The largest ball that fits into a part: how wide the part is, however it lies.
+//! The largest sphere that fits into a part: how wide the part is, however it lies.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -15,10 +15,10 @@ const TOLERANCE: f64 = 0.003;
 /// them are nearly as far, and to find the nearest takes them all.
 const ROUGH: f64 = 0.001;
 
-/// Cubes that are looked at, at most.
+/// Most cubes that are evaluated.
 const MOST: usize = 50_000;
 
-/// A cube of middles of balls, none of them larger than `bound`.
+/// A cube of centres of spheres, none of which has a radius above `bound`.
 struct Cube {
     middle: DVec3,
     half: f64,
@@ -27,16 +27,16 @@ struct Cube {
     bound: f64,
 }
 
-/// The largest ball so far, of those inside a part.
+/// The radius of the largest sphere found so far inside a part.
 struct Search {
     tree: Bvh,
     largest: f64,
 }
 
-/// The radius, metres, of the largest ball inside `mesh` (where the winding number exceeds a half), to
-/// 0.3 %; of parts so long or so flat that this takes more than 50 000 looks, that of the largest
-/// found. None if none is found larger than `least`, as in an open sheet.
-pub fn largest_ball_radius(mesh: &TriangleMesh, least: f64) -> Option<f64> {
+/// The radius, metres, of the largest sphere inside `mesh` (where the winding number exceeds a half),
+/// to 0.3 %; for parts so long or flat that this takes more than 50 000 evaluations, the largest radius
+/// found. None if no radius above `least` is found, as in an open sheet.
+pub fn inscribed_sphere_radius(mesh: &TriangleMesh, least: f64) -> Option<f64> {
     let bounds = mesh.bounds();
     let mut search = Search {
         tree: Bvh::build(mesh),
@@ -160,14 +160,18 @@ mod tests {
         ];
         for (name, mesh, radius) in known {
             for mesh in [&mesh, &turned(&mesh)] {
-                let found = largest_ball_radius(mesh, 0.0).unwrap();
+                let found = inscribed_sphere_radius(mesh, 0.0).unwrap();
                 let error = found / radius - 1.0;
                 assert!(
                     (-TOLERANCE..ROUGH).contains(&error),
                     "{name}: {found} for {radius}"
                 );
-                assert_eq!(largest_ball_radius(mesh, 1.004 * radius), None, "{name}");
-                let above = largest_ball_radius(mesh, 0.9 * radius).unwrap();
+                assert_eq!(
+                    inscribed_sphere_radius(mesh, 1.004 * radius),
+                    None,
+                    "{name}"
+                );
+                let above = inscribed_sphere_radius(mesh, 0.9 * radius).unwrap();
                 assert!((above / radius - 1.0).abs() < TOLERANCE, "{name}: {above}");
             }
         }
@@ -186,7 +190,7 @@ mod tests {
             };
             let depths = (0..4000).map(|_| -tree.signed_distance(point(&mut rng)));
             let deepest = depths.fold(0.0, f64::max);
-            let found = largest_ball_radius(&mesh, 0.0).unwrap();
+            let found = inscribed_sphere_radius(&mesh, 0.0).unwrap();
             assert!(
                 found > (1.0 - TOLERANCE) * deepest,
                 "{seed}: {found} {deepest}"

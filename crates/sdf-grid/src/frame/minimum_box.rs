@@ -1,4 +1,4 @@
-//! The frame in which a part fills its box best.
+//! The frame in which the box around a part is smallest.
 
 use std::collections::HashMap;
 
@@ -20,7 +20,7 @@ const WORTHWHILE: f64 = 0.95;
 /// A rotation after which the box of `mesh` along the axes is small: the smallest of its own, those
 /// along its largest flat faces and the one along its principal axes. The identity unless the box
 /// becomes smaller by a twentieth at least.
-pub fn snug_rotation(mesh: &TriangleMesh) -> DQuat {
+pub fn minimum_box_rotation(mesh: &TriangleMesh) -> DQuat {
     let volume = |rotation: DQuat| {
         let corners = mesh.triangles().iter().flatten();
         let turned = corners.map(|v| rotation * mesh.vertices()[*v as usize]);
@@ -91,10 +91,10 @@ mod tests {
         for (mesh, allowed) in [(block, 1e-9), (peg, 1e-3), (star, 0.3)] {
             let before = mesh.bounds().size().element_product();
             let turned = mesh.transformed(turn, DVec3::splat(0.1));
-            let rotation = snug_rotation(&turned);
+            let rotation = minimum_box_rotation(&turned);
             assert!((rotation.length() - 1.0).abs() < 1e-12);
-            let snug = turned.transformed(rotation, DVec3::ZERO).bounds();
-            let after = snug.size().element_product();
+            let tight = turned.transformed(rotation, DVec3::ZERO).bounds();
+            let after = tight.size().element_product();
             assert!(after <= (1.0 + allowed) * before, "{after} {before}");
         }
     }
@@ -102,11 +102,11 @@ mod tests {
     #[test]
     fn parts_that_fill_their_boxes_stay() {
         let block = shapes::cuboid(DVec3::new(0.01, 0.02, 0.07)).unwrap();
-        assert_eq!(snug_rotation(&block), DQuat::IDENTITY);
+        assert_eq!(minimum_box_rotation(&block), DQuat::IDENTITY);
         for which in shapes::PegInHole::ALL {
             let (hole, peg) = which.pair(0.0).unwrap();
-            assert_eq!(snug_rotation(&hole), DQuat::IDENTITY);
-            assert_eq!(snug_rotation(&peg), DQuat::IDENTITY);
+            assert_eq!(minimum_box_rotation(&hole), DQuat::IDENTITY);
+            assert_eq!(minimum_box_rotation(&peg), DQuat::IDENTITY);
         }
     }
 }

@@ -462,6 +462,7 @@ impl PostProcessing<'_> {
             step: 0.5 * self.space.step,
             ..self.space
         };
+        // Equal steps, away from the walls.
         let poses = equal_steps(frame, &corners, step, MOST);
         let mut poses = half.away_from_walls(&poses);
         let mut responses = self.responses(&poses);
@@ -470,6 +471,7 @@ impl PostProcessing<'_> {
             depth.map(|d| energy_barrier(&energies, d))
         };
         let mut best = climb(&responses);
+        // Lower the energy at fewer images, and keep the result if the barrier falls.
         if let (Some(source), Some(high)) =
             (self.source, best.filter(|c| c.share > RELEVANT_BARRIER))
         {

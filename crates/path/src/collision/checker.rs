@@ -231,6 +231,7 @@ impl CollisionChecker {
         let depth = limits.depth(within.reach);
         let (mut at, mut best, mut stalls) = (*pose, (f64::NEG_INFINITY, *pose), 0);
         for _ in 0..MOST {
+            // Measure, and keep the best pose.
             let least = self.collect_contacts(&at, aim, depth, contacts);
             let (gain, done) = (least - best.0, best.0 >= -limits.level);
             let missing = -limits.level - best.0;
@@ -250,6 +251,7 @@ impl CollisionChecker {
             if stalls > 1 {
                 break;
             }
+            // Correct, by at most the reach at once.
             let Some(correction) = opening_motion(contacts, aim, within.by) else {
                 break;
             };

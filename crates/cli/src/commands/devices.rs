@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::args::DevicesArgs;
 use crate::args::device_choice::{DeviceChoice, Which};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::parquet_log;
 use crate::terminal::output;
 use crate::terminal::progress::{Hold, interrupted};
@@ -141,11 +141,11 @@ pub(in crate::commands) fn choose(
 /// The log and the device that it was recorded with.
 fn replay(log: &Path, config: &HapticConfig, context: &Context) -> Result<Replay, CommandError> {
     if parquet_log::is_parquet(log) {
-        return Err(CommandError::option(
+        return refuse(
             "--device",
             "replay:LOG.csv; logs in Parquet are for other programs",
             log.display(),
-        ));
+        );
     }
     let bad = |e| CommandError::bad_input("--device", e);
     let Recording { samples, torn_line } = read_log(log).map_err(bad)?;
@@ -282,7 +282,7 @@ struct ProbeFrame {
 fn probe(info: &DeviceInfo, seconds: Option<f64>, context: &Context) -> Result<(), CommandError> {
     let limit = match seconds {
         Some(s) if !(s.is_finite() && s > 0.0) => {
-            return Err(CommandError::option("--seconds", "a positive number", s));
+            return refuse("--seconds", "a positive number", s);
         }
         other => other.unwrap_or(f64::INFINITY),
     };

@@ -10,7 +10,6 @@ use glam::DQuat;
 use haptic::Geometry;
 use pegfit_pictures::{Slice, sheet, skeleton_points};
 use pegfit_play::{Exhibits, MOST_TRIANGLES, MeshMessage};
-use pegfit_scene::poses::pose_fields;
 use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -98,7 +97,7 @@ impl SceneContent {
             "title": assembly.scene().moving.name,
             "fixed": pairs.names,
             "moving": assembly.scene().moving.name,
-            "seated": pose_fields(&geometry.seated),
+            "seated": pegfit_scene::poses::pose_fields(&geometry.seated),
             "axis": geometry.axis.to_array(),
             "depth": geometry.depth,
             "grip": grip.to_array(),
@@ -252,7 +251,7 @@ fn floats(values: impl IntoIterator<Item = f64>) -> impl Iterator<Item = u8> {
 }
 
 fn place(title: &str, note: &str, pose: &Pose) -> Value {
-    json!({ "title": title, "note": note, "pose": pose_fields(pose) })
+    json!({ "title": title, "note": note, "pose": pegfit_scene::poses::pose_fields(pose) })
 }
 
 /// Where energies come from, and how far they are off: of a table, what it states.

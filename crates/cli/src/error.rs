@@ -325,6 +325,18 @@ impl CommandError {
     }
 }
 
+/// Refuses a command-line option.
+///
+/// # Errors
+/// Always.
+pub(crate) fn refuse<T>(
+    item: impl Into<String>,
+    expected: impl Into<String>,
+    found: impl ToString,
+) -> Result<T, CommandError> {
+    Err(CommandError::option(item, expected, found))
+}
+
 /// A scene that cannot be read, and how to come by one.
 fn no_scene(path: &Path, source: std::io::Error) -> CommandError {
     let is_missing = source.kind() == std::io::ErrorKind::NotFound;

@@ -245,12 +245,12 @@ impl DisassemblySearch {
                 let tolerance = self.options.tolerance.unwrap_or(TOLERANCE * radius);
                 let [fixed, moving] = [a, b].map(|s| Body::new(Arc::clone(s), []));
                 let checker = CollisionChecker::new(fixed, moving, radius / POINTS);
-                let depth = checker.depth(&Pose::IDENTITY, f64::INFINITY);
+                let depth = checker.penetration_depth(&Pose::IDENTITY, f64::INFINITY);
                 if depth > tolerance {
                     return Err(PathError::PartsOverlap {
                         parts: [first.clone(), second.clone()],
                         depth,
-                        volume: checker.shared_volume(&Pose::IDENTITY),
+                        volume: checker.interference_volume(&Pose::IDENTITY),
                         tolerance,
                     });
                 }

@@ -115,7 +115,7 @@ impl PenetrationLevels<'_> {
         if !result.paths.is_empty() || stopped() {
             return result;
         }
-        // The higher levels take as long again in all.
+        // Raise the level until a path exists; the higher levels take as long again in all.
         let share = self.time_limit.max(began.elapsed()) / 8;
         let (mut stuck, mut passed) = (bound, None);
         let mut level = lowest;
@@ -129,6 +129,7 @@ impl PenetrationLevels<'_> {
                 false => stuck = level,
             }
         }
+        // Bisect between the last level that failed and the one that did not.
         for _ in 0..HALVINGS {
             let Some(above) = passed.filter(|_| !stopped()) else {
                 break;

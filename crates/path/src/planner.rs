@@ -242,14 +242,17 @@ impl PathSearch {
         if !pose.is_valid() {
             return Err(PathError::Pose { which });
         }
-        let (depth, tolerance) = (self.checker.depth(pose, f64::INFINITY), self.tolerance());
+        let (depth, tolerance) = (
+            self.checker.penetration_depth(pose, f64::INFINITY),
+            self.tolerance(),
+        );
         match depth <= tolerance {
             true => Ok(tolerance),
             false if self.request.allow_overlap => Ok(depth + tolerance),
             false => Err(PathError::Overlap {
                 which,
                 depth,
-                volume: self.checker.shared_volume(pose),
+                volume: self.checker.interference_volume(pose),
                 tolerance,
             }),
         }
@@ -399,7 +402,7 @@ impl PathSearch {
             return 0.0;
         }
         let pose = &result.poses[deepest].pose;
-        self.checker.shared_volume(pose)
+        self.checker.interference_volume(pose)
     }
 }
 
@@ -462,6 +465,7 @@ impl PostProcessing<'_> {
             step: 0.5 * self.space.step,
             ..self.space
         };
+        // Equal steps, away from the walls.
         let poses = equal_steps(frame, &corners, step, MOST);
         let mut poses = half.away_from_walls(&poses);
         let mut responses = self.responses(&poses);
@@ -470,6 +474,7 @@ impl PostProcessing<'_> {
             depth.map(|d| energy_barrier(&energies, d))
         };
         let mut best = climb(&responses);
+        // Lower the energy at fewer images, and keep the result if the barrier falls.
         if let (Some(source), Some(high)) =
             (self.source, best.filter(|c| c.share > RELEVANT_BARRIER))
         {
@@ -507,7 +512,10 @@ impl PostProcessing<'_> {
         let finer = checker.finer(frame.radius / POINTS / DENSER);
         // Poses a step of the search apart were clear of what is deeper than the level.
         let most = limits.depth(step.max(self.space.step));
-        let depths: Vec<f64> = poses.par_iter().map(|p| finer.depth(p, most)).collect();
+        let depths: Vec<f64> = poses
+            .par_iter()
+            .map(|p| finer.penetration_depth(p, most))
+            .collect();
         let mut length = 0.0;
         let mut measured = Vec::with_capacity(poses.len());
         for (i, pose) in poses.iter().enumerate() {

@@ -102,6 +102,7 @@ impl SearchSpace<'_> {
         let last = poses.len() - 1;
         let reached = |to: usize| self.is_free_between(&poses[from], &poses[to]);
         let (mut good, mut bad, mut stride) = (from + 1, last + 1, stride);
+        // Double the stride while it succeeds, or halve it until it does.
         while good < last && !(self.stop)() {
             let to = (from + stride).min(last);
             if to > good && reached(to) {
@@ -118,7 +119,7 @@ impl SearchSpace<'_> {
                 stride = (stride / 2).max(2);
             }
         }
-        // What is left to gain is not worth as many looks as have been.
+        // Bisect between the last success and the first failure, until little is left to gain.
         while bad - good > 1 + (good - from) / 8 && bad <= last && !(self.stop)() {
             let middle = (good + bad) / 2;
             if reached(middle) {

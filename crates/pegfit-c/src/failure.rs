@@ -2,8 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::last_error::keep;
 use crate::status::PegfitStatus;
+use crate::status::keep_last_error;
 
 /// A failed call.
 #[derive(Debug)]
@@ -36,14 +36,14 @@ pub(crate) fn guarded(body: impl FnOnce() -> Result<(), Failure>) -> PegfitStatu
             Failure::new(PegfitStatus::Internal, text.unwrap_or_default())
         }
     };
-    keep(&failure.text);
+    keep_last_error(&failure.text);
     failure.status
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::last_error::last_error;
+    use crate::status::last_error;
 
     #[test]
     fn a_panic_is_a_status_with_its_text() {

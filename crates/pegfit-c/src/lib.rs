@@ -11,7 +11,6 @@
 
 mod failure;
 mod handles;
-mod last_error;
 mod pose;
 mod status;
 mod table;

@@ -1,8 +1,7 @@
 //! Status codes and their texts.
 
+use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
-
-use crate::last_error::last_error;
 
 /// How a call ended.
 #[repr(C)]
@@ -89,4 +88,22 @@ pub unsafe extern "C" fn pegfit_last_error(buffer: *mut c_char, size: usize) -> 
         }
         text.len() + 1
     })
+}
+
+thread_local! {
+    static LAST: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// Keeps the text of a failure for the thread that calls.
+pub(crate) fn keep_last_error(text: &str) {
+    // C reads up to the first zero.
+    let text = text.replace('\0', " ");
+    // Gone only while the thread ends: then nobody asks any more.
+    let _ = LAST.try_with(|last| last.replace(text));
+}
+
+/// Gives the text of this thread's last failure to `read`.
+pub(crate) fn last_error<T>(read: impl Fn(&str) -> T) -> T {
+    LAST.try_with(|last| read(&last.borrow()))
+        .unwrap_or_else(|_| read(""))
 }

@@ -1,4 +1,4 @@
-//! What goes wrong, on its way to Python: named errors that carry their evidence.
+//! Errors for Python: named, with their evidence.
 
 use std::error::Error;
 

@@ -1,4 +1,4 @@
-//! Scores over displacements, where the part belongs, and how it gets there.
+//! Correlation, docking and path search.
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What answers with energy, force and torque at poses.
+//! Sources of energy, force and torque at poses.
 
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;

@@ -1,5 +1,4 @@
 //! Long work beside Python: threads, progress, Ctrl-C.
-//! and tells of progress.
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -1,4 +1,4 @@
-//! Pictures of density fields: what of the data goes where, and under which words.
+//! Pictures of density fields on slices and in space.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! Curves over a common axis.
+//! Curves over a common axis, and their reduction to what a chart can show.
 
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;

@@ -1,4 +1,5 @@
-//! A scene ready to be scored: its meshes read, its fields computed, the energy scale fixed.
+//! A scene ready to be scored: its meshes read, its fields computed, the energy scale fixed; and profiles
+//! of its energy through the fit.
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! From a scene with several fixed parts to pairs that are loaded while the loop runs.
+//! Pairs of a scene with several fixed parts, loaded while the loop runs.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

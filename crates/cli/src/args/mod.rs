@@ -1,4 +1,4 @@
-//! The command line: what may be typed, and what it means.
+//! Arguments of the command line.
 
 pub(crate) mod device_choice;
 

@@ -14,7 +14,7 @@ use super::{scenes, stored, tolerance};
 use crate::args::BakeArgs;
 use crate::bytes::display_bytes;
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::output::require_folder;
 
 #[derive(Serialize)]
@@ -197,7 +197,7 @@ fn part(args: &BakeArgs) -> Result<Part, CommandError> {
     let part = match (args.rank, args.size) {
         (Some(rank), Some(size)) => given(rank, size),
         (Some(_), None) => {
-            return Err(CommandError::option("--size", "given with --rank", "none"));
+            return refuse("--size", "given with --rank", "none");
         }
         (None, size) => {
             let found = Launcher::from_env(size)
@@ -209,7 +209,7 @@ fn part(args: &BakeArgs) -> Result<Part, CommandError> {
                     launcher: Some(launcher.source),
                 },
                 (None, Some(size)) if size != 1 => {
-                    return Err(CommandError::option("--rank", "given with --size", "none"));
+                    return refuse("--rank", "given with --size", "none");
                 }
                 (None, _) => given(0, 1),
             }
@@ -217,7 +217,7 @@ fn part(args: &BakeArgs) -> Result<Part, CommandError> {
     };
     if part.rank >= part.size {
         let expected = format!("below --size {}", part.size);
-        return Err(CommandError::option("--rank", expected, part.rank));
+        return refuse("--rank", expected, part.rank);
     }
     Ok(part)
 }

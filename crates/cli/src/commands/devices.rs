@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::args::DevicesArgs;
 use crate::args::device_choice::{DeviceChoice, Which};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::parquet_log;
 use crate::terminal::output;
 use crate::terminal::progress::{Hold, interrupted};
@@ -97,21 +97,6 @@ const UDEV_RULES: &str = include_str!("../../udev/70-pegfit.rules");
 /// Where the rules go.
 const UDEV_PATH: &str = "/etc/udev/rules.d/70-pegfit.rules";
 
-/// Why no device can be used.
-#[derive(Debug, thiserror::Error)]
-enum Unusable {
-    #[error("no haptic device is attached")]
-    None,
-    #[error("no {0} device can be used: {1}")]
-    Missing(&'static str, String),
-    #[error("no attached device is {0}; `pegfit devices` lists what there is")]
-    NoSuch(String),
-    #[error("{} may not be opened by this user", .0.join(", "))]
-    Denied(Vec<String>),
-    #[error("{0}")]
-    Failed(String),
-}
-
 /// What holds the moving part.
 pub(in crate::commands) enum Chosen {
     /// The simulated operator.
@@ -156,11 +141,11 @@ pub(in crate::commands) fn choose(
 /// The log and the device that it was recorded with.
 fn replay(log: &Path, config: &HapticConfig, context: &Context) -> Result<Replay, CommandError> {
     if parquet_log::is_parquet(log) {
-        return Err(CommandError::option(
+        return refuse(
             "--device",
             "replay:LOG.csv; logs in Parquet are for other programs",
             log.display(),
-        ));
+        );
     }
     let bad = |e| CommandError::bad_input("--device", e);
     let Recording { samples, torn_line } = read_log(log).map_err(bad)?;
@@ -206,17 +191,22 @@ fn pick<'a>(
         return Ok(device);
     }
     if let (true, [missing]) = (candidates.is_empty(), found.missing.as_slice()) {
-        let reason = missing.reason.clone();
-        return Err(failure(Unusable::Missing(missing.kind.maker(), reason)));
+        let reason = &missing.reason;
+        return Err(failure(format!(
+            "no {} device can be used: {reason}",
+            missing.kind.maker()
+        )));
     }
     if candidates.is_empty() && !found.devices.is_empty() {
-        return Err(failure(Unusable::NoSuch(text.to_owned())));
+        return Err(failure(format!(
+            "no attached device is {text}; `pegfit devices` lists what there is"
+        )));
     }
     Err(unusable(candidates))
 }
 
-fn failure(why: Unusable) -> CommandError {
-    CommandError::failure("devices", why)
+fn failure(why: impl Into<String>) -> CommandError {
+    CommandError::failure("devices", why.into())
 }
 
 /// Why none of these can be used; prints what would help.
@@ -230,9 +220,9 @@ fn unusable<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) -> CommandErr
         _ => None,
     });
     match failed {
-        _ if !denied.is_empty() => failure(Unusable::Denied(denied)),
-        Some(reason) => failure(Unusable::Failed(reason)),
-        None => failure(Unusable::None).with_next(
+        _ if !denied.is_empty() => failure(format!("{} may not be opened by this user", denied.join(", "))),
+        Some(reason) => failure(reason),
+        None => failure("no haptic device is attached").with_next(
             "without one: `pegfit play SCENE` takes your mouse for the hand, `pegfit feel SCENE` has \
              a simulated one",
         ),
@@ -292,7 +282,7 @@ struct ProbeFrame {
 fn probe(info: &DeviceInfo, seconds: Option<f64>, context: &Context) -> Result<(), CommandError> {
     let limit = match seconds {
         Some(s) if !(s.is_finite() && s > 0.0) => {
-            return Err(CommandError::option("--seconds", "a positive number", s));
+            return refuse("--seconds", "a positive number", s);
         }
         other => other.unwrap_or(f64::INFINITY),
     };

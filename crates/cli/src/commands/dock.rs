@@ -12,7 +12,7 @@ use super::scenes;
 
 use crate::args::DockArgs;
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::output::{print_json, require_folder};
 use crate::terminal::output::StandardOutput;
 use crate::terminal::progress::interrupted;
@@ -66,7 +66,7 @@ struct DockedPose {
 pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError> {
     if args.top == 0 || args.top > MOST {
         let expected = format!("1 to {MOST}");
-        return Err(CommandError::option("--top", expected, args.top));
+        return refuse("--top", expected, args.top);
     }
     let to_stdout = args.output == Path::new("-");
     for file in [

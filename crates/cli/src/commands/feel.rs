@@ -15,7 +15,7 @@ use crate::commands::devices::Chosen;
 use crate::commands::plot::force_chart;
 use crate::commands::{devices, haptic_session, scenes};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::output::require_folder;
 use crate::report::parquet_log;
 use crate::report::session::{SessionReport, event_text, privileges};
@@ -80,11 +80,7 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
 /// Refuses what could not be done or written, before anything is loaded.
 fn check_outputs(args: &FeelArgs) -> Result<(), CommandError> {
     if let Some(seconds) = args.seconds.filter(|s| !(s.is_finite() && *s > 0.0)) {
-        return Err(CommandError::option(
-            "--seconds",
-            "a positive number",
-            seconds,
-        ));
+        return refuse("--seconds", "a positive number", seconds);
     }
     for output in [&args.log, &args.png, &args.report].into_iter().flatten() {
         require_folder(output)?;

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::args::FieldArgs;
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::memory;
 use crate::report::output::{print_json, require_folder};
 use sdf_grid::atomic;
@@ -162,21 +162,13 @@ impl Task<'_> {
 /// The plane of the picture; y = 0 if only --png is given.
 fn wanted_slice(args: &FieldArgs) -> Result<Option<Slice>, CommandError> {
     if outputs(args).next().is_none() {
-        return Err(CommandError::option(
-            "--output, --png, --skeleton",
-            "a file to write",
-            "neither",
-        ));
+        return refuse("--output, --png, --skeleton", "a file to write", "neither");
     }
     match (&args.slice, &args.png) {
         (Some(text), Some(_)) => Slice::parse(text, args.unit)
             .map(Some)
             .map_err(CommandError::slice),
-        (Some(_), None) => Err(CommandError::option(
-            "--png",
-            "a picture file for --slice",
-            "none",
-        )),
+        (Some(_), None) => refuse("--png", "a picture file for --slice", "none"),
         (None, Some(_)) => Ok(Some(Slice { axis: 1, at: 0.0 })),
         (None, None) => Ok(None),
     }
@@ -188,12 +180,12 @@ fn lattice(args: &FieldArgs, mesh: &TriangleMesh) -> Result<Lattice, CommandErro
     let longest = bounds.size().max_element();
     let spacing = match args.spacing {
         Some(h) if h.is_finite() && h > 0.0 => h * metre,
-        Some(h) => return Err(CommandError::option("--spacing", "a positive number", h)),
+        Some(h) => return refuse("--spacing", "a positive number", h),
         None => longest / DEFAULT_CELLS,
     };
     let margin = match args.margin {
         Some(m) if m.is_finite() && m >= 0.0 => m * metre,
-        Some(m) => return Err(CommandError::option("--margin", "a number >= 0", m)),
+        Some(m) => return refuse("--margin", "a number >= 0", m),
         None => 0.25 * longest,
     };
     Lattice::covering(&bounds, margin, spacing)

@@ -2,7 +2,7 @@
 
 use crate::args::{Arguments, Command, Global};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::memory;
 use crate::terminal::progress::Progress;
 
@@ -71,11 +71,7 @@ fn memory_budget(global: &Global) -> Result<u64, CommandError> {
         Some(gib) if gib.is_finite() && gib > 0.0 => {
             Ok(memory::budget(Some((gib * f64::from(1 << 30)) as u64)))
         }
-        Some(gib) => Err(CommandError::option(
-            "--memory",
-            "a positive number of GiB",
-            gib,
-        )),
+        Some(gib) => refuse("--memory", "a positive number of GiB", gib),
         None => Ok(memory::budget(None)),
     }
 }
@@ -85,7 +81,7 @@ fn start_threads(global: &Global) -> Result<(), CommandError> {
         return Ok(());
     };
     if threads == 0 || threads > 4096 {
-        return Err(CommandError::option("--threads", "1 to 4096", threads));
+        return refuse("--threads", "1 to 4096", threads);
     }
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

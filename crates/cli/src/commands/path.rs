@@ -12,7 +12,7 @@ use sdf_grid::atomic;
 use crate::args::PathArgs;
 use crate::commands::{dock, resume, scenes};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::output::require_folder;
 use crate::report::path::{PathReport, print};
 use crate::terminal::output::StandardOutput;
@@ -167,7 +167,7 @@ pub(crate) fn time_limit(seconds: f64) -> Result<Duration, CommandError> {
         true => Ok(Duration::from_secs_f64(seconds)),
         false => {
             let expected = "a positive number of seconds, a week at most";
-            Err(CommandError::option("--seconds", expected, seconds))
+            refuse("--seconds", expected, seconds)
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::args::{PlotArgs, PlotKind};
 use crate::commands::scenes::scene_item;
 use crate::commands::{haptic_session, scenes};
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::output::require_folder;
 
 pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(), CommandError> {
@@ -108,11 +108,7 @@ impl Along {
         match (axis(text), text.strip_prefix('r').and_then(axis)) {
             (Some(a), _) => Ok(Self::Axis(a)),
             (None, Some(a)) => Ok(Self::About(a)),
-            _ => Err(CommandError::option(
-                "--along",
-                "x, y, z, rx, ry or rz",
-                text,
-            )),
+            _ => refuse("--along", "x, y, z, rx, ry or rz", text),
         }
     }
 }
@@ -372,11 +368,7 @@ fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError> {
     let axis = |c: char| "xyz".find(c);
     match text.chars().map(axis).collect::<Vec<_>>()[..] {
         [Some(a), Some(b)] if a != b => Ok([a, b]),
-        _ => Err(CommandError::option(
-            "--along",
-            "two of x, y, z, such as xz",
-            text,
-        )),
+        _ => refuse("--along", "two of x, y, z, such as xz", text),
     }
 }
 

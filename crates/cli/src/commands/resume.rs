@@ -1,4 +1,4 @@
-//! What a search has tried, in a file from which the next one goes on.
+//! Files with the state of a search, from which the next one continues.
 
 use std::path::Path;
 

@@ -16,7 +16,7 @@ use sdf_grid::atomic;
 use super::{scenes, stored, tolerance};
 use crate::args::ScoreArgs;
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, refuse};
 use crate::report::output::require_folder;
 use crate::terminal::output::StandardOutput;
 use crate::terminal::progress::check_interrupt;
@@ -147,11 +147,7 @@ impl Scorer {
                     condition: None,
                 })
             }
-            (None, None) => Err(CommandError::option(
-                "--scene, --table",
-                "one of them",
-                "none",
-            )),
+            (None, None) => refuse("--scene, --table", "one of them", "none"),
         }
     }
 

@@ -1,4 +1,4 @@
-//! What a reader made of a file, printed.
+//! Prints what a reader read, ignored and assumed of a file.
 
 use sdf_grid::text::shown;
 use sdf_grid::{Ledger, LedgerKind};

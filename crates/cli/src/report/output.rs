@@ -1,4 +1,4 @@
-//! Where results go.
+//! Output files, and results as JSON.
 
 use std::borrow::Cow;
 use std::path::Path;

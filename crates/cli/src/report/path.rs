@@ -1,5 +1,4 @@
 //! Reports of a path: rows, a summary, charts, and a page that plays it.
-//! that needs no other.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Between the command and whoever typed it: progress, interrupts, lines of text.
+//! The terminal: progress, interrupts, lines of text.
 
 pub(crate) mod error_text;
 #[macro_use]

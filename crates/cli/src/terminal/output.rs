@@ -1,5 +1,5 @@
-//! Standard output. All that commands print goes through here, so that whoever typed a command hears
-//! of it when what it printed was lost.
+//! Standard output and error. Commands print through this module, which reports lost output and escapes
+//! characters that a terminal would obey.
 
 use std::fmt::Arguments;
 use std::io;

@@ -1,5 +1,5 @@
 //! Progress bars and the Ctrl-C flag, handed to the libraries as their [`Monitor`].
-//! been told to stop.
+//! While a device is held, a second Ctrl-C waits until the device has stopped.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};

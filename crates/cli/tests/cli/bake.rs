@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use crate::common::{
-    columns, cuboid_obj, pegfit, refuse, reseal, scene_folder, stderr, stdout, succeed,
+    columns, cuboid_obj, pegfit, refuse, reseal, scene_folder, stderr, stdout, succeed, words,
 };
 
 pub(crate) const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
@@ -74,15 +74,7 @@ fn a_table_is_baked_and_read() {
         "{said}"
     );
 
-    let args = [
-        "feel",
-        "scene.toml",
-        "--table",
-        "t.zarr",
-        "--seconds",
-        "0.2",
-        "-q",
-    ];
+    let args = words("feel scene.toml --table t.zarr --seconds 0.2 -q");
     assert!(succeed(folder.path(), &args).contains("peak force"));
 }
 
@@ -172,15 +164,7 @@ fn a_table_is_joined_to_its_own_scene_only() {
         for command in [
             &["bake", "other.toml", "-o", "t.zarr", "--resume", "-q"][..],
             &["verify", "t.zarr", "--scene", "other.toml", "-q"],
-            &[
-                "feel",
-                "other.toml",
-                "--table",
-                "t.zarr",
-                "--seconds",
-                "0.1",
-                "-q",
-            ],
+            &words("feel other.toml --table t.zarr --seconds 0.1 -q"),
         ] {
             let said = refuse(root, command);
             assert!(said.contains(key), "{command:?}: {said}");
@@ -279,15 +263,7 @@ fn ranks_and_resumption_give_the_same_table() {
         .unwrap();
     std::fs::remove_file(folder.path().join("t.zarr").join(lost)).unwrap();
     assert_eq!(status(folder.path())["missing"], 1);
-    let args = [
-        "bake",
-        "scene.toml",
-        "-o",
-        "t.zarr",
-        "--resume",
-        "--json",
-        "-q",
-    ];
+    let args = words("bake scene.toml -o t.zarr --resume --json -q");
     let summary: serde_json::Value = serde_json::from_str(&succeed(folder.path(), &args)).unwrap();
     assert_eq!(summary["computed"], 1);
     assert_eq!(

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::{cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout, succeed};
+use crate::common::{cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout, succeed, words};
 
 /// Clears the screen, names the window, and turns the direction of writing.
 const EVIL: &str = "x\u{1b}[2J\u{1b}]0;mine\u{7}\u{9b}1m\u{202e}y";
@@ -141,16 +141,7 @@ fn at_the_ends_of_all_ranges_scores_and_tables_are_numbers() {
         ));
         let root = folder.path();
         std::fs::write(root.join("in.csv"), POSES).unwrap();
-        let bake = [
-            "bake",
-            "scene.toml",
-            "-o",
-            "t.zarr",
-            "--json",
-            "-q",
-            "--poses",
-            "50",
-        ];
+        let bake = words("bake scene.toml -o t.zarr --json -q --poses 50");
         let baked = pegfit(root, &bake);
         assert_eq!(baked.status.code(), Some(0), "{energy}: {}", stderr(&baked));
         let summary: serde_json::Value = serde_json::from_str(&stdout(&baked)).unwrap();

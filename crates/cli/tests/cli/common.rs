@@ -135,3 +135,8 @@ pub(crate) fn columns(text: &str) -> Vec<std::collections::HashMap<String, f64>>
         })
         .collect()
 }
+
+/// The words of a command line, which stand between single spaces.
+pub(crate) fn words(text: &str) -> Vec<&str> {
+    text.split(' ').collect()
+}

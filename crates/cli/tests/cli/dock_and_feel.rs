@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{TriangleMesh, mesh_io};
 
-use crate::common::{columns, refuse, scene_folder, succeed};
+use crate::common::{columns, refuse, scene_folder, succeed, words};
 
 const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 20.0\nstep_deg = 10.0\n";
 
@@ -96,19 +96,7 @@ fn the_loop_runs_and_leaves_log_and_picture() {
     let folder = scene_folder("[device]\nrealtime = false\n");
     let text = succeed(
         folder.path(),
-        &[
-            "feel",
-            "scene.toml",
-            "--script",
-            "snap",
-            "--seconds",
-            "0.5",
-            "--log",
-            "log.csv",
-            "--png",
-            "p.png",
-            "-q",
-        ],
+        &words("feel scene.toml --script snap --seconds 0.5 --log log.csv --png p.png -q"),
     );
     for word in ["rate", "latency", "lateness", "overruns", "peak force"] {
         assert!(text.contains(word), "{text}");
@@ -119,16 +107,7 @@ fn the_loop_runs_and_leaves_log_and_picture() {
     assert_eq!(&png[1..4], b"PNG");
     let text = succeed(
         folder.path(),
-        &[
-            "feel",
-            "scene.toml",
-            "--script",
-            "collision",
-            "--seconds",
-            "0.2",
-            "--json",
-            "-q",
-        ],
+        &words("feel scene.toml --script collision --seconds 0.2 --json -q"),
     );
     let report: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(report["ticks"].as_u64().unwrap() > 0);

@@ -7,7 +7,7 @@ use fft_correlate::{Pose, Wrench};
 use glam::{DQuat, DVec3};
 use sdf_grid::{TriangleMesh, mesh_io, shapes};
 
-use crate::common::{columns, refuse, scene_folder, succeed};
+use crate::common::{columns, refuse, scene_folder, succeed, words};
 
 fn pose(row: &HashMap<String, f64>) -> Pose {
     let get = |names: [&str; 4]| names.map(|n| row.get(n).copied().unwrap_or(0.0));
@@ -74,18 +74,9 @@ fn a_way_begins_and_ends_where_it_is_asked_to() {
     let folder = scene_folder("");
     let said = succeed(
         folder.path(),
-        &[
-            "path",
-            "scene.toml",
-            "--solids-only",
-            "--from",
-            "0.05,0,0,0,0,0,1",
-            "--to",
-            "0,0,0.005,0,0,0,1",
-            "-o",
-            "-",
-            "-q",
-        ],
+        &words(
+            "path scene.toml --solids-only --from 0.05,0,0,0,0,0,1 --to 0,0,0.005,0,0,0,1 -o - -q",
+        ),
     );
     let rows = columns(&said);
     let ends = [&rows[0], &rows[rows.len() - 1]].map(|r| pose(r).translation);

@@ -1,6 +1,6 @@
 //! `pegfit plot` from the outside.
 
-use crate::common::{cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout, succeed};
+use crate::common::{cuboid_obj, pegfit, refuse, scene_folder, stderr, stdout, succeed, words};
 
 fn is_png(path: &std::path::Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| bytes.len() > 1000 && &bytes[1..4] == b"PNG")
@@ -191,16 +191,7 @@ fn bad_requests_are_refused_before_anything_is_written() {
 fn a_field_beyond_the_memory_is_refused_with_the_number() {
     let folder = folder();
     // (4 + 2 * 1.5 mm) / 0.01 mm = 700 nodes twice, 900 once, 20 bytes each: 8.2 GiB.
-    let args = [
-        "field",
-        "box.obj",
-        "-o",
-        "f.vti",
-        "--spacing",
-        "0.01",
-        "--memory",
-        "2",
-    ];
+    let args = words("field box.obj -o f.vti --spacing 0.01 --memory 2");
     let output = pegfit(folder.path(), &args);
     assert_eq!(output.status.code(), Some(2));
     let text = stderr(&output);

@@ -12,7 +12,7 @@ use sdf_grid::shapes::PegInHole;
 use sdf_grid::{LengthUnit, TriangleMesh};
 use serde_json::{Value, json};
 
-use crate::common::{refuse, succeed};
+use crate::common::{refuse, succeed, words};
 
 /// Solids as one OBJ in millimetres, each under its name; where it is placed is in its vertices.
 fn obj(solids: &[(&str, &TriangleMesh, DVec3)]) -> String {
@@ -108,17 +108,7 @@ fn an_assembly_becomes_a_scene_that_commands_take() {
     std::fs::write(folder.path().join("b.obj"), obj(&solids)).unwrap();
     told(
         at,
-        &[
-            "scene",
-            "b.obj",
-            "--moving",
-            "2",
-            "--moving",
-            "3",
-            "--separate",
-            "-o",
-            "t.toml",
-        ],
+        &words("scene b.obj --moving 2 --moving 3 --separate -o t.toml"),
     );
     let scene = Scene::read(at.join("t.toml")).unwrap();
     let names: Vec<&str> = scene.fixed_parts().map(|p| p.name.as_str()).collect();

@@ -8,7 +8,7 @@ use fft_correlate::{Placement, Pose};
 use glam::{DQuat, DVec3};
 use tempfile::TempDir;
 
-use crate::common::{columns, cuboid_obj, refuse, scene_folder, succeed};
+use crate::common::{columns, cuboid_obj, refuse, scene_folder, succeed, words};
 
 /// The hole of `scene_folder` as one part of several: a wall of two boxes beside it, and a part far
 /// away.
@@ -27,15 +27,7 @@ fn several(folder: &Path, extra: &str) {
 fn several_parts_are_felt_together_and_told_about_on_a_page() {
     let folder = scene_folder("");
     several(folder.path(), "");
-    let args = [
-        "feel",
-        "scene.toml",
-        "--seconds",
-        "0.5",
-        "--report",
-        "r.html",
-        "-q",
-    ];
+    let args = words("feel scene.toml --seconds 0.5 --report r.html -q");
     let said = succeed(folder.path(), &args);
     assert!(said.contains("peak force"), "{said}");
     let page = std::fs::read_to_string(folder.path().join("r.html")).unwrap();
@@ -150,15 +142,7 @@ fn a_part_that_changes_is_loaded_again_while_the_loop_runs() {
 #[test]
 fn a_log_of_a_kind_that_is_not_built_in_is_refused_before_anything_is_computed() {
     let folder = scene_folder("");
-    let args = [
-        "feel",
-        "scene.toml",
-        "--log",
-        "l.parquet",
-        "--seconds",
-        "0.1",
-        "-q",
-    ];
+    let args = words("feel scene.toml --log l.parquet --seconds 0.1 -q");
     if cfg!(feature = "parquet") {
         succeed(folder.path(), &args);
         let log = std::fs::read(folder.path().join("l.parquet")).unwrap();

@@ -1,7 +1,7 @@
 //! `pegfit score` from the outside.
 
 use crate::common::{
-    columns, pegfit, pegfit_with_input, refuse, scene_folder, stderr, stdout, succeed,
+    columns, pegfit, pegfit_with_input, refuse, scene_folder, stderr, stdout, succeed, words,
 };
 
 const POSES: &str = "\
@@ -16,16 +16,7 @@ qw,qx,qy,qz,x,y,z,note
 fn poses_in_scores_out() {
     let folder = scene_folder("");
     std::fs::write(folder.path().join("in.csv"), POSES).unwrap();
-    let args = [
-        "score",
-        "--scene",
-        "scene.toml",
-        "--poses",
-        "in.csv",
-        "-o",
-        "out.csv",
-        "-q",
-    ];
+    let args = words("score --scene scene.toml --poses in.csv -o out.csv -q");
     assert_eq!(succeed(folder.path(), &args), "");
     let text = std::fs::read_to_string(folder.path().join("out.csv")).unwrap();
     assert!(
@@ -125,16 +116,7 @@ fn standard_input_and_output_give_the_same() {
     );
     let piped = pegfit_with_input(
         folder.path(),
-        &[
-            "score",
-            "--scene",
-            "scene.toml",
-            "--poses",
-            "-",
-            "-o",
-            "-",
-            "-q",
-        ],
+        &words("score --scene scene.toml --poses - -o - -q"),
         POSES,
     );
     assert_eq!(piped.status.code(), Some(0), "{}", stderr(&piped));
@@ -161,15 +143,7 @@ fn bad_poses_name_their_row_and_write_nothing() {
         std::fs::write(folder.path().join("in.csv"), text).unwrap();
         let said = refuse(
             folder.path(),
-            &[
-                "score",
-                "--scene",
-                "scene.toml",
-                "--poses",
-                "in.csv",
-                "-o",
-                "out.csv",
-            ],
+            &words("score --scene scene.toml --poses in.csv -o out.csv"),
         );
         assert!(said.contains("in.csv") && said.contains(message), "{said}");
         assert!(!folder.path().join("out.csv").exists());
@@ -204,15 +178,7 @@ fn a_scene_beyond_the_memory_is_refused_with_the_number() {
     std::fs::write(folder.path().join("in.csv"), POSES).unwrap();
     let said = refuse(
         folder.path(),
-        &[
-            "score",
-            "--scene",
-            "scene.toml",
-            "--poses",
-            "in.csv",
-            "--memory",
-            "0.0001",
-        ],
+        &words("score --scene scene.toml --poses in.csv --memory 0.0001"),
     );
     assert!(
         said.contains("the density fields needs") || said.contains("density fields"),
@@ -242,15 +208,7 @@ fn parts_of_very_different_size_are_warned_about() {
     std::fs::write(folder.path().join("peg.obj"), large).unwrap();
     let output = pegfit(
         folder.path(),
-        &[
-            "score",
-            "--scene",
-            "scene.toml",
-            "--poses",
-            "in.csv",
-            "--memory",
-            "0.01",
-        ],
+        &words("score --scene scene.toml --poses in.csv --memory 0.01"),
     );
     assert!(
         stderr(&output).contains("are both in m?"),

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use crate::common::{pegfit, scene_folder, stderr, succeed};
+use crate::common::{pegfit, scene_folder, stderr, succeed, words};
 
 const BALL: &str = "[rotations]\nkind = \"ball\"\nangle_deg = 10.0\nstep_deg = 10.0\n";
 
@@ -34,48 +34,29 @@ fn prepared() -> tempfile::TempDir {
     folder
 }
 
-/// With the seed of the table's own measurement, which it repeats.
-const VERIFY: [&str; 6] = ["verify", "t.zarr", "--scene", "scene.toml", "--seed", "1"];
-
 /// Every command that prints, and none that waits for somebody.
-const PRINTING: [&[&str]; 20] = [
-    &["--help"],
-    &["--version"],
-    &["help", "bake"],
-    &["check", "--help"],
-    &["check", "hole.obj"],
-    &["check", "hole.obj", "--json"],
-    &[
-        "field",
-        "hole.obj",
-        "--unit",
-        "m",
-        "--spacing",
-        "0.005",
-        "-o",
-        "f.vti",
-    ],
-    &["scene", "hole.obj"],
-    &["table", "t.zarr"],
-    &["table", "t.zarr", "--json"],
-    &VERIFY,
-    &["bake", "scene.toml", "-o", "t.zarr", "--status"],
-    &[
-        "bake",
-        "scene.toml",
-        "-o",
-        "t.zarr",
-        "--resume",
-        "--poses",
-        "20",
-    ],
-    &["score", "--table", "t.zarr", "--poses", "in.csv"],
-    &["score", "--scene", "scene.toml", "--poses", "in.csv"],
-    &["dock", "scene.toml", "--top", "1", "-q", "-o", "-"],
-    &["dock", "scene.toml", "--top", "1", "-q", "--json"],
-    &["feel", "scene.toml", "--seconds", "0.1", "-q"],
-    &["completions", "bash"],
-    &["man", "."],
+const PRINTING: [&str; 20] = [
+    "--help",
+    "--version",
+    "help bake",
+    "check --help",
+    "check hole.obj",
+    "check hole.obj --json",
+    "field hole.obj --unit m --spacing 0.005 -o f.vti",
+    "scene hole.obj",
+    "table t.zarr",
+    "table t.zarr --json",
+    // With the seed of the table's own measurement, which it repeats.
+    "verify t.zarr --scene scene.toml --seed 1",
+    "bake scene.toml -o t.zarr --status",
+    "bake scene.toml -o t.zarr --resume --poses 20",
+    "score --table t.zarr --poses in.csv",
+    "score --scene scene.toml --poses in.csv",
+    "dock scene.toml --top 1 -q -o -",
+    "dock scene.toml --top 1 -q --json",
+    "feel scene.toml --seconds 0.1 -q",
+    "completions bash",
+    "man .",
 ];
 
 #[cfg(target_os = "linux")]
@@ -84,7 +65,7 @@ fn output_that_is_lost_is_an_error_of_every_command() {
     let folder = prepared();
     for args in PRINTING {
         let full = File::options().write(true).open("/dev/full").unwrap();
-        let output = into(folder.path(), args, full);
+        let output = into(folder.path(), &words(args), full);
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(1), "{args:?}: {said}");
         let told = said.matches("cannot write standard output").count();
@@ -99,7 +80,7 @@ fn a_reader_that_has_enough_is_no_error_of_any_command() {
     for args in PRINTING {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
-        let output = into(folder.path(), args, writer);
+        let output = into(folder.path(), &words(args), writer);
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(0), "{args:?}: {said}");
         assert!(!said.contains("pipe"), "{args:?}: {said}");
@@ -222,14 +203,7 @@ fn nothing_is_written_through_a_link_that_another_user_planted() {
     }
     let mut score = vec!["score", "--table", "t.zarr", "--poses", "in.csv"];
     score.extend(["-o", "shared/o.csv"]);
-    let feel = [
-        "feel",
-        "scene.toml",
-        "--seconds",
-        "0.1",
-        "--log",
-        "shared/log.csv",
-    ];
+    let feel = words("feel scene.toml --seconds 0.1 --log shared/log.csv");
     let bake = ["bake", "scene.toml", "-o", "shared/t.zarr"];
     for args in [&score[..], &feel, &bake] {
         let output = pegfit(root, args);
@@ -314,15 +288,7 @@ fn replays(folder: &Path, part: &Path) {
 #[test]
 fn a_log_in_a_full_place_is_told() {
     let folder = scene_folder("[device]\nrealtime = false\n");
-    let args = [
-        "feel",
-        "scene.toml",
-        "--seconds",
-        "0.1",
-        "--log",
-        "/dev/full",
-        "-q",
-    ];
+    let args = words("feel scene.toml --seconds 0.1 --log /dev/full -q");
     let output = pegfit(folder.path(), &args);
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -379,15 +345,7 @@ fn a_killed_loop_leaves_a_log_that_is_felt_again() {
 fn a_recording_that_no_device_gives_is_refused_by_line() {
     let folder = scene_folder("[device]\nrealtime = false\n");
     let root = folder.path();
-    let feel = [
-        "feel",
-        "scene.toml",
-        "--seconds",
-        "0.1",
-        "--log",
-        "l.csv",
-        "-q",
-    ];
+    let feel = words("feel scene.toml --seconds 0.1 --log l.csv -q");
     succeed(root, &feel);
     let text = std::fs::read_to_string(root.join("l.csv")).unwrap();
     let changed = |line: usize, column: usize, to: &str| {

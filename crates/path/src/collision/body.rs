@@ -81,7 +81,7 @@ impl Body {
     }
 
     /// The volume that this body and one at `pose` share, cubic metres.
-    pub(crate) fn shared_volume(&self, other: &Self, pose: &Pose) -> f64 {
+    pub(crate) fn interference_volume(&self, other: &Self, pose: &Pose) -> f64 {
         let shared = |a, b| {
             let query = InterferenceQuery::new(a, b);
             query.at(pose.rotation, pose.translation).volume
@@ -243,7 +243,7 @@ mod tests {
         let block = Body::of_mesh(Arc::new(shapes::cuboid(DVec3::splat(0.01)).unwrap()));
         let pose = Pose::from_translation(DVec3::Z * 0.009);
         // 10 mm x 10 mm, half over each cube, 1 mm deep.
-        let volume = both.shared_volume(&block, &pose);
+        let volume = both.interference_volume(&block, &pose);
         assert!((volume / 1e-7 - 1.0).abs() < 0.05, "{volume}");
     }
 

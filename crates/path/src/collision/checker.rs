@@ -111,7 +111,7 @@ impl CollisionChecker {
 
     /// Penetration depth: of the deepest point of either part in the other, metres; 0 if none overlaps.
     /// Points deeper than `most` are not seen.
-    pub(crate) fn depth(&self, pose: &Pose, most: f64) -> f64 {
+    pub(crate) fn penetration_depth(&self, pose: &Pose, most: f64) -> f64 {
         let back = pose.inverse();
         let inside = |body: &Body, p: DVec3| {
             let probes = body.probes(p, most);
@@ -125,8 +125,8 @@ impl CollisionChecker {
     }
 
     /// Interference volume, cubic metres.
-    pub(crate) fn shared_volume(&self, pose: &Pose) -> f64 {
-        self.fixed.shared_volume(&self.moving, pose)
+    pub(crate) fn interference_volume(&self, pose: &Pose) -> f64 {
+        self.fixed.interference_volume(&self.moving, pose)
     }
 
     fn contact(&self, pose: &Pose, distance: f64, place: DVec3, normal: DVec3) -> Contact {
@@ -231,6 +231,7 @@ impl CollisionChecker {
         let depth = limits.depth(within.reach);
         let (mut at, mut best, mut stalls) = (*pose, (f64::NEG_INFINITY, *pose), 0);
         for _ in 0..MOST {
+            // Measure, and keep the best pose.
             let least = self.collect_contacts(&at, aim, depth, contacts);
             let (gain, done) = (least - best.0, best.0 >= -limits.level);
             let missing = -limits.level - best.0;
@@ -250,6 +251,7 @@ impl CollisionChecker {
             if stalls > 1 {
                 break;
             }
+            // Correct, by at most the reach at once.
             let Some(correction) = opening_motion(contacts, aim, within.by) else {
                 break;
             };
@@ -319,9 +321,9 @@ mod tests {
         assert!((found - least).abs() > 1e-8);
         // Of second order in the step.
         assert!((found - expected).abs() < 5e-9, "{found} {expected}");
-        assert!(checker.depth(&fit_pose, 0.01) < 1e-12);
+        assert!(checker.penetration_depth(&fit_pose, 0.01) < 1e-12);
         let sunk = Pose::new(fit_pose.rotation, fit_pose.translation + DVec3::X * 1e-3);
-        let depth = checker.depth(&sunk, 0.01);
+        let depth = checker.penetration_depth(&sunk, 0.01);
         assert!((depth - (1e-3 - fit.clearance)).abs() < 2e-4, "{depth}");
         assert!(!checker.is_free(&sunk, 1e-4, 2e-3) && checker.is_free(&fit_pose, 1e-5, 1e-3));
     }

@@ -81,6 +81,7 @@ impl SearchSpace<'_> {
                 break;
             };
             gone += frame.largest(&at, &step.motion);
+            // Longer steps where the walls do not divert the part.
             pace = if step.smooth {
                 (1.5 * pace).min(FASTEST)
             } else {
@@ -89,12 +90,14 @@ impl SearchSpace<'_> {
             at = step.pose;
             slide.poses.extend(step.between);
             slide.poses.push(at);
+            // The next step repeats the motion of the last few.
             along = self.recent_motion(start, &slide.poses);
             slide.last = Some(along);
             if self.exit(&at).distance < 0.0 {
                 slide.outside = true;
                 break;
             }
+            // Stop where the part has been; checked now and then.
             if slide.poses.len() > look {
                 look += LOOK;
                 if (until.known)(&at) {

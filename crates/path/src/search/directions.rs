@@ -92,6 +92,7 @@ fn weight(contact: &Contact, far: f64) -> f64 {
 /// Normals of the walls about a pose and the directions along two of them at once; where there are not
 /// enough, the part's own axes.
 fn axes(checker: &CollisionChecker, pose: &Pose, contacts: &[Contact], far: f64) -> Vec<DVec3> {
+    // Cluster the contacts' normals into walls, weighted by nearness.
     let mut walls: Vec<(DVec3, f64)> = Vec::new();
     for c in contacts {
         let same = |w: &&mut (DVec3, f64)| w.0.normalize().dot(c.normal).abs() > SAME_NORMAL;
@@ -104,6 +105,7 @@ fn axes(checker: &CollisionChecker, pose: &Pose, contacts: &[Contact], far: f64)
             None => walls.push(((weight + 1e-9) * c.normal, weight)),
         }
     }
+    // Keep the nearest walls.
     walls.sort_by(|a, b| b.1.total_cmp(&a.1));
     let walls: Vec<DVec3> = walls
         .iter()
@@ -120,6 +122,7 @@ fn axes(checker: &CollisionChecker, pose: &Pose, contacts: &[Contact], far: f64)
             axes.push(axis.normalize());
         }
     };
+    // Along two walls at once, across each, and the part's own axes.
     for (i, a) in walls.iter().enumerate() {
         for b in &walls[i + 1..] {
             add(a.cross(*b));

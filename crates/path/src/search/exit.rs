@@ -201,7 +201,7 @@ mod tests {
                 let pose = checker
                     .frame
                     .interpolated(&pair[0], &pair[1], f64::from(i) / 10.0);
-                assert_eq!(checker.depth(&pose, 1.0), 0.0);
+                assert_eq!(checker.penetration_depth(&pose, 1.0), 0.0);
             }
         }
     }

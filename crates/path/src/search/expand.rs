@@ -104,6 +104,7 @@ impl Expansion<'_> {
             ..ExpansionResult::default()
         };
         while !(self.space.stop)() && Instant::now() < deadline {
+            // Choose the most promising node and its next directions.
             let Some(chosen) = self.next(nodes) else {
                 expanded.exhausted = true;
                 break;
@@ -123,6 +124,7 @@ impl Expansion<'_> {
                 .par_iter()
                 .map(|motion| self.space.follow(&pose, motion, &until))
                 .collect();
+            // Collect the new nodes, and paths if some have left.
             let cut_short = stop();
             for slide in found {
                 expanded.counts.poses_checked += slide.poses_checked;
@@ -140,6 +142,7 @@ impl Expansion<'_> {
                 // A search that goes on begins these slides again.
                 nodes[chosen].tried = tried;
             }
+            // Report progress by the least exit distance.
             let least = nodes.iter().map(|n| n.exit).fold(f64::INFINITY, f64::min);
             (self.gained)(1.0 - least / nodes[0].exit);
             if expanded.paths.len() >= MOST_PATHS {

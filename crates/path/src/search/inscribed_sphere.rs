@@ -68,7 +68,7 @@ impl InscribedSphere {
         CELLS.iter().map(flood).fold(free, f64::max)
     }
 
-    /// The same in cells of one size (metres).
+    /// The lower bound in cells of one size, `cell` metres.
     fn flood_cells(&self, fixed: &Body, start: DVec3, bounds: &Aabb, cell: f64, free: f64) -> f64 {
         let half_diagonal = 0.5 * 3f64.sqrt() * cell;
         let middle = |at: IVec3| start + cell * at.as_dvec3();
@@ -80,14 +80,15 @@ impl InscribedSphere {
             let beyond = (p - bounds.min).min(bounds.max - p);
             beyond.min_element()
         };
+        // Flood fill from the start: of the cells at the front, the one of least overlap is next.
         let mut reached = HashSet::from([IVec3::ZERO]);
-        let mut shore = BinaryHeap::from([Reverse(Cell {
+        let mut front = BinaryHeap::from([Reverse(Cell {
             level: free.max(overlap(start)),
             left: outwards(start),
             at: IVec3::ZERO,
         })]);
         let mut entered = 0;
-        while let Some(Reverse(lowest)) = shore.pop() {
+        while let Some(Reverse(lowest)) = front.pop() {
             entered += 1;
             if lowest.left < 0.0 || entered > MOST_CELLS {
                 return lowest.level;
@@ -96,7 +97,7 @@ impl InscribedSphere {
                 let at = lowest.at + axis;
                 if reached.insert(at) {
                     let p = middle(at);
-                    shore.push(Reverse(Cell {
+                    front.push(Reverse(Cell {
                         level: lowest.level.max(overlap(p)),
                         left: outwards(p),
                         at,

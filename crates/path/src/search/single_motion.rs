@@ -1,7 +1,8 @@
 //! Exit paths of one motion from beginning to end: a push, or the screw of a thread.
 //!
-//! Step by step, a part wanders in its play, the more the looser it sits; a single screw does not. It begins along what the walls resist least and is followed ever farther, corrected
-//! so that the part stays off the walls all along.
+//! Step by step, a part wanders in its play, the more the looser it sits; a single screw does not. The
+//! search begins along what the walls resist least and follows the motion ever farther, corrected so that
+//! the part stays off the walls.
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! What the libraries' errors are called where a scene is at hand.
+//! Errors of the libraries as errors of a scene.
 
 use fft_correlate::tolerance::ToleranceError;
 use fft_correlate::{DockingError, PairBuildError, PairSetupError, TablePlanError};
@@ -6,10 +6,10 @@ use fft_correlate::{DockingError, PairBuildError, PairSetupError, TablePlanError
 use crate::error::SceneError;
 use crate::scene::Scene;
 
-/// What the density fields are called where there is no room for them.
+/// Name of the density fields in errors of memory.
 const FIELDS: &str = "the density fields";
 
-/// What the correlation is called there.
+/// Name of the correlation there.
 const CORRELATION: &str = "the correlation";
 
 impl Scene {

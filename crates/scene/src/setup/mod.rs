@@ -1,4 +1,4 @@
-//! From a scene to what the libraries work on.
+//! A scene's meshes, pairs and tables, prepared for the libraries.
 
 mod errors;
 pub(crate) mod parts;

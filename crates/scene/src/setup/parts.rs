@@ -1,4 +1,4 @@
-//! The solids of a scene: read, cleaned, joined, each part in its own frame.
+//! The solids of a scene: read, cleaned, joined, each part in its own frame; and warnings about them.
 
 use std::fmt;
 use std::path::PathBuf;

@@ -1,4 +1,5 @@
-//! A scene whose meshes have been read: solids, how finely, which displacements and rotations.
+//! A scene whose meshes have been read: solids, lattice, displacements and rotations; and its parts where
+//! they are assembled.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What a link or body of a robot's description is made of.
+//! Shapes of links and bodies in robots' descriptions, and poses as these write them.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};

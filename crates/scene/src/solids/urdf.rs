@@ -1,4 +1,4 @@
-//! Shapes of links.
+//! URDF, the robots of ROS: shapes of links, places of links at zero joints, and what is refused.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};

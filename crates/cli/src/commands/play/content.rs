@@ -1,5 +1,4 @@
-//! What a page is shown of a scene besides the loop: surfaces, densities, places, and what is known
-//! of the forces' error.
+//! Content of a page besides the loop: surfaces, densities, places, and the error of the forces.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -98,7 +97,7 @@ impl SceneContent {
             "title": assembly.scene().moving.name,
             "fixed": pairs.names,
             "moving": assembly.scene().moving.name,
-            "seated": numbers(&geometry.seated),
+            "seated": pegfit_scene::poses::pose_fields(&geometry.seated),
             "axis": geometry.axis.to_array(),
             "depth": geometry.depth,
             "grip": grip.to_array(),
@@ -251,13 +250,8 @@ fn floats(values: impl IntoIterator<Item = f64>) -> impl Iterator<Item = u8> {
     values.into_iter().flat_map(|v| (v as f32).to_le_bytes())
 }
 
-fn numbers(pose: &Pose) -> [f64; 7] {
-    let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
-    [x, y, z, qx, qy, qz, qw]
-}
-
 fn place(title: &str, note: &str, pose: &Pose) -> Value {
-    json!({ "title": title, "note": note, "pose": numbers(pose) })
+    json!({ "title": title, "note": note, "pose": pegfit_scene::poses::pose_fields(pose) })
 }
 
 /// Where energies come from, and how far they are off: of a table, what it states.

@@ -1,4 +1,4 @@
-//! Which geoms of a model count as solids.
+//! Geoms of a model: which count as solids; and options of MuJoCo.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

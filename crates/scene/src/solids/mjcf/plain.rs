@@ -1,4 +1,4 @@
-//! Models that need nothing of MuJoCo.
+//! Models read without MuJoCo: everything that could change a solid and is not known is refused.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};

@@ -4,10 +4,8 @@ use ndarray::{Array3, Zip};
 use num_complex::Complex32;
 
 use super::kernel::DensityKernel;
-use super::lattice::Lattice;
-use super::lattice::zeros;
-use super::options::DensityError;
-use super::options::{DensityOptions, Sampling};
+use super::lattice::{Lattice, zeros};
+use super::options::{DensityError, DensityOptions, Sampling};
 use super::recipe::FieldRecipe;
 use super::sampling::blocks::Arrays;
 use super::sampling::fill::{fill, taper, working_bytes};

@@ -2,18 +2,17 @@
 
 use std::mem::MaybeUninit;
 
-use fearless_simd::{Level, f32x16, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, f32x16};
 use fearless_simd_macros::simd;
 use glam::{DMat3, DQuat, DVec3};
 
-use super::clearance::Clearance;
-use super::clusters::{Ball, Clusters};
-use super::pass::{Placed, part};
+use super::kernel::REACH;
+use super::lookup::{Ball, Clearance, Clusters};
+use super::patch_integral::{Placed, part};
+use super::patches::{Sheet, Views};
 use super::regions::Regions;
-use super::sheet::Sheet;
-use super::smooth::REACH;
-use super::spread::spread;
-use super::views::Views;
+use super::sampling::spread;
 use crate::contact::error::ContactError;
 use crate::contact::samples::FLAT;
 use crate::dispatch_lanes;

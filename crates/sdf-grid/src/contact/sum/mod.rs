@@ -10,34 +10,16 @@
 //! - [`border`], [`sight`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
 //! - [`contact_sum`]: all that together.
 
-mod border;
-mod buckets;
-mod cells;
-mod chain;
-mod circle;
-mod clearance;
-mod clusters;
+mod boundary_edges;
 pub(crate) mod contact_sum;
-mod cylinder;
-mod gathered;
-mod grid;
-mod kink;
-mod lanes;
-mod lattices;
-mod osculating;
-mod pass;
+mod curved;
+mod decimation;
+mod kernel;
+mod lookup;
+mod patch_integral;
+mod patches;
+mod polylines;
 mod regions;
-mod sharp_edges;
-mod sheet;
-mod sight;
-mod simplified;
-mod slopes;
-mod smooth;
-mod smooth_parts;
-mod soft;
-mod spread;
+mod sampling;
 #[cfg(test)]
 mod tests;
-mod unrolled;
-mod vectors;
-mod views;

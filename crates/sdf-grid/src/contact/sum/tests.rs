@@ -5,9 +5,8 @@ use rayon::prelude::*;
 
 use super::contact_sum::{ContactSum, ContactSums};
 use crate::contact::error::ContactError;
-use crate::contact::reference::surface::ContactSurface;
-use crate::contact::samples::SurfaceSample;
-use crate::contact::samples::surface_samples;
+use crate::contact::reference::ContactSurface;
+use crate::contact::samples::{SurfaceSample, surface_samples};
 use crate::mesh::shapes::{self, PegInHole};
 use crate::mesh::triangle_mesh::TriangleMesh;
 

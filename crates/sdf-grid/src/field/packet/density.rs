@@ -1,17 +1,389 @@
+//! The walk over the tree: far clusters by their moments, near faces by edge integrals.
+//!
+//! Clusters that wait to be added for one point.
+//!
+//! The integral at one point that hardly any face or cluster has in common with its neighbours:
+//! sixteen clusters at a time, instead of one cluster for sixteen points.
+//!
+//! The integral at sixteen points: one cluster at a time for all of them.
+//!
 //! Distances and density integrals of packets.
 
-use fearless_simd::Level;
-use glam::DVec3;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, f32x16};
+use fearless_simd_macros::simd;
+use glam::{DVec3, Vec3};
 
-use super::lanes::Lanes;
-use super::points::Points;
-use super::tree::PacketTree;
-use super::walk::Walk;
-use super::{alone, together};
+use super::acceptance::{Glance, Limits, Seen};
+use super::near_faces::NearFaces;
+use super::points::{LANES, Lanes, Packet, Points};
+use super::tree::{Below, Cluster, Group, PacketTree, Query, TERMS, WIDTH};
 use crate::dispatch_lanes;
 use crate::field::kernel::CumulativeKernel;
+use crate::support::large::prefetch;
 use crate::support::level;
 use crate::surface::bvh::tree::Bvh;
+
+/// Working memory of the walk. Reused from packet to packet.
+#[derive(Debug, Default)]
+pub(crate) struct Walk {
+    pub(super) path: Path,
+    /// Clusters to add for a lone point.
+    pub(super) clusters: WaitingClusters,
+    /// Whether clusters cancelled at the packet before.
+    pub(super) cancelled: bool,
+}
+
+impl Walk {
+    /// Forgets the packet before: what it leaves changes results by what the tolerance allows.
+    pub(crate) fn restart(&mut self) {
+        self.cancelled = false;
+    }
+}
+
+/// What the walk has yet to look at.
+#[derive(Debug, Default)]
+pub(crate) struct Path {
+    groups: Vec<u32>,
+    near: NearFaces,
+}
+
+/// Where clusters add up to this many times their sum they cancel, and their errors weigh more.
+pub(crate) const CANCELLING: f32 = 1.1;
+
+/// A cluster that the walk meets.
+pub(crate) struct Met<'a> {
+    pub(crate) group: &'a Group,
+    /// Its place in the group.
+    pub(crate) place: usize,
+    pub(crate) cluster: &'a Cluster,
+    /// Sine of the angle between its axis and the line from the packet's centre.
+    pub(crate) sine: f32,
+}
+
+/// What a walk adds up.
+pub(crate) trait Sums<S: Simd> {
+    /// Adds a cluster that is perhaps far; false if it is not, and nothing is added.
+    fn add_if_far(
+        &mut self,
+        tree: &PacketTree<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
+        met: &Met<'_>,
+    ) -> bool;
+
+    /// Where near faces are added.
+    fn near(&mut self) -> &mut [f32x16<S>; 2];
+}
+
+impl Path {
+    /// Adds all clusters that are far and all near faces to `sums`.
+    #[inline(always)]
+    pub(crate) fn walk<S: Simd>(
+        &mut self,
+        tree: &PacketTree<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
+        limits: &Limits<'_>,
+        sums: &mut impl Sums<S>,
+    ) {
+        let glance = Glance::new(tree, packet, query, limits);
+        self.near.prepare(tree.bvh.faces.len());
+        self.groups.clear();
+        self.groups.push(0);
+        while let Some(id) = self.groups.pop() {
+            let group = &tree.groups[id as usize];
+            let clusters = &tree.clusters[id as usize];
+            let ([reached, perhaps_far], sines) = glance.at(packet.simd, group);
+            if tree.is_large {
+                ask_for(tree, group, clusters, reached, perhaps_far);
+            }
+            let mut members = group.top & reached;
+            while members != 0 {
+                let place = members.trailing_zeros() as usize;
+                members &= members - 1;
+                if perhaps_far >> place & 1 == 1 {
+                    let met = Met {
+                        group,
+                        place,
+                        cluster: &clusters[place],
+                        sine: sines[place],
+                    };
+                    if sums.add_if_far(tree, packet, query, &met) {
+                        continue;
+                    }
+                }
+                match group.below[place] {
+                    Below::Face(face) => {
+                        let near = &mut self.near;
+                        near.add(tree, packet, query, face as usize, sums.near());
+                    }
+                    Below::Members(below) => members |= below & reached,
+                    Below::Group(below) => self.groups.push(below),
+                }
+            }
+        }
+        self.near.add_waiting(tree, packet, query, sums.near());
+    }
+}
+
+/// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it
+/// lies in distant caches.
+#[inline(always)]
+fn ask_for(
+    tree: &PacketTree<'_>,
+    group: &Group,
+    clusters: &[Cluster; WIDTH],
+    reached: u32,
+    perhaps_far: u32,
+) {
+    let mut members = group.top & reached;
+    while members != 0 {
+        let place = members.trailing_zeros() as usize;
+        members &= members - 1;
+        if perhaps_far >> place & 1 == 1 {
+            prefetch(&clusters[place]);
+            continue;
+        }
+        match group.below[place] {
+            Below::Face(face) => prefetch(&tree.bvh.faces[face as usize]),
+            Below::Members(below) => members |= below & reached,
+            Below::Group(below) => prefetch(&tree.groups[below as usize]),
+        }
+    }
+}
+
+/// Clusters waiting to be added for one point. Reused from point to point.
+#[derive(Debug, Default)]
+#[repr(align(64))]
+pub(crate) struct WaitingClusters {
+    /// The point from their centres.
+    from: [Lanes; 3],
+    terms: [Lanes; TERMS],
+    len: usize,
+}
+
+impl WaitingClusters {
+    /// To be called only where there is room.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, point: DVec3, cluster: &Cluster) {
+        // One check for all.
+        let place = self.len % LANES;
+        let from: Vec3 = (point - cluster.centre).as_vec3();
+        for k in 0..3 {
+            self.from[k][place] = from[k];
+        }
+        for k in 0..TERMS {
+            self.terms[k][place] = cluster.terms[k];
+        }
+        self.len += 1;
+    }
+
+    /// Whether there is room for no more.
+    #[inline(always)]
+    pub(crate) fn is_full(&self) -> bool {
+        self.len == LANES
+    }
+
+    /// Adds those that wait.
+    #[inline(always)]
+    pub(crate) fn add_to<S: Simd>(
+        &mut self,
+        tree: &PacketTree<'_>,
+        query: &Query<S>,
+        sum: &mut [f32x16<S>; 2],
+        magnitude: &mut f32x16<S>,
+    ) {
+        // In places where none waits it is out of reach.
+        for k in 0..3 {
+            self.from[k][self.len..].fill(1e9);
+        }
+        self.len = 0;
+        let simd = query.xi.token();
+        let mut r = [query.inverse; 3];
+        for (r, from) in r.iter_mut().zip(self.from) {
+            *r *= f32x16::simd_from(simd, from);
+        }
+        Seen::at(r).add(tree, &self.terms, query, sum, magnitude);
+    }
+}
+
+/// See [`PacketDensity::integral`].
+#[simd]
+pub(crate) fn integral<S: Simd>(
+    simd: S,
+    tree: &PacketTree<'_>,
+    point: DVec3,
+    distance: f32,
+    walk: &mut Walk,
+) -> [f32; 2] {
+    let packet = Packet::of_one(simd, point);
+    let query = Query::new(tree, packet.splat(distance));
+    let limits = |cancelled| Limits::new(&tree.settings, cancelled);
+    let first = walk.cancelled;
+    let (mut sum, mut cancelled) = accumulate_single(tree, &packet, &query, &limits(first), walk);
+    if cancelled && !first {
+        (sum, cancelled) = accumulate_single(tree, &packet, &query, &limits(true), walk);
+    }
+    walk.cancelled = cancelled;
+    sum
+}
+
+/// The sum over clusters that are far and near faces, and whether clusters cancel.
+#[inline(always)]
+fn accumulate_single<S: Simd>(
+    tree: &PacketTree<'_>,
+    packet: &Packet<S>,
+    query: &Query<S>,
+    limits: &Limits<'_>,
+    walk: &mut Walk,
+) -> ([f32; 2], bool) {
+    let zero = packet.splat(0.0);
+    let mut sums = Alone {
+        clusters: &mut walk.clusters,
+        far: [zero; 2],
+        magnitude: zero,
+        near: [zero; 2],
+    };
+    walk.path.walk(tree, packet, query, limits, &mut sums);
+    sums.add_waiting(tree, query);
+    let Alone {
+        far,
+        magnitude,
+        near,
+        ..
+    } = sums;
+    // Every lane has the faces, each its clusters.
+    let sum = [
+        far[0].reduce_sum() + near[0][0],
+        far[1].reduce_sum() + near[1][0],
+    ];
+    let total = sum[0].abs() + sum[1].abs();
+    (sum, magnitude.reduce_sum() > CANCELLING * total)
+}
+
+/// The sums of one point.
+struct Alone<'a, S: Simd> {
+    clusters: &'a mut WaitingClusters,
+    /// Over clusters, lane by lane.
+    far: [f32x16<S>; 2],
+    /// Over the sizes of what clusters add.
+    magnitude: f32x16<S>,
+    /// Over faces, the same in every lane.
+    near: [f32x16<S>; 2],
+}
+
+impl<S: Simd> Alone<'_, S> {
+    #[inline(always)]
+    fn add_waiting(&mut self, tree: &PacketTree<'_>, query: &Query<S>) {
+        let (far, magnitude) = (&mut self.far, &mut self.magnitude);
+        self.clusters.add_to(tree, query, far, magnitude);
+    }
+}
+
+impl<S: Simd> Sums<S> for Alone<'_, S> {
+    /// For one point a glance tells which clusters are far.
+    #[inline(always)]
+    fn add_if_far(
+        &mut self,
+        tree: &PacketTree<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
+        met: &Met<'_>,
+    ) -> bool {
+        self.clusters.push(packet.centre, met.cluster);
+        if self.clusters.is_full() {
+            self.add_waiting(tree, query);
+        }
+        true
+    }
+
+    #[inline(always)]
+    fn near(&mut self) -> &mut [f32x16<S>; 2] {
+        &mut self.near
+    }
+}
+
+/// See [`PacketDensity::integrals`].
+#[simd]
+pub(crate) fn integrals<S: Simd>(
+    simd: S,
+    tree: &PacketTree<'_>,
+    points: &Points,
+    distances: &Lanes,
+    walk: &mut Walk,
+) -> [Lanes; 2] {
+    let packet = Packet::new(simd, points);
+    let query = Query::new(tree, f32x16::simd_from(simd, *distances));
+    let limits = |cancelled| Limits::new(&tree.settings, cancelled);
+    let first = walk.cancelled;
+    let (mut sum, mut cancelled) = accumulate_packet(tree, &packet, &query, &limits(first), walk);
+    if cancelled && !first {
+        (sum, cancelled) = accumulate_packet(tree, &packet, &query, &limits(true), walk);
+    }
+    // Neighbours are alike: mostly saves the first of two attempts.
+    walk.cancelled = cancelled;
+    let zero = packet.splat(0.0);
+    // Lanes to leave out hold numbers without meaning.
+    sum.map(|s| query.counts.select(s, zero).into())
+}
+
+/// The sum over clusters that are far and near faces, and whether clusters cancel.
+#[inline(always)]
+fn accumulate_packet<S: Simd>(
+    tree: &PacketTree<'_>,
+    packet: &Packet<S>,
+    query: &Query<S>,
+    limits: &Limits<'_>,
+    walk: &mut Walk,
+) -> ([f32x16<S>; 2], bool) {
+    let zero = packet.splat(0.0);
+    let mut sums = Together {
+        limits,
+        sum: [zero; 2],
+        magnitude: zero,
+    };
+    walk.path.walk(tree, packet, query, limits, &mut sums);
+    let Together { sum, magnitude, .. } = sums;
+    let total = sum[0].abs() + sum[1].abs();
+    let cancels = magnitude.simd_gt(total * CANCELLING) & query.counts;
+    (sum, cancels.any_true())
+}
+
+/// The sums of sixteen points.
+struct Together<'a, S: Simd> {
+    limits: &'a Limits<'a>,
+    /// Over clusters and faces.
+    sum: [f32x16<S>; 2],
+    /// Over the sizes of what clusters add.
+    magnitude: f32x16<S>,
+}
+
+impl<S: Simd> Sums<S> for Together<'_, S> {
+    #[inline(always)]
+    fn add_if_far(
+        &mut self,
+        tree: &PacketTree<'_>,
+        packet: &Packet<S>,
+        query: &Query<S>,
+        met: &Met<'_>,
+    ) -> bool {
+        let cluster = met.cluster;
+        let seen = Seen::new(packet, query, cluster);
+        let axis = (met.group.axis_of(met.place), met.sine);
+        let is_far = seen.is_far(tree, cluster, axis, query, self.limits.of(cluster));
+        if is_far {
+            let (sum, magnitude) = (&mut self.sum, &mut self.magnitude);
+            seen.add(tree, &cluster.terms, query, sum, magnitude);
+        }
+        is_far
+    }
+
+    #[inline(always)]
+    fn near(&mut self) -> &mut [f32x16<S>; 2] {
+        &mut self.sum
+    }
+}
 
 /// Distances and density integrals of packets.
 pub(crate) struct PacketDensity<'a> {
@@ -52,12 +424,12 @@ impl<'a> PacketDensity<'a> {
         distances: &Lanes,
         walk: &mut Walk,
     ) -> [Lanes; 2] {
-        dispatch_lanes!(self.level, simd => together::integrals(simd, &self.tree, points, distances, walk))
+        dispatch_lanes!(self.level, simd => integrals(simd, &self.tree, points, distances, walk))
     }
 
     /// The same at one point whose distance is not zero: where faces are so small that neighbouring
     /// points have hardly any clusters in common.
     pub(crate) fn integral(&self, point: DVec3, distance: f32, walk: &mut Walk) -> [f32; 2] {
-        dispatch_lanes!(self.level, simd => alone::integral(simd, &self.tree, point, distance, walk))
+        dispatch_lanes!(self.level, simd => integral(simd, &self.tree, point, distance, walk))
     }
 }

@@ -1,9 +1,10 @@
 //! The kernel for packets: polynomials for the cumulative kernel, closed forms for the far field.
 
-use fearless_simd::{f32x16, i32x16, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, i32x16};
 use num_complex::Complex64;
 
-use super::settings::Settings;
+use super::accuracy::Settings;
 use crate::field::kernel::CumulativeKernel;
 use crate::field::quadrature::GaussLegendre;
 

@@ -14,25 +14,14 @@
 //!   clusters are [`waiting`];
 //! - [`density`]: the way in.
 
-mod alone;
-mod cluster;
+mod acceptance;
+mod accuracy;
 pub(super) mod density;
 pub(super) mod distance;
-mod edge;
-mod facet;
-mod glance;
-mod groups;
 mod kernel;
-pub(super) mod lanes;
-mod near;
+mod near_faces;
 pub(super) mod points;
-mod query;
-mod seen;
-mod settings;
+mod shared_edges;
 #[cfg(test)]
 mod tests;
-mod together;
 mod tree;
-mod twins;
-mod waiting;
-pub(super) mod walk;

@@ -1,23 +1,20 @@
 //! The parts of the packet code in single precision, against f64.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::f32x16;
+use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::density::PacketDensity;
-use super::facet::Facet;
+use super::accuracy::Settings;
+use super::density::{PacketDensity, Walk};
+use super::distance::Facet;
 use super::kernel::{PacketKernel, exp};
-use super::lanes::{LANES, Lanes};
-use super::near::NearFaces;
-use super::points::{Packet, Points};
-use super::query::Query;
-use super::settings::Settings;
-use super::tree::PacketTree;
-use super::walk::Walk;
+use super::near_faces::NearFaces;
+use super::points::{LANES, Lanes, Packet, Points};
+use super::tree::{PacketTree, Query};
 use crate::dispatch_lanes;
-use crate::field::kernel::CumulativeKernel;
-use crate::field::kernel::DensityKernel;
+use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::point::edge_integral::EdgeQuadrature;
 use crate::mesh::shapes::{self, PegInHole, random_solid};
 use crate::support::angle::upper_angle;

@@ -5,7 +5,6 @@
 //! - [`tree`]: the density through the hierarchy, and on the boundary, where it jumps;
 //! - [`reference`]: by brute force over all triangles, the measure of everything else.
 
+pub(crate) mod density;
 pub(super) mod edge_integral;
 pub(crate) mod reference;
-pub(crate) mod tree;
-pub(crate) mod unit;

@@ -5,18 +5,15 @@ use std::ops::Range;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::between::Between;
-use super::blocks::{Arrays, Block, block_count, blocks};
-use super::patch::{Anchors, Patch};
+use super::blocks::{Anchors, Arrays, Block, Patch, block_count, blocks};
+use super::gaussian_smoothing::Smoothing;
 use super::patch_density::{PatchDensity, PatchValues};
-use super::smoothed::Smoothing;
+use super::upsampling::Between;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::lattice::Lattice;
-use crate::field::options::DensityError;
-use crate::field::options::Sampling;
+use crate::field::options::{DensityError, Sampling};
 use crate::field::packet::density::PacketDensity;
-use crate::field::point::tree;
-use crate::field::point::tree::PointDensity;
+use crate::field::point::density::{PointDensity, STEP};
 use crate::field::recipe::FieldRecipe;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
@@ -184,7 +181,7 @@ impl<'a> Sampler<'a> {
             PacketDensity::new(bvh, table, recipe.tolerance),
             PointDensity::new(bvh, table),
             recipe.halo * scale,
-            tree::STEP * lattice.spacing() * scale,
+            STEP * lattice.spacing() * scale,
             [recipe.tolerance, table.kernel().sigma()],
         );
         Self {

@@ -9,12 +9,11 @@
 //! - [`fill`]: the values of a field, with halo and cell averages;
 //! - [`signed_distance`]: distances alone.
 
-mod between;
+mod adaptive_interpolation;
 pub(super) mod blocks;
 pub(super) mod fill;
-mod patch;
+mod gaussian_smoothing;
 mod patch_density;
+mod sign_propagation;
 pub(crate) mod signed_distance;
-mod signs;
-mod smooth;
-mod smoothed;
+mod upsampling;

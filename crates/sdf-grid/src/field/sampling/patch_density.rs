@@ -5,14 +5,12 @@
 
 use num_complex::{Complex32, Complex64};
 
-use super::patch::{Anchors, Brick, Patch};
-use super::signs::Signs;
-use super::smooth::{Attempt, SmoothBlock};
-use crate::field::packet::density::PacketDensity;
-use crate::field::packet::lanes::{LANES, Lanes};
-use crate::field::packet::walk::Walk;
-use crate::field::point::tree::PointDensity;
-use crate::field::point::unit::UnitDensity;
+use super::adaptive_interpolation::{Attempt, SmoothBlock};
+use super::blocks::{Anchors, Brick, Patch};
+use super::sign_propagation::Signs;
+use crate::field::packet::density::{PacketDensity, Walk};
+use crate::field::packet::points::{LANES, Lanes};
+use crate::field::point::density::{PointDensity, UnitDensity};
 use crate::surface::bvh::tree::Bvh;
 
 /// Values on a patch, C order. Reused from patch to patch.

@@ -4,14 +4,12 @@ use glam::DVec3;
 use ndarray::{Array3, ArrayView1, ArrayViewMut3};
 use rayon::prelude::*;
 
-use super::blocks::cut;
-use super::patch::{Brick, Patch};
-use super::signs::Signs;
-use crate::field::lattice::Lattice;
-use crate::field::lattice::zeros;
+use super::blocks::{Brick, Patch, cut};
+use super::sign_propagation::Signs;
+use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
 use crate::field::packet::distance::PacketDistance;
-use crate::field::packet::lanes::LANES;
+use crate::field::packet::points::LANES;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
 use crate::surface::bvh::build::Leaves;

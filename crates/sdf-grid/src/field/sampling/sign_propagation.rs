@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 
-use super::patch::{Anchors, Patch};
+use super::blocks::{Anchors, Patch};
 use crate::surface::bvh::tree::Bvh;
 
 /// Working memory.
@@ -170,9 +170,9 @@ fn connected(a: f32, b: f32, apart: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use glam::DVec3;
 
-    use super::*;
     use crate::mesh::repair::report::RepairOptions;
     use crate::mesh::shapes::random_solid;
     use crate::mesh::triangle_mesh::TriangleMesh;

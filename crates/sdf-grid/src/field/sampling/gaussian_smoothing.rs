@@ -12,10 +12,9 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zi
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::between::{self, Between, FINE};
 use super::blocks::{Arrays, block_count};
-use crate::field::lattice::Lattice;
-use crate::field::lattice::zeros;
+use super::upsampling::{BYTES, Between, FINE};
+use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
 
 /// Fine nodes along x that are worked on together: two blocks deep.
@@ -141,7 +140,7 @@ impl Smoothing {
         let nodes = |shape: [usize; 3]| shape.iter().fold(1, |n, s| s.saturating_mul(n)) as u64;
         let [nx, ny, nz] = self.shape;
         let slab = nodes([DEPTH.min(nx), ny, nz]);
-        (nodes(Between::shape(self.shape)) + slab).saturating_mul(between::BYTES as u64)
+        (nodes(Between::shape(self.shape)) + slab).saturating_mul(BYTES as u64)
     }
 
     /// Fills arrays of zeros up to where densities end: beyond the boundary, on its other side, and

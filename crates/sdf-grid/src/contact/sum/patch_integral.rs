@@ -1,18 +1,194 @@
-//! The sum over a cluster of samples.
+//! The integral of the kernel over the patches that a cluster of sixteen samples sees, with its
+//! slopes.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::f32x16;
+use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use glam::{Mat3, Vec2, Vec3};
 
-use super::border::{Above, Seen, Taken};
-use super::clusters::Cluster;
-use super::kink::{Lean, STRAY};
-use super::sheet::Sheet;
-use super::slopes::Slopes;
-use super::smooth::Quotients;
-use super::unrolled::Unrolled;
-use super::vectors::{Vectors, along, scaled, splat, turned};
-use super::views::Views;
+use super::boundary_edges::{Above, Line, Seen, Taken};
+use super::curved::{OFF, Unrolled};
+use super::kernel::{Quotients, Vectors, along, curvature, scaled, splat, turned};
+use super::lookup::Cluster;
+use super::patches::{Sheet, Views};
+
+/// Heights, in units of the reach, that single precision does not tell from zero, many times over:
+/// some ten nanometres. Walls as near as that are flush.
+const FLUSH: f32 = 1e-5;
+
+/// Half the sign of a height; between those of both sides for walls that are flush, where it is zero:
+/// the mean of the slopes to either side, whatever rounding makes of the height.
+#[inline(always)]
+pub(super) fn half_sign<S: Simd>(height: f32x16<S>) -> f32x16<S> {
+    let half = splat(height.token(), 0.5);
+    (height * (0.5 / FLUSH)).min(half).max(half * -1.0)
+}
+
+/// The integral of the kernel over a sheet, and its slopes with the height and along the sheet's two
+/// directions.
+pub(super) struct Slopes<S: Simd> {
+    pub(super) value: f32x16<S>,
+    pub(super) height: f32x16<S>,
+    pub(super) along: [f32x16<S>; 2],
+    /// What the normal is multiplied with for the moment, besides the value.
+    pub(super) turning: f32x16<S>,
+}
+
+impl<S: Simd> Slopes<S> {
+    /// So many times over the whole plane, without what borders take.
+    #[inline(always)]
+    pub(super) fn new(
+        above: &Above<S>,
+        kernel: &Quotients<S>,
+        taken: &Taken<S>,
+        inside: f32x16<S>,
+    ) -> Self {
+        const TURN: f32 = 1.0 / std::f32::consts::TAU;
+        let zero = splat(inside.token(), 0.0);
+        // What of the plane is seen from the foot and from above it.
+        let seen = taken.angle.mul_add(-TURN, inside);
+        let lifted = taken.lifted.mul_add(-TURN, inside);
+        let sign = half_sign(above.height);
+        let flat = kernel.value.mul_add(seen, taken.rest * TURN);
+        let bent = kernel.slope.mul_add(seen, taken.tilt * -TURN);
+        Self {
+            value: flat - above.height * sign * lifted,
+            height: (above.height + above.height).mul_sub(bent, sign * lifted),
+            along: taken.along.map(|a| a * TURN),
+            turning: zero,
+        }
+    }
+}
+
+/// Where it begins to fade, in units of `r`.
+const FADE: f32 = 0.7;
+
+/// Squared sine of the least angle that counts.
+const LEAST: f32 = 1e-8;
+
+/// How far facets stray from the torus that stands for them, in units of the reach: a half of what
+/// is allowed.
+pub(super) const STRAY: f32 = 0.5 * OFF as f32;
+
+/// How samples lean.
+pub(super) struct Lean<S: Simd> {
+    /// Of the angle between them and the sheet.
+    pub(super) cosine: f32x16<S>,
+    /// Their normals along the sheet's two directions.
+    pub(super) aside: [f32x16<S>; 2],
+    /// How far the surface may be from the sheet, in units of the reach.
+    pub(super) stray: f32,
+}
+
+/// Samples that lean, and how near they are to borders.
+pub(super) struct Leaning<S: Simd> {
+    sine_squared: f32x16<S>,
+    /// Squared.
+    stray: f32,
+    /// Square of where fading begins.
+    width: f32x16<S>,
+    /// Squared distance of the nearest border so far, and the way from it along the sheet's two
+    /// directions: the nearest alone counts, so that it is the same in however many pieces a border
+    /// comes.
+    nearest: f32x16<S>,
+    way: [f32x16<S>; 2],
+}
+
+impl<S: Simd> Lean<S> {
+    /// None if all samples lie along the sheet, which is flat, or are too far from it.
+    #[inline(always)]
+    pub(super) fn leaning(&self, above: &Above<S>) -> Option<Leaning<S>> {
+        let simd = self.cosine.token();
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        let [x, y] = self.aside;
+        let sine_squared = x.mul_add(x, y * y);
+        let extent = sine_squared + splat(simd, self.stray);
+        let counts = extent.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
+        counts.any_true().then(|| {
+            let width = above.half * FADE;
+            let width = (width * width).max(1e-20);
+            Leaning {
+                sine_squared: counts.select(sine_squared, zero),
+                stray: self.stray * self.stray,
+                width,
+                nearest: width,
+                way: [zero; 2],
+            }
+        })
+    }
+}
+
+impl<S: Simd> Leaning<S> {
+    /// Looks whether a border so long is nearer than others.
+    #[inline(always)]
+    pub(super) fn pass(&mut self, line: &Line<S>, length: f32) {
+        let zero = splat(self.nearest.token(), 0.0);
+        let (across, start) = (line.across, line.start);
+        let beyond = start.max(zero) + (start + length).min(zero);
+        let square = across.mul_add(across, beyond * beyond);
+        let nearer = square.simd_lt(self.nearest);
+        if !nearer.any_true() {
+            return;
+        }
+        self.nearest = square.min(self.nearest);
+        let (out, along) = (line.outward, line.along);
+        for k in 0..2 {
+            let way = across.mul_add(out[k], beyond * along[k]);
+            self.way[k] = nearer.select(way, self.way[k]);
+        }
+    }
+
+    /// One away from borders and zero on them, and its slopes along the sheet.
+    #[inline(always)]
+    fn faded(&self) -> (f32x16<S>, [f32x16<S>; 2]) {
+        let scale = splat(self.nearest.token(), 1.0) / self.width;
+        let t = self.nearest * scale;
+        // By the square of the distance, times two.
+        let slope = (t - t * t) * scale * -12.0;
+        (
+            t * t * (3.0 - t * 2.0),
+            [slope * self.way[0], slope * self.way[1]],
+        )
+    }
+
+    /// Adds to the sums of samples, so many times above the sheet. What comes back is what the normal
+    /// is to be multiplied with for the moment by the change of `θ`.
+    #[inline(always)]
+    pub(super) fn add_to(
+        &self,
+        above: &Above<S>,
+        cosine: f32x16<S>,
+        inside: f32x16<S>,
+        sums: &mut Slopes<S>,
+    ) -> f32x16<S> {
+        let zero = splat(inside.token(), 0.0);
+        let square = above.half * above.half;
+        let leaning = self.sine_squared.simd_gt(zero);
+        let share = leaning.select(square * inside, zero) * (1.0 / 6.0);
+        let [second, third] = curvature(above.square);
+        let mut value = share * self.sine_squared * second;
+        let mut rise = share * self.sine_squared * third * above.height;
+        let mut turning = share * second * -2.0;
+        let extent = square.mul_add(self.sine_squared, self.stray).sqrt();
+        let height = above.height.abs();
+        let deep = (extent - height).max(zero);
+        if deep.simd_gt(zero).any_true() {
+            let inverse = splat(inside.token(), 1.0) / extent.max(1e-20);
+            let (part, most) = (deep * inverse, inside * 0.25);
+            value -= most * deep * part;
+            rise = (most * part * 4.0).mul_add(half_sign(above.height), rise);
+            // e² - x² over e², and r² / e.
+            let bow = part * (extent + height) * inverse;
+            turning += most * bow * square * inverse;
+        }
+        let (fade, slopes) = self.faded();
+        sums.value = value.mul_add(fade, sums.value);
+        sums.height = rise.mul_add(fade, sums.height);
+        sums.along[0] = value.mul_add(slopes[0], sums.along[0]);
+        sums.along[1] = value.mul_add(slopes[1], sums.along[1]);
+        turning * fade * cosine * cosine
+    }
+}
 
 /// Height, in units of the reach, beyond which it hardly matters what samples see: the kernel's
 /// integral is a thousandth of that at the surface.

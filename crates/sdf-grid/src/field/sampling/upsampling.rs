@@ -10,8 +10,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::blocks::{Arrays, Block};
-use crate::field::lattice::Lattice;
-use crate::field::lattice::zeros;
+use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
 
 /// Fine nodes per coarse node and axis.

@@ -1,8 +1,101 @@
-//! The kernel over a plane in single precision.
+//! The smoothed kernel over a plane, for sixteen samples at a time, and the arithmetic that it needs.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, i32x16};
+use glam::{Mat3, Vec3};
 
-use super::vectors::splat;
+/// Points at a time.
+pub(super) const LANES: usize = 16;
+
+/// One number per point.
+pub(super) type Lanes = [f32; LANES];
+
+/// Half the natural logarithm of a positive normal number to about 1e-6.
+#[inline(always)]
+pub(super) fn half_ln<S: Simd>(x: f32x16<S>) -> f32x16<S> {
+    let simd = x.token();
+    // The mantissa from sqrt(1/2) on, and the exponent that goes with it.
+    const HALF: i32 = 0x3f35_04f3;
+    let bits: i32x16<S> = x.bitcast();
+    let exponent = (bits - HALF) >> 23;
+    let mantissa: f32x16<S> = (bits - (exponent << 23)).bitcast();
+    let f = mantissa - 1.0;
+    // `(ln (1 + f) - f) / 2 f²`, least maximum of what it errs in that.
+    let mut p = f32x16::splat(simd, -0.070_532_23);
+    for c in [0.110_353_7, -0.127_294_16, 0.166_311_81, -0.249_937_54] {
+        p = p.mul_add(f, f32x16::splat(simd, c));
+    }
+    let whole: f32x16<S> = exponent.to_float();
+    whole.mul_add(0.5 * std::f32::consts::LN_2, (p * f).mul_add(f, f * 0.5))
+}
+
+/// The angle of `(x, y)` with `y` not negative, to about 2e-6, in `0 ..= pi`; zero at the origin.
+#[inline(always)]
+pub(super) fn coarse_angle<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
+    use std::f32::consts::{FRAC_PI_2, PI};
+    let simd = x.token();
+    let ax = x.abs();
+    let z = ax.min(y) / ax.max(y).max(1e-37);
+    let s = z * z;
+    let mut p = f32x16::splat(simd, -0.011_719_138);
+    for c in [
+        0.052_647_36,
+        -0.116_426_49,
+        0.193_540_38,
+        -0.332_622_83,
+        0.999_977_2,
+    ] {
+        p = p.mul_add(s, f32x16::splat(simd, c));
+    }
+    let angle = p * z;
+    let angle = ax.simd_lt(y).select(FRAC_PI_2 - angle, angle);
+    x.simd_lt(0.0).select(PI - angle, angle)
+}
+
+/// One vector per sample.
+pub(super) type Vectors<S> = [f32x16<S>; 3];
+
+#[inline(always)]
+pub(super) fn splat<S: Simd>(simd: S, value: f32) -> f32x16<S> {
+    f32x16::splat(simd, value)
+}
+
+/// Components along three axes.
+#[inline(always)]
+pub(super) fn along<S: Simd>(of: &Vectors<S>, axes: &[Vec3; 3]) -> Vectors<S> {
+    [dot(of, axes[0]), dot(of, axes[1]), dot(of, axes[2])]
+}
+
+#[inline(always)]
+pub(super) fn dot<S: Simd>(a: &Vectors<S>, b: Vec3) -> f32x16<S> {
+    let simd = a[0].token();
+    let z = a[2] * b.z;
+    a[0].mul_add(splat(simd, b.x), a[1].mul_add(splat(simd, b.y), z))
+}
+
+#[inline(always)]
+pub(super) fn inner<S: Simd>(a: &Vectors<S>, b: &Vectors<S>) -> f32x16<S> {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+#[inline(always)]
+pub(super) fn scaled<S: Simd>(a: &Vectors<S>, by: f32x16<S>) -> Vectors<S> {
+    [a[0] * by, a[1] * by, a[2] * by]
+}
+
+#[inline(always)]
+pub(super) fn turned<S: Simd>(simd: S, turn: &Mat3, v: &[Lanes; 3]) -> Vectors<S> {
+    let v = [
+        f32x16::simd_from(simd, v[0]),
+        f32x16::simd_from(simd, v[1]),
+        f32x16::simd_from(simd, v[2]),
+    ];
+    [
+        dot(&v, turn.row(0)),
+        dot(&v, turn.row(1)),
+        dot(&v, turn.row(2)),
+    ]
+}
 
 /// Lengths of the fast sum are in units of the kernel's reach, which is this many widths. Of the
 /// kernel's integral over a plane 1.6e-3 is left there, which the polynomial takes to zero.

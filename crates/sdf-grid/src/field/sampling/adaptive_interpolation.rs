@@ -6,8 +6,8 @@
 
 use num_complex::Complex32;
 
-use super::patch::along_curve;
-use crate::field::packet::lanes::LANES;
+use super::blocks::along_curve;
+use crate::field::packet::points::LANES;
 
 /// Nodes along each edge of a block.
 const EDGE: usize = 8;

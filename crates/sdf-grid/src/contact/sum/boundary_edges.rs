@@ -1,29 +1,29 @@
-//! Elementary integrals along a border's line, for sixteen samples.
+//! Elementary integrals along a boundary edge's line, for sixteen samples.
 //!
-//! What the extent of samples makes of a border that they cross.
+//! What the extent of samples makes of a boundary edge that they cross.
 //!
-//! With `x` the distance of the border's line from the foot, `h` the height, `n = x² + h²`, and `l`
-//! along the line, a border adds `x L + |h| Λ / 2` and more to `2π` times the integral over a sheet,
+//! With `x` the distance of the boundary edge's line from the foot, `h` the height, `n = x² + h²`, and `l`
+//! along the line, a boundary edge adds `x L + |h| Λ / 2` and more to `2π` times the integral over a patch,
 //! where `L = ½ ∫ dl / R` has a pole on the line, and `Λ`, the angle at which it is seen from above,
 //! makes a step there for places that are not high. Of a sample that is wider than its middle is far
 //! from the line, the middle tells little. So where `n < w`, some part of the square of its side, `L`
 //! takes `(w + n² / w) / 2` for `n`, and `Λ` takes `h² + (w - n)² / 2w` for `h²`. The differences are
-//! those of a line without ends, of which a border has its share: what it gains is the sum over its
+//! those of a line without ends, of which a boundary edge has its share: what it gains is the sum over its
 //! pieces. Since no value changes away from the line, all that a sample is pushed while it crosses is
 //! what it was.
 //!
-//! What a border takes from the integral of the kernel over a sheet, for sixteen samples.
+//! What a boundary edge takes from the integral of the kernel over a patch, for sixteen samples.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, mask32x16};
 use glam::Vec2;
 
-use super::curved::{Circle, circle};
+use super::curved::{Circle, circle_coordinates};
 use super::kernel::{Quotients, coarse_angle, half_ln, splat};
-use super::patches::Border;
+use super::patches::BoundaryEdge;
 
-/// A border's line as it is seen from samples.
-pub(super) struct Sight<S: Simd> {
+/// A boundary edge's line as it is seen from samples.
+pub(super) struct LineIntegrals<S: Simd> {
     /// Above or below, and its square.
     pub(super) height: f32x16<S>,
     pub(super) square: f32x16<S>,
@@ -38,7 +38,7 @@ pub(super) struct Sight<S: Simd> {
 /// from above it, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
 pub(super) type Newtonian<S> = [f32x16<S>; 3];
 
-impl<S: Simd> Sight<S> {
+impl<S: Simd> LineIntegrals<S> {
     /// From end to end, where the squared distances are as given.
     #[inline(always)]
     pub(super) fn piece(
@@ -92,11 +92,11 @@ impl<S: Simd> Sight<S> {
 }
 
 /// `w` in units of the square of half a sample's side: least errors of pairs in contact. More blurs
-/// what crosses the border at an angle.
-const SOFT: f32 = 0.8;
+/// what crosses the boundary edge at an angle.
+const SOFTENING: f32 = 0.8;
 
-/// Two terms of what borders take, and what `2π` times the value gains by softening them.
-pub(super) struct Soft<S: Simd> {
+/// Two terms of what boundary edges take, and what `2π` times the value gains by softening them.
+pub(super) struct Softening<S: Simd> {
     /// What is added to the logarithm and to the angle.
     pub(super) terms: [f32x16<S>; 2],
     /// Slopes of the gain with the squared height, with the distance of the line, and with the way
@@ -107,16 +107,16 @@ pub(super) struct Soft<S: Simd> {
 }
 
 /// `w`, and the inverse of its root.
-pub(super) struct Wide<S: Simd> {
+pub(super) struct SofteningWidth<S: Simd> {
     pub(super) square: f32x16<S>,
     scale: f32x16<S>,
 }
 
-impl<S: Simd> Wide<S> {
+impl<S: Simd> SofteningWidth<S> {
     /// Of samples, half the side of a square as large.
     #[inline(always)]
     pub(super) fn new(half: f32x16<S>) -> Self {
-        let square = (half * half * SOFT).max(1e-12);
+        let square = (half * half * SOFTENING).max(1e-12);
         Self {
             square,
             scale: splat(half.token(), 1.0) / square.sqrt(),
@@ -124,16 +124,20 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-impl<S: Simd> Soft<S> {
+impl<S: Simd> Softening<S> {
     /// Those of a line that is seen so, between ends, as wide as samples are.
     #[inline(always)]
-    pub(super) fn new(sight: &Sight<S>, ends: [f32x16<S>; 2], wide: &Wide<S>) -> Self {
+    pub(super) fn new(
+        integrals: &LineIntegrals<S>,
+        ends: [f32x16<S>; 2],
+        wide: &SofteningWidth<S>,
+    ) -> Self {
         let simd = wide.square.token();
         let (scale, per_wide, wide) = (wide.scale, wide.scale * wide.scale, wide.square);
         let zero = splat(simd, 0.0);
-        let (across, height) = (sight.across, sight.height);
+        let (across, height) = (integrals.across, integrals.height);
         // Of every product of two of the lengths that are divided by, one quotient is enough.
-        let near = sight.near.max(1e-15);
+        let near = integrals.near.max(1e-15);
         let soft = (near * near * per_wide + wide) * 0.5;
         let both = splat(simd, 1.0) / (near * soft);
         let per_near = soft * both;
@@ -142,28 +146,28 @@ impl<S: Simd> Soft<S> {
         let slope = (per_near - ratio * per_wide) * 0.5;
         // Of the angle.
         let left = (wide - near).max(zero);
-        let square = left * left * 0.5 * per_wide + sight.square;
+        let square = left * left * 0.5 * per_wide + integrals.square;
         let high = square.max(1e-15).sqrt();
         let rise = across.abs() * (high - height).max(zero);
-        let half_angle = coarse_angle(rise, height.mul_add(high, sight.flat));
+        let half_angle = coarse_angle(rise, height.mul_add(high, integrals.flat));
         let angle = (half_angle + half_angle).copysign(across);
         let less = left * per_wide * -1.0;
-        let per_far = splat(simd, 1.0) / (high * (sight.flat + square).max(1e-15));
+        let per_far = splat(simd, 1.0) / (high * (integrals.flat + square).max(1e-15));
         let up = (less + 1.0) * height * per_far - per_near;
-        let out = less * sight.flat * per_far - square * per_far + height * per_near;
+        let out = less * integrals.flat * per_far - square * per_far + height * per_near;
         // What of that is between the ends, and only where the line is near.
         let [(a, da), (b, db)] = ends.map(
             #[inline(always)]
-            |end| share(end * scale),
+            |end| smooth_step(end * scale),
         );
-        let counts = sight.near.simd_lt(wide);
-        let fade = counts.select(b - a, zero);
+        let counts = integrals.near.simd_lt(wide);
+        let taper = counts.select(b - a, zero);
         let along = counts.select((da - db) * scale, zero);
         let gain = across * logarithm + height * angle * 0.5;
         Self {
-            terms: [logarithm * fade, angle * fade],
-            rise: across * (up * 0.5 + slope) * fade,
-            across: (sight.flat * slope * 2.0 + height * out) * fade,
+            terms: [logarithm * taper, angle * taper],
+            rise: across * (up * 0.5 + slope) * taper,
+            across: (integrals.flat * slope * 2.0 + height * out) * taper,
             along: gain * along,
         }
     }
@@ -171,47 +175,47 @@ impl<S: Simd> Soft<S> {
 
 /// Rises smoothly from a half below zero at -1 to a half at 1, and its slope.
 #[inline(always)]
-fn share<S: Simd>(t: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
+fn smooth_step<S: Simd>(t: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let t = t.max(-1.0).min(1.0);
     let square = t * t;
     (t * (0.75 - square * 0.25), 0.75 - square * 0.75)
 }
 
-/// A border as it is seen from the foot of a cluster's middle.
-pub(super) struct Seen<'a> {
-    border: &'a Border,
+/// A boundary edge as it is seen from the foot of a cluster's middle.
+pub(super) struct EdgeView<'a> {
+    edge: &'a BoundaryEdge,
     foot: Vec2,
-    /// Distance of the border's line, positive if the foot is inside.
+    /// Distance of the boundary edge's line, positive if the foot is inside.
     across: f32,
     /// Where on the line it begins and ends, from where the line is nearest.
     ends: [f32; 2],
 }
 
-/// Sixteen samples above a sheet.
-pub(super) struct Above<S: Simd> {
+/// Sixteen samples above a patch.
+pub(super) struct LocalSamples<S: Simd> {
     /// Signed, of each.
     pub(super) height: f32x16<S>,
     /// Its square, at most one.
     pub(super) square: f32x16<S>,
     /// Their feet, from that of the cluster's middle.
     pub(super) feet: [f32x16<S>; 2],
-    /// Half the side of squares as large as they are, and how near they blunt a border.
+    /// Half the side of squares as large as they are, and how near they blunt a boundary edge.
     pub(super) half: f32x16<S>,
-    wide: Wide<S>,
+    wide: SofteningWidth<S>,
 }
 
-/// What borders take from the integral of the kernel over a sheet, summed: times `2π`.
-pub(super) struct Taken<S: Simd> {
+/// What boundary edges take from the integral of the kernel over a patch, summed: times `2π`.
+pub(super) struct EdgeSums<S: Simd> {
     /// The angles at which they are seen in the plane and from above it.
     pub(super) angle: f32x16<S>,
     pub(super) lifted: f32x16<S>,
-    /// The rest, its slope with the squared height, and with both directions along the sheet.
+    /// The rest, its slope with the squared height, and with both directions along the patch.
     pub(super) rest: f32x16<S>,
-    pub(super) tilt: f32x16<S>,
+    pub(super) height_slope: f32x16<S>,
     pub(super) along: [f32x16<S>; 2],
 }
 
-impl<S: Simd> Above<S> {
+impl<S: Simd> LocalSamples<S> {
     #[inline(always)]
     pub(super) fn new(height: f32x16<S>, feet: [f32x16<S>; 2], half: f32x16<S>) -> Self {
         Self {
@@ -219,23 +223,23 @@ impl<S: Simd> Above<S> {
             square: (height * height).min(1.0),
             feet,
             half,
-            wide: Wide::new(half),
+            wide: SofteningWidth::new(half),
         }
     }
 }
 
-/// A border's line as sixteen samples see it.
-pub(super) struct Line<S: Simd> {
+/// A boundary edge's line as sixteen samples see it.
+pub(super) struct EdgeLine<S: Simd> {
     /// Distance of the feet, positive if they are inside.
     pub(super) across: f32x16<S>,
-    /// Where the border begins on it, from where it is nearest.
+    /// Where the boundary edge begins on it, from where it is nearest.
     pub(super) start: f32x16<S>,
-    /// Unit vectors along it and out of the sheet, where it is nearest.
+    /// Unit vectors along it and out of the patch, where it is nearest.
     pub(super) along: [f32x16<S>; 2],
     pub(super) outward: [f32x16<S>; 2],
 }
 
-impl Border {
+impl BoundaryEdge {
     /// How far a place is inside, and how far along from the middle.
     #[inline(always)]
     pub(super) fn place(&self, p: Vec2) -> [f32; 2] {
@@ -244,20 +248,20 @@ impl Border {
         match self.bend == 0.0 {
             true => [-z, x],
             false => {
-                let [height, place] = circle(x, z, self.bend);
+                let [height, place] = circle_coordinates(x, z, self.bend);
                 [-height, place]
             }
         }
     }
 }
 
-impl<'a> Seen<'a> {
+impl<'a> EdgeView<'a> {
     #[inline(always)]
-    pub(super) fn new(border: &'a Border, foot: Vec2) -> Self {
-        let [across, place] = border.place(foot);
-        let half = 0.5 * border.length;
+    pub(super) fn new(edge: &'a BoundaryEdge, foot: Vec2) -> Self {
+        let [across, place] = edge.place(foot);
+        let half = 0.5 * edge.length;
         Self {
-            border,
+            edge,
             foot,
             across,
             ends: [-half - place, half - place],
@@ -271,20 +275,20 @@ impl<'a> Seen<'a> {
         self.across * self.across + beyond * beyond
     }
 
-    /// What the number of insides changes by on the way from the sheet's reference, which
+    /// What the number of insides changes by on the way from the patch's reference, which
     /// is `from`, to the foot.
     #[inline(always)]
-    pub(super) fn crossed(&self, from: Vec2) -> f32 {
-        let before = self.border.reference_outside;
+    pub(super) fn winding_change(&self, from: Vec2) -> f32 {
+        let before = self.edge.reference_outside;
         let after = self.across < 0.0;
         if before == after {
             return 0.0;
         }
         let way = self.foot - from;
-        let a = (self.border.from - from).perp_dot(way) < 0.0;
-        let b = (self.border.to - from).perp_dot(way) < 0.0;
+        let a = (self.edge.from - from).perp_dot(way) < 0.0;
+        let b = (self.edge.to - from).perp_dot(way) < 0.0;
         // What is bent goes all the way through.
-        match a != b || self.border.bend != 0.0 {
+        match a != b || self.edge.bend != 0.0 {
             true if after => -1.0,
             true => 1.0,
             false => 0.0,
@@ -292,15 +296,15 @@ impl<'a> Seen<'a> {
     }
 
     #[inline(always)]
-    pub(super) fn line<S: Simd>(&self, above: &Above<S>) -> Line<S> {
-        let (simd, [x, y]) = (above.height.token(), above.feet);
-        let along = self.border.along;
+    pub(super) fn line<S: Simd>(&self, local: &LocalSamples<S>) -> EdgeLine<S> {
+        let (simd, [x, y]) = (local.height.token(), local.feet);
+        let along = self.edge.along;
         let tangent = [splat(simd, along.x), splat(simd, along.y)];
         let normal = [splat(simd, along.y), splat(simd, -along.x)];
-        if self.border.bend == 0.0 {
+        if self.edge.bend == 0.0 {
             let across = x.mul_add(-along.y, y.mul_add(along.x, splat(simd, self.across)));
             let start = x.mul_add(-along.x, y.mul_add(-along.y, splat(simd, self.ends[0])));
-            return Line {
+            return EdgeLine {
                 // Without negative zeros, which are on the other side to some.
                 across: across + 0.0,
                 start,
@@ -308,18 +312,18 @@ impl<'a> Seen<'a> {
                 outward: normal,
             };
         }
-        let from = self.foot - self.border.middle;
+        let from = self.foot - self.edge.middle;
         let (x, y) = (x + from.x, y + from.y);
         let circle = Circle::new(
             x.mul_add(tangent[0], y * tangent[1]),
             x.mul_add(normal[0], y * normal[1]),
-            self.border.bend,
+            self.edge.bend,
         );
         let zero = splat(simd, 0.0);
         let (c, s) = (circle.cosine, circle.sine);
-        Line {
+        EdgeLine {
             across: zero - circle.height,
-            start: zero - circle.place - 0.5 * self.border.length,
+            start: zero - circle.place - 0.5 * self.edge.length,
             along: [
                 c * tangent[0] - s * normal[0],
                 c * tangent[1] - s * normal[1],
@@ -333,16 +337,20 @@ impl<'a> Seen<'a> {
 
     /// What the number of insides changes by on the ways from the foot of the middle to the feet.
     #[inline(always)]
-    pub(super) fn crossed_on<S: Simd>(&self, above: &Above<S>, across: f32x16<S>) -> f32x16<S> {
-        let simd = above.height.token();
+    pub(super) fn winding_changes<S: Simd>(
+        &self,
+        local: &LocalSamples<S>,
+        across: f32x16<S>,
+    ) -> f32x16<S> {
+        let simd = local.height.token();
         let zero = f32x16::splat(simd, 0.0);
-        let apart = right_of(above, self.border.from - self.foot)
-            ^ right_of(above, self.border.to - self.foot);
+        let apart = is_right_of(local, self.edge.from - self.foot)
+            ^ is_right_of(local, self.edge.to - self.foot);
         let (other, change) = match self.across < 0.0 {
             true => (across.simd_ge(zero), 1.0),
             false => (across.simd_lt(zero), -1.0),
         };
-        let crossed = match self.border.bend == 0.0 {
+        let crossed = match self.edge.bend == 0.0 {
             true => other & apart,
             // It goes all the way through.
             false => other,
@@ -354,24 +362,24 @@ impl<'a> Seen<'a> {
     #[inline(always)]
     pub(super) fn add_to<S: Simd>(
         &self,
-        above: &Above<S>,
+        local: &LocalSamples<S>,
         kernel: &Quotients<S>,
-        line: &Line<S>,
-        taken: &mut Taken<S>,
+        line: &EdgeLine<S>,
+        edge_sums: &mut EdgeSums<S>,
     ) {
         let (across, start) = (line.across, line.start);
         let zero = splat(across.token(), 0.0);
         let flat = across * across;
-        let near = flat + above.square;
+        let near = flat + local.square;
         let visible = (1.0 - near).max(zero).sqrt();
         let a = start.max(-visible);
-        let b = (start + self.border.length).min(visible);
+        let b = (start + self.edge.length).min(visible);
         if !b.simd_gt(a).any_true() {
             return;
         }
-        let seen = Sight {
-            height: above.height.abs(),
-            square: above.square,
+        let integrals = LineIntegrals {
+            height: local.height.abs(),
+            square: local.square,
             across,
             flat,
             near,
@@ -379,39 +387,40 @@ impl<'a> Seen<'a> {
         // Some see an end, or look past it.
         let parts = a.simd_gt(-visible) | b.simd_lt(visible);
         let parts = (parts & near.simd_lt(splat(across.token(), 1.0))).any_true();
-        let ([logarithm, angle, lifted], [rest, tilt, slope]) = match parts {
-            false => (seen.chord(visible), kernel.along_chord(near, visible)),
+        let ([logarithm, angle, lifted], [rest, height_slope, slope]) = match parts {
+            false => (integrals.chord(visible), kernel.along_chord(near, visible)),
             true => {
                 let ends = [a, b.max(a)];
                 let far = [a.mul_add(a, near), ends[1].mul_add(ends[1], near)];
-                (seen.piece(ends, far), kernel.along(near, ends, far))
+                (integrals.piece(ends, far), kernel.along(near, ends, far))
             }
         };
         let (mut logarithm, mut lifted, mut out) = (logarithm, lifted, slope);
-        if near.simd_lt(above.wide.square).any_true() {
-            let soft = Soft::new(&seen, [start, start + self.border.length], &above.wide);
-            logarithm += soft.terms[0];
-            lifted += soft.terms[1];
-            taken.tilt -= soft.rise;
-            out -= soft.across;
+        if near.simd_lt(local.wide.square).any_true() {
+            let softening =
+                Softening::new(&integrals, [start, start + self.edge.length], &local.wide);
+            logarithm += softening.terms[0];
+            lifted += softening.terms[1];
+            edge_sums.height_slope -= softening.rise;
+            out -= softening.across;
             for k in 0..2 {
-                taken.along[k] = soft.along.mul_add(line.along[k], taken.along[k]);
+                edge_sums.along[k] = softening.along.mul_add(line.along[k], edge_sums.along[k]);
             }
         }
-        taken.angle += angle;
-        taken.lifted += lifted;
-        taken.rest = across.mul_add(logarithm - rest, taken.rest);
-        taken.tilt = across.mul_add(tilt, taken.tilt);
+        edge_sums.angle += angle;
+        edge_sums.lifted += lifted;
+        edge_sums.rest = across.mul_add(logarithm - rest, edge_sums.rest);
+        edge_sums.height_slope = across.mul_add(height_slope, edge_sums.height_slope);
         let out = out - logarithm;
         for k in 0..2 {
-            taken.along[k] = out.mul_add(line.outward[k], taken.along[k]);
+            edge_sums.along[k] = out.mul_add(line.outward[k], edge_sums.along[k]);
         }
     }
 }
 
 /// Whether a corner lies to the right of the ways from the foot of the middle to the feet.
 #[inline(always)]
-fn right_of<S: Simd>(above: &Above<S>, v: Vec2) -> mask32x16<S> {
-    let [x, y] = above.feet;
+fn is_right_of<S: Simd>(local: &LocalSamples<S>, v: Vec2) -> mask32x16<S> {
+    let [x, y] = local.feet;
     (y * v.x).simd_lt(x * v.y)
 }

@@ -8,7 +8,7 @@
 //!
 //! Places above a circle.
 //!
-//! Places above a torus, unrolled, for sixteen samples.
+//! Places above a torus, developed, for sixteen samples.
 
 use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
@@ -57,7 +57,7 @@ impl Surfel {
 
 /// A torus, a cylinder, a sphere or a plane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Osculating {
+pub(super) struct OsculatingTorus {
     /// A point of it.
     pub(super) origin: DVec3,
     /// The directions in which it is bent most and least there, and its normal; right-handed.
@@ -66,10 +66,10 @@ pub(super) struct Osculating {
     pub(super) curvature: DVec2,
 }
 
-impl Osculating {
+impl OsculatingTorus {
     /// The torus nearest to a surface about the first of `surfels`, the others being those of its
     /// neighbours less than [`NEAR`] from it; none if the surface is bent too much.
-    pub(super) fn fitted(surfels: &[Surfel]) -> Option<Self> {
+    pub(super) fn fit(surfels: &[Surfel]) -> Option<Self> {
         let first = surfels.first()?;
         let (u, v) = first.normal.any_orthonormal_pair();
         let mut torus = Self {
@@ -78,7 +78,7 @@ impl Osculating {
             curvature: DVec2::ZERO,
         };
         for _ in 0..LOOKS {
-            torus = torus.improved(surfels)?;
+            torus = torus.refine_fit(surfels)?;
         }
         let bent = torus.curvature.abs().max_element();
         if bent < LEAST_BENT {
@@ -88,15 +88,15 @@ impl Osculating {
     }
 
     /// Whether it stands for `surfels`, seen from the origin.
-    pub(super) fn stands_for(&self, mut surfels: impl Iterator<Item = Surfel>) -> bool {
+    pub(super) fn approximates(&self, mut surfels: impl Iterator<Item = Surfel>) -> bool {
         surfels.all(|s| {
             let beyond = (s.place.length() - NEAR).max(0.0);
-            self.keeps(&s, OFF + OFF_FAR * beyond * beyond)
+            self.contains(&s, OFF + OFF_FAR * beyond * beyond)
         })
     }
 
     /// Whether a surfel is no farther from it than `off` and not turned away.
-    fn keeps(&self, surfel: &Surfel, off: f64) -> bool {
+    fn contains(&self, surfel: &Surfel, off: f64) -> bool {
         let [x, y, z] = self.axes.map(|a| (surfel.place - self.origin).dot(a));
         let [kx, ky] = self.curvature.to_array();
         let (lifted, about) = rise(z, y, ky);
@@ -110,7 +110,7 @@ impl Osculating {
     }
 
     /// The same where its origin is elsewhere.
-    pub(super) fn moved(self, by: DVec3) -> Self {
+    pub(super) fn translated(self, by: DVec3) -> Self {
         Self {
             origin: self.origin + by,
             ..self
@@ -118,7 +118,7 @@ impl Osculating {
     }
 
     /// By least squares of what is left, weighted about the first, to which all are close.
-    fn improved(&self, surfels: &[Surfel]) -> Option<Self> {
+    fn refine_fit(&self, surfels: &[Surfel]) -> Option<Self> {
         let about = surfels.first()?.place;
         let mut normal = [[0.0; 6]; 6];
         let mut right = [0.0; 6];
@@ -147,14 +147,14 @@ impl Osculating {
         for (i, row) in normal.iter_mut().enumerate() {
             row[i] += 1e-9 * trace;
         }
-        let c = solved(normal, right)?;
+        let c = solve(normal, right)?;
         let [u, v, n] = self.axes;
         let up = (n - c[1] * u - c[2] * v).try_normalize()?;
         let u = (u - u.dot(up) * up).try_normalize()?;
         let v = up.cross(u);
         let bent = DMat2::from_diagonal(self.curvature)
             - DMat2::from_cols(DVec2::new(c[3], c[4]), DVec2::new(c[4], c[5]));
-        let (turn, curvature) = principal(bent);
+        let (turn, curvature) = principal_curvatures(bent);
         Some(Self {
             origin: self.origin + c[0] * n,
             axes: [turn.x * u + turn.y * v, turn.x * v - turn.y * u, up],
@@ -162,12 +162,12 @@ impl Osculating {
         })
     }
 
-    /// A place on the surface, unrolled, and the height above it.
+    /// A place on the surface, developed, and the height above it.
     pub(super) fn developed(&self, p: DVec3) -> (DVec2, f64) {
         let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
         let [kx, ky] = self.curvature.to_array();
         let (lifted, _) = rise(z, y, ky);
-        let place = DVec2::new(unrolled(lifted, x, kx), unrolled(z, y, ky));
+        let place = DVec2::new(arc_length(lifted, x, kx), arc_length(z, y, ky));
         (place, rise(lifted, x, kx).0)
     }
 }
@@ -180,7 +180,7 @@ fn rise(z: f64, x: f64, k: f64) -> (f64, f64) {
 }
 
 /// Length of the circle's arc to below a place.
-fn unrolled(z: f64, x: f64, k: f64) -> f64 {
+fn arc_length(z: f64, x: f64, k: f64) -> f64 {
     match k.abs() < LEAST_BENT {
         true => x,
         false => (k * x).atan2(1.0 + k * z) / k,
@@ -188,7 +188,7 @@ fn unrolled(z: f64, x: f64, k: f64) -> f64 {
 }
 
 /// The direction of the greater eigenvalue of a symmetric matrix, and both eigenvalues.
-fn principal(m: DMat2) -> (DVec2, DVec2) {
+fn principal_curvatures(m: DMat2) -> (DVec2, DVec2) {
     let (half, off) = (0.5 * (m.x_axis.x - m.y_axis.y), m.x_axis.y);
     let angle = 0.5 * off.atan2(half);
     let (middle, spread) = (0.5 * (m.x_axis.x + m.y_axis.y), half.hypot(off));
@@ -199,7 +199,7 @@ fn principal(m: DMat2) -> (DVec2, DVec2) {
 }
 
 /// The solution of symmetric positive equations; none if they are not.
-pub(super) fn solved<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
+pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     for i in 0..N {
         let (row, right) = (a[i], b[i]);
         if row[i].is_nan() || row[i] <= 0.0 {
@@ -234,8 +234,8 @@ pub(super) struct Cylinder {
 
 impl Cylinder {
     /// The one on which all of `surfels` lie.
-    pub(super) fn fitted(surfels: &[Surfel]) -> Option<Self> {
-        let along = across_all(surfels)?;
+    pub(super) fn fit(surfels: &[Surfel]) -> Option<Self> {
+        let along = axis_direction(surfels)?;
         let area: f64 = surfels.iter().map(|s| s.area).sum();
         let mean = surfels.iter().map(|s| s.area * s.place).sum::<DVec3>() / area;
         let (u, v) = along.any_orthonormal_pair();
@@ -252,7 +252,7 @@ impl Cylinder {
                 }
             }
         }
-        let [a, b, c] = solved(normal, right)?;
+        let [a, b, c] = solve(normal, right)?;
         let centre = mean + 0.5 * (a * u + b * v);
         let radius = (c + 0.25 * (a * a + b * b)).sqrt();
         let out = |s: &Surfel| (s.place - centre).dot(s.normal) * s.area;
@@ -264,7 +264,7 @@ impl Cylinder {
             side: surfels.iter().map(out).sum::<f64>().signum(),
         };
         let on = |s: &Surfel| {
-            let torus = cylinder.at(s.place);
+            let torus = cylinder.tangent_torus(s.place);
             torus.is_some_and(|t| {
                 (s.place - t.origin).length() <= OFF && t.axes[2].dot(s.normal) >= ALONG
             })
@@ -273,9 +273,9 @@ impl Cylinder {
     }
 
     /// The same at the point nearest to `p`, which is relative to `middle`, as is what comes back.
-    pub(super) fn seen_from(&self, middle: DVec3, p: DVec3) -> Option<Osculating> {
-        let torus = self.at(middle + p)?;
-        Some(Osculating {
+    pub(super) fn tangent_torus_from(&self, middle: DVec3, p: DVec3) -> Option<OsculatingTorus> {
+        let torus = self.tangent_torus(middle + p)?;
+        Some(OsculatingTorus {
             origin: torus.origin - middle,
             ..torus
         })
@@ -291,20 +291,20 @@ impl Cylinder {
         self.along
     }
 
-    /// A place on it unrolled into a plane: along the circle, and along the axis.
-    pub(super) fn unrolled(&self, p: DVec3) -> DVec2 {
+    /// A place on it developed into a plane: along the circle, and along the axis.
+    pub(super) fn developed(&self, p: DVec3) -> DVec2 {
         let (u, v) = self.along.any_orthonormal_pair();
         let from = p - self.centre;
         let angle = from.dot(v).atan2(from.dot(u));
         DVec2::new(self.radius * angle, from.dot(self.along))
     }
 
-    fn at(&self, p: DVec3) -> Option<Osculating> {
+    fn tangent_torus(&self, p: DVec3) -> Option<OsculatingTorus> {
         let from = p - self.centre;
         let height = from.dot(self.along);
         let out = (from - height * self.along).try_normalize()?;
         let normal = self.side * out;
-        Some(Osculating {
+        Some(OsculatingTorus {
             origin: self.centre + height * self.along + self.radius * out,
             axes: [self.along.cross(normal), self.along, normal],
             curvature: DVec2::new(self.side / self.radius, 0.0),
@@ -313,7 +313,7 @@ impl Cylinder {
 }
 
 /// The direction across all normals: that of the least moment.
-fn across_all(surfels: &[Surfel]) -> Option<DVec3> {
+fn axis_direction(surfels: &[Surfel]) -> Option<DVec3> {
     let mut moments = DMat3::ZERO;
     for s in surfels {
         let n = s.normal;
@@ -385,7 +385,7 @@ impl<S: Simd> Circle<S> {
 /// The height of one place above a circle of curvature `k` as in [`Circle`], and the place of its
 /// foot.
 #[inline(always)]
-pub(super) fn circle(x: f32, z: f32, k: f32) -> [f32; 2] {
+pub(super) fn circle_coordinates(x: f32, z: f32, k: f32) -> [f32; 2] {
     let rise = 2.0 * z + k * (x * x + z * z);
     let distance = (1.0 + k * rise).max(0.0).sqrt();
     let place = match k == 0.0 {
@@ -395,10 +395,10 @@ pub(super) fn circle(x: f32, z: f32, k: f32) -> [f32; 2] {
     [rise / (1.0 + distance), place]
 }
 
-/// Samples above a torus; vectors are along the axes of its sheet.
-pub(super) struct Unrolled<S: Simd> {
+/// Samples above a torus; vectors are along the axes of its patch.
+pub(super) struct DevelopedSamples<S: Simd> {
     pub(super) height: f32x16<S>,
-    /// The feet, unrolled.
+    /// The feet, developed.
     pub(super) place: [f32x16<S>; 2],
     /// Where the height grows, and where both places do; of unit length.
     pub(super) normal: Vectors<S>,
@@ -410,7 +410,7 @@ pub(super) struct Unrolled<S: Simd> {
     pub(super) bent: [f32x16<S>; 2],
 }
 
-impl<S: Simd> Unrolled<S> {
+impl<S: Simd> DevelopedSamples<S> {
     #[inline(always)]
     pub(super) fn new(simd: S, curvature: Vec2, [x, y, z]: Vectors<S>) -> Self {
         let zero = splat(simd, 0.0);
@@ -428,16 +428,16 @@ impl<S: Simd> Unrolled<S> {
     }
 }
 
-impl<S: Simd> Unrolled<S> {
-    /// A direction along `x`, `y` and the normal, of its components along the sheet's axes.
+impl<S: Simd> DevelopedSamples<S> {
+    /// A direction along `x`, `y` and the normal, of its components along the patch's axes.
     #[inline(always)]
-    pub(super) fn along(&self, v: &Vectors<S>) -> Vectors<S> {
+    pub(super) fn to_local(&self, v: &Vectors<S>) -> Vectors<S> {
         [inner(v, &self.x), inner(v, &self.y), inner(v, &self.normal)]
     }
 
     /// The other way round.
     #[inline(always)]
-    pub(super) fn back(&self, v: &Vectors<S>) -> Vectors<S> {
+    pub(super) fn from_local(&self, v: &Vectors<S>) -> Vectors<S> {
         let mut sum = *v;
         for (k, sum) in sum.iter_mut().enumerate() {
             let ends = v[1].mul_add(self.y[k], v[2] * self.normal[k]);

@@ -9,15 +9,15 @@ use glam::{DMat3, DVec3};
 /// Triangles may turn by an angle of this cosine at most in one step.
 const TURN: f64 = 0.7;
 
-/// How much more a border counts than what is inside.
+/// How much more a boundary edge counts than what is inside.
 const BORDER: f64 = 10.0;
 
 /// Area of a triangle at least, per square of its longest side.
 const NARROW: f64 = 1e-4;
 
 /// The triangles with corners `vertices[i]` in fewer ones, from which theirs are `off` away at most
-/// in the mean (rms); no point of a border is farther from it than that. Deterministic.
-pub(super) fn simplified(
+/// in the mean (rms); no point of a boundary edge is farther from it than that. Deterministic.
+pub(super) fn decimate(
     triangles: &[[u32; 3]],
     vertices: &[DVec3],
     off: f64,
@@ -137,8 +137,8 @@ struct Surface {
     places: Vec<DVec3>,
     quadrics: Vec<Quadric>,
     versions: Vec<u32>,
-    /// Whether a vertex is on a border, or where more than two triangles meet.
-    border: Vec<bool>,
+    /// Whether a vertex is on a boundary edge, or where more than two triangles meet.
+    on_boundary: Vec<bool>,
     triangles: Vec<[u32; 3]>,
     alive: Vec<bool>,
     /// Triangles at each vertex, some of them gone.
@@ -162,7 +162,7 @@ impl Surface {
             origin,
             quadrics: vec![Quadric::NONE; places.len()],
             versions: vec![0; places.len()],
-            border: vec![false; places.len()],
+            on_boundary: vec![false; places.len()],
             alive: vec![true; triangles.len()],
             around: vec![Vec::new(); places.len()],
             places,
@@ -188,14 +188,14 @@ impl Surface {
                 *quadric = quadric.and(Quadric::plane(normal, a, area));
             }
         }
-        let mut borders: Vec<_> = sides.into_iter().filter(|(_, s)| s.0 != 2).collect();
-        borders.sort_unstable_by_key(|(ends, _)| *ends);
-        for ([u, v], (_, normal)) in borders {
+        let mut boundary: Vec<_> = sides.into_iter().filter(|(_, s)| s.0 != 2).collect();
+        boundary.sort_unstable_by_key(|(ends, _)| *ends);
+        for ([u, v], (_, normal)) in boundary {
             let [a, b] = [u, v].map(|i| self.places[i as usize]);
             let across = normal.cross(b - a).normalize_or_zero();
             let weight = BORDER * (b - a).length_squared();
             for i in [u, v] {
-                self.border[i as usize] = true;
+                self.on_boundary[i as usize] = true;
                 let quadric = &mut self.quadrics[i as usize];
                 *quadric = quadric.and(Quadric::plane(across, a, weight));
             }
@@ -234,7 +234,7 @@ impl Surface {
         let quadric = self.quadrics[u as usize].and(self.quadrics[v as usize]);
         let between = self.triangles_at(u);
         let between = between.filter(|t| self.triangles[*t as usize].contains(&v));
-        let place = match [u, v].map(|i| self.border[i as usize]) {
+        let place = match [u, v].map(|i| self.on_boundary[i as usize]) {
             [true, true] if between.count() != 1 => return None,
             [true, false] => p,
             [false, true] => q,
@@ -280,7 +280,7 @@ impl Surface {
         self.around[u as usize].extend(moved);
         self.around[u as usize].retain(|t| alive[*t as usize]);
         self.quadrics[u as usize] = self.quadrics[u as usize].and(self.quadrics[v as usize]);
-        self.border[u as usize] |= self.border[v as usize];
+        self.on_boundary[u as usize] |= self.on_boundary[v as usize];
         self.places[u as usize] = step.place;
         self.versions[u as usize] += 1;
         self.versions[v as usize] += 1;
@@ -323,7 +323,7 @@ mod tests {
         ];
         for (mesh, most) in &bodies {
             let off = 4e-3;
-            let (triangles, vertices) = simplified(mesh.triangles(), mesh.vertices(), off);
+            let (triangles, vertices) = decimate(mesh.triangles(), mesh.vertices(), off);
             println!("{} of {}", triangles.len(), mesh.triangles().len());
             assert!(triangles.len() < *most, "{}", triangles.len());
             let bvh = Bvh::merged(mesh, EXACT, Leaves::Small);
@@ -341,7 +341,7 @@ mod tests {
         }
     }
 
-    /// An open piece keeps its border.
+    /// An open piece keeps its boundary edge.
     #[test]
     fn a_straight_border_stays_where_it_is() {
         let tube = shapes::cylinder(1.0, 4.0, 200).unwrap();
@@ -350,7 +350,7 @@ mod tests {
             (b - a).cross(c - a).normalize().z.abs() < 0.5
         };
         let sides: Vec<[u32; 3]> = tube.triangles().iter().filter(side).copied().collect();
-        let (triangles, vertices) = simplified(&sides, tube.vertices(), 4e-3);
+        let (triangles, vertices) = decimate(&sides, tube.vertices(), 4e-3);
         assert!(triangles.len() < 100, "{}", triangles.len());
         let used = triangles.iter().flatten().map(|v| vertices[*v as usize]);
         let ends = tube.bounds();
@@ -362,10 +362,10 @@ mod tests {
 
     #[test]
     fn slivers_and_nothing_are_left_alone() {
-        let (none, _) = simplified(&[], &[], 0.1);
+        let (none, _) = decimate(&[], &[], 0.1);
         assert!(none.is_empty());
         let flat = [DVec3::ZERO, DVec3::X, 2.0 * DVec3::X];
-        let (triangles, places) = simplified(&[[0, 1, 2]], &flat, 0.1);
+        let (triangles, places) = decimate(&[[0, 1, 2]], &flat, 0.1);
         assert!(triangles.len() <= 1 && places.iter().all(|p| p.is_finite()));
     }
 
@@ -373,7 +373,7 @@ mod tests {
     #[test]
     fn the_result_does_not_depend_on_the_run() {
         let mesh: TriangleMesh = shapes::icosphere(0.7, 4).unwrap();
-        let once = || simplified(mesh.triangles(), mesh.vertices(), 1e-2);
+        let once = || decimate(mesh.triangles(), mesh.vertices(), 1e-2);
         assert_eq!(once(), once());
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn splat<S: Simd>(simd: S, value: f32) -> f32x16<S> {
 
 /// Components along three axes.
 #[inline(always)]
-pub(super) fn along<S: Simd>(of: &Vectors<S>, axes: &[Vec3; 3]) -> Vectors<S> {
+pub(super) fn components<S: Simd>(of: &Vectors<S>, axes: &[Vec3; 3]) -> Vectors<S> {
     [dot(of, axes[0]), dot(of, axes[1]), dot(of, axes[2])]
 }
 

@@ -50,17 +50,17 @@ impl Grid {
 }
 
 /// Surfels by cell.
-pub(super) struct Buckets {
+pub(super) struct SurfelGrid {
     grid: Grid,
     /// Regions and numbers of surfels and their places, cell after cell, and where each cell begins.
-    order: Vec<(Numbered, DVec3)>,
+    order: Vec<(SurfelId, DVec3)>,
     starts: Vec<u32>,
 }
 
 /// The region of a surfel, and its number.
-pub(super) type Numbered = (u32, u32);
+pub(super) type SurfelId = (u32, u32);
 
-impl Buckets {
+impl SurfelGrid {
     pub(super) fn new(grid: Grid, surfels: &[(u32, Surfel)]) -> Self {
         let places = surfels.iter().map(|(_, s)| grid.range(s.place, s.place));
         let cells: Vec<usize> = places.map(|p| grid.flat(p.map(|[i, _]| i))).collect();
@@ -83,7 +83,7 @@ impl Buckets {
     }
 
     /// Those at most so far from `p`, region after region.
-    pub(super) fn within(&self, p: DVec3, distance: f64) -> Vec<Numbered> {
+    pub(super) fn within(&self, p: DVec3, distance: f64) -> Vec<SurfelId> {
         let [xs, ys, zs] = self.grid.range(p - distance, p + distance);
         let mut found = Vec::new();
         for x in xs[0]..=xs[1] {
@@ -105,7 +105,7 @@ const CELLS: f64 = 32.0;
 
 /// Distances of a surface on a coarse lattice.
 #[derive(Debug, Clone)]
-pub(super) struct Clearance {
+pub(super) struct DistanceBound {
     grid: Grid,
     size: DVec3,
     /// Cells per metre.
@@ -116,7 +116,7 @@ pub(super) struct Clearance {
     least: Vec<f32>,
 }
 
-impl Clearance {
+impl DistanceBound {
     pub(super) fn new(mesh: &TriangleMesh, bvh: &Bvh, reach: f64) -> Self {
         let bounds: Aabb = mesh.bounds().grown(reach);
         let size = bounds.size();
@@ -144,7 +144,7 @@ impl Clearance {
     /// A lower bound on the distance of the surface from a place, metres; infinite for what is no
     /// place.
     #[inline(always)]
-    pub(super) fn from(&self, p: DVec3) -> f64 {
+    pub(super) fn lower_bound(&self, p: DVec3) -> f64 {
         let place = p - self.grid.low;
         let off = place - place.clamp(DVec3::ZERO, self.size);
         if off != DVec3::ZERO {
@@ -253,7 +253,7 @@ impl Clusters {
             self.clusters.push(Cluster::new(samples, centre, reach));
             self.radius = self.radius.max(radius);
         } else {
-            let middle = halved(samples, reach);
+            let middle = split_in_half(samples, reach);
             let (a, b) = samples.split_at_mut(middle);
             self.divide(a, reach);
             self.divide(b, reach);
@@ -269,7 +269,7 @@ impl Clusters {
 
 /// Orders samples so that those before the place returned are apart from those behind: across the
 /// longest side of their box, of places and of normals.
-fn halved(samples: &mut [SurfaceSample], reach: f64) -> usize {
+fn split_in_half(samples: &mut [SurfaceSample], reach: f64) -> usize {
     let key = |s: &SurfaceSample, k: usize| match k {
         0..3 => s.position[k],
         _ => s.area.normalize_or_zero()[k - 3] * NORMALS * reach,
@@ -340,12 +340,12 @@ mod tests {
                 edge,
                 shape: [1.0, 2.0, 0.7].map(|l: f64| (l / edge).ceil() as usize),
             };
-            let buckets = Buckets::new(grid, &surfels);
+            let buckets = SurfelGrid::new(grid, &surfels);
             for p in [place(3), place(500), DVec3::new(-0.2, 1.0, 0.9)] {
                 for distance in [0.01, 0.3, 1.1] {
                     let near = |id: &u32| surfels[*id as usize].1.place.distance(p) <= distance;
                     let near = (0..surfels.len() as u32).filter(near);
-                    let mut near: Vec<Numbered> = near.map(|id| (id % 3, id)).collect();
+                    let mut near: Vec<SurfelId> = near.map(|id| (id % 3, id)).collect();
                     near.sort_unstable();
                     let mut found = buckets.within(p, distance);
                     assert!(found.is_sorted_by_key(|(region, _)| *region));

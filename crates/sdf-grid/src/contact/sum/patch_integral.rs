@@ -6,11 +6,11 @@ use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use glam::{Mat3, Vec2, Vec3};
 
-use super::boundary_edges::{Above, Line, Seen, Taken};
-use super::curved::{OFF, Unrolled};
-use super::kernel::{Quotients, Vectors, along, curvature, scaled, splat, turned};
+use super::boundary_edges::{EdgeLine, EdgeSums, EdgeView, LocalSamples};
+use super::curved::{DevelopedSamples, OFF};
+use super::kernel::{Quotients, Vectors, components, curvature, scaled, splat, turned};
 use super::lookup::Cluster;
-use super::patches::{Sheet, Views};
+use super::patches::{Patch, VisiblePatches};
 
 /// Heights, in units of the reach, that single precision does not tell from zero, many times over:
 /// some ten nanometres. Walls as near as that are flush.
@@ -24,9 +24,9 @@ pub(super) fn half_sign<S: Simd>(height: f32x16<S>) -> f32x16<S> {
     (height * (0.5 / FLUSH)).min(half).max(half * -1.0)
 }
 
-/// The integral of the kernel over a sheet, and its slopes with the height and along the sheet's two
+/// The integral of the kernel over a patch, and its slopes with the height and along the patch's two
 /// directions.
-pub(super) struct Slopes<S: Simd> {
+pub(super) struct PatchIntegral<S: Simd> {
     pub(super) value: f32x16<S>,
     pub(super) height: f32x16<S>,
     pub(super) along: [f32x16<S>; 2],
@@ -34,34 +34,36 @@ pub(super) struct Slopes<S: Simd> {
     pub(super) turning: f32x16<S>,
 }
 
-impl<S: Simd> Slopes<S> {
-    /// So many times over the whole plane, without what borders take.
+impl<S: Simd> PatchIntegral<S> {
+    /// So many times over the whole plane, without what boundary edges take.
     #[inline(always)]
     pub(super) fn new(
-        above: &Above<S>,
+        local: &LocalSamples<S>,
         kernel: &Quotients<S>,
-        taken: &Taken<S>,
+        edge_sums: &EdgeSums<S>,
         inside: f32x16<S>,
     ) -> Self {
         const TURN: f32 = 1.0 / std::f32::consts::TAU;
         let zero = splat(inside.token(), 0.0);
         // What of the plane is seen from the foot and from above it.
-        let seen = taken.angle.mul_add(-TURN, inside);
-        let lifted = taken.lifted.mul_add(-TURN, inside);
-        let sign = half_sign(above.height);
-        let flat = kernel.value.mul_add(seen, taken.rest * TURN);
-        let bent = kernel.slope.mul_add(seen, taken.tilt * -TURN);
+        let visible_share = edge_sums.angle.mul_add(-TURN, inside);
+        let lifted = edge_sums.lifted.mul_add(-TURN, inside);
+        let sign = half_sign(local.height);
+        let flat = kernel.value.mul_add(visible_share, edge_sums.rest * TURN);
+        let bent = kernel
+            .slope
+            .mul_add(visible_share, edge_sums.height_slope * -TURN);
         Self {
-            value: flat - above.height * sign * lifted,
-            height: (above.height + above.height).mul_sub(bent, sign * lifted),
-            along: taken.along.map(|a| a * TURN),
+            value: flat - local.height * sign * lifted,
+            height: (local.height + local.height).mul_sub(bent, sign * lifted),
+            along: edge_sums.along.map(|a| a * TURN),
             turning: zero,
         }
     }
 }
 
-/// Where it begins to fade, in units of `r`.
-const FADE: f32 = 0.7;
+/// Where it begins to taper, in units of `r`.
+const TAPER: f32 = 0.7;
 
 /// Squared sine of the least angle that counts.
 const LEAST: f32 = 1e-8;
@@ -70,44 +72,44 @@ const LEAST: f32 = 1e-8;
 /// is allowed.
 pub(super) const STRAY: f32 = 0.5 * OFF as f32;
 
-/// How samples lean.
-pub(super) struct Lean<S: Simd> {
-    /// Of the angle between them and the sheet.
+/// How samples tilt.
+pub(super) struct Tilt<S: Simd> {
+    /// Of the angle between them and the patch.
     pub(super) cosine: f32x16<S>,
-    /// Their normals along the sheet's two directions.
+    /// Their normals along the patch's two directions.
     pub(super) aside: [f32x16<S>; 2],
-    /// How far the surface may be from the sheet, in units of the reach.
+    /// How far the surface may be from the patch, in units of the reach.
     pub(super) stray: f32,
 }
 
-/// Samples that lean, and how near they are to borders.
-pub(super) struct Leaning<S: Simd> {
+/// Samples that tilt, and how near they are to boundary edges.
+pub(super) struct TiltCorrection<S: Simd> {
     sine_squared: f32x16<S>,
     /// Squared.
     stray: f32,
     /// Square of where fading begins.
     width: f32x16<S>,
-    /// Squared distance of the nearest border so far, and the way from it along the sheet's two
-    /// directions: the nearest alone counts, so that it is the same in however many pieces a border
+    /// Squared distance of the nearest boundary edge so far, and the way from it along the patch's two
+    /// directions: the nearest alone counts, so that it is the same in however many pieces a boundary edge
     /// comes.
     nearest: f32x16<S>,
     way: [f32x16<S>; 2],
 }
 
-impl<S: Simd> Lean<S> {
-    /// None if all samples lie along the sheet, which is flat, or are too far from it.
+impl<S: Simd> Tilt<S> {
+    /// None if all samples lie along the patch, which is flat, or are too far from it.
     #[inline(always)]
-    pub(super) fn leaning(&self, above: &Above<S>) -> Option<Leaning<S>> {
+    pub(super) fn correction(&self, local: &LocalSamples<S>) -> Option<TiltCorrection<S>> {
         let simd = self.cosine.token();
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let [x, y] = self.aside;
         let sine_squared = x.mul_add(x, y * y);
         let extent = sine_squared + splat(simd, self.stray);
-        let counts = extent.simd_gt(splat(simd, LEAST)) & above.square.simd_lt(one);
+        let counts = extent.simd_gt(splat(simd, LEAST)) & local.square.simd_lt(one);
         counts.any_true().then(|| {
-            let width = above.half * FADE;
+            let width = local.half * TAPER;
             let width = (width * width).max(1e-20);
-            Leaning {
+            TiltCorrection {
                 sine_squared: counts.select(sine_squared, zero),
                 stray: self.stray * self.stray,
                 width,
@@ -118,10 +120,10 @@ impl<S: Simd> Lean<S> {
     }
 }
 
-impl<S: Simd> Leaning<S> {
-    /// Looks whether a border so long is nearer than others.
+impl<S: Simd> TiltCorrection<S> {
+    /// Looks whether a boundary edge so long is nearer than others.
     #[inline(always)]
-    pub(super) fn pass(&mut self, line: &Line<S>, length: f32) {
+    pub(super) fn update_nearest(&mut self, line: &EdgeLine<S>, length: f32) {
         let zero = splat(self.nearest.token(), 0.0);
         let (across, start) = (line.across, line.start);
         let beyond = start.max(zero) + (start + length).min(zero);
@@ -138,9 +140,9 @@ impl<S: Simd> Leaning<S> {
         }
     }
 
-    /// One away from borders and zero on them, and its slopes along the sheet.
+    /// One away from boundary edges and zero on them, and its slopes along the patch.
     #[inline(always)]
-    fn faded(&self) -> (f32x16<S>, [f32x16<S>; 2]) {
+    fn taper(&self) -> (f32x16<S>, [f32x16<S>; 2]) {
         let scale = splat(self.nearest.token(), 1.0) / self.width;
         let t = self.nearest * scale;
         // By the square of the distance, times two.
@@ -151,42 +153,42 @@ impl<S: Simd> Leaning<S> {
         )
     }
 
-    /// Adds to the sums of samples, so many times above the sheet. What comes back is what the normal
+    /// Adds to the sums of samples, so many times above the patch. What comes back is what the normal
     /// is to be multiplied with for the moment by the change of `θ`.
     #[inline(always)]
     pub(super) fn add_to(
         &self,
-        above: &Above<S>,
+        local: &LocalSamples<S>,
         cosine: f32x16<S>,
         inside: f32x16<S>,
-        sums: &mut Slopes<S>,
+        sums: &mut PatchIntegral<S>,
     ) -> f32x16<S> {
         let zero = splat(inside.token(), 0.0);
-        let square = above.half * above.half;
-        let leaning = self.sine_squared.simd_gt(zero);
-        let share = leaning.select(square * inside, zero) * (1.0 / 6.0);
-        let [second, third] = curvature(above.square);
+        let square = local.half * local.half;
+        let tilted = self.sine_squared.simd_gt(zero);
+        let share = tilted.select(square * inside, zero) * (1.0 / 6.0);
+        let [second, third] = curvature(local.square);
         let mut value = share * self.sine_squared * second;
-        let mut rise = share * self.sine_squared * third * above.height;
+        let mut rise = share * self.sine_squared * third * local.height;
         let mut turning = share * second * -2.0;
         let extent = square.mul_add(self.sine_squared, self.stray).sqrt();
-        let height = above.height.abs();
+        let height = local.height.abs();
         let deep = (extent - height).max(zero);
         if deep.simd_gt(zero).any_true() {
             let inverse = splat(inside.token(), 1.0) / extent.max(1e-20);
             let (part, most) = (deep * inverse, inside * 0.25);
             value -= most * deep * part;
-            rise = (most * part * 4.0).mul_add(half_sign(above.height), rise);
+            rise = (most * part * 4.0).mul_add(half_sign(local.height), rise);
             // e² - x² over e², and r² / e.
             let bow = part * (extent + height) * inverse;
             turning += most * bow * square * inverse;
         }
-        let (fade, slopes) = self.faded();
-        sums.value = value.mul_add(fade, sums.value);
-        sums.height = rise.mul_add(fade, sums.height);
+        let (taper, slopes) = self.taper();
+        sums.value = value.mul_add(taper, sums.value);
+        sums.height = rise.mul_add(taper, sums.height);
         sums.along[0] = value.mul_add(slopes[0], sums.along[0]);
         sums.along[1] = value.mul_add(slopes[1], sums.along[1]);
-        turning * fade * cosine * cosine
+        turning * taper * cosine * cosine
     }
 }
 
@@ -195,7 +197,7 @@ impl<S: Simd> Leaning<S> {
 const HIGH: f32 = 0.75;
 
 /// Where a cluster lies.
-pub(super) struct Placed<'a> {
+pub(super) struct PlacedCluster<'a> {
     pub(super) cluster: &'a Cluster,
     /// From its frame to that of the surface.
     pub(super) turn: Mat3,
@@ -206,14 +208,14 @@ pub(super) struct Placed<'a> {
 
 /// What a cluster adds, in units of the reach: the sum, its slope with the translation, and with a
 /// rotation about the cluster's centre.
-pub(super) struct Part {
+pub(super) struct ClusterSum {
     pub(super) value: f32,
     pub(super) gradient: Vec3,
     pub(super) moment: Vec3,
 }
 
 /// Sums of sixteen lanes.
-struct Totals<S: Simd> {
+struct Accumulator<S: Simd> {
     value: f32x16<S>,
     gradient: [f32x16<S>; 3],
     /// `n V`, of which the moment is made.
@@ -229,9 +231,14 @@ struct Samples<S: Simd> {
     half: f32x16<S>,
 }
 
-/// What a cluster adds to the sum over the sheets seen from its cell.
+/// What a cluster adds to the sum over the patches seen from its cell.
 #[simd]
-pub(super) fn part<S: Simd>(simd: S, views: &Views, sheets: &[Sheet], placed: &Placed<'_>) -> Part {
+pub(super) fn sum_cluster<S: Simd>(
+    simd: S,
+    visible: &VisiblePatches,
+    patches: &[Patch],
+    placed: &PlacedCluster<'_>,
+) -> ClusterSum {
     let cluster = placed.cluster;
     let samples = Samples {
         arm: turned(simd, &placed.turn, &cluster.position),
@@ -240,51 +247,53 @@ pub(super) fn part<S: Simd>(simd: S, views: &Views, sheets: &[Sheet], placed: &P
         half: f32x16::simd_from(simd, cluster.half),
     };
     let zero = f32x16::splat(simd, 0.0);
-    let mut totals = Totals {
+    let mut totals = Accumulator {
         value: zero,
         gradient: [zero; 3],
         flux: [zero; 3],
     };
-    for sheet in sheets {
-        add_sheet(views, sheet, placed, &samples, &mut totals);
+    for patch in patches {
+        add_patch(visible, patch, placed, &samples, &mut totals);
     }
-    totals.part(&samples)
+    totals.reduce(&samples)
 }
 
 #[inline(always)]
-fn add_sheet<S: Simd>(
-    views: &Views,
-    sheet: &Sheet,
-    placed: &Placed<'_>,
+fn add_patch<S: Simd>(
+    visible: &VisiblePatches,
+    patch: &Patch,
+    placed: &PlacedCluster<'_>,
     samples: &Samples<S>,
-    totals: &mut Totals<S>,
+    totals: &mut Accumulator<S>,
 ) {
     let simd = samples.area.token();
-    let [u, v, normal] = sheet.axes;
-    let from = placed.at - sheet.origin;
-    let flat = sheet.curvature == Vec2::ZERO;
+    let [u, v, normal] = patch.axes;
+    let from = placed.at - patch.origin;
+    let flat = patch.curvature == Vec2::ZERO;
     let (foot, height) = match flat {
         true => (Vec2::new(from.dot(u), from.dot(v)), from.dot(normal)),
-        false => sheet.unrolled(from),
+        false => patch.developed(from),
     };
     if height.abs() >= 1.0 + placed.radius {
         return;
     }
-    let across = along(&samples.arm, &sheet.axes);
+    let across = components(&samples.arm, &patch.axes);
     if flat {
         let heights = across[2] + height;
         if heights.abs().simd_ge(1.0).all_true() {
             return;
         }
-        let above = Above::new(heights, [across[0], across[1]], samples.half);
-        let [x, y, cosine] = along(&samples.normal, &sheet.axes);
-        let lean = Lean {
+        let local = LocalSamples::new(heights, [across[0], across[1]], samples.half);
+        let [x, y, cosine] = components(&samples.normal, &patch.axes);
+        let tilt = Tilt {
             cosine,
             aside: [x, y],
             stray: 0.0,
         };
-        if let Some(sums) = seen(views, sheet, placed.radius, (foot, height), &above, &lean) {
-            totals.add_flat(samples.area * cosine, &sums, sheet.axes);
+        if let Some(sums) =
+            integrate_patch(visible, patch, placed.radius, (foot, height), &local, &tilt)
+        {
+            totals.add_flat(samples.area * cosine, &sums, patch.axes);
         }
         return;
     }
@@ -293,84 +302,84 @@ fn add_sheet<S: Simd>(
         across[1] + from.dot(v),
         across[2] + from.dot(normal),
     ];
-    let unrolled = Unrolled::new(simd, sheet.curvature, place);
-    let feet = [unrolled.place[0] - foot.x, unrolled.place[1] - foot.y];
+    let developed = DevelopedSamples::new(simd, patch.curvature, place);
+    let feet = [developed.place[0] - foot.x, developed.place[1] - foot.y];
     // The height above what is bent averages to more over a sample's extent than in its middle.
-    let bent = (sheet.curvature.x + sheet.curvature.y) / 6.0;
-    let high = samples.half * samples.half * bent + unrolled.height;
-    let above = Above::new(high, feet, samples.half);
+    let bent = (patch.curvature.x + patch.curvature.y) / 6.0;
+    let high = samples.half * samples.half * bent + developed.height;
+    let local = LocalSamples::new(high, feet, samples.half);
     // Unrolled from the inside, places are farther apart the higher they are.
-    let radius = placed.radius / (1.0 - HIGH * sheet.curvature.abs().max_element());
-    let faces = unrolled.along(&along(&samples.normal, &sheet.axes));
-    let lean = Lean {
+    let radius = placed.radius / (1.0 - HIGH * patch.curvature.abs().max_element());
+    let faces = developed.to_local(&components(&samples.normal, &patch.axes));
+    let tilt = Tilt {
         cosine: faces[2],
         aside: [faces[0], faces[1]],
         stray: STRAY,
     };
-    if let Some(sums) = seen(views, sheet, radius, (foot, height), &above, &lean) {
-        totals.add_curved(scaled(&faces, samples.area), &sums, &unrolled, sheet);
+    if let Some(sums) = integrate_patch(visible, patch, radius, (foot, height), &local, &tilt) {
+        totals.add_curved(scaled(&faces, samples.area), &sums, &developed, patch);
     }
 }
 
-/// The integral of the kernel over a sheet, none if nothing of it is in reach of a cluster of a
+/// The integral of the kernel over a patch, none if nothing of it is in reach of a cluster of a
 /// radius above a foot.
 #[inline(always)]
-fn seen<S: Simd>(
-    views: &Views,
-    sheet: &Sheet,
+fn integrate_patch<S: Simd>(
+    visible: &VisiblePatches,
+    patch: &Patch,
     radius: f32,
     (foot, height): (Vec2, f32),
-    above: &Above<S>,
-    lean: &Lean<S>,
-) -> Option<Slopes<S>> {
-    let zero = splat(above.height.token(), 0.0);
-    let mut taken = Taken {
+    local: &LocalSamples<S>,
+    tilt: &Tilt<S>,
+) -> Option<PatchIntegral<S>> {
+    let zero = splat(local.height.token(), 0.0);
+    let mut edge_sums = EdgeSums {
         angle: zero,
         lifted: zero,
         rest: zero,
-        tilt: zero,
+        height_slope: zero,
         along: [zero; 2],
     };
     let reach = (1.0 + radius) * (1.0 + radius);
-    let (mut inside, mut change) = (sheet.inside, zero);
+    let (mut inside, mut change) = (patch.inside, zero);
     let mut near = false;
-    let mut leaning = lean.leaning(above);
-    let kernel = Quotients::at(above.square);
-    let range = sheet.first as usize..(sheet.first + sheet.count) as usize;
-    let borders = &views.borders[range];
-    for border in borders {
-        let seen = Seen::new(border, foot);
-        inside += seen.crossed(sheet.reference);
-        let off = seen.distance_squared();
+    let mut correction = tilt.correction(local);
+    let kernel = Quotients::at(local.square);
+    let range = patch.first as usize..(patch.first + patch.count) as usize;
+    let boundary = &visible.boundary[range];
+    for edge in boundary {
+        let view = EdgeView::new(edge, foot);
+        inside += view.winding_change(patch.reference);
+        let off = view.distance_squared();
         if off + height * height >= reach {
             continue;
         }
         near = true;
-        let line = seen.line(above);
+        let line = view.line(local);
         if off <= radius * radius {
-            change += seen.crossed_on(above, line.across);
+            change += view.winding_changes(local, line.across);
         }
-        if let Some(leaning) = &mut leaning {
-            leaning.pass(&line, border.length);
+        if let Some(correction) = &mut correction {
+            correction.update_nearest(&line, edge.length);
         }
-        seen.add_to(above, &kernel, &line, &mut taken);
+        view.add_to(local, &kernel, &line, &mut edge_sums);
     }
     if inside == 0.0 && !near {
         return None;
     }
     // Beyond the reach nothing counts.
-    let within = above.square.simd_lt(1.0);
+    let within = local.square.simd_lt(1.0);
     let inside = within.select(change + inside, zero);
-    let mut sums = Slopes::new(above, &kernel, &taken, inside);
-    if let Some(leaning) = leaning {
-        sums.turning = leaning.add_to(above, lean.cosine, inside, &mut sums);
+    let mut sums = PatchIntegral::new(local, &kernel, &edge_sums, inside);
+    if let Some(correction) = correction {
+        sums.turning = correction.add_to(local, tilt.cosine, inside, &mut sums);
     }
     Some(sums)
 }
 
-impl<S: Simd> Totals<S> {
+impl<S: Simd> Accumulator<S> {
     #[inline(always)]
-    fn add_flat(&mut self, weight: f32x16<S>, sums: &Slopes<S>, [u, v, normal]: [Vec3; 3]) {
+    fn add_flat(&mut self, weight: f32x16<S>, sums: &PatchIntegral<S>, [u, v, normal]: [Vec3; 3]) {
         self.value = weight.mul_add(sums.value, self.value);
         let [du, dv] = [weight * sums.along[0], weight * sums.along[1]];
         let dn = weight * sums.height;
@@ -382,32 +391,32 @@ impl<S: Simd> Totals<S> {
         }
     }
 
-    /// Of the normal of a bent surface, `(1 - H ξ)` times the integral over the unrolled one, with
+    /// Of the normal of a bent surface, `(1 - H ξ)` times the integral over the developed one, with
     /// `H` the mean curvature and `ξ` the height: right to first order in the curvature.
     #[inline(always)]
     fn add_curved(
         &mut self,
         [x, y, up]: Vectors<S>,
-        sums: &Slopes<S>,
-        unrolled: &Unrolled<S>,
-        sheet: &Sheet,
+        sums: &PatchIntegral<S>,
+        developed: &DevelopedSamples<S>,
+        patch: &Patch,
     ) {
-        let mean = 0.5 * (sheet.curvature.x + sheet.curvature.y);
-        let spread = 1.0 - unrolled.height * mean;
-        let value = sums.value * spread;
-        let flux = value + sums.turning * spread;
-        let [u, v, normal] = sheet.axes;
+        let mean = 0.5 * (patch.curvature.x + patch.curvature.y);
+        let stretch = 1.0 - developed.height * mean;
+        let value = sums.value * stretch;
+        let flux = value + sums.turning * stretch;
+        let [u, v, normal] = patch.axes;
         self.value += up * value;
-        let height = sums.height * spread - sums.value * mean;
-        let [ix, iy] = unrolled.shrunk;
+        let height = sums.height * stretch - sums.value * mean;
+        let [ix, iy] = developed.shrunk;
         let slopes = [
-            x * flux * unrolled.bent[0] + up * spread * sums.along[0] * ix,
-            y * flux * unrolled.bent[1] + up * spread * sums.along[1] * iy,
+            x * flux * developed.bent[0] + up * stretch * sums.along[0] * ix,
+            y * flux * developed.bent[1] + up * stretch * sums.along[1] * iy,
             up * height,
         ];
-        // Along the sheet's axes.
-        let slope = unrolled.back(&slopes);
-        let bent = scaled(&unrolled.normal, flux);
+        // Along the patch's axes.
+        let slope = developed.from_local(&slopes);
+        let bent = scaled(&developed.normal, flux);
         for k in 0..3 {
             let sum = slope[0].mul_add(u[k], self.gradient[k]);
             self.gradient[k] = slope[2].mul_add(normal[k], slope[1].mul_add(v[k], sum));
@@ -417,7 +426,7 @@ impl<S: Simd> Totals<S> {
     }
 
     #[inline(always)]
-    fn part(&self, samples: &Samples<S>) -> Part {
+    fn reduce(&self, samples: &Samples<S>) -> ClusterSum {
         let [gx, gy, gz] = self.gradient;
         let [ax, ay, az] = samples.arm;
         let [nx, ny, nz] = samples.normal;
@@ -425,7 +434,7 @@ impl<S: Simd> Totals<S> {
         let x = ay * gz - az * gy + samples.area * (ny * uz - nz * uy);
         let y = az * gx - ax * gz + samples.area * (nz * ux - nx * uz);
         let z = ax * gy - ay * gx + samples.area * (nx * uy - ny * ux);
-        Part {
+        ClusterSum {
             value: self.value.reduce_sum(),
             gradient: Vec3::new(gx.reduce_sum(), gy.reduce_sum(), gz.reduce_sum()),
             moment: Vec3::new(x.reduce_sum(), y.reduce_sum(), z.reduce_sum()),

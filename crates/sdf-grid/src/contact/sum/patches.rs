@@ -6,9 +6,9 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::curved::{NEAR, Osculating, Surfel, circle};
-use super::lookup::{Buckets, Grid, Numbered};
-use super::polylines::{Arc, allowed, chained, straightened};
+use super::curved::{NEAR, OsculatingTorus, Surfel, circle_coordinates};
+use super::lookup::{Grid, SurfelGrid, SurfelId};
+use super::polylines::{Arc, allowed_offset, join_chains, simplify_near};
 use super::regions::{FlatRegion, Regions, Ring};
 use crate::contact::error::ContactError;
 use crate::mesh::aabb::Aabb;
@@ -19,69 +19,69 @@ use crate::support::prefetch::fetch_all;
 /// foot of the cell's middle: no edge lies there unless it is put there.
 const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
 
-/// How much farther than what one sees borders may lie on the surface, unrolled: seen from the inside
+/// How much farther than what one sees boundary edges may lie on the surface, developed: seen from the inside
 /// of a bend of the greatest curvature, an arc is longer than its chord.
 pub(super) const FARTHER: f64 = 1.4;
 
 /// Angle around a torus beyond which nothing is seen.
 const BEHIND: f64 = 2.5;
 
-/// By how much a bent border is longer than what is near: places on the inside of the bend see more
+/// By how much a bent boundary edge is longer than what is near: places on the inside of the bend see more
 /// of it, and none may see an end.
 const BEYOND: f64 = 4.0;
 
-/// The same, from the middle of a bent border.
+/// The same, from the middle of a bent boundary edge.
 const OFF_ARC: f32 = 0.373_1;
 
-/// A region as it is seen from a cell, flat or unrolled from a torus: lengths are in units of the
+/// A region as it is seen from a cell, flat or developed from a torus: lengths are in units of the
 /// reach, places relative to the middle of the cell.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sheet {
+pub(super) struct Patch {
     /// A point of its plane or torus.
     pub(super) origin: Vec3,
     /// Two directions in it and its normal, outwards; right-handed.
     pub(super) axes: [Vec3; 3],
     /// How much it is bent along either, positive if it is convex.
     pub(super) curvature: Vec2,
-    /// From where insides are counted, on the sheet from its origin.
+    /// From where insides are counted, on the patch from its origin.
     pub(super) reference: Vec2,
     /// How often it lies below there: 0 or 1, rarely more.
     pub(super) inside: f32,
-    /// Its borders in reach.
+    /// Its boundary edges in reach.
     pub(super) first: u32,
     pub(super) count: u32,
 }
 
-/// A piece of a sheet's border, the sheet to its left, along the sheet's two directions.
+/// A piece of a patch's boundary edge, the patch to its left, along the patch's two directions.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Border {
+pub(super) struct BoundaryEdge {
     pub(super) from: Vec2,
     pub(super) to: Vec2,
     pub(super) middle: Vec2,
     /// Unit vector in the middle.
     pub(super) along: Vec2,
     pub(super) length: f32,
-    /// Its curvature, positive where the sheet is convex; of those that are bent no sample sees an
+    /// Its curvature, positive where the patch is convex; of those that are bent no sample sees an
     /// end.
     pub(super) bend: f32,
-    /// Whether the sheet's reference is beyond its line.
+    /// Whether the patch's reference is beyond its line.
     pub(super) reference_outside: bool,
 }
 
-/// Sheets with their borders.
+/// Sheets with their boundary edges.
 #[derive(Debug, Default)]
-pub(super) struct List {
-    pub(super) sheets: Vec<Sheet>,
-    pub(super) borders: Vec<Border>,
+pub(super) struct PatchList {
+    pub(super) patches: Vec<Patch>,
+    pub(super) boundary: Vec<BoundaryEdge>,
 }
 
-/// What is near a cell: flat regions and borders by number.
+/// What is near a cell: flat regions and boundary edges by number.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Near {
+pub(super) struct NearbyRegions {
     pub(super) flat: Vec<u32>,
     /// Of [`Regions::faces`].
     pub(super) faces: Vec<u32>,
-    pub(super) borders: Vec<u32>,
+    pub(super) boundary: Vec<u32>,
 }
 
 /// A surface to be seen.
@@ -89,8 +89,8 @@ pub(super) struct Surface<'a> {
     pub(super) mesh: &'a TriangleMesh,
     pub(super) regions: &'a Regions,
     /// Of the regions, and tori about them as far as they have been asked for.
-    pub(super) surfels: Buckets,
-    pub(super) tori: Vec<OnceLock<Option<Osculating>>>,
+    pub(super) surfels: SurfelGrid,
+    pub(super) tori: Vec<OnceLock<Option<OsculatingTorus>>>,
     /// The kernel's reach, metres.
     pub(super) unit: f64,
     /// How far one sees, metres.
@@ -99,14 +99,14 @@ pub(super) struct Surface<'a> {
 
 impl Surface<'_> {
     /// What is seen from about `middle`, given what is near.
-    pub(super) fn seen_from(&self, middle: DVec3, near: &Near) -> List {
-        let mut list = List::default();
+    pub(super) fn visible_from(&self, middle: DVec3, near: &NearbyRegions) -> PatchList {
+        let mut list = PatchList::default();
         for id in &near.flat {
             self.add_flat(&mut list, &self.regions.flat[*id as usize], middle);
         }
         let surfels = self.surfels.within(middle, self.seen);
         for of_region in surfels.chunk_by(|a, b| a.0 == b.0) {
-            let off = |s: &Numbered| self.surfel(s.1).place.distance_squared(middle);
+            let off = |s: &SurfelId| self.surfel(s.1).place.distance_squared(middle);
             let nearest = of_region.iter().map(|s| (off(s), s));
             let Some((_, (region, id))) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else {
                 continue;
@@ -116,11 +116,11 @@ impl Surface<'_> {
                 .iter()
                 .map(|s| self.surfel(s.1).scaled(middle, self.unit));
             let torus = match self.regions.cylinders.get(region) {
-                Some(cylinder) => cylinder.seen_from(middle / self.unit, nearest.place),
+                Some(cylinder) => cylinder.tangent_torus_from(middle / self.unit, nearest.place),
                 None => self
                     .torus(*region, *id)
-                    .map(|torus| torus.moved(nearest.place))
-                    .filter(|torus| torus.stands_for(&mut scaled)),
+                    .map(|torus| torus.translated(nearest.place))
+                    .filter(|torus| torus.approximates(&mut scaled)),
             };
             match torus {
                 Some(torus) => self.add_curved(&mut list, &torus, nearest, middle, near, *region),
@@ -144,20 +144,20 @@ impl Surface<'_> {
 
     /// The torus about a surfel, relative to its place and in units of the reach: the same from
     /// wherever it is the nearest.
-    fn torus(&self, region: u32, id: u32) -> Option<Osculating> {
-        let fitted = || {
+    fn torus(&self, region: u32, id: u32) -> Option<OsculatingTorus> {
+        let fit = || {
             let about = self.surfel(id).place;
             let near = self.surfels.within(about, NEAR * self.unit);
             let others = near.into_iter().filter(|o| o.0 == region && o.1 != id);
             let all = std::iter::once((region, id)).chain(others);
             let all = all.map(|o| self.surfel(o.1).scaled(about, self.unit));
-            Osculating::fitted(&all.collect::<Vec<_>>())
+            OsculatingTorus::fit(&all.collect::<Vec<_>>())
         };
-        *self.tori[id as usize].get_or_init(fitted)
+        *self.tori[id as usize].get_or_init(fit)
     }
 
     /// Adds a flat region.
-    fn add_flat(&self, list: &mut List, region: &FlatRegion, middle: DVec3) {
+    fn add_flat(&self, list: &mut PatchList, region: &FlatRegion, middle: DVec3) {
         let [u, v, normal] = region.axes;
         let unit = self.unit;
         let from = (middle - region.origin) / unit;
@@ -167,7 +167,7 @@ impl Surface<'_> {
             return;
         }
         let most = (seen * seen - height * height).max(0.0).sqrt();
-        let first = list.borders.len();
+        let first = list.boundary.len();
         let mut sides = Vec::new();
         let here = unit * foot;
         let (near, far): (Vec<&Ring>, Vec<&Ring>) =
@@ -178,22 +178,24 @@ impl Surface<'_> {
             list.add_ring(&ring, most, &mut sides);
         }
         // Not between an arc and its chords.
-        let arc = list.borders[first..].iter().find(|b| b.bend != 0.0);
+        let arc = list.boundary[first..].iter().find(|b| b.bend != 0.0);
         let reference = arc.map_or(REFERENCE, |b| {
-            // The sheet is to the left.
+            // The patch is to the left.
             (b.middle + OFF_ARC * b.along.perp()).as_dvec2()
         });
-        let mut turns: i32 = sides.iter().map(|s| crossed(*s, reference)).sum();
+        let mut turns: i32 = sides.iter().map(|s| ray_crossing(*s, reference)).sum();
         let there = unit * reference + here;
         for ring in far.iter().filter(|r| r.may_be_near(there, 0.0)) {
             let next = ring.corners.iter().cycle().skip(1);
             let sides = ring.corners.iter().zip(next);
-            turns += sides.map(|(a, b)| crossed([*a, *b], there)).sum::<i32>();
+            turns += sides
+                .map(|(a, b)| ray_crossing([*a, *b], there))
+                .sum::<i32>();
         }
         let inside = turns as f32;
-        let count = list.borders.len() - first;
+        let count = list.boundary.len() - first;
         if inside != 0.0 || count > 0 {
-            list.add_sheet(Sheet {
+            list.add_patch(Patch {
                 origin: (-height * normal).as_vec3(),
                 axes: region.axes.map(DVec3::as_vec3),
                 curvature: Vec2::ZERO,
@@ -208,66 +210,66 @@ impl Surface<'_> {
     /// Adds a curved region that is a torus as far as one sees, `on` a piece of it.
     fn add_curved(
         &self,
-        list: &mut List,
-        torus: &Osculating,
+        list: &mut PatchList,
+        torus: &OsculatingTorus,
         on: Surfel,
         middle: DVec3,
-        near: &Near,
+        near: &NearbyRegions,
         region: u32,
     ) {
-        let borders = near
-            .borders
+        let boundary = near
+            .boundary
             .iter()
-            .map(|b| self.regions.borders[*b as usize]);
-        let edges = borders.filter(|b| b.0 == region).map(|b| b.1);
+            .map(|b| self.regions.boundary[*b as usize]);
+        let edges = boundary.filter(|b| b.0 == region).map(|b| b.1);
         let mut edges: Vec<[u32; 2]> = edges.collect();
         let mut places = FxHashMap::default();
         for v in edges.iter().flatten() {
             let p = self.mesh.vertices()[*v as usize];
-            let unrolled = || torus.developed((p - middle) / self.unit).0;
-            places.entry(*v).or_insert_with(unrolled);
+            let develop = || torus.developed((p - middle) / self.unit).0;
+            places.entry(*v).or_insert_with(develop);
         }
         let place = |v: &u32| places[v];
-        // What is unrolled to either end of a circle is far behind.
+        // What is developed to either end of a circle is far behind.
         let before = |v: &u32| (place(v) * torus.curvature).abs().max_element() < BEHIND;
         edges.retain(|e| e.iter().all(before));
         let (about, _) = torus.developed(DVec3::ZERO);
         let most = FARTHER * self.seen / self.unit;
-        let first = list.borders.len();
-        for chain in chained(&edges) {
+        let first = list.boundary.len();
+        for chain in join_chains(&edges) {
             let chain: Vec<DVec2> = chain.iter().map(place).collect();
             list.add_chain(&chain, about, most);
         }
-        list.add_sheet(Sheet {
+        list.add_patch(Patch {
             origin: torus.origin.as_vec3(),
             axes: torus.axes.map(DVec3::as_vec3),
             curvature: torus.curvature.as_vec2(),
             reference: torus.developed(on.place).0.as_vec2(),
             inside: 1.0,
             first: first as u32,
-            count: (list.borders.len() - first) as u32,
+            count: (list.boundary.len() - first) as u32,
         });
     }
 }
 
-impl Sheet {
-    /// A place relative to the origin, unrolled, and the height above it.
+impl Patch {
+    /// A place relative to the origin, developed, and the height above it.
     #[inline(always)]
-    pub(super) fn unrolled(&self, p: Vec3) -> (Vec2, f32) {
+    pub(super) fn developed(&self, p: Vec3) -> (Vec2, f32) {
         let [x, y, z] = self.axes.map(|a| p.dot(a));
-        let [lifted, b] = circle(y, z, self.curvature.y);
-        let [height, a] = circle(x, lifted, self.curvature.x);
+        let [lifted, b] = circle_coordinates(y, z, self.curvature.y);
+        let [height, a] = circle_coordinates(x, lifted, self.curvature.x);
         (Vec2::new(a, b), height)
     }
 }
 
-impl List {
-    /// Adds a sheet whose borders are the last.
-    fn add_sheet(&mut self, sheet: Sheet) {
-        for border in &mut self.borders[sheet.first as usize..] {
-            border.reference_outside = border.place(sheet.reference)[0] < 0.0;
+impl PatchList {
+    /// Adds a patch whose boundary edges are the last.
+    fn add_patch(&mut self, patch: Patch) {
+        for edge in &mut self.boundary[patch.first as usize..] {
+            edge.reference_outside = edge.place(patch.reference)[0] < 0.0;
         }
-        self.sheets.push(sheet);
+        self.patches.push(patch);
     }
 
     /// Adds what of a closed chain is within `most` of the origin, and to `sides` all of it as it
@@ -298,19 +300,19 @@ impl List {
     /// pieces.
     fn add_chain(&mut self, chain: &[DVec2], about: DVec2, most: f64) -> Vec<[DVec2; 2]> {
         let sides = |chain: &[DVec2]| chain.windows(2).map(|w| [w[0], w[1]]).collect();
-        if let Some(arc) = Border::bent(chain, about, most) {
-            self.borders.push(arc);
+        if let Some(arc) = BoundaryEdge::bent(chain, about, most) {
+            self.boundary.push(arc);
             return sides(chain);
         }
-        let kept: Vec<[DVec2; 2]> = sides(&straightened(chain, about));
+        let kept: Vec<[DVec2; 2]> = sides(&simplify_near(chain, about));
         let pieces = kept.iter();
-        let pieces = pieces.filter_map(|s| Border::within(*s, about, most));
-        self.borders.extend(pieces);
+        let pieces = pieces.filter_map(|s| BoundaryEdge::within(*s, about, most));
+        self.boundary.extend(pieces);
         kept
     }
 }
 
-impl Border {
+impl BoundaryEdge {
     /// What of the way from `a` to `b` is within `most` of `about`.
     fn within([a, b]: [DVec2; 2], about: DVec2, most: f64) -> Option<Self> {
         let along = (b - a).try_normalize()?;
@@ -343,7 +345,7 @@ impl Border {
         };
         let arc = Arc::through(a, chain[chain.len() / 2], b)?;
         let through = a.distance(about) > most && b.distance(about) > most;
-        let near = |p: DVec2| arc.off(p).abs() <= allowed(p, about);
+        let near = |p: DVec2| arc.off(p).abs() <= allowed_offset(p, about);
         let fits = || {
             chain
                 .windows(2)
@@ -377,7 +379,7 @@ fn is_near([a, b]: [DVec2; 2], most: f64) -> bool {
 
 /// How a way crosses the ray from a place along the first axis: one with the place to its left, minus
 /// one with it to its right. Closed ways go around the place as often as this adds up to.
-fn crossed([a, b]: [DVec2; 2], from: DVec2) -> i32 {
+fn ray_crossing([a, b]: [DVec2; 2], from: DVec2) -> i32 {
     let (a, b) = (a - from, b - from);
     match (a.y <= 0.0, b.y <= 0.0) {
         (true, false) if a.perp_dot(b) > 0.0 => 1,
@@ -392,23 +394,23 @@ const CELL: f64 = 0.5;
 /// Most cells that a surface is divided into.
 const MOST_CELLS: f64 = 1e6;
 
-/// Most sheets and borders in the lists of all cells together.
+/// Most patches and boundary edges in the lists of all cells together.
 const MOST_LISTED: usize = 1 << 26;
 
 /// Sheets by the cell from which they are in reach.
 #[derive(Debug, Clone)]
-pub(super) struct Views {
+pub(super) struct VisiblePatches {
     grid: Grid,
     /// Cells per metre, and their edge in units of the reach.
     per_metre: f64,
     in_reaches: f64,
-    /// Where the sheets and the borders of each cell begin, and the ends of the last.
+    /// Where the patches and the boundary edges of each cell begin, and the ends of the last.
     starts: Vec<[u32; 2]>,
-    pub(super) sheets: Vec<Sheet>,
-    pub(super) borders: Vec<Border>,
+    pub(super) patches: Vec<Patch>,
+    pub(super) boundary: Vec<BoundaryEdge>,
 }
 
-impl Views {
+impl VisiblePatches {
     /// Lists what of `regions` of a surface is within `reach` (metres) of spheres of `radius`
     /// (metres) about places in each cell.
     ///
@@ -424,7 +426,7 @@ impl Views {
         let count = (all.size() / wanted).element_product();
         let cell = wanted * (count / MOST_CELLS).cbrt().max(1.0);
         let shape = (all.size() / cell).ceil().max(DVec3::ONE);
-        let mut views = Self {
+        let mut visible = Self {
             grid: Grid {
                 low: all.min,
                 edge: cell,
@@ -433,35 +435,42 @@ impl Views {
             per_metre: 1.0 / cell,
             in_reaches: cell / reach,
             starts: vec![[0; 2]],
-            sheets: Vec::new(),
-            borders: Vec::new(),
+            patches: Vec::new(),
+            boundary: Vec::new(),
         };
         // Half a diagonal, and a little for rounding.
         let seen = (reach + radius + 0.87 * cell) * (1.0 + 1e-6);
-        let near = views.near(mesh, regions, seen)?;
+        let near = visible.near(mesh, regions, seen)?;
         let surface = Surface {
             mesh,
             regions,
-            surfels: Buckets::new(views.grid, &regions.surfels),
+            surfels: SurfelGrid::new(visible.grid, &regions.surfels),
             tori: vec![OnceLock::new(); regions.surfels.len()],
             unit: reach,
             seen,
         };
         let lists = near.par_iter().enumerate();
-        let lists = lists.map(|(flat, near)| surface.seen_from(views.grid.middle(flat), near));
-        let lists: Vec<List> = lists.collect();
-        few(lists.iter().map(|l| l.sheets.len() + l.borders.len()).sum())?;
+        let lists = lists.map(|(flat, near)| surface.visible_from(visible.grid.middle(flat), near));
+        let lists: Vec<PatchList> = lists.collect();
+        check_limit(
+            lists
+                .iter()
+                .map(|l| l.patches.len() + l.boundary.len())
+                .sum(),
+        )?;
         for list in lists {
-            let before = views.borders.len() as u32;
-            views.borders.extend(list.borders);
-            views.sheets.extend(list.sheets.into_iter().map(|s| Sheet {
-                first: s.first + before,
-                ..s
-            }));
-            let ends = [views.sheets.len(), views.borders.len()];
-            views.starts.push(ends.map(|n| n as u32));
+            let before = visible.boundary.len() as u32;
+            visible.boundary.extend(list.boundary);
+            visible
+                .patches
+                .extend(list.patches.into_iter().map(|s| Patch {
+                    first: s.first + before,
+                    ..s
+                }));
+            let ends = [visible.patches.len(), visible.boundary.len()];
+            visible.starts.push(ends.map(|n| n as u32));
         }
-        Ok(views)
+        Ok(visible)
     }
 
     /// What is near each cell.
@@ -470,30 +479,30 @@ impl Views {
         mesh: &TriangleMesh,
         regions: &Regions,
         seen: f64,
-    ) -> Result<Vec<Near>, ContactError> {
-        let mut near = vec![Near::default(); self.grid.count()];
+    ) -> Result<Vec<NearbyRegions>, ContactError> {
+        let mut near = vec![NearbyRegions::default(); self.grid.count()];
         let mut listed = 0;
         for (id, region) in regions.flat.iter().enumerate() {
             for flat in self.cells_near(region, seen) {
                 near[flat].flat.push(id as u32);
                 listed += 1;
             }
-            few(listed)?;
+            check_limit(listed)?;
         }
         for (id, (_, region)) in regions.faces.iter().enumerate() {
             for flat in self.cells_near(region, seen) {
                 near[flat].faces.push(id as u32);
                 listed += 1;
             }
-            few(listed)?;
+            check_limit(listed)?;
         }
-        for (id, (_, ends)) in regions.borders.iter().enumerate() {
+        for (id, (_, ends)) in regions.boundary.iter().enumerate() {
             let ends = ends.map(|v| mesh.vertices()[v as usize]);
             for flat in self.cells_in(&Aabb::around(ends).grown(FARTHER * seen)) {
-                near[flat].borders.push(id as u32);
+                near[flat].boundary.push(id as u32);
                 listed += 1;
             }
-            few(listed)?;
+            check_limit(listed)?;
         }
         Ok(near)
     }
@@ -523,7 +532,7 @@ impl Views {
     /// What is seen from about a place, and where that is relative to the middle of its cell, in
     /// units of the reach; none if no surface is in reach of it. All of it is on its way.
     #[inline(always)]
-    pub(super) fn from(&self, p: DVec3) -> Option<(&[Sheet], Vec3)> {
+    pub(super) fn look_up(&self, p: DVec3) -> Option<(&[Patch], Vec3)> {
         let place = (p - self.grid.low) * self.per_metre;
         let shape = DVec3::from_array(self.grid.shape.map(|n| n as f64));
         // False for what is not a number.
@@ -532,22 +541,22 @@ impl Views {
         }
         let flat = self.grid.flat(place.to_array().map(|v| v as usize));
         let [first, last] = [self.starts[flat], self.starts[flat + 1]];
-        let sheets = self.sheets.get(first[0] as usize..last[0] as usize)?;
-        fetch_all(sheets);
-        fetch_all(self.borders.get(first[1] as usize..last[1] as usize)?);
+        let patches = self.patches.get(first[0] as usize..last[0] as usize)?;
+        fetch_all(patches);
+        fetch_all(self.boundary.get(first[1] as usize..last[1] as usize)?);
         let within = (place - place.floor() - 0.5) * self.in_reaches;
-        Some((sheets, within.as_vec3()))
+        Some((patches, within.as_vec3()))
     }
 
     /// Memory that is held, bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.starts.as_slice())
-            + size_of_val(self.sheets.as_slice())
-            + size_of_val(self.borders.as_slice())
+            + size_of_val(self.patches.as_slice())
+            + size_of_val(self.boundary.as_slice())
     }
 }
 
-fn few(found: usize) -> Result<(), ContactError> {
+fn check_limit(found: usize) -> Result<(), ContactError> {
     match found <= MOST_LISTED {
         true => Ok(()),
         false => Err(ContactError::TooMany {

@@ -2,13 +2,13 @@
 
 use glam::{DVec2, DVec3};
 
-/// How far from a border its pieces may be near by, and how that grows with the distance beyond
+/// How far from a boundary edge its pieces may be near by, and how that grows with the distance beyond
 /// [`NEAR`], in units of the reach.
 const OFF: f64 = 0.006;
 const OFF_FAR: f64 = 0.03;
 const NEAR: f64 = 0.5;
 
-/// How far points may be off that are dropped from where ever a border is seen, per reach.
+/// How far points may be off that are dropped from where ever a boundary edge is seen, per reach.
 const THIN: f64 = 5e-4;
 
 /// Cosine of the angle by which a chain turns where it has no corner, at most.
@@ -26,23 +26,25 @@ const MOST_LOOKS: usize = 100;
 
 /// A chain in its own plane in fewer pieces, between the same ends, where `about` is where it should
 /// be true: as much lies to either side of each piece, but at corners.
-pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
+pub(super) fn simplify_near(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     if chain.len() < FEW {
         return chain.to_vec();
     }
     let at = |k: usize| chain[k].extend(0.0);
     // A point far away takes with it the long sides that it ends, which may pass near by.
-    let sides = chain.windows(2).map(|w| allowed(nearest(w, about), about));
+    let sides = chain
+        .windows(2)
+        .map(|w| allowed_offset(nearest_point(w, about), about));
     let sides: Vec<f64> = sides.collect();
     let allowed = |k: usize| sides[k - 1].min(sides[k]);
-    let off = |k, from, to| off(at(k), at(from), at(to)) / allowed(k);
-    let kept = kept(chain.len(), off);
+    let off = |k, from, to| distance_to_segment(at(k), at(from), at(to)) / allowed(k);
+    let kept = select_points(chain.len(), off);
     if kept.len() == chain.len() {
         return chain.to_vec();
     }
     let aside: Vec<DVec2> = kept
         .windows(2)
-        .map(|w| aside(&chain[w[0]..=w[1]]))
+        .map(|w| mean_offset(&chain[w[0]..=w[1]]))
         .collect();
     let mut found: Vec<DVec2> = kept.iter().map(|k| chain[*k]).collect();
     for (i, w) in kept.windows(3).enumerate() {
@@ -56,7 +58,7 @@ pub(super) fn straightened(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
 }
 
 /// How far a chain is from the way between its ends, on average.
-fn aside(chain: &[DVec2]) -> DVec2 {
+fn mean_offset(chain: &[DVec2]) -> DVec2 {
     let [from, .., to] = *chain else {
         return DVec2::ZERO;
     };
@@ -75,14 +77,15 @@ fn aside(chain: &[DVec2]) -> DVec2 {
 }
 
 /// Which points of a chain are kept so that none is more than [`THIN`] times `reach` off.
-pub(super) fn thinned(chain: &[DVec3], reach: f64) -> Vec<usize> {
-    let off = |k: usize, from: usize, to: usize| off(chain[k], chain[from], chain[to]);
-    kept(chain.len(), |k, from, to| off(k, from, to) / (THIN * reach))
+pub(super) fn thin_out(chain: &[DVec3], reach: f64) -> Vec<usize> {
+    let off =
+        |k: usize, from: usize, to: usize| distance_to_segment(chain[k], chain[from], chain[to]);
+    select_points(chain.len(), |k, from, to| off(k, from, to) / (THIN * reach))
 }
 
 /// Which of `count` points are kept, the ends among them (Douglas and Peucker), where `off` says how
 /// far a point is from the way between two others, in units of what is allowed.
-fn kept(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
+fn select_points(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
     if count < FEW {
         return (0..count).collect();
     }
@@ -106,13 +109,13 @@ fn kept(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
 }
 
 /// The point of a side that is nearest to a place.
-fn nearest(side: &[DVec2], to: DVec2) -> DVec2 {
+fn nearest_point(side: &[DVec2], to: DVec2) -> DVec2 {
     let [a, b] = [side[0], side[1]];
-    a + (b - a) * share((to - a).extend(0.0), (b - a).extend(0.0))
+    a + (b - a) * nearest_parameter((to - a).extend(0.0), (b - a).extend(0.0))
 }
 
-/// How far from a border its pieces may be at a place.
-pub(super) fn allowed(p: DVec2, about: DVec2) -> f64 {
+/// How far from a boundary edge its pieces may be at a place.
+pub(super) fn allowed_offset(p: DVec2, about: DVec2) -> f64 {
     let beyond = (p.distance(about) - NEAR).max(0.0);
     OFF + OFF_FAR * beyond * beyond
 }
@@ -157,13 +160,13 @@ impl Arc {
 }
 
 /// Distance of `p` from the way from `a` to `b`.
-fn off(p: DVec3, a: DVec3, b: DVec3) -> f64 {
+fn distance_to_segment(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (along, from) = (b - a, p - a);
-    from.distance(along * share(from, along))
+    from.distance(along * nearest_parameter(from, along))
 }
 
 /// Where on a way the nearest point to a place is, both from where the way begins.
-fn share(from: DVec3, along: DVec3) -> f64 {
+fn nearest_parameter(from: DVec3, along: DVec3) -> f64 {
     let place = from.dot(along) / along.length_squared();
     // On a way without a length, where it begins.
     let place = if place.is_nan() { 0.0 } else { place };
@@ -171,7 +174,7 @@ fn share(from: DVec3, along: DVec3) -> f64 {
 }
 
 /// Directed edges in chains, end to beginning.
-pub(super) fn chained(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
+pub(super) fn join_chains(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut order: Vec<usize> = (0..edges.len()).collect();
     order.sort_unstable_by_key(|i| edges[*i]);
     let mut free = vec![true; edges.len()];
@@ -222,9 +225,9 @@ mod tests {
         let rim = (0..40).map(|i| DVec2::from_angle(0.02 * f64::from(i)) * 4.0 - DVec2::X * 4.1);
         let rim: Vec<DVec2> = rim.map(|p| p + DVec2::Y * 4.0).rev().collect();
         let chain = [&rim[..], &[DVec2::new(-0.1, -4.0), DVec2::new(-3.0, -4.2)]].concat();
-        let found = straightened(&chain, about);
+        let found = simplify_near(&chain, about);
         assert!(found.len() < chain.len() / 2, "{found:?}");
-        let sides = found.windows(2).map(|w| nearest(w, about).length());
+        let sides = found.windows(2).map(|w| nearest_point(w, about).length());
         let near = sides.fold(f64::INFINITY, f64::min);
         assert!((near - 0.1).abs() < OFF, "{near}: {found:?}");
     }
@@ -235,7 +238,7 @@ mod tests {
         for bend in [0.3, 0.8, 2.0] {
             let at = |i: u32| DVec2::from_angle(0.016 * f64::from(i) * bend) / bend;
             let chain: Vec<DVec2> = (0..150).map(at).collect();
-            let found = straightened(&chain, at(75));
+            let found = simplify_near(&chain, at(75));
             assert_eq!(found.first(), chain.first());
             assert_eq!(found.last(), chain.last());
             let inscribed: Vec<DVec2> = found.iter().map(|p| p.normalize() / bend).collect();
@@ -252,7 +255,7 @@ mod tests {
             .map(|i| DVec2::from_angle(f64::from(i % 12) / 12.0 * std::f64::consts::TAU) * 1e-3)
             .collect();
         for chain in [&dot[..], &ring] {
-            let found = straightened(chain, DVec2::ZERO);
+            let found = simplify_near(chain, DVec2::ZERO);
             assert!(found.iter().all(|p| p.is_finite()), "{found:?}");
         }
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::curved::Cylinder;
-use super::regions::{SmoothParts, cylinders};
+use super::regions::{SmoothParts, fit_cylinders};
 use crate::contact::error::ContactError;
 use crate::contact::samples::{SurfaceSample, surface_pieces};
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -16,14 +16,14 @@ use crate::surface::coplanar::pieces::merged;
 
 /// Sums over the pieces of a point.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Gathered {
+pub(super) struct SampleAccumulator {
     /// Places times areas.
     pub(super) moment: DVec3,
     pub(super) area: DVec3,
     pub(super) size: f64,
 }
 
-impl Gathered {
+impl SampleAccumulator {
     pub(super) fn add(&mut self, piece: &SurfaceSample) {
         let size = piece.area.length();
         self.moment += piece.position * size;
@@ -56,7 +56,7 @@ const BOX: f64 = 0.2;
 pub(super) struct Cells {
     distance: f64,
     /// By part and box.
-    pieces: FxHashMap<(u32, IVec3), Gathered>,
+    pieces: FxHashMap<(u32, IVec3), SampleAccumulator>,
 }
 
 /// A cell's part, middle and normal.
@@ -104,7 +104,7 @@ impl Cells {
         }
         let mut cells = Vec::new();
         for _ in 0..STEPS {
-            cells = vec![Gathered::default(); centres.len()];
+            cells = vec![SampleAccumulator::default(); centres.len()];
             let all = pieces.par_iter();
             let nearest = all.map(|(part, piece)| {
                 let at = Centre::of(*part, piece);
@@ -124,7 +124,7 @@ impl Cells {
                 boxes.entry(place).or_default().push(i as u32);
             }
         }
-        cells.iter().filter_map(Gathered::sample).collect()
+        cells.iter().filter_map(SampleAccumulator::sample).collect()
     }
 
     fn place(&self, p: DVec3) -> IVec3 {
@@ -181,19 +181,19 @@ pub(super) struct RoundLattice {
 
 /// Those of the parts of `mesh`, of squares `distance` wide, for a kernel with a reach (metres).
 ///
-/// The longest border of a flat part, and the axis of a cylinder, are at an angle to the squares that
+/// The longest boundary edge of a flat part, and the axis of a cylinder, are at an angle to the squares that
 /// spreads the projections of a square lattice on them best.
 ///
 /// # Errors
 /// If there would be too many pieces.
-pub(super) fn lattices(
+pub(super) fn fit_lattices(
     mesh: &TriangleMesh,
     parts: &SmoothParts,
     distance: f64,
     reach: f64,
 ) -> Result<Vec<PartLattice>, ContactError> {
     let mut found: Vec<PartLattice> = parts.bent.iter().map(|_| PartLattice::None).collect();
-    for (part, cylinder) in cylinders(mesh, parts, reach)?.1 {
+    for (part, cylinder) in fit_cylinders(mesh, parts, reach)?.1 {
         let lattice = RoundLattice::new(cylinder, reach, distance);
         found[part as usize] = lattice.map_or(PartLattice::None, PartLattice::Round);
     }
@@ -204,9 +204,9 @@ pub(super) fn lattices(
             continue;
         }
         if longest[part] == 0.0 {
-            found[part] = PartLattice::Flat(DMat3::from_quat(generic()));
+            found[part] = PartLattice::Flat(DMat3::from_quat(generic_rotation()));
         }
-        for [a, b] in parts.borders(mesh, t) {
+        for [a, b] in parts.boundary(mesh, t) {
             let [a, b] = [a, b].map(|v| mesh.vertices()[v as usize]);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let (Some(x), Some(z)) = ((b - a).try_normalize(), normal.try_normalize()) else {
@@ -224,7 +224,7 @@ pub(super) fn lattices(
 }
 
 /// A rotation after which no edge of a part is along a lattice, unless it is made so.
-pub(super) fn generic() -> DQuat {
+pub(super) fn generic_rotation() -> DQuat {
     DQuat::from_scaled_axis(DVec3::new(0.553, -0.709, 0.961))
 }
 
@@ -259,13 +259,13 @@ impl RoundLattice {
     }
 
     fn place(&self, p: DVec3) -> IVec3 {
-        let unrolled = self.cylinder.unrolled(p / self.unit) * (self.unit / self.side);
+        let developed = self.cylinder.developed(p / self.unit) * (self.unit / self.side);
         let [m, n] = self.around;
         // Along the direction in which `m` and `n` squares are once around, and across.
         let once = DVec2::new(f64::from(m), f64::from(n)).normalize();
         let turned = DVec2::new(
-            unrolled.x * once.x - unrolled.y * once.y,
-            unrolled.x * once.y + unrolled.y * once.x,
+            developed.x * once.x - developed.y * once.y,
+            developed.x * once.y + developed.y * once.x,
         );
         let place = turned.floor().as_i64vec2();
         // A square that is crossed by the seam has two places, once around apart.
@@ -354,15 +354,15 @@ impl SharpEdges {
         };
         let mut of_part: FxHashMap<u32, Vec<[u32; 2]>> = FxHashMap::default();
         for t in 0..mesh.triangles().len() {
-            let borders = of_part.entry(parts.of[t]).or_default();
-            borders.extend(parts.borders(mesh, t));
+            let boundary = of_part.entry(parts.of[t]).or_default();
+            boundary.extend(parts.boundary(mesh, t));
         }
         let mut parts: Vec<_> = of_part.into_iter().collect();
         parts.sort_unstable_by_key(|(part, _)| *part);
         let mut listed = 0.0;
-        for (part, borders) in parts {
+        for (part, boundary) in parts {
             let first = found.edges.len();
-            found.add_chains(mesh, &borders, distance);
+            found.add_chains(mesh, &boundary, distance);
             for i in first..found.edges.len() {
                 found.list(part, i as u32, &mut listed)?;
             }
@@ -370,38 +370,38 @@ impl SharpEdges {
         Ok(found)
     }
 
-    /// Adds the borders of a part.
-    fn add_chains(&mut self, mesh: &TriangleMesh, borders: &[[u32; 2]], distance: f64) {
+    /// Adds the boundary edges of a part.
+    fn add_chains(&mut self, mesh: &TriangleMesh, boundary: &[[u32; 2]], distance: f64) {
         let at = |v: u32| mesh.vertices()[v as usize];
         let way = |[a, b]: [u32; 2]| (at(b) - at(a)).normalize_or_zero();
-        // The border that follows each without a corner, if just one does.
+        // The boundary edge that follows each without a corner, if just one does.
         let mut from: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
-        for (i, border) in borders.iter().enumerate() {
-            from.entry(border[0]).or_default().push(i);
+        for (i, edge) in boundary.iter().enumerate() {
+            from.entry(edge[0]).or_default().push(i);
         }
-        let next: Vec<Option<usize>> = borders
+        let next: Vec<Option<usize>> = boundary
             .iter()
             .map(|b| match from.get(&b[1]).map(Vec::as_slice) {
-                Some([one]) if way(*b).dot(way(borders[*one])) > CORNER => Some(*one),
+                Some([one]) if way(*b).dot(way(boundary[*one])) > CORNER => Some(*one),
                 _ => None,
             })
             .collect();
-        let mut follows = vec![false; borders.len()];
+        let mut follows = vec![false; boundary.len()];
         next.iter().flatten().for_each(|i| follows[*i] = true);
-        let mut taken = vec![false; borders.len()];
+        let mut is_used = vec![false; boundary.len()];
         // Those that begin at a corner first; what is left then goes round.
-        let begins = (0..borders.len()).filter(|i| !follows[*i]);
-        for begin in begins.chain(0..borders.len()) {
-            let (mut at_border, mut start) = (Some(begin), 0.0);
+        let begins = (0..boundary.len()).filter(|i| !follows[*i]);
+        for begin in begins.chain(0..boundary.len()) {
+            let (mut current, mut start) = (Some(begin), 0.0);
             let chain = self.chains.len() as u32;
             let mut closed = false;
-            while let Some(i) = at_border.filter(|i| !taken[*i]) {
-                taken[i] = true;
-                let ends = borders[i].map(at);
+            while let Some(i) = current.filter(|i| !is_used[*i]) {
+                is_used[i] = true;
+                let ends = boundary[i].map(at);
                 self.edges.push(SharpEdge { ends, chain, start });
                 start += ends[0].distance(ends[1]);
-                at_border = next[i];
-                closed = at_border == Some(begin);
+                current = next[i];
+                closed = current == Some(begin);
             }
             if self.edges.last().is_some_and(|e| e.chain == chain) {
                 self.chains.push(Chain {
@@ -502,7 +502,7 @@ type Key = (u32, usize, IVec3);
 ///
 /// # Errors
 /// If there would be too many, or no triangle has an area.
-pub(super) fn spread(
+pub(super) fn sample_surface(
     mesh: &TriangleMesh,
     flat: f64,
     distance: f64,
@@ -513,7 +513,7 @@ pub(super) fn spread(
     }
     let parts = SmoothParts::new(mesh);
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
-    let lattices = lattices(mesh, &parts, distance, reach)?;
+    let lattices = fit_lattices(mesh, &parts, distance, reach)?;
     let near = ROWS[ROWS.len() - 1].iter().sum::<f64>() * distance;
     let edges = SharpEdges::new(mesh, &parts, [near, ALONG * distance])?;
     // None where a curved surface has no lattice.
@@ -527,7 +527,7 @@ pub(super) fn spread(
         in_row.or_else(|| Some((part, LATTICE, lattices[part as usize].place(p, distance)?)))
     };
     let mut cells = Cells::new(distance);
-    let mut points: FxHashMap<Key, Gathered> = FxHashMap::default();
+    let mut points: FxHashMap<Key, SampleAccumulator> = FxHashMap::default();
     let all = || (0..faces.len()).filter_map(|i| faces.get(i));
     let sources: Vec<u32> = all().map(|f| f.source).collect();
     let points_expected = (mesh.area() / (distance * distance)).max(1.0);
@@ -539,7 +539,7 @@ pub(super) fn spread(
             Some(key) => points.entry(key).or_default().add(&piece),
         }
     })?;
-    let mut points = joined(points, distance);
+    let mut points = merge_small(points, distance);
     points.extend(cells.samples());
     match points.is_empty() {
         true => Err(ContactError::EmptyMesh),
@@ -548,7 +548,7 @@ pub(super) fn spread(
 }
 
 /// Points, those that are small joined to their neighbours.
-fn joined(mut points: FxHashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSample> {
+fn merge_small(mut points: FxHashMap<Key, SampleAccumulator>, distance: f64) -> Vec<SurfaceSample> {
     let mut keys: Vec<Key> = points.keys().copied().collect();
     keys.sort_unstable_by_key(|(part, row, place)| (*part, *row, place.to_array()));
     let whole = |row: usize, place: IVec3| match row {
@@ -565,7 +565,7 @@ fn joined(mut points: FxHashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSam
         // Other chains of edges are no neighbours.
         let x = if row == LATTICE { -1..=1 } else { 0..=0 };
         let around = x.flat_map(|x| (-1..=1).map(move |y| place + IVec3::new(x, y, 0)));
-        let centre = |p: &Gathered| p.moment / p.size;
+        let centre = |p: &SampleAccumulator| p.moment / p.size;
         let others = around.filter(|p| *p != place).filter_map(|p| {
             let other = points.get(&(part, row, p))?;
             let along = other.area.normalize_or_zero().dot(small.area);
@@ -581,7 +581,7 @@ fn joined(mut points: FxHashMap<Key, Gathered>, distance: f64) -> Vec<SurfaceSam
         }
     }
     let left = keys.iter().filter_map(|k| points.get(k));
-    left.filter_map(Gathered::sample).collect()
+    left.filter_map(SampleAccumulator::sample).collect()
 }
 
 #[cfg(test)]
@@ -599,7 +599,7 @@ mod tests {
             DVec3::ONE,
         );
         let parts = SmoothParts::new(&mesh);
-        let lattices = lattices(&mesh, &parts, distance, 0.003).unwrap();
+        let lattices = fit_lattices(&mesh, &parts, distance, 0.003).unwrap();
         let round = lattices.iter().find_map(|l| match l {
             PartLattice::Round(r) => Some(*r),
             _ => None,
@@ -648,7 +648,7 @@ mod tests {
         let (parts, edges) = edges(&mesh, distance);
         assert_eq!(edges.chains.len(), 4, "{:?}", edges.chains);
         let points = (std::f64::consts::TAU * radius / distance).round();
-        let mut seen_from = 0;
+        let mut seen = 0;
         for part in 0..parts.bent.len() as u32 {
             let mut count = std::collections::BTreeMap::new();
             for i in 0..2000 {
@@ -664,9 +664,9 @@ mod tests {
             let all_even = count.values().all(|n| (f64::from(*n) - even).abs() < 3.0);
             assert!(all_even, "{count:?}");
             assert!(count.is_empty() || count.len() as f64 == points);
-            seen_from += usize::from(!count.is_empty());
+            seen += usize::from(!count.is_empty());
         }
-        assert_eq!(seen_from, 2);
+        assert_eq!(seen, 2);
     }
 
     /// Each edge of a box is a chain of its own on either side, however its faces are cut.

@@ -6,18 +6,18 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, f32x16, mask32x16};
 use glam::Vec3;
 
-use super::accuracy::{Far, Settings};
+use super::accuracy::{AcceptanceLimit, Accuracy};
 use super::points::{Lanes, Packet};
 use super::tree::{
-    CUBIC, Cluster, Group, Members, NORMAL_MOMENT, PacketTree, Query, TERMS, TRACE, VECTOR,
+    CUBIC, Cluster, Members, NORMAL_MOMENT, PacketTree, Query, TERMS, TRACE, VECTOR, WideNode,
 };
 
 /// Limits beyond which clusters are far.
 pub(crate) struct Limits<'a> {
     /// Of those whose normals spread little.
-    open: &'a Far,
+    open: &'a AcceptanceLimit,
     /// Of the others, in which front and back may cancel unseen.
-    folded: &'a Far,
+    folded: &'a AcceptanceLimit,
 }
 
 /// The sine of the angle between a cluster's normals and their mean from which on it is folded.
@@ -25,19 +25,19 @@ const FOLDED: f32 = 0.7;
 
 impl<'a> Limits<'a> {
     /// Where clusters cancel, or perhaps do not.
-    pub(crate) fn new(settings: &'a Settings, cancelled: bool) -> Self {
-        let Settings {
+    pub(crate) fn new(accuracy: &'a Accuracy, cancelled: bool) -> Self {
+        let Accuracy {
             far,
             far_cancelling,
             ..
-        } = settings;
+        } = accuracy;
         Self {
             open: if cancelled { far_cancelling } else { far },
             folded: far_cancelling,
         }
     }
 
-    pub(crate) fn of(&self, cluster: &Cluster) -> &Far {
+    pub(crate) fn of(&self, cluster: &Cluster) -> &AcceptanceLimit {
         if cluster.spread < FOLDED {
             self.open
         } else {
@@ -48,7 +48,7 @@ impl<'a> Limits<'a> {
 
 /// What tells whether a cluster may be far from a packet, or out of reach, without a look at its
 /// points.
-pub(crate) struct Glance {
+pub(crate) struct AcceptanceTest {
     centre: Vec3,
     /// Half the size of the points' box, and half its diagonal.
     box_half: Vec3,
@@ -67,7 +67,7 @@ pub(crate) struct Glance {
     bend: [f32; 2],
 }
 
-impl Glance {
+impl AcceptanceTest {
     #[inline(always)]
     pub(crate) fn new<S: Simd>(
         tree: &PacketTree<'_>,
@@ -97,27 +97,27 @@ impl Glance {
         }
     }
 
-    /// Which members of a group are within reach of the box of points, and of which
+    /// Which members of a wide node are within reach of the box of points, and of which
     /// [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves
     /// most of the tests that fail. And the sines between the members' axes and the line from the
     /// packet's centre.
     #[inline(always)]
-    pub(crate) fn at<S: Simd>(&self, simd: S, group: &Group) -> ([u32; 2], Members) {
+    pub(crate) fn evaluate<S: Simd>(&self, simd: S, wide_node: &WideNode) -> ([u32; 2], Members) {
         let load = |members: &Members| f32x8::simd_from(simd, *members);
         let splat = |value: f32| f32x8::splat(simd, value);
         let zero = splat(0.0);
         let (mut gap_squared, mut eta_squared, mut along) = (zero, zero, zero);
         for k in 0..3 {
-            let low = load(&group.min[k]) - (self.centre[k] + self.box_half[k]);
-            let high = splat(self.centre[k] - self.box_half[k]) - load(&group.max[k]);
+            let low = load(&wide_node.min[k]) - (self.centre[k] + self.box_half[k]);
+            let high = splat(self.centre[k] - self.box_half[k]) - load(&wide_node.max[k]);
             let gap = low.max(high).max(zero);
             gap_squared = gap.mul_add(gap, gap_squared);
-            let from = splat(self.centre[k]) - load(&group.centre[k]);
+            let from = splat(self.centre[k]) - load(&wide_node.centre[k]);
             eta_squared = from.mul_add(from, eta_squared);
-            along = from.mul_add(load(&group.axis[k]), along);
+            along = from.mul_add(load(&wide_node.axis[k]), along);
         }
         let reached = gap_squared.simd_lt(splat(self.farthest));
-        let (radius, spread) = (load(&group.radius), load(&group.spread));
+        let (radius, spread) = (load(&wide_node.radius), load(&wide_node.spread));
         let eta = eta_squared.sqrt();
         let nearest = (eta - self.half).max(splat(self.least));
         // One division for two.
@@ -165,7 +165,7 @@ impl<S: Simd> Terms<S> for [Lanes; TERMS] {
 const LEAST_SINE: f32 = 0.1;
 
 /// A cluster as the points of a packet see it, in units of their distances.
-pub(crate) struct Seen<S: Simd> {
+pub(crate) struct FarFieldView<S: Simd> {
     /// `r = (p - c) / xi`.
     r: [f32x16<S>; 3],
     /// `|r|`.
@@ -175,7 +175,7 @@ pub(crate) struct Seen<S: Simd> {
     w: f32x16<S>,
 }
 
-impl<S: Simd> Seen<S> {
+impl<S: Simd> FarFieldView<S> {
     #[inline(always)]
     pub(crate) fn new(packet: &Packet<S>, query: &Query<S>, cluster: &Cluster) -> Self {
         let from = (cluster.centre - packet.centre).as_vec3();
@@ -217,7 +217,7 @@ impl<S: Simd> Seen<S> {
         cluster: &Cluster,
         (axis, sine): (Vec3, f32),
         query: &Query<S>,
-        far: &Far,
+        far: &AcceptanceLimit,
     ) -> bool {
         let inverse_sigma = 1.0 / tree.kernel.sigma;
         let zero = f32x16::splat(self.u.token(), 0.0);
@@ -278,8 +278,8 @@ impl<S: Simd> Seen<S> {
         let first = sum_of(VECTOR, &self.r) * scale - tilt * query.inverse;
         let bow = cubic * scale * (self.inverse_u * self.inverse_u * 0.5);
         let zero = f32x16::splat(simd, 0.0);
-        let seen = [distance, self.u, self.inverse_u, self.w];
-        let values = tree.kernel.expansion(seen, [flat, first, bow]);
+        let view = [distance, self.u, self.inverse_u, self.w];
+        let values = tree.kernel.expansion(view, [flat, first, bow]);
         for k in 0..2 {
             let value = counts.select(values[k] * scale, zero);
             sum[k] += value;

@@ -2,20 +2,20 @@
 
 /// Truncation and acceptance, found by measuring the relative L2 error on parts and random solids.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Settings {
+pub(crate) struct Accuracy {
     /// Kernel widths beyond which a boundary point does not count.
     pub(crate) reach: f64,
     /// Which clusters are far.
-    pub(crate) far: Far,
+    pub(crate) far: AcceptanceLimit,
     /// The same where clusters cancel: front and back of thin parts.
-    pub(crate) far_cancelling: Far,
+    pub(crate) far_cancelling: AcceptanceLimit,
     /// Gauss points per half edge length in units of the length over which the integrand varies.
     pub(crate) density: f64,
 }
 
 /// Which clusters are far.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Far {
+pub(crate) struct AcceptanceLimit {
     /// A cluster is far if its size in kernel widths is below this.
     pub(crate) size: f64,
     /// Seen from its front, a cluster's distances vary with the square of the place, of which the
@@ -26,7 +26,7 @@ pub(crate) struct Far {
     pub(crate) bend: f64,
 }
 
-impl Far {
+impl AcceptanceLimit {
     const fn new(size: f64, front: f64, bend: f64) -> Self {
         Self { size, front, bend }
     }
@@ -46,9 +46,9 @@ impl Far {
 /// clusters may be bent more, up to `wide_bend`, but where they cancel (measured).
 struct Row {
     reach: f64,
-    far: Far,
+    far: AcceptanceLimit,
     wide_bend: f64,
-    far_cancelling: Far,
+    far_cancelling: AcceptanceLimit,
     density: f64,
 }
 
@@ -60,35 +60,35 @@ const WIDE: f64 = 0.1;
 const TABLE: [Row; 4] = [
     Row {
         reach: 2.7,
-        far: Far::new(1.9, 1.5, 0.039),
+        far: AcceptanceLimit::new(1.9, 1.5, 0.039),
         wide_bend: 0.1,
-        far_cancelling: Far::new(1.5, 1.5, 0.013),
+        far_cancelling: AcceptanceLimit::new(1.5, 1.5, 0.013),
         density: 1.2,
     },
     Row {
         reach: 3.6,
-        far: Far::new(1.95, 3.5, 0.018),
+        far: AcceptanceLimit::new(1.95, 3.5, 0.018),
         wide_bend: 0.047,
-        far_cancelling: Far::new(1.5, 3.5, 0.009),
+        far_cancelling: AcceptanceLimit::new(1.5, 3.5, 0.009),
         density: 1.6,
     },
     Row {
         reach: 4.5,
-        far: Far::new(0.7, 4.5, 0.0036),
+        far: AcceptanceLimit::new(0.7, 4.5, 0.0036),
         wide_bend: 0.0072,
-        far_cancelling: Far::new(0.7, 4.5, 0.0018),
+        far_cancelling: AcceptanceLimit::new(0.7, 4.5, 0.0018),
         density: 2.5,
     },
     Row {
         reach: 5.2,
-        far: Far::new(0.23, 4.5, 0.0007),
+        far: AcceptanceLimit::new(0.23, 4.5, 0.0007),
         wide_bend: 0.0011,
-        far_cancelling: Far::new(0.23, 4.5, 0.0005),
+        far_cancelling: AcceptanceLimit::new(0.23, 4.5, 0.0005),
         density: 4.9,
     },
 ];
 
-impl Settings {
+impl Accuracy {
     /// For a relative L2 error of `tolerance` with kernels of thickness `sigma`.
     pub(crate) fn new(tolerance: f64, sigma: f64) -> Self {
         let place = (-tolerance.log10() - 2.0).clamp(0.0, 3.0);
@@ -98,7 +98,7 @@ impl Settings {
         let line = |a: f64, b: f64| a + (b - a) * f;
         let breadth = ((sigma / NARROW).ln() / (WIDE / NARROW).ln()).clamp(0.0, 1.0);
         let bent = |row: &Row| {
-            let wide = Far {
+            let wide = AcceptanceLimit {
                 bend: row.wide_bend,
                 ..row.far
             };

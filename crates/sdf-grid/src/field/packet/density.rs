@@ -1,4 +1,4 @@
-//! The walk over the tree: far clusters by their moments, near faces by edge integrals.
+//! The traversal over the tree: far clusters by their moments, near faces by edge integrals.
 //!
 //! Clusters that wait to be added for one point.
 //!
@@ -14,47 +14,47 @@ use fearless_simd::{Level, f32x16};
 use fearless_simd_macros::simd;
 use glam::{DVec3, Vec3};
 
-use super::acceptance::{Glance, Limits, Seen};
+use super::acceptance::{AcceptanceTest, FarFieldView, Limits};
 use super::near_faces::NearFaces;
 use super::points::{LANES, Lanes, Packet, Points};
-use super::tree::{Below, Cluster, Group, PacketTree, Query, TERMS, WIDTH};
+use super::tree::{Child, Cluster, PacketTree, Query, TERMS, WIDTH, WideNode};
 use crate::dispatch_lanes;
 use crate::field::kernel::CumulativeKernel;
 use crate::support::large::prefetch;
 use crate::support::level;
 use crate::surface::bvh::tree::Bvh;
 
-/// Working memory of the walk. Reused from packet to packet.
+/// Working memory of the traversal. Reused from packet to packet.
 #[derive(Debug, Default)]
-pub(crate) struct Walk {
-    pub(super) path: Path,
+pub(crate) struct Traversal {
+    pub(super) path: TraversalStack,
     /// Clusters to add for a lone point.
-    pub(super) clusters: WaitingClusters,
+    pub(super) clusters: PendingClusters,
     /// Whether clusters cancelled at the packet before.
     pub(super) cancelled: bool,
 }
 
-impl Walk {
+impl Traversal {
     /// Forgets the packet before: what it leaves changes results by what the tolerance allows.
     pub(crate) fn restart(&mut self) {
         self.cancelled = false;
     }
 }
 
-/// What the walk has yet to look at.
+/// What the traversal has yet to look at.
 #[derive(Debug, Default)]
-pub(crate) struct Path {
-    groups: Vec<u32>,
+pub(crate) struct TraversalStack {
+    wide_nodes: Vec<u32>,
     near: NearFaces,
 }
 
 /// Where clusters add up to this many times their sum they cancel, and their errors weigh more.
 pub(crate) const CANCELLING: f32 = 1.1;
 
-/// A cluster that the walk meets.
-pub(crate) struct Met<'a> {
-    pub(crate) group: &'a Group,
-    /// Its place in the group.
+/// A cluster that the traversal meets.
+pub(crate) struct ClusterVisit<'a> {
+    pub(crate) wide_node: &'a WideNode,
+    /// Its place in the wide node.
     pub(crate) place: usize,
     pub(crate) cluster: &'a Cluster,
     /// Sine of the angle between its axis and the line from the packet's centre.
@@ -69,17 +69,17 @@ pub(crate) trait Sums<S: Simd> {
         tree: &PacketTree<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
-        met: &Met<'_>,
+        visit: &ClusterVisit<'_>,
     ) -> bool;
 
     /// Where near faces are added.
     fn near(&mut self) -> &mut [f32x16<S>; 2];
 }
 
-impl Path {
+impl TraversalStack {
     /// Adds all clusters that are far and all near faces to `sums`.
     #[inline(always)]
-    pub(crate) fn walk<S: Simd>(
+    pub(crate) fn traverse<S: Simd>(
         &mut self,
         tree: &PacketTree<'_>,
         packet: &Packet<S>,
@@ -87,57 +87,57 @@ impl Path {
         limits: &Limits<'_>,
         sums: &mut impl Sums<S>,
     ) {
-        let glance = Glance::new(tree, packet, query, limits);
+        let acceptance = AcceptanceTest::new(tree, packet, query, limits);
         self.near.prepare(tree.bvh.faces.len());
-        self.groups.clear();
-        self.groups.push(0);
-        while let Some(id) = self.groups.pop() {
-            let group = &tree.groups[id as usize];
+        self.wide_nodes.clear();
+        self.wide_nodes.push(0);
+        while let Some(id) = self.wide_nodes.pop() {
+            let wide_node = &tree.wide_nodes[id as usize];
             let clusters = &tree.clusters[id as usize];
-            let ([reached, perhaps_far], sines) = glance.at(packet.simd, group);
+            let ([reached, perhaps_far], sines) = acceptance.evaluate(packet.simd, wide_node);
             if tree.is_large {
-                ask_for(tree, group, clusters, reached, perhaps_far);
+                prefetch_wide_node(tree, wide_node, clusters, reached, perhaps_far);
             }
-            let mut members = group.top & reached;
+            let mut members = wide_node.top & reached;
             while members != 0 {
                 let place = members.trailing_zeros() as usize;
                 members &= members - 1;
                 if perhaps_far >> place & 1 == 1 {
-                    let met = Met {
-                        group,
+                    let visit = ClusterVisit {
+                        wide_node,
                         place,
                         cluster: &clusters[place],
                         sine: sines[place],
                     };
-                    if sums.add_if_far(tree, packet, query, &met) {
+                    if sums.add_if_far(tree, packet, query, &visit) {
                         continue;
                     }
                 }
-                match group.below[place] {
-                    Below::Face(face) => {
+                match wide_node.children[place] {
+                    Child::Face(face) => {
                         let near = &mut self.near;
                         near.add(tree, packet, query, face as usize, sums.near());
                     }
-                    Below::Members(below) => members |= below & reached,
-                    Below::Group(below) => self.groups.push(below),
+                    Child::Members(child) => members |= child & reached,
+                    Child::WideNode(child) => self.wide_nodes.push(child),
                 }
             }
         }
-        self.near.add_waiting(tree, packet, query, sums.near());
+        self.near.add_pending(tree, packet, query, sums.near());
     }
 }
 
-/// Asks for what the walk will most likely take of a group, ahead of its use: of large meshes it
+/// Asks for what the traversal will most likely take of a wide node, ahead of its use: of large meshes it
 /// lies in distant caches.
 #[inline(always)]
-fn ask_for(
+fn prefetch_wide_node(
     tree: &PacketTree<'_>,
-    group: &Group,
+    wide_node: &WideNode,
     clusters: &[Cluster; WIDTH],
     reached: u32,
     perhaps_far: u32,
 ) {
-    let mut members = group.top & reached;
+    let mut members = wide_node.top & reached;
     while members != 0 {
         let place = members.trailing_zeros() as usize;
         members &= members - 1;
@@ -145,10 +145,10 @@ fn ask_for(
             prefetch(&clusters[place]);
             continue;
         }
-        match group.below[place] {
-            Below::Face(face) => prefetch(&tree.bvh.faces[face as usize]),
-            Below::Members(below) => members |= below & reached,
-            Below::Group(below) => prefetch(&tree.groups[below as usize]),
+        match wide_node.children[place] {
+            Child::Face(face) => prefetch(&tree.bvh.faces[face as usize]),
+            Child::Members(child) => members |= child & reached,
+            Child::WideNode(child) => prefetch(&tree.wide_nodes[child as usize]),
         }
     }
 }
@@ -156,14 +156,14 @@ fn ask_for(
 /// Clusters waiting to be added for one point. Reused from point to point.
 #[derive(Debug, Default)]
 #[repr(align(64))]
-pub(crate) struct WaitingClusters {
+pub(crate) struct PendingClusters {
     /// The point from their centres.
     from: [Lanes; 3],
     terms: [Lanes; TERMS],
     len: usize,
 }
 
-impl WaitingClusters {
+impl PendingClusters {
     /// To be called only where there is room.
     #[inline(always)]
     pub(crate) fn push(&mut self, point: DVec3, cluster: &Cluster) {
@@ -204,7 +204,7 @@ impl WaitingClusters {
         for (r, from) in r.iter_mut().zip(self.from) {
             *r *= f32x16::simd_from(simd, from);
         }
-        Seen::at(r).add(tree, &self.terms, query, sum, magnitude);
+        FarFieldView::at(r).add(tree, &self.terms, query, sum, magnitude);
     }
 }
 
@@ -215,17 +215,18 @@ pub(crate) fn integral<S: Simd>(
     tree: &PacketTree<'_>,
     point: DVec3,
     distance: f32,
-    walk: &mut Walk,
+    traversal: &mut Traversal,
 ) -> [f32; 2] {
     let packet = Packet::of_one(simd, point);
     let query = Query::new(tree, packet.splat(distance));
-    let limits = |cancelled| Limits::new(&tree.settings, cancelled);
-    let first = walk.cancelled;
-    let (mut sum, mut cancelled) = accumulate_single(tree, &packet, &query, &limits(first), walk);
+    let limits = |cancelled| Limits::new(&tree.accuracy, cancelled);
+    let first = traversal.cancelled;
+    let (mut sum, mut cancelled) =
+        accumulate_single(tree, &packet, &query, &limits(first), traversal);
     if cancelled && !first {
-        (sum, cancelled) = accumulate_single(tree, &packet, &query, &limits(true), walk);
+        (sum, cancelled) = accumulate_single(tree, &packet, &query, &limits(true), traversal);
     }
-    walk.cancelled = cancelled;
+    traversal.cancelled = cancelled;
     sum
 }
 
@@ -236,18 +237,20 @@ fn accumulate_single<S: Simd>(
     packet: &Packet<S>,
     query: &Query<S>,
     limits: &Limits<'_>,
-    walk: &mut Walk,
+    traversal: &mut Traversal,
 ) -> ([f32; 2], bool) {
     let zero = packet.splat(0.0);
-    let mut sums = Alone {
-        clusters: &mut walk.clusters,
+    let mut sums = SingleSums {
+        clusters: &mut traversal.clusters,
         far: [zero; 2],
         magnitude: zero,
         near: [zero; 2],
     };
-    walk.path.walk(tree, packet, query, limits, &mut sums);
-    sums.add_waiting(tree, query);
-    let Alone {
+    traversal
+        .path
+        .traverse(tree, packet, query, limits, &mut sums);
+    sums.add_pending(tree, query);
+    let SingleSums {
         far,
         magnitude,
         near,
@@ -263,8 +266,8 @@ fn accumulate_single<S: Simd>(
 }
 
 /// The sums of one point.
-struct Alone<'a, S: Simd> {
-    clusters: &'a mut WaitingClusters,
+struct SingleSums<'a, S: Simd> {
+    clusters: &'a mut PendingClusters,
     /// Over clusters, lane by lane.
     far: [f32x16<S>; 2],
     /// Over the sizes of what clusters add.
@@ -273,15 +276,15 @@ struct Alone<'a, S: Simd> {
     near: [f32x16<S>; 2],
 }
 
-impl<S: Simd> Alone<'_, S> {
+impl<S: Simd> SingleSums<'_, S> {
     #[inline(always)]
-    fn add_waiting(&mut self, tree: &PacketTree<'_>, query: &Query<S>) {
+    fn add_pending(&mut self, tree: &PacketTree<'_>, query: &Query<S>) {
         let (far, magnitude) = (&mut self.far, &mut self.magnitude);
         self.clusters.add_to(tree, query, far, magnitude);
     }
 }
 
-impl<S: Simd> Sums<S> for Alone<'_, S> {
+impl<S: Simd> Sums<S> for SingleSums<'_, S> {
     /// For one point a glance tells which clusters are far.
     #[inline(always)]
     fn add_if_far(
@@ -289,11 +292,11 @@ impl<S: Simd> Sums<S> for Alone<'_, S> {
         tree: &PacketTree<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
-        met: &Met<'_>,
+        visit: &ClusterVisit<'_>,
     ) -> bool {
-        self.clusters.push(packet.centre, met.cluster);
+        self.clusters.push(packet.centre, visit.cluster);
         if self.clusters.is_full() {
-            self.add_waiting(tree, query);
+            self.add_pending(tree, query);
         }
         true
     }
@@ -311,18 +314,19 @@ pub(crate) fn integrals<S: Simd>(
     tree: &PacketTree<'_>,
     points: &Points,
     distances: &Lanes,
-    walk: &mut Walk,
+    traversal: &mut Traversal,
 ) -> [Lanes; 2] {
     let packet = Packet::new(simd, points);
     let query = Query::new(tree, f32x16::simd_from(simd, *distances));
-    let limits = |cancelled| Limits::new(&tree.settings, cancelled);
-    let first = walk.cancelled;
-    let (mut sum, mut cancelled) = accumulate_packet(tree, &packet, &query, &limits(first), walk);
+    let limits = |cancelled| Limits::new(&tree.accuracy, cancelled);
+    let first = traversal.cancelled;
+    let (mut sum, mut cancelled) =
+        accumulate_packet(tree, &packet, &query, &limits(first), traversal);
     if cancelled && !first {
-        (sum, cancelled) = accumulate_packet(tree, &packet, &query, &limits(true), walk);
+        (sum, cancelled) = accumulate_packet(tree, &packet, &query, &limits(true), traversal);
     }
     // Neighbours are alike: mostly saves the first of two attempts.
-    walk.cancelled = cancelled;
+    traversal.cancelled = cancelled;
     let zero = packet.splat(0.0);
     // Lanes to leave out hold numbers without meaning.
     sum.map(|s| query.counts.select(s, zero).into())
@@ -335,23 +339,25 @@ fn accumulate_packet<S: Simd>(
     packet: &Packet<S>,
     query: &Query<S>,
     limits: &Limits<'_>,
-    walk: &mut Walk,
+    traversal: &mut Traversal,
 ) -> ([f32x16<S>; 2], bool) {
     let zero = packet.splat(0.0);
-    let mut sums = Together {
+    let mut sums = PacketSums {
         limits,
         sum: [zero; 2],
         magnitude: zero,
     };
-    walk.path.walk(tree, packet, query, limits, &mut sums);
-    let Together { sum, magnitude, .. } = sums;
+    traversal
+        .path
+        .traverse(tree, packet, query, limits, &mut sums);
+    let PacketSums { sum, magnitude, .. } = sums;
     let total = sum[0].abs() + sum[1].abs();
     let cancels = magnitude.simd_gt(total * CANCELLING) & query.counts;
     (sum, cancels.any_true())
 }
 
 /// The sums of sixteen points.
-struct Together<'a, S: Simd> {
+struct PacketSums<'a, S: Simd> {
     limits: &'a Limits<'a>,
     /// Over clusters and faces.
     sum: [f32x16<S>; 2],
@@ -359,22 +365,22 @@ struct Together<'a, S: Simd> {
     magnitude: f32x16<S>,
 }
 
-impl<S: Simd> Sums<S> for Together<'_, S> {
+impl<S: Simd> Sums<S> for PacketSums<'_, S> {
     #[inline(always)]
     fn add_if_far(
         &mut self,
         tree: &PacketTree<'_>,
         packet: &Packet<S>,
         query: &Query<S>,
-        met: &Met<'_>,
+        visit: &ClusterVisit<'_>,
     ) -> bool {
-        let cluster = met.cluster;
-        let seen = Seen::new(packet, query, cluster);
-        let axis = (met.group.axis_of(met.place), met.sine);
-        let is_far = seen.is_far(tree, cluster, axis, query, self.limits.of(cluster));
+        let cluster = visit.cluster;
+        let view = FarFieldView::new(packet, query, cluster);
+        let axis = (visit.wide_node.axis_of(visit.place), visit.sine);
+        let is_far = view.is_far(tree, cluster, axis, query, self.limits.of(cluster));
         if is_far {
             let (sum, magnitude) = (&mut self.sum, &mut self.magnitude);
-            seen.add(tree, &cluster.terms, query, sum, magnitude);
+            view.add(tree, &cluster.terms, query, sum, magnitude);
         }
         is_far
     }
@@ -408,7 +414,7 @@ impl<'a> PacketDensity<'a> {
     /// In units of the faces near, the distance up to which few of them are in far clusters: less
     /// of the surface is far at smaller tolerances.
     pub(crate) fn fine(&self) -> f32 {
-        (15.0 / self.tree.settings.far.size) as f32
+        (15.0 / self.tree.accuracy.far.size) as f32
     }
 
     /// See [`PacketDistance::at`].
@@ -422,14 +428,19 @@ impl<'a> PacketDensity<'a> {
         &self,
         points: &Points,
         distances: &Lanes,
-        walk: &mut Walk,
+        traversal: &mut Traversal,
     ) -> [Lanes; 2] {
-        dispatch_lanes!(self.level, simd => integrals(simd, &self.tree, points, distances, walk))
+        dispatch_lanes!(self.level, simd => integrals(simd, &self.tree, points, distances, traversal))
     }
 
     /// The same at one point whose distance is not zero: where faces are so small that neighbouring
     /// points have hardly any clusters in common.
-    pub(crate) fn integral(&self, point: DVec3, distance: f32, walk: &mut Walk) -> [f32; 2] {
-        dispatch_lanes!(self.level, simd => integral(simd, &self.tree, point, distance, walk))
+    pub(crate) fn integral(
+        &self,
+        point: DVec3,
+        distance: f32,
+        traversal: &mut Traversal,
+    ) -> [f32; 2] {
+        dispatch_lanes!(self.level, simd => integral(simd, &self.tree, point, distance, traversal))
     }
 }

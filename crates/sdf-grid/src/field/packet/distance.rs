@@ -281,8 +281,8 @@ fn distances<S: Simd>(
     // How often something nearer was looked for.
     let mut looks = 0;
     let mut stack = Stack::new();
-    stack.push(Waiting::default());
-    while let Some(Waiting { id, gap, since }) = stack.pop() {
+    stack.push(PendingNode::default());
+    while let Some(PendingNode { id, gap, since }) = stack.pop() {
         let hull = &distance.hulls[id as usize];
         if gap >= worst {
             continue;
@@ -320,7 +320,7 @@ fn distances<S: Simd>(
         for (id, [gap, _]) in order {
             if gap < worst {
                 let since = looks;
-                stack.push(Waiting { id, gap, since });
+                stack.push(PendingNode { id, gap, since });
             }
         }
     }
@@ -329,7 +329,7 @@ fn distances<S: Simd>(
 
 /// A node to look at.
 #[derive(Clone, Copy, Default)]
-struct Waiting {
+struct PendingNode {
     id: u32,
     /// Squared distance between the boxes, zero if it was not asked for.
     gap: f32,

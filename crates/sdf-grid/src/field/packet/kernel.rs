@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, i32x16};
 use num_complex::Complex64;
 
-use super::accuracy::Settings;
+use super::accuracy::Accuracy;
 use crate::field::kernel::CumulativeKernel;
 use crate::field::quadrature::GaussLegendre;
 
@@ -18,7 +18,7 @@ pub(crate) struct PacketKernel {
     /// Rescaling of the truncated kernel, real and imaginary.
     gain: [f32; 2],
     above: Rise,
-    below: Rise,
+    child: Rise,
     /// `K(reach) - K(0)`.
     pub(crate) beyond: [f32; 2],
     /// Nodes and weights by number of points.
@@ -26,11 +26,11 @@ pub(crate) struct PacketKernel {
 }
 
 impl PacketKernel {
-    pub(crate) fn new(table: &CumulativeKernel, settings: &Settings, tolerance: f64) -> Self {
+    pub(crate) fn new(table: &CumulativeKernel, accuracy: &Accuracy, tolerance: f64) -> Self {
         let kernel = table.kernel();
         let sigma = kernel.sigma();
         let zero = table.at(0.0);
-        let (whole, cut) = (table.total() - zero, table.at(settings.reach) - zero);
+        let (whole, cut) = (table.total() - zero, table.at(accuracy.reach) - zero);
         let gain = Complex64::new(whole.re / cut.re, whole.im / cut.im);
         let scaled = |x: f64| {
             let k = table.at(x) - zero;
@@ -42,7 +42,7 @@ impl PacketKernel {
         // Errors of the kernel pass into the density one to one; single precision is the floor.
         let error = (0.1 * tolerance).max(2e-7) * whole.norm();
         let square = |x: f64| (1.0 + sigma * x).powi(2) - 1.0;
-        let deepest = -(1.0 / sigma).min(settings.reach + 0.5);
+        let deepest = -(1.0 / sigma).min(accuracy.reach + 0.5);
         let rule = |n| {
             let rule = GaussLegendre::new(n);
             let pairs = rule.nodes.iter().zip(&rule.weights);
@@ -50,16 +50,16 @@ impl PacketKernel {
         };
         Self {
             sigma: sigma as f32,
-            reach: settings.reach as f32,
+            reach: accuracy.reach as f32,
             gain: [gain.re as f32, gain.im as f32],
             above: Rise::fit(
                 0.0,
-                square(settings.reach),
+                square(accuracy.reach),
                 slope / (2.0 * sigma),
                 error,
                 above,
             ),
-            below: Rise::fit(deepest, 0.0, slope, error, scaled),
+            child: Rise::fit(deepest, 0.0, slope, error, scaled),
             beyond: [whole.re as f32, whole.im as f32],
             rules: (0..=MAX_POINTS).map(rule).collect(),
         }
@@ -76,11 +76,11 @@ impl PacketKernel {
     pub(crate) fn rise_from_below<S: Simd>(&self, u: f32x16<S>) -> [f32x16<S>; 2] {
         let y = u * u - 1.0;
         let [above] = self.above.at([y]);
-        let [below] = self.below.at([(u - 1.0) * (1.0 / self.sigma)]);
+        let [child] = self.child.at([(u - 1.0) * (1.0 / self.sigma)]);
         let positive = y.simd_ge(0.0);
         [
-            positive.select(above[0], below[0]),
-            positive.select(above[1], below[1]),
+            positive.select(above[0], child[0]),
+            positive.select(above[1], child[1]),
         ]
     }
 

@@ -1,6 +1,6 @@
 //! Integrals along the part of an edge within reach, and the angle of the rest.
 //!
-//! Near faces of a packet: collected by the walk, then added edge by edge; the formulas are those
+//! Near faces of a packet: collected by the traversal, then added edge by edge; the formulas are those
 //! of [`crate::field::point::edge_integral`].
 //!
 //! The kernel along an edge is the same for both faces it belongs to: where both are near it is
@@ -293,23 +293,23 @@ impl NearFaces {
             return;
         }
         self.places[index] = self.len as u32;
-        let waiting = &mut self.faces[self.len];
-        waiting.index = index as u32;
-        waiting.height = view.height.into();
-        waiting.k0 = k0.map(Into::into);
+        let pending = &mut self.faces[self.len];
+        pending.index = index as u32;
+        pending.height = view.height.into();
+        pending.k0 = k0.map(Into::into);
         for k in 0..view.count {
-            waiting.d[k] = view.d[k].into();
+            pending.d[k] = view.d[k].into();
         }
-        (waiting.start, waiting.end) = (view.first, view.last);
+        (pending.start, pending.end) = (view.first, view.last);
         self.len += 1;
         if self.len == BATCH {
-            self.add_waiting(tree, packet, query, sum);
+            self.add_pending(tree, packet, query, sum);
         }
     }
 
     /// Adds the faces that wait.
     #[inline(always)]
-    pub(crate) fn add_waiting<S: Simd>(
+    pub(crate) fn add_pending<S: Simd>(
         &mut self,
         tree: &PacketTree<'_>,
         packet: &Packet<S>,
@@ -320,7 +320,7 @@ impl NearFaces {
             let face = &self.faces[i];
             let index = face.index as usize;
             for k in 0..tree.bvh.faces[index].count {
-                let twin = tree.twins[index][k].get();
+                let twin = tree.shared_edges[index][k].get();
                 let twin = twin.and_then(|(j, l, flat)| Some((self.place(j)?, l, flat)));
                 let other = match twin {
                     Some((_, _, true)) => continue,

@@ -7,9 +7,9 @@ use crate::surface::face::Face;
 
 /// The edge beyond an edge of a face: the same line between the same corners, the other way round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Twin(u32);
+pub(crate) struct SharedEdge(u32);
 
-/// Faces, their edges and one flag fit into a word up to this many faces; beyond, no twins are
+/// Faces, their edges and one flag fit into a word up to this many faces; beyond, no shared edges are
 /// kept.
 const MAX_FACES: usize = 1 << 29;
 
@@ -23,7 +23,7 @@ const INTEGER: f64 = 1.5 * (1u64 << 52) as f64;
 /// The sine of the angle between normals up to which two faces lie in one plane.
 const FLAT: f64 = 1e-8;
 
-impl Twin {
+impl SharedEdge {
     pub(crate) const NONE: Self = Self(u32::MAX);
 
     fn new(face: usize, edge: usize, coplanar: bool) -> Self {
@@ -48,9 +48,9 @@ const CROWD: u32 = u32::MAX - 1;
 
 /// The twin of every edge of every face. An edge that more than two faces have mostly has none, one
 /// that another face has only in part never: that costs time, not accuracy.
-pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
+pub(crate) fn find_shared_edges(faces: &[Face]) -> Vec<[SharedEdge; 4]> {
     if faces.len() >= MAX_FACES {
-        return vec![[Twin::NONE; 4]; faces.len()];
+        return vec![[SharedEdge::NONE; 4]; faces.len()];
     }
     let keys: Vec<[u64; 4]> = faces.par_iter().map(keys).collect();
     let partners = partners(&keys);
@@ -62,26 +62,27 @@ pub(crate) fn twins(faces: &[Face]) -> Vec<[Twin; 4]> {
         let is_pair = i < j && j < faces.len();
         let twin = || coplanar(&faces[i], k, &faces[j], l);
         match is_pair.then(twin).flatten() {
-            Some(coplanar) => Twin::new(j, l, coplanar),
-            None => Twin::NONE,
+            Some(coplanar) => SharedEdge::new(j, l, coplanar),
+            None => SharedEdge::NONE,
         }
     };
     let of_face = |i: usize| std::array::from_fn(|k| first(i, k));
-    let mut twins: Vec<[Twin; 4]> = (0..faces.len()).into_par_iter().map(of_face).collect();
+    let mut shared_edges: Vec<[SharedEdge; 4]> =
+        (0..faces.len()).into_par_iter().map(of_face).collect();
     for i in 0..faces.len() {
         for k in 0..4 {
-            if let Some((j, l, coplanar)) = twins[i][k].get()
+            if let Some((j, l, coplanar)) = shared_edges[i][k].get()
                 && i < j
             {
-                twins[j][l] = Twin::new(i, k, coplanar);
+                shared_edges[j][l] = SharedEdge::new(i, k, coplanar);
             }
         }
     }
-    twins
+    shared_edges
 }
 
 /// Edges looked at together first: their table stays in the nearest caches, and next to all find
-/// their twins there.
+/// their shared edges there.
 const TOGETHER: usize = 4096;
 
 /// Another edge with the same key, of edge `k` of face `i` at `4 i + k`, of which that is the
@@ -142,7 +143,7 @@ fn pair_up(
     }
 }
 
-/// Whether two faces whose edges `k` and `l` are twins lie in one plane; none if they are no twins.
+/// Whether two faces whose edges `k` and `l` are shared edges lie in one plane; none if they are no shared edges.
 fn coplanar(f: &Face, k: usize, g: &Face, l: usize) -> Option<bool> {
     let ([a, b], [c, d]) = (ends(f, k), ends(g, l));
     let apart = a.distance_squared(d).max(b.distance_squared(c));
@@ -188,11 +189,11 @@ mod tests {
         assert!(torus.triangles().len() * 4 > 4 * TOGETHER);
         for mesh in [hole, torus] {
             let faces = Bvh::build(&mesh).faces;
-            let twins = twins(&faces);
+            let shared_edges = find_shared_edges(&faces);
             for (i, face) in faces.iter().enumerate() {
                 for k in 0..face.count {
-                    let (j, l, coplanar) = twins[i][k].get().expect("closed");
-                    assert_eq!(twins[j][l].get(), Some((i, k, coplanar)));
+                    let (j, l, coplanar) = shared_edges[i][k].get().expect("closed");
+                    assert_eq!(shared_edges[j][l].get(), Some((i, k, coplanar)));
                     let ([a, b], [c, d]) = (ends(face, k), ends(&faces[j], l));
                     assert_eq!([a, b], [d, c]);
                     let apart = faces[j].outline().iter().map(|p| face.height(*p).abs());
@@ -214,7 +215,7 @@ mod tests {
             face.corners = face.corners.map(|p| p + width * DVec3::X);
             faces.push(face);
         }
-        let found = twins(&faces);
+        let found = find_shared_edges(&faces);
         let edges = || (0..faces.len()).flat_map(|i| (0..3).map(move |k| (i, k)));
         let mut crowded = 0;
         for (i, k) in edges() {
@@ -222,7 +223,7 @@ mod tests {
             let same = |[c, d]: [DVec3; 2]| [a, b] == [c, d] || [a, b] == [d, c];
             let holders = edges().filter(|(j, l)| same(ends(&faces[*j], *l)));
             let is_pair = holders.count() == 2;
-            assert_eq!(found[i][k] != Twin::NONE, is_pair, "{a} {b}");
+            assert_eq!(found[i][k] != SharedEdge::NONE, is_pair, "{a} {b}");
             crowded += usize::from(!is_pair);
         }
         // Four sides of the square between the boxes, of four faces each; its diagonals may be two.

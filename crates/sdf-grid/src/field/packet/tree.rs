@@ -5,10 +5,10 @@ use fearless_simd::{f32x16, mask32x16};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::accuracy::Settings;
+use super::accuracy::Accuracy;
 use super::distance::PacketDistance;
 use super::kernel::PacketKernel;
-use super::shared_edges::{Twin, twins};
+use super::shared_edges::{SharedEdge, find_shared_edges};
 use crate::field::kernel::CumulativeKernel;
 use crate::mesh::aabb::Aabb;
 use crate::support::large;
@@ -78,7 +78,7 @@ impl Cluster {
     }
 }
 
-/// Nodes and faces in a group at most.
+/// Nodes and faces in a wide node at most.
 pub(crate) const WIDTH: usize = 8;
 
 /// Eight numbers, one for each member.
@@ -87,7 +87,7 @@ pub(crate) type Members = [f32; WIDTH];
 /// Two nodes of the same parent and what comes below them, as far as there is room.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
-pub(crate) struct Group {
+pub(crate) struct WideNode {
     pub(crate) min: [Members; 3],
     pub(crate) max: [Members; 3],
     pub(crate) centre: [Members; 3],
@@ -95,23 +95,23 @@ pub(crate) struct Group {
     pub(crate) radius: Members,
     pub(crate) spread: Members,
     /// What to look at instead of a member that is near.
-    pub(crate) below: [Below; WIDTH],
+    pub(crate) children: [Child; WIDTH],
     /// The members that are below none of the others, bit by bit.
     pub(crate) top: u32,
 }
 
 /// What lies below a member.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Below {
+pub(crate) enum Child {
     /// It is this face.
     Face(u32),
-    /// Members of the same group, bit by bit.
+    /// Members of the same wide node, bit by bit.
     Members(u32),
-    /// Those of another group.
-    Group(u32),
+    /// Those of another wide node.
+    WideNode(u32),
 }
 
-impl Group {
+impl WideNode {
     fn empty() -> Self {
         let zero = [0.0; WIDTH];
         Self {
@@ -121,7 +121,7 @@ impl Group {
             axis: [zero; 3],
             radius: zero,
             spread: zero,
-            below: [Below::Members(0); WIDTH],
+            children: [Child::Members(0); WIDTH],
             top: 0,
         }
     }
@@ -154,13 +154,13 @@ enum Item {
     Face(usize),
 }
 
-/// The groups of a tree, the first one at its root, and the clusters of their members.
-pub(crate) fn groups(bvh: &Bvh) -> (Vec<Group>, Vec<[Cluster; WIDTH]>) {
+/// The wide nodes of a tree, the first one at its root, and the clusters of their members.
+pub(crate) fn build_wide_nodes(bvh: &Bvh) -> (Vec<WideNode>, Vec<[Cluster; WIDTH]>) {
     let shapes = shapes(bvh);
-    let group = |shape: &Shape| {
-        let mut group = Group::empty();
+    let wide_node = |shape: &Shape| {
+        let mut wide_node = WideNode::empty();
         let mut clusters = [const { Cluster::EMPTY }; WIDTH];
-        group.top = shape.top;
+        wide_node.top = shape.top;
         for (place, kept) in clusters[..shape.len].iter_mut().enumerate() {
             let (bounds, cluster) = match shape.items[place] {
                 Item::Node(n) => (bvh.nodes[n].bounds, Cluster::new(&bvh.nodes[n].moments)),
@@ -169,16 +169,16 @@ pub(crate) fn groups(bvh: &Bvh) -> (Vec<Group>, Vec<[Cluster; WIDTH]>) {
                     (Aabb::around(corners), Cluster::of(&bvh.faces[f]))
                 }
             };
-            group.below[place] = shape.below[place];
-            group.set(place, bounds, &cluster);
+            wide_node.children[place] = shape.children[place];
+            wide_node.set(place, bounds, &cluster);
             *kept = cluster;
         }
-        (group, clusters)
+        (wide_node, clusters)
     };
-    large::collect_both(shapes.par_iter().map(group))
+    large::collect_both(shapes.par_iter().map(wide_node))
 }
 
-/// The shape of each group. Those of one generation are found side by side.
+/// The shape of each wide node. Those of one generation are found side by side.
 fn shapes(bvh: &Bvh) -> Vec<Shape> {
     let mut shapes: Vec<Shape> = Vec::new();
     let mut roots = vec![0];
@@ -188,8 +188,8 @@ fn shapes(bvh: &Bvh) -> Vec<Shape> {
         roots.clear();
         for shape in &mut generation {
             for place in 0..shape.len {
-                if let (Below::Group(id), Item::Node(node)) =
-                    (&mut shape.below[place], shape.items[place])
+                if let (Child::WideNode(id), Item::Node(node)) =
+                    (&mut shape.children[place], shape.items[place])
                 {
                     *id = next;
                     next += 1;
@@ -202,20 +202,20 @@ fn shapes(bvh: &Bvh) -> Vec<Shape> {
     shapes
 }
 
-/// The members of a group, the first `len` places.
+/// The members of a wide node, the first `len` places.
 struct Shape {
     items: [Item; WIDTH],
-    below: [Below; WIDTH],
+    children: [Child; WIDTH],
     len: usize,
     top: u32,
 }
 
 impl Shape {
-    /// The group that begins at a node. Groups below it have no number yet.
+    /// The wide node that begins at a node. Groups below it have no number yet.
     fn at(bvh: &Bvh, root: usize) -> Self {
         let mut shape = Self {
             items: [Item::Face(0); WIDTH],
-            below: [Below::Group(0); WIDTH],
+            children: [Child::WideNode(0); WIDTH],
             len: 0,
             top: 0,
         };
@@ -224,9 +224,9 @@ impl Shape {
         let mut next = 0;
         while next < shape.len {
             if let Item::Node(node) = shape.items[next] {
-                let below = Children::of(bvh, node);
-                if shape.len + below.count <= WIDTH {
-                    shape.below[next] = Below::Members(shape.add(&below));
+                let child = Children::of(bvh, node);
+                if shape.len + child.count <= WIDTH {
+                    shape.children[next] = Child::Members(shape.add(&child));
                 }
             }
             next += 1;
@@ -239,7 +239,7 @@ impl Shape {
         let first = self.len;
         for item in &children.items[..children.count] {
             if let Item::Face(f) = item {
-                self.below[self.len] = Below::Face(*f as u32);
+                self.children[self.len] = Child::Face(*f as u32);
             }
             self.items[self.len] = *item;
             self.len += 1;
@@ -284,16 +284,16 @@ impl Children {
     }
 }
 
-/// All that the walk for the density of a packet looks at.
+/// All that the traversal for the density of a packet looks at.
 pub(crate) struct PacketTree<'a> {
     pub(crate) bvh: &'a Bvh,
     pub(crate) distance: PacketDistance<'a>,
-    pub(crate) groups: Vec<Group>,
-    /// Far fields of the members of every group.
+    pub(crate) wide_nodes: Vec<WideNode>,
+    /// Far fields of the members of every wide node.
     pub(crate) clusters: Vec<[Cluster; WIDTH]>,
-    pub(crate) twins: Vec<[Twin; 4]>,
+    pub(crate) shared_edges: Vec<[SharedEdge; 4]>,
     pub(crate) kernel: PacketKernel,
-    pub(crate) settings: Settings,
+    pub(crate) accuracy: Accuracy,
     /// Whether all this is more than the nearest caches hold.
     pub(crate) is_large: bool,
 }
@@ -304,19 +304,19 @@ const MANY: usize = 3000;
 impl<'a> PacketTree<'a> {
     /// Prepares for a relative L2 error of `tolerance`.
     pub(crate) fn new(bvh: &'a Bvh, table: &CumulativeKernel, tolerance: f64) -> Self {
-        let settings = Settings::new(tolerance, table.kernel().sigma());
-        let near = || (twins(&bvh.faces), PacketDistance::new(bvh));
+        let accuracy = Accuracy::new(tolerance, table.kernel().sigma());
+        let near = || (find_shared_edges(&bvh.faces), PacketDistance::new(bvh));
         // Side by side: both have parts that one thread does.
-        let far = || groups(bvh);
-        let ((groups, clusters), (twins, distance)) = rayon::join(far, near);
+        let far = || build_wide_nodes(bvh);
+        let ((wide_nodes, clusters), (shared_edges, distance)) = rayon::join(far, near);
         Self {
             bvh,
             distance,
             clusters,
-            groups,
-            twins,
-            kernel: PacketKernel::new(table, &settings, tolerance),
-            settings,
+            wide_nodes,
+            shared_edges,
+            kernel: PacketKernel::new(table, &accuracy, tolerance),
+            accuracy,
             is_large: bvh.faces.len() > MANY,
         }
     }
@@ -350,7 +350,7 @@ impl<S: Simd> Query<S> {
             counts: xi.simd_gt(0.0),
             inverse: 1.0 / xi.max(1e-12),
             reach_squared: reach * reach,
-            density: tree.settings.density as f32 * (1.0 / kernel.sigma + BROAD).sqrt(),
+            density: tree.accuracy.density as f32 * (1.0 / kernel.sigma + BROAD).sqrt(),
         }
     }
 }
@@ -374,25 +374,25 @@ mod tests {
                 crate::surface::coplanar::pieces::EXACT,
                 Leaves::Small,
             );
-            let (groups, _) = groups(&bvh);
-            let mut seen = vec![0; bvh.faces.len()];
+            let (wide_nodes, _) = build_wide_nodes(&bvh);
+            let mut view = vec![0; bvh.faces.len()];
             let everywhere = (Vec3::NEG_INFINITY, Vec3::INFINITY);
-            let mut waiting = vec![(0, groups[0].top, everywhere)];
-            while let Some((id, members, (min, max))) = waiting.pop() {
-                let g: &Group = &groups[id];
+            let mut pending = vec![(0, wide_nodes[0].top, everywhere)];
+            while let Some((id, members, (min, max))) = pending.pop() {
+                let g: &WideNode = &wide_nodes[id];
                 for place in (0..WIDTH).filter(|p| members >> p & 1 == 1) {
                     let own = (three(&g.min, place), three(&g.max, place));
                     assert!(own.0.cmpge(min).all() && own.1.cmple(max).all());
-                    match g.below[place] {
-                        Below::Face(f) => seen[f as usize] += 1,
-                        Below::Members(m) => waiting.push((id, m, own)),
-                        Below::Group(n) => {
-                            waiting.push((n as usize, groups[n as usize].top, own));
+                    match g.children[place] {
+                        Child::Face(f) => view[f as usize] += 1,
+                        Child::Members(m) => pending.push((id, m, own)),
+                        Child::WideNode(n) => {
+                            pending.push((n as usize, wide_nodes[n as usize].top, own));
                         }
                     }
                 }
             }
-            assert!(seen.iter().all(|s| *s == 1));
+            assert!(view.iter().all(|s| *s == 1));
         }
     }
 }

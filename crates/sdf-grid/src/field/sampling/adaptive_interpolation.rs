@@ -106,7 +106,7 @@ impl SmoothBlock {
     /// Whether the distances of a block tell that its density may be smooth: on the skeleton, where
     /// it is not, they have creases, and near the boundary they are short. Distances are known
     /// everywhere, so none is overlooked.
-    pub(crate) fn promises(&self, distance: &[f32], spacing: f64) -> bool {
+    pub(crate) fn is_promising(&self, distance: &[f32], spacing: f64) -> bool {
         let least = (self.resolved * spacing) as f32;
         if distance.iter().any(|d| d.abs() < least) {
             return false;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::blocks::{Anchors, Arrays, Block, Patch, block_count, blocks};
 use super::gaussian_smoothing::Smoothing;
 use super::patch_density::{PatchDensity, PatchValues};
-use super::upsampling::Between;
+use super::upsampling::Upsampling;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::lattice::Lattice;
 use crate::field::options::{DensityError, Sampling};
@@ -83,14 +83,19 @@ pub(crate) fn fill(
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
     let ends = [recipe.sampling.spread(), recipe.halo].map(|v| v as f32);
     monitor.begin("density", smoothing.blocks());
-    smoothing.fill(&recipe.lattice, arrays, ends, |lattice, arrays, between| {
-        let mut sampler = Sampler::new(recipe, *lattice, tree);
-        if between.is_none() {
-            sampler.sampling = Sampling::Point;
-        }
-        sampler.between = between;
-        sample(&sampler, arrays, monitor)
-    })
+    smoothing.fill(
+        &recipe.lattice,
+        arrays,
+        ends,
+        |lattice, arrays, upsampling| {
+            let mut sampler = Sampler::new(recipe, *lattice, tree);
+            if upsampling.is_none() {
+                sampler.sampling = Sampling::Point;
+            }
+            sampler.upsampling = upsampling;
+            sample(&sampler, arrays, monitor)
+        },
+    )
 }
 
 /// Bytes that [`fill`] takes beside the arrays.
@@ -128,12 +133,12 @@ fn sample(
 }
 
 /// The part of the halo in which the exterior keeps its full value.
-const UNFADED: f64 = 0.7;
+const UNTAPERED: f64 = 0.7;
 
 /// The smooth cut-off of the exterior at signed distance `xi`: 1 up to 70 % of `halo`, 0 from
 /// `halo` on, a quintic step between. A function of distance only, so it moves with the part.
 pub(crate) fn taper(xi: f64, halo: f64) -> f64 {
-    let t = ((xi / halo - UNFADED) / (1.0 - UNFADED)).clamp(0.0, 1.0);
+    let t = ((xi / halo - UNTAPERED) / (1.0 - UNTAPERED)).clamp(0.0, 1.0);
     1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
@@ -157,7 +162,7 @@ struct Sampler<'a> {
     halo: f64,
     sampling: Sampling,
     /// Nodes between which the lattice lies, and how many of its planes from their start.
-    between: Option<(&'a Between, usize)>,
+    upsampling: Option<(&'a Upsampling, usize)>,
 }
 
 /// Working memory of one batch of blocks.
@@ -190,14 +195,14 @@ impl<'a> Sampler<'a> {
             lattice,
             halo: recipe.halo,
             sampling: recipe.sampling,
-            between: None,
+            upsampling: None,
         }
     }
 
     fn block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
-        if let Some((between, first)) = self.between {
+        if let Some((upsampling, first)) = self.upsampling {
             let [x, y, z] = block.start;
-            if between.fill([first + x, y, z], block) {
+            if upsampling.fill([first + x, y, z], block) {
                 return;
             }
         }
@@ -212,7 +217,7 @@ impl<'a> Sampler<'a> {
         self.patches
             .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
         self.cell_averages(&patch, &mut hint, scratch);
-        let faded = (UNFADED * self.halo * self.bvh.scale()) as f32;
+        let faded = (UNTAPERED * self.halo * self.bvh.scale()) as f32;
         // A power of two: exact.
         let metres = (1.0 / self.bvh.scale()) as f32;
         let nz = shape[2];
@@ -226,7 +231,7 @@ impl<'a> Sampler<'a> {
                 let parts = scratch.means[flat].unwrap_or_else(|| {
                     let mut parts = scratch.nodes.parts(flat);
                     if distance > faded {
-                        parts[0] *= self.fading(distance);
+                        parts[0] *= self.taper_factor(distance);
                     }
                     parts
                 });
@@ -299,7 +304,7 @@ impl<'a> Sampler<'a> {
             }
             let cell = flat % patch.shape[2] / sub;
             if let Some(mean) = &mut means[cell] {
-                mean[0] += parts[0] * self.fading(*distance);
+                mean[0] += parts[0] * self.taper_factor(*distance);
                 mean[1] += parts[1];
             }
         }
@@ -310,7 +315,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// The halo's cut-off at signed normalized `distance`.
-    fn fading(&self, distance: f32) -> f32 {
+    fn taper_factor(&self, distance: f32) -> f32 {
         taper(f64::from(distance) / self.bvh.scale(), self.halo) as f32
     }
 }

@@ -13,7 +13,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::blocks::{Arrays, block_count};
-use super::upsampling::{BYTES, Between, FINE};
+use super::upsampling::{BYTES, FINE, Upsampling};
 use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
 
@@ -132,7 +132,7 @@ impl Smoothing {
     /// Blocks that `sample` of [`Smoothing::fill`] is asked for.
     pub(super) fn blocks(&self) -> u64 {
         let fine: u64 = self.slabs().map(block_count).sum();
-        fine + block_count(Between::shape(self.shape))
+        fine + block_count(Upsampling::shape(self.shape))
     }
 
     /// Bytes that [`Smoothing::fill`] takes beside the arrays.
@@ -140,7 +140,7 @@ impl Smoothing {
         let nodes = |shape: [usize; 3]| shape.iter().fold(1, |n, s| s.saturating_mul(n)) as u64;
         let [nx, ny, nz] = self.shape;
         let slab = nodes([DEPTH.min(nx), ny, nz]);
-        (nodes(Between::shape(self.shape)) + slab).saturating_mul(BYTES as u64)
+        (nodes(Upsampling::shape(self.shape)) + slab).saturating_mul(BYTES as u64)
     }
 
     /// Fills arrays of zeros up to where densities end: beyond the boundary, on its other side, and
@@ -156,11 +156,11 @@ impl Smoothing {
         mut sample: impl FnMut(
             &Lattice,
             Arrays<'_>,
-            Option<(&Between, usize)>,
+            Option<(&Upsampling, usize)>,
         ) -> Result<(), DensityError>,
     ) -> Result<(), DensityError> {
         let filter = &self.filter;
-        let between = Between::new(
+        let upsampling = Upsampling::new(
             lattice,
             filter.margin(),
             self.shape,
@@ -184,7 +184,7 @@ impl Smoothing {
                     interior: interior.view_mut(),
                     signed_distance: distance.view_mut(),
                 },
-                Some((&between, first)),
+                Some((&upsampling, first)),
             )?;
             add(filter, first, &exterior, &mut arrays.exterior);
             add(filter, first, &interior, &mut arrays.interior);

@@ -8,7 +8,7 @@ use num_complex::{Complex32, Complex64};
 use super::adaptive_interpolation::{Attempt, SmoothBlock};
 use super::blocks::{Anchors, Brick, Patch};
 use super::sign_propagation::Signs;
-use crate::field::packet::density::{PacketDensity, Walk};
+use crate::field::packet::density::{PacketDensity, Traversal};
 use crate::field::packet::points::{LANES, Lanes};
 use crate::field::point::density::{PointDensity, UnitDensity};
 use crate::surface::bvh::tree::Bvh;
@@ -30,7 +30,7 @@ pub(crate) struct PatchValues {
     /// The size of the face nearest to each brick.
     faces: Vec<f32>,
     signs: Signs,
-    walk: Walk,
+    traversal: Traversal,
 }
 
 /// Evaluates patches.
@@ -82,7 +82,7 @@ impl<'a> PatchDensity<'a> {
     ) {
         values.reset(patch.len());
         // Results must not depend on which patch came before on this thread.
-        values.walk.restart();
+        values.traversal.restart();
         let mut bricks = std::mem::take(&mut values.bricks);
         patch.cut(&mut bricks);
         values.faces.clear();
@@ -96,7 +96,7 @@ impl<'a> PatchDensity<'a> {
             signs,
             ..
         } = values;
-        signs.give(self.bvh, patch, anchors, |flat| done[flat], distance);
+        signs.propagate(self.bvh, patch, anchors, |flat| done[flat], distance);
         if self.may_be_smooth(patch, values) {
             self.integrate_smooth(patch, values);
         } else {
@@ -115,7 +115,7 @@ impl<'a> PatchDensity<'a> {
                 .iter()
                 .zip(&values.done)
                 .all(|(d, done)| !done && *d < self.horizon && (*d < 0.0) == inside)
-            && self.smooth.promises(&values.distance, patch.spacing)
+            && self.smooth.is_promising(&values.distance, patch.spacing)
     }
 
     /// Some densities of a block, and the rest interpolated if that agrees, else computed.
@@ -162,7 +162,7 @@ impl<'a> PatchDensity<'a> {
     fn integrate_all(&self, patch: &Patch, bricks: &[Brick], values: &mut PatchValues) {
         for (i, brick) in bricks.iter().enumerate() {
             let distances = self.wanted(brick, values);
-            if parted(&distances, values.faces[i], self.packets.fine()) {
+            if needs_single_points(&distances, values.faces[i], self.packets.fine()) {
                 self.integrate_each(patch, brick, &distances, values);
             } else {
                 self.integrate(brick, values);
@@ -182,7 +182,9 @@ impl<'a> PatchDensity<'a> {
             // Points are repeated where the patch ends.
             if distance > 0.0 && !brick.flat[..lane].contains(&flat) {
                 let point = patch.position(patch.unravel(flat));
-                let integral = self.packets.integral(point, distance, &mut values.walk);
+                let integral = self
+                    .packets
+                    .integral(point, distance, &mut values.traversal);
                 values.set_integral(flat, integral);
             }
         }
@@ -209,7 +211,9 @@ impl<'a> PatchDensity<'a> {
         if distances.iter().all(|d| *d == 0.0) {
             return;
         }
-        let [re, im] = self.packets.integrals(points, &distances, &mut values.walk);
+        let [re, im] = self
+            .packets
+            .integrals(points, &distances, &mut values.traversal);
         for lane in 0..LANES {
             let flat = brick[lane];
             if distances[lane] > 0.0 {
@@ -286,7 +290,7 @@ const EVEN: f32 = 4.0;
 /// nearest point, as far as the reach of its farthest. Next to a boundary of many small faces those
 /// are thousands, where one point needs a hundred. `face` is the size of the faces near, of which
 /// there are few up to `fine` times that; `distances` are zero where no density is wanted.
-fn parted(distances: &Lanes, face: f32, fine: f32) -> bool {
+fn needs_single_points(distances: &Lanes, face: f32, fine: f32) -> bool {
     let most = distances.iter().fold(0f32, |a, d| a.max(*d));
     let wanted = |d: &&f32| **d > 0.0;
     let least = distances.iter().filter(wanted).fold(most, |a, d| a.min(*d));

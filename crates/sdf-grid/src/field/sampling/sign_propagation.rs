@@ -18,13 +18,13 @@ use crate::surface::bvh::tree::Bvh;
 pub(crate) struct Signs {
     known: Vec<bool>,
     /// Points whose neighbours have not been looked at.
-    waiting: Vec<[usize; 3]>,
+    pending: Vec<[usize; 3]>,
 }
 
 impl Signs {
     /// Makes distances negative inside the part, except where they are `done`. `anchors` are
     /// nodes whose sides are known, if there are such.
-    pub(crate) fn give(
+    pub(crate) fn propagate(
         &mut self,
         bvh: &Bvh,
         patch: &Patch,
@@ -36,13 +36,13 @@ impl Signs {
         self.known.extend((0..distance.len()).map(done));
         // Sub-points of a cell are too near to one another to tell.
         if !bvh.closed && anchors.is_none() {
-            self.ask_everywhere(bvh, patch, distance);
+            self.evaluate_everywhere(bvh, patch, distance);
             return;
         }
         // Where every point is farther from the boundary than half way to the next, all lie on one
         // side.
         let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
-        let all = connected(least, least, patch.spacing);
+        let all = are_connected(least, least, patch.spacing);
         if let Some(anchors) = anchors {
             for flat in 0..distance.len() {
                 let index = patch.unravel(flat);
@@ -73,7 +73,7 @@ impl Signs {
 
     /// Asks for every point; far from the boundary, where the winding number varies little, for the
     /// corners of the patch if all are clear.
-    fn ask_everywhere(&self, bvh: &Bvh, patch: &Patch, distance: &mut [f32]) {
+    fn evaluate_everywhere(&self, bvh: &Bvh, patch: &Patch, distance: &mut [f32]) {
         let least = distance.iter().fold(f32::INFINITY, |a, d| a.min(*d));
         let last = patch.shape.map(|n| n - 1);
         let corner = |k: usize| patch.position([0, 1, 2].map(|axis| last[axis] * (k >> axis & 1)));
@@ -109,7 +109,7 @@ impl Signs {
 
     fn set(&mut self, flat: usize, index: [usize; 3], inside: bool, distance: &mut [f32]) {
         self.known[flat] = true;
-        self.waiting.push(index);
+        self.pending.push(index);
         if inside {
             distance[flat] = -distance[flat];
         }
@@ -119,7 +119,7 @@ impl Signs {
     fn flood(&mut self, patch: &Patch, distance: &mut [f32]) {
         let [_, ny, nz] = patch.shape;
         let strides = [ny * nz, nz, 1];
-        while let Some(index) = self.waiting.pop() {
+        while let Some(index) = self.pending.pop() {
             let flat = patch.flat(index);
             let own = distance[flat];
             for axis in 0..3 {
@@ -127,7 +127,7 @@ impl Signs {
                 let last = index[axis] + 1 == patch.shape[axis];
                 let after = (!last).then(|| (index[axis] + 1, flat + strides[axis]));
                 for (place, other) in before.into_iter().chain(after) {
-                    if !self.known[other] && connected(own, distance[other], patch.spacing) {
+                    if !self.known[other] && are_connected(own, distance[other], patch.spacing) {
                         let mut next = index;
                         next[axis] = place;
                         self.set(other, next, own < 0.0, distance);
@@ -146,7 +146,7 @@ impl Anchors<'_> {
         let tells = |index: [usize; 3]| {
             let known = self.distance[self.patch.flat(index)];
             let apart = self.patch.position(index).distance(position);
-            connected(known, distance, apart).then_some(known < 0.0)
+            are_connected(known, distance, apart).then_some(known < 0.0)
         };
         let near = |axis: usize| {
             let end = (centre[axis] + 2).min(self.patch.shape[axis]);
@@ -163,7 +163,7 @@ impl Anchors<'_> {
 
 /// Whether two points so far apart, given their distances from the boundary, must lie on one side
 /// of it.
-fn connected(a: f32, b: f32, apart: f64) -> bool {
+fn are_connected(a: f32, b: f32, apart: f64) -> bool {
     // Room for the rounding of single-precision distances.
     f64::from(a.abs() + b.abs()) > apart * 1.0001 + 1e-6
 }
@@ -211,7 +211,7 @@ mod tests {
                     let at = |flat: usize| patch.position(patch.unravel(flat));
                     let distance = |flat| bvh.nearest_normalized(at(flat)).1.sqrt() as f32;
                     let mut found: Vec<f32> = (0..patch.len()).map(distance).collect();
-                    signs.give(&bvh, &patch, None, |_| false, &mut found);
+                    signs.propagate(&bvh, &patch, None, |_| false, &mut found);
                     for (flat, distance) in found.iter().enumerate() {
                         let inside = bvh.inside_normalized(at(flat));
                         assert_eq!(*distance < 0.0, inside, "{seed} {closed} {}", at(flat));

@@ -96,7 +96,7 @@ fn fill(
             };
         }
     }
-    signs.give(bvh, patch, None, |_| false, distance);
+    signs.propagate(bvh, patch, None, |_| false, distance);
     // A power of two: exact.
     let metres = (1.0 / bvh.scale()) as f32;
     let lines = distance.chunks_exact(patch.shape[2]);

@@ -31,7 +31,7 @@ const CLEAR: f32 = 2.0;
 const VARIATION: f64 = 0.4;
 
 /// The densities of the coarse lattice, which covers the fine one.
-pub(super) struct Between {
+pub(super) struct Upsampling {
     /// Of the side that the node is on.
     density: Array3<Complex32>,
     sides: Array3<Side>,
@@ -49,7 +49,7 @@ enum Side {
 /// Bytes per node while they are computed and while they are kept.
 pub(super) const BYTES: usize = 2 * size_of::<Complex32>() + size_of::<f32>();
 
-impl Between {
+impl Upsampling {
     /// The coarse lattice for a fine one of so many nodes.
     pub(super) fn shape(fine: [usize; 3]) -> [usize; 3] {
         // To the last node that the last block reads, and as far beyond as before.
@@ -116,14 +116,14 @@ impl Between {
             let mut lines = [[Complex32::ZERO; 8]; READ];
             for (line, from_y) in lines.iter_mut().zip(y.clone()) {
                 let row = self.density.slice(s![from, from_y, z.clone()]);
-                *line = refined(|k| row[k]);
+                *line = upsample(|k| row[k]);
             }
-            let columns: [[Complex32; 8]; 8] = std::array::from_fn(|k| refined(|j| lines[j][k]));
+            let columns: [[Complex32; 8]; 8] = std::array::from_fn(|k| upsample(|j| lines[j][k]));
             *plane = std::array::from_fn(|j| std::array::from_fn(|k| columns[k][j]));
         }
         for j in 0..ny {
             for k in 0..nz {
-                let along = refined(|i| planes[i][j][k]);
+                let along = upsample(|i| planes[i][j][k]);
                 for (i, value) in along.iter().enumerate().take(nx) {
                     part[[i, j, k]] = *value;
                 }
@@ -135,7 +135,7 @@ impl Between {
 
 /// Eight fine values from seven coarse ones, of which the first lies before them. Next to a zero,
 /// beyond the halo, there is nothing: fields end where they did.
-fn refined(coarse: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
+fn upsample(coarse: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
     std::array::from_fn(|f| {
         let at = |n: usize| coarse(f / 2 + n);
         match f % 2 {
@@ -200,7 +200,7 @@ mod tests {
     fn cubics_are_refined_exactly() {
         let cubic = |x: f32| Complex32::new(x * x * x - 2.0 * x, 1.0 - 0.5 * x * x);
         // Coarse node n lies at fine place 2 (n - 1).
-        let found = refined(|n| cubic(2.0 * (n as f32 - 1.0)));
+        let found = upsample(|n| cubic(2.0 * (n as f32 - 1.0)));
         for (f, v) in found.iter().enumerate() {
             // Values up to 343 in single precision.
             assert!((v - cubic(f as f32)).norm() < 1e-3, "{f}");

@@ -1,18 +1,17 @@
-//! Elementary integrals along a boundary edge's line, for sixteen samples.
+//! What a patch's boundary edges subtract from the kernel's integral over the whole plane, for
+//! sixteen samples.
 //!
-//! What the extent of samples makes of a boundary edge that they cross.
+//! # Softening
 //!
-//! With `x` the distance of the boundary edge's line from the foot, `h` the height, `n = x² + h²`, and `l`
-//! along the line, a boundary edge adds `x L + |h| Λ / 2` and more to `2π` times the integral over a patch,
-//! where `L = ½ ∫ dl / R` has a pole on the line, and `Λ`, the angle at which it is seen from above,
-//! makes a step there for places that are not high. Of a sample that is wider than its middle is far
-//! from the line, the middle tells little. So where `n < w`, some part of the square of its side, `L`
-//! takes `(w + n² / w) / 2` for `n`, and `Λ` takes `h² + (w - n)² / 2w` for `h²`. The differences are
-//! those of a line without ends, of which a boundary edge has its share: what it gains is the sum over its
-//! pieces. Since no value changes away from the line, all that a sample is pushed while it crosses is
-//! what it was.
-//!
-//! What a boundary edge takes from the integral of the kernel over a patch, for sixteen samples.
+//! A boundary edge adds `x L + |h| Λ / 2` and more to `2π` times the integral over a patch, where
+//! `x` is the distance of the edge's line from the sample's foot, `h` the height, `n = x² + h²`,
+//! and `l` runs along the line. `L = ½ ∫ dl / R` has a pole on the line, and the angle `Λ` at which
+//! the edge is seen from above has a step there if `h` is small. A sample that is wider than its
+//! distance from the line would take both from its middle alone. Therefore, where `n < w`, with `w`
+//! a share of the square of the sample's side, `L` uses `(w + n² / w) / 2` for `n`, and `Λ` uses
+//! `h² + (w - n)² / 2w` for `h²`. The differences are those of an infinite line, and an edge takes
+//! its share of them, so that they add up over the pieces of a line. Values away from the line do
+//! not change, so the total impulse of a sample that crosses it is unchanged.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, mask32x16};
@@ -22,7 +21,7 @@ use super::curved::{Circle, circle_coordinates};
 use super::kernel::{Quotients, coarse_angle, half_ln, splat};
 use super::patches::BoundaryEdge;
 
-/// A boundary edge's line as it is seen from samples.
+/// A boundary edge's line relative to sixteen samples.
 pub(super) struct LineIntegrals<S: Simd> {
     /// Above or below, and its square.
     pub(super) height: f32x16<S>,
@@ -34,8 +33,8 @@ pub(super) struct LineIntegrals<S: Simd> {
     pub(super) near: f32x16<S>,
 }
 
-/// Of a part of the line: half of `∫ dl / R`, and the angles at which it is seen in the plane and
-/// from above it, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
+/// For a piece of the line: half of `∫ dl / R`, and the angles that it subtends in the plane and
+/// from above, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
 pub(super) type Newtonian<S> = [f32x16<S>; 3];
 
 impl<S: Simd> LineIntegrals<S> {
@@ -50,7 +49,7 @@ impl<S: Simd> LineIntegrals<S> {
         let (pa, pb) = (ra + a.abs(), rb + b.abs());
         let product = a * b;
         let beside = product.simd_lt(0.0);
-        // From the ends where nothing cancels.
+        // From the end at which nothing cancels.
         let above = beside.select(pa * pb, pa.max(pb)).max(1e-30);
         let below = beside.select(self.near, pa.min(pb)).max(1e-30);
         let wide = self.across.abs() * (b - a);
@@ -95,25 +94,26 @@ impl<S: Simd> LineIntegrals<S> {
 /// what crosses the boundary edge at an angle.
 const SOFTENING: f32 = 0.8;
 
-/// Two terms of what boundary edges take, and what `2π` times the value gains by softening them.
+/// Corrections that soften an edge: to two of its terms, and the slopes of the gain in `2π` times
+/// the value.
 pub(super) struct Softening<S: Simd> {
-    /// What is added to the logarithm and to the angle.
+    /// Added to the logarithm and to the angle.
     pub(super) terms: [f32x16<S>; 2],
-    /// Slopes of the gain with the squared height, with the distance of the line, and with the way
-    /// along it.
+    /// Slopes of the gain with the squared height, the distance of the line, and the position along
+    /// it.
     pub(super) rise: f32x16<S>,
     pub(super) across: f32x16<S>,
     pub(super) along: f32x16<S>,
 }
 
-/// `w`, and the inverse of its root.
+/// Softening width: `w`, and the inverse of its root.
 pub(super) struct SofteningWidth<S: Simd> {
     pub(super) square: f32x16<S>,
     scale: f32x16<S>,
 }
 
 impl<S: Simd> SofteningWidth<S> {
-    /// Of samples, half the side of a square as large.
+    /// For samples as large as squares of this half side.
     #[inline(always)]
     pub(super) fn new(half: f32x16<S>) -> Self {
         let square = (half * half * SOFTENING).max(1e-12);
@@ -125,7 +125,7 @@ impl<S: Simd> SofteningWidth<S> {
 }
 
 impl<S: Simd> Softening<S> {
-    /// Those of a line that is seen so, between ends, as wide as samples are.
+    /// Softening of a line between two ends.
     #[inline(always)]
     pub(super) fn new(
         integrals: &LineIntegrals<S>,
@@ -155,7 +155,7 @@ impl<S: Simd> Softening<S> {
         let per_far = splat(simd, 1.0) / (high * (integrals.flat + square).max(1e-15));
         let up = (less + 1.0) * height * per_far - per_near;
         let out = less * integrals.flat * per_far - square * per_far + height * per_near;
-        // What of that is between the ends, and only where the line is near.
+        // The share between the ends, only where the line is near.
         let [(a, da), (b, db)] = ends.map(
             #[inline(always)]
             |end| smooth_step(end * scale),
@@ -181,13 +181,13 @@ fn smooth_step<S: Simd>(t: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     (t * (0.75 - square * 0.25), 0.75 - square * 0.75)
 }
 
-/// A boundary edge as it is seen from the foot of a cluster's middle.
+/// A boundary edge relative to the foot of a cluster's centre.
 pub(super) struct EdgeView<'a> {
     edge: &'a BoundaryEdge,
     foot: Vec2,
     /// Distance of the boundary edge's line, positive if the foot is inside.
     across: f32,
-    /// Where on the line it begins and ends, from where the line is nearest.
+    /// Positions of its ends on the line, from the line's nearest point.
     ends: [f32; 2],
 }
 
@@ -199,14 +199,14 @@ pub(super) struct LocalSamples<S: Simd> {
     pub(super) square: f32x16<S>,
     /// Their feet, from that of the cluster's middle.
     pub(super) feet: [f32x16<S>; 2],
-    /// Half the side of squares as large as they are, and how near they blunt a boundary edge.
+    /// Half the side of squares of their area, and the width by which they soften an edge.
     pub(super) half: f32x16<S>,
     wide: SofteningWidth<S>,
 }
 
-/// What boundary edges take from the integral of the kernel over a patch, summed: times `2π`.
+/// Sums over boundary edges of what they subtract from a patch's integral, times `2π`.
 pub(super) struct EdgeSums<S: Simd> {
-    /// The angles at which they are seen in the plane and from above it.
+    /// The angles that they subtend in the plane and from above it.
     pub(super) angle: f32x16<S>,
     pub(super) lifted: f32x16<S>,
     /// The rest, its slope with the squared height, and with both directions along the patch.
@@ -228,11 +228,11 @@ impl<S: Simd> LocalSamples<S> {
     }
 }
 
-/// A boundary edge's line as sixteen samples see it.
+/// A boundary edge's line relative to the feet of sixteen samples.
 pub(super) struct EdgeLine<S: Simd> {
     /// Distance of the feet, positive if they are inside.
     pub(super) across: f32x16<S>,
-    /// Where the boundary edge begins on it, from where it is nearest.
+    /// Position of the edge's beginning on the line, from its nearest point.
     pub(super) start: f32x16<S>,
     /// Unit vectors along it and out of the patch, where it is nearest.
     pub(super) along: [f32x16<S>; 2],
@@ -240,7 +240,8 @@ pub(super) struct EdgeLine<S: Simd> {
 }
 
 impl BoundaryEdge {
-    /// How far a place is inside, and how far along from the middle.
+    /// Distance of a place from the line, positive inside, and its position along it from the
+    /// middle.
     #[inline(always)]
     pub(super) fn place(&self, p: Vec2) -> [f32; 2] {
         let from = p - self.middle;
@@ -275,8 +276,7 @@ impl<'a> EdgeView<'a> {
         self.across * self.across + beyond * beyond
     }
 
-    /// What the number of insides changes by on the way from the patch's reference, which
-    /// is `from`, to the foot.
+    /// Change of the winding number on the way from the patch's reference `from` to the foot.
     #[inline(always)]
     pub(super) fn winding_change(&self, from: Vec2) -> f32 {
         let before = self.edge.reference_outside;
@@ -287,7 +287,7 @@ impl<'a> EdgeView<'a> {
         let way = self.foot - from;
         let a = (self.edge.from - from).perp_dot(way) < 0.0;
         let b = (self.edge.to - from).perp_dot(way) < 0.0;
-        // What is bent goes all the way through.
+        // Arcs extend beyond all that is visible.
         match a != b || self.edge.bend != 0.0 {
             true if after => -1.0,
             true => 1.0,
@@ -335,7 +335,7 @@ impl<'a> EdgeView<'a> {
         }
     }
 
-    /// What the number of insides changes by on the ways from the foot of the middle to the feet.
+    /// Changes of the winding number on the ways from the foot of the centre to the samples' feet.
     #[inline(always)]
     pub(super) fn winding_changes<S: Simd>(
         &self,
@@ -352,13 +352,13 @@ impl<'a> EdgeView<'a> {
         };
         let crossed = match self.edge.bend == 0.0 {
             true => other & apart,
-            // It goes all the way through.
+            // Arcs extend beyond all that is visible.
             false => other,
         };
         crossed.select(f32x16::splat(simd, change), zero)
     }
 
-    /// Adds what it takes.
+    /// Adds the edge's terms to the sums.
     #[inline(always)]
     pub(super) fn add_to<S: Simd>(
         &self,
@@ -384,7 +384,7 @@ impl<'a> EdgeView<'a> {
             flat,
             near,
         };
-        // Some see an end, or look past it.
+        // Whether an end of the edge is in reach of some sample.
         let parts = a.simd_gt(-visible) | b.simd_lt(visible);
         let parts = (parts & near.simd_lt(splat(across.token(), 1.0))).any_true();
         let ([logarithm, angle, lifted], [rest, height_slope, slope]) = match parts {
@@ -418,7 +418,7 @@ impl<'a> EdgeView<'a> {
     }
 }
 
-/// Whether a corner lies to the right of the ways from the foot of the middle to the feet.
+/// Whether a corner lies to the right of the ways from the foot of the centre to the samples' feet.
 #[inline(always)]
 fn is_right_of<S: Simd>(local: &LocalSamples<S>, v: Vec2) -> mask32x16<S> {
     let [x, y] = local.feet;

@@ -47,9 +47,9 @@ pub struct ContactSums {
 }
 
 impl ContactSum {
-    /// Prepares the sum over `sampled`, in pieces about `distance` wide, of what `surface` is
-    /// there, for densities that are smoothed together by a Gaussian of standard deviation `width`
-    /// (both metres).
+    /// Prepares the sum over samples of `sampled`, about `distance` wide, of the kernel's integral
+    /// over `surface`, for densities that are smoothed together by a Gaussian of standard deviation
+    /// `width` (both metres).
     ///
     /// # Errors
     /// If a length is not positive and finite, a mesh has no triangle with an area, or there would

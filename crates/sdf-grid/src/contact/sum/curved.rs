@@ -1,14 +1,9 @@
-//! Curved surfaces as tori, piece by piece.
+//! Curved surfaces: osculating tori and cylinders, and coordinates developed from them into a
+//! plane.
 //!
-//! Regions that are cylinders, or parts of one.
-//!
-//! Seen from different places a torus fitted to facets differs by a part of what facets stray from
-//! it, and the sum has a small step where a cluster moves from one cell to the next. A cylinder, the
-//! commonest curved surface of parts that mate, is found as a whole instead.
-//!
-//! Places above a circle.
-//!
-//! Places above a torus, developed, for sixteen samples.
+//! Seen from different places, a torus fitted to facets differs by a part of the facets' deviation
+//! from it, and the sum has a small step where a cluster moves from one cell to the next. A
+//! cylinder, the commonest curved surface of mating parts, is therefore fitted to a whole region.
 
 use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
@@ -162,7 +157,7 @@ impl OsculatingTorus {
         })
     }
 
-    /// A place on the surface, developed, and the height above it.
+    /// Developed coordinates of a place, and its height above the torus.
     pub(super) fn developed(&self, p: DVec3) -> (DVec2, f64) {
         let [x, y, z] = self.axes.map(|a| (p - self.origin).dot(a));
         let [kx, ky] = self.curvature.to_array();
@@ -172,14 +167,15 @@ impl OsculatingTorus {
     }
 }
 
-/// Height above a circle of curvature `k` through the origin, and distance from its middle in radii.
+/// Height above a circle of curvature `k` through the origin, and distance from its middle in
+/// radii.
 fn rise(z: f64, x: f64, k: f64) -> (f64, f64) {
     let square = x * x + z * z;
     let distance = (1.0 + k * (2.0 * z + k * square)).max(0.0).sqrt();
     ((2.0 * z + k * square) / (1.0 + distance), distance)
 }
 
-/// Length of the circle's arc to below a place.
+/// Arc length on the circle to the foot of a place.
 fn arc_length(z: f64, x: f64, k: f64) -> f64 {
     match k.abs() < LEAST_BENT {
         true => x,
@@ -338,8 +334,8 @@ fn axis_direction(surfels: &[Surfel]) -> Option<DVec3> {
 /// Nearer to a circle's centre, in units of its radius, there is no direction.
 const CENTRE: f32 = 1e-2;
 
-/// Places above a circle through the origin, along `x` there, its centre below if it is bent by more
-/// than zero.
+/// Places above a circle through the origin, along `x` there, its centre below if it is bent by
+/// more than zero.
 pub(super) struct Circle<S: Simd> {
     pub(super) height: f32x16<S>,
     /// Of the foot, along the circle.

@@ -1,5 +1,5 @@
-//! A surface in fewer triangles that stay near it, by collapsing edges (Garland and Heckbert, Surface
-//! simplification using quadric error metrics, 1997).
+//! A surface in fewer triangles that stay near it, by collapsing edges (Garland and Heckbert,
+//! Surface simplification using quadric error metrics, 1997).
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -9,14 +9,14 @@ use glam::{DMat3, DVec3};
 /// Triangles may turn by an angle of this cosine at most in one step.
 const TURN: f64 = 0.7;
 
-/// How much more a boundary edge counts than what is inside.
+/// Weight of boundary edges over inner ones.
 const BORDER: f64 = 10.0;
 
 /// Area of a triangle at least, per square of its longest side.
 const NARROW: f64 = 1e-4;
 
 /// The triangles with corners `vertices[i]` in fewer ones, from which theirs are `off` away at most
-/// in the mean (rms); no point of a boundary edge is farther from it than that. Deterministic.
+/// in the mean (rms); no point of the boundary is farther from it than that. Deterministic.
 pub(super) fn decimate(
     triangles: &[[u32; 3]],
     vertices: &[DVec3],

@@ -104,9 +104,10 @@ pub(super) const REACH: f64 = 3.75;
 /// Terms of the polynomial.
 const TERMS: usize = 8;
 
-/// `κ` of the kernel's integral over a plane ([`crate::contact`]) as a polynomial of the squared distance, both
-/// in units of the reach: value and slope of `K` vanish there, its slope is off by 6e-4 at most and
-/// its value by 1.1e-3 of the greatest. Least squares of both, reweighted to the least maximum.
+/// `κ` of the kernel's integral over a plane ([`crate::contact`]) as a polynomial of the squared
+/// distance, both in units of the reach. Value and slope of `K` vanish there; its slope is off by
+/// 6e-4 at most and its value by 1.1e-3 of the greatest. Least squares of both, reweighted to the
+/// least maximum.
 const ENTIRE: [f32; TERMS] = [
     0.053_250_687,
     1.117_901_8,

@@ -11,7 +11,7 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
-/// Cells of a box, the last direction fastest.
+/// A uniform grid over a box, the last direction fastest.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     pub(super) low: DVec3,
@@ -21,8 +21,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The cells, from the first to the last along each direction, that hold a box's places; those of
-    /// places outside are the nearest.
+    /// The cells, from the first to the last along each direction, that hold a box's places; those
+    /// of places outside are the nearest.
     pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
         let place = |p: DVec3| ((p - self.low) / self.edge).floor();
         let (from, to) = (place(low), place(high));
@@ -49,10 +49,11 @@ impl Grid {
     }
 }
 
-/// Surfels by cell.
+/// Surfels by the cells of a grid.
 pub(super) struct SurfelGrid {
     grid: Grid,
-    /// Regions and numbers of surfels and their places, cell after cell, and where each cell begins.
+    /// Regions and numbers of surfels and their places, cell after cell, and where each cell
+    /// begins.
     order: Vec<(SurfelId, DVec3)>,
     starts: Vec<u32>,
 }
@@ -103,7 +104,7 @@ impl SurfelGrid {
 /// Cells along the longest side.
 const CELLS: f64 = 32.0;
 
-/// Distances of a surface on a coarse lattice.
+/// Lower bounds on the distance of a surface, on a coarse lattice.
 #[derive(Debug, Clone)]
 pub(super) struct DistanceBound {
     grid: Grid,

@@ -1,5 +1,18 @@
-//! The integral of the kernel over the patches that a cluster of sixteen samples sees, with its
+//! The integral of the kernel over the visible patches, for a cluster of sixteen samples, with
 //! slopes.
+//!
+//! # Tilt
+//!
+//! The integral has a kink where the height `x` is zero: it is `S(x) - |x|/2` with `S` smooth. Over
+//! a piece of surface that reaches `e` to either side the average of `|x|` is `(x² + e²) / (2 e)`
+//! where `|x| < e`. So the average of `-|x|/2` is below the value in the middle by `(e - |x|)² / (4
+//! e)`, and that of `S` is above it by about `e² S'' / 6`. Integrated over all heights both are
+//! `e²/6`: evenly spread samples are not biased, whatever their phase. A square of half side `r`,
+//! tilted by an angle `θ`, has `e = r sin θ`: exact where it is tilted about a side, and of the
+//! same second moment elsewhere. Heights above a torus are only known as well as facets keep to it,
+//! which extends samples in the same way.
+//!
+//! At the patch's boundary, where the kink ends, both terms taper to zero.
 
 use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
@@ -16,16 +29,16 @@ use super::patches::{Patch, VisiblePatches};
 /// some ten nanometres. Walls as near as that are flush.
 const FLUSH: f32 = 1e-5;
 
-/// Half the sign of a height; between those of both sides for walls that are flush, where it is zero:
-/// the mean of the slopes to either side, whatever rounding makes of the height.
+/// Half the sign of a height, continuous for flush walls: at zero height the slope is the mean of
+/// both sides, however the height is rounded.
 #[inline(always)]
 pub(super) fn half_sign<S: Simd>(height: f32x16<S>) -> f32x16<S> {
     let half = splat(height.token(), 0.5);
     (height * (0.5 / FLUSH)).min(half).max(half * -1.0)
 }
 
-/// The integral of the kernel over a patch, and its slopes with the height and along the patch's two
-/// directions.
+/// The integral of the kernel over a patch, and its slopes with the height and along the patch's
+/// two directions.
 pub(super) struct PatchIntegral<S: Simd> {
     pub(super) value: f32x16<S>,
     pub(super) height: f32x16<S>,
@@ -35,7 +48,7 @@ pub(super) struct PatchIntegral<S: Simd> {
 }
 
 impl<S: Simd> PatchIntegral<S> {
-    /// So many times over the whole plane, without what boundary edges take.
+    /// `inside` times the integral over the whole plane, less the sums over boundary edges.
     #[inline(always)]
     pub(super) fn new(
         local: &LocalSamples<S>,
@@ -45,7 +58,7 @@ impl<S: Simd> PatchIntegral<S> {
     ) -> Self {
         const TURN: f32 = 1.0 / std::f32::consts::TAU;
         let zero = splat(inside.token(), 0.0);
-        // What of the plane is seen from the foot and from above it.
+        // Shares of the full angle that the patch fills, from the foot and from above.
         let visible_share = edge_sums.angle.mul_add(-TURN, inside);
         let lifted = edge_sums.lifted.mul_add(-TURN, inside);
         let sign = half_sign(local.height);
@@ -62,19 +75,18 @@ impl<S: Simd> PatchIntegral<S> {
     }
 }
 
-/// Where it begins to taper, in units of `r`.
+/// Distance from the boundary at which the taper begins, in units of `r`.
 const TAPER: f32 = 0.7;
 
 /// Squared sine of the least angle that counts.
 const LEAST: f32 = 1e-8;
 
-/// How far facets stray from the torus that stands for them, in units of the reach: a half of what
-/// is allowed.
+/// Deviation of facets from their torus, in units of the reach: half of what is allowed.
 pub(super) const STRAY: f32 = 0.5 * OFF as f32;
 
-/// How samples tilt.
+/// Tilt of samples against a patch.
 pub(super) struct Tilt<S: Simd> {
-    /// Of the angle between them and the patch.
+    /// Cosine of the angle between them and the patch.
     pub(super) cosine: f32x16<S>,
     /// Their normals along the patch's two directions.
     pub(super) aside: [f32x16<S>; 2],
@@ -82,16 +94,16 @@ pub(super) struct Tilt<S: Simd> {
     pub(super) stray: f32,
 }
 
-/// Samples that tilt, and how near they are to boundary edges.
+/// Correction for tilted samples, and their distance from the boundary.
 pub(super) struct TiltCorrection<S: Simd> {
     sine_squared: f32x16<S>,
     /// Squared.
     stray: f32,
-    /// Square of where fading begins.
+    /// Square of the distance at which the taper begins.
     width: f32x16<S>,
-    /// Squared distance of the nearest boundary edge so far, and the way from it along the patch's two
-    /// directions: the nearest alone counts, so that it is the same in however many pieces a boundary edge
-    /// comes.
+    /// Squared distance of the nearest boundary edge so far, and the way from it along the patch's
+    /// two directions: only the nearest counts, so that the result does not depend on how an edge
+    /// is divided.
     nearest: f32x16<S>,
     way: [f32x16<S>; 2],
 }
@@ -121,7 +133,7 @@ impl<S: Simd> Tilt<S> {
 }
 
 impl<S: Simd> TiltCorrection<S> {
-    /// Looks whether a boundary edge so long is nearer than others.
+    /// Keeps a boundary edge of this length where it is nearer than those before.
     #[inline(always)]
     pub(super) fn update_nearest(&mut self, line: &EdgeLine<S>, length: f32) {
         let zero = splat(self.nearest.token(), 0.0);
@@ -140,7 +152,7 @@ impl<S: Simd> TiltCorrection<S> {
         }
     }
 
-    /// One away from boundary edges and zero on them, and its slopes along the patch.
+    /// Taper: one away from boundary edges and zero on them, and its slopes along the patch.
     #[inline(always)]
     fn taper(&self) -> (f32x16<S>, [f32x16<S>; 2]) {
         let scale = splat(self.nearest.token(), 1.0) / self.width;
@@ -153,8 +165,8 @@ impl<S: Simd> TiltCorrection<S> {
         )
     }
 
-    /// Adds to the sums of samples, so many times above the patch. What comes back is what the normal
-    /// is to be multiplied with for the moment by the change of `θ`.
+    /// Adds the correction to the sums of samples that are `inside` times above the patch. Returns
+    /// the factor of the normal in the moment due to the change of `θ`.
     #[inline(always)]
     pub(super) fn add_to(
         &self,
@@ -192,11 +204,11 @@ impl<S: Simd> TiltCorrection<S> {
     }
 }
 
-/// Height, in units of the reach, beyond which it hardly matters what samples see: the kernel's
-/// integral is a thousandth of that at the surface.
+/// Height, in units of the reach, beyond which the kernel's integral is below a thousandth of that
+/// at the surface.
 const HIGH: f32 = 0.75;
 
-/// Where a cluster lies.
+/// A cluster at a pose.
 pub(super) struct PlacedCluster<'a> {
     pub(super) cluster: &'a Cluster,
     /// From its frame to that of the surface.
@@ -206,8 +218,8 @@ pub(super) struct PlacedCluster<'a> {
     pub(super) radius: f32,
 }
 
-/// What a cluster adds, in units of the reach: the sum, its slope with the translation, and with a
-/// rotation about the cluster's centre.
+/// Contribution of a cluster, in units of the reach: the sum, its slope with the translation, and
+/// with a rotation about the cluster's centre.
 pub(super) struct ClusterSum {
     pub(super) value: f32,
     pub(super) gradient: Vec3,
@@ -218,7 +230,7 @@ pub(super) struct ClusterSum {
 struct Accumulator<S: Simd> {
     value: f32x16<S>,
     gradient: [f32x16<S>; 3],
-    /// `n V`, of which the moment is made.
+    /// `n V`, from which the moment follows.
     flux: [f32x16<S>; 3],
 }
 
@@ -231,7 +243,7 @@ struct Samples<S: Simd> {
     half: f32x16<S>,
 }
 
-/// What a cluster adds to the sum over the patches seen from its cell.
+/// Contribution of a cluster over the patches visible from its cell.
 #[simd]
 pub(super) fn sum_cluster<S: Simd>(
     simd: S,
@@ -304,11 +316,11 @@ fn add_patch<S: Simd>(
     ];
     let developed = DevelopedSamples::new(simd, patch.curvature, place);
     let feet = [developed.place[0] - foot.x, developed.place[1] - foot.y];
-    // The height above what is bent averages to more over a sample's extent than in its middle.
+    // The height above a curved patch is larger on average over a sample than in its middle.
     let bent = (patch.curvature.x + patch.curvature.y) / 6.0;
     let high = samples.half * samples.half * bent + developed.height;
     let local = LocalSamples::new(high, feet, samples.half);
-    // Unrolled from the inside, places are farther apart the higher they are.
+    // Developed from the inside, places are farther apart the higher they are.
     let radius = placed.radius / (1.0 - HIGH * patch.curvature.abs().max_element());
     let faces = developed.to_local(&components(&samples.normal, &patch.axes));
     let tilt = Tilt {
@@ -321,8 +333,8 @@ fn add_patch<S: Simd>(
     }
 }
 
-/// The integral of the kernel over a patch, none if nothing of it is in reach of a cluster of a
-/// radius above a foot.
+/// The integral of the kernel over a patch; none if the patch is out of reach of a cluster of this
+/// radius above the foot.
 #[inline(always)]
 fn integrate_patch<S: Simd>(
     visible: &VisiblePatches,
@@ -391,8 +403,9 @@ impl<S: Simd> Accumulator<S> {
         }
     }
 
-    /// Of the normal of a bent surface, `(1 - H ξ)` times the integral over the developed one, with
-    /// `H` the mean curvature and `ξ` the height: right to first order in the curvature.
+    /// Adds a curved patch: the normal times `(1 - H ξ)` times the integral over the developed
+    /// patch, with `H` the mean curvature and `ξ` the height. Correct to first order in the
+    /// curvature.
     #[inline(always)]
     fn add_curved(
         &mut self,

@@ -15,26 +15,25 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::prefetch::fetch_all;
 
-/// Where on a flat region one stands from where insides are counted, in units of the reach from the
-/// foot of the cell's middle: no edge lies there unless it is put there.
+/// Reference point of a flat region's winding numbers, in units of the reach from the foot of the
+/// cell's middle. Odd numbers, so that edges do not pass through it by accident.
 const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
 
-/// How much farther than what one sees boundary edges may lie on the surface, developed: seen from the inside
-/// of a bend of the greatest curvature, an arc is longer than its chord.
+/// Range of boundary edges on a developed surface over the range in space: on the inside of the
+/// strongest bend an arc is longer than its chord.
 pub(super) const FARTHER: f64 = 1.4;
 
-/// Angle around a torus beyond which nothing is seen.
+/// Angle around a torus beyond which nothing is visible.
 const BEHIND: f64 = 2.5;
 
-/// By how much a bent boundary edge is longer than what is near: places on the inside of the bend see more
-/// of it, and none may see an end.
+/// Extension of arcs beyond the visible range, so that no sample has an end of one in reach.
 const BEYOND: f64 = 4.0;
 
-/// The same, from the middle of a bent boundary edge.
+/// Offset of the reference point from the middle of an arc.
 const OFF_ARC: f32 = 0.373_1;
 
-/// A region as it is seen from a cell, flat or developed from a torus: lengths are in units of the
-/// reach, places relative to the middle of the cell.
+/// A region visible from a cell, flat or developed from a torus. Lengths are in units of the reach,
+/// places relative to the middle of the cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Patch {
     /// A point of its plane or torus.
@@ -43,16 +42,17 @@ pub(super) struct Patch {
     pub(super) axes: [Vec3; 3],
     /// How much it is bent along either, positive if it is convex.
     pub(super) curvature: Vec2,
-    /// From where insides are counted, on the patch from its origin.
+    /// Reference point of winding numbers, on the patch from its origin.
     pub(super) reference: Vec2,
-    /// How often it lies below there: 0 or 1, rarely more.
+    /// Winding number there: 0 or 1, rarely more.
     pub(super) inside: f32,
     /// Its boundary edges in reach.
     pub(super) first: u32,
     pub(super) count: u32,
 }
 
-/// A piece of a patch's boundary edge, the patch to its left, along the patch's two directions.
+/// A straight or circular piece of a patch's boundary, the patch to its left, along the patch's two
+/// directions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoundaryEdge {
     pub(super) from: Vec2,
@@ -61,21 +61,20 @@ pub(super) struct BoundaryEdge {
     /// Unit vector in the middle.
     pub(super) along: Vec2,
     pub(super) length: f32,
-    /// Its curvature, positive where the patch is convex; of those that are bent no sample sees an
-    /// end.
+    /// Its curvature, positive where the patch is convex. No sample has an end of an arc in reach.
     pub(super) bend: f32,
     /// Whether the patch's reference is beyond its line.
     pub(super) reference_outside: bool,
 }
 
-/// Sheets with their boundary edges.
+/// Patches with their boundary edges.
 #[derive(Debug, Default)]
 pub(super) struct PatchList {
     pub(super) patches: Vec<Patch>,
     pub(super) boundary: Vec<BoundaryEdge>,
 }
 
-/// What is near a cell: flat regions and boundary edges by number.
+/// Numbers of the regions and boundary edges near a cell.
 #[derive(Debug, Clone, Default)]
 pub(super) struct NearbyRegions {
     pub(super) flat: Vec<u32>,
@@ -84,21 +83,21 @@ pub(super) struct NearbyRegions {
     pub(super) boundary: Vec<u32>,
 }
 
-/// A surface to be seen.
+/// A surface and all that patches are built from.
 pub(super) struct Surface<'a> {
     pub(super) mesh: &'a TriangleMesh,
     pub(super) regions: &'a Regions,
-    /// Of the regions, and tori about them as far as they have been asked for.
+    /// Surfels of the regions, and the tori fitted to them so far.
     pub(super) surfels: SurfelGrid,
     pub(super) tori: Vec<OnceLock<Option<OsculatingTorus>>>,
     /// The kernel's reach, metres.
     pub(super) unit: f64,
-    /// How far one sees, metres.
+    /// Range of visibility, metres.
     pub(super) seen: f64,
 }
 
 impl Surface<'_> {
-    /// What is seen from about `middle`, given what is near.
+    /// The patches visible from around `middle`, out of the regions near by.
     pub(super) fn visible_from(&self, middle: DVec3, near: &NearbyRegions) -> PatchList {
         let mut list = PatchList::default();
         for id in &near.flat {
@@ -207,7 +206,7 @@ impl Surface<'_> {
         }
     }
 
-    /// Adds a curved region that is a torus as far as one sees, `on` a piece of it.
+    /// Adds a curved region that is a torus within the visible range; `on` is a surfel of it.
     fn add_curved(
         &self,
         list: &mut PatchList,
@@ -230,7 +229,7 @@ impl Surface<'_> {
             places.entry(*v).or_insert_with(develop);
         }
         let place = |v: &u32| places[v];
-        // What is developed to either end of a circle is far behind.
+        // Edges near the ends of a developed circle are out of sight.
         let before = |v: &u32| (place(v) * torus.curvature).abs().max_element() < BEHIND;
         edges.retain(|e| e.iter().all(before));
         let (about, _) = torus.developed(DVec3::ZERO);
@@ -272,8 +271,8 @@ impl PatchList {
         self.patches.push(patch);
     }
 
-    /// Adds what of a closed chain is within `most` of the origin, and to `sides` all of it as it
-    /// was added.
+    /// Adds the part of a closed chain within `most` of the origin, and to `sides` the whole
+    /// simplified chain.
     fn add_ring(&mut self, ring: &[DVec2], most: f64, sides: &mut Vec<[DVec2; 2]>) {
         let n = ring.len();
         let side = |i: usize| [ring[i % n], ring[(i + 1) % n]];
@@ -296,8 +295,8 @@ impl PatchList {
         sides.extend(self.add_chain(&chain, DVec2::ZERO, most));
     }
 
-    /// Adds what of a chain is within `most` of `about`, in fewer pieces; all of it in straight
-    /// pieces.
+    /// Adds the part of a chain within `most` of `about`, simplified; returns the whole chain in
+    /// straight pieces.
     fn add_chain(&mut self, chain: &[DVec2], about: DVec2, most: f64) -> Vec<[DVec2; 2]> {
         let sides = |chain: &[DVec2]| chain.windows(2).map(|w| [w[0], w[1]]).collect();
         if let Some(arc) = BoundaryEdge::bent(chain, about, most) {
@@ -313,7 +312,7 @@ impl PatchList {
 }
 
 impl BoundaryEdge {
-    /// What of the way from `a` to `b` is within `most` of `about`.
+    /// The part of the segment from `a` to `b` within `most` of `about`.
     fn within([a, b]: [DVec2; 2], about: DVec2, most: f64) -> Option<Self> {
         let along = (b - a).try_normalize()?;
         let length = a.distance(b);
@@ -337,8 +336,7 @@ impl BoundaryEdge {
         })
     }
 
-    /// A chain as an arc of a circle, if it is one all the way through what is within `most` of
-    /// `about`.
+    /// A chain as an arc of a circle, if it is one throughout the range `most` around `about`.
     fn bent(chain: &[DVec2], about: DVec2, most: f64) -> Option<Self> {
         let [a, .., b] = *chain else {
             return None;
@@ -363,7 +361,7 @@ impl BoundaryEdge {
     }
 }
 
-/// Whether a way comes as near to the origin as this.
+/// Whether a segment comes within `most` of the origin.
 fn is_near([a, b]: [DVec2; 2], most: f64) -> bool {
     let way = b - a;
     let (before, square) = (-a.dot(way), way.length_squared());
@@ -377,8 +375,8 @@ fn is_near([a, b]: [DVec2; 2], most: f64) -> bool {
     nearest <= most * most
 }
 
-/// How a way crosses the ray from a place along the first axis: one with the place to its left, minus
-/// one with it to its right. Closed ways go around the place as often as this adds up to.
+/// Signed crossing of a segment with the ray from a place along the first axis: one with the place
+/// to its left, minus one to its right. The sum over a closed chain is its winding number.
 fn ray_crossing([a, b]: [DVec2; 2], from: DVec2) -> i32 {
     let (a, b) = (a - from, b - from);
     match (a.y <= 0.0, b.y <= 0.0) {
@@ -397,7 +395,7 @@ const MOST_CELLS: f64 = 1e6;
 /// Most patches and boundary edges in the lists of all cells together.
 const MOST_LISTED: usize = 1 << 26;
 
-/// Sheets by the cell from which they are in reach.
+/// Patches by the cells from which they are in reach.
 #[derive(Debug, Clone)]
 pub(super) struct VisiblePatches {
     grid: Grid,
@@ -411,8 +409,8 @@ pub(super) struct VisiblePatches {
 }
 
 impl VisiblePatches {
-    /// Lists what of `regions` of a surface is within `reach` (metres) of spheres of `radius`
-    /// (metres) about places in each cell.
+    /// Lists, for each cell, the patches within `reach` (metres) of spheres of `radius` (metres)
+    /// around places in it.
     ///
     /// # Errors
     /// If the lists would pass 2^26 entries.
@@ -473,7 +471,7 @@ impl VisiblePatches {
         Ok(visible)
     }
 
-    /// What is near each cell.
+    /// Regions and boundary edges near each cell.
     fn near(
         &self,
         mesh: &TriangleMesh,
@@ -529,8 +527,8 @@ impl VisiblePatches {
         })
     }
 
-    /// What is seen from about a place, and where that is relative to the middle of its cell, in
-    /// units of the reach; none if no surface is in reach of it. All of it is on its way.
+    /// The patches visible from a place, and the place relative to the middle of its cell in units
+    /// of the reach; none if no surface is in reach. Prefetches the patches.
     #[inline(always)]
     pub(super) fn look_up(&self, p: DVec3) -> Option<(&[Patch], Vec3)> {
         let place = (p - self.grid.low) * self.per_metre;

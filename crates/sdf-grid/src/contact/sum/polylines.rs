@@ -1,14 +1,14 @@
-//! Chains of edges in fewer, straight pieces.
+//! Chains of edges, simplified into fewer straight pieces and arcs.
 
 use glam::{DVec2, DVec3};
 
-/// How far from a boundary edge its pieces may be near by, and how that grows with the distance beyond
+/// Deviation allowed from a boundary near by, and its growth with the distance beyond
 /// [`NEAR`], in units of the reach.
 const OFF: f64 = 0.006;
 const OFF_FAR: f64 = 0.03;
 const NEAR: f64 = 0.5;
 
-/// How far points may be off that are dropped from where ever a boundary edge is seen, per reach.
+/// Deviation allowed of points that are dropped for every viewpoint, per reach.
 const THIN: f64 = 5e-4;
 
 /// Cosine of the angle by which a chain turns where it has no corner, at most.
@@ -24,8 +24,8 @@ const FEW: usize = 6;
 /// Looks at every point of a chain on average, at most; a chain that takes more stays.
 const MOST_LOOKS: usize = 100;
 
-/// A chain in its own plane in fewer pieces, between the same ends, where `about` is where it should
-/// be true: as much lies to either side of each piece, but at corners.
+/// Simplifies a chain in its own plane, most accurately around `about` and with the same ends.
+/// Except at corners, pieces keep the area on either side.
 pub(super) fn simplify_near(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     if chain.len() < FEW {
         return chain.to_vec();
@@ -57,7 +57,7 @@ pub(super) fn simplify_near(chain: &[DVec2], about: DVec2) -> Vec<DVec2> {
     found
 }
 
-/// How far a chain is from the way between its ends, on average.
+/// Mean offset of a chain from the segment between its ends.
 fn mean_offset(chain: &[DVec2]) -> DVec2 {
     let [from, .., to] = *chain else {
         return DVec2::ZERO;
@@ -76,15 +76,15 @@ fn mean_offset(chain: &[DVec2]) -> DVec2 {
     }
 }
 
-/// Which points of a chain are kept so that none is more than [`THIN`] times `reach` off.
+/// The points of a chain to keep so that none is farther off than [`THIN`] times `reach`.
 pub(super) fn thin_out(chain: &[DVec3], reach: f64) -> Vec<usize> {
     let off =
         |k: usize, from: usize, to: usize| distance_to_segment(chain[k], chain[from], chain[to]);
     select_points(chain.len(), |k, from, to| off(k, from, to) / (THIN * reach))
 }
 
-/// Which of `count` points are kept, the ends among them (Douglas and Peucker), where `off` says how
-/// far a point is from the way between two others, in units of what is allowed.
+/// The points to keep out of `count`, with the ends (Douglas and Peucker). `off` is the distance of
+/// a point from the segment between two others, in units of the allowed deviation.
 fn select_points(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<usize> {
     if count < FEW {
         return (0..count).collect();
@@ -108,13 +108,13 @@ fn select_points(count: usize, off: impl Fn(usize, usize, usize) -> f64) -> Vec<
     kept
 }
 
-/// The point of a side that is nearest to a place.
+/// The point of a segment nearest to a place.
 fn nearest_point(side: &[DVec2], to: DVec2) -> DVec2 {
     let [a, b] = [side[0], side[1]];
     a + (b - a) * nearest_parameter((to - a).extend(0.0), (b - a).extend(0.0))
 }
 
-/// How far from a boundary edge its pieces may be at a place.
+/// Deviation allowed at a place.
 pub(super) fn allowed_offset(p: DVec2, about: DVec2) -> f64 {
     let beyond = (p.distance(about) - NEAR).max(0.0);
     OFF + OFF_FAR * beyond * beyond
@@ -159,13 +159,14 @@ impl Arc {
     }
 }
 
-/// Distance of `p` from the way from `a` to `b`.
+/// Distance of `p` from the segment from `a` to `b`.
 fn distance_to_segment(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (along, from) = (b - a, p - a);
     from.distance(along * nearest_parameter(from, along))
 }
 
-/// Where on a way the nearest point to a place is, both from where the way begins.
+/// Parameter of the point on a segment nearest to a place; both are relative to the segment's
+/// beginning.
 fn nearest_parameter(from: DVec3, along: DVec3) -> f64 {
     let place = from.dot(along) / along.length_squared();
     // On a way without a length, where it begins.

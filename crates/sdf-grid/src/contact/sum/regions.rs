@@ -111,7 +111,7 @@ const SURFEL: f64 = 0.2;
 /// How far faces are from what is bent, in the mean (rms) and in units of the reach.
 const FACETS: f64 = 0.004;
 
-/// A surface.
+/// A surface, divided into flat and curved regions.
 #[derive(Debug)]
 pub(super) struct Regions {
     /// The flat ones.
@@ -196,7 +196,7 @@ impl Regions {
         of.collect()
     }
 
-    /// Those of `mesh`, where what lies within `flat` of a plane lies in it, with `reach` that of
+    /// The regions of `mesh`. Vertices within `flat` of a plane count as in it; `reach` is that of
     /// the kernel (metres).
     ///
     /// # Errors
@@ -283,7 +283,7 @@ fn decimate_regions(
     found.flatten_iter().collect()
 }
 
-/// Borders of regions in fewer pieces.
+/// Simplifies the boundaries of regions.
 fn thin(
     mut boundary: Vec<(u32, [u32; 2])>,
     vertices: &[DVec3],

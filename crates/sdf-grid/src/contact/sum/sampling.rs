@@ -1,5 +1,12 @@
-//! Samples of a surface: on lattices of planes and cylinders, in rows along sharp edges, in clusters
-//! elsewhere.
+//! Samples of a surface.
+//!
+//! The sum over samples errs where the other surface's field has a kink or a ridge: on its planes
+//! and along its edges, which mating parts have next to their own. Samples in rows along such lines
+//! all err alike. So samples of a flat face or a cylinder are the centroids of squares of a
+//! lattice, turned so that none of its rows runs along the face's sides. Towards sharp edges, next
+//! to which edges of other parts come to lie, they form two narrow rows, even along each edge and
+//! with another phase on each. Samples of a face that cannot be developed are the centroids of
+//! compact cells, found by Lloyd's algorithm.
 
 use std::f64::consts::TAU;
 
@@ -14,7 +21,7 @@ use crate::contact::samples::{SurfaceSample, surface_pieces};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::pieces::merged;
 
-/// Sums over the pieces of a point.
+/// Sums over the pieces of one sample.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SampleAccumulator {
     /// Places times areas.
@@ -52,7 +59,7 @@ const ALIGNED: f64 = 0.5;
 /// Pieces are taken together first by boxes of this size, in units of the distance of cells.
 const BOX: f64 = 0.2;
 
-/// Pieces of a surface to be divided into cells.
+/// Pieces of a surface, divided into compact cells by Lloyd's algorithm.
 pub(super) struct Cells {
     distance: f64,
     /// By part and box.
@@ -179,10 +186,11 @@ pub(super) struct RoundLattice {
     side: f64,
 }
 
-/// Those of the parts of `mesh`, of squares `distance` wide, for a kernel with a reach (metres).
+/// Lattices of squares `distance` wide on the parts of `mesh`, for a kernel with this reach
+/// (metres).
 ///
-/// The longest boundary edge of a flat part, and the axis of a cylinder, are at an angle to the squares that
-/// spreads the projections of a square lattice on them best.
+/// The longest boundary edge of a flat part, and the axis of a cylinder, are at an angle to the
+/// squares that spreads the projections of a square lattice on them best.
 ///
 /// # Errors
 /// If there would be too many pieces.
@@ -223,7 +231,7 @@ pub(super) fn fit_lattices(
     Ok(found)
 }
 
-/// A rotation after which no edge of a part is along a lattice, unless it is made so.
+/// A rotation that aligns no edge of a part with a lattice by accident.
 pub(super) fn generic_rotation() -> DQuat {
     DQuat::from_scaled_axis(DVec3::new(0.553, -0.709, 0.961))
 }
@@ -305,16 +313,16 @@ struct Chain {
     length: f64,
     /// Points along it.
     points: f64,
-    /// Where points begin, in units of their distance: another place on each chain, or those of edges
-    /// side by side would pass another part's rim together.
+    /// Where points begin, in units of their distance: another place on each chain, or those of
+    /// edges side by side would pass another part's rim together.
     phase: f64,
     /// Whether it goes round.
     closed: bool,
 }
 
 impl Chain {
-    /// The point so far along, metres: of a chain with ends one more than there are, the first and the
-    /// last of which share a whole one.
+    /// The number of the point at a position along the chain, metres. An open chain has one point
+    /// more, the first and the last being partial.
     fn point(&self, along: f64) -> i32 {
         let place = (along / self.length * self.points + self.phase).floor();
         match self.closed {
@@ -324,7 +332,7 @@ impl Chain {
     }
 }
 
-/// Boxes about a step along an edge, three along each side.
+/// Boxes around a step along an edge: three along each side.
 const AROUND: f64 = 27.0;
 
 /// Boxes along all edges together, at most.
@@ -337,7 +345,7 @@ const SPREAD: f64 = 0.618_033_988_7;
 const CORNER: f64 = 0.866;
 
 impl SharpEdges {
-    /// Those of `mesh`, within `near` of which places are found, in points `distance` apart (metres).
+    /// The sharp edges of `mesh`, looked up within `near`, in points `distance` apart (metres).
     ///
     /// # Errors
     /// If there would be too many boxes.
@@ -389,7 +397,7 @@ impl SharpEdges {
         let mut follows = vec![false; boundary.len()];
         next.iter().flatten().for_each(|i| follows[*i] = true);
         let mut is_used = vec![false; boundary.len()];
-        // Those that begin at a corner first; what is left then goes round.
+        // Chains that begin at a corner first; the rest are closed.
         let begins = (0..boundary.len()).filter(|i| !follows[*i]);
         for begin in begins.chain(0..boundary.len()) {
             let (mut current, mut start) = (Some(begin), 0.0);
@@ -444,8 +452,8 @@ impl SharpEdges {
         Ok(())
     }
 
-    /// Distance of a place from the nearest sharp edge of a part, if that is near, and the place
-    /// there: chain and point along it.
+    /// Distance of a place from the nearest sharp edge of a part, if it is near, with its chain and
+    /// the point along it.
     pub(super) fn nearest(&self, part: u32, p: DVec3) -> Option<(f64, IVec3)> {
         let place = (p / self.near).floor().as_ivec3();
         let edges = self.boxes.get(&(part, place))?;
@@ -480,12 +488,12 @@ const PIECES: f64 = (1 << 22) as f64;
 /// Points of less than this share of the area of a whole one join a neighbour.
 const WHOLE: f64 = 0.4;
 
-/// The row of points that are in none.
+/// The row number of points on the lattice.
 const LATTICE: usize = ROWS.len();
 
-/// Where rows end at a place along an edge, in units of the distance of points: elsewhere at every
-/// place, so that no edge crosses all points of a row at once, nor those next to the last row, which
-/// would be in a row again if the lattice were cut along a line.
+/// Ends of the rows at a place along an edge, in units of the distance of points. They differ from
+/// place to place, so that no other edge crosses all points of a row, or all those next to the last
+/// row, at once.
 fn row_ends(place: IVec3) -> [f64; LATTICE] {
     // Multiples of the golden ratio, modulo one, are spread evenly.
     let [chain, point, _] = place.to_array().map(f64::from);
@@ -547,7 +555,7 @@ pub(super) fn sample_surface(
     }
 }
 
-/// Points, those that are small joined to their neighbours.
+/// Samples, small ones merged with their neighbours.
 fn merge_small(mut points: FxHashMap<Key, SampleAccumulator>, distance: f64) -> Vec<SurfaceSample> {
     let mut keys: Vec<Key> = points.keys().copied().collect();
     keys.sort_unstable_by_key(|(part, row, place)| (*part, *row, place.to_array()));
@@ -636,8 +644,8 @@ mod tests {
         (parts, edges)
     }
 
-    /// A rim of many facets is one chain, seen from the wall and from the lid, and as many points as
-    /// fit are spread evenly along it, in any frame.
+    /// A rim of many facets is one chain, seen from the wall and from the lid, and as many points
+    /// as fit are spread evenly along it, in any frame.
     #[test]
     fn points_are_even_around_a_rim() {
         let [radius, distance] = [0.005, 0.0017];

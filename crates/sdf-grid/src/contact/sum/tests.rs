@@ -133,8 +133,8 @@ fn round_walls_push_as_in_the_slow_sum() {
     }
 }
 
-/// Walls and rounded edges that are bent more than that are taken as few flat faces: here by a pin of
-/// 2.4 widths' radius, sampled more finely than walls are.
+/// Walls and rounded edges that are bent more than that are taken as few flat faces: here by a pin
+/// of 2.4 widths' radius, sampled more finely than walls are.
 #[test]
 fn narrow_bends_push_as_in_the_slow_sum() {
     let pin = |clearance: f64, segments: u32| {
@@ -161,10 +161,10 @@ fn narrow_bends_push_as_in_the_slow_sum() {
     assert!(2 * bytes[1] < 3 * bytes[0], "{bytes:?}");
 }
 
-/// Where surfaces cross at any angle the sum is small beside that of walls that face each other, and
-/// what samples miss of it is an eighth to a fifth, either way: the average over their extent is
-/// neither more nor less than the middles', in all. Of the kink alone it would be less, by half of the
-/// sum.
+/// Where surfaces cross at any angle the sum is small beside that of walls that face each other,
+/// and what samples miss of it is an eighth to a fifth, either way: the average over their extent
+/// is neither more nor less than the middles', in all. Of the kink alone it would be less, by half
+/// of the sum.
 #[test]
 fn samples_that_cross_a_surface_are_not_biased() {
     for section in PegInHole::ALL {
@@ -225,8 +225,8 @@ fn off_differences(
 
 /// Steps of half a micrometre: rounding to single precision leaves 1e-4 of the slopes, and a sample
 /// that crosses an edge meanwhile, where slopes have a ridge, up to 2e-3 of one pose's. At so many
-/// poses clusters pass from one cell of the surface's lists to the next, and samples past the ends of
-/// borders.
+/// poses clusters pass from one cell of the surface's lists to the next, and samples past the ends
+/// of borders.
 #[test]
 fn slopes_are_those_of_differences() {
     let pairs = PegInHole::ALL.map(|s| s.pair(2e-4).unwrap());
@@ -248,9 +248,9 @@ fn slopes_are_those_of_differences() {
     }
 }
 
-/// Where boxes cross at any angle, samples are softened on borders that they do not lie along. Steps
-/// are as short as single precision bears: contact is small here, and rotations by as much move all
-/// less.
+/// Where boxes cross at any angle, samples are softened on borders that they do not lie along.
+/// Steps are as short as single precision bears: contact is small here, and rotations by as much
+/// move all less.
 #[test]
 fn slopes_at_crossing_edges_are_those_of_differences() {
     let small = shapes::cuboid(DVec3::new(0.010, 0.012, 0.009)).unwrap();
@@ -411,9 +411,9 @@ fn what_cannot_be_summed_is_refused() {
     assert!(ContactSum::new(&cube, &cube, 1e300, 0.3).is_ok());
 }
 
-/// Along the way in samples pass the hole's rim. Those that do together are teeth in the force along
-/// the way, which is small beside that across: of points in rows along the rim whose middles alone
-/// count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.
+/// Along the way in samples pass the hole's rim. Those that do together are teeth in the force
+/// along the way, which is small beside that across: of points in rows along the rim whose middles
+/// alone count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.
 #[test]
 fn the_force_along_the_way_in_has_no_teeth() {
     let spacing = WIDTH / 0.985;

@@ -1,6 +1,5 @@
-//! Which clusters are far, at a glance.
-//!
-//! Far clusters as the points of a packet see them.
+//! Acceptance test of the tree code: which clusters are far enough for their expansion; and the
+//! expansion itself at the points of a packet.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, f32x16, mask32x16};
@@ -24,7 +23,7 @@ pub(crate) struct Limits<'a> {
 const FOLDED: f32 = 0.7;
 
 impl<'a> Limits<'a> {
-    /// Where clusters cancel, or perhaps do not.
+    /// Limits where clusters cancel, or do not.
     pub(crate) fn new(accuracy: &'a Accuracy, cancelled: bool) -> Self {
         let Accuracy {
             far,
@@ -46,8 +45,8 @@ impl<'a> Limits<'a> {
     }
 }
 
-/// What tells whether a cluster may be far from a packet, or out of reach, without a look at its
-/// points.
+/// Test of a packet's bounding box against wide nodes: which members may be far, or are out of
+/// reach.
 pub(crate) struct AcceptanceTest {
     centre: Vec3,
     /// Half the size of the points' box, and half its diagonal.
@@ -61,7 +60,7 @@ pub(crate) struct AcceptanceTest {
     inverse_sigma: f32,
     /// One over the length, in distances, over which the kernel varies.
     inverse_width: f32,
-    /// [`Far`] of open and of folded clusters.
+    /// [`AcceptanceLimit`] of open and of folded clusters.
     size: [f32; 2],
     front: [f32; 2],
     bend: [f32; 2],
@@ -98,7 +97,7 @@ impl AcceptanceTest {
     }
 
     /// Which members of a wide node are within reach of the box of points, and of which
-    /// [`Seen::is_far`] is likely, by the same rule for the packet as a whole. Saves
+    /// [`FarFieldView::is_far`] is likely, by the same rule for the packet as a whole. Saves
     /// most of the tests that fail. And the sines between the members' axes and the line from the
     /// packet's centre.
     #[inline(always)]
@@ -141,7 +140,7 @@ impl AcceptanceTest {
     }
 }
 
-/// The terms of one cluster that all points see, or of one for each.
+/// The terms of one cluster for all points, or of one cluster per point.
 pub(crate) trait Terms<S: Simd> {
     fn get(&self, simd: S, term: usize) -> f32x16<S>;
 }
@@ -160,11 +159,11 @@ impl<S: Simd> Terms<S> for [Lanes; TERMS] {
     }
 }
 
-/// Tangents to the root in [`Seen::is_far`] touch it at the square of this or more: at zero they
-/// are vertical.
+/// Tangents to the root in [`FarFieldView::is_far`] touch it at the square of this or more: at zero
+/// they are vertical.
 const LEAST_SINE: f32 = 0.1;
 
-/// A cluster as the points of a packet see it, in units of their distances.
+/// A cluster relative to the points of a packet, in units of their distances.
 pub(crate) struct FarFieldView<S: Simd> {
     /// `r = (p - c) / xi`.
     r: [f32x16<S>; 3],

@@ -1,4 +1,4 @@
-//! What a tolerance means for the tree code.
+//! Truncation and acceptance parameters of the tree code for a tolerance.
 
 /// Truncation and acceptance, found by measuring the relative L2 error on parts and random solids.
 #[derive(Debug, Clone, Copy)]

@@ -1,13 +1,8 @@
-//! The traversal over the tree: far clusters by their moments, near faces by edge integrals.
+//! Traversal of the tree: far clusters by their moments, near faces by edge integrals.
 //!
-//! Clusters that wait to be added for one point.
-//!
-//! The integral at one point that hardly any face or cluster has in common with its neighbours:
-//! sixteen clusters at a time, instead of one cluster for sixteen points.
-//!
-//! The integral at sixteen points: one cluster at a time for all of them.
-//!
-//! Distances and density integrals of packets.
+//! A packet traversal adds one cluster at a time to sixteen points. Where faces are so small that
+//! neighbouring points have hardly any cluster in common, a single traversal collects clusters and
+//! adds sixteen at a time to one point.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f32x16};
@@ -41,7 +36,7 @@ impl Traversal {
     }
 }
 
-/// What the traversal has yet to look at.
+/// Wide nodes still to visit, and near faces still to add.
 #[derive(Debug, Default)]
 pub(crate) struct TraversalStack {
     wide_nodes: Vec<u32>,
@@ -51,7 +46,7 @@ pub(crate) struct TraversalStack {
 /// Where clusters add up to this many times their sum they cancel, and their errors weigh more.
 pub(crate) const CANCELLING: f32 = 1.1;
 
-/// A cluster that the traversal meets.
+/// A cluster that the traversal visits.
 pub(crate) struct ClusterVisit<'a> {
     pub(crate) wide_node: &'a WideNode,
     /// Its place in the wide node.
@@ -61,7 +56,7 @@ pub(crate) struct ClusterVisit<'a> {
     pub(crate) sine: f32,
 }
 
-/// What a walk adds up.
+/// The sums of a traversal.
 pub(crate) trait Sums<S: Simd> {
     /// Adds a cluster that is perhaps far; false if it is not, and nothing is added.
     fn add_if_far(
@@ -127,8 +122,8 @@ impl TraversalStack {
     }
 }
 
-/// Asks for what the traversal will most likely take of a wide node, ahead of its use: of large meshes it
-/// lies in distant caches.
+/// Prefetches the clusters, faces and wide nodes that the traversal will most likely use: those of
+/// large meshes lie in distant caches.
 #[inline(always)]
 fn prefetch_wide_node(
     tree: &PacketTree<'_>,
@@ -153,7 +148,7 @@ fn prefetch_wide_node(
     }
 }
 
-/// Clusters waiting to be added for one point. Reused from point to point.
+/// Clusters pending for one point. Reused from point to point.
 #[derive(Debug, Default)]
 #[repr(align(64))]
 pub(crate) struct PendingClusters {
@@ -185,7 +180,7 @@ impl PendingClusters {
         self.len == LANES
     }
 
-    /// Adds those that wait.
+    /// Adds the pending clusters.
     #[inline(always)]
     pub(crate) fn add_to<S: Simd>(
         &mut self,
@@ -194,7 +189,7 @@ impl PendingClusters {
         sum: &mut [f32x16<S>; 2],
         magnitude: &mut f32x16<S>,
     ) {
-        // In places where none waits it is out of reach.
+        // Unused lanes are out of reach.
         for k in 0..3 {
             self.from[k][self.len..].fill(1e9);
         }
@@ -285,7 +280,7 @@ impl<S: Simd> SingleSums<'_, S> {
 }
 
 impl<S: Simd> Sums<S> for SingleSums<'_, S> {
-    /// For one point a glance tells which clusters are far.
+    /// For one point the acceptance test of the wide node suffices.
     #[inline(always)]
     fn add_if_far(
         &mut self,

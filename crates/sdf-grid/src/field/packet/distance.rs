@@ -1,6 +1,4 @@
-//! Nodes and faces as a packet sees them.
-//!
-//! Nearest distance of a packet.
+//! Faces and nodes relative to a packet, and the nearest distance of its points.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f32x16};
@@ -245,7 +243,7 @@ impl<'a> PacketDistance<'a> {
         &self.facets[index]
     }
 
-    /// Asks for what the search looks at below a node, ahead of its use.
+    /// Prefetches what the search uses below a node.
     #[inline(always)]
     fn ask_below(&self, id: u32, hull: &Hull) {
         if hull.is_leaf() {
@@ -327,7 +325,7 @@ fn distances<S: Simd>(
     best.sqrt().into()
 }
 
-/// A node to look at.
+/// A node still to search.
 #[derive(Clone, Copy, Default)]
 struct PendingNode {
     id: u32,

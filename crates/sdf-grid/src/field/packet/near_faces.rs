@@ -1,10 +1,8 @@
-//! Integrals along the part of an edge within reach, and the angle of the rest.
+//! Near faces of a packet: collected by the traversal, then integrated edge by edge with the
+//! formulas of [`crate::field::point::edge_integral`].
 //!
-//! Near faces of a packet: collected by the traversal, then added edge by edge; the formulas are those
-//! of [`crate::field::point::edge_integral`].
-//!
-//! The kernel along an edge is the same for both faces it belongs to: where both are near it is
-//! evaluated once. Where both lie in one plane the edge does not count at all.
+//! The kernel along an edge is the same for both faces of the edge: where both are near it is
+//! evaluated once. Where both lie in one plane the edge cancels.
 
 use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
@@ -218,18 +216,18 @@ fn near_foot<S: Simd>(
 /// Faces added at a time: what is kept of them should stay in the first-level cache.
 const BATCH: usize = 48;
 
-/// Near faces waiting to be added. Reused from packet to packet; 34 KB, and 4 bytes per face of the
+/// Near faces pending. Reused from packet to packet; 34 KB, and 4 bytes per face of the
 /// mesh.
 #[derive(Debug, Default)]
 pub(crate) struct NearFaces {
-    /// Waiting are the first `len`.
+    /// The first `len` are pending.
     faces: Vec<NearFace>,
     len: usize,
-    /// By face: its place among those waiting, if it is there.
+    /// By face: its place among the pending ones, if it is there.
     places: Vec<u32>,
 }
 
-/// A face as the points of a packet see it.
+/// A face relative to the points of a packet.
 #[derive(Debug, Clone, Default)]
 #[repr(C, align(64))]
 struct NearFace {
@@ -250,13 +248,13 @@ impl NearFaces {
         self.places.resize(count, 0);
     }
 
-    /// The place of a face if it is waiting.
+    /// The place of a face if it is pending.
     fn place(&self, face: usize) -> Option<usize> {
         let place = self.places[face] as usize;
         (place < self.len && self.faces[place].index as usize == face).then_some(place)
     }
 
-    /// Adds the integral over face `index` to `sum`, now or with [`NearFaces::add_waiting`].
+    /// Adds the integral over face `index` to `sum`, now or with [`NearFaces::add_pending`].
     #[inline(always)]
     pub(crate) fn add<S: Simd>(
         &mut self,
@@ -307,7 +305,7 @@ impl NearFaces {
         }
     }
 
-    /// Adds the faces that wait.
+    /// Adds the pending faces.
     #[inline(always)]
     pub(crate) fn add_pending<S: Simd>(
         &mut self,

@@ -4,7 +4,7 @@ use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
 use glam::{DVec3, Vec3};
 
-/// Points per packet. Fastest on compact wide nodes such as 2 x 2 x 4 neighbours.
+/// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
 pub(crate) const LANES: usize = 16;
 
 /// One number per point.

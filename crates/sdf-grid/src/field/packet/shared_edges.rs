@@ -1,4 +1,4 @@
-//! Which edges of faces are the same line.
+//! Edges that two faces share.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,8 +9,8 @@ use crate::surface::face::Face;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct SharedEdge(u32);
 
-/// Faces, their edges and one flag fit into a word up to this many faces; beyond, no shared edges are
-/// kept.
+/// Faces, their edges and one flag fit into a word up to this many faces; for larger meshes shared
+/// edges are not found.
 const MAX_FACES: usize = 1 << 29;
 
 /// Corners that agree to this are one: cuts through neighbouring faces differ by rounding.
@@ -143,7 +143,8 @@ fn pair_up(
     }
 }
 
-/// Whether two faces whose edges `k` and `l` are shared edges lie in one plane; none if they are no shared edges.
+/// Whether two faces that share the edges `k` and `l` lie in one plane; none if they do not share
+/// them.
 fn coplanar(f: &Face, k: usize, g: &Face, l: usize) -> Option<bool> {
     let ([a, b], [c, d]) = (ends(f, k), ends(g, l));
     let apart = a.distance_squared(d).max(b.distance_squared(c));

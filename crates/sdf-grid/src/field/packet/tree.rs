@@ -94,13 +94,13 @@ pub(crate) struct WideNode {
     pub(crate) axis: [Members; 3],
     pub(crate) radius: Members,
     pub(crate) spread: Members,
-    /// What to look at instead of a member that is near.
+    /// What replaces a member that is near.
     pub(crate) children: [Child; WIDTH],
     /// The members that are below none of the others, bit by bit.
     pub(crate) top: u32,
 }
 
-/// What lies below a member.
+/// The child of a member.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Child {
     /// It is this face.
@@ -211,7 +211,7 @@ struct Shape {
 }
 
 impl Shape {
-    /// The wide node that begins at a node. Groups below it have no number yet.
+    /// The wide node that begins at a node. Wide nodes below it have no number yet.
     fn at(bvh: &Bvh, root: usize) -> Self {
         let mut shape = Self {
             items: [Item::Face(0); WIDTH],
@@ -284,7 +284,7 @@ impl Children {
     }
 }
 
-/// All that the traversal for the density of a packet looks at.
+/// Everything that the traversal for the density of a packet uses.
 pub(crate) struct PacketTree<'a> {
     pub(crate) bvh: &'a Bvh,
     pub(crate) distance: PacketDistance<'a>,
@@ -294,7 +294,7 @@ pub(crate) struct PacketTree<'a> {
     pub(crate) shared_edges: Vec<[SharedEdge; 4]>,
     pub(crate) kernel: PacketKernel,
     pub(crate) accuracy: Accuracy,
-    /// Whether all this is more than the nearest caches hold.
+    /// Whether the tree exceeds the nearest caches.
     pub(crate) is_large: bool,
 }
 

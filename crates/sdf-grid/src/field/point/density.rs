@@ -1,6 +1,4 @@
-//! Density at one point, as two unit parts.
-//!
-//! The tree code at single points, in f64.
+//! The density at single points in f64, through the tree; and a density as two unit parts.
 
 use glam::DVec3;
 use num_complex::Complex64;

@@ -1,5 +1,5 @@
-//! Smooth blocks: where values interpolated between some nodes agree with others that were
-//! computed, the rest are interpolated too.
+//! Adaptive interpolation: where values interpolated between some nodes of a block agree with
+//! others that were computed, the rest are interpolated too.
 //!
 //! Away from the skeleton and from the reach of edges the density varies over lengths of the order
 //! of the distance from the boundary, many nodes on a fine lattice.

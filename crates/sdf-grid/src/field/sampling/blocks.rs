@@ -1,6 +1,5 @@
-//! Small regular patches of points, cut into packets of 2 x 2 x 4.
-//!
-//! The arrays of a field cut into blocks.
+//! Blocks of lattice arrays, and small regular patches of points, divided into packets of 2 x 2 x
+//! 4.
 
 use std::ops::Range;
 

@@ -1,9 +1,9 @@
-//! Fields smoothed by a Gaussian before they are sampled: what a lattice can hold of densities that
-//! jump.
+//! Fields smoothed by a Gaussian before they are sampled, so that a lattice can represent densities
+//! that jump.
 //!
-//! The density is averaged over the cells of a lattice twice as fine, then filtered along z, y and x
-//! to every second node. The fine lattice exists only a few planes at a time, and is computed only
-//! where it does not lie [`between`](super::between) coarser nodes.
+//! The density is averaged over the cells of a lattice twice as fine, then filtered along z, y and
+//! x to every second node. Only a few planes of the fine lattice exist at a time, and they are
+//! computed only where [`upsampling`](super::upsampling) from coarser nodes does not suffice.
 
 use std::ops::RangeInclusive;
 
@@ -144,10 +144,10 @@ impl Smoothing {
     }
 
     /// Fills arrays of zeros up to where densities end: beyond the boundary, on its other side, and
-    /// beyond the halo by half as much, where next to nothing is left. A filter reaches the corners of a box; what ends within a distance moves
-    /// with the part, and is as small as it can be in every direction. `sample` fills the values of a lattice: at its nodes, or if there are
-    /// nodes between which it lies, beginning so many fine planes from their start, means over its
-    /// cells.
+    /// beyond the halo by half as much, where next to nothing is left. A filter reaches the corners
+    /// of a box; what ends within a distance moves with the part, and is as small as it can be in
+    /// every direction. `sample` fills the values of a lattice: at its nodes, or if there are nodes
+    /// between which it lies, beginning so many fine planes from their start, means over its cells.
     pub(super) fn fill(
         &self,
         lattice: &Lattice,

@@ -5,7 +5,7 @@
 //! - [`smooth`]: blocks that are interpolated from some of their points;
 //! - [`patch_density`]: distances, signs and densities of a patch;
 //! - [`blocks`]: arrays cut into blocks, the unit of work;
-//! - [`smoothed`]: fields smoothed by a Gaussian, [`between`] where they need no fine lattice;
+//! - [`smoothed`]: fields smoothed by a Gaussian, [`upsampling`] where they need no fine lattice;
 //! - [`fill`]: the values of a field, with halo and cell averages;
 //! - [`signed_distance`]: distances alone.
 

@@ -1,12 +1,12 @@
-//! On which side of the boundary the points of a patch lie.
+//! Sign propagation: on which side of the boundary the points of a patch lie.
 //!
 //! Two points whose distances from the boundary add up to more than the distance between them lie
-//! on the same side of it. So a side found for one point floods all that is connected with it, and
-//! the winding number, which costs far more, is asked for once for each such piece, where that
-//! piece is farthest from the boundary.
+//! on the same side. So the side of one point floods all points connected with it, and the winding
+//! number, which costs far more, is evaluated once per connected set, at its point farthest from
+//! the boundary.
 //!
-//! That holds where the boundary is closed. Through the holes of one that is not the winding number
-//! passes from one side to the other without a boundary between: there every point is asked for.
+//! That requires a closed boundary. Through holes the winding number passes from one side to the
+//! other without a boundary between them: there it is evaluated at every point.
 
 use glam::DVec3;
 
@@ -139,8 +139,8 @@ impl Signs {
 }
 
 impl Anchors<'_> {
-    /// Whether a point in the cell of node `own` (C order), at this distance from the boundary, lies
-    /// inside, if one of the nodes tells: that one, or with `all` those around it.
+    /// Whether a point in the cell of node `own` (C order), at this distance from the boundary,
+    /// lies inside, if one of the nodes tells: that one, or with `all` those around it.
     fn side(&self, own: usize, (position, distance): (DVec3, f32), all: bool) -> Option<bool> {
         let centre = self.patch.unravel(own);
         let tells = |index: [usize; 3]| {

@@ -1,7 +1,7 @@
-//! Densities of a fine lattice that lie between those of a lattice of twice its spacing.
+//! Upsampling: densities of a fine lattice from those of a lattice of twice its spacing.
 //!
 //! Away from the boundary most densities vary so little from node to node that every second one
-//! does: the rest is interpolated by cubics. Where they vary more, next to the boundary and on the
+//! suffices and cubics interpolate the rest. Where they vary more, next to the boundary and on the
 //! skeleton's sharp branches, the fine lattice is computed.
 
 use glam::DVec3;
@@ -25,9 +25,9 @@ const READ: usize = 7;
 /// Nodes nearer to the boundary than this many coarse spacings are never interpolated between.
 const CLEAR: f32 = 2.0;
 
-/// Largest fourth difference between coarse nodes, of the root mean square density. Cubics are off by
-/// a fortieth of it where the density is smooth, by 0.4 of it at the sharpest crease. It leaves a
-/// relative L2 error of 2e-4 to 4e-4, far less than what the fine lattice itself is off.
+/// Largest fourth difference between coarse nodes, of the root mean square density. Cubics are off
+/// by a fortieth of it where the density is smooth, by 0.4 of it at the sharpest crease. It leaves
+/// a relative L2 error of 2e-4 to 4e-4, far less than what the fine lattice itself is off.
 const VARIATION: f64 = 0.4;
 
 /// The densities of the coarse lattice, which covers the fine one.

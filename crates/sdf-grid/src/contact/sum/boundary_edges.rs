@@ -301,6 +301,7 @@ impl<'a> EdgeView<'a> {
         let along = self.edge.along;
         let tangent = [splat(simd, along.x), splat(simd, along.y)];
         let normal = [splat(simd, along.y), splat(simd, -along.x)];
+        // Straight edges.
         if self.edge.bend == 0.0 {
             let across = x.mul_add(-along.y, y.mul_add(along.x, splat(simd, self.across)));
             let start = x.mul_add(-along.x, y.mul_add(-along.y, splat(simd, self.ends[0])));
@@ -312,6 +313,7 @@ impl<'a> EdgeView<'a> {
                 outward: normal,
             };
         }
+        // Arcs: coordinates along the circle.
         let from = self.foot - self.edge.middle;
         let (x, y) = (x + from.x, y + from.y);
         let circle = Circle::new(
@@ -367,6 +369,7 @@ impl<'a> EdgeView<'a> {
         line: &EdgeLine<S>,
         edge_sums: &mut EdgeSums<S>,
     ) {
+        // The piece of the line within reach.
         let (across, start) = (line.across, line.start);
         let zero = splat(across.token(), 0.0);
         let flat = across * across;
@@ -388,13 +391,20 @@ impl<'a> EdgeView<'a> {
         let parts = a.simd_gt(-visible) | b.simd_lt(visible);
         let parts = (parts & near.simd_lt(splat(across.token(), 1.0))).any_true();
         let ([logarithm, angle, lifted], [rest, height_slope, slope]) = match parts {
-            false => (integrals.chord(visible), kernel.along_chord(near, visible)),
+            false => (
+                integrals.chord(visible),
+                kernel.integrate_chord(near, visible),
+            ),
             true => {
                 let ends = [a, b.max(a)];
                 let far = [a.mul_add(a, near), ends[1].mul_add(ends[1], near)];
-                (integrals.piece(ends, far), kernel.along(near, ends, far))
+                (
+                    integrals.piece(ends, far),
+                    kernel.integrate(near, ends, far),
+                )
             }
         };
+        // Softening next to the line.
         let (mut logarithm, mut lifted, mut out) = (logarithm, lifted, slope);
         if near.simd_lt(local.wide.square).any_true() {
             let softening =
@@ -407,6 +417,7 @@ impl<'a> EdgeView<'a> {
                 edge_sums.along[k] = softening.along.mul_add(line.along[k], edge_sums.along[k]);
             }
         }
+        // Sums.
         edge_sums.angle += angle;
         edge_sums.lifted += lifted;
         edge_sums.rest = across.mul_add(logarithm - rest, edge_sums.rest);

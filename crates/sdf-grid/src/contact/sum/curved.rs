@@ -231,6 +231,7 @@ pub(super) struct Cylinder {
 impl Cylinder {
     /// The one on which all of `surfels` lie.
     pub(super) fn fit(surfels: &[Surfel]) -> Option<Self> {
+        // Axis direction.
         let along = axis_direction(surfels)?;
         let area: f64 = surfels.iter().map(|s| s.area).sum();
         let mean = surfels.iter().map(|s| s.area * s.place).sum::<DVec3>() / area;
@@ -248,6 +249,7 @@ impl Cylinder {
                 }
             }
         }
+        // Centre and radius.
         let [a, b, c] = solve(normal, right)?;
         let centre = mean + 0.5 * (a * u + b * v);
         let radius = (c + 0.25 * (a * a + b * b)).sqrt();
@@ -259,6 +261,7 @@ impl Cylinder {
             radius: radius + area / surfels.len() as f64 / (24.0 * radius),
             side: surfels.iter().map(out).sum::<f64>().signum(),
         };
+        // All surfels must lie on it.
         let on = |s: &Surfel| {
             let torus = cylinder.tangent_torus(s.place);
             torus.is_some_and(|t| {

@@ -23,18 +23,18 @@ pub(super) fn decimate(
     off: f64,
 ) -> (Vec<[u32; 3]>, Vec<DVec3>) {
     let mut surface = Surface::new(triangles, vertices);
-    let mut waiting = BinaryHeap::new();
+    let mut pending = BinaryHeap::new();
     for [u, v] in surface.edges() {
-        waiting.extend(surface.step(u, v, off));
+        pending.extend(surface.propose_step(u, v, off));
     }
-    while let Some(Reverse(step)) = waiting.pop() {
+    while let Some(Reverse(step)) = pending.pop() {
         let [u, v] = step.ends;
         let now = [u, v].map(|i| surface.versions[i as usize]);
-        if now != step.versions || !surface.collapsed(&step) {
+        if now != step.versions || !surface.collapse(&step) {
             continue;
         }
         for w in surface.neighbours(u) {
-            waiting.extend(surface.step(u, w, off));
+            pending.extend(surface.propose_step(u, w, off));
         }
     }
     let all = surface.triangles.iter().zip(&surface.alive);
@@ -71,7 +71,7 @@ impl Quadric {
         }
     }
 
-    fn and(self, other: Self) -> Self {
+    fn plus(self, other: Self) -> Self {
         Self {
             square: self.square + other.square,
             linear: self.linear + other.linear,
@@ -81,7 +81,7 @@ impl Quadric {
     }
 
     /// Mean square distance of a point from the planes.
-    fn at(&self, p: DVec3) -> f64 {
+    fn error_at(&self, p: DVec3) -> f64 {
         let sum = p.dot(self.square * p) + 2.0 * self.linear.dot(p) + self.constant;
         sum.max(0.0) / self.weight
     }
@@ -185,7 +185,7 @@ impl Surface {
                 *side = (side.0 + 1, normal);
                 self.around[u as usize].push(t as u32);
                 let quadric = &mut self.quadrics[u as usize];
-                *quadric = quadric.and(Quadric::plane(normal, a, area));
+                *quadric = quadric.plus(Quadric::plane(normal, a, area));
             }
         }
         let mut boundary: Vec<_> = sides.into_iter().filter(|(_, s)| s.0 != 2).collect();
@@ -197,7 +197,7 @@ impl Surface {
             for i in [u, v] {
                 self.on_boundary[i as usize] = true;
                 let quadric = &mut self.quadrics[i as usize];
-                *quadric = quadric.and(Quadric::plane(across, a, weight));
+                *quadric = quadric.plus(Quadric::plane(across, a, weight));
             }
         }
     }
@@ -228,10 +228,10 @@ impl Surface {
     }
 
     /// The step that makes one vertex of two, if it errs by no more than `off`.
-    fn step(&self, u: u32, v: u32, off: f64) -> Option<Reverse<Step>> {
+    fn propose_step(&self, u: u32, v: u32, off: f64) -> Option<Reverse<Step>> {
         let (u, v) = (u.min(v), u.max(v));
         let [p, q] = [u, v].map(|i| self.places[i as usize]);
-        let quadric = self.quadrics[u as usize].and(self.quadrics[v as usize]);
+        let quadric = self.quadrics[u as usize].plus(self.quadrics[v as usize]);
         let between = self.triangles_at(u);
         let between = between.filter(|t| self.triangles[*t as usize].contains(&v));
         let place = match [u, v].map(|i| self.on_boundary[i as usize]) {
@@ -240,7 +240,7 @@ impl Surface {
             [false, true] => q,
             _ => quadric.nearest(0.5 * (p + q))?,
         };
-        let error = quadric.at(place);
+        let error = quadric.error_at(place);
         (error <= off * off).then_some(Reverse(Step {
             error,
             ends: [u, v],
@@ -250,8 +250,9 @@ impl Surface {
     }
 
     /// Takes a step; false if it would fold the surface.
-    fn collapsed(&mut self, step: &Step) -> bool {
+    fn collapse(&mut self, step: &Step) -> bool {
         let [u, v] = step.ends;
+        // Neighbours and triangles that both vertices share.
         let common = {
             let (a, b) = (self.neighbours(u), self.neighbours(v));
             a.iter().filter(|w| b.binary_search(w).is_ok()).count()
@@ -265,9 +266,10 @@ impl Surface {
         };
         // Those of both are found from either.
         let folds = 2 * common != of_both.len() || !(1..=2).contains(&common);
-        if folds || !apart.iter().all(|t| self.keeps_its_side(*t, step)) {
+        if folds || !apart.iter().all(|t| self.keeps_orientation(*t, step)) {
             return false;
         }
+        // Removes the shared triangles and moves the others.
         for t in of_both {
             self.alive[t as usize] = false;
         }
@@ -279,7 +281,8 @@ impl Surface {
         let alive = &self.alive;
         self.around[u as usize].extend(moved);
         self.around[u as usize].retain(|t| alive[*t as usize]);
-        self.quadrics[u as usize] = self.quadrics[u as usize].and(self.quadrics[v as usize]);
+        // Updates the vertex that stays.
+        self.quadrics[u as usize] = self.quadrics[u as usize].plus(self.quadrics[v as usize]);
         self.on_boundary[u as usize] |= self.on_boundary[v as usize];
         self.places[u as usize] = step.place;
         self.versions[u as usize] += 1;
@@ -288,7 +291,7 @@ impl Surface {
     }
 
     /// Whether a triangle looks much the same way after a step.
-    fn keeps_its_side(&self, triangle: u32, step: &Step) -> bool {
+    fn keeps_orientation(&self, triangle: u32, step: &Step) -> bool {
         let corners = self.triangles[triangle as usize];
         let across = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
         let before = corners.map(|w| self.places[w as usize]);

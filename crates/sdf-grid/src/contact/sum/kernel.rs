@@ -179,7 +179,7 @@ pub(super) struct Quotients<S: Simd> {
 impl<S: Simd> Quotients<S> {
     /// About `t`, at most one.
     #[inline(always)]
-    pub(super) fn at(t: f32x16<S>) -> Self {
+    pub(super) fn expand_at(t: f32x16<S>) -> Self {
         let (value, of_value) = horner(t, &ENTIRE);
         let (slope, of_slope) = horner(t, &SLOPES);
         Self {
@@ -193,7 +193,7 @@ impl<S: Simd> Quotients<S> {
     /// `∫ (κ(r) - κ(t)) / (r - t) dl`, its slope with `t`, and twice `∫ κ'(r) dl`, where
     /// `r = near + l²`, from `a` to `b`, where `r` is as given.
     #[inline(always)]
-    pub(super) fn along(
+    pub(super) fn integrate(
         &self,
         near: f32x16<S>,
         [a, b]: [f32x16<S>; 2],
@@ -214,7 +214,7 @@ impl<S: Simd> Quotients<S> {
 
     /// The same from where `r` is one to where it is one again, so far to either side.
     #[inline(always)]
-    pub(super) fn along_chord(&self, near: f32x16<S>, side: f32x16<S>) -> [f32x16<S>; 3] {
+    pub(super) fn integrate_chord(&self, near: f32x16<S>, side: f32x16<S>) -> [f32x16<S>; 3] {
         let length = side + side;
         self.sums(
             near,

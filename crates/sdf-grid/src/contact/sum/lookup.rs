@@ -228,6 +228,7 @@ impl Clusters {
 
     /// Adds samples and the balls that hold them.
     fn divide(&mut self, samples: &mut [SurfaceSample], reach: f64) {
+        // Bounding ball.
         let low = samples.iter().map(|s| s.position).reduce(DVec3::min);
         let high = samples.iter().map(|s| s.position).reduce(DVec3::max);
         let (Some(low), Some(high)) = (low, high) else {
@@ -237,6 +238,7 @@ impl Clusters {
         let distances = samples.iter().map(|s| s.position.distance(centre));
         let radius = distances.fold(0.0, f64::max);
         let place = self.balls.len();
+        // A cluster if it is small, otherwise two halves.
         let few = samples.len() <= LANES;
         let single = few && (radius <= MOST_RADIUS * reach || samples.len() == 1);
         self.balls.push(Ball {
@@ -259,6 +261,7 @@ impl Clusters {
             self.divide(a, reach);
             self.divide(b, reach);
         }
+        // Traversals skip the ball by going there.
         self.balls[place].next = self.balls.len() as u32;
     }
 

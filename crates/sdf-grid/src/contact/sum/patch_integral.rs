@@ -176,6 +176,7 @@ impl<S: Simd> TiltCorrection<S> {
         sums: &mut PatchIntegral<S>,
     ) -> f32x16<S> {
         let zero = splat(inside.token(), 0.0);
+        // Second-order terms of the smooth part.
         let square = local.half * local.half;
         let tilted = self.sine_squared.simd_gt(zero);
         let share = tilted.select(square * inside, zero) * (1.0 / 6.0);
@@ -183,6 +184,7 @@ impl<S: Simd> TiltCorrection<S> {
         let mut value = share * self.sine_squared * second;
         let mut rise = share * self.sine_squared * third * local.height;
         let mut turning = share * second * -2.0;
+        // The kink of `|x|`, where samples reach across the patch.
         let extent = square.mul_add(self.sine_squared, self.stray).sqrt();
         let height = local.height.abs();
         let deep = (extent - height).max(zero);
@@ -195,6 +197,7 @@ impl<S: Simd> TiltCorrection<S> {
             let bow = part * (extent + height) * inverse;
             turning += most * bow * square * inverse;
         }
+        // Tapered towards the boundary.
         let (taper, slopes) = self.taper();
         sums.value = value.mul_add(taper, sums.value);
         sums.height = rise.mul_add(taper, sums.height);
@@ -279,6 +282,7 @@ fn add_patch<S: Simd>(
     totals: &mut Accumulator<S>,
 ) {
     let simd = samples.area.token();
+    // Foot and height of the cluster.
     let [u, v, normal] = patch.axes;
     let from = placed.at - patch.origin;
     let flat = patch.curvature == Vec2::ZERO;
@@ -290,6 +294,7 @@ fn add_patch<S: Simd>(
         return;
     }
     let across = components(&samples.arm, &patch.axes);
+    // Flat patches.
     if flat {
         let heights = across[2] + height;
         if heights.abs().simd_ge(1.0).all_true() {
@@ -309,6 +314,7 @@ fn add_patch<S: Simd>(
         }
         return;
     }
+    // Curved patches, developed.
     let place = [
         across[0] + from.dot(u),
         across[1] + from.dot(v),
@@ -352,11 +358,12 @@ fn integrate_patch<S: Simd>(
         height_slope: zero,
         along: [zero; 2],
     };
+    // Boundary edges: winding numbers, tilt and integrals.
     let reach = (1.0 + radius) * (1.0 + radius);
     let (mut inside, mut change) = (patch.inside, zero);
     let mut near = false;
     let mut correction = tilt.correction(local);
-    let kernel = Quotients::at(local.square);
+    let kernel = Quotients::expand_at(local.square);
     let range = patch.first as usize..(patch.first + patch.count) as usize;
     let boundary = &visible.boundary[range];
     for edge in boundary {
@@ -376,12 +383,14 @@ fn integrate_patch<S: Simd>(
         }
         view.add_to(local, &kernel, &line, &mut edge_sums);
     }
+    // Nothing of the patch is in reach.
     if inside == 0.0 && !near {
         return None;
     }
     // Beyond the reach nothing counts.
     let within = local.square.simd_lt(1.0);
     let inside = within.select(change + inside, zero);
+    // The plane less the boundary, and the correction for tilt.
     let mut sums = PatchIntegral::new(local, &kernel, &edge_sums, inside);
     if let Some(correction) = correction {
         sums.turning = correction.add_to(local, tilt.cosine, inside, &mut sums);

@@ -100,9 +100,11 @@ impl Surface<'_> {
     /// The patches visible from around `middle`, out of the regions near by.
     pub(super) fn visible_from(&self, middle: DVec3, near: &NearbyRegions) -> PatchList {
         let mut list = PatchList::default();
+        // Flat regions.
         for id in &near.flat {
             self.add_flat(&mut list, &self.regions.flat[*id as usize], middle);
         }
+        // Curved regions, each from its surfel nearest to the cell.
         let surfels = self.surfels.within(middle, self.seen);
         for of_region in surfels.chunk_by(|a, b| a.0 == b.0) {
             let off = |s: &SurfelId| self.surfel(s.1).place.distance_squared(middle);
@@ -114,6 +116,7 @@ impl Surface<'_> {
             let mut scaled = of_region
                 .iter()
                 .map(|s| self.surfel(s.1).scaled(middle, self.unit));
+            // As a cylinder or a torus, if one fits within the visible range.
             let torus = match self.regions.cylinders.get(region) {
                 Some(cylinder) => cylinder.tangent_torus_from(middle / self.unit, nearest.place),
                 None => self
@@ -121,6 +124,7 @@ impl Surface<'_> {
                     .map(|torus| torus.translated(nearest.place))
                     .filter(|torus| torus.approximates(&mut scaled)),
             };
+            // Otherwise as decimated flat faces.
             match torus {
                 Some(torus) => self.add_curved(&mut list, &torus, nearest, middle, near, *region),
                 None => {
@@ -157,6 +161,7 @@ impl Surface<'_> {
 
     /// Adds a flat region.
     fn add_flat(&self, list: &mut PatchList, region: &FlatRegion, middle: DVec3) {
+        // Foot and height of the cell above the plane.
         let [u, v, normal] = region.axes;
         let unit = self.unit;
         let from = (middle - region.origin) / unit;
@@ -165,6 +170,7 @@ impl Surface<'_> {
         if height.abs() > seen {
             return;
         }
+        // Boundary edges within the visible disc.
         let most = (seen * seen - height * height).max(0.0).sqrt();
         let first = list.boundary.len();
         let mut sides = Vec::new();
@@ -182,6 +188,7 @@ impl Surface<'_> {
             // The patch is to the left.
             (b.middle + OFF_ARC * b.along.perp()).as_dvec2()
         });
+        // Winding number at the reference point.
         let mut turns: i32 = sides.iter().map(|s| ray_crossing(*s, reference)).sum();
         let there = unit * reference + here;
         for ring in far.iter().filter(|r| r.may_be_near(there, 0.0)) {
@@ -216,6 +223,7 @@ impl Surface<'_> {
         near: &NearbyRegions,
         region: u32,
     ) {
+        // Boundary vertices, developed.
         let boundary = near
             .boundary
             .iter()
@@ -232,6 +240,7 @@ impl Surface<'_> {
         // Edges near the ends of a developed circle are out of sight.
         let before = |v: &u32| (place(v) * torus.curvature).abs().max_element() < BEHIND;
         edges.retain(|e| e.iter().all(before));
+        // Boundary chains within the visible range.
         let (about, _) = torus.developed(DVec3::ZERO);
         let most = FARTHER * self.seen / self.unit;
         let first = list.boundary.len();
@@ -419,6 +428,7 @@ impl VisiblePatches {
         regions: &Regions,
         [reach, radius]: [f64; 2],
     ) -> Result<Self, ContactError> {
+        // A grid over all places in reach.
         let all = mesh.bounds().grown(reach + radius);
         let wanted = CELL * reach;
         let count = (all.size() / wanted).element_product();
@@ -438,7 +448,8 @@ impl VisiblePatches {
         };
         // Half a diagonal, and a little for rounding.
         let seen = (reach + radius + 0.87 * cell) * (1.0 + 1e-6);
-        let near = visible.near(mesh, regions, seen)?;
+        // Patches of every cell, in parallel.
+        let near = visible.list_nearby(mesh, regions, seen)?;
         let surface = Surface {
             mesh,
             regions,
@@ -456,6 +467,7 @@ impl VisiblePatches {
                 .map(|l| l.patches.len() + l.boundary.len())
                 .sum(),
         )?;
+        // Concatenates the lists.
         for list in lists {
             let before = visible.boundary.len() as u32;
             visible.boundary.extend(list.boundary);
@@ -472,7 +484,7 @@ impl VisiblePatches {
     }
 
     /// Regions and boundary edges near each cell.
-    fn near(
+    fn list_nearby(
         &self,
         mesh: &TriangleMesh,
         regions: &Regions,

@@ -93,15 +93,17 @@ impl Cells {
 
     /// One sample for each cell.
     pub(super) fn samples(&self) -> Vec<SurfaceSample> {
+        // Pieces in a fixed order, so that results are deterministic.
         let mut order: Vec<_> = self.pieces.iter().collect();
         order.sort_unstable_by_key(|((part, place), _)| (*part, place.to_array()));
         let pieces = order.iter();
         let pieces = pieces.filter_map(|((part, _), sum)| Some((*part, sum.sample()?)));
         let pieces: Vec<(u32, SurfaceSample)> = pieces.collect();
+        // Initial centres at least a minimum distance apart.
         let mut centres: Vec<Centre> = Vec::new();
         let mut boxes = Boxes::default();
         for (part, piece) in &pieces {
-            let at = Centre::of(*part, piece);
+            let at = Centre::new(*part, piece);
             let nearest = self.nearest(&at, &centres, &boxes);
             if nearest.is_none_or(|(_, off)| off >= APART * self.distance) {
                 let place = self.place(at.place);
@@ -109,12 +111,13 @@ impl Cells {
                 centres.push(at);
             }
         }
+        // Lloyd iterations: assign pieces to the nearest centre, then recentre.
         let mut cells = Vec::new();
         for _ in 0..STEPS {
             cells = vec![SampleAccumulator::default(); centres.len()];
             let all = pieces.par_iter();
             let nearest = all.map(|(part, piece)| {
-                let at = Centre::of(*part, piece);
+                let at = Centre::new(*part, piece);
                 self.nearest(&at, &centres, &boxes).map(|(i, _)| i)
             });
             for ((_, piece), nearest) in pieces.iter().zip(nearest.collect::<Vec<_>>()) {
@@ -125,7 +128,7 @@ impl Cells {
             boxes.clear();
             for (i, (centre, cell)) in centres.iter_mut().zip(&cells).enumerate() {
                 if let Some(sample) = cell.sample() {
-                    *centre = Centre::of(centre.part, &sample);
+                    *centre = Centre::new(centre.part, &sample);
                 }
                 let place = self.place(centre.place);
                 boxes.entry(place).or_default().push(i as u32);
@@ -153,7 +156,7 @@ impl Cells {
 }
 
 impl Centre {
-    fn of(part: u32, sample: &SurfaceSample) -> Self {
+    fn new(part: u32, sample: &SurfaceSample) -> Self {
         Self {
             part,
             place: sample.position,
@@ -201,10 +204,12 @@ pub(super) fn fit_lattices(
     reach: f64,
 ) -> Result<Vec<PartLattice>, ContactError> {
     let mut found: Vec<PartLattice> = parts.bent.iter().map(|_| PartLattice::None).collect();
+    // Curved parts: on cylinders.
     for (part, cylinder) in fit_cylinders(mesh, parts, reach)?.1 {
         let lattice = RoundLattice::new(cylinder, reach, distance);
         found[part as usize] = lattice.map_or(PartLattice::None, PartLattice::Round);
     }
+    // Flat parts: aligned with the longest edge of the boundary.
     let mut longest = vec![0.0; found.len()];
     for (t, corners) in mesh.faces().enumerate() {
         let part = parts.of[t] as usize;
@@ -221,7 +226,7 @@ pub(super) fn fit_lattices(
                 continue;
             };
             if a.distance(b) > longest[part] {
-                let turn = DMat3::from_rotation_z(golden().to_angle());
+                let turn = DMat3::from_rotation_z(golden_direction().to_angle());
                 let face = DMat3::from_cols(x, z.cross(x), z).transpose();
                 longest[part] = a.distance(b);
                 found[part] = PartLattice::Flat(turn * face);
@@ -237,7 +242,7 @@ pub(super) fn generic_rotation() -> DQuat {
 }
 
 /// The direction of a square lattice's side whose slope is the golden ratio.
-fn golden() -> DVec2 {
+fn golden_direction() -> DVec2 {
     DVec2::new(1.0, 0.5 * (5f64.sqrt() - 1.0)).normalize()
 }
 
@@ -256,7 +261,7 @@ impl RoundLattice {
     /// None if the cylinder is too thin for squares of that size.
     fn new(cylinder: Cylinder, unit: f64, distance: f64) -> Option<Self> {
         let around = TAU * cylinder.radius() * unit;
-        let squares = (golden() * (around / distance)).round();
+        let squares = (golden_direction() * (around / distance)).round();
         let side = around / squares.length();
         (squares.min_element() >= 1.0 && squares.max_element() < 1e9).then(|| Self {
             cylinder,
@@ -372,7 +377,7 @@ impl SharpEdges {
             let first = found.edges.len();
             found.add_chains(mesh, &boundary, distance);
             for i in first..found.edges.len() {
-                found.list(part, i as u32, &mut listed)?;
+                found.add_to_boxes(part, i as u32, &mut listed)?;
             }
         }
         Ok(found)
@@ -423,7 +428,7 @@ impl SharpEdges {
     }
 
     /// Lists an edge in all boxes within reach of half a step to either side.
-    fn list(&mut self, part: u32, edge: u32, listed: &mut f64) -> Result<(), ContactError> {
+    fn add_to_boxes(&mut self, part: u32, edge: u32, listed: &mut f64) -> Result<(), ContactError> {
         let near = self.near;
         let ends = self.edges[edge as usize].ends;
         let steps = (ends[0].distance(ends[1]) / near).ceil().max(1.0);
@@ -519,6 +524,7 @@ pub(super) fn sample_surface(
     if !(distance.is_finite() && distance > 0.0) {
         return Err(ContactError::Distance { found: distance });
     }
+    // Smooth parts, flat faces, lattices and sharp edges.
     let parts = SmoothParts::new(mesh);
     let faces = merged(mesh.triangles(), mesh.vertices(), flat);
     let lattices = fit_lattices(mesh, &parts, distance, reach)?;
@@ -534,6 +540,7 @@ pub(super) fn sample_surface(
         });
         in_row.or_else(|| Some((part, LATTICE, lattices[part as usize].place(p, distance)?)))
     };
+    // Cuts faces into pieces and assigns each to a point.
     let mut cells = Cells::new(distance);
     let mut points: FxHashMap<Key, SampleAccumulator> = FxHashMap::default();
     let all = || (0..faces.len()).filter_map(|i| faces.get(i));
@@ -547,6 +554,7 @@ pub(super) fn sample_surface(
             Some(key) => points.entry(key).or_default().add(&piece),
         }
     })?;
+    // Merges what is too small.
     let mut points = merge_small(points, distance);
     points.extend(cells.samples());
     match points.is_empty() {
@@ -559,6 +567,7 @@ pub(super) fn sample_surface(
 fn merge_small(mut points: FxHashMap<Key, SampleAccumulator>, distance: f64) -> Vec<SurfaceSample> {
     let mut keys: Vec<Key> = points.keys().copied().collect();
     keys.sort_unstable_by_key(|(part, row, place)| (*part, *row, place.to_array()));
+    // Area of a whole point, in squares of the distance.
     let whole = |row: usize, place: IVec3| match row {
         0 => ALONG * row_ends(place)[0],
         LATTICE => 1.0,
@@ -574,6 +583,7 @@ fn merge_small(mut points: FxHashMap<Key, SampleAccumulator>, distance: f64) -> 
         let x = if row == LATTICE { -1..=1 } else { 0..=0 };
         let around = x.flat_map(|x| (-1..=1).map(move |y| place + IVec3::new(x, y, 0)));
         let centre = |p: &SampleAccumulator| p.moment / p.size;
+        // The nearest neighbour in the same row with a similar normal.
         let others = around.filter(|p| *p != place).filter_map(|p| {
             let other = points.get(&(part, row, p))?;
             let along = other.area.normalize_or_zero().dot(small.area);

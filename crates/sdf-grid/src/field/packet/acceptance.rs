@@ -36,7 +36,7 @@ impl<'a> Limits<'a> {
         }
     }
 
-    pub(crate) fn of(&self, cluster: &Cluster) -> &AcceptanceLimit {
+    pub(crate) fn limit_for(&self, cluster: &Cluster) -> &AcceptanceLimit {
         if cluster.spread < FOLDED {
             self.open
         } else {
@@ -115,6 +115,7 @@ impl AcceptanceTest {
             eta_squared = from.mul_add(from, eta_squared);
             along = from.mul_add(load(&wide_node.axis[k]), along);
         }
+        // Members within reach of the box.
         let reached = gap_squared.simd_lt(splat(self.farthest));
         let (radius, spread) = (load(&wide_node.radius), load(&wide_node.spread));
         let eta = eta_squared.sqrt();
@@ -178,7 +179,7 @@ impl<S: Simd> FarFieldView<S> {
     #[inline(always)]
     pub(crate) fn new(packet: &Packet<S>, query: &Query<S>, cluster: &Cluster) -> Self {
         let from = (cluster.centre - packet.centre).as_vec3();
-        Self::at([
+        Self::from_ratio([
             (packet.x - from.x) * query.inverse,
             (packet.y - from.y) * query.inverse,
             (packet.z - from.z) * query.inverse,
@@ -187,7 +188,7 @@ impl<S: Simd> FarFieldView<S> {
 
     /// From `r`.
     #[inline(always)]
-    pub(crate) fn at(r: [f32x16<S>; 3]) -> Self {
+    pub(crate) fn from_ratio(r: [f32x16<S>; 3]) -> Self {
         let squared = r[0].mul_add(r[0], r[1].mul_add(r[1], r[2] * r[2]));
         let u = squared.max(1e-30).sqrt();
         // One division for two.
@@ -251,12 +252,14 @@ impl<S: Simd> FarFieldView<S> {
         sum: &mut [f32x16<S>; 2],
         magnitude: &mut f32x16<S>,
     ) {
+        // Lanes within reach.
         let distance = (self.u - 1.0) * (1.0 / tree.kernel.sigma);
         let counts: mask32x16<S> = distance.simd_lt(tree.kernel.reach) & query.counts;
         if !counts.any_true() {
             return;
         }
         let simd = self.u.token();
+        // Contractions of the moments with powers of `r`.
         let [x, y, z] = self.r;
         let (xx, yy, zz) = (x * x, y * y, z * z);
         let (xy, xz, yz) = (x * y, x * z, y * z);
@@ -276,6 +279,7 @@ impl<S: Simd> FarFieldView<S> {
         let flat = sum_of(0, &self.r) - query.inverse * terms.get(simd, TRACE);
         let first = sum_of(VECTOR, &self.r) * scale - tilt * query.inverse;
         let bow = cubic * scale * (self.inverse_u * self.inverse_u * 0.5);
+        // Times derivatives of the radial kernel.
         let zero = f32x16::splat(simd, 0.0);
         let view = [distance, self.u, self.inverse_u, self.w];
         let values = tree.kernel.expansion(view, [flat, first, bow]);

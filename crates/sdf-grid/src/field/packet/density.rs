@@ -68,7 +68,7 @@ pub(crate) trait Sums<S: Simd> {
     ) -> bool;
 
     /// Where near faces are added.
-    fn near(&mut self) -> &mut [f32x16<S>; 2];
+    fn near_sums(&mut self) -> &mut [f32x16<S>; 2];
 }
 
 impl TraversalStack {
@@ -89,6 +89,7 @@ impl TraversalStack {
         while let Some(id) = self.wide_nodes.pop() {
             let wide_node = &tree.wide_nodes[id as usize];
             let clusters = &tree.clusters[id as usize];
+            // Acceptance test of all members of a wide node at once.
             let ([reached, perhaps_far], sines) = acceptance.evaluate(packet.simd, wide_node);
             if tree.is_large {
                 prefetch_wide_node(tree, wide_node, clusters, reached, perhaps_far);
@@ -97,6 +98,7 @@ impl TraversalStack {
             while members != 0 {
                 let place = members.trailing_zeros() as usize;
                 members &= members - 1;
+                // Far members by their expansion.
                 if perhaps_far >> place & 1 == 1 {
                     let visit = ClusterVisit {
                         wide_node,
@@ -108,17 +110,18 @@ impl TraversalStack {
                         continue;
                     }
                 }
+                // Near members: a face, or further down.
                 match wide_node.children[place] {
                     Child::Face(face) => {
                         let near = &mut self.near;
-                        near.add(tree, packet, query, face as usize, sums.near());
+                        near.add(tree, packet, query, face as usize, sums.near_sums());
                     }
                     Child::Members(child) => members |= child & reached,
                     Child::WideNode(child) => self.wide_nodes.push(child),
                 }
             }
         }
-        self.near.add_pending(tree, packet, query, sums.near());
+        self.near.add_pending(tree, packet, query, sums.near_sums());
     }
 }
 
@@ -199,7 +202,7 @@ impl PendingClusters {
         for (r, from) in r.iter_mut().zip(self.from) {
             *r *= f32x16::simd_from(simd, from);
         }
-        FarFieldView::at(r).add(tree, &self.terms, query, sum, magnitude);
+        FarFieldView::from_ratio(r).add(tree, &self.terms, query, sum, magnitude);
     }
 }
 
@@ -297,7 +300,7 @@ impl<S: Simd> Sums<S> for SingleSums<'_, S> {
     }
 
     #[inline(always)]
-    fn near(&mut self) -> &mut [f32x16<S>; 2] {
+    fn near_sums(&mut self) -> &mut [f32x16<S>; 2] {
         &mut self.near
     }
 }
@@ -372,7 +375,7 @@ impl<S: Simd> Sums<S> for PacketSums<'_, S> {
         let cluster = visit.cluster;
         let view = FarFieldView::new(packet, query, cluster);
         let axis = (visit.wide_node.axis_of(visit.place), visit.sine);
-        let is_far = view.is_far(tree, cluster, axis, query, self.limits.of(cluster));
+        let is_far = view.is_far(tree, cluster, axis, query, self.limits.limit_for(cluster));
         if is_far {
             let (sum, magnitude) = (&mut self.sum, &mut self.magnitude);
             view.add(tree, &cluster.terms, query, sum, magnitude);
@@ -381,7 +384,7 @@ impl<S: Simd> Sums<S> for PacketSums<'_, S> {
     }
 
     #[inline(always)]
-    fn near(&mut self) -> &mut [f32x16<S>; 2] {
+    fn near_sums(&mut self) -> &mut [f32x16<S>; 2] {
         &mut self.sum
     }
 }
@@ -414,7 +417,7 @@ impl<'a> PacketDensity<'a> {
 
     /// See [`PacketDistance::at`].
     pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
-        self.tree.distance.at(points, hint)
+        self.tree.distance.find_nearest(points, hint)
     }
 
     /// Real and imaginary part of the integral of the unit kernel over the solid angle, at points

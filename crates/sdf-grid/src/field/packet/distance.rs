@@ -259,12 +259,12 @@ impl<'a> PacketDistance<'a> {
 
     /// Distances of `points` from the boundary. `hint` is a leaf-order face to look at first,
     /// replaced by the nearest one found: it changes the time, not the result.
-    pub(crate) fn at(&self, points: &Points, hint: &mut usize) -> Lanes {
+    pub(crate) fn find_nearest(&self, points: &Points, hint: &mut usize) -> Lanes {
         dispatch_lanes!(self.level, simd => distances(simd, self, points, hint))
     }
 }
 
-/// See [`PacketDistance::at`].
+/// See [`PacketDistance::find_nearest`].
 #[simd]
 fn distances<S: Simd>(
     simd: S,
@@ -273,6 +273,7 @@ fn distances<S: Simd>(
     hint: &mut usize,
 ) -> Lanes {
     let packet = Packet::new(simd, points);
+    // The hinted face bounds the distance from above.
     let mut best = squared(distance, &packet, *hint);
     let mut worst = best.reduce_max();
     let mut closest = best.reduce_min();
@@ -282,12 +283,14 @@ fn distances<S: Simd>(
     stack.push(PendingNode::default());
     while let Some(PendingNode { id, gap, since }) = stack.pop() {
         let hull = &distance.hulls[id as usize];
+        // Prunes by box, then by disc.
         if gap >= worst {
             continue;
         }
         if since != looks && !hull.disc.is_thick() && !hull.disc.may_be_nearer(&packet, best) {
             continue;
         }
+        // Faces of a leaf.
         if hull.is_leaf() {
             for i in hull.range() {
                 if !distance.facets[i].disc.may_be_nearer(&packet, best) {
@@ -304,6 +307,7 @@ fn distances<S: Simd>(
             looks += 1;
             continue;
         }
+        // Children, the nearer one on top of the stack.
         let first = (id + 1, gaps(distance, &packet, id + 1, best, worst));
         let second = (
             hull.second,

@@ -63,6 +63,7 @@ impl<S: Simd> Line<S> {
         sum: &mut [f32x16<S>; 2],
     ) {
         let zero = f32x16::splat(self.clip.token(), 0.0);
+        // Parts of the edge beyond the reach: angles.
         let [start, end] = self.ends;
         let clipped = query.counts & (start.simd_lt(-self.clip) | end.simd_gt(self.clip));
         if clipped.any_true() {
@@ -73,6 +74,7 @@ impl<S: Simd> Line<S> {
                 }
             }
         }
+        // Number of Gauss points for the part within reach.
         let half = (self.inner[1] - self.inner[0]) * 0.5;
         let longest = query.counts.select(half * query.inverse, zero).reduce_max();
         if longest <= 0.0 {
@@ -87,6 +89,7 @@ impl<S: Simd> Line<S> {
         for side in &sides {
             near |= (side.d * side.d).simd_lt(least);
         }
+        // Quadrature, with a separate rule next to the foot.
         let middle = (self.inner[1] + self.inner[0]) * 0.5;
         let span = [middle, half];
         if (near & query.counts).any_true() {
@@ -122,6 +125,7 @@ impl<S: Simd> Line<S> {
         for n in 0..N {
             squares[n] = sides[n].d * sides[n].d;
         }
+        // Gauss quadrature; the kernel is evaluated once for all sides.
         for [place, weight] in &kernel.rules[count] {
             let t = half.mul_add(*place, middle);
             let t2 = t * t;
@@ -318,6 +322,7 @@ impl NearFaces {
             let face = &self.faces[i];
             let index = face.index as usize;
             for k in 0..tree.bvh.faces[index].count {
+                // Edges shared by two coplanar faces cancel; others are evaluated once.
                 let twin = tree.shared_edges[index][k].get();
                 let twin = twin.and_then(|(j, l, flat)| Some((self.place(j)?, l, flat)));
                 let other = match twin {
@@ -327,6 +332,7 @@ impl NearFaces {
                     Some((j, l, false)) => Some((&self.faces[j], l)),
                     None => None,
                 };
+                // The edge as the points see it.
                 let along = tree.distance.facet(index).along(k);
                 let along = packet.dot_add(-along, 0.0);
                 let side = face.side(tree, packet, query, k);

@@ -44,7 +44,7 @@ impl Cluster {
     };
 
     /// Of one face.
-    pub(crate) fn of(face: &Face) -> Self {
+    pub(crate) fn from_face(face: &Face) -> Self {
         let faces = std::slice::from_ref(face);
         Self::new(&Moments::of(faces).bounded(faces))
     }
@@ -166,7 +166,7 @@ pub(crate) fn build_wide_nodes(bvh: &Bvh) -> (Vec<WideNode>, Vec<[Cluster; WIDTH
                 Item::Node(n) => (bvh.nodes[n].bounds, Cluster::new(&bvh.nodes[n].moments)),
                 Item::Face(f) => {
                     let corners = bvh.faces[f].outline().iter().copied();
-                    (Aabb::around(corners), Cluster::of(&bvh.faces[f]))
+                    (Aabb::around(corners), Cluster::from_face(&bvh.faces[f]))
                 }
             };
             wide_node.children[place] = shape.children[place];
@@ -183,7 +183,10 @@ fn shapes(bvh: &Bvh) -> Vec<Shape> {
     let mut shapes: Vec<Shape> = Vec::new();
     let mut roots = vec![0];
     while !roots.is_empty() {
-        let mut generation: Vec<Shape> = roots.par_iter().map(|r| Shape::at(bvh, *r)).collect();
+        let mut generation: Vec<Shape> = roots
+            .par_iter()
+            .map(|r| Shape::from_root(bvh, *r))
+            .collect();
         let mut next = (shapes.len() + generation.len()) as u32;
         roots.clear();
         for shape in &mut generation {
@@ -212,21 +215,21 @@ struct Shape {
 
 impl Shape {
     /// The wide node that begins at a node. Wide nodes below it have no number yet.
-    fn at(bvh: &Bvh, root: usize) -> Self {
+    fn from_root(bvh: &Bvh, root: usize) -> Self {
         let mut shape = Self {
             items: [Item::Face(0); WIDTH],
             children: [Child::WideNode(0); WIDTH],
             len: 0,
             top: 0,
         };
-        shape.top = shape.add(&Children::of(bvh, root));
+        shape.top = shape.add(&Children::collect(bvh, root));
         // Breadth first: members are looked at only if those above them are near.
         let mut next = 0;
         while next < shape.len {
             if let Item::Node(node) = shape.items[next] {
-                let child = Children::of(bvh, node);
-                if shape.len + child.count <= WIDTH {
-                    shape.children[next] = Child::Members(shape.add(&child));
+                let below = Children::collect(bvh, node);
+                if shape.len + below.count <= WIDTH {
+                    shape.children[next] = Child::Members(shape.add(&below));
                 }
             }
             next += 1;
@@ -255,7 +258,7 @@ struct Children {
 }
 
 impl Children {
-    fn of(bvh: &Bvh, node: usize) -> Self {
+    fn collect(bvh: &Bvh, node: usize) -> Self {
         let mut children = Self {
             items: [Item::Face(0); WIDTH],
             count: 0,

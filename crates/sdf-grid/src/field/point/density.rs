@@ -74,7 +74,7 @@ impl<'a> PointDensity<'a> {
 
     /// Signed distance and both unit parts at `q`. On the boundary the parts are half of each
     /// one-sided limit, taken `step` from it.
-    pub(crate) fn at(&self, q: DVec3, step: f64) -> (f64, UnitDensity) {
+    pub(crate) fn evaluate(&self, q: DVec3, step: f64) -> (f64, UnitDensity) {
         let distance = self.bvh.nearest_normalized(q).1.sqrt();
         // The largest normalized extent is in (1, 2].
         let band = 2.0 * BAND;

@@ -143,7 +143,7 @@ struct Plane<'a> {
 impl<'a> Plane<'a> {
     fn new(table: &'a CumulativeKernel, h: f64, xi: f64) -> Self {
         let u0 = h.abs() / xi;
-        let k0 = table.at((u0 - 1.0) / table.kernel().sigma());
+        let k0 = table.evaluate((u0 - 1.0) / table.kernel().sigma());
         let beyond = table.total() - k0;
         Self {
             table,
@@ -163,7 +163,7 @@ impl<'a> Plane<'a> {
         let slope_scale = 1.0 / (self.xi * self.xi * (u + self.u0));
         let rise = r2 * slope_scale;
         if rise > 0.05 * sigma {
-            return (self.table.at((u - 1.0) / sigma) - self.k0) / r2;
+            return (self.table.evaluate((u - 1.0) / sigma) - self.k0) / r2;
         }
         let slope = |(v, w): (f64, f64)| {
             self.table.kernel().cumulative_slope((v - 1.0) / sigma) * (w / sigma)

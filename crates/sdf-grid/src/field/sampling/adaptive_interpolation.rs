@@ -72,15 +72,15 @@ pub(crate) struct Attempt {
 impl SmoothBlock {
     /// For fields of relative L2 error `tolerance` and thickness `sigma`.
     pub(crate) fn new(tolerance: f64, sigma: f64) -> Self {
-        let mut known = CHECKS.map(flat).to_vec();
+        let mut known = CHECKS.map(flat_index).to_vec();
         let mut attempts = Vec::new();
         for knots in KNOTS {
-            let is_knot = |n: usize| place(n).iter().all(|i| knots.contains(i));
+            let is_knot = |n: usize| unravel(n).iter().all(|i| knots.contains(i));
             let is_new = |n: &usize| is_knot(*n) && !known.contains(n);
             let mut new: Vec<usize> = (0..EDGE.pow(3)).filter(is_new).collect();
             known.extend(&new);
             if attempts.is_empty() {
-                new.extend(CHECKS.map(flat));
+                new.extend(CHECKS.map(flat_index));
             }
             attempts.push(Attempt {
                 nodes: packets(new),
@@ -129,11 +129,11 @@ impl SmoothBlock {
     ) -> bool {
         filled.clear();
         filled.extend_from_slice(density);
-        let exact = CHECKS.map(|c| filled[flat(c)]);
+        let exact = CHECKS.map(|c| filled[flat_index(c)]);
         attempt.interpolate(filled);
         let (mut error, mut size) = (0.0, 0.0);
         for (check, exact) in CHECKS.iter().zip(exact) {
-            error += (filled[flat(*check)] - exact).norm_sqr();
+            error += (filled[flat_index(*check)] - exact).norm_sqr();
             size += exact.norm_sqr();
         }
         error <= self.allowed * self.allowed * size
@@ -147,15 +147,15 @@ impl Attempt {
         for x in self.knots {
             let plane = &mut values[x * EDGE * EDGE..][..EDGE * EDGE];
             for y in self.knots {
-                self.along(1, &mut plane[y * EDGE..][..EDGE]);
+                self.interpolate_line(1, &mut plane[y * EDGE..][..EDGE]);
             }
-            self.along(EDGE, plane);
+            self.interpolate_line(EDGE, plane);
         }
-        self.along(EDGE * EDGE, values);
+        self.interpolate_line(EDGE * EDGE, values);
     }
 
     /// The same along one axis, of whose places each has `stride` values.
-    fn along<T: Number>(&self, stride: usize, values: &mut [T]) {
+    fn interpolate_line<T: Number>(&self, stride: usize, values: &mut [T]) {
         let mut sum = [T::default(); EDGE * EDGE];
         let sum = &mut sum[..stride];
         for (place, weights) in self.weights.iter().enumerate() {
@@ -180,11 +180,11 @@ impl Number for f32 {}
 
 impl Number for Complex32 {}
 
-fn flat([x, y, z]: [usize; 3]) -> usize {
+fn flat_index([x, y, z]: [usize; 3]) -> usize {
     (x * EDGE + y) * EDGE + z
 }
 
-fn place(n: usize) -> [usize; 3] {
+fn unravel(n: usize) -> [usize; 3] {
     [n / (EDGE * EDGE), n / EDGE % EDGE, n % EDGE]
 }
 
@@ -200,7 +200,7 @@ fn weights(knots: &[usize], place: usize) -> Vec<f32> {
 
 /// Nodes in packets of neighbours, the last one repeated at the end.
 fn packets(mut nodes: Vec<usize>) -> Vec<[usize; LANES]> {
-    nodes.sort_unstable_by_key(|n| along_curve(place(*n)));
+    nodes.sort_unstable_by_key(|n| along_curve(unravel(*n)));
     let packet = |run: &[usize]| std::array::from_fn(|lane| run[lane.min(run.len() - 1)]);
     nodes.chunks(LANES).map(packet).collect()
 }
@@ -210,7 +210,7 @@ mod tests {
     use super::*;
 
     fn block(f: impl Fn([f32; 3]) -> Complex32) -> Vec<Complex32> {
-        let node = |n| f(place(n).map(|i| i as f32 / 7.0));
+        let node = |n| f(unravel(n).map(|i| i as f32 / 7.0));
         (0..EDGE.pow(3)).map(node).collect()
     }
 

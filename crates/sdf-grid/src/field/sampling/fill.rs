@@ -42,7 +42,7 @@ const FINE_SUB: usize = 2;
 /// part of 50 mm in a file of metres with eight decimals is rounded by up to 2.3e-7. Signed
 /// distances are to be within 1e-6 of the longest side; a field at 1e-5 and thin kernels shows a
 /// surface that has moved by 1e-7.
-fn flat(tolerance: f64) -> f64 {
+fn flatness_for(tolerance: f64) -> f64 {
     3e-7 * (1e4 * tolerance).powf(0.8).min(1.0)
 }
 
@@ -58,6 +58,7 @@ pub(crate) fn fill(
     kernel: &DensityKernel,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
+    // The surface in a tree, and the kernel.
     let tolerance = recipe.tolerance;
     let table = || CumulativeKernel::new(*kernel);
     let leaves = if tolerance < COARSE {
@@ -65,12 +66,13 @@ pub(crate) fn fill(
     } else {
         Leaves::LargeOfMany
     };
-    let surface = || Bvh::merged(mesh, flat(tolerance), leaves);
+    let surface = || Bvh::merged(mesh, flatness_for(tolerance), leaves);
     let (bvh, table) = rayon::join(surface, table);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }
     let tree = (&bvh, &table);
+    // Point values and cell averages are sampled directly.
     let Sampling::Smoothed {
         deviation,
         sharpening,
@@ -80,6 +82,7 @@ pub(crate) fn fill(
         monitor.begin("density", block_count(recipe.lattice.shape()));
         return sample(&sampler, arrays, monitor);
     };
+    // Smoothed fields are sampled on a finer lattice and filtered.
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
     let ends = [recipe.sampling.spread(), recipe.halo].map(|v| v as f32);
     monitor.begin("density", smoothing.blocks());
@@ -125,7 +128,7 @@ fn sample(
             if monitor.cancelled() {
                 return Err(DensityError::Cancelled);
             }
-            sampler.block(block, scratch);
+            sampler.fill_block(block, scratch);
         }
         monitor.advance(batch.len() as u64);
         Ok(())
@@ -145,7 +148,7 @@ pub(crate) fn taper(xi: f64, halo: f64) -> f64 {
 /// A cell cut by the boundary in two parts, as if this lay parallel to its sides: at `place` half
 /// cells from the middle, outwards. Next to a face the interior density is the exterior one's
 /// conjugate, whatever the model's thickness.
-fn share([exterior, interior]: [Complex32; 2], place: f32) -> [Complex32; 2] {
+fn split_cell([exterior, interior]: [Complex32; 2], place: f32) -> [Complex32; 2] {
     let outside = 0.5 + 0.5 * place;
     let exterior = if place > 0.0 {
         exterior
@@ -199,7 +202,7 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    fn block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
+    fn fill_block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
         if let Some((upsampling, first)) = self.upsampling {
             let [x, y, z] = block.start;
             if upsampling.fill([first + x, y, z], block) {
@@ -288,6 +291,7 @@ impl<'a> Sampler<'a> {
             spacing: nodes.spacing / sub as f64,
             shape: [sub, sub, sub * cells.len()],
         };
+        // Densities at the sub-points.
         let anchors = Anchors {
             patch: nodes,
             distance: &scratch.nodes.distance,
@@ -296,11 +300,12 @@ impl<'a> Sampler<'a> {
         let (means, values) = (&mut scratch.means[cells], &mut scratch.sub_points);
         self.patches.evaluate(&patch, Some(anchors), hint, values);
         let half = 0.5 * patch.spacing as f32;
+        // Means over each cell.
         means.fill(Some([Complex32::ZERO; 2]));
         for (flat, distance) in values.distance.iter().enumerate() {
             let mut parts = values.parts(flat);
             if shares && distance.abs() < half && *distance != 0.0 {
-                parts = share(parts, distance / half);
+                parts = split_cell(parts, distance / half);
             }
             let cell = flat % patch.shape[2] / sub;
             if let Some(mean) = &mut means[cell] {

@@ -160,6 +160,7 @@ impl Smoothing {
         ) -> Result<(), DensityError>,
     ) -> Result<(), DensityError> {
         let filter = &self.filter;
+        // The coarse lattice, from which smooth blocks are interpolated.
         let upsampling = Upsampling::new(
             lattice,
             filter.margin(),
@@ -167,6 +168,7 @@ impl Smoothing {
             &mut arrays.signed_distance,
             |coarse, arrays| sample(coarse, arrays, None),
         )?;
+        // Slabs of the fine lattice, filtered one after the other.
         for (slab, shape) in self.slabs().enumerate() {
             let first = slab * DEPTH;
             let origin = self.origin + DVec3::X * (first as f64 * self.spacing);
@@ -186,9 +188,10 @@ impl Smoothing {
                 },
                 Some((&upsampling, first)),
             )?;
-            add(filter, first, &exterior, &mut arrays.exterior);
-            add(filter, first, &interior, &mut arrays.interior);
+            add_slab(filter, first, &exterior, &mut arrays.exterior);
+            add_slab(filter, first, &interior, &mut arrays.interior);
         }
+        // Cuts off what lies beyond the filter and the halo.
         Zip::from(&arrays.signed_distance)
             .and(&mut arrays.exterior)
             .and(&mut arrays.interior)
@@ -205,7 +208,7 @@ impl Smoothing {
 }
 
 /// Adds what the planes of a slab give to the nodes within the filter's reach.
-fn add(
+fn add_slab(
     filter: &Filter,
     first: usize,
     slab: &Array3<Complex32>,
@@ -216,7 +219,7 @@ fn add(
         if fine.iter().all(|v| *v == Complex32::ZERO) {
             continue;
         }
-        let plane = across(filter, &fine, [ny, nz]);
+        let plane = filter_plane(filter, &fine, [ny, nz]);
         // Node n is the sum over fine planes from FINE n on, counted from the first that is read.
         let Some(place) = (first + i).checked_sub(filter.first()) else {
             continue;
@@ -241,10 +244,10 @@ fn add_plane(to: &mut ArrayViewMut2<'_, Complex32>, plane: &Plane, value: f32, b
 }
 
 /// A fine plane filtered along z and y to `ny` by `nz` nodes.
-fn across(filter: &Filter, fine: &ArrayView2<'_, Complex32>, [ny, nz]: [usize; 2]) -> Plane {
+fn filter_plane(filter: &Filter, fine: &ArrayView2<'_, Complex32>, [ny, nz]: [usize; 2]) -> Plane {
     let rows: Vec<[Vec<Complex32>; 2]> = (0..fine.nrows())
         .into_par_iter()
-        .map(|y| along(filter, fine.row(y).to_slice().unwrap_or_default(), nz))
+        .map(|y| filter_row(filter, fine.row(y).to_slice().unwrap_or_default(), nz))
         .collect();
     let (mut value, mut bend) = (Array2::zeros([ny, nz]), Array2::zeros([ny, nz]));
     let lines = value
@@ -271,7 +274,7 @@ fn axpy(weight: f32, from: &[Complex32], to: &mut [Complex32]) {
 }
 
 /// A fine row filtered to `nz` nodes: smoothed, and what sharpening adds.
-fn along(filter: &Filter, fine: &[Complex32], nz: usize) -> [Vec<Complex32>; 2] {
+fn filter_row(filter: &Filter, fine: &[Complex32], nz: usize) -> [Vec<Complex32>; 2] {
     let sum = |weights: &[f32], k: usize| {
         let near = &fine[filter.first() + FINE * k..][..weights.len()];
         let terms = near.iter().zip(weights).map(|(v, w)| v * w);

@@ -72,7 +72,7 @@ impl<'a> PatchDensity<'a> {
     }
 
     /// Fills `values`. `hint` is a leaf-order face near the patch, updated; `anchors` are as
-    /// [`Signs::give`] wants them.
+    /// [`Signs::propagate`] wants them.
     pub(crate) fn evaluate(
         &self,
         patch: &Patch,
@@ -152,7 +152,7 @@ impl<'a> PatchDensity<'a> {
                 values.distance[flat] = distances[lane];
             } else if !values.done[flat] {
                 let position = patch.position(patch.unravel(flat));
-                let (distance, density) = self.points.at(position, self.step);
+                let (distance, density) = self.points.evaluate(position, self.step);
                 values.set(flat, distance as f32, density);
             }
         }
@@ -161,7 +161,7 @@ impl<'a> PatchDensity<'a> {
     /// All densities of a patch whose signed distances are known.
     fn integrate_all(&self, patch: &Patch, bricks: &[Brick], values: &mut PatchValues) {
         for (i, brick) in bricks.iter().enumerate() {
-            let distances = self.wanted(brick, values);
+            let distances = self.wanted_distances(brick, values);
             if needs_single_points(&distances, values.faces[i], self.packets.fine()) {
                 self.integrate_each(patch, brick, &distances, values);
             } else {
@@ -191,7 +191,7 @@ impl<'a> PatchDensity<'a> {
     }
 
     /// Distances of the points of a brick whose density is wanted and unknown, zero elsewhere.
-    fn wanted(&self, brick: &Brick, values: &PatchValues) -> Lanes {
+    fn wanted_distances(&self, brick: &Brick, values: &PatchValues) -> Lanes {
         brick.flat.map(|flat| {
             if !values.done[flat] && values.distance[flat] < self.horizon {
                 values.distance[flat].abs()
@@ -203,7 +203,7 @@ impl<'a> PatchDensity<'a> {
 
     /// Densities of a brick whose signed distances are known.
     fn integrate(&self, brick: &Brick, values: &mut PatchValues) {
-        let distances = self.wanted(brick, values);
+        let distances = self.wanted_distances(brick, values);
         let Brick {
             flat: brick,
             points,
@@ -239,7 +239,7 @@ impl PatchValues {
         if distance == 0.0 {
             self.boundary.push((flat, density));
         } else {
-            self.density[flat] = single(density.combined(1.0, 1.0));
+            self.density[flat] = to_single_precision(density.combined(1.0, 1.0));
         }
         self.distance[flat] = distance;
         self.done[flat] = true;
@@ -277,7 +277,7 @@ impl PatchValues {
             _ => {
                 let found = self.boundary.iter().find(|(place, _)| *place == flat);
                 let both = found.map(|(_, d)| *d).unwrap_or_default();
-                [both.exterior, both.interior].map(single)
+                [both.exterior, both.interior].map(to_single_precision)
             }
         }
     }
@@ -297,6 +297,6 @@ fn needs_single_points(distances: &Lanes, face: f32, fine: f32) -> bool {
     most > EVEN * least.max(face) && most > fine * face
 }
 
-fn single(z: Complex64) -> Complex32 {
+fn to_single_precision(z: Complex64) -> Complex32 {
     Complex32::new(z.re as f32, z.im as f32)
 }

@@ -86,7 +86,7 @@ fn fill(
     // Started anew for every block: results must not depend on which thread took which block.
     let mut hint = 0;
     for Brick { flat, points } in bricks.iter() {
-        let found = packets.at(points, &mut hint);
+        let found = packets.find_nearest(points, &mut hint);
         let near = NEAR * points.half_diagonal();
         for lane in 0..LANES {
             distance[flat[lane]] = if found[lane] > near {

@@ -73,6 +73,7 @@ impl Upsampling {
                 .iter()
                 .fold(BYTES as u64, |b, n| b.saturating_mul(*n as u64)),
         };
+        // The coarse lattice and its arrays.
         let origin = lattice.origin() - DVec3::splat(before as f64 * h);
         let coarse = Lattice::new(origin, h, shape).map_err(|_| memory())?;
         let mut exterior: Array3<Complex32> = zeros(&coarse).ok_or_else(memory)?;
@@ -83,12 +84,14 @@ impl Upsampling {
             interior: interior.view_mut(),
             signed_distance: signed.view_mut(),
         };
+        // Values at its nodes.
         sample(&coarse, arrays)?;
         exterior += &interior;
+        // Distances of the nodes of `lattice`, and where interpolation is safe.
         let (nx, ny, nz) = distance.dim();
         let own = |n| before..before + n;
         distance.assign(&signed.slice(s![own(nx), own(ny), own(nz)]));
-        let sides = sides(&exterior, &signed, CLEAR * h as f32);
+        let sides = classify_nodes(&exterior, &signed, CLEAR * h as f32);
         Ok(Self {
             density: exterior,
             sides,
@@ -101,6 +104,7 @@ impl Upsampling {
         // The node before the block's first.
         let first = start.map(|f| f / FINE + BEFORE - 1);
         let [x, y, z] = first.map(|n| n..n + READ);
+        // All nodes that are read must be smooth and on one side.
         let sides = self.sides.slice(s![x.clone(), y.clone(), z.clone()]);
         let side = sides[[0, 0, 0]];
         if side == Side::Rough || sides.iter().any(|s| *s != side) {
@@ -111,6 +115,7 @@ impl Upsampling {
             _ => &mut block.interior,
         };
         let (nx, ny, nz) = part.dim();
+        // Interpolates along z, y and x.
         let mut planes = [[[Complex32::ZERO; 8]; 8]; READ];
         for (plane, from) in planes.iter_mut().zip(x) {
             let mut lines = [[Complex32::ZERO; 8]; READ];
@@ -147,7 +152,7 @@ fn upsample(coarse: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
 }
 
 /// Which nodes are clear of the boundary by `clear` and have densities that vary little.
-fn sides(density: &Array3<Complex32>, signed: &Array3<f32>, clear: f32) -> Array3<Side> {
+fn classify_nodes(density: &Array3<Complex32>, signed: &Array3<f32>, clear: f32) -> Array3<Side> {
     let squares = |plane: ndarray::ArrayView2<'_, Complex32>| -> [f64; 2] {
         plane.iter().fold([0.0; 2], |[sum, count], v| {
             let square = f64::from(v.norm_sqr());
@@ -166,7 +171,8 @@ fn sides(density: &Array3<Complex32>, signed: &Array3<f32>, clear: f32) -> Array
         for ((y, z), side) in plane.indexed_iter_mut() {
             let at = [x, y, z];
             let distance = signed[at];
-            if distance.abs() >= clear && (0..3).all(|a| bend(density, at, a) <= most) {
+            if distance.abs() >= clear && (0..3).all(|a| fourth_difference(density, at, a) <= most)
+            {
                 *side = match distance < 0.0 {
                     true => Side::Inside,
                     false => Side::Outside,
@@ -178,7 +184,7 @@ fn sides(density: &Array3<Complex32>, signed: &Array3<f32>, clear: f32) -> Array
 }
 
 /// The squared fourth difference along an axis; of nodes at the rim, which nothing reads, none.
-fn bend(density: &Array3<Complex32>, at: [usize; 3], axis: usize) -> f32 {
+fn fourth_difference(density: &Array3<Complex32>, at: [usize; 3], axis: usize) -> f32 {
     if at[axis] < 2 || at[axis] + 2 >= density.shape()[axis] {
         return 0.0;
     }

@@ -1,5 +1,5 @@
-//! Reference for the contact sum in double precision, face by face and edge by edge; the fast sum is
-//! tested against it.
+//! Reference for the contact sum in double precision, face by face and edge by edge; the fast sum
+//! is tested against it.
 
 use std::f64::consts::PI;
 
@@ -316,8 +316,8 @@ pub(crate) struct Flux {
 }
 
 impl ContactSurface {
-    /// The flat regions of `mesh` for densities that are smoothed together by a Gaussian of standard
-    /// deviation `width` (metres, per axis).
+    /// The flat regions of `mesh` for densities that are smoothed together by a Gaussian of
+    /// standard deviation `width` (metres, per axis).
     pub(crate) fn new(mesh: &TriangleMesh, width: f64) -> Self {
         let flat = FLAT * mesh.bounds().size().max_element();
         let found = outlines(mesh.triangles(), mesh.vertices(), flat);
@@ -407,8 +407,8 @@ mod tests {
         ramp(t + a + b) - ramp(t + a - b) - ramp(t - a + b) + ramp(t - a - b)
     }
 
-    /// What the sum must be for two boxes along the axes: the overlap less the smoothed and sharpened
-    /// one.
+    /// What the sum must be for two boxes along the axes: the overlap less the smoothed and
+    /// sharpened one.
     fn lost(a: DVec3, b: DVec3, at: DVec3, width: f64) -> f64 {
         let exact: f64 = (0..3)
             .map(|k| (a[k].min(at[k] + b[k]) - (-a[k]).max(at[k] - b[k])).max(0.0))
@@ -428,9 +428,9 @@ mod tests {
         samples.iter().map(seen).sum()
     }
 
-    /// With faces, edges and corners in reach of one another; sampled finely, so that what differs is
-    /// the midpoint rule (second order) and the end of the reach. Both boxes along the axes, for which
-    /// the closed form holds, and both turned and shifted with them.
+    /// With faces, edges and corners in reach of one another; sampled finely, so that what differs
+    /// is the midpoint rule (second order) and the end of the reach. Both boxes along the axes, for
+    /// which the closed form holds, and both turned and shifted with them.
     #[test]
     fn two_boxes_lose_what_smoothing_takes() {
         let (a, b) = (DVec3::new(2.0, 1.5, 1.2), DVec3::new(1.0, 1.7, 0.8));
@@ -478,8 +478,8 @@ mod tests {
         }
     }
 
-    /// A turned body with concave edges, seen from everywhere near it: slopes are those of differences,
-    /// and the flux is that of the surface moved along.
+    /// A turned body with concave edges, seen from everywhere near it: slopes are those of
+    /// differences, and the flux is that of the surface moved along.
     #[test]
     fn slopes_are_those_of_differences_in_every_frame() {
         let (hole, _) = shapes::PegInHole::Combined.pair(1e-4).unwrap();

@@ -22,7 +22,7 @@ use super::kernel::{Quotients, coarse_angle, half_ln, splat};
 use super::patches::BoundaryEdge;
 
 /// A boundary edge's line relative to sixteen samples.
-pub(super) struct LineIntegrals<S: Simd> {
+struct LineIntegrals<S: Simd> {
     /// Above or below, and its square.
     pub(super) height: f32x16<S>,
     pub(super) square: f32x16<S>,
@@ -35,7 +35,7 @@ pub(super) struct LineIntegrals<S: Simd> {
 
 /// For a piece of the line: half of `∫ dl / R`, and the angles that it subtends in the plane and
 /// from above, `across ∫ dl / (across² + l²)` and `across |h| ∫ dl / ((across² + l²) R)`.
-pub(super) type Newtonian<S> = [f32x16<S>; 3];
+type LineTerms<S> = [f32x16<S>; 3];
 
 impl<S: Simd> LineIntegrals<S> {
     /// From end to end, where the squared distances are as given.
@@ -44,7 +44,7 @@ impl<S: Simd> LineIntegrals<S> {
         &self,
         [a, b]: [f32x16<S>; 2],
         [far_a, far_b]: [f32x16<S>; 2],
-    ) -> Newtonian<S> {
+    ) -> LineTerms<S> {
         let (ra, rb) = (far_a.sqrt(), far_b.sqrt());
         let (pa, pb) = (ra + a.abs(), rb + b.abs());
         let product = a * b;
@@ -63,7 +63,7 @@ impl<S: Simd> LineIntegrals<S> {
 
     /// All of it in reach, so far to either side.
     #[inline(always)]
-    pub(super) fn chord(&self, side: f32x16<S>) -> Newtonian<S> {
+    fn chord(&self, side: f32x16<S>) -> LineTerms<S> {
         let above = side + 1.0;
         let wide = self.across.abs() * (side + side);
         let square = side * side;
@@ -81,7 +81,7 @@ impl<S: Simd> LineIntegrals<S> {
         ratio: f32x16<S>,
         angle: [f32x16<S>; 2],
         lifted: [f32x16<S>; 2],
-    ) -> Newtonian<S> {
+    ) -> LineTerms<S> {
         [
             half_ln(ratio),
             coarse_angle(angle[0], angle[1]).copysign(self.across),
@@ -96,7 +96,7 @@ const SOFTENING: f32 = 0.8;
 
 /// Corrections that soften an edge: to two of its terms, and the slopes of the gain in `2π` times
 /// the value.
-pub(super) struct Softening<S: Simd> {
+struct Softening<S: Simd> {
     /// Added to the logarithm and to the angle.
     pub(super) terms: [f32x16<S>; 2],
     /// Slopes of the gain with the squared height, the distance of the line, and the position along
@@ -107,7 +107,7 @@ pub(super) struct Softening<S: Simd> {
 }
 
 /// Softening width: `w`, and the inverse of its root.
-pub(super) struct SofteningWidth<S: Simd> {
+struct SofteningWidth<S: Simd> {
     pub(super) square: f32x16<S>,
     scale: f32x16<S>,
 }

@@ -14,7 +14,7 @@ use crate::support::angle::upper_angle;
 
 /// Curvature at most, per reach of the kernel: from the axis of what is bent as much, the kernel
 /// just does not reach the surface, and no place has two feet.
-pub(super) const MOST_BENT: f64 = 1.0;
+const MOST_BENT: f64 = 1.0;
 
 /// Surfaces bent less are flat.
 const LEAST_BENT: f64 = 1e-4;
@@ -82,7 +82,7 @@ impl OsculatingTorus {
         (bent <= MOST_BENT).then_some(torus)
     }
 
-    /// Whether it stands for `surfels`, seen from the origin.
+    /// Whether it approximates `surfels` within what the distance from the origin allows.
     pub(super) fn approximates(&self, mut surfels: impl Iterator<Item = Surfel>) -> bool {
         surfels.all(|s| {
             let beyond = (s.place.length() - NEAR).max(0.0);
@@ -137,7 +137,7 @@ impl OsculatingTorus {
             let column = upper.iter().map(|r| r[i]).take(i);
             row.iter_mut().zip(column).for_each(|(x, y)| *x = y);
         }
-        // What surfels do not tell, as on a line, stays.
+        // Directions that surfels leave undetermined, as on a line, keep their values.
         let trace = (0..6).map(|i| normal[i][i]).sum::<f64>();
         for (i, row) in normal.iter_mut().enumerate() {
             row[i] += 1e-9 * trace;
@@ -195,7 +195,7 @@ fn principal_curvatures(m: DMat2) -> (DVec2, DVec2) {
 }
 
 /// The solution of symmetric positive equations; none if they are not.
-pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
+fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     for i in 0..N {
         let (row, right) = (a[i], b[i]);
         if row[i].is_nan() || row[i] <= 0.0 {
@@ -436,7 +436,7 @@ impl<S: Simd> DevelopedSamples<S> {
 
     /// The other way round.
     #[inline(always)]
-    pub(super) fn from_local(&self, v: &Vectors<S>) -> Vectors<S> {
+    pub(super) fn to_patch_axes(&self, v: &Vectors<S>) -> Vectors<S> {
         let mut sum = *v;
         for (k, sum) in sum.iter_mut().enumerate() {
             let ends = v[1].mul_add(self.y[k], v[2] * self.normal[k]);

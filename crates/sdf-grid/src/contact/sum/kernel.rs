@@ -1,4 +1,5 @@
-//! The smoothed kernel over a plane, for sixteen samples at a time, and the arithmetic that it needs.
+//! The smoothed kernel over a plane, for sixteen samples at a time, and the arithmetic that it
+//! needs.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, i32x16};
@@ -133,10 +134,10 @@ const fn derivative<const N: usize, const M: usize>(of: &[f32; N], times: f32) -
     slopes
 }
 
-/// The second derivative with the height of the integral over a plane, without its spike on it, as a
-/// polynomial of the squared height: off by 0.6 % of its greatest at most, one in all as the spike
-/// takes, and smoothly zero at the reach. Least squares under these conditions, reweighted to the
-/// least maximum.
+/// The second derivative with the height of the integral over a plane, without its spike on it, as
+/// a polynomial of the squared height: off by 0.6 % of its greatest at most, one in all as the
+/// spike takes, and smoothly zero at the reach. Least squares under these conditions, reweighted to
+/// the least maximum.
 const SECOND: [f32; TERMS - 1] = [
     2.230_485,
     -24.939_982,
@@ -224,8 +225,8 @@ impl<S: Simd> Quotients<S> {
         )
     }
 
-    /// The sums over moments, `moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k + 1)`,
-    /// where `ends` gives what is in brackets for k from 1 on.
+    /// The sums over moments, `moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k +
+    /// 1)`, where `ends` gives what is in brackets for k from 1 on.
     #[inline(always)]
     fn sums(
         &self,

@@ -25,26 +25,26 @@ use super::kernel::{Quotients, Vectors, components, curvature, scaled, splat, tu
 use super::lookup::Cluster;
 use super::patches::{Patch, VisiblePatches};
 
-/// Heights, in units of the reach, that single precision does not tell from zero, many times over:
-/// some ten nanometres. Walls as near as that are flush.
+/// Heights, in units of the reach, many times the resolution of single precision: some ten
+/// nanometres. Walls as near as that are flush.
 const FLUSH: f32 = 1e-5;
 
 /// Half the sign of a height, continuous for flush walls: at zero height the slope is the mean of
 /// both sides, however the height is rounded.
 #[inline(always)]
-pub(super) fn half_sign<S: Simd>(height: f32x16<S>) -> f32x16<S> {
+fn half_sign<S: Simd>(height: f32x16<S>) -> f32x16<S> {
     let half = splat(height.token(), 0.5);
     (height * (0.5 / FLUSH)).min(half).max(half * -1.0)
 }
 
 /// The integral of the kernel over a patch, and its slopes with the height and along the patch's
 /// two directions.
-pub(super) struct PatchIntegral<S: Simd> {
+struct PatchIntegral<S: Simd> {
     pub(super) value: f32x16<S>,
     pub(super) height: f32x16<S>,
     pub(super) along: [f32x16<S>; 2],
     /// What the normal is multiplied with for the moment, besides the value.
-    pub(super) turning: f32x16<S>,
+    turning: f32x16<S>,
 }
 
 impl<S: Simd> PatchIntegral<S> {
@@ -82,20 +82,20 @@ const TAPER: f32 = 0.7;
 const LEAST: f32 = 1e-8;
 
 /// Deviation of facets from their torus, in units of the reach: half of what is allowed.
-pub(super) const STRAY: f32 = 0.5 * OFF as f32;
+const STRAY: f32 = 0.5 * OFF as f32;
 
 /// Tilt of samples against a patch.
-pub(super) struct Tilt<S: Simd> {
+struct Tilt<S: Simd> {
     /// Cosine of the angle between them and the patch.
     pub(super) cosine: f32x16<S>,
     /// Their normals along the patch's two directions.
     pub(super) aside: [f32x16<S>; 2],
     /// How far the surface may be from the patch, in units of the reach.
-    pub(super) stray: f32,
+    stray: f32,
 }
 
 /// Correction for tilted samples, and their distance from the boundary.
-pub(super) struct TiltCorrection<S: Simd> {
+struct TiltCorrection<S: Simd> {
     sine_squared: f32x16<S>,
     /// Squared.
     stray: f32,
@@ -111,7 +111,7 @@ pub(super) struct TiltCorrection<S: Simd> {
 impl<S: Simd> Tilt<S> {
     /// None if all samples lie along the patch, which is flat, or are too far from it.
     #[inline(always)]
-    pub(super) fn correction(&self, local: &LocalSamples<S>) -> Option<TiltCorrection<S>> {
+    fn correction(&self, local: &LocalSamples<S>) -> Option<TiltCorrection<S>> {
         let simd = self.cosine.token();
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let [x, y] = self.aside;
@@ -135,7 +135,7 @@ impl<S: Simd> Tilt<S> {
 impl<S: Simd> TiltCorrection<S> {
     /// Keeps a boundary edge of this length where it is nearer than those before.
     #[inline(always)]
-    pub(super) fn update_nearest(&mut self, line: &EdgeLine<S>, length: f32) {
+    fn update_nearest(&mut self, line: &EdgeLine<S>, length: f32) {
         let zero = splat(self.nearest.token(), 0.0);
         let (across, start) = (line.across, line.start);
         let beyond = start.max(zero) + (start + length).min(zero);
@@ -437,7 +437,7 @@ impl<S: Simd> Accumulator<S> {
             up * height,
         ];
         // Along the patch's axes.
-        let slope = developed.from_local(&slopes);
+        let slope = developed.to_patch_axes(&slopes);
         let bent = scaled(&developed.normal, flux);
         for k in 0..3 {
             let sum = slope[0].mul_add(u[k], self.gradient[k]);

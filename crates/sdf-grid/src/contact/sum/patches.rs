@@ -21,7 +21,7 @@ const REFERENCE: DVec2 = DVec2::new(0.013_71, 0.007_13);
 
 /// Range of boundary edges on a developed surface over the range in space: on the inside of the
 /// strongest bend an arc is longer than its chord.
-pub(super) const FARTHER: f64 = 1.4;
+const FARTHER: f64 = 1.4;
 
 /// Angle around a torus beyond which nothing is visible.
 const BEHIND: f64 = 2.5;
@@ -69,14 +69,14 @@ pub(super) struct BoundaryEdge {
 
 /// Patches with their boundary edges.
 #[derive(Debug, Default)]
-pub(super) struct PatchList {
+struct PatchList {
     pub(super) patches: Vec<Patch>,
     pub(super) boundary: Vec<BoundaryEdge>,
 }
 
 /// Numbers of the regions and boundary edges near a cell.
 #[derive(Debug, Clone, Default)]
-pub(super) struct NearbyRegions {
+struct NearbyRegions {
     pub(super) flat: Vec<u32>,
     /// Of [`Regions::faces`].
     pub(super) faces: Vec<u32>,
@@ -89,23 +89,23 @@ pub(super) struct Surface<'a> {
     pub(super) regions: &'a Regions,
     /// Surfels of the regions, and the tori fitted to them so far.
     pub(super) surfels: SurfelGrid,
-    pub(super) tori: Vec<OnceLock<Option<OsculatingTorus>>>,
+    tori: Vec<OnceLock<Option<OsculatingTorus>>>,
     /// The kernel's reach, metres.
     pub(super) unit: f64,
     /// Range of visibility, metres.
-    pub(super) seen: f64,
+    pub(super) range: f64,
 }
 
 impl Surface<'_> {
     /// The patches visible from around `middle`, out of the regions near by.
-    pub(super) fn visible_from(&self, middle: DVec3, near: &NearbyRegions) -> PatchList {
+    fn visible_from(&self, middle: DVec3, near: &NearbyRegions) -> PatchList {
         let mut list = PatchList::default();
         // Flat regions.
         for id in &near.flat {
             self.add_flat(&mut list, &self.regions.flat[*id as usize], middle);
         }
         // Curved regions, each from its surfel nearest to the cell.
-        let surfels = self.surfels.within(middle, self.seen);
+        let surfels = self.surfels.within(middle, self.range);
         for of_region in surfels.chunk_by(|a, b| a.0 == b.0) {
             let off = |s: &SurfelId| self.surfel(s.1).place.distance_squared(middle);
             let nearest = of_region.iter().map(|s| (off(s), s));
@@ -166,12 +166,12 @@ impl Surface<'_> {
         let unit = self.unit;
         let from = (middle - region.origin) / unit;
         let (foot, height) = (DVec2::new(from.dot(u), from.dot(v)), from.dot(normal));
-        let seen = self.seen / unit;
-        if height.abs() > seen {
+        let range = self.range / unit;
+        if height.abs() > range {
             return;
         }
         // Boundary edges within the visible disc.
-        let most = (seen * seen - height * height).max(0.0).sqrt();
+        let most = (range * range - height * height).max(0.0).sqrt();
         let first = list.boundary.len();
         let mut sides = Vec::new();
         let here = unit * foot;
@@ -242,7 +242,7 @@ impl Surface<'_> {
         edges.retain(|e| e.iter().all(before));
         // Boundary chains within the visible range.
         let (about, _) = torus.developed(DVec3::ZERO);
-        let most = FARTHER * self.seen / self.unit;
+        let most = FARTHER * self.range / self.unit;
         let first = list.boundary.len();
         for chain in join_chains(&edges) {
             let chain: Vec<DVec2> = chain.iter().map(place).collect();
@@ -447,16 +447,16 @@ impl VisiblePatches {
             boundary: Vec::new(),
         };
         // Half a diagonal, and a little for rounding.
-        let seen = (reach + radius + 0.87 * cell) * (1.0 + 1e-6);
+        let range = (reach + radius + 0.87 * cell) * (1.0 + 1e-6);
         // Patches of every cell, in parallel.
-        let near = visible.list_nearby(mesh, regions, seen)?;
+        let near = visible.list_nearby(mesh, regions, range)?;
         let surface = Surface {
             mesh,
             regions,
             surfels: SurfelGrid::new(visible.grid, &regions.surfels),
             tori: vec![OnceLock::new(); regions.surfels.len()],
             unit: reach,
-            seen,
+            range,
         };
         let lists = near.par_iter().enumerate();
         let lists = lists.map(|(flat, near)| surface.visible_from(visible.grid.middle(flat), near));
@@ -488,19 +488,19 @@ impl VisiblePatches {
         &self,
         mesh: &TriangleMesh,
         regions: &Regions,
-        seen: f64,
+        range: f64,
     ) -> Result<Vec<NearbyRegions>, ContactError> {
         let mut near = vec![NearbyRegions::default(); self.grid.count()];
         let mut listed = 0;
         for (id, region) in regions.flat.iter().enumerate() {
-            for flat in self.cells_near(region, seen) {
+            for flat in self.cells_near(region, range) {
                 near[flat].flat.push(id as u32);
                 listed += 1;
             }
             check_limit(listed)?;
         }
         for (id, (_, region)) in regions.faces.iter().enumerate() {
-            for flat in self.cells_near(region, seen) {
+            for flat in self.cells_near(region, range) {
                 near[flat].faces.push(id as u32);
                 listed += 1;
             }
@@ -508,7 +508,7 @@ impl VisiblePatches {
         }
         for (id, (_, ends)) in regions.boundary.iter().enumerate() {
             let ends = ends.map(|v| mesh.vertices()[v as usize]);
-            for flat in self.cells_in(&Aabb::around(ends).grown(FARTHER * seen)) {
+            for flat in self.cells_in(&Aabb::around(ends).grown(FARTHER * range)) {
                 near[flat].boundary.push(id as u32);
                 listed += 1;
             }
@@ -517,13 +517,13 @@ impl VisiblePatches {
         Ok(near)
     }
 
-    /// Cells with a middle within `seen` of a flat region's plane and box.
-    fn cells_near(&self, region: &FlatRegion, seen: f64) -> impl Iterator<Item = usize> {
+    /// Cells with a middle within `range` of a flat region's plane and box.
+    fn cells_near(&self, region: &FlatRegion, range: f64) -> impl Iterator<Item = usize> {
         let [_, _, normal] = region.axes;
-        self.cells_in(&region.bounds.grown(seen))
+        self.cells_in(&region.bounds.grown(range))
             .filter(move |flat| {
                 let height = (self.grid.middle(*flat) - region.origin).dot(normal);
-                height.abs() <= seen
+                height.abs() <= range
             })
     }
 

@@ -23,7 +23,7 @@ use crate::surface::coplanar::pieces::merged;
 
 /// Sums over the pieces of one sample.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct SampleAccumulator {
+struct SampleAccumulator {
     /// Places times areas.
     pub(super) moment: DVec3,
     pub(super) area: DVec3,
@@ -60,7 +60,7 @@ const ALIGNED: f64 = 0.5;
 const BOX: f64 = 0.2;
 
 /// Pieces of a surface, divided into compact cells by Lloyd's algorithm.
-pub(super) struct Cells {
+struct Cells {
     distance: f64,
     /// By part and box.
     pieces: FxHashMap<(u32, IVec3), SampleAccumulator>,
@@ -167,7 +167,7 @@ impl Centre {
 
 /// A lattice of squares on a part of a surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum PartLattice {
+enum PartLattice {
     /// In a plane: from the mesh's frame to that of the lattice, which has the normal as its third
     /// axis.
     Flat(DMat3),
@@ -179,7 +179,7 @@ pub(super) enum PartLattice {
 
 /// A lattice of squares on a cylinder that closes around it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RoundLattice {
+struct RoundLattice {
     cylinder: Cylinder,
     /// Metres in the cylinder's unit.
     unit: f64,
@@ -197,7 +197,7 @@ pub(super) struct RoundLattice {
 ///
 /// # Errors
 /// If there would be too many pieces.
-pub(super) fn fit_lattices(
+fn fit_lattices(
     mesh: &TriangleMesh,
     parts: &SmoothParts,
     distance: f64,
@@ -237,7 +237,7 @@ pub(super) fn fit_lattices(
 }
 
 /// A rotation that aligns no edge of a part with a lattice by accident.
-pub(super) fn generic_rotation() -> DQuat {
+fn generic_rotation() -> DQuat {
     DQuat::from_scaled_axis(DVec3::new(0.553, -0.709, 0.961))
 }
 
@@ -294,7 +294,7 @@ impl RoundLattice {
 
 /// Sharp edges of each part, by boxes in which they are near.
 #[derive(Debug)]
-pub(super) struct SharpEdges {
+struct SharpEdges {
     /// How near is near, and the edge of the boxes, metres.
     near: f64,
     edges: Vec<SharpEdge>,

@@ -22,11 +22,11 @@ use crate::surface::bvh::tree::Bvh;
 /// Working memory of the traversal. Reused from packet to packet.
 #[derive(Debug, Default)]
 pub(crate) struct Traversal {
-    pub(super) path: TraversalStack,
+    path: TraversalStack,
     /// Clusters to add for a lone point.
-    pub(super) clusters: PendingClusters,
+    clusters: PendingClusters,
     /// Whether clusters cancelled at the packet before.
-    pub(super) cancelled: bool,
+    cancelled: bool,
 }
 
 impl Traversal {
@@ -38,16 +38,16 @@ impl Traversal {
 
 /// Wide nodes still to visit, and near faces still to add.
 #[derive(Debug, Default)]
-pub(crate) struct TraversalStack {
+struct TraversalStack {
     wide_nodes: Vec<u32>,
     near: NearFaces,
 }
 
 /// Where clusters add up to this many times their sum they cancel, and their errors weigh more.
-pub(crate) const CANCELLING: f32 = 1.1;
+const CANCELLING: f32 = 1.1;
 
 /// A cluster that the traversal visits.
-pub(crate) struct ClusterVisit<'a> {
+struct ClusterVisit<'a> {
     pub(crate) wide_node: &'a WideNode,
     /// Its place in the wide node.
     pub(crate) place: usize,
@@ -57,7 +57,7 @@ pub(crate) struct ClusterVisit<'a> {
 }
 
 /// The sums of a traversal.
-pub(crate) trait Sums<S: Simd> {
+trait Sums<S: Simd> {
     /// Adds a cluster that is perhaps far; false if it is not, and nothing is added.
     fn add_if_far(
         &mut self,
@@ -74,7 +74,7 @@ pub(crate) trait Sums<S: Simd> {
 impl TraversalStack {
     /// Adds all clusters that are far and all near faces to `sums`.
     #[inline(always)]
-    pub(crate) fn traverse<S: Simd>(
+    fn traverse<S: Simd>(
         &mut self,
         tree: &PacketTree<'_>,
         packet: &Packet<S>,
@@ -154,7 +154,7 @@ fn prefetch_wide_node(
 /// Clusters pending for one point. Reused from point to point.
 #[derive(Debug, Default)]
 #[repr(align(64))]
-pub(crate) struct PendingClusters {
+struct PendingClusters {
     /// The point from their centres.
     from: [Lanes; 3],
     terms: [Lanes; TERMS],
@@ -179,7 +179,7 @@ impl PendingClusters {
 
     /// Whether there is room for no more.
     #[inline(always)]
-    pub(crate) fn is_full(&self) -> bool {
+    fn is_full(&self) -> bool {
         self.len == LANES
     }
 

@@ -19,7 +19,7 @@ use crate::surface::moments::Moments;
 /// that is all.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
-pub(crate) struct Hull {
+struct Hull {
     pub(crate) disc: Disc,
     /// As in [`Node`].
     pub(crate) second: u32,
@@ -70,7 +70,7 @@ const SQUARED_ROUNDING: f32 = 5e-7;
 impl Disc {
     /// Whether it is no better than the box.
     #[inline(always)]
-    pub(crate) fn is_thick(&self) -> bool {
+    fn is_thick(&self) -> bool {
         self.thickness == f32::INFINITY
     }
 
@@ -153,7 +153,7 @@ impl Facet {
     }
 }
 
-/// A face seen from every point of a packet: signed height above the plane and, for each edge,
+/// A face relative to every point of a packet: signed height above the plane and, for each edge,
 /// the foot's distance `d` from its line (positive towards the face) and the places of its ends
 /// along the line, from the foot.
 pub(crate) struct View<S: Simd> {
@@ -333,13 +333,13 @@ fn distances<S: Simd>(
 #[derive(Clone, Copy, Default)]
 struct PendingNode {
     id: u32,
-    /// Squared distance between the boxes, zero if it was not asked for.
+    /// Squared distance between the boxes, zero if it was not computed.
     gap: f32,
     /// When it was found.
     since: u32,
 }
 
-/// Squared distance of a node's box from the packet's (zero of those whose disc tells more),
+/// Squared distance of a node's box from the packet's (zero for those whose disc is thinner),
 /// infinite if none of the points may be nearer to what is in it than `best` (`worst` of them); and
 /// from the packet's centre.
 #[inline(always)]

@@ -7,7 +7,7 @@
 //! - [`points`]: packets of points;
 //! - [`distance`]: faces and nodes relative to a packet, and the nearest distance;
 //! - [`accuracy`], [`kernel`]: parameters for a tolerance, and the kernel in single precision;
-//! - [`shared_edges`], [`tree`]: edges that two faces share; the tree in wide nodes with far fields;
+//! - [`shared_edges`], [`tree`]: edges that two faces share; wide nodes and their far fields;
 //! - [`near_faces`]: edge integrals of near faces;
 //! - [`acceptance`]: the acceptance test of far clusters, and their far fields;
 //! - [`density`]: the traversal for sixteen points or for one, and the entry point.

@@ -13,7 +13,7 @@ use super::points::{Lanes, Packet};
 use super::tree::{PacketTree, Query};
 use crate::support::angle::upper_angle;
 
-/// One of the faces of an edge, seen from every point.
+/// One of the faces of an edge, relative to every point.
 #[derive(Clone, Copy)]
 pub(crate) struct Side<S: Simd> {
     /// Distance of the foot from the edge's line, positive towards the face.
@@ -28,8 +28,8 @@ pub(crate) struct Side<S: Simd> {
     pub(crate) beyond: [f32x16<S>; 2],
 }
 
-/// An edge seen from every point: places along its line, from the point's own.
-pub(crate) struct Line<S: Simd> {
+/// An edge relative to every point: positions along its line, from the point's own.
+struct Line<S: Simd> {
     ends: [f32x16<S>; 2],
     /// The part within reach.
     inner: [f32x16<S>; 2],

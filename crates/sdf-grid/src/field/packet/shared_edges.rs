@@ -205,7 +205,7 @@ mod tests {
         }
     }
 
-    /// An edge of two boxes, four faces: who is whose neighbour is not said.
+    /// An edge of two boxes, four faces: which of them are neighbours is ambiguous.
     #[test]
     fn edges_of_more_than_two_faces_have_no_twins() {
         let mut faces = Bvh::build(&shapes::cuboid(DVec3::ONE).unwrap()).faces;

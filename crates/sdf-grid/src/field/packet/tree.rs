@@ -36,7 +36,7 @@ pub(super) const VECTOR: usize = 20;
 
 impl Cluster {
     /// Of nothing.
-    pub(crate) const EMPTY: Self = Self {
+    const EMPTY: Self = Self {
         centre: DVec3::ZERO,
         radius: 0.0,
         spread: 0.0,
@@ -44,7 +44,7 @@ impl Cluster {
     };
 
     /// Of one face.
-    pub(crate) fn from_face(face: &Face) -> Self {
+    fn from_face(face: &Face) -> Self {
         let faces = std::slice::from_ref(face);
         Self::new(&Moments::of(faces).bounded(faces))
     }
@@ -155,7 +155,7 @@ enum Item {
 }
 
 /// The wide nodes of a tree, the first one at its root, and the clusters of their members.
-pub(crate) fn build_wide_nodes(bvh: &Bvh) -> (Vec<WideNode>, Vec<[Cluster; WIDTH]>) {
+fn build_wide_nodes(bvh: &Bvh) -> (Vec<WideNode>, Vec<[Cluster; WIDTH]>) {
     let shapes = shapes(bvh);
     let wide_node = |shape: &Shape| {
         let mut wide_node = WideNode::empty();

@@ -103,7 +103,7 @@ impl SmoothBlock {
         shape == [EDGE; 3]
     }
 
-    /// Whether the distances of a block tell that its density may be smooth: on the skeleton, where
+    /// Whether the density of a block may be smooth, by its distances: on the skeleton, where
     /// it is not, they have creases, and near the boundary they are short. Distances are known
     /// everywhere, so none is overlooked.
     pub(crate) fn is_promising(&self, distance: &[f32], spacing: f64) -> bool {
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(nodes, (0..EDGE.pow(3)).collect::<Vec<_>>());
     }
 
-    /// What each attempt makes of a density of which it knows only what it asked for.
+    /// The result of each attempt on a density of which only the nodes it needs are known.
     fn attempts(density: &[Complex32]) -> Vec<Option<Vec<Complex32>>> {
         let smooth = SmoothBlock::new(1e-5, 0.1);
         let mut known = vec![Complex32::ZERO; density.len()];

@@ -129,7 +129,7 @@ impl Smoothing {
             .map(move |first| [DEPTH.min(nx - first), ny, nz])
     }
 
-    /// Blocks that `sample` of [`Smoothing::fill`] is asked for.
+    /// Number of blocks that `sample` of [`Smoothing::fill`] computes.
     pub(super) fn blocks(&self) -> u64 {
         let fine: u64 = self.slabs().map(block_count).sum();
         fine + block_count(Upsampling::shape(self.shape))

@@ -34,7 +34,7 @@ impl Signs {
     ) {
         self.known.clear();
         self.known.extend((0..distance.len()).map(done));
-        // Sub-points of a cell are too near to one another to tell.
+        // Sub-points of a cell are too near to one another to propagate signs.
         if !bvh.closed && anchors.is_none() {
             self.evaluate_everywhere(bvh, patch, distance);
             return;
@@ -140,10 +140,10 @@ impl Signs {
 
 impl Anchors<'_> {
     /// Whether a point in the cell of node `own` (C order), at this distance from the boundary,
-    /// lies inside, if one of the nodes tells: that one, or with `all` those around it.
+    /// lies inside, if a node decides: that one, or with `all` those around it.
     fn side(&self, own: usize, (position, distance): (DVec3, f32), all: bool) -> Option<bool> {
         let centre = self.patch.unravel(own);
-        let tells = |index: [usize; 3]| {
+        let decide = |index: [usize; 3]| {
             let known = self.distance[self.patch.flat(index)];
             let apart = self.patch.position(index).distance(position);
             are_connected(known, distance, apart).then_some(known < 0.0)
@@ -152,11 +152,11 @@ impl Anchors<'_> {
             let end = (centre[axis] + 2).min(self.patch.shape[axis]);
             centre[axis].saturating_sub(1)..end
         };
-        tells(centre).or_else(|| {
+        decide(centre).or_else(|| {
             let planes = near(0).filter(|_| all);
             let lines = planes.flat_map(|x| near(1).map(move |y| [x, y]));
             let mut nodes = lines.flat_map(|[x, y]| near(2).map(move |z| [x, y, z]));
-            nodes.find_map(tells)
+            nodes.find_map(decide)
         })
     }
 }

@@ -32,7 +32,7 @@ pub(crate) fn surface_pieces(
     distance: f64,
     mut add: impl FnMut(usize, SurfaceSample),
 ) -> Result<(), ContactError> {
-    let parts = |f: Piece| f.parts(distance).into_iter().product::<f64>();
+    let parts = |f: Piece| f.count_parts(distance).into_iter().product::<f64>();
     let found: f64 = faces.clone().map(parts).sum();
     if found > MOST as f64 {
         return Err(ContactError::TooMany {
@@ -68,7 +68,7 @@ impl Piece {
     }
 
     /// Into how many parts it is divided along its first two sides.
-    fn parts(&self, distance: f64) -> [f64; 2] {
+    fn count_parts(&self, distance: f64) -> [f64; 2] {
         let [a, b, c, d] = self.four_corners();
         let along = a.distance(b).max(c.distance(d));
         let up = b.distance(c).max(d.distance(a));
@@ -79,13 +79,15 @@ impl Piece {
     fn sample(&self, distance: f64, mut found: impl FnMut(SurfaceSample)) {
         let [a, b, c, d] = self.four_corners();
         let at = |u: f64, v: f64| a.lerp(b, u).lerp(d.lerp(c, u), v);
-        let [across, up] = self.parts(distance);
+        let [across, up] = self.count_parts(distance);
         for j in 0..up as usize {
             for i in 0..across as usize {
                 let [u, v] = [i as f64 / across, j as f64 / up];
                 let [u1, v1] = [(i + 1) as f64 / across, (j + 1) as f64 / up];
                 let corners = [at(u, v), at(u1, v), at(u1, v1), at(u, v1)];
-                SurfaceSample::of(corners).into_iter().for_each(&mut found);
+                SurfaceSample::from_quad(corners)
+                    .into_iter()
+                    .for_each(&mut found);
             }
         }
     }
@@ -93,7 +95,7 @@ impl Piece {
 
 impl SurfaceSample {
     /// A flat quadrangle; none if it has no area.
-    fn of([a, b, c, d]: [DVec3; 4]) -> Option<Self> {
+    fn from_quad([a, b, c, d]: [DVec3; 4]) -> Option<Self> {
         let halves = [(b - a).cross(c - a), (c - a).cross(d - a)];
         let areas = halves.map(DVec3::length);
         let all = areas[0] + areas[1];

@@ -150,7 +150,7 @@ impl CumulativeKernel {
     }
 
     /// `K(x)` by cubic Hermite interpolation; constant beyond the table.
-    pub(crate) fn at(&self, x: f64) -> Complex64 {
+    pub(crate) fn evaluate(&self, x: f64) -> Complex64 {
         let y = (x + Self::REACH) / Self::STEP;
         if y <= 0.0 {
             return Complex64::ZERO;

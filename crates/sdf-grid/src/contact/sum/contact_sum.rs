@@ -2,18 +2,17 @@
 
 use std::mem::MaybeUninit;
 
-use fearless_simd::{Level, f32x16, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, f32x16};
 use fearless_simd_macros::simd;
 use glam::{DMat3, DQuat, DVec3};
 
-use super::clearance::Clearance;
-use super::clusters::{Ball, Clusters};
-use super::pass::{Placed, part};
+use super::kernel::REACH;
+use super::lookup::{Ball, Clusters, DistanceBound};
+use super::patch_integral::{PlacedCluster, sum_cluster};
+use super::patches::{Patch, VisiblePatches};
 use super::regions::Regions;
-use super::sheet::Sheet;
-use super::smooth::REACH;
-use super::spread::spread;
-use super::views::Views;
+use super::sampling::sample_surface;
 use crate::contact::error::ContactError;
 use crate::contact::samples::FLAT;
 use crate::dispatch_lanes;
@@ -27,8 +26,8 @@ use crate::surface::coplanar::pieces::EXACT;
 /// in the frame of the other.
 #[derive(Debug, Clone)]
 pub struct ContactSum {
-    views: Views,
-    clearance: Clearance,
+    visible: VisiblePatches,
+    distance_bound: DistanceBound,
     clusters: Clusters,
     /// Metres.
     reach: f64,
@@ -48,9 +47,9 @@ pub struct ContactSums {
 }
 
 impl ContactSum {
-    /// Prepares the sum over `sampled`, in pieces about `distance` wide, of what `surface` is
-    /// there, for densities that are smoothed together by a Gaussian of standard deviation `width`
-    /// (both metres).
+    /// Prepares the sum over samples of `sampled`, about `distance` wide, of the kernel's integral
+    /// over `surface`, for densities that are smoothed together by a Gaussian of standard deviation
+    /// `width` (both metres).
     ///
     /// # Errors
     /// If a length is not positive and finite, a mesh has no triangle with an area, or there would
@@ -66,13 +65,13 @@ impl ContactSum {
         }
         let reach = REACH * width;
         let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
-        let mut samples = spread(sampled, flat(sampled), distance, reach)?;
+        let mut samples = sample_surface(sampled, flat(sampled), distance, reach)?;
         let clusters = Clusters::new(&mut samples, reach);
         let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
         let regions = Regions::new(surface, flat(surface), reach)?;
         Ok(Self {
-            views: Views::new(surface, &regions, [reach, clusters.radius])?,
-            clearance: Clearance::new(surface, &bvh, reach),
+            visible: VisiblePatches::new(surface, &regions, [reach, clusters.radius])?,
+            distance_bound: DistanceBound::new(surface, &bvh, reach),
             clusters,
             reach,
             level: level::native(),
@@ -93,26 +92,26 @@ impl ContactSum {
 
     /// Memory that is held, bytes.
     pub fn bytes(&self) -> usize {
-        self.views.bytes() + self.clearance.bytes() + self.clusters.bytes()
+        self.visible.bytes() + self.distance_bound.bytes() + self.clusters.bytes()
     }
 
     /// The sum where `y` of the sampled part's frame lies at `rotation * y + translation` of the
     /// surface's frame, and its exact derivatives.
     pub fn sum(&self, rotation: DQuat, translation: DVec3) -> ContactSums {
-        dispatch_lanes!(self.level, simd => total(simd, self, DMat3::from_quat(rotation), translation))
+        dispatch_lanes!(self.level, simd => sum_clusters(simd, self, DMat3::from_quat(rotation), translation))
     }
 }
 
 /// A cluster that may be in reach.
-struct Found<'a> {
-    placed: Placed<'a>,
-    sheets: &'a [Sheet],
+struct ReachableCluster<'a> {
+    placed: PlacedCluster<'a>,
+    patches: &'a [Patch],
     /// Of its centre from the origin of its part, metres, in the surface's frame.
     lever: DVec3,
 }
 
 /// The clusters that may be in reach.
-struct InReach<'a> {
+struct ReachableClusters<'a> {
     sum: &'a ContactSum,
     turn: DMat3,
     translation: DVec3,
@@ -120,15 +119,15 @@ struct InReach<'a> {
     next: usize,
 }
 
-impl<'a> InReach<'a> {
-    /// The next one, whose sheets are on their way.
+impl<'a> ReachableClusters<'a> {
+    /// The next one, whose patches are on their way.
     #[inline(always)]
-    fn next(&mut self) -> Option<Found<'a>> {
+    fn next(&mut self) -> Option<ReachableCluster<'a>> {
         let sum = self.sum;
         while let Some(ball) = sum.clusters.balls.get(self.next) {
             let lever = self.turn * ball.centre;
             let centre = lever + self.translation;
-            if sum.clearance.from(centre) >= sum.reach + ball.radius {
+            if sum.distance_bound.lower_bound(centre) >= sum.reach + ball.radius {
                 self.next = ball.next as usize;
                 continue;
             }
@@ -136,18 +135,18 @@ impl<'a> InReach<'a> {
             if ball.cluster == Ball::MANY {
                 continue;
             }
-            let Some((sheets, at)) = sum.views.from(centre) else {
+            let Some((patches, at)) = sum.visible.look_up(centre) else {
                 continue;
             };
-            let placed = Placed {
+            let placed = PlacedCluster {
                 cluster: &sum.clusters.clusters[ball.cluster as usize],
                 turn: self.turn.as_mat3(),
                 at,
                 radius: ball.in_reaches,
             };
-            return Some(Found {
+            return Some(ReachableCluster {
                 placed,
-                sheets,
+                patches,
                 lever,
             });
         }
@@ -156,11 +155,16 @@ impl<'a> InReach<'a> {
 }
 
 #[simd]
-fn total<S: Simd>(simd: S, sum: &ContactSum, turn: DMat3, translation: DVec3) -> ContactSums {
+fn sum_clusters<S: Simd>(
+    simd: S,
+    sum: &ContactSum,
+    turn: DMat3,
+    translation: DVec3,
+) -> ContactSums {
     // What does not fit into registers is kept on the stack, which is aligned for this only: a
     // vector that crosses a cache line costs two accesses.
     std::hint::black_box(&mut MaybeUninit::<f32x16<S>>::uninit());
-    let mut in_reach = InReach {
+    let mut in_reach = ReachableClusters {
         sum,
         turn,
         translation,
@@ -168,14 +172,14 @@ fn total<S: Simd>(simd: S, sum: &ContactSum, turn: DMat3, translation: DVec3) ->
     };
     let mut sums = ContactSums::default();
     let mut found = in_reach.next();
-    while let Some(Found {
+    while let Some(ReachableCluster {
         placed,
-        sheets,
+        patches,
         lever,
     }) = found
     {
         found = in_reach.next();
-        let part = part(simd, &sum.views, sheets, &placed);
+        let part = sum_cluster(simd, &sum.visible, patches, &placed);
         let square = sum.reach * sum.reach;
         let gradient = part.gradient.as_dvec3() * square;
         let moment = part.moment.as_dvec3() * (square * sum.reach);

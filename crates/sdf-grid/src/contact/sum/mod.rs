@@ -1,43 +1,29 @@
-//! The sum over both surfaces, in single precision for sixteen samples at a time.
+//! The contact sum in single precision, for sixteen samples at a time.
 //!
-//! - [`lanes`], [`vectors`], [`smooth`]: elementary functions and the kernel for sixteen samples;
-//! - [`smooth_parts`], [`sharp_edges`]: a surface between its sharp edges, and these; [`spread`],
-//!   [`gathered`], [`lattices`], [`cells`]: samples of the one surface; [`clusters`]: those in a tree
-//!   of balls; [`clearance`]: which of them are out of reach;
-//! - [`regions`]: flat and curved regions of the other surface; [`osculating`], [`cylinder`]: the
-//!   latter as tori, [`simplified`]: where they are bent too much, in few faces; [`chain`]: borders
-//!   in fewer pieces; [`grid`], [`buckets`], [`sheet`], [`views`]: what of all that a cluster sees;
-//! - [`border`], [`sight`], [`soft`], [`kink`], [`circle`], [`unrolled`], [`pass`]: what it gives;
-//! - [`contact_sum`]: all that together.
+//! One surface is sampled, the other is divided into flat and curved patches; the kernel's integral
+//! over the patches is known in closed form and summed over the samples. From the bottom up:
+//!
+//! - [`kernel`]: the kernel over a plane, and vector arithmetic;
+//! - [`curved`]: osculating tori, cylinders, and coordinates developed into a plane;
+//! - [`polylines`]: chains of edges and their simplification;
+//! - [`decimation`]: curved regions in fewer triangles;
+//! - [`regions`]: smooth parts, flat and curved regions of a surface;
+//! - [`sampling`]: samples of a surface;
+//! - [`lookup`]: grids, a lower bound on distance, and samples in clusters;
+//! - [`patches`]: the patches visible from each cell of a grid;
+//! - [`boundary_edges`], [`patch_integral`]: the integral over a patch and its boundary;
+//! - [`contact_sum`]: the whole sum.
 
-mod border;
-mod buckets;
-mod cells;
-mod chain;
-mod circle;
-mod clearance;
-mod clusters;
+mod boundary_edges;
 pub(crate) mod contact_sum;
-mod cylinder;
-mod gathered;
-mod grid;
-mod kink;
-mod lanes;
-mod lattices;
-mod osculating;
-mod pass;
+mod curved;
+mod decimation;
+mod kernel;
+mod lookup;
+mod patch_integral;
+mod patches;
+mod polylines;
 mod regions;
-mod sharp_edges;
-mod sheet;
-mod sight;
-mod simplified;
-mod slopes;
-mod smooth;
-mod smooth_parts;
-mod soft;
-mod spread;
+mod sampling;
 #[cfg(test)]
 mod tests;
-mod unrolled;
-mod vectors;
-mod views;

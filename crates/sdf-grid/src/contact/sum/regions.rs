@@ -1,4 +1,4 @@
-//! A surface in flat regions and smoothly curved ones.
+//! Divides a surface into smooth parts between sharp edges, and into flat and curved regions.
 
 use std::collections::HashMap;
 
@@ -6,17 +6,104 @@ use glam::{DVec2, DVec3, IVec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::chain::{chained, thinned};
-use super::cylinder::Cylinder;
-use super::osculating::Surfel;
-use super::simplified::simplified;
-use super::smooth_parts::SmoothParts;
+use super::curved::{Cylinder, Surfel};
+use super::decimation::decimate;
+use super::polylines::{join_chains, thin_out};
 use crate::contact::error::ContactError;
 use crate::contact::samples::surface_pieces;
 use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::outline::{Outline, outlines};
-use crate::surface::face::Piece;
+use crate::surface::face::{Face, Piece};
+
+/// Triangles whose normals differ by an angle of at least this cosine (25 degrees) may be parts of
+/// one smooth surface.
+const SMOOTH: f64 = 0.906;
+
+/// Normals that differ by less are one: squared sine.
+const SAME: f64 = 1e-12;
+
+/// Triangles in connected parts without sharp edges.
+#[derive(Debug)]
+pub(super) struct SmoothParts {
+    /// The part of each triangle.
+    pub(super) of: Vec<u32>,
+    /// Which parts are not flat.
+    pub(super) bent: Vec<bool>,
+    /// The triangle beyond each edge, if there is just one.
+    beyond: Vec<[Option<u32>; 3]>,
+}
+
+impl SmoothParts {
+    pub(super) fn new(mesh: &TriangleMesh) -> Self {
+        let normals = mesh.faces().map(Face::normal_and_area);
+        let normals: Vec<DVec3> = normals.map(|n| n.unwrap_or_default().0).collect();
+        let beyond = find_neighbours(mesh.triangles());
+        let (of, bent) = find_components(&normals, &beyond);
+        Self { of, bent, beyond }
+    }
+
+    /// The edges of a triangle at which its part ends, the part to their left.
+    pub(super) fn boundary(
+        &self,
+        mesh: &TriangleMesh,
+        triangle: usize,
+    ) -> impl Iterator<Item = [u32; 2]> + use<> {
+        let corners = mesh.triangles()[triangle];
+        let part = self.of[triangle];
+        let inside = |t: Option<u32>| t.is_some_and(|t| self.of[t as usize] == part);
+        let ends = self.beyond[triangle].map(|t| !inside(t));
+        let boundary = (0..3).filter(move |k| ends[*k]);
+        boundary.map(move |k| [corners[k], corners[(k + 1) % 3]])
+    }
+}
+
+/// The triangle beyond each edge, if there is just one.
+fn find_neighbours(triangles: &[[u32; 3]]) -> Vec<[Option<u32>; 3]> {
+    let mut sides = HashMap::with_capacity(3 * triangles.len());
+    for (t, corners) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let side = (corners[k], corners[(k + 1) % 3]);
+            let twice = sides.insert(side, t as u32).is_some();
+            if twice {
+                sides.insert(side, u32::MAX);
+            }
+        }
+    }
+    let beyond = |a: u32, b: u32| sides.get(&(b, a)).copied().filter(|t| *t != u32::MAX);
+    let of = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])].map(|(a, b)| beyond(a, b));
+    triangles.iter().map(of).collect()
+}
+
+/// The smooth region of each triangle, and which regions are not flat.
+fn find_components(normals: &[DVec3], beyond: &[[Option<u32>; 3]]) -> (Vec<u32>, Vec<bool>) {
+    const NONE: u32 = u32::MAX;
+    let mut of = vec![NONE; normals.len()];
+    let mut bent = Vec::new();
+    let mut waiting = Vec::new();
+    for seed in 0..normals.len() {
+        if of[seed] != NONE {
+            continue;
+        }
+        let id = bent.len() as u32;
+        bent.push(false);
+        of[seed] = id;
+        waiting.push(seed);
+        while let Some(t) = waiting.pop() {
+            if normals[t].cross(normals[seed]).length_squared() > SAME {
+                bent[id as usize] = true;
+            }
+            for other in beyond[t].iter().flatten() {
+                let other = *other as usize;
+                if of[other] == NONE && normals[t].dot(normals[other]) >= SMOOTH {
+                    of[other] = id;
+                    waiting.push(other);
+                }
+            }
+        }
+    }
+    (of, bent)
+}
 
 /// Edge of the boxes in which pieces of a curved surface are taken together, in units of the reach.
 const SURFEL: f64 = 0.2;
@@ -24,7 +111,7 @@ const SURFEL: f64 = 0.2;
 /// How far faces are from what is bent, in the mean (rms) and in units of the reach.
 const FACETS: f64 = 0.004;
 
-/// A surface.
+/// A surface, divided into flat and curved regions.
 #[derive(Debug)]
 pub(super) struct Regions {
     /// The flat ones.
@@ -37,7 +124,7 @@ pub(super) struct Regions {
     /// kernel reaches over too much of a bend.
     pub(super) faces: Vec<(u32, FlatRegion)>,
     /// Edges of curved regions, the region to their left seen from outside: region, vertices.
-    pub(super) borders: Vec<(u32, [u32; 2])>,
+    pub(super) boundary: Vec<(u32, [u32; 2])>,
 }
 
 /// A flat region in its own plane.
@@ -109,7 +196,7 @@ impl Regions {
         of.collect()
     }
 
-    /// Those of `mesh`, where what lies within `flat` of a plane lies in it, with `reach` that of
+    /// The regions of `mesh`. Vertices within `flat` of a plane count as in it; `reach` is that of
     /// the kernel (metres).
     ///
     /// # Errors
@@ -120,18 +207,18 @@ impl Regions {
         let of_flat = mesh.triangles().iter().zip(&curved);
         let of_flat = of_flat.filter(|(_, c)| **c == Self::FLAT).map(|(t, _)| *t);
         let of_flat: Vec<[u32; 3]> = of_flat.collect();
-        let mut borders = Vec::new();
+        let mut boundary = Vec::new();
         for (t, region) in curved.iter().enumerate() {
             if *region != Self::FLAT {
-                borders.extend(parts.borders(mesh, t).map(|ends| (*region, ends)));
+                boundary.extend(parts.boundary(mesh, t).map(|ends| (*region, ends)));
             }
         }
-        let (surfels, cylinders) = cylinders(mesh, &parts, reach)?;
-        let faces = faces(mesh, &curved, &cylinders, flat, FACETS * reach);
+        let (surfels, cylinders) = fit_cylinders(mesh, &parts, reach)?;
+        let faces = decimate_regions(mesh, &curved, &cylinders, flat, FACETS * reach);
         let mut flat = outlines(&of_flat, mesh.vertices(), flat);
         for ring in flat.iter_mut().flat_map(|f| &mut f.rings) {
             let closed: Vec<DVec3> = ring.iter().chain(ring.first()).copied().collect();
-            let kept = thinned(&closed, reach);
+            let kept = thin_out(&closed, reach);
             if kept.len() > 3 {
                 *ring = kept[1..].iter().map(|k| closed[*k]).collect();
             }
@@ -141,7 +228,7 @@ impl Regions {
             cylinders,
             faces,
             surfels,
-            borders: thin(borders, mesh.vertices(), reach),
+            boundary: thin(boundary, mesh.vertices(), reach),
         })
     }
 }
@@ -154,15 +241,15 @@ type Surfels = Vec<(u32, Surfel)>;
 ///
 /// # Errors
 /// If there would be too many pieces.
-pub(super) fn cylinders(
+pub(super) fn fit_cylinders(
     mesh: &TriangleMesh,
     parts: &SmoothParts,
     reach: f64,
 ) -> Result<(Surfels, HashMap<u32, Cylinder>), ContactError> {
-    let surfels = surfels(mesh, &Regions::curved(parts), SURFEL * reach)?;
+    let surfels = sample_surfels(mesh, &Regions::curved(parts), SURFEL * reach)?;
     let found = surfels.chunk_by(|a, b| a.0 == b.0).filter_map(|of_region| {
         let scaled = of_region.iter().map(|s| s.1.scaled(DVec3::ZERO, reach));
-        let cylinder = Cylinder::fitted(&scaled.collect::<Vec<_>>())?;
+        let cylinder = Cylinder::fit(&scaled.collect::<Vec<_>>())?;
         Some((of_region[0].0, cylinder))
     });
     let cylinders = found.collect();
@@ -171,7 +258,7 @@ pub(super) fn cylinders(
 
 /// Curved regions but for the cylinders in flat faces that are `off` (metres) away from them in the
 /// mean.
-fn faces(
+fn decimate_regions(
     mesh: &TriangleMesh,
     curved: &[u32],
     cylinders: &HashMap<u32, Cylinder>,
@@ -185,7 +272,7 @@ fn faces(
     let regions: Vec<_> = bent.chunk_by(|a, b| a.0 == b.0).collect();
     let found = regions.into_par_iter().map(|of_region| {
         let triangles: Vec<[u32; 3]> = of_region.iter().map(|b| b.1).collect();
-        let (triangles, vertices) = simplified(&triangles, mesh.vertices(), off);
+        let (triangles, vertices) = decimate(&triangles, mesh.vertices(), off);
         let faces = outlines(&triangles, &vertices, flat);
         let region = of_region[0].0;
         faces
@@ -196,15 +283,19 @@ fn faces(
     found.flatten_iter().collect()
 }
 
-/// Borders of regions in fewer pieces.
-fn thin(mut borders: Vec<(u32, [u32; 2])>, vertices: &[DVec3], reach: f64) -> Vec<(u32, [u32; 2])> {
-    borders.sort_unstable();
+/// Simplifies the boundaries of regions.
+fn thin(
+    mut boundary: Vec<(u32, [u32; 2])>,
+    vertices: &[DVec3],
+    reach: f64,
+) -> Vec<(u32, [u32; 2])> {
+    boundary.sort_unstable();
     let mut thinner = Vec::new();
-    for of_region in borders.chunk_by(|a, b| a.0 == b.0) {
+    for of_region in boundary.chunk_by(|a, b| a.0 == b.0) {
         let edges: Vec<[u32; 2]> = of_region.iter().map(|b| b.1).collect();
-        for chain in chained(&edges) {
+        for chain in join_chains(&edges) {
             let places: Vec<DVec3> = chain.iter().map(|v| vertices[*v as usize]).collect();
-            let kept = thinned(&places, reach);
+            let kept = thin_out(&places, reach);
             let sides = kept.windows(2).map(|w| [chain[w[0]], chain[w[1]]]);
             thinner.extend(sides.map(|side| (of_region[0].0, side)));
         }
@@ -213,7 +304,7 @@ fn thin(mut borders: Vec<(u32, [u32; 2])>, vertices: &[DVec3], reach: f64) -> Ve
 }
 
 /// Pieces of curved regions, taken together by boxes of edge `size` (metres).
-fn surfels(mesh: &TriangleMesh, curved: &[u32], size: f64) -> Result<Surfels, ContactError> {
+fn sample_surfels(mesh: &TriangleMesh, curved: &[u32], size: f64) -> Result<Surfels, ContactError> {
     let low = mesh.bounds().min;
     let pieces = mesh.faces().zip(curved).enumerate();
     let pieces = pieces.filter(|(_, (_, region))| **region != Regions::FLAT);

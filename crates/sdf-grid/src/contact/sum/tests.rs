@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::contact_sum::{ContactSum, ContactSums};
 use crate::contact::error::ContactError;
-use crate::contact::reference::surface::ContactSurface;
+use crate::contact::reference::ContactSurface;
 use crate::contact::samples::{SurfaceSample, surface_samples};
 use crate::mesh::shapes::{self, PegInHole};
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -71,7 +71,7 @@ impl Moved {
     }
 }
 
-/// Pressed against walls and leaning, at several depths; `k` counts.
+/// Pressed against walls and tilted, at several depths; `k` counts.
 fn contact(k: u32, clearance: f64) -> Pose {
     let at = |i: f64| (f64::from(k) * i + 0.3 * i * i).sin();
     let lean = DQuat::from_scaled_axis(DVec3::new(at(1.1), at(2.3), at(3.1)) * 0.02);
@@ -108,10 +108,10 @@ fn flat_walls_push_as_in_the_slow_sum() {
     assert!(force < 0.008 && torque < 0.01, "{force} {torque}");
 }
 
-/// Round walls of flat facets, which the fast sum takes for a cylinder: facets stray from it by
-/// 0.7 % of the width, of which pressed parts feel 1 to 2 % at facets that are flush. The wider the
-/// kernel, the less is a wall a plane unrolled: walls of 3.8 widths' radius err by 4 % where the
-/// parts are apart by half a width.
+/// Round walls of flat facets, which the fast sum takes for a cylinder: facets stray from it by 0.7
+/// % of the width, of which pressed parts feel 1 to 2 % at facets that are flush. The wider the
+/// kernel, the less a wall resembles a plane when it is developed: walls of 3.8 widths' radius err
+/// by 4 % where the parts are apart by half a width.
 #[test]
 fn round_walls_push_as_in_the_slow_sum() {
     let pairs = [
@@ -133,8 +133,8 @@ fn round_walls_push_as_in_the_slow_sum() {
     }
 }
 
-/// Walls and rounded edges that are bent more than that are taken as few flat faces: here by a pin of
-/// 2.4 widths' radius, sampled more finely than walls are.
+/// Walls and rounded edges that are bent more than that are taken as few flat faces: here by a pin
+/// of 2.4 widths' radius, sampled more finely than walls are.
 #[test]
 fn narrow_bends_push_as_in_the_slow_sum() {
     let pin = |clearance: f64, segments: u32| {
@@ -161,10 +161,10 @@ fn narrow_bends_push_as_in_the_slow_sum() {
     assert!(2 * bytes[1] < 3 * bytes[0], "{bytes:?}");
 }
 
-/// Where surfaces cross at any angle the sum is small beside that of walls that face each other, and
-/// what samples miss of it is an eighth to a fifth, either way: the average over their extent is
-/// neither more nor less than the middles', in all. Of the kink alone it would be less, by half of the
-/// sum.
+/// Where surfaces cross at any angle the sum is small beside that of walls that face each other,
+/// and what samples miss of it is an eighth to a fifth, either way: the average over their extent
+/// is neither more nor less than the middles', in all. Of the kink alone it would be less, by half
+/// of the sum.
 #[test]
 fn samples_that_cross_a_surface_are_not_biased() {
     for section in PegInHole::ALL {
@@ -225,8 +225,8 @@ fn off_differences(
 
 /// Steps of half a micrometre: rounding to single precision leaves 1e-4 of the slopes, and a sample
 /// that crosses an edge meanwhile, where slopes have a ridge, up to 2e-3 of one pose's. At so many
-/// poses clusters pass from one cell of the surface's lists to the next, and samples past the ends of
-/// borders.
+/// poses clusters pass from one cell of the surface's lists to the next, and samples past the ends
+/// of boundary edges.
 #[test]
 fn slopes_are_those_of_differences() {
     let pairs = PegInHole::ALL.map(|s| s.pair(2e-4).unwrap());
@@ -248,9 +248,9 @@ fn slopes_are_those_of_differences() {
     }
 }
 
-/// Where boxes cross at any angle, samples are softened on borders that they do not lie along. Steps
-/// are as short as single precision bears: contact is small here, and rotations by as much move all
-/// less.
+/// Where boxes cross at any angle, samples are softened at boundary edges that they do not lie
+/// along. Steps are as short as single precision bears: contact is small here, and rotations by as
+/// much move all less.
 #[test]
 fn slopes_at_crossing_edges_are_those_of_differences() {
     let small = shapes::cuboid(DVec3::new(0.010, 0.012, 0.009)).unwrap();
@@ -268,7 +268,7 @@ fn slopes_at_crossing_edges_are_those_of_differences() {
     assert!(force < 1.5e-3 && torque < 2.5e-3, "{force} {torque}");
 }
 
-/// A finely cut hole is the same cylinder, and not slower in kind: as many sheets are seen.
+/// A finely cut hole is the same cylinder, and not slower in kind: as many patches are visible.
 #[test]
 fn facets_are_forgotten() {
     let hole = |segments: u32| {
@@ -411,9 +411,9 @@ fn what_cannot_be_summed_is_refused() {
     assert!(ContactSum::new(&cube, &cube, 1e300, 0.3).is_ok());
 }
 
-/// Along the way in samples pass the hole's rim. Those that do together are teeth in the force along
-/// the way, which is small beside that across: of points in rows along the rim whose middles alone
-/// count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.
+/// Along the way in samples pass the hole's rim. Those that do together are teeth in the force
+/// along the way, which is small beside that across: of points in rows along the rim whose middles
+/// alone count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.
 #[test]
 fn the_force_along_the_way_in_has_no_teeth() {
     let spacing = WIDTH / 0.985;

@@ -1,9 +1,10 @@
 //! The kernel for packets: polynomials for the cumulative kernel, closed forms for the far field.
 
-use fearless_simd::{f32x16, i32x16, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, i32x16};
 use num_complex::Complex64;
 
-use super::settings::Settings;
+use super::accuracy::Accuracy;
 use crate::field::kernel::CumulativeKernel;
 use crate::field::quadrature::GaussLegendre;
 
@@ -25,14 +26,15 @@ pub(crate) struct PacketKernel {
 }
 
 impl PacketKernel {
-    pub(crate) fn new(table: &CumulativeKernel, settings: &Settings, tolerance: f64) -> Self {
+    pub(crate) fn new(table: &CumulativeKernel, accuracy: &Accuracy, tolerance: f64) -> Self {
         let kernel = table.kernel();
         let sigma = kernel.sigma();
-        let zero = table.at(0.0);
-        let (whole, cut) = (table.total() - zero, table.at(settings.reach) - zero);
+        // Truncated at the reach and scaled so that the total stays.
+        let zero = table.evaluate(0.0);
+        let (whole, cut) = (table.total() - zero, table.evaluate(accuracy.reach) - zero);
         let gain = Complex64::new(whole.re / cut.re, whole.im / cut.im);
         let scaled = |x: f64| {
-            let k = table.at(x) - zero;
+            let k = table.evaluate(x) - zero;
             Complex64::new(k.re * gain.re, k.im * gain.im)
         };
         let slope = kernel.cumulative_slope(0.0);
@@ -40,8 +42,9 @@ impl PacketKernel {
         let above = |y: f64| scaled(((1.0 + y).sqrt() - 1.0) / sigma);
         // Errors of the kernel pass into the density one to one; single precision is the floor.
         let error = (0.1 * tolerance).max(2e-7) * whole.norm();
+        // Intervals of the two fits.
         let square = |x: f64| (1.0 + sigma * x).powi(2) - 1.0;
-        let deepest = -(1.0 / sigma).min(settings.reach + 0.5);
+        let deepest = -(1.0 / sigma).min(accuracy.reach + 0.5);
         let rule = |n| {
             let rule = GaussLegendre::new(n);
             let pairs = rule.nodes.iter().zip(&rule.weights);
@@ -49,11 +52,11 @@ impl PacketKernel {
         };
         Self {
             sigma: sigma as f32,
-            reach: settings.reach as f32,
+            reach: accuracy.reach as f32,
             gain: [gain.re as f32, gain.im as f32],
             above: Rise::fit(
                 0.0,
-                square(settings.reach),
+                square(accuracy.reach),
                 slope / (2.0 * sigma),
                 error,
                 above,
@@ -67,15 +70,15 @@ impl PacketKernel {
     /// `K - K(x = 0)` at `y = u^2 - 1 >= 0`.
     #[inline(always)]
     pub(crate) fn rise<S: Simd, const N: usize>(&self, y: [f32x16<S>; N]) -> [[f32x16<S>; 2]; N] {
-        self.above.at(y)
+        self.above.evaluate(y)
     }
 
     /// The same for any `u >= 0`. Below 1 by `x`: at zero `K` is no smooth function of `u^2`.
     #[inline(always)]
     pub(crate) fn rise_from_below<S: Simd>(&self, u: f32x16<S>) -> [f32x16<S>; 2] {
         let y = u * u - 1.0;
-        let [above] = self.above.at([y]);
-        let [below] = self.below.at([(u - 1.0) * (1.0 / self.sigma)]);
+        let [above] = self.above.evaluate([y]);
+        let [below] = self.below.evaluate([(u - 1.0) * (1.0 / self.sigma)]);
         let positive = y.simd_ge(0.0);
         [
             positive.select(above[0], below[0]),
@@ -145,6 +148,7 @@ impl Rise {
         f: impl Fn(f64) -> Complex64,
     ) -> Self {
         let (middle, half) = (0.5 * (start + end), 0.5 * (end - start));
+        // `f(x) / x` is smooth at zero.
         let quotient = |t: f64| {
             let x = middle + half * t;
             if x.abs() < 1e-6 { slope } else { f(x) / x }
@@ -154,10 +158,12 @@ impl Rise {
             .map(|i| (place(i), quotient(place(i))))
             .collect();
         let good = |series: &Vec<Complex64>| {
-            let off =
-                |(t, q): &(f64, Complex64)| (at(series, *t) - q).norm() * (middle + half * t).abs();
+            let off = |(t, q): &(f64, Complex64)| {
+                (evaluate_series(series, *t) - q).norm() * (middle + half * t).abs()
+            };
             samples.iter().all(|s| off(s) < error)
         };
+        // The shortest Chebyshev series within the error.
         let mut fewer = (4..MOST_TERMS).map(|n| interpolant(n, quotient));
         let series = fewer.find(good);
         let powers = powers(&series.unwrap_or_else(|| interpolant(MOST_TERMS, quotient)));
@@ -174,7 +180,7 @@ impl Rise {
     /// At several places at once: the steps of one wait for each other, those of several do not.
     /// Loops, not closures: these would not be compiled for the instruction set.
     #[inline(always)]
-    fn at<S: Simd, const N: usize>(&self, mut x: [f32x16<S>; N]) -> [[f32x16<S>; 2]; N] {
+    fn evaluate<S: Simd, const N: usize>(&self, mut x: [f32x16<S>; N]) -> [[f32x16<S>; 2]; N] {
         let simd = x[0].token();
         let zero = f32x16::splat(simd, 0.0);
         let (mut t, mut sum) = ([zero; N], [[zero; 2]; N]);
@@ -211,7 +217,7 @@ fn interpolant(n: usize, f: impl Fn(f64) -> Complex64) -> Vec<Complex64> {
 }
 
 /// A Chebyshev series at a place.
-fn at(series: &[Complex64], t: f64) -> Complex64 {
+fn evaluate_series(series: &[Complex64], t: f64) -> Complex64 {
     let (mut a, mut b) = (Complex64::ZERO, Complex64::ZERO);
     for c in series[1..].iter().rev() {
         (a, b) = (c + a * (2.0 * t) - b, a);

@@ -1,38 +1,25 @@
 //! The tree code on packets of sixteen points, in single precision through SIMD.
 //!
-//! Positions are normalized ([`crate::Bvh`]). Everything is taken relative to the packet's
-//! centre, subtracted in f64, so that single precision resolves lengths relative to the packet,
-//! not to the part. Instruction sets are chosen at run time.
+//! Positions are normalized ([`crate::Bvh`]). All positions are relative to the packet's centre,
+//! subtracted in f64, so that single precision resolves lengths relative to the packet, not to the
+//! part. Instruction sets are chosen at run time. From the bottom up:
 //!
-//! - [`lanes`], [`points`]: packets; [`facet`]: faces and nodes as a packet sees them;
-//! - [`distance`]: the nearest distance;
-//! - [`settings`], [`kernel`]: what a tolerance means, and the kernel in single precision;
-//! - [`cluster`], [`groups`], [`twins`]: far fields of clusters, the tree in groups, common edges;
-//! - [`tree`]: all that together;
-//! - [`query`], [`edge`], [`near`]: near faces by their edges; [`seen`], [`glance`]: far clusters;
-//! - [`walk`]: the walk over the tree, for [`together`] sixteen points and for one [`alone`], whose
-//!   clusters are [`waiting`];
-//! - [`density`]: the way in.
+//! - [`points`]: packets of points;
+//! - [`distance`]: faces and nodes relative to a packet, and the nearest distance;
+//! - [`accuracy`], [`kernel`]: parameters for a tolerance, and the kernel in single precision;
+//! - [`shared_edges`], [`tree`]: edges that two faces share; wide nodes and their far fields;
+//! - [`near_faces`]: edge integrals of near faces;
+//! - [`acceptance`]: the acceptance test of far clusters, and their far fields;
+//! - [`density`]: the traversal for sixteen points or for one, and the entry point.
 
-mod alone;
-mod cluster;
+mod acceptance;
+mod accuracy;
 pub(super) mod density;
 pub(super) mod distance;
-mod edge;
-mod facet;
-mod glance;
-mod groups;
 mod kernel;
-pub(super) mod lanes;
-mod near;
+mod near_faces;
 pub(super) mod points;
-mod query;
-mod seen;
-mod settings;
+mod shared_edges;
 #[cfg(test)]
 mod tests;
-mod together;
 mod tree;
-mod twins;
-mod waiting;
-pub(super) mod walk;

@@ -1,9 +1,14 @@
-//! Sixteen points about a common centre.
+//! Packets of sixteen points.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::f32x16;
+use fearless_simd::prelude::*;
 use glam::{DVec3, Vec3};
 
-use super::lanes::{LANES, Lanes};
+/// Points per packet. Fastest on compact groups such as 2 x 2 x 4 neighbours.
+pub(crate) const LANES: usize = 16;
+
+/// One number per point.
+pub(crate) type Lanes = [f32; LANES];
 
 /// Sixteen normalized positions: the middle of their box, and where they lie from it.
 #[derive(Debug, Clone)]

@@ -1,20 +1,18 @@
 //! The parts of the packet code in single precision, against f64.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::f32x16;
+use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::density::PacketDensity;
-use super::facet::Facet;
+use super::accuracy::Accuracy;
+use super::density::{PacketDensity, Traversal};
+use super::distance::Facet;
 use super::kernel::{PacketKernel, exp};
-use super::lanes::{LANES, Lanes};
-use super::near::NearFaces;
-use super::points::{Packet, Points};
-use super::query::Query;
-use super::settings::Settings;
-use super::tree::PacketTree;
-use super::walk::Walk;
+use super::near_faces::NearFaces;
+use super::points::{LANES, Lanes, Packet, Points};
+use super::tree::{PacketTree, Query};
 use crate::dispatch_lanes;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::point::edge_integral::EdgeQuadrature;
@@ -38,7 +36,7 @@ fn triangle<S: Simd>(
     let mut near = NearFaces::default();
     near.prepare(tree.bvh.faces.len());
     near.add(tree, &packet, &query, index, &mut sum);
-    near.add_waiting(tree, &packet, &query, &mut sum);
+    near.add_pending(tree, &packet, &query, &mut sum);
     [sum[0][0], sum[1][0]]
 }
 
@@ -89,7 +87,7 @@ fn single_points_match_the_f64_edge_integrals() {
             let table = CumulativeKernel::new(DensityKernel::new(sigma).unwrap());
             let mut density = PacketDensity::new(&bvh, &table, tolerance);
             let exact = EdgeQuadrature::new(sigma, 8.4, 12, 0.25);
-            let (mut wrong, mut all, mut walk) = (0.0, 0.0, Walk::default());
+            let (mut wrong, mut all, mut traversal) = (0.0, 0.0, Traversal::default());
             for (i, face) in bvh
                 .faces
                 .iter()
@@ -103,7 +101,7 @@ fn single_points_match_the_f64_edge_integrals() {
                     let expected: Complex64 = parts.sum();
                     for level in level::tested() {
                         density.level = level;
-                        let [re, im] = density.integral(point, xi as f32, &mut walk);
+                        let [re, im] = density.integral(point, xi as f32, &mut traversal);
                         let found = Complex64::new(re.into(), im.into());
                         assert!(found.is_finite(), "{level:?} face {i}, {away}");
                         wrong += (found - expected).norm_sqr();
@@ -129,12 +127,15 @@ fn values(density: &PacketDensity<'_>) -> (Vec<Lanes>, Vec<[Lanes; 2]>) {
             corner(i) + DVec3::from_array(step)
         }))
     };
-    let mut walk = Walk::default();
+    let mut traversal = Traversal::default();
     (0..512)
         .map(|i| {
             let points = packet(i);
             let distances = density.distances(&points, &mut 0);
-            (distances, density.integrals(&points, &distances, &mut walk))
+            (
+                distances,
+                density.integrals(&points, &distances, &mut traversal),
+            )
         })
         .unzip()
 }
@@ -207,9 +208,9 @@ fn exponentials_and_angles_are_those_of_the_standard_library() {
 fn expansion<S: Simd>(simd: S, kernel: &PacketKernel, u: &Lanes, terms: [f32; 3]) -> [Lanes; 2] {
     let u = f32x16::simd_from(simd, *u);
     let x = (u - 1.0) * (1.0 / kernel.sigma);
-    let seen = [x, u, 1.0 / u, 1.0 / (u * u + 1.0)];
+    let view = [x, u, 1.0 / u, 1.0 / (u * u + 1.0)];
     let terms = terms.map(|t| f32x16::splat(simd, t));
-    kernel.expansion(seen, terms).map(Into::into)
+    kernel.expansion(view, terms).map(Into::into)
 }
 
 /// The complex form against the kernel and its derivatives.
@@ -217,7 +218,7 @@ fn expansion<S: Simd>(simd: S, kernel: &PacketKernel, u: &Lanes, terms: [f32; 3]
 fn expansions_are_those_of_the_radial_kernel() {
     for sigma in [0.03, 0.1, 0.5] {
         let table = CumulativeKernel::new(DensityKernel::new(sigma).unwrap());
-        let kernel = PacketKernel::new(&table, &Settings::new(1e-5, sigma), 1e-5);
+        let kernel = PacketKernel::new(&table, &Accuracy::new(1e-5, sigma), 1e-5);
         let u: Lanes = std::array::from_fn(|lane| 1.0 + 0.3 * (sigma as f32) * lane as f32);
         // Each term alone, then all.
         for terms in [

@@ -143,7 +143,7 @@ struct Plane<'a> {
 impl<'a> Plane<'a> {
     fn new(table: &'a CumulativeKernel, h: f64, xi: f64) -> Self {
         let u0 = h.abs() / xi;
-        let k0 = table.at((u0 - 1.0) / table.kernel().sigma());
+        let k0 = table.evaluate((u0 - 1.0) / table.kernel().sigma());
         let beyond = table.total() - k0;
         Self {
             table,
@@ -163,7 +163,7 @@ impl<'a> Plane<'a> {
         let slope_scale = 1.0 / (self.xi * self.xi * (u + self.u0));
         let rise = r2 * slope_scale;
         if rise > 0.05 * sigma {
-            return (self.table.at((u - 1.0) / sigma) - self.k0) / r2;
+            return (self.table.evaluate((u - 1.0) / sigma) - self.k0) / r2;
         }
         let slope = |(v, w): (f64, f64)| {
             self.table.kernel().cumulative_slope((v - 1.0) / sigma) * (w / sigma)
@@ -172,46 +172,5 @@ impl<'a> Plane<'a> {
             .on(0.0, 1.0)
             .map(|(f, w)| slope((self.u0 + rise * f, w)));
         mean.sum::<Complex64>() * slope_scale
-    }
-}
-
-/// The two unit parts of the density at one point.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct UnitDensity {
-    /// Unit exterior density, dimensionless; zero inside the part.
-    pub exterior: Complex64,
-    /// Unit interior density, dimensionless; zero outside the part.
-    pub interior: Complex64,
-}
-
-impl UnitDensity {
-    /// The parts from the integral of [`DensityKernel::unit`] over the signed solid angle, outside
-    /// (`inside` false, positive solid angle) or inside (negative).
-    pub(crate) fn from_integral(integral: Complex64, inside: bool) -> Self {
-        let value = if inside { -integral } else { integral.conj() };
-        Self::of_side(value, inside)
-    }
-
-    /// A point's unit density, inside or outside.
-    pub(crate) fn of_side(value: Complex64, inside: bool) -> Self {
-        let mut parts = Self::default();
-        *if inside {
-            &mut parts.interior
-        } else {
-            &mut parts.exterior
-        } = value;
-        parts
-    }
-
-    /// `l1 * exterior + l2 * interior`.
-    pub fn combined(&self, lambda_exterior: f64, lambda_interior: f64) -> Complex64 {
-        self.exterior * lambda_exterior + self.interior * lambda_interior
-    }
-
-    pub(crate) fn mean(a: Self, b: Self) -> Self {
-        Self {
-            exterior: 0.5 * (a.exterior + b.exterior),
-            interior: 0.5 * (a.interior + b.interior),
-        }
     }
 }

@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
-use super::edge_integral::{EdgeQuadrature, UnitDensity};
-use super::tree;
+use super::density::{BAND, UnitDensity, averaged_normal};
+use super::edge_integral::EdgeQuadrature;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::face::{Face, Piece};
@@ -62,10 +62,10 @@ impl ReferenceDensity {
     /// Both unit parts at `p` (eq_3). On the boundary they are half of each one-sided limit, taken
     /// `step` metres from it along the averaged normal.
     pub fn unit_density(&self, p: DVec3, step: f64) -> UnitDensity {
-        if self.distance(p) > tree::BAND * self.size {
+        if self.distance(p) > BAND * self.size {
             return self.off_boundary(p);
         }
-        let normal = tree::averaged_normal(self.triangles.iter(), p, tree::BAND * self.size);
+        let normal = averaged_normal(self.triangles.iter(), p, BAND * self.size);
         let side = |s: f64| self.off_boundary(p + normal * (s * step));
         UnitDensity::mean(side(1.0), side(-1.0))
     }

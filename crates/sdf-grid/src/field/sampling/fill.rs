@@ -5,17 +5,15 @@ use std::ops::Range;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::between::Between;
-use super::blocks::{Arrays, Block, block_count, blocks};
-use super::patch::{Anchors, Patch};
+use super::blocks::{Anchors, Arrays, Block, Patch, block_count, blocks};
+use super::gaussian_smoothing::Smoothing;
 use super::patch_density::{PatchDensity, PatchValues};
-use super::smoothed::Smoothing;
+use super::upsampling::Upsampling;
 use crate::field::kernel::{CumulativeKernel, DensityKernel};
 use crate::field::lattice::Lattice;
 use crate::field::options::{DensityError, Sampling};
 use crate::field::packet::density::PacketDensity;
-use crate::field::point::tree;
-use crate::field::point::tree::PointDensity;
+use crate::field::point::density::{PointDensity, STEP};
 use crate::field::recipe::FieldRecipe;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
@@ -44,7 +42,7 @@ const FINE_SUB: usize = 2;
 /// part of 50 mm in a file of metres with eight decimals is rounded by up to 2.3e-7. Signed
 /// distances are to be within 1e-6 of the longest side; a field at 1e-5 and thin kernels shows a
 /// surface that has moved by 1e-7.
-fn flat(tolerance: f64) -> f64 {
+fn flatness_for(tolerance: f64) -> f64 {
     3e-7 * (1e4 * tolerance).powf(0.8).min(1.0)
 }
 
@@ -60,6 +58,7 @@ pub(crate) fn fill(
     kernel: &DensityKernel,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
+    // The surface in a tree, and the kernel.
     let tolerance = recipe.tolerance;
     let table = || CumulativeKernel::new(*kernel);
     let leaves = if tolerance < COARSE {
@@ -67,12 +66,13 @@ pub(crate) fn fill(
     } else {
         Leaves::LargeOfMany
     };
-    let surface = || Bvh::merged(mesh, flat(tolerance), leaves);
+    let surface = || Bvh::merged(mesh, flatness_for(tolerance), leaves);
     let (bvh, table) = rayon::join(surface, table);
     if bvh.faces.is_empty() {
         return Err(DensityError::EmptyMesh);
     }
     let tree = (&bvh, &table);
+    // Point values and cell averages are sampled directly.
     let Sampling::Smoothed {
         deviation,
         sharpening,
@@ -82,17 +82,23 @@ pub(crate) fn fill(
         monitor.begin("density", block_count(recipe.lattice.shape()));
         return sample(&sampler, arrays, monitor);
     };
+    // Smoothed fields are sampled on a finer lattice and filtered.
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
     let ends = [recipe.sampling.spread(), recipe.halo].map(|v| v as f32);
     monitor.begin("density", smoothing.blocks());
-    smoothing.fill(&recipe.lattice, arrays, ends, |lattice, arrays, between| {
-        let mut sampler = Sampler::new(recipe, *lattice, tree);
-        if between.is_none() {
-            sampler.sampling = Sampling::Point;
-        }
-        sampler.between = between;
-        sample(&sampler, arrays, monitor)
-    })
+    smoothing.fill(
+        &recipe.lattice,
+        arrays,
+        ends,
+        |lattice, arrays, upsampling| {
+            let mut sampler = Sampler::new(recipe, *lattice, tree);
+            if upsampling.is_none() {
+                sampler.sampling = Sampling::Point;
+            }
+            sampler.upsampling = upsampling;
+            sample(&sampler, arrays, monitor)
+        },
+    )
 }
 
 /// Bytes that [`fill`] takes beside the arrays.
@@ -122,7 +128,7 @@ fn sample(
             if monitor.cancelled() {
                 return Err(DensityError::Cancelled);
             }
-            sampler.block(block, scratch);
+            sampler.fill_block(block, scratch);
         }
         monitor.advance(batch.len() as u64);
         Ok(())
@@ -130,19 +136,19 @@ fn sample(
 }
 
 /// The part of the halo in which the exterior keeps its full value.
-const UNFADED: f64 = 0.7;
+const UNTAPERED: f64 = 0.7;
 
 /// The smooth cut-off of the exterior at signed distance `xi`: 1 up to 70 % of `halo`, 0 from
 /// `halo` on, a quintic step between. A function of distance only, so it moves with the part.
 pub(crate) fn taper(xi: f64, halo: f64) -> f64 {
-    let t = ((xi / halo - UNFADED) / (1.0 - UNFADED)).clamp(0.0, 1.0);
+    let t = ((xi / halo - UNTAPERED) / (1.0 - UNTAPERED)).clamp(0.0, 1.0);
     1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
 /// A cell cut by the boundary in two parts, as if this lay parallel to its sides: at `place` half
 /// cells from the middle, outwards. Next to a face the interior density is the exterior one's
 /// conjugate, whatever the model's thickness.
-fn share([exterior, interior]: [Complex32; 2], place: f32) -> [Complex32; 2] {
+fn split_cell([exterior, interior]: [Complex32; 2], place: f32) -> [Complex32; 2] {
     let outside = 0.5 + 0.5 * place;
     let exterior = if place > 0.0 {
         exterior
@@ -159,7 +165,7 @@ struct Sampler<'a> {
     halo: f64,
     sampling: Sampling,
     /// Nodes between which the lattice lies, and how many of its planes from their start.
-    between: Option<(&'a Between, usize)>,
+    upsampling: Option<(&'a Upsampling, usize)>,
 }
 
 /// Working memory of one batch of blocks.
@@ -183,7 +189,7 @@ impl<'a> Sampler<'a> {
             PacketDensity::new(bvh, table, recipe.tolerance),
             PointDensity::new(bvh, table),
             recipe.halo * scale,
-            tree::STEP * lattice.spacing() * scale,
+            STEP * lattice.spacing() * scale,
             [recipe.tolerance, table.kernel().sigma()],
         );
         Self {
@@ -192,14 +198,14 @@ impl<'a> Sampler<'a> {
             lattice,
             halo: recipe.halo,
             sampling: recipe.sampling,
-            between: None,
+            upsampling: None,
         }
     }
 
-    fn block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
-        if let Some((between, first)) = self.between {
+    fn fill_block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
+        if let Some((upsampling, first)) = self.upsampling {
             let [x, y, z] = block.start;
-            if between.fill([first + x, y, z], block) {
+            if upsampling.fill([first + x, y, z], block) {
                 return;
             }
         }
@@ -214,7 +220,7 @@ impl<'a> Sampler<'a> {
         self.patches
             .evaluate(&patch, None, &mut hint, &mut scratch.nodes);
         self.cell_averages(&patch, &mut hint, scratch);
-        let faded = (UNFADED * self.halo * self.bvh.scale()) as f32;
+        let faded = (UNTAPERED * self.halo * self.bvh.scale()) as f32;
         // A power of two: exact.
         let metres = (1.0 / self.bvh.scale()) as f32;
         let nz = shape[2];
@@ -228,7 +234,7 @@ impl<'a> Sampler<'a> {
                 let parts = scratch.means[flat].unwrap_or_else(|| {
                     let mut parts = scratch.nodes.parts(flat);
                     if distance > faded {
-                        parts[0] *= self.fading(distance);
+                        parts[0] *= self.taper_factor(distance);
                     }
                     parts
                 });
@@ -285,6 +291,7 @@ impl<'a> Sampler<'a> {
             spacing: nodes.spacing / sub as f64,
             shape: [sub, sub, sub * cells.len()],
         };
+        // Densities at the sub-points.
         let anchors = Anchors {
             patch: nodes,
             distance: &scratch.nodes.distance,
@@ -293,15 +300,16 @@ impl<'a> Sampler<'a> {
         let (means, values) = (&mut scratch.means[cells], &mut scratch.sub_points);
         self.patches.evaluate(&patch, Some(anchors), hint, values);
         let half = 0.5 * patch.spacing as f32;
+        // Means over each cell.
         means.fill(Some([Complex32::ZERO; 2]));
         for (flat, distance) in values.distance.iter().enumerate() {
             let mut parts = values.parts(flat);
             if shares && distance.abs() < half && *distance != 0.0 {
-                parts = share(parts, distance / half);
+                parts = split_cell(parts, distance / half);
             }
             let cell = flat % patch.shape[2] / sub;
             if let Some(mean) = &mut means[cell] {
-                mean[0] += parts[0] * self.fading(*distance);
+                mean[0] += parts[0] * self.taper_factor(*distance);
                 mean[1] += parts[1];
             }
         }
@@ -312,7 +320,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// The halo's cut-off at signed normalized `distance`.
-    fn fading(&self, distance: f32) -> f32 {
+    fn taper_factor(&self, distance: f32) -> f32 {
         taper(f64::from(distance) / self.bvh.scale(), self.halo) as f32
     }
 }

@@ -1,20 +1,19 @@
 //! From points to lattice values.
 //!
-//! - [`patch`]: small regular patches of points, cut into packets;
-//! - [`signs`]: on which side of the boundary their points lie;
-//! - [`smooth`]: blocks that are interpolated from some of their points;
+//! - [`blocks`]: arrays divided into blocks, the unit of work, and patches of points into packets;
+//! - [`sign_propagation`]: on which side of the boundary the points of a patch lie;
+//! - [`adaptive_interpolation`]: blocks that are interpolated from some of their points;
 //! - [`patch_density`]: distances, signs and densities of a patch;
-//! - [`blocks`]: arrays cut into blocks, the unit of work;
-//! - [`smoothed`]: fields smoothed by a Gaussian, [`between`] where they need no fine lattice;
+//! - [`upsampling`]: a fine lattice interpolated from one of twice its spacing;
+//! - [`gaussian_smoothing`]: fields smoothed by a Gaussian;
 //! - [`fill`]: the values of a field, with halo and cell averages;
 //! - [`signed_distance`]: distances alone.
 
-mod between;
+mod adaptive_interpolation;
 pub(super) mod blocks;
 pub(super) mod fill;
-mod patch;
+mod gaussian_smoothing;
 mod patch_density;
+mod sign_propagation;
 pub(crate) mod signed_distance;
-mod signs;
-mod smooth;
-mod smoothed;
+mod upsampling;

@@ -5,14 +5,12 @@
 
 use num_complex::{Complex32, Complex64};
 
-use super::patch::{Anchors, Brick, Patch};
-use super::signs::Signs;
-use super::smooth::{Attempt, SmoothBlock};
-use crate::field::packet::density::PacketDensity;
-use crate::field::packet::lanes::{LANES, Lanes};
-use crate::field::packet::walk::Walk;
-use crate::field::point::edge_integral::UnitDensity;
-use crate::field::point::tree::PointDensity;
+use super::adaptive_interpolation::{Attempt, SmoothBlock};
+use super::blocks::{Anchors, Brick, Patch};
+use super::sign_propagation::Signs;
+use crate::field::packet::density::{PacketDensity, Traversal};
+use crate::field::packet::points::{LANES, Lanes};
+use crate::field::point::density::{PointDensity, UnitDensity};
 use crate::surface::bvh::tree::Bvh;
 
 /// Values on a patch, C order. Reused from patch to patch.
@@ -32,7 +30,7 @@ pub(crate) struct PatchValues {
     /// The size of the face nearest to each brick.
     faces: Vec<f32>,
     signs: Signs,
-    walk: Walk,
+    traversal: Traversal,
 }
 
 /// Evaluates patches.
@@ -74,7 +72,7 @@ impl<'a> PatchDensity<'a> {
     }
 
     /// Fills `values`. `hint` is a leaf-order face near the patch, updated; `anchors` are as
-    /// [`Signs::give`] wants them.
+    /// [`Signs::propagate`] wants them.
     pub(crate) fn evaluate(
         &self,
         patch: &Patch,
@@ -84,7 +82,7 @@ impl<'a> PatchDensity<'a> {
     ) {
         values.reset(patch.len());
         // Results must not depend on which patch came before on this thread.
-        values.walk.restart();
+        values.traversal.restart();
         let mut bricks = std::mem::take(&mut values.bricks);
         patch.cut(&mut bricks);
         values.faces.clear();
@@ -98,7 +96,7 @@ impl<'a> PatchDensity<'a> {
             signs,
             ..
         } = values;
-        signs.give(self.bvh, patch, anchors, |flat| done[flat], distance);
+        signs.propagate(self.bvh, patch, anchors, |flat| done[flat], distance);
         if self.may_be_smooth(patch, values) {
             self.integrate_smooth(patch, values);
         } else {
@@ -117,7 +115,7 @@ impl<'a> PatchDensity<'a> {
                 .iter()
                 .zip(&values.done)
                 .all(|(d, done)| !done && *d < self.horizon && (*d < 0.0) == inside)
-            && self.smooth.promises(&values.distance, patch.spacing)
+            && self.smooth.is_promising(&values.distance, patch.spacing)
     }
 
     /// Some densities of a block, and the rest interpolated if that agrees, else computed.
@@ -154,7 +152,7 @@ impl<'a> PatchDensity<'a> {
                 values.distance[flat] = distances[lane];
             } else if !values.done[flat] {
                 let position = patch.position(patch.unravel(flat));
-                let (distance, density) = self.points.at(position, self.step);
+                let (distance, density) = self.points.evaluate(position, self.step);
                 values.set(flat, distance as f32, density);
             }
         }
@@ -163,8 +161,8 @@ impl<'a> PatchDensity<'a> {
     /// All densities of a patch whose signed distances are known.
     fn integrate_all(&self, patch: &Patch, bricks: &[Brick], values: &mut PatchValues) {
         for (i, brick) in bricks.iter().enumerate() {
-            let distances = self.wanted(brick, values);
-            if parted(&distances, values.faces[i], self.packets.fine()) {
+            let distances = self.wanted_distances(brick, values);
+            if needs_single_points(&distances, values.faces[i], self.packets.fine()) {
                 self.integrate_each(patch, brick, &distances, values);
             } else {
                 self.integrate(brick, values);
@@ -184,14 +182,16 @@ impl<'a> PatchDensity<'a> {
             // Points are repeated where the patch ends.
             if distance > 0.0 && !brick.flat[..lane].contains(&flat) {
                 let point = patch.position(patch.unravel(flat));
-                let integral = self.packets.integral(point, distance, &mut values.walk);
+                let integral = self
+                    .packets
+                    .integral(point, distance, &mut values.traversal);
                 values.set_integral(flat, integral);
             }
         }
     }
 
     /// Distances of the points of a brick whose density is wanted and unknown, zero elsewhere.
-    fn wanted(&self, brick: &Brick, values: &PatchValues) -> Lanes {
+    fn wanted_distances(&self, brick: &Brick, values: &PatchValues) -> Lanes {
         brick.flat.map(|flat| {
             if !values.done[flat] && values.distance[flat] < self.horizon {
                 values.distance[flat].abs()
@@ -203,7 +203,7 @@ impl<'a> PatchDensity<'a> {
 
     /// Densities of a brick whose signed distances are known.
     fn integrate(&self, brick: &Brick, values: &mut PatchValues) {
-        let distances = self.wanted(brick, values);
+        let distances = self.wanted_distances(brick, values);
         let Brick {
             flat: brick,
             points,
@@ -211,7 +211,9 @@ impl<'a> PatchDensity<'a> {
         if distances.iter().all(|d| *d == 0.0) {
             return;
         }
-        let [re, im] = self.packets.integrals(points, &distances, &mut values.walk);
+        let [re, im] = self
+            .packets
+            .integrals(points, &distances, &mut values.traversal);
         for lane in 0..LANES {
             let flat = brick[lane];
             if distances[lane] > 0.0 {
@@ -237,7 +239,7 @@ impl PatchValues {
         if distance == 0.0 {
             self.boundary.push((flat, density));
         } else {
-            self.density[flat] = single(density.combined(1.0, 1.0));
+            self.density[flat] = to_single_precision(density.combined(1.0, 1.0));
         }
         self.distance[flat] = distance;
         self.done[flat] = true;
@@ -275,7 +277,7 @@ impl PatchValues {
             _ => {
                 let found = self.boundary.iter().find(|(place, _)| *place == flat);
                 let both = found.map(|(_, d)| *d).unwrap_or_default();
-                [both.exterior, both.interior].map(single)
+                [both.exterior, both.interior].map(to_single_precision)
             }
         }
     }
@@ -288,13 +290,13 @@ const EVEN: f32 = 4.0;
 /// nearest point, as far as the reach of its farthest. Next to a boundary of many small faces those
 /// are thousands, where one point needs a hundred. `face` is the size of the faces near, of which
 /// there are few up to `fine` times that; `distances` are zero where no density is wanted.
-fn parted(distances: &Lanes, face: f32, fine: f32) -> bool {
+fn needs_single_points(distances: &Lanes, face: f32, fine: f32) -> bool {
     let most = distances.iter().fold(0f32, |a, d| a.max(*d));
     let wanted = |d: &&f32| **d > 0.0;
     let least = distances.iter().filter(wanted).fold(most, |a, d| a.min(*d));
     most > EVEN * least.max(face) && most > fine * face
 }
 
-fn single(z: Complex64) -> Complex32 {
+fn to_single_precision(z: Complex64) -> Complex32 {
     Complex32::new(z.re as f32, z.im as f32)
 }

@@ -4,13 +4,12 @@ use glam::DVec3;
 use ndarray::{Array3, ArrayView1, ArrayViewMut3};
 use rayon::prelude::*;
 
-use super::blocks::cut;
-use super::patch::{Brick, Patch};
-use super::signs::Signs;
+use super::blocks::{Brick, Patch, cut};
+use super::sign_propagation::Signs;
 use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
 use crate::field::packet::distance::PacketDistance;
-use crate::field::packet::lanes::LANES;
+use crate::field::packet::points::LANES;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
 use crate::surface::bvh::build::Leaves;
@@ -87,7 +86,7 @@ fn fill(
     // Started anew for every block: results must not depend on which thread took which block.
     let mut hint = 0;
     for Brick { flat, points } in bricks.iter() {
-        let found = packets.at(points, &mut hint);
+        let found = packets.find_nearest(points, &mut hint);
         let near = NEAR * points.half_diagonal();
         for lane in 0..LANES {
             distance[flat[lane]] = if found[lane] > near {
@@ -97,7 +96,7 @@ fn fill(
             };
         }
     }
-    signs.give(bvh, patch, None, |_| false, distance);
+    signs.propagate(bvh, patch, None, |_| false, distance);
     // A power of two: exact.
     let metres = (1.0 / bvh.scale()) as f32;
     let lines = distance.chunks_exact(patch.shape[2]);

@@ -12,23 +12,23 @@ use glam::{DMat2, DMat3, DVec2, DVec3, Vec2};
 use super::kernel::{Vectors, inner, splat};
 use crate::support::angle::upper_angle;
 
-/// Curvature at most, per reach of the kernel: from the axis of what is bent as much, the kernel
-/// just does not reach the surface, and no place has two feet.
+/// Largest curvature, per reach of the kernel: the axis of a stronger bend would be within reach of
+/// the surface, where places have more than one foot.
 const MOST_BENT: f64 = 1.0;
 
-/// Surfaces bent less are flat.
+/// Smaller curvatures count as zero.
 const LEAST_BENT: f64 = 1e-4;
 
-/// How far a torus may be from the surface near by, and how that grows with the distance beyond
+/// Deviation allowed of a torus from the surface near by, and its growth with the distance beyond
 /// [`NEAR`], in units of the reach.
 pub(super) const OFF: f64 = 0.006;
 const OFF_FAR: f64 = 0.03;
 pub(super) const NEAR: f64 = 0.9;
 
-/// Normals differ from the torus' by an angle of this cosine at most.
+/// Cosine of the largest angle between normals of the surface and of the torus.
 pub(super) const ALONG: f64 = 0.95;
 
-/// Looks at the surface, each from the torus found before.
+/// Iterations of the fit, each starting from the torus before.
 const LOOKS: usize = 4;
 
 /// A small piece of a surface.
@@ -40,7 +40,7 @@ pub(super) struct Surfel {
 }
 
 impl Surfel {
-    /// In units of `unit`, relative to `origin`.
+    /// The surfel in units of `unit`, relative to `origin`.
     pub(super) fn scaled(&self, origin: DVec3, unit: f64) -> Self {
         Self {
             place: (self.place - origin) / unit,
@@ -55,15 +55,15 @@ impl Surfel {
 pub(super) struct OsculatingTorus {
     /// A point of it.
     pub(super) origin: DVec3,
-    /// The directions in which it is bent most and least there, and its normal; right-handed.
+    /// Its principal directions there and its normal; right-handed.
     pub(super) axes: [DVec3; 3],
-    /// How much it is bent along either, positive if it is convex.
+    /// Its principal curvatures, positive if it is convex.
     pub(super) curvature: DVec2,
 }
 
 impl OsculatingTorus {
-    /// The torus nearest to a surface about the first of `surfels`, the others being those of its
-    /// neighbours less than [`NEAR`] from it; none if the surface is bent too much.
+    /// Fits a torus to the surface around the first of `surfels`; the others are its neighbours
+    /// within [`NEAR`]. None if the surface is bent too much.
     pub(super) fn fit(surfels: &[Surfel]) -> Option<Self> {
         let first = surfels.first()?;
         let (u, v) = first.normal.any_orthonormal_pair();
@@ -90,7 +90,7 @@ impl OsculatingTorus {
         })
     }
 
-    /// Whether a surfel is no farther from it than `off` and not turned away.
+    /// Whether a surfel is within `off` of it and has a similar normal.
     fn contains(&self, surfel: &Surfel, off: f64) -> bool {
         let [x, y, z] = self.axes.map(|a| (surfel.place - self.origin).dot(a));
         let [kx, ky] = self.curvature.to_array();
@@ -104,7 +104,7 @@ impl OsculatingTorus {
         kx * x * nx + (1.0 + kx * lifted) * up >= ALONG * around
     }
 
-    /// The same where its origin is elsewhere.
+    /// The torus with its origin moved.
     pub(super) fn translated(self, by: DVec3) -> Self {
         Self {
             origin: self.origin + by,
@@ -112,7 +112,7 @@ impl OsculatingTorus {
         }
     }
 
-    /// By least squares of what is left, weighted about the first, to which all are close.
+    /// One least-squares step on the residuals, weighted towards the first surfel.
     fn refine_fit(&self, surfels: &[Surfel]) -> Option<Self> {
         let about = surfels.first()?.place;
         let mut normal = [[0.0; 6]; 6];
@@ -183,7 +183,7 @@ fn arc_length(z: f64, x: f64, k: f64) -> f64 {
     }
 }
 
-/// The direction of the greater eigenvalue of a symmetric matrix, and both eigenvalues.
+/// Direction of the greater eigenvalue of a symmetric matrix, and both eigenvalues.
 fn principal_curvatures(m: DMat2) -> (DVec2, DVec2) {
     let (half, off) = (0.5 * (m.x_axis.x - m.y_axis.y), m.x_axis.y);
     let angle = 0.5 * off.atan2(half);
@@ -194,7 +194,7 @@ fn principal_curvatures(m: DMat2) -> (DVec2, DVec2) {
     )
 }
 
-/// The solution of symmetric positive equations; none if they are not.
+/// Solves symmetric positive definite equations; none if they are not.
 fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     for i in 0..N {
         let (row, right) = (a[i], b[i]);
@@ -214,22 +214,22 @@ fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; 
     Some(b)
 }
 
-/// How often the matrix of moments is squared to find the direction.
+/// Squarings of the moment matrix in the power iteration for the axis.
 const SQUARINGS: usize = 20;
 
 /// A cylinder; lengths are in units of the reach.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cylinder {
-    /// A point of its axis, and the direction.
+    /// A point of its axis, and the axis' direction.
     centre: DVec3,
     along: DVec3,
     radius: f64,
-    /// One if its normals point outwards, else minus one.
+    /// One if normals point outwards, minus one if inwards.
     side: f64,
 }
 
 impl Cylinder {
-    /// The one on which all of `surfels` lie.
+    /// Fits a cylinder; none if some surfel does not lie on it.
     pub(super) fn fit(surfels: &[Surfel]) -> Option<Self> {
         // Axis direction.
         let along = axis_direction(surfels)?;
@@ -271,7 +271,8 @@ impl Cylinder {
         (radius * MOST_BENT >= 1.0 && surfels.iter().all(on)).then_some(cylinder)
     }
 
-    /// The same at the point nearest to `p`, which is relative to `middle`, as is what comes back.
+    /// The cylinder as a torus at the point nearest to `p`; `p` and the result are relative to
+    /// `middle`.
     pub(super) fn tangent_torus_from(&self, middle: DVec3, p: DVec3) -> Option<OsculatingTorus> {
         let torus = self.tangent_torus(middle + p)?;
         Some(OsculatingTorus {
@@ -290,7 +291,7 @@ impl Cylinder {
         self.along
     }
 
-    /// A place on it developed into a plane: along the circle, and along the axis.
+    /// Developed coordinates of a place on it: along the circle, and along the axis.
     pub(super) fn developed(&self, p: DVec3) -> DVec2 {
         let (u, v) = self.along.any_orthonormal_pair();
         let from = p - self.centre;
@@ -311,7 +312,7 @@ impl Cylinder {
     }
 }
 
-/// The direction across all normals: that of the least moment.
+/// The direction most nearly perpendicular to all normals: that of the least moment.
 fn axis_direction(surfels: &[Surfel]) -> Option<DVec3> {
     let mut moments = DMat3::ZERO;
     for s in surfels {
@@ -334,14 +335,15 @@ fn axis_direction(surfels: &[Surfel]) -> Option<DVec3> {
     longest?.try_normalize()
 }
 
-/// Nearer to a circle's centre, in units of its radius, there is no direction.
+/// Distances from a circle's centre are at least this, in units of its radius, so that directions
+/// exist.
 const CENTRE: f32 = 1e-2;
 
-/// Places above a circle through the origin, along `x` there, its centre below if it is bent by
-/// more than zero.
+/// Coordinates relative to a circle through the origin, tangent to `x` there, with its centre below
+/// for positive curvature.
 pub(super) struct Circle<S: Simd> {
     pub(super) height: f32x16<S>,
-    /// Of the foot, along the circle.
+    /// Arc length to the foot, along the circle.
     pub(super) place: f32x16<S>,
     /// Cosine and sine of the angle by which the circle turns on the way there.
     pub(super) cosine: f32x16<S>,
@@ -351,7 +353,7 @@ pub(super) struct Circle<S: Simd> {
 }
 
 impl<S: Simd> Circle<S> {
-    /// At `(x, z)` above a circle of curvature `k`.
+    /// Coordinates of `(x, z)` relative to a circle of curvature `k`.
     #[inline(always)]
     pub(super) fn new(x: f32x16<S>, z: f32x16<S>, k: f32) -> Self {
         let simd = x.token();
@@ -381,8 +383,7 @@ impl<S: Simd> Circle<S> {
     }
 }
 
-/// The height of one place above a circle of curvature `k` as in [`Circle`], and the place of its
-/// foot.
+/// Height above a circle of curvature `k` and arc length to the foot, as in [`Circle`].
 #[inline(always)]
 pub(super) fn circle_coordinates(x: f32, z: f32, k: f32) -> [f32; 2] {
     let rise = 2.0 * z + k * (x * x + z * z);
@@ -394,16 +395,16 @@ pub(super) fn circle_coordinates(x: f32, z: f32, k: f32) -> [f32; 2] {
     [rise / (1.0 + distance), place]
 }
 
-/// Samples above a torus; vectors are along the axes of its patch.
+/// Developed coordinates of samples above a torus; vectors are in the axes of its patch.
 pub(super) struct DevelopedSamples<S: Simd> {
     pub(super) height: f32x16<S>,
     /// The feet, developed.
     pub(super) place: [f32x16<S>; 2],
-    /// Where the height grows, and where both places do; of unit length.
+    /// Unit gradients of the height and of both developed coordinates.
     pub(super) normal: Vectors<S>,
     pub(super) x: Vectors<S>,
     pub(super) y: Vectors<S>,
-    /// Slopes of places with lengths along these.
+    /// Slopes of the developed coordinates with lengths along these.
     pub(super) shrunk: [f32x16<S>; 2],
     /// Slopes of the normal with lengths along these.
     pub(super) bent: [f32x16<S>; 2],
@@ -428,13 +429,13 @@ impl<S: Simd> DevelopedSamples<S> {
 }
 
 impl<S: Simd> DevelopedSamples<S> {
-    /// A direction along `x`, `y` and the normal, of its components along the patch's axes.
+    /// Transforms a direction from the patch's axes to `x`, `y` and the normal.
     #[inline(always)]
     pub(super) fn to_local(&self, v: &Vectors<S>) -> Vectors<S> {
         [inner(v, &self.x), inner(v, &self.y), inner(v, &self.normal)]
     }
 
-    /// The other way round.
+    /// Transforms a direction back to the patch's axes.
     #[inline(always)]
     pub(super) fn to_patch_axes(&self, v: &Vectors<S>) -> Vectors<S> {
         let mut sum = *v;

@@ -225,8 +225,9 @@ impl<S: Simd> Quotients<S> {
         )
     }
 
-    /// The sums over moments, `moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k +
-    /// 1)`, where `ends` gives what is in brackets for k from 1 on.
+    /// The sums over moments,
+    /// `moment_k = ∫ r^k dl = ([l r^k] + 2 k near moment_(k - 1)) / (2 k + 1)`. `ends` gives the
+    /// bracketed terms for k from 1 on.
     #[inline(always)]
     fn sums(
         &self,

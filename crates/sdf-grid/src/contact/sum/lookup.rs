@@ -21,8 +21,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The cells, from the first to the last along each direction, that hold a box's places; those
-    /// of places outside are the nearest.
+    /// First and last cell along each direction that a box overlaps, clamped to the grid.
     pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
         let place = |p: DVec3| ((p - self.low) / self.edge).floor();
         let (from, to) = (place(low), place(high));
@@ -83,7 +82,7 @@ impl SurfelGrid {
         }
     }
 
-    /// Those at most so far from `p`, region after region.
+    /// Surfels within `distance` of `p`, region after region.
     pub(super) fn within(&self, p: DVec3, distance: f64) -> Vec<SurfelId> {
         let [xs, ys, zs] = self.grid.range(p - distance, p + distance);
         let mut found = Vec::new();
@@ -111,7 +110,7 @@ pub(super) struct DistanceBound {
     size: DVec3,
     /// Cells per metre.
     per_metre: f64,
-    /// By how much the lattice is larger than the surface.
+    /// Margin of the lattice around the surface.
     margin: f64,
     /// A lower bound on the distance of the surface from all places of each cell, metres.
     least: Vec<f32>,
@@ -142,8 +141,8 @@ impl DistanceBound {
         }
     }
 
-    /// A lower bound on the distance of the surface from a place, metres; infinite for what is no
-    /// place.
+    /// A lower bound on the distance of the surface from a place, metres; infinite if the place is
+    /// not a number.
     #[inline(always)]
     pub(super) fn lower_bound(&self, p: DVec3) -> f64 {
         let place = p - self.grid.low;
@@ -167,11 +166,10 @@ impl DistanceBound {
     }
 }
 
-/// Clusters are at most this large, in units of the reach: what is near one of them is listed for
-/// all.
+/// Largest radius of clusters, in units of the reach: patches are listed for the largest cluster.
 const MOST_RADIUS: f64 = 1.6;
 
-/// Normals count as much as places this far apart, in units of the reach.
+/// Weight of normals against places when samples are divided, in units of the reach.
 const NORMALS: f64 = 0.3;
 
 /// Sixteen samples; lengths are in units of the reach.
@@ -194,21 +192,21 @@ pub(super) struct Ball {
     /// Metres, and in units of the reach, enlarged by more than rounding takes from it.
     pub(super) radius: f64,
     pub(super) in_reaches: f32,
-    /// The ball to look at next if this one is out of reach.
+    /// The ball to visit next if this one is out of reach.
     pub(super) next: u32,
-    /// The cluster that it holds, or [`Ball::MANY`].
+    /// Its cluster, or [`Ball::MANY`].
     pub(super) cluster: u32,
 }
 
 impl Ball {
-    /// No cluster of its own: those of the balls up to `next`.
+    /// Marks a ball whose clusters are those of the balls up to `next`.
     pub(super) const MANY: u32 = u32::MAX;
 }
 
 /// All samples.
 #[derive(Debug, Clone)]
 pub(super) struct Clusters {
-    /// Each before those in it.
+    /// In depth-first order.
     pub(super) balls: Vec<Ball>,
     pub(super) clusters: Vec<Cluster>,
     /// The largest radius of a cluster, metres.
@@ -271,8 +269,8 @@ impl Clusters {
     }
 }
 
-/// Orders samples so that those before the place returned are apart from those behind: across the
-/// longest side of their box, of places and of normals.
+/// Partitions samples across the longest side of their box, in places and normals; returns where
+/// the second half begins.
 fn split_in_half(samples: &mut [SurfaceSample], reach: f64) -> usize {
     let key = |s: &SurfaceSample, k: usize| match k {
         0..3 => s.position[k],

@@ -5,9 +5,9 @@
 //!
 //! The integral has a kink where the height `x` is zero: it is `S(x) - |x|/2` with `S` smooth. Over
 //! a piece of surface that reaches `e` to either side the average of `|x|` is `(x² + e²) / (2 e)`
-//! where `|x| < e`. So the average of `-|x|/2` is below the value in the middle by `(e - |x|)² / (4
-//! e)`, and that of `S` is above it by about `e² S'' / 6`. Integrated over all heights both are
-//! `e²/6`: evenly spread samples are not biased, whatever their phase. A square of half side `r`,
+//! where `|x| < e`. So the average of `-|x|/2` is below the value in the middle by
+//! `(e - |x|)² / (4 e)`, and that of `S` is above it by about `e² S'' / 6`. Integrated over all
+//! heights both are `e²/6`: evenly spread samples are not biased, whatever their phase. A square of half side `r`,
 //! tilted by an angle `θ`, has `e = r sin θ`: exact where it is tilted about a side, and of the
 //! same second moment elsewhere. Heights above a torus are only known as well as facets keep to it,
 //! which extends samples in the same way.

@@ -18,10 +18,10 @@ const STRAIGHT: f64 = 0.8;
 const LEAST_BEND: f64 = 0.01;
 const MOST_BEND: f64 = 0.45;
 
-/// Points from which on a chain is worth a look: a face is not, and would vanish if it is small.
+/// Chains of fewer points are kept: small faces would vanish.
 const FEW: usize = 6;
 
-/// Looks at every point of a chain on average, at most; a chain that takes more stays.
+/// Largest number of distances computed per point; a chain that needs more is kept.
 const MOST_LOOKS: usize = 100;
 
 /// Simplifies a chain in its own plane, most accurately around `about` and with the same ends.

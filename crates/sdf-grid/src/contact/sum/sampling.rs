@@ -49,14 +49,14 @@ impl SampleAccumulator {
 /// Steps of Lloyd's algorithm: more make cells rounder by a percent.
 const STEPS: usize = 3;
 
-/// Centres are at first at least this far apart, in units of the distance asked for: as many as
+/// Least distance of initial centres, in units of the wanted distance: gives as many cells as
 /// squares of that side.
 const APART: f64 = 0.82;
 
-/// Pieces belong to cells whose normals differ from theirs by an angle of this cosine at most.
+/// Cosine of the largest angle between the normals of a piece and its cell.
 const ALIGNED: f64 = 0.5;
 
-/// Pieces are taken together first by boxes of this size, in units of the distance of cells.
+/// Pieces are first merged in boxes of this size, in units of the distance of cells.
 const BOX: f64 = 0.2;
 
 /// Pieces of a surface, divided into compact cells by Lloyd's algorithm.
@@ -141,8 +141,8 @@ impl Cells {
         (p / self.distance).floor().as_ivec3()
     }
 
-    /// The nearest centre within about one and a half times the distance of cells, and how far it
-    /// is.
+    /// The nearest centre within about one and a half times the distance of cells, and its
+    /// distance.
     fn nearest(&self, at: &Centre, centres: &[Centre], boxes: &Boxes) -> Option<(usize, f64)> {
         let place = self.place(at.place);
         let around = (0..27).map(|i| place + IVec3::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
@@ -427,7 +427,7 @@ impl SharpEdges {
         }
     }
 
-    /// Lists an edge in all boxes within reach of half a step to either side.
+    /// Adds an edge to all boxes within reach of half a step to either side.
     fn add_to_boxes(&mut self, part: u32, edge: u32, listed: &mut f64) -> Result<(), ContactError> {
         let near = self.near;
         let ends = self.edges[edge as usize].ends;
@@ -476,21 +476,20 @@ impl SharpEdges {
     }
 }
 
-/// Where the rows along sharp edges end, in units of the distance of points: at least, and by how
-/// much farther at most.
+/// Ends of the rows along sharp edges, in units of the distance of points: the least, and the range
+/// beyond it.
 const ROWS: [[f64; 2]; 2] = [[0.05, 0.15], [0.2, 0.8]];
 
-/// Distance of the points of a row, in units of that of points.
+/// Distance of points within a row, in units of the distance of points.
 const ALONG: f64 = 0.8;
 
-/// Into how many pieces points are cut along each side: the most, and the fewest where a part is
-/// large.
+/// Pieces of a point along each side: the most, and the fewest for large parts.
 const CUTS: [f64; 2] = [12.0, 2.0];
 
-/// Pieces from which on points are cut into fewer.
+/// Number of pieces beyond which points are cut into fewer.
 const PIECES: f64 = (1 << 22) as f64;
 
-/// Points of less than this share of the area of a whole one join a neighbour.
+/// Points with less than this share of a whole one's area are merged with a neighbour.
 const WHOLE: f64 = 0.4;
 
 /// The row number of points on the lattice.
@@ -510,8 +509,8 @@ fn row_ends(place: IVec3) -> [f64; LATTICE] {
 /// lattice.
 type Key = (u32, usize, IVec3);
 
-/// Points about `distance` (metres) apart on the surface of `mesh`, where what lies within `flat`
-/// of a plane lies in it, for a kernel with a reach (metres).
+/// Samples about `distance` (metres) apart on the surface of `mesh`, for a kernel with this reach
+/// (metres). Vertices within `flat` of a plane count as in it.
 ///
 /// # Errors
 /// If there would be too many, or no triangle has an area.

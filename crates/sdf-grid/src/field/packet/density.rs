@@ -415,7 +415,7 @@ impl<'a> PacketDensity<'a> {
         (15.0 / self.tree.accuracy.far.size) as f32
     }
 
-    /// See [`PacketDistance::at`].
+    /// See `PacketDistance::find_nearest`.
     pub(crate) fn distances(&self, points: &Points, hint: &mut usize) -> Lanes {
         self.tree.distance.find_nearest(points, hint)
     }

@@ -84,7 +84,7 @@ pub(crate) const WIDTH: usize = 8;
 /// Eight numbers, one for each member.
 pub(crate) type Members = [f32; WIDTH];
 
-/// Two nodes of the same parent and what comes below them, as far as there is room.
+/// Two nodes of the same parent and their descendants, as far as there is room.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct WideNode {
@@ -147,7 +147,7 @@ impl WideNode {
     }
 }
 
-/// What a member is: a node of more than one face, or a face.
+/// A member: a node of more than one face, or a face.
 #[derive(Clone, Copy)]
 enum Item {
     Node(usize),
@@ -223,7 +223,7 @@ impl Shape {
             top: 0,
         };
         shape.top = shape.add(&Children::collect(bvh, root));
-        // Breadth first: members are looked at only if those above them are near.
+        // Breadth first: members are visited only if those above them are near.
         let mut next = 0;
         while next < shape.len {
             if let Item::Node(node) = shape.items[next] {
@@ -237,7 +237,7 @@ impl Shape {
         shape
     }
 
-    /// Adds members and says which they are, bit by bit.
+    /// Adds members and returns their bits.
     fn add(&mut self, children: &Children) -> u32 {
         let first = self.len;
         for item in &children.items[..children.count] {
@@ -251,7 +251,7 @@ impl Shape {
     }
 }
 
-/// What a node consists of: two nodes, or the faces of a leaf.
+/// The children of a node: two nodes, or the faces of a leaf.
 struct Children {
     items: [Item; WIDTH],
     count: usize,
@@ -325,7 +325,7 @@ impl<'a> PacketTree<'a> {
     }
 }
 
-/// What all faces share for one packet: distances and what follows from them.
+/// Quantities of a packet that all faces share: distances and what follows from them.
 pub(crate) struct Query<S: Simd> {
     /// Distances; zero in lanes to leave out.
     pub(crate) xi: f32x16<S>,

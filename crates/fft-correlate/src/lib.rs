@@ -34,7 +34,7 @@
 //! [`Condition::at`] measures how far the terms of a score cancel; [`measure_error`] compares a table
 //! with any other source at held-out poses.
 
-pub mod basin;
+pub(crate) mod basin;
 pub mod correlate;
 pub mod direct;
 pub mod dock;
@@ -47,7 +47,7 @@ pub mod table;
 pub mod tolerance;
 mod vectors;
 
-pub use basin::{Well, WellError, WellOptions};
+pub use basin::{Well, WellError, WellOptions, peak_force};
 pub use correlate::correlator::Correlator;
 pub use correlate::support::CorrelateError;
 pub use direct::condition::Condition;

@@ -3,7 +3,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use fft_correlate::basin::peak_force;
+use fft_correlate::peak_force;
 use fft_correlate::{DirectEvaluator, DirectOptions, ScoreModel};
 use glam::{DQuat, DVec3};
 use haptic::{Clock, HapticConfig, OperatorConfig, Outcome, Script, Session, SimulatedOperator};

@@ -7,7 +7,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use fft_correlate::basin::peak_force;
+use fft_correlate::peak_force;
 use fft_correlate::{
     DirectEvaluator, DirectOptions, EnergySource, EnergyTable, Pair, PairEnergies, RotationDomain,
     ScoreModel, TableSpec, TranslationWindow,

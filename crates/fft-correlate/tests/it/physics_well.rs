@@ -1,8 +1,8 @@
 //! The numbers of an energy well against energies whose wells are known, and the decisions of the
 //! pair builder.
 
-use fft_correlate::basin::peak_force;
 use fft_correlate::pair::{default_halo, default_spacing};
+use fft_correlate::peak_force;
 use fft_correlate::{
     EnergySource, PairBuildError, PairBuilder, Pose, Response, ScoreModel, Scratch, Well,
     WellError, WellOptions, Wrench,

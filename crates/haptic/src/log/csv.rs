@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use sdf_grid::growing::GrowingFile;
 
 use crate::device::contract::{DeviceSpec, DeviceState};
-use crate::log::device_file::{device_file, write_device};
+use crate::log::device_record::{device_file, write_device};
 use crate::log::error::RecordError;
 use crate::log::record::SampleWriter;
 use crate::path::passivity::EnergyAccount;

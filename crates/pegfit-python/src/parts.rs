@@ -25,7 +25,7 @@ use crate::work::{guarded, run};
 /// Deviation from symmetry that counts as none, as a fraction of the diagonal: as `pegfit check`.
 const SYMMETRY_TOLERANCE: f64 = 5e-4;
 
-/// A mesh that has passed hygiene, metres, and what hygiene did.
+/// A repaired mesh, metres, and the report of its repair.
 #[pyclass(frozen, module = "pegfit._core")]
 pub(crate) struct Mesh {
     pub(crate) mesh: Arc<TriangleMesh>,
@@ -150,7 +150,7 @@ impl Mesh {
         Array2::from_shape_fn((triangles.len(), 3), at).into_pyarray(py)
     }
 
-    /// What hygiene calls it.
+    /// Its name in the report of its repair.
     pub(crate) fn name(&self) -> &str {
         &self.report.name
     }
@@ -166,7 +166,7 @@ impl Mesh {
         (bounds.min.to_array(), bounds.max.to_array())
     }
 
-    /// The report of hygiene, its warnings and axes of symmetry, as JSON.
+    /// The report of its repair, its warnings and axes of symmetry, as JSON.
     fn check(&self, py: Python<'_>) -> PyResult<String> {
         let mesh = Arc::clone(&self.mesh);
         let axes = run(py, None, move |_| {

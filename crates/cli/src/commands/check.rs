@@ -248,7 +248,7 @@ fn print_list(title: &str, lines: &[String]) {
     }
 }
 
-/// What hygiene did to the triangles.
+/// Prints what the repair changed to the triangles.
 fn print_changes(report: &RepairReport, unit: LengthUnit) {
     let metre = unit.in_metres();
     say!(

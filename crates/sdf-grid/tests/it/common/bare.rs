@@ -5,7 +5,7 @@ use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{MeshError, RepairOptions, RepairReport, TriangleMesh, shapes};
 
-/// Hygiene with its defaults.
+/// Repair with its defaults.
 pub(crate) fn clean(
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,

@@ -1,6 +1,5 @@
 //! Errors as text.
 
-use std::borrow::Cow;
 use std::error::Error;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
@@ -8,41 +7,33 @@ use sdf_grid::text::shown_lines;
 
 use crate::error::CommandError;
 
-/// An error with all its causes, the line of the scene that it is about, and what helps. In colours
-/// on a terminal, unless the text has something that a terminal would obey: names and lines come
-/// from files.
+/// An error with all its causes, the line of the scene that it is about, and what helps; in colours
+/// on a terminal. Characters that act on a terminal are escaped: names and lines come from files.
 pub(crate) fn error_text(error: &CommandError) -> String {
-    let plain = render(error, &Renderer::plain());
-    match shown_lines(&plain) {
-        Cow::Borrowed(_) if console::colors_enabled_stderr() => render(error, &Renderer::styled()),
-        Cow::Borrowed(_) => plain,
-        Cow::Owned(escaped) => escaped,
-    }
-}
-
-fn render(error: &CommandError, renderer: &Renderer) -> String {
+    let renderer = match console::colors_enabled_stderr() {
+        true => Renderer::styled(),
+        false => Renderer::plain(),
+    };
     let title = error.to_string();
-    let causes: Vec<_> = std::iter::successors(error.source(), |e| (*e).source())
-        .map(ToString::to_string)
-        .collect();
-    let title = Level::ERROR.primary_title(title);
+    let title = Level::ERROR.primary_title(shown_lines(&title));
     let mut group = match error {
         CommandError::Line(line) => {
-            let here = AnnotationKind::Primary
-                .span(line.span.clone())
-                .label("here");
+            let here = AnnotationKind::Primary.span(line.span.clone());
             let snippet = Snippet::source(&line.text)
-                .path(&line.file)
-                .annotation(here);
+                .path(shown_lines(&line.file))
+                .annotation(here.label("here"));
             title.element(snippet)
         }
         _ => Group::with_title(title),
     };
-    for cause in causes {
-        group = group.element(Level::NOTE.with_name("caused by").message(cause));
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let text = shown_lines(&error.to_string()).into_owned();
+        group = group.element(Level::NOTE.with_name("caused by").message(text));
+        cause = error.source();
     }
     if let Some(help) = error.help() {
-        group = group.element(Level::HELP.message(help));
+        group = group.element(Level::HELP.message(shown_lines(help)));
     }
     renderer.render(&[group])
 }

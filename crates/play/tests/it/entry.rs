@@ -213,7 +213,7 @@ fn a_page_is_greeted_with_the_pairs_and_the_stage() {
         page.texts
     );
     assert!(
-        page.texts.iter().any(|text| text.contains("\"session\":1")),
+        page.texts.iter().any(|text| text.contains("\"stage\":1")),
         "{:?}",
         page.texts
     );

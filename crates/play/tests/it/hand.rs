@@ -133,7 +133,7 @@ fn another_pair_is_another_stage() {
         "{second:?}"
     );
     // The frame may come before the words.
-    let told = |page: &Page| page.texts.iter().any(|text| text.contains("\"session\":2"));
+    let told = |page: &Page| page.texts.iter().any(|text| text.contains("\"stage\":2"));
     while !told(&page) {
         page.frame();
     }

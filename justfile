@@ -169,11 +169,11 @@ truth *ARGS:
 bench-contact *ARGS:
     cargo run --release -p pegfit-benches --bin contact -- {{ARGS}}
 
-# Ways in, pairs turned and shifted, in ./out.
+# Insertion paths, pairs turned and shifted, in ./out.
 bench-path *ARGS:
     cargo run --release -p pegfit-benches --bin path -- {{ARGS}}
 
-# Ways by OMPL's planners with coal beside those of pegfit, into docs/path.md, hours (minutes with
+# Paths by OMPL's planners with coal beside those of pegfit, into docs/path.md, hours (minutes with
 # `just path-peers 1 --only peg`); needs benches/peers/path-requirements.txt.
 path-peers FRAMES="20" *ARGS:
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path

@@ -1,4 +1,4 @@
-//! Ways in, found in every frame: `path [--quick] [--out DIR] [--frames N or FROM..TO] [--only PAIR]
+//! Insertion paths, found in every frame: `path [--quick] [--out DIR] [--frames N or FROM..TO] [--only PAIR]
 //! [--seconds S] [--scenes DIR] [PARTS_DIR]`.
 //!
 //! Both parts of pairs whose way is known (`pegfit_benches::ways`) are turned and shifted by themselves,
@@ -86,7 +86,7 @@ fn main() -> Outcome<()> {
             .iter()
             .try_for_each(|known| write_scenes(known, &wanted.frames, folder));
     }
-    let mut table = Table::new("path", "Ways in", ABOUT, &COLUMNS);
+    let mut table = Table::new("path", "Insertion paths", ABOUT, &COLUMNS);
     let mut told = |name: &str, tally: Tally| {
         table.push(tally.row(name));
         println!("{}", table.to_text().lines().last().unwrap_or_default());

@@ -110,8 +110,8 @@ pub(crate) const SECTIONS: [Section; 11] = [
     },
     Section {
         key: "ways",
-        title: "Ways in",
-        about: "How often the way in is found, and that there is none where there is none; explained \
+        title: "Insertion paths",
+        about: "How often the path is found, and that there is none where there is none; explained \
             in [path.md](path.md).",
         program: "path",
         quick: &[&["--quick", "--frames", "1", "--only", "peg"]],

@@ -40,6 +40,7 @@ pub mod direct;
 pub mod dock;
 mod energy;
 mod geometry;
+pub mod mating;
 pub mod pair;
 mod rotations;
 mod sweep;

@@ -8,13 +8,13 @@
 mod contact;
 mod field;
 mod frame;
+mod mating;
 mod mesh;
 pub mod mesh_io;
 mod support;
 mod surface;
 
 pub use contact::error::ContactError;
-pub use contact::mating::{MatingLimits, MatingSurfaces};
 pub use contact::sum::contact_sum::{ContactSum, ContactSums};
 pub use field::cache::{CacheError, FieldCache};
 pub use field::density_field::DensityField;
@@ -29,6 +29,11 @@ pub use field::recipe::{FIELD_VERSION, FieldRecipe};
 pub use field::sampling::signed_distance::signed_distances;
 pub use frame::minimum_box::minimum_box_rotation;
 pub use frame::symmetry::{SymmetryAxis, SymmetryOrder};
+pub use contact::mating::{MatingLimits, MatingSurfaces};
+pub use mating::face_grid::{FaceGrid, OppositeFace};
+pub use mating::features::{PatchAxis, Plane, RoundPatch, SpherePatch, SurfaceFeatures};
+pub use mating::matrix6::{Matrix6, Vector6};
+pub use mating::surface_points::{SurfacePoint, surface_points};
 pub use mesh::aabb::Aabb;
 pub use mesh::error::MeshError;
 pub use mesh::repair::report::{ComponentReport, RepairOptions, RepairReport};

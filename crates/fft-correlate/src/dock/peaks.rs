@@ -113,16 +113,16 @@ fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
 
 /// When two poses count as the same.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct PoseSpacing {
+pub(crate) struct PoseSpacing {
     /// Rotations up to this angle apart, radians.
-    pub(super) angle: f64,
+    pub(crate) angle: f64,
     /// Pivots up to this distance apart, metres.
-    pub(super) distance: f64,
+    pub(crate) distance: f64,
     /// Point of the moving part whose positions are compared, metres in its frame.
-    pub(super) pivot: DVec3,
+    pub(crate) pivot: DVec3,
     /// Motions that map the moving part onto itself, in its own frame; the identity need not be
     /// among them.
-    pub(super) symmetries: Vec<Pose>,
+    pub(crate) symmetries: Vec<Pose>,
 }
 
 impl PoseSpacing {
@@ -138,7 +138,7 @@ impl PoseSpacing {
 
     /// Indices of at most `count` poses, taken in order, none of which is the same as one taken
     /// before.
-    pub(super) fn distinct<'a>(
+    pub(crate) fn distinct<'a>(
         &self,
         poses: impl IntoIterator<Item = &'a Pose>,
         count: usize,

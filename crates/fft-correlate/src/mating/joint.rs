@@ -1,0 +1,316 @@
+//! The joint that contact leaves: which motions are free, about which axis, how far.
+
+use glam::DVec3;
+use sdf_grid::Vector6;
+
+use super::contact::{ContactGramian, MatingContact};
+use crate::geometry::se3::Pose;
+
+/// A motion is free if contact resists it by less than this share of what it resists most.
+const FREE: f64 = 4e-3;
+
+/// Turns this small against displacements, or the other way round, are none.
+const NONE: f64 = 0.05;
+
+/// Travel is followed in steps of this many clearances.
+const STRIDE: f64 = 1.0;
+
+/// Steps of a travel, at most.
+const STEPS: usize = 400;
+
+/// Contact is lost where less than this share of it is left.
+const LOST: f64 = 0.1;
+
+/// Surface that may lie in the other part along the travel beyond what does at the pose, shares of
+/// the moving part's.
+const BLOCKED: f64 = 0.004;
+
+/// Which motions contact leaves free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// None.
+    Fixed,
+    /// A displacement along the axis.
+    Prismatic,
+    /// A turn about the axis.
+    Revolute,
+    /// Both.
+    Cylindrical,
+    /// A turn about the axis with a displacement along it.
+    Screw,
+    /// Displacements across the axis, and a turn about it.
+    Planar,
+    /// All turns about a point.
+    Ball,
+    /// This many motions, which are those of no other kind: contact does not determine the pose.
+    Undetermined(usize),
+}
+
+impl JointKind {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fixed => "fixed",
+            Self::Prismatic => "prismatic",
+            Self::Revolute => "revolute",
+            Self::Cylindrical => "cylindrical",
+            Self::Screw => "screw",
+            Self::Planar => "planar",
+            Self::Ball => "ball",
+            Self::Undetermined(_) => "undetermined",
+        }
+    }
+
+    /// Free motions.
+    pub fn freedoms(self) -> usize {
+        match self {
+            Self::Fixed => 0,
+            Self::Prismatic | Self::Revolute | Self::Screw => 1,
+            Self::Cylindrical => 2,
+            Self::Planar | Self::Ball => 3,
+            Self::Undetermined(count) => count,
+        }
+    }
+}
+
+/// How far a free motion goes from the pose, both ways.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Travel {
+    /// Least and greatest value: metres, or radians of a turn.
+    pub range: [f64; 2],
+    /// Whether the parts block the motion there; else contact is lost, or the motion has no end.
+    pub blocked: [bool; 2],
+}
+
+/// The joint of two parts at a pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Which motions are free.
+    pub kind: JointKind,
+    /// Direction of the axis, fixed frame, unit length; zero of joints without one.
+    pub axis: DVec3,
+    /// A point of the axis, or the centre of a ball, fixed frame, metres.
+    pub point: DVec3,
+    /// Displacement per turn of a screw, metres, positive if right-handed; else 0.
+    pub pitch: f64,
+    /// Travel along the axis, metres, of prismatic and cylindrical joints.
+    pub slide: Option<Travel>,
+    /// Travel about the axis, radians, of joints that turn.
+    pub turn: Option<Travel>,
+    /// The free motions: displacements of the moving part's centre along the fixed axes (metres) and
+    /// turns about it (radians), unit length where turns count by the part's radius.
+    pub free: Vec<Vector6>,
+}
+
+impl Joint {
+    /// The axis and a point of it in the frame of the moving part, which lies at `pose`.
+    pub fn in_moving_frame(&self, pose: &Pose) -> (DVec3, DVec3) {
+        let axis = pose.rotation.conjugate() * self.axis;
+        (axis, pose.inverse().apply(self.point))
+    }
+}
+
+/// A motion: displacement of the centre and turn.
+#[derive(Clone, Copy)]
+struct Motion {
+    shift: DVec3,
+    turn: DVec3,
+}
+
+impl MatingContact {
+    /// The joint that contact leaves at a pose.
+    pub fn joint(&self, pose: &Pose) -> Joint {
+        let gramian = self.gramian(pose, self.clearance());
+        let mut joint = self.classify(&gramian, pose);
+        let centre = pose.apply(self.centre);
+        let about_axis = |turn: DVec3, along: f64| Motion {
+            shift: turn.cross(centre - joint.point) + along * joint.axis,
+            turn,
+        };
+        let slides = matches!(joint.kind, JointKind::Prismatic | JointKind::Cylindrical);
+        let slide = slides.then(|| {
+            let motion = Motion {
+                shift: joint.axis,
+                turn: DVec3::ZERO,
+            };
+            self.travel(pose, motion, STRIDE * self.clearance(), f64::INFINITY)
+        });
+        let turns = match joint.kind {
+            JointKind::Revolute | JointKind::Cylindrical | JointKind::Planar => Some(0.0),
+            JointKind::Screw => Some(joint.pitch / std::f64::consts::TAU),
+            _ => None,
+        };
+        let turn = turns.map(|along| {
+            let motion = about_axis(joint.axis, along);
+            let (step, most) = match joint.kind {
+                JointKind::Screw => (0.2, f64::INFINITY),
+                _ => (0.05, std::f64::consts::PI),
+            };
+            self.travel(pose, motion, step, most)
+        });
+        (joint.slide, joint.turn) = (slide, turn);
+        joint
+    }
+
+    /// Kind and axis.
+    fn classify(&self, gramian: &ContactGramian, pose: &Pose) -> Joint {
+        let centre = pose.apply(self.centre);
+        let (values, vectors) = gramian.matrix.eigen();
+        let free = values.iter().filter(|v| **v < FREE * values[5]).count();
+        let motions: Vec<Motion> = vectors[..free]
+            .iter()
+            .map(|v| Motion {
+                shift: DVec3::new(v[0], v[1], v[2]),
+                turn: DVec3::new(v[3], v[4], v[5]) / self.radius,
+            })
+            .collect();
+        let joint = |kind, axis: DVec3, point, pitch| Joint {
+            kind,
+            axis,
+            point,
+            pitch,
+            slide: None,
+            turn: None,
+            free: motions
+                .iter()
+                .map(|m| {
+                    let ([a, b, c], [d, e, f]) = (m.shift.to_array(), m.turn.to_array());
+                    [a, b, c, d, e, f]
+                })
+                .collect(),
+        };
+        let none = joint(JointKind::Undetermined(free), DVec3::ZERO, centre, 0.0);
+        if gramian.share == 0.0 {
+            return none;
+        }
+        let (turns, slides) = self.split(&motions);
+        match (turns.as_slice(), slides.as_slice()) {
+            ([], []) => joint(JointKind::Fixed, DVec3::ZERO, centre, 0.0),
+            ([], [slide]) => joint(JointKind::Prismatic, *slide, centre, 0.0),
+            ([turn], []) => {
+                let (axis, point, pitch) = screw(turn, centre);
+                let kind = match pitch.abs() > NONE * self.radius {
+                    true => JointKind::Screw,
+                    false => JointKind::Revolute,
+                };
+                let pitch = if kind == JointKind::Screw { pitch } else { 0.0 };
+                joint(kind, axis, point, pitch)
+            }
+            ([turn], [slide]) => {
+                let (axis, point, _) = screw(turn, centre);
+                match axis.cross(*slide).length() < 2.0 * NONE {
+                    true => joint(JointKind::Cylindrical, axis, point, 0.0),
+                    false => none,
+                }
+            }
+            ([turn], [a, b]) => {
+                let normal = a.cross(*b).normalize_or_zero();
+                let axis = turn.turn.normalize_or_zero();
+                match axis.cross(normal).length() < 2.0 * NONE {
+                    true => joint(JointKind::Planar, normal, centre, 0.0),
+                    false => none,
+                }
+            }
+            (turns @ [_, _, _], []) => match ball_centre(turns, centre, self.radius) {
+                Some(point) => joint(JointKind::Ball, DVec3::ZERO, point, 0.0),
+                None => none,
+            },
+            _ => none,
+        }
+    }
+
+    /// Motions combined so that as many as possible are mere displacements (unit length); the others.
+    fn split(&self, motions: &[Motion]) -> (Vec<Motion>, Vec<DVec3>) {
+        // Gram-Schmidt on the turns, the largest first: what has no turn left is a displacement.
+        let mut left: Vec<Motion> = motions.to_vec();
+        let mut turns: Vec<Motion> = Vec::new();
+        loop {
+            let size = |m: &Motion| m.turn.length() * self.radius;
+            let largest = (0..left.len()).max_by(|a, b| size(&left[*a]).total_cmp(&size(&left[*b])));
+            let Some(largest) = largest.filter(|i| size(&left[*i]) > NONE) else {
+                break;
+            };
+            let m = left.swap_remove(largest);
+            for other in &mut left {
+                let part = other.turn.dot(m.turn) / m.turn.length_squared();
+                other.turn -= part * m.turn;
+                other.shift -= part * m.shift;
+            }
+            turns.push(m);
+        }
+        let mut slides: Vec<DVec3> = Vec::new();
+        for m in left {
+            let rest = slides.iter().fold(m.shift, |s, d| s - s.dot(*d) * d);
+            slides.extend(rest.try_normalize());
+        }
+        (turns, slides)
+    }
+
+    /// How far a motion goes in steps (times the motion) before parts block it or contact is lost.
+    fn travel(&self, pose: &Pose, motion: Motion, step: f64, most: f64) -> Travel {
+        let at_pose = self.hold(pose);
+        let follow = |sense: f64| {
+            let mut reached: f64 = 0.0;
+            for k in 1..=STEPS {
+                let length = (step * k as f64).min(most);
+                let there = self.follow(pose, motion, sense * length);
+                let hold = self.hold(&there);
+                if hold.interpenetration > at_pose.interpenetration + BLOCKED {
+                    return (sense * reached, true);
+                }
+                if hold.share < LOST * at_pose.share {
+                    return (sense * reached, false);
+                }
+                reached = length;
+                if length >= most {
+                    break;
+                }
+            }
+            (sense * reached, false)
+        };
+        let [back, ahead] = [-1.0, 1.0].map(follow);
+        Travel {
+            range: [back.0, ahead.0],
+            blocked: [back.1, ahead.1],
+        }
+    }
+
+    /// The pose after a constant motion for some length.
+    fn follow(&self, pose: &Pose, motion: Motion, length: f64) -> Pose {
+        let angle = motion.turn.length();
+        if angle == 0.0 {
+            return self.moved(pose, DVec3::ZERO, length * motion.shift);
+        }
+        let centre = pose.apply(self.centre);
+        let (axis, point, pitch) = screw(&motion, centre);
+        let turn = glam::DQuat::from_axis_angle(axis, angle * length);
+        let along = pitch / std::f64::consts::TAU * angle * length * axis;
+        let rotation = (turn * pose.rotation).normalize();
+        let centre = point + turn * (centre - point) + along;
+        Pose::new(rotation, centre - rotation * self.centre)
+    }
+}
+
+/// Axis (unit length), the point of it nearest to the centre, and displacement per turn of a motion
+/// with a turn.
+fn screw(motion: &Motion, centre: DVec3) -> (DVec3, DVec3, f64) {
+    let axis = motion.turn.normalize();
+    let point = centre + motion.turn.cross(motion.shift) / motion.turn.length_squared();
+    let pitch = std::f64::consts::TAU * motion.shift.dot(axis) / motion.turn.length();
+    (axis, point, pitch)
+}
+
+/// The point about which three motions turn, if there is one.
+fn ball_centre(motions: &[Motion], centre: DVec3, radius: f64) -> Option<DVec3> {
+    // Every motion leaves the point p where it is: shift + turn x (p - centre) = 0.
+    let (mut matrix, mut right) = (glam::DMat3::ZERO, DVec3::ZERO);
+    for m in motions {
+        let w = m.turn;
+        let cross = glam::DMat3::from_cols(w.cross(DVec3::X), w.cross(DVec3::Y), w.cross(DVec3::Z));
+        matrix += cross.transpose() * cross;
+        right -= cross.transpose() * m.shift;
+    }
+    let offset = matrix.try_inverse()? * right;
+    let off = |m: &Motion| (m.shift + m.turn.cross(offset)).length() / (m.turn.length() * radius);
+    (motions.iter().all(|m| off(m) < 2.0 * NONE)).then_some(centre + offset)
+}

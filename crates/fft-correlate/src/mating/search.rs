@@ -1,0 +1,378 @@
+//! The search for poses that contact holds: screens hypotheses, seats the best of them, ranks them by
+//! hold and overlap, and gathers places that are alike.
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use sdf_grid::{
+    Interference, InterferenceQuery, Matrix6, Monitor, SurfaceFeatures, TriangleMesh,
+};
+
+use super::contact::{HoldReport, MatingContact};
+use super::hypotheses::{Family, Hypotheses};
+use super::joint::Joint;
+use crate::dock::peaks::PoseSpacing;
+use crate::geometry::se3::Pose;
+
+/// Poses of one family that go on, at most, and of all.
+const OF_A_FAMILY: usize = 40;
+const OF_ALL: usize = 800;
+
+/// Families of alike holes that are screened in all poses; others only where these were good.
+const SCREENED_ALIKE: usize = 4;
+
+/// Seated poses that slide home, and those whose overlap is measured.
+const SLIDING: usize = 60;
+const MEASURED: usize = 40;
+
+/// Nats that overlap costs: this for every factor e of `1 + overlap / slight`.
+const OVERLAP: f64 = 8.0;
+const SLIGHT_OVERLAP: f64 = 3e-3;
+
+/// Nats that a depth of one radius of the other part costs, beyond that of facets.
+const DEPTH: f64 = 60.0;
+const FACET_DEPTH: f64 = 0.02;
+
+/// Places are alike if the part is held in them by the same contact: information within this many
+/// nats, Gramians within this share.
+const ALIKE_NATS: f64 = 0.5;
+const ALIKE_GRAMIAN: f64 = 0.06;
+
+/// What is known beforehand about where the moving part belongs.
+#[derive(Debug, Clone, Default)]
+pub struct MatingSearchOptions {
+    /// Places returned, at most.
+    pub top: usize,
+    /// Clearance within which faces mate, metres; by default from the parts.
+    pub clearance: Option<f64>,
+    /// Poses that may be returned.
+    pub region: SearchRegion,
+    /// An axis of the fixed frame (point, metres, and direction) about which the moving part turns.
+    pub axis: Option<(DVec3, DVec3)>,
+    /// Motions that map the moving part onto itself: poses that differ by one count as the same.
+    pub symmetries: Vec<Pose>,
+    /// Direction of the moving part's axis of revolution, its frame, if it has one.
+    pub round: Option<DVec3>,
+    /// A pose of the moving part: of places that are alike the nearest to it comes first.
+    pub present: Option<Pose>,
+}
+
+/// Which poses a search may return, fixed frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum SearchRegion {
+    /// All.
+    #[default]
+    Everywhere,
+    /// Those near a pose: the moving part's centre at most so far away (metres), turned by at most an
+    /// angle (radians).
+    Near {
+        /// The pose.
+        pose: Pose,
+        /// Metres.
+        distance: f64,
+        /// Radians.
+        angle: f64,
+    },
+}
+
+/// A pose in which contact holds the moving part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeldPose {
+    /// Pose of the moving part, fixed frame.
+    pub pose: Pose,
+    /// How contact holds it.
+    pub hold: HoldReport,
+    /// How far the solids lie in one another.
+    pub interference: Interference,
+    /// Share of the moving part's volume that the fixed part fills as well.
+    pub overlap: f64,
+    /// What ranks it, nats: the hold, less what overlap costs.
+    pub rank: f64,
+    /// The joint that contact leaves.
+    pub joint: Joint,
+    /// Other places in which the same contact holds it.
+    pub alike: Vec<Pose>,
+}
+
+/// A search for poses of a moving part that contact with a fixed part holds.
+pub struct MatingSearch<'a> {
+    fixed: &'a TriangleMesh,
+    moving: &'a TriangleMesh,
+    features: [SurfaceFeatures; 2],
+    contact: MatingContact,
+    options: MatingSearchOptions,
+    same: PoseSpacing,
+}
+
+#[derive(Clone)]
+struct Candidate {
+    pose: Pose,
+    value: f64,
+}
+
+impl<'a> MatingSearch<'a> {
+    /// Prepares the search for two parts.
+    pub fn new(
+        fixed: &'a TriangleMesh,
+        moving: &'a TriangleMesh,
+        options: MatingSearchOptions,
+    ) -> Self {
+        let features = [fixed, moving].map(SurfaceFeatures::new);
+        let [f, m] = &features;
+        let contact = MatingContact::new([fixed, moving], [f, m], options.clearance);
+        let same = PoseSpacing {
+            angle: contact.coarse_clearance / contact.radius,
+            distance: contact.coarse_clearance,
+            pivot: contact.centre,
+            symmetries: options.symmetries.clone(),
+        };
+        Self {
+            fixed,
+            moving,
+            features,
+            contact,
+            options,
+            same,
+        }
+    }
+
+    /// The contact that the search evaluates.
+    pub fn contact(&self) -> &MatingContact {
+        &self.contact
+    }
+
+    /// The poses that contact holds best, the best first; none if the surfaces have neither planes
+    /// nor axes in common, or the monitor cancels. `others` are seated and ranked with them.
+    pub fn run(&self, others: &[Pose], monitor: &dyn Monitor) -> Vec<HeldPose> {
+        let mut found = self.screen(monitor);
+        found.extend(others.iter().map(|pose| Candidate {
+            pose: *pose,
+            value: f64::INFINITY,
+        }));
+        found.retain(|c| self.allows(&c.pose));
+        let distinct = self.distinct(found, self.contact.coarse_clearance, OF_ALL);
+        monitor.begin("seating poses", distinct.len() as u64);
+        let seat = |c: &Candidate| {
+            if monitor.cancelled() {
+                return None;
+            }
+            let (pose, value) = self.contact.seat(&c.pose);
+            monitor.advance(1);
+            Some(Candidate { pose, value })
+        };
+        let seated: Vec<Candidate> = distinct.par_iter().filter_map(seat).collect();
+        let near = 0.5 * self.contact.coarse_clearance;
+        let seated = self.distinct(seated, near, SLIDING);
+        let slide = |c: &Candidate| {
+            let (pose, value) = match monitor.cancelled() {
+                true => (c.pose, c.value),
+                false => self.contact.slide((c.pose, c.value)),
+            };
+            Candidate { pose, value }
+        };
+        let mut homes: Vec<Candidate> = seated.par_iter().map(slide).collect();
+        homes.retain(|c| self.allows(&c.pose));
+        let homes = self.distinct(homes, near, SLIDING);
+        self.ranked(&homes, monitor)
+    }
+
+    /// The best hypotheses of every family.
+    fn screen(&self, monitor: &dyn Monitor) -> Vec<Candidate> {
+        let [fixed, moving] = &self.features;
+        let hypotheses = Hypotheses::new(
+            [fixed, moving],
+            self.contact.coarse_clearance,
+            self.options.round,
+        );
+        let rotations = match self.options.axis {
+            // A known axis leaves no other rotations.
+            Some(_) => Vec::new(),
+            None => hypotheses.rotations(),
+        };
+        let round_families = match self.options.axis {
+            Some((point, direction)) => hypotheses.about(point, direction),
+            None => hypotheses.coaxial(),
+        };
+        let spheres = hypotheses.concentric(&rotations);
+        let total = rotations.len() + round_families.len() + spheres.len();
+        monitor.begin("screening fits", total as u64);
+        let mut found: Vec<Candidate> = rotations
+            .par_iter()
+            .flat_map_iter(|q| self.best_of(&hypotheses.planar(*q).poses, monitor))
+            .collect();
+        found.extend(self.screen_alike(&round_families, monitor));
+        found.extend(spheres.iter().flat_map(|f| self.best_of(&f.poses, monitor)));
+        found
+    }
+
+    /// The best of families of which some differ by which of many alike holes they use.
+    fn screen_alike(&self, families: &[Family], monitor: &dyn Monitor) -> Vec<Candidate> {
+        let kinds = families.iter().filter_map(|f| f.alike).max().map_or(0, |k| k + 1);
+        let mut of_kind: Vec<Vec<&Family>> = vec![Vec::new(); kinds];
+        let mut singles: Vec<&Family> = Vec::new();
+        for family in families {
+            match family.alike {
+                Some(kind) => of_kind[kind].push(family),
+                None => singles.push(family),
+            }
+        }
+        let best = |family: &&Family| self.best_of(&family.poses, monitor);
+        let mut found: Vec<Candidate> = singles.par_iter().flat_map_iter(best).collect();
+        let kinds = of_kind.par_iter().flat_map_iter(|alike| {
+            let (first, rest) = alike.split_at(alike.len().min(SCREENED_ALIKE));
+            let mut found: Vec<Candidate> = Vec::new();
+            // Poses relative to the hole.
+            let mut good: Vec<Pose> = Vec::new();
+            for family in first {
+                let best = self.best_of(&family.poses, monitor);
+                good.extend(best.iter().map(|c| shifted(&c.pose, -family.anchor)));
+                found.extend(best);
+            }
+            for family in rest {
+                let poses: Vec<Pose> = good.iter().map(|p| shifted(p, family.anchor)).collect();
+                found.extend(self.best_of(&poses, monitor));
+            }
+            found
+        });
+        found.extend(kinds.collect::<Vec<_>>());
+        found
+    }
+
+    /// The best distinct poses of a family.
+    fn best_of(&self, poses: &[Pose], monitor: &dyn Monitor) -> Vec<Candidate> {
+        if monitor.cancelled() {
+            return Vec::new();
+        }
+        let screen = |pose: &Pose| {
+            let value = self.contact.screen(pose)?;
+            Some(Candidate { pose: *pose, value })
+        };
+        let found: Vec<Candidate> = poses.iter().filter(|p| self.allows(p)).filter_map(screen).collect();
+        monitor.advance(1);
+        self.distinct(found, self.contact.coarse_clearance, OF_A_FAMILY)
+    }
+
+    fn allows(&self, pose: &Pose) -> bool {
+        match &self.options.region {
+            SearchRegion::Everywhere => true,
+            SearchRegion::Near {
+                pose: near,
+                distance,
+                angle,
+            } => {
+                let centre = self.contact.centre;
+                near.apply(centre).distance(pose.apply(centre)) <= *distance
+                    && near.angle_to(pose) <= *angle
+            }
+        }
+    }
+
+    /// The best poses farther apart than a distance (metres), the best first.
+    fn distinct(&self, mut found: Vec<Candidate>, apart: f64, most: usize) -> Vec<Candidate> {
+        found.sort_by(|a, b| b.value.total_cmp(&a.value));
+        let mut kept: Vec<Candidate> = Vec::new();
+        for c in found {
+            if kept.len() == most {
+                break;
+            }
+            let near = |k: &Candidate| self.contact.distance(&k.pose, &c.pose) <= apart;
+            if !kept.iter().any(near) {
+                kept.push(c);
+            }
+        }
+        kept
+    }
+
+    /// Measures overlaps, ranks, gathers places that are alike, and finds the joints.
+    fn ranked(&self, homes: &[Candidate], monitor: &dyn Monitor) -> Vec<HeldPose> {
+        // One of the poses that the moving part's symmetry makes equal.
+        let kept = self.same.distinct(homes.iter().map(|c| &c.pose), MEASURED.max(2 * self.options.top));
+        let query = InterferenceQuery::new(self.fixed, self.moving);
+        let volume = self.moving.volume();
+        monitor.begin("measuring overlaps", kept.len() as u64);
+        let measure = |i: &usize| {
+            let pose = homes[*i].pose;
+            if monitor.cancelled() {
+                return None;
+            }
+            let interference = query.at(pose.rotation, pose.translation);
+            let hold = self.contact.hold(&pose);
+            let overlap = (interference.volume / volume).clamp(0.0, 1.0);
+            let depth = interference.depth / self.contact.radius;
+            let cost = OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p()
+                + DEPTH * (depth - FACET_DEPTH).max(0.0);
+            monitor.advance(1);
+            Some((pose, hold, interference, overlap, hold.hold - cost))
+        };
+        let mut measured: Vec<_> = kept.par_iter().filter_map(measure).collect();
+        measured.sort_by(|a, b| b.4.total_cmp(&a.4));
+        // Places that are alike.
+        let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
+        for (i, m) in measured.iter().enumerate() {
+            let alike = |(first, _): &(usize, Vec<usize>)| {
+                let other = &measured[*first];
+                (m.4 - other.4).abs() < ALIKE_NATS && self.is_alike(&m.0, &other.0)
+            };
+            match groups.iter_mut().find(|g| alike(g)) {
+                Some((_, members)) => members.push(i),
+                None => groups.push((i, vec![i])),
+            }
+        }
+        groups.truncate(self.options.top);
+        let report = |(_, members): &(usize, Vec<usize>)| {
+            let mut members = members.clone();
+            if let Some(present) = self.options.present {
+                let away = |i: &usize| self.contact.distance(&measured[*i].0, &present);
+                members.sort_by(|a, b| away(a).total_cmp(&away(b)));
+            }
+            let (pose, hold, interference, overlap, rank) = measured[members[0]];
+            HeldPose {
+                pose,
+                hold,
+                interference,
+                overlap,
+                rank,
+                joint: self.contact.joint(&pose),
+                alike: members[1..].iter().map(|i| measured[*i].0).collect(),
+            }
+        };
+        groups.par_iter().map(report).collect()
+    }
+
+    /// Whether the same contact holds the part at two poses, up to its own symmetry.
+    fn is_alike(&self, a: &Pose, b: &Pose) -> bool {
+        let clearance = self.contact.clearance();
+        let [a, b] = [a, b].map(|pose| {
+            let gramian = self.contact.gramian(pose, clearance);
+            turned(&gramian.matrix, pose.rotation.conjugate())
+        });
+        let size = norm(&a).max(norm(&b));
+        let alike = |g: &Matrix6| difference(&a, g) <= ALIKE_GRAMIAN * size;
+        alike(&b)
+            || (self.options.symmetries.iter())
+                .any(|s| alike(&turned(&b, s.rotation.conjugate())))
+    }
+}
+
+fn shifted(pose: &Pose, by: DVec3) -> Pose {
+    Pose::new(pose.rotation, pose.translation + by)
+}
+
+/// A Gramian in axes turned by `q`.
+fn turned(m: &Matrix6, q: DQuat) -> Matrix6 {
+    let turn = |v: &[f64; 6]| {
+        let [a, b] = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])].map(|v| q * v);
+        [a.x, a.y, a.z, b.x, b.y, b.z]
+    };
+    let rows = m.0.map(|row| turn(&row));
+    let columns: [[f64; 6]; 6] = std::array::from_fn(|j| turn(&std::array::from_fn(|i| rows[i][j])));
+    Matrix6(std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i])))
+}
+
+fn norm(m: &Matrix6) -> f64 {
+    m.0.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn difference(a: &Matrix6, b: &Matrix6) -> f64 {
+    let pairs = a.0.iter().flatten().zip(b.0.iter().flatten());
+    pairs.map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt()
+}

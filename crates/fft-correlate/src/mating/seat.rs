@@ -1,0 +1,132 @@
+//! Seating: small motions that bring faces which nearly mate onto each other.
+
+use glam::{DQuat, DVec3};
+use sdf_grid::{Matrix6, SurfacePoint};
+
+use super::contact::MatingContact;
+use crate::geometry::se3::Pose;
+
+/// Steps at each clearance, at most.
+const STEPS: usize = 3;
+
+/// Weight of a sample inside the other part against one outside.
+const INSIDE: f64 = 3.0;
+
+/// Holds motions in place that no sample speaks for.
+const DAMPING: f64 = 1e-3;
+
+/// Largest turn of a step, radians.
+const LARGEST_TURN: f64 = 0.1;
+
+/// Clearances in turn, shares of the coarse one: from afar, and for a pose that is nearly right.
+const FROM_AFAR: [f64; 4] = [1.0, 0.6, 0.35, 0.2];
+const NEARLY_RIGHT: [f64; 2] = [0.35, 0.15];
+
+impl MatingContact {
+    /// The pose near `start` where faces that mate there lie closest to each other, by Gauss and
+    /// Newton's method on their gaps within ever smaller clearances: once from afar, once as if the
+    /// start were nearly right. The better held one.
+    pub fn seat(&self, start: &Pose) -> (Pose, f64) {
+        let [many, few] = self.samples();
+        let near = self.approach(many, start, &NEARLY_RIGHT);
+        let far = self.approach(few, start, &FROM_AFAR);
+        let far = self.approach(many, &far, &NEARLY_RIGHT);
+        let [near, far] = [near, far].map(|pose| (pose, self.hold(&pose).hold));
+        if far.1 > near.1 { far } else { near }
+    }
+
+    fn approach(&self, samples: &[SurfacePoint], start: &Pose, clearances: &[f64]) -> Pose {
+        let mut pose = *start;
+        for share in clearances {
+            let clearance = share * self.coarse_clearance;
+            for _ in 0..STEPS {
+                let Some((turn, shift)) = self.step(samples, &pose, clearance) else {
+                    break;
+                };
+                pose = self.moved(&pose, turn, shift);
+                if shift.length() + turn.length() * self.radius < 1e-3 * clearance {
+                    break;
+                }
+            }
+        }
+        pose
+    }
+
+    /// Turn (radians) and displacement (metres) that close the gaps within a clearance; none if there
+    /// are none.
+    fn step(
+        &self,
+        samples: &[SurfacePoint],
+        pose: &Pose,
+        clearance: f64,
+    ) -> Option<(DVec3, DVec3)> {
+        let centre = pose.apply(self.centre);
+        let (mut normal_matrix, mut right, mut count) = (Matrix6::default(), [0.0; 6], 0);
+        self.visit_mating(samples, pose, clearance, |s, p, n, gap, face| {
+            count += 1;
+            let height = gap * -face.dot(n);
+            let near = 1.0 - (gap / clearance).powi(2);
+            let weight = s.weight * near * if height < 0.0 { INSIDE } else { 1.0 };
+            let row = self.row(centre, p, face);
+            normal_matrix.add_outer(weight, &row);
+            for (sum, r) in right.iter_mut().zip(&row) {
+                *sum -= weight * height * r;
+            }
+        });
+        if count == 0 {
+            return None;
+        }
+        for i in 0..6 {
+            normal_matrix.0[i][i] += DAMPING;
+        }
+        let step = normal_matrix.solve(&right);
+        let turn = DVec3::new(step[3], step[4], step[5]) / self.radius;
+        let shift = DVec3::new(step[0], step[1], step[2]);
+        Some((
+            turn.clamp_length_max(LARGEST_TURN),
+            shift.clamp_length_max(clearance),
+        ))
+    }
+
+    /// A pose turned about the moving part's centre, and shifted.
+    pub(super) fn moved(&self, pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
+        let centre = pose.apply(self.centre) + shift;
+        let rotation = (DQuat::from_scaled_axis(turn) * pose.rotation).normalize();
+        Pose::new(rotation, centre - rotation * self.centre)
+    }
+
+    /// Moves a seated part along the motion that contact resists least, as long as that holds it
+    /// better: a pin goes home, a slide to where most of it is guided. Returns pose and hold.
+    pub(super) fn slide(&self, (mut pose, mut hold): (Pose, f64)) -> (Pose, f64) {
+        /// Moves, at most; the longest one, coarse clearances.
+        const MOVES: usize = 24;
+        const LONGEST: f64 = 16.0;
+        let mut stride = 4.0;
+        for _ in 0..MOVES {
+            let (_, motions) = self.gramian(&pose, self.clearance()).matrix.eigen();
+            let m = motions[0];
+            let (turn, shift) = (
+                DVec3::new(m[3], m[4], m[5]) / self.radius,
+                DVec3::new(m[0], m[1], m[2]),
+            );
+            let tries = [1.0, -1.0].map(|sense| {
+                let length = sense * stride * self.coarse_clearance;
+                let there = self.moved(&pose, length * turn, length * shift);
+                let [many, _] = self.samples();
+                let there = self.approach(many, &there, &NEARLY_RIGHT);
+                (there, self.hold(&there).hold)
+            });
+            let [a, b] = tries;
+            let best = if b.1 > a.1 { b } else { a };
+            if best.1 > hold + 1e-3 {
+                (pose, hold) = best;
+                stride = (2.0 * stride).min(LONGEST);
+            } else if stride > 0.3 {
+                stride *= 0.4;
+            } else {
+                break;
+            }
+        }
+        (pose, hold)
+    }
+}

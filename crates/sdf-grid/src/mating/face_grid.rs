@@ -1,0 +1,320 @@
+//! A surface's faces in a uniform grid of cells, for thousands of questions about what lies near a
+//! point.
+
+use std::collections::HashMap;
+use std::sync::{PoisonError, RwLock};
+
+use glam::DVec3;
+
+use super::surface_points::normal;
+use crate::mesh::triangle_mesh::TriangleMesh;
+use crate::surface::bvh::tree::Bvh;
+
+/// Entries of the cells that a grid aims at, at most: cells grow until a surface has no more.
+const ENTRIES: f64 = 4e6;
+
+/// Cells whose side of the surface is remembered, at most.
+const REMEMBERED: usize = 1 << 22;
+
+/// Parts of the memory that threads lock separately.
+const LOCKS: usize = 64;
+
+/// How far beside a face a line may pass and still meet it, reaches.
+const BESIDE: f64 = 1e-6;
+
+type Key = [i32; 3];
+
+/// A surface that is asked what lies near a point: opposite faces along a normal, and depth.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{FaceGrid, shapes};
+///
+/// // The upper face of a cube, from half a millimetre above it.
+/// let cube = shapes::cuboid(DVec3::splat(0.01)).unwrap();
+/// let grid = FaceGrid::new(&cube, 0.001);
+/// let met = grid.opposite_face(DVec3::new(0.001, 0.0, 0.0055), -DVec3::Z, 0.001, 0.9);
+/// assert!((met.unwrap().gap - 0.0005).abs() < 1e-12);
+/// assert!(grid.is_deeper(DVec3::new(0.0, 0.0, 0.0045), 0.0004));
+/// ```
+#[derive(Debug)]
+pub struct FaceGrid {
+    cell: f64,
+    reach: f64,
+    origin: DVec3,
+    size: DVec3,
+    /// Range of `list` of every cell with faces within reach.
+    cells: HashMap<Key, (u32, u32)>,
+    list: Vec<u32>,
+    faces: Vec<GridFace>,
+    bvh: Bvh,
+    /// Whether cells without faces lie inside.
+    inside: Vec<RwLock<HashMap<Key, bool>>>,
+}
+
+#[derive(Debug)]
+struct GridFace {
+    corners: [DVec3; 3],
+    normal: DVec3,
+    /// Normals of the edges in the plane, away from the face; edge `k` begins at corner `k`.
+    outward: [DVec3; 3],
+}
+
+/// An opposite face that a line meets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OppositeFace {
+    /// How far along the line's direction it lies, metres; negative behind the point.
+    pub gap: f64,
+    /// Its normal.
+    pub normal: DVec3,
+}
+
+impl FaceGrid {
+    /// The grid of a surface for questions about faces at most `reach` (metres, above 0) away.
+    pub fn new(mesh: &TriangleMesh, reach: f64) -> Self {
+        let faces: Vec<GridFace> = mesh.faces().map(GridFace::new).collect();
+        let bounds = mesh.bounds();
+        let cell = (2.0 * reach).max((3.0 * mesh.area() / ENTRIES).sqrt());
+        let mut grid = Self {
+            cell,
+            reach,
+            origin: bounds.min,
+            size: bounds.size(),
+            cells: HashMap::new(),
+            list: Vec::new(),
+            faces,
+            bvh: Bvh::build(mesh),
+            inside: (0..LOCKS).map(|_| RwLock::default()).collect(),
+        };
+        let mut entries: Vec<(Key, u32)> = Vec::new();
+        for (index, face) in grid.faces.iter().enumerate() {
+            grid.visit_cells(face, |key| entries.push((key, index as u32)));
+        }
+        entries.sort_unstable();
+        grid.list = entries.iter().map(|e| e.1).collect();
+        let mut first = 0;
+        while first < entries.len() {
+            let key = entries[first].0;
+            let last = first + entries[first..].partition_point(|e| e.0 == key);
+            grid.cells.insert(key, (first as u32, last as u32));
+            first = last;
+        }
+        grid
+    }
+
+    /// Calls `found` with every cell that the face, widened by the reach, may touch.
+    fn visit_cells(&self, face: &GridFace, mut found: impl FnMut(Key)) {
+        let [a, b, c] = face.corners;
+        let low = self.key(a.min(b).min(c) - self.reach);
+        let high = self.key(a.max(b).max(c) + self.reach);
+        let far = self.reach + 0.5 * self.cell * 3f64.sqrt();
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                for z in low[2]..=high[2] {
+                    let middle = self.middle([x, y, z]);
+                    let beside = |k: usize| (middle - face.corners[k]).dot(face.outward[k]) > far;
+                    if face.height(middle).abs() <= far && !(0..3).any(beside) {
+                        found([x, y, z]);
+                    }
+                }
+            }
+        }
+    }
+
+    fn key(&self, p: DVec3) -> Key {
+        let cell = ((p - self.origin) / self.cell).floor();
+        [cell.x as i32, cell.y as i32, cell.z as i32]
+    }
+
+    fn middle(&self, [x, y, z]: Key) -> DVec3 {
+        let cell = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+        self.origin + (cell + 0.5) * self.cell
+    }
+
+    fn near(&self, key: &Key) -> Option<&[u32]> {
+        let &(first, last) = self.cells.get(key)?;
+        Some(&self.list[first as usize..last as usize])
+    }
+
+    /// The nearest face that the line through `p` along `direction` (unit length) meets within
+    /// `clearance` of it, forwards or backwards, and whose normal has at least `cosine` in common
+    /// with the line's opposite. The clearance is at most the grid's reach. Allocates nothing.
+    pub fn opposite_face(
+        &self,
+        p: DVec3,
+        direction: DVec3,
+        clearance: f64,
+        cosine: f64,
+    ) -> Option<OppositeFace> {
+        let mut best: Option<OppositeFace> = None;
+        let mut least = clearance;
+        for &index in self.near(&self.key(p))? {
+            let face = &self.faces[index as usize];
+            let along = face.normal.dot(direction);
+            if along > -cosine {
+                continue;
+            }
+            let gap = -face.height(p) / along;
+            if gap.abs() <= least && face.covers(p + gap * direction, BESIDE * self.reach) {
+                least = gap.abs();
+                best = Some(OppositeFace {
+                    gap,
+                    normal: face.normal,
+                });
+            }
+        }
+        best
+    }
+
+    /// Whether `p` lies inside the solid, farther than `depth` (metres) from its surface; the depth
+    /// is at most the grid's reach.
+    pub fn is_deeper(&self, p: DVec3, depth: f64) -> bool {
+        let from = p - self.origin;
+        if from.min_element() < 0.0 || (self.size - from).min_element() < 0.0 {
+            return false;
+        }
+        let key = self.key(p);
+        let Some(faces) = self.near(&key) else {
+            return self.is_inside(key);
+        };
+        match self.signed_distance_near(p, faces) {
+            Some(distance) => distance < -depth,
+            None => self.bvh.winding_number(p) > 0.5,
+        }
+    }
+
+    /// Signed distance of `p` from the nearest of these faces, metres, negative inside; none if it is
+    /// beyond the reach. Of faces that meet in the nearest point, the one that `p` lies most above or
+    /// below gives the sign.
+    fn signed_distance_near(&self, p: DVec3, faces: &[u32]) -> Option<f64> {
+        let (mut least, mut height, mut steepest) = (self.reach, None, 0.0);
+        let same = 1e-9 * self.reach;
+        for &index in faces {
+            let face = &self.faces[index as usize];
+            let above = face.height(p);
+            if above.abs() > least + same {
+                continue;
+            }
+            let distance = face.distance(p, above);
+            let steep = above.abs() / distance.max(f64::MIN_POSITIVE);
+            if distance < least - same || (distance <= least + same && steep > steepest) {
+                (height, steepest) = (Some(above), steep);
+                least = least.min(distance);
+            }
+        }
+        height.map(|above| least.copysign(above))
+    }
+
+    /// Whether a cell that no face touches lies inside.
+    fn is_inside(&self, key: Key) -> bool {
+        let mix = key[0].wrapping_mul(7) ^ key[1].wrapping_mul(13) ^ key[2].wrapping_mul(29);
+        let part = &self.inside[mix as usize % LOCKS];
+        let known = part.read().unwrap_or_else(PoisonError::into_inner);
+        if let Some(inside) = known.get(&key) {
+            return *inside;
+        }
+        drop(known);
+        let inside = self.bvh.winding_number(self.middle(key)) > 0.5;
+        let mut known = part.write().unwrap_or_else(PoisonError::into_inner);
+        if known.len() < REMEMBERED / LOCKS {
+            known.insert(key, inside);
+        }
+        inside
+    }
+}
+
+impl GridFace {
+    fn new(corners: [DVec3; 3]) -> Self {
+        let normal = normal(corners);
+        let edge = |k: usize| corners[(k + 1) % 3] - corners[k];
+        Self {
+            corners,
+            normal,
+            outward: std::array::from_fn(|k| edge(k).cross(normal).normalize_or_zero()),
+        }
+    }
+
+    /// Above the face's plane, metres.
+    fn height(&self, p: DVec3) -> f64 {
+        (p - self.corners[0]).dot(self.normal)
+    }
+
+    /// Whether a point of the face's plane lies on the face or at most `beside` it.
+    fn covers(&self, p: DVec3, beside: f64) -> bool {
+        (0..3).all(|k| (p - self.corners[k]).dot(self.outward[k]) <= beside)
+    }
+
+    /// Distance of a point at this height.
+    fn distance(&self, p: DVec3, height: f64) -> f64 {
+        if self.covers(p, 0.0) {
+            return height.abs();
+        }
+        let from_edge = |k: usize| {
+            let [a, b] = [self.corners[k], self.corners[(k + 1) % 3]];
+            let along = b - a;
+            let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+            p.distance(a + t * along)
+        };
+        (0..3).map(from_edge).fold(f64::INFINITY, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+    use rand::{Rng, SeedableRng, rngs::SmallRng};
+
+    use super::*;
+    use crate::mesh::shapes::PegInHole;
+
+    /// Against a search of the whole tree, near and far from the surfaces of a block with a hole.
+    #[test]
+    fn depth_is_that_of_the_signed_distance() {
+        let (block, _) = PegInHole::Combined.pair(0.0).unwrap();
+        let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -1.1, 0.7));
+        let block = block.transformed(turn, DVec3::new(0.01, 0.02, -0.005));
+        let (grid, bvh) = (FaceGrid::new(&block, 0.002), Bvh::build(&block));
+        let mut random = SmallRng::seed_from_u64(1);
+        let (low, size) = (block.bounds().min, block.bounds().size());
+        let mut inside = 0;
+        for _ in 0..4000 {
+            let p = low + size * DVec3::from_array(random.random());
+            for depth in [0.0, 0.0005, 0.002] {
+                let distance = bvh.signed_distance(p);
+                if (distance + depth).abs() > 1e-9 {
+                    assert_eq!(grid.is_deeper(p, depth), distance < -depth, "{p} {distance}");
+                }
+            }
+            inside += usize::from(grid.is_deeper(p, 0.0));
+        }
+        assert!((200..3800).contains(&inside));
+        assert!(!grid.is_deeper(low - 1.0, 0.0));
+    }
+
+    /// Against all faces, one by one.
+    #[test]
+    fn opposite_faces_are_those_that_a_search_of_all_finds() {
+        let (block, _) = PegInHole::Circular.pair(0.0).unwrap();
+        let grid = FaceGrid::new(&block, 0.003);
+        let mut random = SmallRng::seed_from_u64(2);
+        let bounds = block.bounds();
+        let mut met = 0;
+        for _ in 0..2000 {
+            let p = bounds.min + bounds.size() * DVec3::from_array(random.random());
+            let direction = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
+            let direction = direction.normalize();
+            let slow = block.faces().filter_map(|corners| {
+                let face = GridFace::new(corners);
+                let along = face.normal.dot(direction);
+                let gap = -face.height(p) / along;
+                let meets = along <= -0.8 && gap.abs() <= 0.002 && face.covers(p + gap * direction, 0.0);
+                meets.then_some(gap)
+            });
+            let slow = slow.min_by(|a, b| a.abs().total_cmp(&b.abs()));
+            let found = grid.opposite_face(p, direction, 0.002, 0.8);
+            assert_eq!(found.map(|f| f.gap), slow);
+            met += usize::from(found.is_some());
+        }
+        assert!(met > 50);
+    }
+}

@@ -40,6 +40,11 @@ site *ARGS:
 command-line:
     PEGFIT_DRAW=1 cargo test -q -p pegfit --test cli command_line
 
+# The size of this workspace: lines, files and public names of each crate, crates in the command;
+# `just house --times` adds the seconds of a clean build and of the tests.
+house *ARGS:
+    cargo run -q -p pegfit-structure --bin house -- {{ARGS}}
+
 # Sets the one version: crates, citation, wheel.
 version NEW:
     sed -i '/^\[workspace.package\]/,/^\[/s/^version = .*/version = "{{NEW}}"/' Cargo.toml

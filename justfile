@@ -187,7 +187,7 @@ path-peers FRAMES="20" *ARGS:
     python3 benches/peers/path.py out/path-scenes --pegfit target/release/pegfit \
         --shrink 0.5 0.65 0.8 0.9 1 --page docs/path.md
 
-# Overlaps along ways against exact booleans of the meshes (`just path-overlap 1 --only peg`: minutes);
+# Overlaps along paths against exact booleans of the meshes (`just path-overlap 1 --only peg`: minutes);
 # needs benches/peers/path-requirements.txt.
 path-overlap FRAMES="20" *ARGS:
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path

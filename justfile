@@ -110,6 +110,11 @@ play *ARGS:
 arm *ARGS:
     tests/arm/run {{ARGS}}
 
+# Long tests that the suite leaves out: docking in more frames, accuracy in contact at more clearances.
+long:
+    cargo test --release -p fft-correlate --lib -- --ignored --nocapture dock::
+    cargo test --release -p pegfit-benches --bin contact -- --ignored --nocapture
+
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
 stress-tables:
     cargo test --release -p fft-correlate --test it -- table_queries --ignored --nocapture

@@ -436,11 +436,11 @@ fn the_force_along_the_insertion_path_has_no_ripple() {
             let all: f64 = forces.iter().map(|f| f[1] * f[1]).sum();
             let variation: f64 = errors.windows(2).map(|e| (e[1] - e[0]).abs()).sum();
             let total: f64 = forces.iter().map(|f| f[1].abs()).sum();
-            let [error, teeth] = [(square / all).sqrt(), variation / total];
-            println!("{section:?}: {error:.3} of the force, {teeth:.4} a step");
+            let [error, ripple] = [(square / all).sqrt(), variation / total];
+            println!("{section:?}: {error:.3} of the force, {ripple:.4} a step");
             assert!(
-                error < 0.075 && teeth < 0.03,
-                "{section:?}: {error} {teeth}"
+                error < 0.075 && ripple < 0.03,
+                "{section:?}: {error} {ripple}"
             );
         }
     }

@@ -417,6 +417,9 @@ mod tests {
         for which in Mates::ALL {
             require_promised(which, 0.0);
         }
+        for which in [Mates::Paper(PegInHole::Rectangular), Mates::Cross] {
+            require_promised(which, 0.3);
+        }
     }
 
     #[test]

@@ -40,6 +40,11 @@ site *ARGS:
 command-line:
     PEGFIT_DRAW=1 cargo test -q -p pegfit --test cli command_line
 
+# The size of this workspace: lines, files and public names of each crate, crates in the command;
+# `just house --times` adds the seconds of a clean build and of the tests.
+house *ARGS:
+    cargo run -q -p pegfit-structure --bin house -- {{ARGS}}
+
 # Sets the one version: crates, citation, wheel.
 version NEW:
     sed -i '/^\[workspace.package\]/,/^\[/s/^version = .*/version = "{{NEW}}"/' Cargo.toml
@@ -104,6 +109,11 @@ play *ARGS:
 # The SIMD code on 64-bit ARM, emulated; says what is missing where it cannot run.
 arm *ARGS:
     tests/arm/run {{ARGS}}
+
+# Long tests that the suite leaves out: docking in more frames, accuracy in contact at more clearances.
+long:
+    cargo test --release -p fft-correlate --lib -- --ignored --nocapture dock::
+    cargo test --release -p pegfit-benches --bin contact -- --ignored --nocapture
 
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
 stress-tables:
@@ -182,7 +192,7 @@ path-peers FRAMES="20" *ARGS:
     python3 benches/peers/path.py out/path-scenes --pegfit target/release/pegfit \
         --shrink 0.5 0.65 0.8 0.9 1 --page docs/path.md
 
-# Overlaps along ways against exact booleans of the meshes (`just path-overlap 1 --only peg`: minutes);
+# Overlaps along paths against exact booleans of the meshes (`just path-overlap 1 --only peg`: minutes);
 # needs benches/peers/path-requirements.txt.
 path-overlap FRAMES="20" *ARGS:
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path

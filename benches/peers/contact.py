@@ -13,9 +13,10 @@ what depth means for each tool. Columns:
 - false: share of the poses without overlap that the tool calls contact; missed: share of the poses
   with overlap that it does not. Overlap is the volume of the exact boolean (manifold3d): more than a
   millionth of the peg is overlap, none at all is none, between them is not counted;
-- rises: along the straight way in, on the axis, from a length above the hole to the seat, the sum of
-  what the depth, or pegfit's energy, rises by, over the size of its range (0: it falls all the way, as
-  an energy should; 1: it rises all the way, as minus a distance should; else it goes up and down);
+- rises: along the straight insertion path, on the axis, from a length above the hole to the seat,
+  the sum of what the depth, or pegfit's energy, rises by, over the size of its range (0: it falls
+  all the way, as an energy should; 1: it rises all the way, as minus a distance should; else it
+  goes up and down);
 - torque: largest difference between the torque and finite differences of the energy, over the largest
   torque; for tools without an energy there is nothing to compare;
 - loop: work of the force around a closed loop, a circle of 0.5 mm across the axis where the peg is

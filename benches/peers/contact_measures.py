@@ -10,7 +10,7 @@ import numpy as np
 
 from contact_cases import LENGTH, row
 
-#: Steps along the way in, around the loop and up from the seat.
+#: Steps along the insertion path, around the loop and up from the seat.
 STEPS = 200
 
 

@@ -1,13 +1,13 @@
-"""Overlap along ways against exact booleans of the meshes.
+"""Overlap along insertion paths against exact booleans of the meshes.
 
     pip install -r benches/peers/path-requirements.txt
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path
     target/release/path --scenes SCENES [--frames N] [--only PAIR]
     python benches/peers/overlap.py SCENES [--poses N] [--seconds S] [--pegfit PROGRAM] [--out FILE]
 
-For each scene `pegfit path` looks for a way, solids only; manifold3d intersects the two solids at poses
+For each scene `pegfit path` looks for a path, solids only; manifold3d intersects the two solids at poses
 evenly spread along it and at the deepest one, and, where they overlap at all, the volumes are compared
-with the command's. A way that is called free may overlap by its tolerance; the layer of that thickness
+with the command's. A path that is called free may overlap by its tolerance; the layer of that thickness
 on the whole moving part is the most that its volume could be.
 """
 
@@ -25,7 +25,7 @@ import manifold3d
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-COLUMNS = "| pair | ways | free | poses | most shared, mm³ | said, mm³ | tolerance layer, mm³ |"
+COLUMNS = "| pair | paths | free | poses | most shared, mm³ | said, mm³ | tolerance layer, mm³ |"
 
 
 def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -55,14 +55,14 @@ def shared(fixed: manifold3d.Manifold, moving: tuple[np.ndarray, np.ndarray], po
 
 
 def look(folder: Path, program: str, seconds: float) -> tuple[dict, list[list[float]]]:
-    """What the command says, and the poses of its way."""
-    way = folder / "way.csv"
+    """What the command says, and the poses of its path."""
+    path = folder / "path.csv"
     words = [program, "path", str(folder / "scene.toml"), "--solids-only", "--json", "-q"]
-    words += ["--seconds", str(seconds), "-o", str(way)]
+    words += ["--seconds", str(seconds), "-o", str(path)]
     done = subprocess.run(words, capture_output=True, text=True)
     if done.returncode != 0:
         raise RuntimeError(done.stderr)
-    with way.open() as rows:
+    with path.open() as rows:
         poses = [[float(x) for x in row[:7]] for row in list(csv.reader(rows))[1:]]
     return json.loads(done.stdout), poses
 

@@ -1,4 +1,4 @@
-"""Ways out of a fit by sampling planners beside `pegfit path`: same parts, frames and time limit.
+"""Removal paths by sampling planners beside `pegfit path`: same parts, frames and time limit.
 
     pip install -r benches/peers/path-requirements.txt
     cargo build --release -p pegfit -p pegfit-benches --bin pegfit --bin path
@@ -8,12 +8,12 @@
 
 The planners are OMPL's RRT-Connect and BIT* over SE(3), between the fit and a pose beside the fixed
 part in a random direction; a pose is valid if coal finds no contact of the two surfaces, so that a
-way that begins outside stays there. Poses along an edge are checked every hundredth of the moving
-part's radius, by a function in Python. A way counts if all of its poses, ten times as dense, are
+path that begins outside stays there. Poses along an edge are checked every hundredth of the moving
+part's radius, by a function in Python. A path counts if all of its poses, ten times as dense, are
 valid. The program reads scenes, computes no fields (`--solids-only`) and its seconds are the whole
 run of the command; it takes overlaps of up to a thousandth of the radius for contact, the planners
 none. Seconds are of processor time, over all threads, so that other work on the machine does not
-count. Every try has the same limit; a try that ends without a way counts with it, and the ratio to the
+count. Every try has the same limit; a try that ends without a path counts with it, and the ratio to the
 command's median is then told as a bound. With `--shrink` the moving part is of such a share of its
 size, about its middle: passages widen. What touches in its place, as a peg on the floor of its hole,
 is left out: the planners could not begin. The captive ball is right if nothing is found.
@@ -116,7 +116,7 @@ def set_state(state, place: np.ndarray, turn: np.ndarray) -> None:
 
 
 def plan(problem: Problem, planner, seconds: float, seed: int) -> tuple[bool, float]:
-    """Whether a way was found that holds, and how long it took."""
+    """Whether a path was found that holds, and how long it took."""
     space = base.SE3StateSpace()
     bounds = base.RealVectorBounds(3)
     for k in range(3):
@@ -132,7 +132,7 @@ def plan(problem: Problem, planner, seconds: float, seed: int) -> tuple[bool, fl
     set_state(start, problem.at, problem.goal[3:])
     set_state(end, *problem.outside(np.random.default_rng(seed)))
     setup.setStartAndGoalStates(start, end)
-    # Any way will do: what goes on to shorten it ends there.
+    # Any path will do: what goes on to shorten it ends there.
     objective = base.PathLengthOptimizationObjective(information)
     objective.setCostThreshold(base.Cost(float("inf")))
     setup.setOptimizationObjective(objective)
@@ -143,9 +143,9 @@ def plan(problem: Problem, planner, seconds: float, seed: int) -> tuple[bool, fl
     taken = time.process_time() - began
     if not setup.haveExactSolutionPath():
         return False, seconds
-    way = setup.getSolutionPath()
-    way.interpolate(int(10 * way.length() / (0.01 * problem.radius)) + 2)
-    holds = all(problem.free(*numbers(state)) for state in way.getStates())
+    path = setup.getSolutionPath()
+    path.interpolate(int(10 * path.length() / (0.01 * problem.radius)) + 2)
+    holds = all(problem.free(*numbers(state)) for state in path.getStates())
     return holds, taken if holds else seconds
 
 
@@ -206,7 +206,7 @@ def main() -> None:
     print("\n".join(lines))
     if args.page:
         head = (f"Processor seconds on one machine, a try's limit {args.seconds:g} s; what ended "
-                "without a way counts with that. Size is that of the moving part beside the one that "
+                "without a path counts with that. Size is that of the moving part beside the one that "
                 "fits: the smaller, the wider the passage.")
         rewrite(args.page, "just path-peers", [*textwrap.wrap(head, 100), "", *lines])
 

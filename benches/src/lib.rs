@@ -17,13 +17,13 @@ use sdf_grid::shapes::PegInHole;
 pub mod assemblies;
 pub mod frames;
 pub mod frontier;
+pub mod known_paths;
 pub mod mates;
 pub mod meshes;
 pub mod midpoint;
 pub mod plain;
 pub mod table;
 pub mod truths;
-pub mod ways;
 
 use table::{Table, significant};
 

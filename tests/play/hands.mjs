@@ -1,4 +1,4 @@
-// Other ways to move the part than dragging it by the mouse: keys, Shift, handles, fingers, a way
+// Other ways to move the part than dragging it by the mouse: keys, Shift, handles, fingers, a path
 // that is followed. Far from the hole, where no force is in the way.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -135,12 +135,12 @@ async function fingers(server) {
     await page.close();
 }
 
-/** The way that `pegfit path` finds is gone on a button. */
+/** A button follows the path that `pegfit path` finds. */
 export async function follows() {
-    const folder = mkdtempSync(join(tmpdir(), "pegfit-way-"));
-    const way = join(folder, "way.csv");
-    execFileSync(program, ["path", scene, "-o", way, "-q"], { cwd: root });
-    const server = await play(scene, "--path", way);
+    const folder = mkdtempSync(join(tmpdir(), "pegfit-path-"));
+    const path = join(folder, "path.csv");
+    execFileSync(program, ["path", scene, "-o", path, "-q"], { cwd: root });
+    const server = await play(scene, "--path", path);
     const page = await open(server.url);
     await until(page, "the hand", (now) => now.isHand);
     const stage = await page.evaluate(() => window.pegfit.stage());

@@ -114,13 +114,30 @@ def run(block: Block, folder: Path) -> None:
     assert done.returncode in right, f"exit {done.returncode}\n{block.text}\n{done.stderr}"
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(ROOT)))
+def to_run(page: Path) -> list[Block]:
+    return [b for b in blocks(page.read_text()) if b.runs and "not run" not in b.marks]
+
+
+def begins_another(page: Path) -> bool:
+    """Whether another page does all that this one does, in its order, and goes on from there."""
+    lines = [[line for line in b.text.split("\n") if line] for b in to_run(page)]
+    others = (to_run(other) for other in pages() if other != page)
+    longer = (other for other in others if len(other) > len(lines) > 0)
+    return any(
+        lines == [[line for line in b.text.split("\n") if line] for b in other[: len(lines)]]
+        for other in longer
+    )
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in pages() if to_run(page) and not begins_another(page)],
+    ids=lambda p: str(p.relative_to(ROOT)),
+)
 def test_what_a_page_says_can_be_done(page, samples, tmp_path):
     folder = tmp_path / "work"
     shutil.copytree(samples, folder)
-    for block in blocks(page.read_text()):
-        if not block.runs or "not run" in block.marks:
-            continue
+    for block in to_run(page):
         try:
             run(block, folder)
         except (AssertionError, subprocess.SubprocessError) as error:

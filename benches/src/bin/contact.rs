@@ -102,7 +102,7 @@ enum Source {
 }
 
 impl Source {
-    fn of(self, pair: &Pair) -> Outcome<Box<dyn EnergySource>> {
+    fn build(self, pair: &Pair) -> Outcome<Box<dyn EnergySource>> {
         let direct = |options| DirectEvaluator::new(pair, &options);
         Ok(match self {
             Self::All => Box::new(direct(DirectOptions::FULL)?),
@@ -177,9 +177,13 @@ impl Case {
         (errors, wrench)
     }
 
-    /// By a scheme of the parts, in a frame.
-    fn found(&self, parts: &[TriangleMesh; 2], scheme: Scheme, frame: &Frame) -> Outcome<Found> {
-        let began = Instant::now();
+    /// The pair that a scheme makes of the parts in a frame, and its energies.
+    fn source(
+        &self,
+        parts: &[TriangleMesh; 2],
+        scheme: Scheme,
+        frame: &Frame,
+    ) -> Outcome<(Pair, Box<dyn EnergySource>)> {
         let [hole, peg] = parts.each_ref().map(|m| frame.part(m));
         let builder = PairBuilder {
             spacing: scheme.spacing,
@@ -188,9 +192,13 @@ impl Case {
             ..PairBuilder::default()
         };
         let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
-        let source = scheme.source.of(&pair)?;
-        let built = began.elapsed().as_secs_f64();
-        let responses = self.truths.poses.each_ref().map(|poses| {
+        let source = scheme.source.build(&pair)?;
+        Ok((pair, source))
+    }
+
+    /// What a source in a frame gives at all poses, in the parts' own.
+    fn responses(&self, source: &dyn EnergySource, frame: &Frame) -> [Vec<Response>; 2] {
+        self.truths.poses.each_ref().map(|poses| {
             let answer = |pose: &Pose| {
                 let there = frame.pose(pose);
                 let found = source.evaluate(&there, &mut source.scratch());
@@ -198,7 +206,14 @@ impl Case {
                 frame.back(&found, &there)
             };
             poses.par_iter().map(answer).collect()
-        });
+        })
+    }
+
+    /// By a scheme of the parts, in a frame.
+    fn found(&self, parts: &[TriangleMesh; 2], scheme: Scheme, frame: &Frame) -> Outcome<Found> {
+        let began = Instant::now();
+        let (pair, source) = self.source(parts, scheme, frame)?;
+        let built = began.elapsed().as_secs_f64();
         let mut scratch = source.scratch();
         let mut times: Vec<f64> = self.truths.poses[1]
             .iter()
@@ -211,7 +226,7 @@ impl Case {
             .collect();
         times.sort_by(f64::total_cmp);
         Ok(Found {
-            responses,
+            responses: self.responses(&*source, frame),
             spacing: pair.spacing(),
             built,
             each: times[times.len() / 2],
@@ -374,29 +389,44 @@ mod tests {
         }
     }
 
-    #[test]
-    fn turned_pairs_err_by_no_more_than_is_promised() {
+    /// Both parts turned, at the default spacing.
+    fn require_promised(which: Mates, mm: f64) {
         let scheme = Scheme {
             spacing: None,
             smoothing: Some(0.7),
             source: Source::All,
         };
+        let parts = Parts::new(which, mm).unwrap();
+        let truths = Truths::read(&parts).unwrap();
+        let case = Case { parts, truths };
+        let frame = Frame::turned();
+        let (_, source) = case.source(&case.parts.meshes, scheme, &frame).unwrap();
+        let found = case.responses(&*source, &frame);
+        let ([_, contact], wrench) = case.errors(&case.truths.mean(), &found);
+        let found = [wrench, contact[0]];
+        println!("{} {mm}: {found:.4?}", which.name());
+        let bounds = promised(which);
+        assert!(
+            found[0] < bounds[0] && found[1] < bounds[1],
+            "{which:?} {mm}"
+        );
+    }
+
+    #[test]
+    fn turned_pairs_err_by_no_more_than_is_promised() {
         for which in Mates::ALL {
-            for mm in [0.0, 0.3] {
-                let parts = Parts::new(which, mm).unwrap();
-                let truths = Truths::read(&parts).unwrap();
-                let case = Case { parts, truths };
-                let frame = Frame::turned();
-                let found = case.found(&case.parts.meshes, scheme, &frame).unwrap();
-                let ([_, contact], wrench) = case.errors(&case.truths.mean(), &found.responses);
-                let found = [wrench, contact[0]];
-                println!("{} {mm}: {found:.4?}", which.name());
-                let bounds = promised(which);
-                assert!(
-                    found[0] < bounds[0] && found[1] < bounds[1],
-                    "{which:?} {mm}"
-                );
-            }
+            require_promised(which, 0.0);
+        }
+        for which in [Mates::Paper(PegInHole::Rectangular), Mates::Cross] {
+            require_promised(which, 0.3);
+        }
+    }
+
+    #[test]
+    #[ignore = "a minute; run by `just long`"]
+    fn turned_pairs_with_play_err_by_no_more_than_is_promised() {
+        for which in Mates::ALL {
+            require_promised(which, 0.3);
         }
     }
 }

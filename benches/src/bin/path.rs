@@ -1,9 +1,9 @@
 //! Insertion paths, found in every frame: `path [--quick] [--out DIR] [--frames N or FROM..TO] [--only PAIR]
 //! [--seconds S] [--scenes DIR] [PARTS_DIR]`.
 //!
-//! Both parts of pairs whose way is known (`pegfit_benches::ways`) are turned and shifted by themselves,
+//! Both parts of pairs whose path is known (`pegfit_benches::known_paths`) are turned and shifted,
 //! with clearances from 0.02 to 0.5 mm, and a burr whose only first piece is known. Prints how often
-//! the answer was the known way, the time it took, and what was looked at. With `--scenes` nothing is
+//! the answer was the known path, the time it took, and what was looked at. With `--scenes` nothing is
 //! looked for: a scene of each pair in each frame is written there, for other tools.
 
 use std::ops::Range;
@@ -12,8 +12,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
+use pegfit_benches::known_paths::{
+    CLEARANCES, Known, KnownPair, known_pairs, millimetres, random_pose,
+};
 use pegfit_benches::table::{Table, significant};
-use pegfit_benches::ways::{CLEARANCES, Known, KnownPair, known_pairs, millimetres, random_pose};
 use pegfit_benches::{Arguments, Outcome};
 use pegfit_fixtures as shapes;
 use pegfit_path::{
@@ -23,9 +25,9 @@ use pegfit_path::{
 use rand::{SeedableRng, rngs::SmallRng, seq::SliceRandom};
 use sdf_grid::{Silent, mesh_io};
 
-const ABOUT: &str = "Ways found by `pegfit path` without energies, both parts turned and shifted by \
-    themselves: how often the answer was the known way (or that there is none), told by its motions; \
-    overlap of the solids along the way at points twice as dense as those of the search. Of the burr: \
+const ABOUT: &str = "Paths found by `pegfit path` without energies, both parts turned and shifted by \
+    themselves: how often the answer was the known path (or that there is none), told by its motions; \
+    overlap of the solids along the path at points twice as dense as those of the search. Of the burr: \
     whether the one piece that can be first is, and all others follow.";
 
 const COLUMNS: [&str; 8] = [
@@ -177,7 +179,7 @@ fn of_pair(known: &KnownPair, wanted: &Wanted) -> Outcome<Tally> {
         tally.right += usize::from(right);
         tally.poses_checked += answer.effort.poses_checked;
         tally.nodes += answer.effort.nodes;
-        if known.way != Known::Stays {
+        if known.path != Known::Stays {
             let overlap = tally.overlap.unwrap_or(0.0);
             tally.overlap = Some(overlap.max(answer.deepest().1));
         }

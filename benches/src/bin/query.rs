@@ -106,7 +106,7 @@ fn in_contact(quick: bool, many: &mut Table) -> Outcome<Table> {
     let mut latency = Table::new(
         "latency-contact",
         "Time of one query in contact",
-        "As above, along ways with parts that touch, at the default spacing: most of the time goes \
+        "As above, along paths with parts that touch, at the default spacing: most of the time goes \
          to the sum over both surfaces.",
         &QUANTILES,
     );

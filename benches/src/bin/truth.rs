@@ -48,7 +48,7 @@ fn main() -> Outcome<()> {
             samples: 80_000,
         },
     };
-    let chosen = Chosen::of(&arguments.rest)?;
+    let chosen = Chosen::parse(&arguments.rest)?;
     if let Some(poses) = chosen.poses {
         effort.poses = [poses, poses.div_ceil(3)];
     }
@@ -103,7 +103,7 @@ struct Chosen {
 }
 
 impl Chosen {
-    fn of(words: &[String]) -> Outcome<Self> {
+    fn parse(words: &[String]) -> Outcome<Self> {
         let mut chosen = Self {
             pairs: Vec::new(),
             clearances: Vec::new(),

@@ -190,12 +190,12 @@ pub struct AxisSide {
 pub struct Barrier {
     /// Unit direction, fixed frame.
     pub direction: [f64; 3],
-    /// Highest energy on the path above the minimum, as a fraction of the depth: 1 for a free way
-    /// out, more for a wall.
+    /// Highest energy on the path above the minimum, as a fraction of the depth: 1 for a free
+    /// removal path, more for a wall.
     pub escape: f64,
     /// Where it is, metres.
     pub escape_at: f64,
-    /// Largest climb on the way in, as a fraction of the depth: 0 for a funnel.
+    /// Largest climb on the path in, as a fraction of the depth: 0 for a funnel.
     pub entry: f64,
     /// Lowest energy beyond the highest point above the minimum, as a fraction of the depth;
     /// negative if a deeper place lies behind the wall.

@@ -41,7 +41,7 @@ impl Cloud {
     pub fn draw(&self, panel: &Panel<'_>) -> Drawing {
         let size = text_size(panel);
         let (scene, bar) = legend_frame(panel, &self.title, &self.note)?;
-        let view = View::of(self, scene.dim_in_pixel(), size);
+        let view = View::from_cloud(self, scene.dim_in_pixel(), size);
         self.draw_edges(&scene, &view)?;
         self.draw_points(&scene, &view)?;
         view.draw_axes(&scene, &self.unit, size)?;
@@ -96,7 +96,7 @@ struct View {
 }
 
 impl View {
-    fn of(cloud: &Cloud, (width, height): (u32, u32), size: u32) -> Self {
+    fn from_cloud(cloud: &Cloud, (width, height): (u32, u32), size: u32) -> Self {
         // Rows: right in the picture, into it, up.
         let turn = DMat3::from_rotation_x(VIEW.1) * DMat3::from_rotation_z(VIEW.0);
         let around = |points: &mut dyn Iterator<Item = DVec3>| {

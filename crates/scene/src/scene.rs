@@ -118,7 +118,7 @@ pub struct WindowChoice {
     pub half_extent: Option<DVec3>,
 }
 
-/// Where the parts fit, and the way in.
+/// Where the parts fit, and the straight insertion path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitChoice {
     /// Pose of the moving part when assembled.

@@ -109,7 +109,7 @@ pub(crate) const SECTIONS: [Section; 11] = [
         own_page: None,
     },
     Section {
-        key: "ways",
+        key: "paths",
         title: "Insertion paths",
         about: "How often the path is found, and that there is none where there is none; explained \
             in [path.md](path.md).",

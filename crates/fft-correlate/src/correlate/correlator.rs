@@ -116,12 +116,12 @@ impl Correlator {
     /// As [`PairSupport::of`] and [`CorrelatorPlan::new`].
     pub fn new(pair: &Pair, window: &TranslationWindow) -> Result<Self, CorrelateError> {
         let plan = CorrelatorPlan::new(&PairSupport::of(pair)?, window)?;
-        Ok(Self::of(plan, pair, vectors::native()))
+        Ok(Self::from_plan(plan, pair, vectors::native()))
     }
 
     /// As [`Correlator::build`], for the pair that was planned for.
     pub(crate) fn planned(plan: CorrelatorPlan, pair: &Pair) -> Self {
-        Self::of(plan, pair, vectors::native())
+        Self::from_plan(plan, pair, vectors::native())
     }
 }
 
@@ -142,11 +142,11 @@ impl<T: Real> Correlator<T> {
         if PairSupport::of(pair)? != plan.support {
             return Err(CorrelateError::OtherPair);
         }
-        Ok(Self::of(plan.clone(), pair, level))
+        Ok(Self::from_plan(plan.clone(), pair, level))
     }
 
     /// For the pair that was planned for.
-    fn of(plan: CorrelatorPlan, pair: &Pair, level: Level) -> Self {
+    fn from_plan(plan: CorrelatorPlan, pair: &Pair, level: Level) -> Self {
         let plan = plan.with_needs::<T>(level);
         tracing::debug!(%plan, "correlator");
         let support = |p: &ProductPlan| &plan.support.products[p.number];

@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use ndarray::{Array3, s};
+use ndarray::{Array3, Axis, s};
 use num_complex::{Complex, Complex32};
+use rustfft::FftPlanner;
 use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
 
-use crate::correlate::kernels::transform_negative;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
@@ -80,6 +80,18 @@ pub(super) fn pair(w: f64, pivot: DVec3) -> Pair {
 
 pub(super) fn window() -> TranslationWindow {
     TranslationWindow::new(DVec3::new(-0.4, -0.2, -0.9), DVec3::new(0.2, 0.5, 0.3), H).unwrap()
+}
+
+/// The negative-exponent transform of a complex field, in place, by RustFFT.
+fn transform_negative(field: &mut Array3<Complex<f64>>) {
+    for axis in 0..3 {
+        let fft = FftPlanner::new().plan_fft_forward(field.len_of(Axis(axis)));
+        for mut lane in field.lanes_mut(Axis(axis)) {
+            let mut line = lane.to_vec();
+            fft.process(&mut line);
+            lane.iter_mut().zip(line).for_each(|(to, v)| *to = v);
+        }
+    }
 }
 
 /// `Re sum_i A[i] B[i - n]` for `n` from 0 on in a window, indices taken modulo the period: the

@@ -111,7 +111,7 @@ impl CorrelatorPlan {
     /// If the window's spacing is not the pair's, or the transform would exceed
     /// [`CorrelatorPlan::MAX_POINTS`].
     pub fn new(support: &PairSupport, window: &TranslationWindow) -> Result<Self, CorrelateError> {
-        Self::of(support, window, false)
+        Self::choose(support, window, false)
     }
 
     /// For [`Correlator::score_half_turns`](crate::Correlator::score_half_turns): with room for the
@@ -124,7 +124,7 @@ impl CorrelatorPlan {
         support: &PairSupport,
         window: &TranslationWindow,
     ) -> Result<Self, CorrelateError> {
-        Self::of(support, window, true)
+        Self::choose(support, window, true)
     }
 
     /// For the rotations of `groups`: [`CorrelatorPlan::for_half_turns`] if they are large enough
@@ -139,7 +139,7 @@ impl CorrelatorPlan {
     ) -> Result<Self, CorrelateError> {
         let rotations: usize = groups.iter().map(|g| g.members.len()).sum();
         let shared = rotations as f64 >= WORTHWHILE * groups.len() as f64;
-        Self::of(support, window, shared)
+        Self::choose(support, window, shared)
     }
 
     /// The same for [`Correlator::score_sums`](crate::Correlator::score_sums), too: six more fields
@@ -177,7 +177,7 @@ impl CorrelatorPlan {
         self.shared_bytes + self.building_bytes.max(running)
     }
 
-    fn of(
+    fn choose(
         support: &PairSupport,
         window: &TranslationWindow,
         half_turns: bool,

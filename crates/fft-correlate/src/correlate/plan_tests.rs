@@ -107,7 +107,7 @@ fn plans_from_the_parts_bound_those_of_their_densities() {
             };
             let longest = moving.bounds().size().max_element();
             let builder = PairBuilder {
-                spacing: Some(longest / 30.0),
+                spacing: Some(longest / 16.0),
                 halo: Some(longest / 4.0),
                 smoothing,
                 ..PairBuilder::default()

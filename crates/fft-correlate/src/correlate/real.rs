@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 use fearless_simd::{SimdFloat, SimdFloatElement, f32x4, f32x8, f64x4, f64x8, i32x8, prelude::*};
-use rustfft::FftNum;
+use num_traits::{FromPrimitive, Signed};
 
 mod sealed {
     pub trait Sealed {}
@@ -12,7 +12,15 @@ mod sealed {
 
 /// `f32`, in which scores are computed, or `f64`, in which they are verified by the same code.
 pub trait Real:
-    sealed::Sealed + SimdFloatElement + FftNum + Pod + Default + PartialOrd + Into<f64>
+    sealed::Sealed
+    + SimdFloatElement
+    + FromPrimitive
+    + Signed
+    + std::fmt::Debug
+    + Pod
+    + Default
+    + PartialOrd
+    + Into<f64>
 {
     /// Four numbers.
     #[doc(hidden)]

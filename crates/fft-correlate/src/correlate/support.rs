@@ -64,7 +64,7 @@ impl PairSupport {
             let moving = |at| product.moving.value(pair.moving(), at);
             ProductSupport {
                 fixed: support(pair.fixed().lattice().shape(), fixed),
-                moving: MovingSupport::of(
+                moving: MovingSupport::from_field(
                     pair.moving().lattice().shape(),
                     moving,
                     moving_first,
@@ -130,7 +130,7 @@ impl PairSupport {
 
 impl MovingSupport {
     /// Of values whose node `[0, 0, 0]` lies `first` cells from the pivot; `None` if all are zero.
-    pub(super) fn of(
+    pub(super) fn from_field(
         shape: [usize; 3],
         value: impl Fn([usize; 3]) -> Complex32,
         first: DVec3,

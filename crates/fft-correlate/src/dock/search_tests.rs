@@ -30,6 +30,9 @@ fn parts(off: &Pose) -> [TriangleMesh; 2] {
     [plate, rod.transformed(off.rotation, off.translation)]
 }
 
+/// Width of the cells, in a search's own, where what is tested is not how close a pose is.
+const WIDE: f64 = 1.5;
+
 struct Setup {
     /// Sketch, coarse, fine.
     pairs: [Pair; 3],
@@ -37,10 +40,22 @@ struct Setup {
     screened: bool,
 }
 
-fn setup(off: &Pose, step: f64) -> Setup {
+/// The lattices of a search with cells `width` times as wide.
+fn wide(moving: &TriangleMesh, width: f64) -> GridLevels {
+    let own = GridLevels::new(moving);
+    GridLevels {
+        screening: width * own.screening,
+        coarse: width * own.coarse,
+        fine: width * own.fine,
+        ..own
+    }
+}
+
+/// Rotations `step` degrees apart, on cells `width` times as wide as a search's own.
+fn setup(off: &Pose, step: f64, width: f64) -> Setup {
     let [fixed, moving] = parts(off);
     let axes = symmetry::detect(&moving, 1e-5);
-    let lattices = GridLevels::new(&moving);
+    let lattices = wide(&moving, width);
     let builder = PairBuilder::default();
     let plans = lattices
         .plans(&fixed, &moving, &ScoreModel::GUIDED, &builder)
@@ -84,7 +99,7 @@ fn run(
 fn a_turned_rod_finds_its_hole() {
     let turn = DQuat::from_scaled_axis(DVec3::new(1.1, -0.7, 2.0));
     let off = Pose::new(turn, DVec3::new(0.02, 0.01, -0.03));
-    let setup = setup(&off, 20.0);
+    let setup = setup(&off, 20.0, 1.0);
     let report = run(&setup, None, &Silent).unwrap();
     let best = &report.poses[0];
     let pivot = setup.pairs[0].pivot();
@@ -122,7 +137,7 @@ fn a_turned_rod_finds_its_hole() {
 /// fit on half the spacing, and every energy is then of that lattice.
 #[test]
 fn close_poses_are_told_apart_on_a_finer_lattice() {
-    let setup = setup(&Pose::IDENTITY, 30.0);
+    let setup = setup(&Pose::IDENTITY, 30.0, WIDE);
     let mut report = run(&setup, None, &Silent).unwrap();
     let best = report.poses[0];
     let pivot = setup.pairs[0].pivot();
@@ -138,7 +153,7 @@ fn close_poses_are_told_apart_on_a_finer_lattice() {
     let close = report.close();
     assert!(close >= 2, "{:?}", report.poses);
     let [fixed, moving] = parts(&Pose::IDENTITY);
-    let lattices = GridLevels::new(&moving);
+    let lattices = wide(&moving, WIDE);
     let builder = PairBuilder::default();
     let plan = lattices
         .plan(
@@ -191,7 +206,7 @@ impl Monitor for CancelAfter {
 
 #[test]
 fn an_interrupted_search_goes_on_to_the_same_result() {
-    let setup = setup(&Pose::IDENTITY, 16.0);
+    let setup = setup(&Pose::IDENTITY, 19.0, WIDE);
     let rotations = setup.domain.rotations.len();
     assert!(rotations > 2 * BATCH, "{rotations}");
     let folder = tempfile::tempdir().unwrap();
@@ -218,7 +233,7 @@ fn an_interrupted_search_goes_on_to_the_same_result() {
 
 #[test]
 fn unusable_searches_are_refused() {
-    let mut setup = setup(&Pose::IDENTITY, 30.0);
+    let mut setup = setup(&Pose::IDENTITY, 30.0, WIDE);
     let cancelled = CancelAfter {
         after: 0,
         seen: AtomicU64::new(0),
@@ -243,7 +258,7 @@ fn unusable_searches_are_refused() {
 #[test]
 fn screening_saves_rotations_and_finds_the_same_fit() {
     let turn = DQuat::from_scaled_axis(DVec3::new(-0.4, 1.7, 0.6));
-    let mut setup = setup(&Pose::new(turn, DVec3::splat(0.01)), 15.0);
+    let mut setup = setup(&Pose::new(turn, DVec3::splat(0.01)), 15.0, WIDE);
     let count = setup.domain.rotations.len();
     let all = run(&setup, None, &Silent).unwrap();
     assert_eq!(

@@ -377,7 +377,7 @@ impl PairPlan {
         let fixed = field("fixed", fixed, &self.fixed_lattice, &self.density)?;
         let of_moving = self.density_of_moving();
         let moving = field("moving", moving, &self.moving_lattice, &of_moving)?;
-        let pair = Pair::of(fixed, moving, self.model, self.pivot, contact)?;
+        let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
         Ok(pair.cached_in(cache.cloned()))
     }
 }

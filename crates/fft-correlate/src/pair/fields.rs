@@ -82,11 +82,11 @@ impl Pair {
         if samplings[0] != samplings[1] || matches!(samplings[0], Sampling::Smoothed { .. }) {
             return Err(PairError::Sampling { found: samplings });
         }
-        Self::of(fixed, moving, model, pivot, None)
+        Self::from_fields(fixed, moving, model, pivot, None)
     }
 
     /// Joins two fields and what smoothing took from their products.
-    pub(crate) fn of(
+    pub(crate) fn from_fields(
         fixed: Arc<DensityField>,
         moving: Arc<DensityField>,
         model: ScoreModel,
@@ -193,7 +193,7 @@ impl Pair {
             Some(contact) => Some(contact.with_jump(jump(&model)?)),
             None => None,
         };
-        Self::of(fixed, moving, model, self.pivot, contact)
+        Self::from_fields(fixed, moving, model, self.pivot, contact)
     }
 
     /// Adds what contact gives to the smooth part of the score that a correlator wrote for `rotation`

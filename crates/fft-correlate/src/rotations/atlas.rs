@@ -68,7 +68,7 @@ impl Atlas {
     pub(super) fn radial_stop(&self, q: DQuat) -> Option<RadialStop> {
         match self.cover {
             Cover::Ball { center, angle, .. } => {
-                RelativeRotation::of(q, center).radial_stop(angle, REST * self.step)
+                RelativeRotation::from_center(q, center).radial_stop(angle, REST * self.step)
             }
             _ => None,
         }
@@ -149,7 +149,7 @@ pub(super) struct RelativeRotation {
 
 impl RelativeRotation {
     /// From `center` to `q`.
-    pub(super) fn of(q: DQuat, center: DQuat) -> Self {
+    pub(super) fn from_center(q: DQuat, center: DQuat) -> Self {
         Self::from_rotation(q * center.conjugate())
     }
 

@@ -357,7 +357,12 @@ impl RotationGrid {
                 center,
                 angle,
                 margin,
-            } => Coverage::beyond(&RelativeRotation::of(q, center), angle, margin, fade),
+            } => Coverage::beyond(
+                &RelativeRotation::from_center(q, center),
+                angle,
+                margin,
+                fade,
+            ),
             Cover::Spin { margin } => {
                 let r = chart.relative(q);
                 let twist = DQuat::from_xyzw(0.0, 0.0, r.z, r.w);
@@ -389,7 +394,7 @@ impl RotationGrid {
                 (row, best) = (k, closeness);
             }
         }
-        let away = RelativeRotation::of(q, self.atlas.nodes[row]);
+        let away = RelativeRotation::from_center(q, self.atlas.nodes[row]);
         let covered = Coverage::beyond(&away, 0.0, margin, self.atlas.fade);
         let mut taps = [Taps::open(0.0, 1); 3];
         taps[0].nodes = [row; 4];

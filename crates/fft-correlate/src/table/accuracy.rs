@@ -256,7 +256,7 @@ pub fn typical_condition(pair: &Pair, spec: &TableSpec, poses: usize, seed: u64)
 
 /// Pose `index` of a reproducible series over a table's rotations and the inside of its window.
 pub fn random_pose(spec: &TableSpec, seed: u64, index: u64) -> Pose {
-    let mut random = Random::of(seed, index);
+    let mut random = Random::seeded(seed, index);
     let rotation = random.rotation(&spec.rotations);
     let bounds = spec.window.node_bounds();
     let place = DVec3::new(random.unit(), random.unit(), random.unit());
@@ -271,7 +271,7 @@ struct Random(u64);
 impl Random {
     /// Numbers of their own for each index of each seed. States that are multiples of the step
     /// apart would draw the same numbers one after the other, so both are mixed.
-    fn of(seed: u64, index: u64) -> Self {
+    fn seeded(seed: u64, index: u64) -> Self {
         let mut of_seed = Self(seed);
         let mut of_index = Self(of_seed.next() ^ index);
         Self(of_index.next())
@@ -349,7 +349,7 @@ mod tests {
         let seeds = [0, 1, 2, 3, 17, 1000, step, step.wrapping_mul(2), u64::MAX];
         for seed in seeds {
             for index in 0..1000 {
-                let mut random = Random::of(seed, index);
+                let mut random = Random::seeded(seed, index);
                 for _ in 0..6 {
                     assert!(drawn.insert(random.next()), "seed {seed} index {index}");
                 }

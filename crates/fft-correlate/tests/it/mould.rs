@@ -37,7 +37,7 @@ fn a_part_scores_in_its_mould_what_its_own_field_says() {
     for (name, part) in parts {
         let part = part.transformed(turn, DVec3::new(0.001, 0.002, -0.003));
         let builder = PairBuilder {
-            spacing: Some(7e-4),
+            spacing: Some(1e-3),
             halo: Some(0.01),
             ..PairBuilder::default()
         };

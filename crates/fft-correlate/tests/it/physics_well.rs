@@ -113,7 +113,7 @@ fn a_wall_and_what_lies_behind_it_are_reported() {
     assert!((out.escape - 1.5).abs() < 0.01, "{out:?}");
     assert!((out.escape_at - 0.005).abs() < 2e-4, "{out:?}");
     assert!((out.beyond + 0.2).abs() < 0.01, "{out:?}");
-    // On the way in from +x the second well comes first: out of it and over the wall.
+    // On the path in from +x the second well comes first: out of it and over the wall.
     assert!((out.entry - 1.7).abs() < 0.01, "{out:?}");
     assert!(
         (down.escape - 1.0).abs() < 0.01 && down.entry < 0.01,

@@ -203,7 +203,7 @@ impl RemoteDevice {
                 Some((intent.pose, intent.grip))
             }
             RemoteCommand::Replay(poses) => poses.last().map(|pose| (*pose, 1.0)),
-            RemoteCommand::Follow(way) => Some((way.at(now - self.began), 1.0)),
+            RemoteCommand::Follow(path) => Some((path.at(now - self.began), 1.0)),
         }
     }
 
@@ -212,7 +212,7 @@ impl RemoteDevice {
         let pose = match &self.orders.output_buffer().order {
             RemoteCommand::Place(pose) if self.polls == 0 => Some(pose),
             RemoteCommand::Replay(poses) => poses.get(self.polls),
-            RemoteCommand::Follow(way) if self.polls == 0 => Some(way.first()),
+            RemoteCommand::Follow(path) if self.polls == 0 => Some(path.first()),
             _ => None,
         };
         pose.map(|pose| self.workspace.device_pose(pose))

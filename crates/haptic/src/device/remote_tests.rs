@@ -274,8 +274,8 @@ fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
     bench.run(1500, true);
     let at = |y: f64, z: f64| Pose::from_translation(DVec3::new(0.0, y, z));
     let poses = [at(0.05, 0.02), at(0.05, 0.002), at(0.04, 0.002)];
-    let way = TimedPath::new(&poses, &bench.hand.workspace).unwrap();
-    bench.remote.command(RemoteCommand::Follow(way.clone()));
+    let path = TimedPath::new(&poses, &bench.hand.workspace).unwrap();
+    bench.remote.command(RemoteCommand::Follow(path.clone()));
     // There at once, without a force, which is back before it moves.
     let jumped = bench.run(20, true);
     assert_ne!(jumped.flags & flags::JUMP, 0);
@@ -283,7 +283,7 @@ fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
     assert_eq!(began.gain, 1.0);
     assert!((began.object.translation - poses[0].translation).length() < 1e-4);
     let mut turns = f64::INFINITY;
-    for _ in 0..(way.seconds() * 1e3) as u32 {
+    for _ in 0..(path.seconds() * 1e3) as u32 {
         let part = bench.run(1, true).object.translation;
         turns = turns.min(part.distance(poses[1].translation));
     }
@@ -292,7 +292,7 @@ fn a_way_is_followed_as_far_as_the_walls_allow_and_its_end_is_held() {
     let there = bench.run(1000, true);
     assert!((there.object.translation - poses[2].translation).length() < 1e-4);
     assert_eq!(there.flags, 0);
-    // A way through the wall: the wall wins.
+    // A path through the wall: the wall wins.
     let through = TimedPath::new(&[at(0.0, 0.01), at(0.0, -0.004)], &bench.hand.workspace).unwrap();
     bench.remote.command(RemoteCommand::Follow(through));
     let stopped = bench.run(4000, true);

@@ -188,7 +188,7 @@ fn interpolate(from: &Pose, to: &Pose, share: f64) -> Pose {
 const CARELESS_TILT: f64 = 0.08;
 
 impl Geometry {
-    /// The way of `moving` into its fit at `seated`: along `axis` (unit, fixed frame) over `depth`
+    /// The insertion path of `moving` into its fit at `seated`: along `axis` (unit, fixed frame) over `depth`
     /// metres. An axis that is not given is the coordinate direction along which the part can be
     /// withdrawn with the least climb in energy; a depth that is not is the part's extent along it.
     pub fn from_fit(
@@ -202,7 +202,7 @@ impl Geometry {
             .transformed(seated.rotation, DVec3::ZERO)
             .bounds()
             .size();
-        let axis = axis.unwrap_or_else(|| -easiest_way_out(source, &seated, size));
+        let axis = axis.unwrap_or_else(|| -easiest_removal(source, &seated, size));
         let along = axis.abs().dot(size);
         let across = size.length_squared() - along * along;
         Self {
@@ -219,9 +219,9 @@ impl Geometry {
 /// front to back differs by rounding only.
 const ALIKE: f64 = 1e-3;
 
-/// Of the six coordinate directions, the one whose highest energy on the way out is lowest; the
+/// Of the six coordinate directions, the one along which the removal path's highest energy is lowest; the
 /// first such one of +z, -z, +y, -y, +x, -x.
-fn easiest_way_out(source: &dyn EnergySource, seated: &Pose, size: DVec3) -> DVec3 {
+fn easiest_removal(source: &dyn EnergySource, seated: &Pose, size: DVec3) -> DVec3 {
     const STEPS: u32 = 60;
     let mut scratch = source.scratch();
     let depth = source.evaluate(seated, &mut scratch).energy.abs();
@@ -332,7 +332,7 @@ mod insertion_tests {
     }
 
     #[test]
-    fn the_way_in_is_against_the_easiest_way_out() {
+    fn the_way_in_is_against_the_easiest_removal() {
         let part = shapes::cuboid(DVec3::new(0.01, 0.03, 0.02)).unwrap();
         let found = Geometry::from_fit(&Gutter, &part, Pose::IDENTITY, None, None);
         assert_eq!(found.axis, DVec3::Y);
@@ -341,7 +341,7 @@ mod insertion_tests {
         assert_eq!((given.axis, given.depth), (DVec3::Z, 0.5));
     }
 
-    /// A hole open at both ends that lies along an axis: of two ways out that are alike, the first.
+    /// A hole open at both ends that lies along an axis: of two equal removal paths, the first.
     #[test]
     fn a_part_goes_into_its_hole_along_the_hole() {
         let (hole, peg) = shapes::PegInHole::Rectangular.pair(0.0).unwrap();

@@ -80,14 +80,14 @@ mod tests {
         let turned = Pose::new(DQuat::from_rotation_z(1.2), DVec3::new(0.04, 0.0, 0.0));
         // A pose twice, poses near and far, a turn on the spot.
         let poses = [at(0.0), at(0.0), at(0.001), at(0.04), turned];
-        let way = TimedPath::new(&poses, &workspace).unwrap();
-        assert!((way.seconds() - (REST + 0.02 / SPEED + 1.2 / TURN_SPEED)).abs() < 1e-9);
-        assert_eq!(way.at(0.5 * REST), poses[0]);
-        assert_eq!(way.at(way.seconds() + 1.0), turned);
+        let path = TimedPath::new(&poses, &workspace).unwrap();
+        assert!((path.seconds() - (REST + 0.02 / SPEED + 1.2 / TURN_SPEED)).abs() < 1e-9);
+        assert_eq!(path.at(0.5 * REST), poses[0]);
+        assert_eq!(path.at(path.seconds() + 1.0), turned);
         let step = 0.01;
-        let mut last = workspace.device_pose(&way.at(0.0));
-        for k in 1..=(way.seconds() / step) as u32 + 2 {
-            let here = workspace.device_pose(&way.at(f64::from(k) * step));
+        let mut last = workspace.device_pose(&path.at(0.0));
+        for k in 1..=(path.seconds() / step) as u32 + 2 {
+            let here = workspace.device_pose(&path.at(f64::from(k) * step));
             let far = here.translation.distance(last.translation);
             assert!(far <= SPEED * step * 1.001, "{k}");
             assert!(here.angle_to(&last) <= TURN_SPEED * step * 1.001, "{k}");

@@ -69,7 +69,7 @@ impl Motion {
     }
 
     /// A screw motion from a pose, as frames know it.
-    fn of(frame: &Frame, pose: &Pose, motion: &Vec6) -> Self {
+    fn from_step(frame: &Frame, pose: &Pose, motion: &Vec6) -> Self {
         let (turn, moved) = (frame.turn(motion), shift(motion));
         let centre = pose.apply(frame.centre);
         let length = frame.largest(pose, motion);
@@ -176,7 +176,7 @@ impl fmt::Display for Motion {
 pub(crate) fn describe_motions(frame: &Frame, poses: &[Pose]) -> Vec<Motion> {
     let steps = poses.windows(2);
     let each: Vec<Motion> = steps
-        .map(|w| Motion::of(frame, &w[0], &frame.between(&w[0], &w[1])))
+        .map(|w| Motion::from_step(frame, &w[0], &frame.between(&w[0], &w[1])))
         .collect();
     let whole: f64 = each.iter().map(|m| m.length).sum();
     let short = SHORT * frame.radius.min(whole);

@@ -7,13 +7,13 @@ are minus its gradient. `docs/python.md` is the page to read.
 
 from pegfit._core import VERSION as __version__
 from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, SceneError, TableError
+from pegfit._insertion_path import InsertionPath
 from pegfit._loop import TICK, ForcePath, Run, feel
 from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
 from pegfit._pair import Docking, Pair, Scores
 from pegfit._play import Page, play
 from pegfit._response import Response
 from pegfit._source import REAL_TIME_POINTS, Evaluator, Source, Table
-from pegfit._way import Way
 
 __all__ = [
     "REAL_TIME_POINTS",
@@ -23,6 +23,7 @@ __all__ = [
     "Docking",
     "Evaluator",
     "ForcePath",
+    "InsertionPath",
     "Mesh",
     "MeshError",
     "MeshReport",
@@ -37,10 +38,19 @@ __all__ = [
     "Source",
     "Table",
     "TableError",
-    "Way",
     "__version__",
     "density",
     "feel",
     "peg_in_hole",
     "play",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Old names, for one release."""
+    if name == "Way":
+        import warnings
+
+        warnings.warn("pegfit.Way is now pegfit.InsertionPath", DeprecationWarning, stacklevel=2)
+        return InsertionPath
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
 from pegfit._errors import SceneError, count, count_or_none
+from pegfit._insertion_path import InsertionPath
 from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
 from pegfit._poses import RotationLike, quaternion, rows, three
 from pegfit._progress import Progress, Reporting
 from pegfit._source import Evaluator, Table
-from pegfit._way import Way
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as _Axes
@@ -476,7 +476,7 @@ class Pair:
         allow_overlap: bool = False,
         solids_only: bool = False,
         progress: Progress = None,
-    ) -> Way:
+    ) -> InsertionPath:
         """Searches an insertion path of the moving part to where it fits, or proves that there is none.
 
         Args:
@@ -498,10 +498,10 @@ class Pair:
             KeyboardInterrupt: Within 50 ms of Ctrl-C.
 
         >>> from pegfit import peg_in_hole
-        >>> way = Pair(*peg_in_hole("rectangular", clearance=2e-4)).path(solids_only=True)
-        >>> way.free, len(way.words), way.words[0].startswith("push")
+        >>> path = Pair(*peg_in_hole("rectangular", clearance=2e-4)).path(solids_only=True)
+        >>> path.free, len(path.words), path.words[0].startswith("push")
         (True, 1, True)
-        >>> way.poses[-1].round(9)
+        >>> path.poses[-1].round(9)
         array([0., 0., 0., 0., 0., 0., 1.])
         """
         goal: Union[str, ArrayLike] = to
@@ -521,7 +521,7 @@ class Pair:
                 solids_only,
                 report,
             )
-        return Way(core)
+        return InsertionPath(core)
 
     def bake(
         self,

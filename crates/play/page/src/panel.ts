@@ -20,7 +20,7 @@ export class Panel {
     start(stage: Stage): void {
         this.limits = stage.limits ?? this.limits;
         this.places = stage.places ?? [];
-        element("follow").hidden = !stage.way;
+        element("follow").hidden = !stage.path;
         this.list([]);
         const words = [stage.source, stage.error, stage.coarser].filter(Boolean);
         element("error").textContent = words.join(" ");

@@ -113,7 +113,7 @@ export interface Stage {
     stage: number;
     pair: number;
     /** Whether there is a path that the operator can follow. */
-    way?: boolean;
+    path?: boolean;
     title?: string;
     /** Names of the parts that stay; mesh/0 ... are theirs, mesh/moving is the other's. */
     fixed?: string[];
@@ -126,7 +126,7 @@ export interface Stage {
     /** The coordinate axis across which parts are cut open. */
     cut?: number;
     places?: Place[];
-    /** Energy (J) against depth (m) on the straight way in. */
+    /** Energy (J) against depth (m) on the straight insertion path. */
     profile?: [number, number][];
     /** Greatest force (N) and torque (N·m) that the loop shows. */
     limits?: [number, number];

@@ -36,7 +36,7 @@ pub struct Frame {
     pub coverage: f64,
     /// Strength of the force, 0 ..= 1.
     pub gain: f64,
-    /// Travel from the entrance along the way in, metres.
+    /// Travel from the entrance along the insertion path, metres.
     pub depth: f64,
     /// Ticks per second over the last second.
     pub rate: f64,
@@ -51,7 +51,7 @@ pub struct Frame {
     /// Deadlines left out so far.
     pub missed: u64,
     /// What the hand is doing: 0 nothing, 1 hold, 2 collision, 3 snap, 4 replay,
-    /// 5 the way in.
+    /// 5 the insertion path.
     pub doing: u8,
     /// Pages that watch, the hand's included.
     pub pages: u8,

@@ -30,7 +30,7 @@ pub enum Request {
     Replay,
     /// Look for the poses in which the part fits.
     Dock,
-    /// The hand should follow the way in.
+    /// The hand should follow the insertion path.
     Follow,
 }
 

@@ -106,7 +106,7 @@ impl Broadcaster {
         }
         said["stage"] = json!(live.number);
         said["pair"] = json!(state.wanted);
-        said["way"] = json!(live.path.is_some());
+        said["path"] = json!(live.path.is_some());
         state.scene.set(&said);
         state.docked.set(&json!({ "docked": [] }));
         state.docking = false;

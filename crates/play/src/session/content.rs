@@ -53,7 +53,7 @@ pub struct PlaySession<'a> {
     pub geometry: Geometry,
     /// Where the hand holds the part at first.
     pub start: Pose,
-    /// The way in that the hand can follow, if one is known.
+    /// The insertion path that the hand can follow, if one is known.
     pub path: Option<TimedPath>,
     /// What a page may ask.
     pub content: Arc<dyn Content>,

@@ -161,7 +161,7 @@ fn the_hand_follows_the_way_in_slowly_and_the_wall_stops_it() {
     page.until(Some(Request::Hold(over(0.06))), |seen| {
         (seen.height - 0.06).abs() < 1e-3
     });
-    assert!(page.texts.iter().any(|text| text.contains("\"way\":true")));
+    assert!(page.texts.iter().any(|text| text.contains("\"path\":true")));
     page.say(Request::Follow);
     let began = page.until(Some(Request::Heartbeat), |seen| {
         (seen.height - 0.02).abs() < 1e-4
@@ -181,5 +181,9 @@ fn the_hand_follows_the_way_in_slowly_and_the_wall_stops_it() {
     page.say(Request::Follow);
     let after = page.until(Some(Request::Heartbeat), |seen| seen.ticks > before + 500);
     assert!((after.height - 0.06).abs() < 1e-3, "{after:?}");
-    assert!(page.texts.iter().any(|text| text.contains("\"way\":false")));
+    assert!(
+        page.texts
+            .iter()
+            .any(|text| text.contains("\"path\":false"))
+    );
 }

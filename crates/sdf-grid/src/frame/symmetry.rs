@@ -63,7 +63,7 @@ pub fn detect(mesh: &TriangleMesh, tolerance: f64) -> Vec<SymmetryAxis> {
     let centroid = mesh.centroid();
     let part = Part {
         bvh: Bvh::build(mesh),
-        samples: Samples::of(mesh, centroid),
+        samples: Samples::from_mesh(mesh, centroid),
         centroid,
         tolerance,
     };
@@ -267,7 +267,7 @@ struct Samples {
 
 impl Samples {
     /// Vertices and points on faces of `mesh`, always the same ones.
-    fn of(mesh: &TriangleMesh, center: DVec3) -> Self {
+    fn from_mesh(mesh: &TriangleMesh, center: DVec3) -> Self {
         let stride = mesh.vertices().len().div_ceil(MAX_VERTICES);
         let mut offsets: Vec<DVec3> = mesh
             .vertices()

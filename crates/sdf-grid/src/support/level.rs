@@ -51,13 +51,29 @@ macro_rules! dispatch_lanes {
                     || $op,
                 )
             } else {
-                let $simd = level.as_sse2().expect("every x86-64 machine has SSE2");
-                $simd.vectorize(
-                    #[inline(always)]
-                    || $op,
-                )
+                $crate::dispatch_baseline!(level, $simd => $op)
             }
         })
+    }};
+}
+
+/// [`dispatch_lanes`] for the baseline. Of builds with debug assertions only unit tests have it: other
+/// tests run on machines that have AVX2, and each level costs as long again to compile.
+#[cfg(all(target_arch = "x86_64", not(feature = "scalar")))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! dispatch_baseline {
+    ($level:ident, $simd:ident => $op:expr) => {{
+        #[cfg(any(test, not(debug_assertions)))]
+        {
+            let $simd = $level.as_sse2().expect("every x86-64 machine has SSE2");
+            $simd.vectorize(
+                #[inline(always)]
+                || $op,
+            )
+        }
+        #[cfg(all(debug_assertions, not(test)))]
+        panic!("a build with debug assertions needs a processor with AVX2; build with --release")
     }};
 }
 

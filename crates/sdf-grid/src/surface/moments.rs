@@ -34,7 +34,7 @@ pub(crate) struct Moments {
 
 impl Moments {
     /// Of a non-empty set of faces; without radius, thickness and spread ([`Moments::bounded`]).
-    pub(crate) fn of(faces: &[Face]) -> Self {
+    pub(crate) fn from_faces(faces: &[Face]) -> Self {
         let area: f64 = faces.iter().map(|t| t.area).sum();
         let weighted = faces.iter().map(|t| t.centroid * t.area);
         let mut sums = Self {
@@ -218,7 +218,7 @@ mod tests {
             let bvh = Bvh::build(&random_solid(seed).expect("a solid"));
             for node in &bvh.nodes {
                 let faces = &bvh.faces[node.range()];
-                let exact = Moments::of(faces).bounded(faces);
+                let exact = Moments::from_faces(faces).bounded(faces);
                 let found = &node.moments;
                 // Rounding, in units of what the faces' sizes and areas allow at most.
                 let unit = |power: i32| 1e-12 * exact.area * exact.radius.powi(power);

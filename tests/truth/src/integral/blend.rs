@@ -30,7 +30,7 @@ impl Blend {
 
     /// At these vectors from the nearest sharp edge of the fixed and of the moving part, none if
     /// farther than `reach`.
-    pub(super) fn at(fixed: Option<DVec3>, moving: Option<DVec3>, reach: f64) -> Self {
+    pub(super) fn from_points(fixed: Option<DVec3>, moving: Option<DVec3>, reach: f64) -> Self {
         let (a, da) = rise(fixed, reach);
         let (b, db) = rise(moving, reach);
         let sum = a + b;
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn the_share_goes_from_none_to_all_and_its_slope_is_its_derivative() {
-        let at = |p: DVec3| Blend::at(Some(p), Some(p - DVec3::X), 1.5);
+        let at = |p: DVec3| Blend::from_points(Some(p), Some(p - DVec3::X), 1.5);
         assert!(at(DVec3::Y * 1e-9).fixed < 1e-12);
         assert!(at(DVec3::X + DVec3::Y * 1e-9).fixed > 1.0 - 1e-12);
         let p = DVec3::new(0.4, 0.3, -0.5);
@@ -70,6 +70,6 @@ mod tests {
             let slope = (at(p + axis * h).fixed - at(p - axis * h).fixed) / (2.0 * h);
             assert!((slope - at(p).slope.dot(axis)).abs() < 1e-8);
         }
-        assert_eq!(Blend::at(None, None, 1.0), Blend::EVEN);
+        assert_eq!(Blend::from_points(None, None, 1.0), Blend::EVEN);
     }
 }

@@ -33,7 +33,7 @@ impl Walk<'_> {
         let ids = largest(facets);
         let side = ids
             .is_empty()
-            .then(|| Side::of(self.distance(place.cell.centre, which)));
+            .then(|| Side::from_distance(self.distance(place.cell.centre, which)));
         Cutters {
             planes: ids.iter().map(|id| all[*id as usize]).collect(),
             side,
@@ -56,7 +56,7 @@ impl Walk<'_> {
             (None, [plane]) => plane.height(p),
             (None, _) => self.distance(p, which),
         };
-        (height.abs() > self.flat).then(|| Side::of(height))
+        (height.abs() > self.flat).then(|| Side::from_distance(height))
     }
 }
 

@@ -160,7 +160,7 @@ impl<'a> Walk<'a> {
     /// How the gradients of both densities share in the force at `p`.
     pub(super) fn blend(&self, place: &Place<'_>, p: DVec3) -> Blend {
         let [fixed, moving] = self.offsets(place.edges, p);
-        Blend::at(fixed, moving, self.truth.cells.tube)
+        Blend::from_points(fixed, moving, self.truth.cells.tube)
     }
 
     /// Those of `edges` that are near a cell.

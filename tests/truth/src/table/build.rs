@@ -164,7 +164,7 @@ impl Builder<'_> {
         if xi - open.cell.radius() >= self.halo {
             return 0;
         }
-        1 << Side::of(xi) as u8
+        1 << Side::from_distance(xi) as u8
     }
 
     /// Finest samples along an edge of a cell, a power of two and at least four.

@@ -66,7 +66,7 @@ impl Contours {
             sum += panel.iter().sum::<Complex64>();
         }
         Self {
-            outlines: Outline::of(mesh, &Faces::new(mesh)),
+            outlines: Outline::from_mesh(mesh, &Faces::new(mesh)),
             table,
             step,
             largest,

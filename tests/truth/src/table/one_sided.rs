@@ -18,7 +18,7 @@ pub(crate) enum Side {
 impl Side {
     pub(crate) const BOTH: [Self; 2] = [Self::Out, Self::In];
 
-    pub(crate) fn of(signed_distance: f64) -> Self {
+    pub(crate) fn from_distance(signed_distance: f64) -> Self {
         if signed_distance < 0.0 {
             Self::In
         } else {
@@ -108,7 +108,7 @@ impl OneSided {
     }
 
     fn is_on(&self, xi: f64, side: Side) -> bool {
-        xi.abs() > ON * self.size && Side::of(xi) == side
+        xi.abs() > ON * self.size && Side::from_distance(xi) == side
     }
 
     fn off_surface(&self, p: DVec3, xi: f64, side: Side) -> Complex64 {

@@ -31,7 +31,7 @@ pub(super) struct Edge {
 
 impl Outline {
     /// The outlines of a mesh: edges between triangles of one plane are none.
-    pub(super) fn of(mesh: &TriangleMesh, faces: &Faces) -> Vec<Self> {
+    pub(super) fn from_mesh(mesh: &TriangleMesh, faces: &Faces) -> Vec<Self> {
         let mut sides: HashMap<(u32, u32, u32), i32> = HashMap::new();
         for (plane, triangle) in faces.triangles(mesh) {
             for k in 0..3 {

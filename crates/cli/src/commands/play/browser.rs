@@ -27,7 +27,7 @@ pub(super) struct Signpost {
 /// # Errors
 /// If the signpost cannot be put up, or there is no browser.
 pub(super) fn open(url: &str) -> io::Result<Signpost> {
-    let signpost = Signpost::to(url)?;
+    let signpost = Signpost::write(url)?;
     match commands(&signpost.file).into_iter().any(start) {
         true => Ok(signpost),
         false => Err(io::Error::new(io::ErrorKind::NotFound, "none was found")),
@@ -35,7 +35,7 @@ pub(super) fn open(url: &str) -> io::Result<Signpost> {
 }
 
 impl Signpost {
-    fn to(url: &str) -> io::Result<Self> {
+    fn write(url: &str) -> io::Result<Self> {
         let folder = folder()?;
         // Made for this user alone, whatever the umask says.
         let mut file = Builder::new()

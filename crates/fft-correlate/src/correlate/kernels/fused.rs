@@ -1,23 +1,25 @@
 //! Transforms, sizes and fixed spectra of one correlation, and the working memory of one thread.
 //!
-//! The fixed spectra are made once, by RustFFT, without normalization. "Negative" means the kernel
+//! The fixed spectra are made once, without normalization. "Negative" means the kernel
 //! `e^{-2 pi i k x / n}`.
 
 use std::f64::consts::PI;
 use std::ops::Range;
 
 use fearless_simd::Level;
+use fearless_simd::prelude::*;
+use fearless_simd_macros::simd;
 use ndarray::{Array3, ArrayViewMut1, Axis};
 use num_complex::Complex;
-use rustfft::FftPlanner;
 
 use crate::correlate::contract::{Memory, MovingRows, Sizes};
 use crate::correlate::kernels::image::{Image, ImageSizes};
-use crate::correlate::kernels::lane_fft::{LaneFft, LineEnds};
+use crate::correlate::kernels::lane_fft::{LaneFft, LineEnds, transform};
 use crate::correlate::kernels::layout::{Layout, MAX_TERMS, halves, lanes, planes};
-use crate::correlate::kernels::tile::{Buffer, Tile};
+use crate::correlate::kernels::tile::{Buffer, Line, Tile};
 use crate::correlate::real::Real;
 use crate::geometry::half_turn::HalfTurn;
+use crate::vectors::dispatch_lanes;
 
 /// Transforms, sizes and fixed spectra; see the documentation of the folder.
 pub(crate) struct Fused<T> {
@@ -117,7 +119,7 @@ impl<T: Real> Fused<T> {
         let images = images(&layout, &sizes, [x_back, y(false, y_to_half)], &twist);
         let terms = (0..sizes.moving.len()).map(|term| Term {
             y_places: layout.y_places(planes(&sizes, term), size[1]),
-            spectrum: packed(&layout, size, radix, &fixed(term)),
+            spectrum: packed((level, &layout), size, radix, &fixed(term)),
             half_deep: sizes.moving[term][2] <= layout.half,
         });
         Self {
@@ -170,7 +172,7 @@ fn images<T: Real>(
 /// Both half spectra of a fixed field, divided by the number of points, as stage 2 reads them;
 /// `radix` is that of its turning pass.
 fn packed<T: Real>(
-    layout: &Layout,
+    (level, layout): (Level, &Layout),
     size: [usize; 3],
     radix: usize,
     field: &Array3<Complex<T>>,
@@ -183,7 +185,7 @@ fn packed<T: Real>(
     let to = packed.as_mut_slice();
     for (part, scale) in [scale, -scale].into_iter().enumerate() {
         let scale = T::nearest(scale);
-        for ((x, y, z), v) in negative_spectrum(field, part).indexed_iter() {
+        for ((x, y, z), v) in negative_spectrum(level, field, part).indexed_iter() {
             // The order in which the turning pass meets them.
             let (p, j) = (x % blocks, x / blocks);
             let element = ((z / lanes * ny + y) * nx + p * radix) * 2 + part * radix + j;
@@ -325,28 +327,52 @@ impl<T: Real> FusedScratch<T> {
 }
 
 /// The negative-exponent transform of a complex field, in place.
-pub(crate) fn transform_negative<T: Real>(field: &mut Array3<Complex<T>>) {
+///
+/// # Panics
+/// If the kernels lack a factor of the size.
+fn transform_negative<T: Real>(level: Level, field: &mut Array3<Complex<T>>) {
     for axis in 0..3 {
-        transform_axis(field, Axis(axis));
+        dispatch_lanes!(level, simd => transform_axis(simd, field, Axis(axis)));
     }
 }
 
-fn transform_axis<T: Real>(field: &mut Array3<Complex<T>>, axis: Axis) {
-    let fft = FftPlanner::new().plan_fft_forward(field.len_of(axis));
-    let mut line = vec![Complex::default(); fft.len()];
-    let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
-    let each = |mut lane: ArrayViewMut1<Complex<T>>| {
-        line.iter_mut().zip(&lane).for_each(|(a, b)| *a = *b);
-        fft.process_with_scratch(&mut line, &mut scratch);
-        lane.iter_mut().zip(&line).for_each(|(a, b)| *a = *b);
-    };
-    field.lanes_mut(axis).into_iter().for_each(each);
+/// Transforms as many lines at once as a vector has lanes. Conjugates before and after turn the
+/// positive exponent of the kernels into the negative one.
+#[simd]
+fn transform_axis<S: Simd, T: Real>(simd: S, field: &mut Array3<Complex<T>>, axis: Axis) {
+    let (len, lanes) = (field.len_of(axis), T::Native::<S>::LEN);
+    let fft = LaneFft::new(len, LineEnds::default()).expect("lengths of factors 2, 3 and 5");
+    let places: Vec<usize> = (0..len).map(|i| 2 * lanes * i).collect();
+    let [mut bundle, mut a, mut b] = [(); 3].map(|()| Buffer::zeroed(2 * lanes * len));
+    let mut rest = field.lanes_mut(axis).into_iter();
+    loop {
+        let mut lines: Vec<ArrayViewMut1<Complex<T>>> = rest.by_ref().take(lanes).collect();
+        if lines.is_empty() {
+            return;
+        }
+        let numbers = bundle.as_mut_slice();
+        for (lane, line) in lines.iter().enumerate() {
+            for (place, v) in places.iter().zip(line) {
+                numbers[place + lane] = v.re;
+                numbers[place + lanes + lane] = -v.im;
+            }
+        }
+        let at = Line::new(bundle.tile(), 0, &places);
+        transform(simd, &fft, [a.tile(), b.tile()], at, at, [0, 0]);
+        let numbers = bundle.as_slice();
+        for (lane, line) in lines.iter_mut().enumerate() {
+            for (place, v) in places.iter().zip(line) {
+                *v = Complex::new(numbers[place + lane], -numbers[place + lanes + lane]);
+            }
+        }
+    }
 }
 
 /// The negative-exponent spectrum of a field's real (`part` 0) or imaginary (1) part, of even
 /// length `nz` along z, at the frequencies `2 k + 1/2`, k below `nz / 2`, along z (see the folder's
 /// page) and all whole ones along x and y.
-pub(super) fn negative_spectrum<T: Real>(
+fn negative_spectrum<T: Real>(
+    level: Level,
     field: &Array3<Complex<T>>,
     part: usize,
 ) -> Array3<Complex<T>> {
@@ -363,13 +389,14 @@ pub(super) fn negative_spectrum<T: Real>(
     let mut spectrum = Array3::from_shape_fn([nx, ny, half], |(x, y, z)| {
         Complex::new(value(x, y, z), -value(x, y, z + half)) * twist[z]
     });
-    transform_negative(&mut spectrum);
+    transform_negative(level, &mut spectrum);
     spectrum
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vectors::levels;
     use num_complex::Complex32;
 
     /// A plane wave becomes one peak at its frequency.
@@ -377,14 +404,17 @@ mod tests {
     fn the_transform_has_the_negative_exponent_and_no_factor() {
         let shape = [3, 4, 5];
         let wave = [2usize, 1, 3];
-        let mut field = Array3::from_shape_fn(shape, |(i, j, k)| {
+        let field = Array3::from_shape_fn(shape, |(i, j, k)| {
             let turns = |a: usize, x: usize| (wave[a] * x) as f32 / shape[a] as f32;
             Complex32::cis(std::f32::consts::TAU * (turns(0, i) + turns(1, j) + turns(2, k)))
         });
-        transform_negative(&mut field);
-        for (at, value) in field.indexed_iter() {
-            let peak = if at == wave.into() { 60.0 } else { 0.0 };
-            assert!((value - peak).norm() < 1e-4, "{at:?}: {value}");
+        for level in levels() {
+            let mut field = field.clone();
+            transform_negative(level, &mut field);
+            for (at, value) in field.indexed_iter() {
+                let peak = if at == wave.into() { 60.0 } else { 0.0 };
+                assert!((value - peak).norm() < 1e-4, "{at:?}: {value}");
+            }
         }
     }
 }

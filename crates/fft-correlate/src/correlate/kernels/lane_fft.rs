@@ -39,17 +39,17 @@ struct Pass<T> {
 impl<T: Real> LaneFft<T> {
     /// A transform of `len` points; `None` if `len` is zero or has a prime factor above 5.
     pub(crate) fn new(len: usize, ends: LineEnds) -> Option<Self> {
-        Some(Self::of(len, steps(len, ends)?))
+        Some(Self::from_steps(len, steps(len, ends)?))
     }
 
     /// Transforms there and back that meet at one radix, so that [`LaneFft::turn`] takes products
     /// between them.
     pub(crate) fn pair(len: usize, from_half: bool, to_half: bool) -> Option<[Self; 2]> {
         let [there, back] = turning_steps(len, from_half, to_half)?;
-        Some([Self::of(len, there), Self::of(len, back)])
+        Some([Self::from_steps(len, there), Self::from_steps(len, back)])
     }
 
-    fn of(len: usize, steps: Vec<RadixStep>) -> Self {
+    fn from_steps(len: usize, steps: Vec<RadixStep>) -> Self {
         let mut rest = len;
         let passes = steps.into_iter().map(|step| {
             let radix = step.radix;

@@ -36,8 +36,6 @@ mod tile;
 
 pub(crate) use fused::Fused;
 pub(crate) use fused::FusedScratch;
-#[cfg(test)]
-pub(crate) use fused::transform_negative;
 pub(crate) use layout::lanes;
 pub(crate) use stages::correlate;
 

@@ -37,7 +37,7 @@ impl<T: Real> RotationMoments<T> {
             }
             let node = [i, j, k];
             let q = field.first + DVec3::new(i as f64, j as f64, k as f64);
-            let slopes = Slopes::at(&field.values, node);
+            let slopes = Slopes::at_node(&field.values, node);
             for (field, [a, b]) in fields.iter_mut().zip(PAIRS) {
                 let [a, b] = [a, b].map(|axis| DVec3::AXES[axis]);
                 let (by_a, by_b) = (a.cross(q), b.cross(q));
@@ -133,7 +133,7 @@ const SECOND: [f64; 3] = [-30.0 / 12.0, 16.0 / 12.0, -1.0 / 12.0];
 
 impl Slopes {
     /// At a node at least [`BORDER`] away from the edge of the array.
-    fn at<T: Real>(values: &Array3<Complex<T>>, node: [usize; 3]) -> Self {
+    fn at_node<T: Real>(values: &Array3<Complex<T>>, node: [usize; 3]) -> Self {
         const { assert!(BORDER >= 2) };
         let value = |offset: [i64; 3]| {
             let at = [0, 1, 2].map(|a| (node[a] as i64 + offset[a]) as usize);

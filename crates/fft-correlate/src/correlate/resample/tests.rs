@@ -76,7 +76,7 @@ fn bundles_equal_rows_read(interpolation: Interpolation) {
     let values = field(&mut rng);
     let first = DVec3::new(-15.3, -12.0, -17.8);
     let value = |at: [usize; 3]| values[at];
-    let support = MovingSupport::of([33, 66, 41], value, first, interpolation).unwrap();
+    let support = MovingSupport::from_field([33, 66, 41], value, first, interpolation).unwrap();
     let single = MovingField::<f32>::new(&support.nodes, value, first, interpolation);
     let double = MovingField::<f64>::new(&support.nodes, value, first, interpolation);
     let origin = DVec3::new(-30.5, -29.5, -28.5);

@@ -98,7 +98,7 @@ impl Header {
 
     /// What the energies depend on: all of this but the placement, the error and who made it.
     pub(super) fn identity(&self) -> Identity {
-        Identity::of(&IdentityKeys {
+        Identity::from_material(&IdentityKeys {
             format: self.format,
             energy_unit: self.energy_unit,
             negligible: self.negligible,
@@ -204,7 +204,7 @@ pub(super) struct PartSize {
 
 impl PartSize {
     /// The sizes of both parts.
-    pub(super) fn of(contact: &Contact) -> [Self; 2] {
+    pub(super) fn from_contact(contact: &Contact) -> [Self; 2] {
         contact.parts().map(|part| Self {
             vertices: part.vertices().len(),
             triangles: part.triangles().len(),
@@ -250,7 +250,7 @@ pub(super) struct Identity([u8; blake3::OUT_LEN]);
 
 impl Identity {
     /// Of everything that the energies depend on.
-    pub(super) fn of(material: &impl Serialize) -> Self {
+    pub(super) fn from_material(material: &impl Serialize) -> Self {
         Self(blake3::derive_key(CONTEXT, &text(material)))
     }
 
@@ -437,7 +437,7 @@ const PARTS: [&str; 2] = ["fixed", "moving"];
 
 /// Writes the surfaces of both parts.
 fn write_surfaces(files: &TableFiles, contact: &Contact) -> Result<(), StoreError> {
-    let sizes = PartSize::of(contact);
+    let sizes = PartSize::from_contact(contact);
     for (((part, size), names), name) in
         (contact.parts().into_iter().zip(sizes).zip(SURFACES)).zip(PARTS)
     {

@@ -62,7 +62,7 @@ impl TableStore {
                 program: concat!("pegfit ", env!("CARGO_PKG_VERSION")).into(),
                 energy_unit: probe.unit,
                 negligible: probe.negligible,
-                parts: spec.contact.as_ref().map(PartSize::of),
+                parts: spec.contact.as_ref().map(PartSize::from_contact),
                 table: spec.clone(),
                 error: None,
                 digest: String::new(),

@@ -411,11 +411,11 @@ fn what_cannot_be_summed_is_refused() {
     assert!(ContactSum::new(&cube, &cube, 1e300, 0.3).is_ok());
 }
 
-/// Along the way in samples pass the hole's rim. Those that do together are teeth in the force
-/// along the way, which is small beside that across: of points in rows along the rim whose middles
+/// Along the insertion path samples pass the hole's rim. Those that pass together make ripple in the
+/// force along the path, which is small beside that across: of points in rows along the rim whose middles
 /// alone count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.
 #[test]
-fn the_force_along_the_way_in_has_no_teeth() {
+fn the_force_along_the_insertion_path_has_no_ripple() {
     let spacing = WIDTH / 0.985;
     for section in PegInHole::ALL {
         let moved = Moved::new(section.pair(0.0).unwrap());
@@ -436,11 +436,11 @@ fn the_force_along_the_way_in_has_no_teeth() {
             let all: f64 = forces.iter().map(|f| f[1] * f[1]).sum();
             let variation: f64 = errors.windows(2).map(|e| (e[1] - e[0]).abs()).sum();
             let total: f64 = forces.iter().map(|f| f[1].abs()).sum();
-            let [error, teeth] = [(square / all).sqrt(), variation / total];
-            println!("{section:?}: {error:.3} of the force, {teeth:.4} a step");
+            let [error, ripple] = [(square / all).sqrt(), variation / total];
+            println!("{section:?}: {error:.3} of the force, {ripple:.4} a step");
             assert!(
-                error < 0.075 && teeth < 0.03,
-                "{section:?}: {error} {teeth}"
+                error < 0.075 && ripple < 0.03,
+                "{section:?}: {error} {ripple}"
             );
         }
     }

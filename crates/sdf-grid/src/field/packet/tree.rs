@@ -46,7 +46,7 @@ impl Cluster {
     /// Of one face.
     fn from_face(face: &Face) -> Self {
         let faces = std::slice::from_ref(face);
-        Self::new(&Moments::of(faces).bounded(faces))
+        Self::new(&Moments::from_faces(faces).bounded(faces))
     }
 
     /// Direction of the area vector.

@@ -44,7 +44,7 @@ pub(super) fn tree(
 ) -> (Vec<Node>, Vec<Face>) {
     let indices = (0..count).into_par_iter();
     let mut boxes: Vec<PieceBox> = indices
-        .filter_map(|i| Some(PieceBox::of(i, &make(i)?)))
+        .filter_map(|i| Some(PieceBox::from_piece(i, &make(i)?)))
         .collect();
     if boxes.is_empty() {
         return Default::default();
@@ -68,7 +68,7 @@ struct PieceBox {
 }
 
 impl PieceBox {
-    fn of(index: usize, piece: &Piece) -> Self {
+    fn from_piece(index: usize, piece: &Piece) -> Self {
         let bounds = Aabb::around(piece.outline().iter().copied());
         Self {
             min: bounds.min.as_vec3(),
@@ -109,7 +109,7 @@ fn finish(nodes: &mut [Node], start: usize, faces: &[Face]) {
     let own = &faces[node.range()];
     if node.is_leaf() {
         node.bounds = Aabb::around(own.iter().flat_map(Face::outline).copied());
-        node.moments = Moments::of(own).bounded(own);
+        node.moments = Moments::from_faces(own).bounded(own);
         return;
     }
     let (a, b) = below.split_at_mut(node.second as usize - start - 1);

@@ -34,7 +34,7 @@ pub(super) struct Facet {
 const NEEDLE: f64 = 1e-3;
 
 impl Facet {
-    fn of(corners: [DVec3; 3]) -> Self {
+    fn from_corners(corners: [DVec3; 3]) -> Self {
         let (normal, area) = Face::normal_and_area(corners).unwrap_or_default();
         let [a, b, c] = corners;
         let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
@@ -157,7 +157,7 @@ pub(super) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     pub(super) fn new(indices: &'a [[u32; 3]], vertices: &'a [DVec3], flat: f64) -> Self {
-        let facet = |t: &[u32; 3]| Facet::of(t.map(|v| vertices[v as usize]));
+        let facet = |t: &[u32; 3]| Facet::from_corners(t.map(|v| vertices[v as usize]));
         let facets = || indices.par_iter().map(facet).collect();
         let (topology, facets) = rayon::join(|| Topology::new(indices, vertices.len()), facets);
         Self {

@@ -15,7 +15,7 @@ from pegfit._report import write_report
 Float = NDArray[np.float64]
 
 
-class Way:
+class InsertionPath:
     """The insertion path from outside, or from a pose, to the goal: n poses at equal steps, none if none
     was found. Reversed, it is the removal path.
 
@@ -77,11 +77,11 @@ class Way:
 
         >>> import os, tempfile
         >>> from pegfit import Pair, peg_in_hole
-        >>> way = Pair(*peg_in_hole("rectangular", clearance=2e-4)).path(solids_only=True)
+        >>> path = Pair(*peg_in_hole("rectangular", clearance=2e-4)).path(solids_only=True)
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     way.report(os.path.join(folder, "way.html"))
+        ...     path.report(os.path.join(folder, "path.html"))
         ...     os.listdir(folder)
-        ['way.html']
+        ['path.html']
         """
         core = self._core
         write_report(path, page=core.page, table=core.table, summary=core.summary)
@@ -91,6 +91,6 @@ class Way:
 
     def __repr__(self) -> str:
         if len(self) == 0:
-            return f"Way: {self.outcome}"
+            return f"InsertionPath: {self.outcome}"
         words = "; ".join(self.words) or "no motion worth a word"
-        return f"Way of {len(self)} poses, {self.outcome}: {words}"
+        return f"InsertionPath of {len(self)} poses, {self.outcome}: {words}"

@@ -1,4 +1,4 @@
-//! Pairs whose way apart is known, in frames of their own, and whether an answer is that way.
+//! Pairs whose removal path is known, in frames of their own, and whether an answer is that path.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
@@ -24,10 +24,10 @@ const ALIGNED: f64 = 0.12;
 /// Length over which the shortest guide (the notch of the bayonet) leads, metres.
 const GUIDE: f64 = 0.002;
 
-/// The way in that is known, in the frame in which the parts were made.
+/// A known insertion path, in the frame in which the parts were made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known {
-    /// At last straight along -z, or either way along z.
+    /// At last straight along -z, or in either direction along z.
     Along {
         /// Whether both ends are open.
         either: bool,
@@ -45,7 +45,7 @@ pub enum Known {
     Stays,
 }
 
-/// Two parts whose assembled pose is the identity, and their way.
+/// Two parts whose assembled pose is the identity, and their path.
 #[derive(Debug, Clone)]
 pub struct KnownPair {
     /// What they are, and the clearance.
@@ -54,8 +54,8 @@ pub struct KnownPair {
     pub parts: (TriangleMesh, TriangleMesh),
     /// Between their walls, metres; 0 if it is not known.
     pub clearance: f64,
-    /// Their way.
-    pub way: Known,
+    /// Their path.
+    pub path: Known,
 }
 
 /// Parts in a frame, each turned and shifted by itself.
@@ -78,26 +78,26 @@ pub struct PlacedPair {
 /// If a part of the folder cannot be read.
 pub fn known_pairs(folder: Option<&Path>) -> Outcome<Vec<KnownPair>> {
     let mut all = Vec::new();
-    let mut add = |name: String, parts, clearance: f64, way| {
+    let mut add = |name: String, parts, clearance: f64, path| {
         all.push(KnownPair {
             name,
             parts,
             clearance,
-            way,
+            path,
         });
     };
     for pair in modelled(folder)? {
         let parts = ((*pair.fixed).clone(), (*pair.moving).clone());
-        let way = Known::Along {
+        let path = Known::Along {
             either: pair.either,
         };
-        add(pair.name, parts, 0.0, way);
+        add(pair.name, parts, 0.0, path);
     }
     for seed in 0..8 {
         let fit = pegfit_fixtures::random_fit(seed)?;
-        let way = if fit.through { "through" } else { "blind" };
+        let end = if fit.through { "through" } else { "blind" };
         let mm = millimetres(fit.clearance);
-        let name = format!("peg {seed}, {}, {way}, {mm} mm", fit.kind);
+        let name = format!("peg {seed}, {}, {end}, {mm} mm", fit.kind);
         let either = fit.slide != [0.0; 2];
         let parts = (fit.fixed, fit.moving);
         add(name, parts, fit.clearance, Known::Along { either });
@@ -172,22 +172,25 @@ impl KnownPair {
         }
     }
 
-    /// Whether an answer between the parts as `placed` is the known one: a way without overlap by the
+    /// Whether an answer between the parts as `placed` is the known one: a path without overlap by the
     /// known motions, or none after everything was tried.
     pub fn is_right(&self, placed: &PlacedPair, answer: &PathResult) -> bool {
         match answer.outcome {
-            Found::Blocked { exhausted, .. } => self.way == Known::Stays && exhausted,
+            Found::Blocked { exhausted, .. } => self.path == Known::Stays && exhausted,
             Found::Free => {
                 let own = placed.place.inverse();
                 let motions = answer.motions.iter().map(|m| m.placed(&own));
-                answer.is_free() && self.way.is_by(&motions.collect::<Vec<_>>(), self.clearance)
+                answer.is_free()
+                    && self
+                        .path
+                        .is_by(&motions.collect::<Vec<_>>(), self.clearance)
             }
         }
     }
 }
 
 impl Known {
-    /// Whether these motions, inwards, are the known way of parts with so much play, metres.
+    /// Whether these motions, inwards, are the known path of parts with so much play, metres.
     fn is_by(self, motions: &[Motion], clearance: f64) -> bool {
         let along = |m: &Motion, axis: DVec3| {
             let play = (2.0 * clearance / m.length).min(0.2);
@@ -257,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn known_ways_are_told_from_others() {
+    fn known_paths_are_told_from_others() {
         let down = motion(-DVec3::Z, 0.0, 0.01);
         let across = motion(DVec3::X, 0.0, 0.008);
         let up = motion(DVec3::Y, 0.0, 0.01);

@@ -1,15 +1,16 @@
 //! Docking from two parts to ranked poses: frame, lattices, fields, search, and the report of each
 //! pose.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{
-    Aabb, ContactError, Interference, InterferenceQuery, MatingLimits, MatingSurfaces, Monitor,
-    TriangleMesh, minimum_box_rotation,
+    Aabb, ContactError, Interference, Monitor, SymmetryOrder, TriangleMesh, minimum_box_rotation,
 };
 
 use crate::correlate::{CorrelatorPlan, PairSupport};
@@ -18,25 +19,29 @@ use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::dock::error::DockingError;
 use crate::dock::grid_levels::{GridLevels, domain_rotations};
 use crate::dock::local_refinement::{FoundPose, SearchResult, SearchStage};
-use crate::dock::options::{SearchDomain, SearchOptions, SearchPairs, docking_weights};
+use crate::dock::options::{
+    SearchDomain, SearchOptions, SearchPairs, docking_weights, with_docking_weights,
+};
 use crate::dock::rotations::symmetry_group;
 use crate::dock::search::{needs_screening, rerank, search};
 use crate::geometry::se3::Pose;
+use crate::mating::{HeldPose, HoldReport, Joint, MatingSearch, MatingSearchOptions, SearchRegion};
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
-use crate::pair::setup::PairSetup;
+use crate::pair::setup::{PairSetup, PairSetupError};
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::symmetry::symmetry_on_lattice;
 
 /// Angle between rotations where no domain is given, degrees.
 const STEP_DEG: f64 = 15.0;
 
-/// Faces that turn from being opposite by more than this do not mate, radians: 10 degrees.
-pub const MATING_ANGLE: f64 = 0.1745;
+/// A rank from which on poses that contact holds need no search by energy, nats: more than a part
+/// that lies on a face, or in a corner, has.
+const CONVINCING: f64 = 8.0;
 
-/// Width of the pieces of the moving part's surface whose mating area is measured, fine spacings.
-const MATING_PIECES: f64 = 0.5;
+/// Bytes of the fields of which energies are reported; wider lattices are taken beyond.
+const ENERGY_BYTES: u64 = 1 << 30;
 
 /// The options of a docking run.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,11 +52,32 @@ pub struct DockingRequest {
     pub exhaustive: bool,
     /// Rotations of the moving part, fixed part's frame; all of them, 15 degrees apart, if absent.
     pub rotations: Option<RotationDomain>,
-    /// Faces at most this far apart count as mating ([`DockingPose::mating_area`]), metres; by
-    /// default the fine spacing.
+    /// Faces at most this far apart count as mating, metres; by default 4 % of the moving part's root
+    /// mean square radius.
     pub mating_clearance: Option<f64>,
-    /// File that keeps the scored rotations, from which a later run goes on.
+    /// File that keeps the scored rotations of a search by energy, from which a later run goes on.
     pub state: Option<PathBuf>,
+    /// What ranks the poses.
+    pub ranking: Ranking,
+    /// Only poses near this one, fixed part's frame: the moving part's middle at most so far away
+    /// (metres), turned by at most an angle (radians).
+    pub near: Option<(Pose, f64, f64)>,
+    /// A known axis of the moving part's turns: a point, metres, and a direction, fixed part's frame.
+    pub axis: Option<(DVec3, DVec3)>,
+    /// Parts that are there already, in the fixed part's frame: the moving part touches them, but
+    /// does not overlap them.
+    pub others: Vec<Arc<TriangleMesh>>,
+}
+
+/// What ranks poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Ranking {
+    /// How contact holds the part ([`crate::mating`]). Poses come from planes and axes of both
+    /// surfaces, and from a search by energy where those hold it nowhere.
+    #[default]
+    Contact,
+    /// The energy under the docking weights, lowest first.
+    Energy,
 }
 
 impl Default for DockingRequest {
@@ -63,6 +89,10 @@ impl Default for DockingRequest {
             rotations: None,
             mating_clearance: None,
             state: None,
+            ranking: Ranking::Contact,
+            near: None,
+            axis: None,
+            others: Vec::new(),
         }
     }
 }
@@ -70,12 +100,29 @@ impl Default for DockingRequest {
 /// What docking found and what it cost.
 #[derive(Debug)]
 pub struct DockingResult {
-    /// Distinct poses, lowest energy first; those that could not be refined last.
+    /// Distinct poses, the best first.
     pub poses: Vec<DockingPose>,
-    /// The lattices it worked on.
+    /// What ranked them.
+    pub ranking: Ranking,
+    /// The lattices of a search by energy.
     pub lattices: GridLevels,
     /// Motions that map the moving part onto itself: poses that differ by one count as the same.
     pub symmetries: Vec<Pose>,
+    /// The search by energy, where there was one.
+    pub energy_search: Option<EnergySearch>,
+    /// Spacing of the lattice that energies are of, metres; none if there are none.
+    pub energy_spacing: Option<f64>,
+    /// Why there are no energies, if the pair's fields cannot be computed.
+    pub no_energies: Option<PairSetupError>,
+    /// Wall time of the density fields, seconds.
+    pub field_seconds: f64,
+    /// The other stages, in order.
+    pub stages: Vec<SearchStage>,
+}
+
+/// The work of a search by energy.
+#[derive(Debug)]
+pub struct EnergySearch {
     /// Rotations of the domain.
     pub rotations: usize,
     /// Rotations that the screening chose; all without one.
@@ -97,10 +144,6 @@ pub struct DockingResult {
     /// Why poses were ranked by cell averages instead of smoothed densities and contact: the parts
     /// have too many faces for the contact sum.
     pub averaged: Option<ContactError>,
-    /// Wall time of the density fields, seconds.
-    pub field_seconds: f64,
-    /// The other stages, in order.
-    pub stages: Vec<SearchStage>,
     /// Wall time per rotation scored, seconds, without the screening.
     pub seconds_per_rotation: f64,
 }
@@ -171,16 +214,148 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// Computes the fields, searches, and reports the poses found. A state file keeps the scores of
-    /// a cancelled run. When the monitor cancels after rotations have been scored, the best of these
-    /// are returned unrefined.
+    /// Searches, and reports the poses found. When the monitor cancels after poses have been found,
+    /// the best of these are returned as they are.
     ///
     /// # Errors
     /// If the domain, the model or the memory limit does not allow the search, a part has no interior
     /// on a lattice, the state file is unusable or of another search, or the monitor cancels before
-    /// any rotation is scored.
+    /// any pose is found.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         self.require_clearance()?;
+        match self.options.ranking {
+            Ranking::Contact => self.run_by_contact(monitor),
+            Ranking::Energy => self.run_by_energy(monitor),
+        }
+    }
+
+    /// Poses that contact holds; if it holds the part nowhere, those of the lowest energy as well.
+    fn run_by_contact(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
+        let setup = self.setup;
+        let domain = self.domain()?;
+        let began = Instant::now();
+        let fixed = self.with_others();
+        let search = MatingSearch::new(&fixed, &setup.moving, self.mating_options(&domain));
+        let mut held = search.run(&[], monitor);
+        let mut stages = vec![SearchStage {
+            name: "contact",
+            items: held.len(),
+            seconds: began.elapsed().as_secs_f64(),
+        }];
+        let (mut energy_search, mut field_seconds) = (None, 0.0);
+        let convincing = held.first().is_some_and(|h| h.rank >= CONVINCING);
+        if !convincing && !monitor.cancelled() {
+            match self.run_by_energy(monitor) {
+                Ok(found) => {
+                    let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
+                    held = search.run(&poses, monitor);
+                    stages.extend(found.stages);
+                    (energy_search, field_seconds) = (found.energy_search, found.field_seconds);
+                }
+                Err(error) if held.is_empty() => return Err(error),
+                Err(error) => tracing::warn!(%error, "no search by energy"),
+            }
+        }
+        if held.is_empty() {
+            return Err(DockingError::Cancelled);
+        }
+        let began = Instant::now();
+        let energies = self.energies(&held, monitor);
+        field_seconds += began.elapsed().as_secs_f64();
+        let (energies, energy_spacing, no_energies) = match energies {
+            Ok((energies, spacing)) => (energies, Some(spacing), None),
+            Err(error) => (vec![PoseEnergies::NONE; held.len()], None, Some(error)),
+        };
+        let area = setup.moving.area();
+        let poses = held.into_iter().zip(energies);
+        Ok(DockingResult {
+            poses: poses.map(|(h, e)| DockingPose::held(h, &e, area)).collect(),
+            ranking: Ranking::Contact,
+            lattices: self.lattices,
+            symmetries: domain.symmetries,
+            energy_search,
+            energy_spacing,
+            no_energies,
+            field_seconds,
+            stages,
+        })
+    }
+
+    /// The fixed part in its own frame together with the parts that are there already.
+    fn with_others(&self) -> Cow<'_, TriangleMesh> {
+        match self.options.others.is_empty() {
+            true => Cow::Borrowed(&*self.setup.fixed),
+            false => {
+                let others = self.options.others.iter().map(|m| &**m);
+                Cow::Owned(TriangleMesh::joined(
+                    [&*self.setup.fixed].into_iter().chain(others),
+                ))
+            }
+        }
+    }
+
+    fn mating_options(&self, domain: &SearchDomain) -> MatingSearchOptions {
+        let round = symmetry_on_lattice(&self.setup.moving, self.lattices.fine);
+        let round = round.iter().find(|a| a.order == SymmetryOrder::Continuous);
+        let limited = |d: &RotationDomain| !matches!(d, RotationDomain::Full { .. });
+        let limited = self.options.rotations.as_ref().is_some_and(limited);
+        MatingSearchOptions {
+            top: self.options.top,
+            clearance: self.options.mating_clearance,
+            region: SearchRegion {
+                near: self.options.near,
+                places: (self.setup.half_extent.is_some())
+                    .then_some((self.lattices.pivot, domain.places)),
+                rotations: limited.then(|| (domain.rotations.clone(), domain.step)),
+            },
+            axis: self.options.axis,
+            symmetries: domain.symmetries.clone(),
+            round: round.map(|a| a.direction),
+            present: Some(Pose::IDENTITY),
+        }
+    }
+
+    /// Energies at poses in the fixed part's own frame, and the spacing of their lattice, metres: the
+    /// setup's own, or wider where its fields would need more than [`ENERGY_BYTES`].
+    fn energies(
+        &self,
+        held: &[HeldPose],
+        monitor: &dyn Monitor,
+    ) -> Result<(Vec<PoseEnergies>, f64), PairSetupError> {
+        let setup = self.setup;
+        let mut plan = setup.plan()?;
+        while plan.bytes > ENERGY_BYTES && setup.builder.spacing.is_none() {
+            let builder = PairBuilder {
+                spacing: Some(1.5 * plan.spacing()),
+                ..setup.builder
+            };
+            plan = builder.plan(&setup.fixed, &setup.moving, &setup.model)?;
+        }
+        let pair = plan.build(&setup.fixed, &setup.moving, setup.cache.as_ref(), monitor)?;
+        let pair = pair
+            .with_gamma(setup.gamma()?)
+            .map_err(PairBuildError::from)?;
+        let weighed = with_docking_weights(&pair, self.search_options().ratio)
+            .map_err(PairBuildError::from)?;
+        let direct = |pair| DirectEvaluator::new(pair, &DirectOptions::FULL);
+        let sources = [direct(&pair), direct(&weighed)];
+        let [Ok(own), Ok(docking)] = sources else {
+            return Ok((vec![PoseEnergies::NONE; held.len()], plan.spacing()));
+        };
+        let perfect = pair.model().gamma * pair.mould_score();
+        let of = |h: &HeldPose| {
+            let model = own.evaluate_full(&h.pose).response.energy;
+            PoseEnergies {
+                docking: docking.evaluate_full(&h.pose).response.energy,
+                model,
+                quality: (-model / perfect).clamp(0.0, 1.0),
+            }
+        };
+        Ok((held.par_iter().map(of).collect(), plan.spacing()))
+    }
+
+    /// Poses of the lowest energy. A state file keeps the scores of a cancelled run.
+    fn run_by_energy(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         let domain = self.domain()?;
         let plan = self.planned(&domain)?;
         self.require_memory(&plan)?;
@@ -220,26 +395,29 @@ impl<'a> Docking<'a> {
             }
         }
         // Report the poses in the fixed part's own frame.
-        let mating = self.mating_areas(&found.poses)?;
         let pairs = [&finest, own.as_ref().unwrap_or(&finest)];
-        let solids = [self.fixed(), &self.setup.moving];
-        let poses = pose_reports(&found, pairs, solids, &mating, &self.frame.inverse())?;
+        let poses = self.reports(&found, pairs, &domain)?;
         Ok(DockingResult {
             poses,
+            ranking: Ranking::Energy,
             lattices: self.lattices,
             symmetries: domain.symmetries,
-            rotations: found.rotations,
-            chosen: found.chosen,
-            scored: found.scored,
-            resumed: found.resumed,
-            window: found.window,
-            transform_size: found.transform_size,
-            model: found.model,
-            close,
-            undecided,
-            averaged,
+            energy_spacing: Some(finest.spacing()),
+            no_energies: None,
             field_seconds,
-            seconds_per_rotation: found.seconds_per_rotation(),
+            energy_search: Some(EnergySearch {
+                rotations: found.rotations,
+                chosen: found.chosen,
+                scored: found.scored,
+                resumed: found.resumed,
+                window: found.window,
+                transform_size: found.transform_size,
+                model: found.model,
+                close,
+                undecided,
+                averaged,
+                seconds_per_rotation: found.seconds_per_rotation(),
+            }),
             stages: found.stages,
         })
     }
@@ -433,102 +611,128 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// The mating area of each pose, square metres.
-    fn mating_areas(&self, poses: &[FoundPose]) -> Result<Vec<f64>, PairBuildError> {
-        let fine = self.lattices.fine;
-        let limits = MatingLimits {
-            clearance: self.options.mating_clearance.unwrap_or(fine),
-            angle: MATING_ANGLE,
+    /// The reports of a search's poses, in the fixed part's own frame.
+    fn reports(
+        &self,
+        found: &SearchResult,
+        [finest, own]: [&Pair; 2],
+        domain: &SearchDomain,
+    ) -> Result<Vec<DockingPose>, DockingError> {
+        let ranking_pair = finest.with_model(found.model)?;
+        let conditions: Vec<f64> = (found.poses.par_iter())
+            .take(CONDITION_POSES)
+            .map(|p| Condition::at(&ranking_pair, &p.pose).number())
+            .collect();
+        let source = DirectEvaluator::new(own, &DirectOptions::FULL)?;
+        let perfect = own.model().gamma * own.mould_score();
+        let back = self.frame.inverse();
+        let poses: Vec<Pose> = found.poses.iter().map(|p| back * p.pose).collect();
+        let fixed = self.with_others();
+        let search = MatingSearch::new(&fixed, &self.setup.moving, self.mating_options(domain));
+        let area = self.setup.moving.area();
+        let held = search.describe(&poses);
+        let report = |(index, (p, held)): (usize, (&FoundPose, HeldPose))| {
+            let model = source.evaluate_full(&p.pose).response.energy;
+            let energies = PoseEnergies {
+                docking: p.energy,
+                model,
+                quality: (-model / perfect).clamp(0.0, 1.0),
+            };
+            let pose = DockingPose::held(held, &energies, area);
+            DockingPose {
+                found: FoundPose {
+                    pose: pose.found.pose,
+                    ..*p
+                },
+                condition: conditions.get(index).copied(),
+                ..pose
+            }
         };
-        let parts = [self.fixed(), &self.setup.moving];
-        mating_areas(poses, parts, &limits, MATING_PIECES * fine)
+        Ok(found
+            .poses
+            .iter()
+            .zip(held)
+            .enumerate()
+            .map(report)
+            .collect())
     }
 }
 
 /// How many of the best poses have the condition number of their score found, cell by cell.
 const CONDITION_POSES: usize = 16;
 
+/// Energies at a pose, joules, and the score as a share of a perfect mould's.
+#[derive(Clone, Copy)]
+struct PoseEnergies {
+    docking: f64,
+    model: f64,
+    quality: f64,
+}
+
+impl PoseEnergies {
+    const NONE: Self = Self {
+        docking: f64::NAN,
+        model: f64::NAN,
+        quality: f64::NAN,
+    };
+}
+
 /// One pose found.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DockingPose {
-    /// Pose in the fixed part's own frame, energy under the docking weights, and width.
+    /// Pose in the fixed part's own frame, and energy under the docking weights, NaN if there are no
+    /// energies.
     pub found: FoundPose,
-    /// Energy as a share of the deepest pose's; 0 if none is below zero.
-    pub depth: f64,
     /// How good the fit is, 0 to 1: the score under the setup's model as a share of what the smaller
-    /// part would score in a perfect mould of itself ([`Pair::mould_score`]).
+    /// part would score in a perfect mould of itself ([`Pair::mould_score`]); NaN without energies.
     pub quality: f64,
+    /// How contact holds the part.
+    pub hold: HoldReport,
+    /// What ranks poses by contact, nats: the hold, less what overlap costs.
+    pub rank: f64,
+    /// The joint that contact leaves, fixed part's frame.
+    pub joint: Joint,
+    /// Other poses in which the same contact holds the part.
+    pub alike: Vec<Pose>,
     /// How far the solids lie in one another, measured from their surfaces.
     pub interference: Interference,
     /// Share of the moving part's volume that the fixed part fills as well, 0 ..= 1.
     pub overlap: f64,
     /// Area of the moving part's faces that lie against opposite faces of the fixed part
-    /// ([`MATING_ANGLE`], [`crate::DockingRequest::mating_clearance`]), square metres.
+    /// ([`crate::DockingRequest::mating_clearance`]), square metres.
     pub mating_area: f64,
-    /// Energy under the setup's own model and halo, on the fine lattice, joules: what an evaluator of
-    /// the setup's pair gives at this pose, up to the error of the lattice.
+    /// Energy under the setup's own model and halo, joules: what an evaluator of the setup's pair
+    /// gives at this pose, up to the error of the lattice; NaN without energies.
     pub model_energy: f64,
     /// The sum of the absolute terms of the score under the docking weights over the score: how far
-    /// they cancel. Of the best poses only.
+    /// they cancel. Of the best poses of a search by energy only.
     pub condition: Option<f64>,
 }
 
-/// The reports of a search's poses. `back` leads from the frame of the search to the fixed part's
-/// own; `mating` is the mating area of each pose, square metres.
-pub(super) fn pose_reports(
-    report: &SearchResult,
-    [finest, own]: [&Pair; 2],
-    [fixed, moving]: [&TriangleMesh; 2],
-    mating: &[f64],
-    back: &Pose,
-) -> Result<Vec<DockingPose>, DockingError> {
-    let ranking_pair = finest.with_model(report.model)?;
-    let conditions: Vec<f64> = report
-        .poses
-        .par_iter()
-        .take(CONDITION_POSES)
-        .map(|p| Condition::at(&ranking_pair, &p.pose).number())
-        .collect();
-    let source = DirectEvaluator::new(own, &DirectOptions::FULL)?;
-    let perfect = own.mould_score();
-    let query = InterferenceQuery::new(fixed, moving);
-    let volume = moving.volume();
-    let deepest = report.poses.iter().map(|p| p.energy).fold(0.0, f64::min);
-    let report_of = |(index, p): (usize, &FoundPose)| {
-        let model_energy = source.evaluate_full(&p.pose).response.energy;
-        let interference = query.at(p.pose.rotation, p.pose.translation);
-        DockingPose {
+impl DockingPose {
+    /// Of a part with this surface, square metres.
+    fn held(held: HeldPose, energies: &PoseEnergies, area: f64) -> Self {
+        Self {
             found: FoundPose {
-                pose: *back * p.pose,
-                ..*p
+                pose: held.pose,
+                energy: energies.docking,
+                refined: true,
+                half_width: None,
+                rotation: 0,
+                lattice_energy: energies.docking,
             },
-            depth: if deepest < 0.0 {
-                p.energy / deepest
-            } else {
-                0.0
-            },
-            quality: (-model_energy / (own.model().gamma * perfect)).clamp(0.0, 1.0),
-            overlap: (interference.volume / volume).clamp(0.0, 1.0),
-            interference,
-            mating_area: mating[index],
-            model_energy,
-            condition: conditions.get(index).copied(),
+            quality: energies.quality,
+            mating_area: held.hold.share * area,
+            hold: held.hold,
+            rank: held.rank,
+            joint: held.joint,
+            alike: held.alike,
+            interference: held.interference,
+            overlap: held.overlap,
+            model_energy: energies.model,
+            condition: None,
         }
-    };
-    let poses: Vec<_> = report.poses.iter().enumerate().collect();
-    Ok(poses.into_par_iter().map(report_of).collect())
-}
-
-/// The mating area of each pose, square metres; the moving part in pieces `distance` wide, metres.
-pub(super) fn mating_areas(
-    poses: &[FoundPose],
-    [fixed, moving]: [&TriangleMesh; 2],
-    limits: &MatingLimits,
-    distance: f64,
-) -> Result<Vec<f64>, PairBuildError> {
-    let surfaces = MatingSurfaces::new(fixed, moving, distance)?;
-    let area = |p: &FoundPose| surfaces.area(p.pose.rotation, p.pose.translation, limits);
-    Ok(poses.par_iter().map(area).collect())
+    }
 }
 
 /// The lattices, rotations, memory and time of a docking run, known before any field is computed.

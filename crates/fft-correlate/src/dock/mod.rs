@@ -12,7 +12,7 @@ pub(crate) mod rotations;
 pub(crate) mod search;
 mod state;
 
-pub use docking::{DockingPlan, MATING_ANGLE};
+pub use docking::{DockingPlan, EnergySearch, Ranking};
 pub use grid_levels::GridLevels;
 pub use local_refinement::{CLOSE, FoundPose, SearchStage};
 pub use options::DOCKING_RATIO;

@@ -11,7 +11,7 @@ use sdf_grid::{
 use crate::geometry::se3::Pose;
 
 /// Eigenvalue of the Gramian from which on a motion counts as held.
-pub const INFORMATION_FLOOR: f64 = 2e-4;
+pub(crate) const INFORMATION_FLOOR: f64 = 2e-4;
 
 /// Eigenvalues beyond this say nothing more: a rim holds a lid as well as a face does.
 const ENOUGH: f64 = 0.02;
@@ -26,12 +26,13 @@ const FEW_SAMPLES: usize = 256;
 /// Samples of the fixed part, at most.
 const MOST_FIXED_SAMPLES: usize = 60_000;
 
-/// Widest clearance of hypotheses, root mean square radii of the moving part, and the least.
+/// Clearance within which faces of hypotheses mate, root mean square radii of the moving part.
 const WIDEST: f64 = 0.06;
-const NARROWEST: f64 = 0.008;
 
-/// Clearance as a share of the thinnest wall: samples must not mate through walls.
+/// Faces that lie in one another mate up to this share of the thinnest wall, so that samples do not
+/// mate through walls; and at least, at most so many radii.
 const OF_A_WALL: f64 = 0.45;
+const NARROWEST: f64 = 0.008;
 
 /// A wall has at least this share of its part's surface.
 const WALL_SHARE: f64 = 0.04;
@@ -115,7 +116,10 @@ pub struct MatingContact {
     /// Root mean square distance of its surface from the centre, metres.
     pub(crate) radius: f64,
     /// Clearance within which faces mate where hypotheses are screened, metres.
-    pub(crate) coarse_clearance: f64,
+    clearance: f64,
+    /// How far mating faces of hypotheses may lie in one another, and how far apart poses are that
+    /// count as different, metres.
+    pub(crate) resolution: f64,
     /// Corners of the moving part's box, its frame, metres.
     pub(crate) corners: [DVec3; 8],
 }
@@ -135,11 +139,10 @@ impl MatingContact {
         let radius = samples.iter().map(square).sum::<f64>().sqrt();
         let wall = (moving_features.wall_thickness(moving.area(), WALL_SHARE))
             .min(fixed_features.wall_thickness(fixed.area(), WALL_SHARE));
-        let coarse_clearance = match clearance {
-            Some(c) => c / SEATED,
-            None => (OF_A_WALL * wall).clamp(NARROWEST * radius, WIDEST * radius),
-        };
-        let reach = coarse_clearance;
+        let clearance = clearance.map_or(WIDEST * radius, |c| c / SEATED);
+        let resolution = (OF_A_WALL * wall)
+            .clamp(NARROWEST * radius, WIDEST * radius)
+            .min(clearance);
         let count = SAMPLES as f64 * fixed.area() / moving.area();
         let count = (count as usize).clamp(SAMPLES, MOST_FIXED_SAMPLES);
         let patches = samples.iter().map(|s| s.patch + 1).max().unwrap_or(0);
@@ -148,8 +151,8 @@ impl MatingContact {
             patch_samples[s.patch] += 1;
         }
         Self {
-            fixed: FaceGrid::new(fixed, reach),
-            moving: FaceGrid::new(moving, reach),
+            fixed: FaceGrid::new(fixed, clearance),
+            moving: FaceGrid::new(moving, resolution),
             few: surface_points(moving, FEW_SAMPLES),
             patch_samples,
             fixed_samples: SampleCells::new(&surface_points(fixed, count), bounds.diagonal() / 8.0),
@@ -157,7 +160,8 @@ impl MatingContact {
             samples,
             centre,
             radius,
-            coarse_clearance,
+            clearance,
+            resolution,
             corners: std::array::from_fn(|i| {
                 let side = |k: usize| f64::from(u8::from(i >> k & 1 == 1));
                 bounds.min + DVec3::new(side(0), side(1), side(2)) * bounds.size()
@@ -167,7 +171,15 @@ impl MatingContact {
 
     /// Clearance within which faces of a seated part mate, metres.
     pub fn clearance(&self) -> f64 {
-        SEATED * self.coarse_clearance
+        SEATED * self.clearance
+    }
+
+    /// How far apart and in one another mating faces may be for a clearance.
+    fn limits(&self, clearance: f64) -> [f64; 2] {
+        [
+            clearance.min(self.resolution),
+            clearance.min(self.clearance),
+        ]
     }
 
     /// Calls `found` with every mating sample, its position, its normal and the opposite face's gap
@@ -179,11 +191,17 @@ impl MatingContact {
         clearance: f64,
         mut found: impl FnMut(&SurfacePoint, DVec3, DVec3, f64, DVec3),
     ) {
-        let clearance = clearance.min(self.coarse_clearance);
+        let limits = self.limits(clearance);
         for sample in samples {
             let (p, n) = (pose.apply(sample.position), pose.rotation * sample.normal);
-            if let Some(face) = self.fixed.opposite_face(p, n, clearance, OPPOSITE_COSINE) {
-                found(sample, p, pose.rotation * sample.smooth_normal, face.gap, face.normal);
+            if let Some(face) = self.fixed.opposite_face(p, n, limits, OPPOSITE_COSINE) {
+                found(
+                    sample,
+                    p,
+                    pose.rotation * sample.smooth_normal,
+                    face.gap,
+                    face.normal,
+                );
             }
         }
     }
@@ -213,11 +231,11 @@ impl MatingContact {
     /// fixed part; none where little mates or much lies inside.
     pub(super) fn screen(&self, pose: &Pose) -> Option<f64> {
         const LEAST: f64 = 8.0;
-        let clearance = self.coarse_clearance;
+        let (clearance, limits) = (self.clearance, self.limits(self.clearance));
         // A third of the samples finds most poses that are out of reach.
         let touches = |s: &SurfacePoint| {
             let (p, n) = (pose.apply(s.position), pose.rotation * s.normal);
-            (self.fixed.opposite_face(p, n, clearance, OPPOSITE_COSINE)).is_some()
+            (self.fixed.opposite_face(p, n, limits, OPPOSITE_COSINE)).is_some()
         };
         if !self.few.iter().step_by(3).any(touches) {
             return None;
@@ -229,7 +247,7 @@ impl MatingContact {
         let mut inside = 0.0;
         for s in &self.few {
             let p = pose.apply(s.position);
-            if self.fixed.is_deeper(p, COARSELY_DEEP * clearance) {
+            if self.fixed.is_deeper(p, COARSELY_DEEP * self.resolution) {
                 inside += s.weight;
                 if information - INSIDE * inside < LEAST {
                     return None;
@@ -255,7 +273,7 @@ impl MatingContact {
             normals.push((n, s.weight));
         });
         let escape = escape(&normals);
-        let interpenetration = self.interpenetration(pose, DEEP * self.coarse_clearance);
+        let interpenetration = self.interpenetration(pose, DEEP * self.resolution);
         let hold = match normals.is_empty() {
             true => 0.0,
             false => {

@@ -201,7 +201,11 @@ impl<'a> Hypotheses<'a> {
             }
         }
         for g in &mut groups {
-            g.offsets = clustered(std::mem::take(&mut g.offsets), 0.5 * self.clearance, OFFSETS);
+            g.offsets = clustered(
+                std::mem::take(&mut g.offsets),
+                0.5 * self.clearance,
+                OFFSETS,
+            );
         }
         groups
     }
@@ -221,7 +225,8 @@ impl<'a> Hypotheses<'a> {
         let mut kinds: Vec<(AxisPair, DQuat)> = Vec::new();
         for pair in &pairs {
             for sense in [1.0, -1.0] {
-                let base = DQuat::from_rotation_arc(pair.moving.direction, sense * pair.fixed.direction);
+                let base =
+                    DQuat::from_rotation_arc(pair.moving.direction, sense * pair.fixed.direction);
                 let alike = |(known, turn): &(AxisPair, DQuat)| {
                     std::ptr::eq(known.moving, pair.moving)
                         && pair.is_alike(known, 0.1 * self.clearance)
@@ -256,13 +261,19 @@ impl<'a> Hypotheses<'a> {
             patches: Vec::new(),
         };
         let none = [f64::INFINITY, f64::NEG_INFINITY];
-        let there = (fixed.planes.iter().map(|p| along(p, (point, known.direction))))
-            .fold(none, join);
+        let there = (fixed
+            .planes
+            .iter()
+            .map(|p| along(p, (point, known.direction))))
+        .fold(none, join);
         let mut families = Vec::new();
         for axis in &moving.axes {
-            let here = (moving.planes.iter().map(|p| along(p, (axis.point, axis.direction))))
-                .chain(axis.patches.iter().map(|p| p.span))
-                .fold(none, join);
+            let here = (moving
+                .planes
+                .iter()
+                .map(|p| along(p, (axis.point, axis.direction))))
+            .chain(axis.patches.iter().map(|p| p.span))
+            .fold(none, join);
             let pair = AxisPair {
                 fixed: &known,
                 moving: axis,
@@ -293,8 +304,14 @@ impl<'a> Hypotheses<'a> {
             })
         };
         places.retain(|s| together(*s));
-        let low = spans.iter().map(|(m, f)| f[0] - m[1]).fold(f64::INFINITY, f64::min);
-        let high = spans.iter().map(|(m, f)| f[1] - m[0]).fold(f64::NEG_INFINITY, f64::max);
+        let low = spans
+            .iter()
+            .map(|(m, f)| f[0] - m[1])
+            .fold(f64::INFINITY, f64::min);
+        let high = spans
+            .iter()
+            .map(|(m, f)| f[1] - m[0])
+            .fold(f64::NEG_INFINITY, f64::max);
         let steps = ((high - low) / (0.7 * self.clearance)).ceil();
         let steps = (steps as usize).clamp(1, EVEN_PLACES);
         let even = (0..=steps).map(|k| low + (high - low) * k as f64 / steps as f64);
@@ -303,7 +320,11 @@ impl<'a> Hypotheses<'a> {
         for spin in self.spins(pair, base, along) {
             let rotation = (DQuat::from_axis_angle(along, spin) * base).normalize();
             let foot = pair.fixed.point - rotation * pair.moving.point;
-            poses.extend(places.iter().map(|s| Pose::new(rotation, foot + *s * along)));
+            poses.extend(
+                places
+                    .iter()
+                    .map(|s| Pose::new(rotation, foot + *s * along)),
+            );
         }
         poses
     }
@@ -321,7 +342,8 @@ impl<'a> Hypotheses<'a> {
                 let share = if n.dot(f.normal) < 0.0 { 1.0 } else { FLUSH };
                 for a in &f.planes {
                     for b in &m.planes {
-                        let there = (a.offset - pair.fixed.point.dot(f.normal)) * f.normal.dot(along);
+                        let there =
+                            (a.offset - pair.fixed.point.dot(f.normal)) * f.normal.dot(along);
                         let here = (b.offset - pair.moving.point.dot(m.normal)) * n.dot(along);
                         places.push((there - here, share * a.area.min(b.area).sqrt()));
                     }
@@ -382,7 +404,9 @@ struct OffsetGroup {
 fn add_offset(groups: &mut Vec<OffsetGroup>, normal: DVec3, offset: f64, weight: f64, begin: bool) {
     let parallel = |g: &&mut OffsetGroup| g.normal.dot(normal).abs() > PARALLEL_COSINE;
     match groups.iter_mut().find(parallel) {
-        Some(g) => g.offsets.push((g.normal.dot(normal).signum() * offset, weight)),
+        Some(g) => g
+            .offsets
+            .push((g.normal.dot(normal).signum() * offset, weight)),
         None if begin => groups.push(OffsetGroup {
             normal,
             offsets: vec![(offset, weight)],
@@ -426,7 +450,12 @@ impl<'a> AxisPair<'a> {
                 }
             }
         }
-        (!spans.is_empty()).then_some(Self { fixed, moving, weight, spans })
+        (!spans.is_empty()).then_some(Self {
+            fixed,
+            moving,
+            weight,
+            spans,
+        })
     }
 
     /// Whether the fixed axes have the same patches, up to a length.
@@ -464,7 +493,8 @@ fn directions(planes: &[Plane]) -> Vec<Direction<'_>> {
 
 /// All ordered pairs of directions.
 fn pairs<'a>(of: &'a [Direction<'_>]) -> impl Iterator<Item = (DVec3, DVec3)> + 'a {
-    of.iter().flat_map(move |a| of.iter().map(move |b| (a.normal, b.normal)))
+    of.iter()
+        .flat_map(move |a| of.iter().map(move |b| (a.normal, b.normal)))
 }
 
 /// An orthonormal frame that begins with `a`, its third axis normal to `b`.

@@ -7,7 +7,7 @@ use super::contact::{ContactGramian, MatingContact};
 use crate::geometry::se3::Pose;
 
 /// A motion is free if contact resists it by less than this share of what it resists most.
-const FREE: f64 = 4e-3;
+const FREE: f64 = 5e-4;
 
 /// Turns this small against displacements, or the other way round, are none.
 const NONE: f64 = 0.05;
@@ -26,9 +26,10 @@ const LOST: f64 = 0.1;
 const BLOCKED: f64 = 0.004;
 
 /// Which motions contact leaves free.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum JointKind {
     /// None.
+    #[default]
     Fixed,
     /// A displacement along the axis.
     Prismatic,
@@ -83,7 +84,7 @@ pub struct Travel {
 }
 
 /// The joint of two parts at a pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Joint {
     /// Which motions are free.
     pub kind: JointKind,
@@ -226,7 +227,8 @@ impl MatingContact {
         let mut turns: Vec<Motion> = Vec::new();
         loop {
             let size = |m: &Motion| m.turn.length() * self.radius;
-            let largest = (0..left.len()).max_by(|a, b| size(&left[*a]).total_cmp(&size(&left[*b])));
+            let largest =
+                (0..left.len()).max_by(|a, b| size(&left[*a]).total_cmp(&size(&left[*b])));
             let Some(largest) = largest.filter(|i| size(&left[*i]) > NONE) else {
                 break;
             };

@@ -1,16 +1,19 @@
 //! The search for poses that contact holds: screens hypotheses, seats the best of them, ranks them by
 //! hold and overlap, and gathers places that are alike.
 
+use std::sync::OnceLock;
+
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{
-    Interference, InterferenceQuery, Matrix6, Monitor, SurfaceFeatures, TriangleMesh,
+    Aabb, Interference, InterferenceQuery, Matrix6, Monitor, SurfaceFeatures, TriangleMesh,
 };
 
 use super::contact::{HoldReport, MatingContact};
 use super::hypotheses::{Family, Hypotheses};
 use super::joint::Joint;
 use crate::dock::peaks::PoseSpacing;
+use crate::dock::rotations::search_rotations;
 use crate::geometry::se3::Pose;
 
 /// Poses of one family that go on, at most, and of all.
@@ -19,6 +22,9 @@ const OF_ALL: usize = 800;
 
 /// Families of alike holes that are screened in all poses; others only where these were good.
 const SCREENED_ALIKE: usize = 4;
+
+/// Angle between the rotations of balls in cups, radians: 30 degrees.
+const BALL_STEP: f64 = 0.5236;
 
 /// Seated poses that slide home, and those whose overlap is measured.
 const SLIDING: usize = 60;
@@ -34,8 +40,8 @@ const FACET_DEPTH: f64 = 0.02;
 
 /// Places are alike if the part is held in them by the same contact: information within this many
 /// nats, Gramians within this share.
-const ALIKE_NATS: f64 = 0.5;
-const ALIKE_GRAMIAN: f64 = 0.06;
+const ALIKE_NATS: f64 = 1.0;
+const ALIKE_GRAMIAN: f64 = 0.1;
 
 /// What is known beforehand about where the moving part belongs.
 #[derive(Debug, Clone, Default)]
@@ -56,22 +62,38 @@ pub struct MatingSearchOptions {
     pub present: Option<Pose>,
 }
 
-/// Which poses a search may return, fixed frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum SearchRegion {
-    /// All.
-    #[default]
-    Everywhere,
-    /// Those near a pose: the moving part's centre at most so far away (metres), turned by at most an
-    /// angle (radians).
-    Near {
-        /// The pose.
-        pose: Pose,
-        /// Metres.
-        distance: f64,
-        /// Radians.
-        angle: f64,
-    },
+/// Which poses a search may return, fixed frame; all where nothing is given.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SearchRegion {
+    /// Near a pose: the moving part's middle at most so far away (metres), turned by at most an angle
+    /// (radians).
+    pub near: Option<(Pose, f64, f64)>,
+    /// A point of the moving part (metres, its frame) lies in a box.
+    pub places: Option<(DVec3, Aabb)>,
+    /// Turned by at most an angle (radians) from one of these rotations.
+    pub rotations: Option<(Vec<DQuat>, f64)>,
+}
+
+impl SearchRegion {
+    /// Whether a pose lies in the region; `middle` is the moving part's, metres, its frame.
+    fn contains(&self, pose: &Pose, middle: DVec3) -> bool {
+        let near = |(at, distance, angle): &(Pose, f64, f64)| {
+            at.apply(middle).distance(pose.apply(middle)) <= *distance
+                && at.angle_to(pose) <= *angle
+        };
+        let turned = |(rotations, angle): &(Vec<DQuat>, f64)| {
+            let cosine = (0.5 * angle).cos();
+            rotations
+                .iter()
+                .any(|q| q.dot(pose.rotation).abs() >= cosine)
+        };
+        self.near.as_ref().is_none_or(near)
+            && self
+                .places
+                .as_ref()
+                .is_none_or(|(point, box_)| box_.contains(pose.apply(*point)))
+            && self.rotations.as_ref().is_none_or(turned)
+    }
 }
 
 /// A pose in which contact holds the moving part.
@@ -101,9 +123,11 @@ pub struct MatingSearch<'a> {
     contact: MatingContact,
     options: MatingSearchOptions,
     same: PoseSpacing,
+    /// The best hypotheses, found once.
+    screened: OnceLock<Vec<Candidate>>,
 }
 
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 struct Candidate {
     pose: Pose,
     value: f64,
@@ -120,8 +144,8 @@ impl<'a> MatingSearch<'a> {
         let [f, m] = &features;
         let contact = MatingContact::new([fixed, moving], [f, m], options.clearance);
         let same = PoseSpacing {
-            angle: contact.coarse_clearance / contact.radius,
-            distance: contact.coarse_clearance,
+            angle: contact.resolution / contact.radius,
+            distance: contact.resolution,
             pivot: contact.centre,
             symmetries: options.symmetries.clone(),
         };
@@ -132,6 +156,7 @@ impl<'a> MatingSearch<'a> {
             contact,
             options,
             same,
+            screened: OnceLock::new(),
         }
     }
 
@@ -143,13 +168,13 @@ impl<'a> MatingSearch<'a> {
     /// The poses that contact holds best, the best first; none if the surfaces have neither planes
     /// nor axes in common, or the monitor cancels. `others` are seated and ranked with them.
     pub fn run(&self, others: &[Pose], monitor: &dyn Monitor) -> Vec<HeldPose> {
-        let mut found = self.screen(monitor);
+        let mut found = self.screened.get_or_init(|| self.screen(monitor)).clone();
         found.extend(others.iter().map(|pose| Candidate {
             pose: *pose,
             value: f64::INFINITY,
         }));
         found.retain(|c| self.allows(&c.pose));
-        let distinct = self.distinct(found, self.contact.coarse_clearance, OF_ALL);
+        let distinct = self.distinct(found, self.contact.resolution, OF_ALL);
         monitor.begin("seating poses", distinct.len() as u64);
         let seat = |c: &Candidate| {
             if monitor.cancelled() {
@@ -160,7 +185,7 @@ impl<'a> MatingSearch<'a> {
             Some(Candidate { pose, value })
         };
         let seated: Vec<Candidate> = distinct.par_iter().filter_map(seat).collect();
-        let near = 0.5 * self.contact.coarse_clearance;
+        let near = 0.5 * self.contact.resolution;
         let seated = self.distinct(seated, near, SLIDING);
         let slide = |c: &Candidate| {
             let (pose, value) = match monitor.cancelled() {
@@ -178,11 +203,8 @@ impl<'a> MatingSearch<'a> {
     /// The best hypotheses of every family.
     fn screen(&self, monitor: &dyn Monitor) -> Vec<Candidate> {
         let [fixed, moving] = &self.features;
-        let hypotheses = Hypotheses::new(
-            [fixed, moving],
-            self.contact.coarse_clearance,
-            self.options.round,
-        );
+        let hypotheses =
+            Hypotheses::new([fixed, moving], self.contact.resolution, self.options.round);
         let rotations = match self.options.axis {
             // A known axis leaves no other rotations.
             Some(_) => Vec::new(),
@@ -192,7 +214,12 @@ impl<'a> MatingSearch<'a> {
             Some((point, direction)) => hypotheses.about(point, direction),
             None => hypotheses.coaxial(),
         };
-        let spheres = hypotheses.concentric(&rotations);
+        let evenly = match moving.spheres.is_empty() {
+            true => Vec::new(),
+            // Balls turn freely: what else mates decides.
+            false => search_rotations(BALL_STEP, &[]),
+        };
+        let spheres = hypotheses.concentric(&[rotations.as_slice(), &evenly].concat());
         let total = rotations.len() + round_families.len() + spheres.len();
         monitor.begin("screening fits", total as u64);
         let mut found: Vec<Candidate> = rotations
@@ -206,7 +233,11 @@ impl<'a> MatingSearch<'a> {
 
     /// The best of families of which some differ by which of many alike holes they use.
     fn screen_alike(&self, families: &[Family], monitor: &dyn Monitor) -> Vec<Candidate> {
-        let kinds = families.iter().filter_map(|f| f.alike).max().map_or(0, |k| k + 1);
+        let kinds = families
+            .iter()
+            .filter_map(|f| f.alike)
+            .max()
+            .map_or(0, |k| k + 1);
         let mut of_kind: Vec<Vec<&Family>> = vec![Vec::new(); kinds];
         let mut singles: Vec<&Family> = Vec::new();
         for family in families {
@@ -246,24 +277,17 @@ impl<'a> MatingSearch<'a> {
             let value = self.contact.screen(pose)?;
             Some(Candidate { pose: *pose, value })
         };
-        let found: Vec<Candidate> = poses.iter().filter(|p| self.allows(p)).filter_map(screen).collect();
+        let found: Vec<Candidate> = poses
+            .iter()
+            .filter(|p| self.allows(p))
+            .filter_map(screen)
+            .collect();
         monitor.advance(1);
-        self.distinct(found, self.contact.coarse_clearance, OF_A_FAMILY)
+        self.distinct(found, self.contact.resolution, OF_A_FAMILY)
     }
 
     fn allows(&self, pose: &Pose) -> bool {
-        match &self.options.region {
-            SearchRegion::Everywhere => true,
-            SearchRegion::Near {
-                pose: near,
-                distance,
-                angle,
-            } => {
-                let centre = self.contact.centre;
-                near.apply(centre).distance(pose.apply(centre)) <= *distance
-                    && near.angle_to(pose) <= *angle
-            }
-        }
+        self.options.region.contains(pose, self.contact.centre)
     }
 
     /// The best poses farther apart than a distance (metres), the best first.
@@ -285,32 +309,28 @@ impl<'a> MatingSearch<'a> {
     /// Measures overlaps, ranks, gathers places that are alike, and finds the joints.
     fn ranked(&self, homes: &[Candidate], monitor: &dyn Monitor) -> Vec<HeldPose> {
         // One of the poses that the moving part's symmetry makes equal.
-        let kept = self.same.distinct(homes.iter().map(|c| &c.pose), MEASURED.max(2 * self.options.top));
+        let kept = self.same.distinct(
+            homes.iter().map(|c| &c.pose),
+            MEASURED.max(2 * self.options.top),
+        );
         let query = InterferenceQuery::new(self.fixed, self.moving);
-        let volume = self.moving.volume();
         monitor.begin("measuring overlaps", kept.len() as u64);
         let measure = |i: &usize| {
-            let pose = homes[*i].pose;
             if monitor.cancelled() {
                 return None;
             }
-            let interference = query.at(pose.rotation, pose.translation);
-            let hold = self.contact.hold(&pose);
-            let overlap = (interference.volume / volume).clamp(0.0, 1.0);
-            let depth = interference.depth / self.contact.radius;
-            let cost = OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p()
-                + DEPTH * (depth - FACET_DEPTH).max(0.0);
+            let measured = self.measure(&query, &homes[*i].pose);
             monitor.advance(1);
-            Some((pose, hold, interference, overlap, hold.hold - cost))
+            Some(measured)
         };
         let mut measured: Vec<_> = kept.par_iter().filter_map(measure).collect();
-        measured.sort_by(|a, b| b.4.total_cmp(&a.4));
+        measured.sort_by(|a, b| b.rank.total_cmp(&a.rank));
         // Places that are alike.
         let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
         for (i, m) in measured.iter().enumerate() {
             let alike = |(first, _): &(usize, Vec<usize>)| {
                 let other = &measured[*first];
-                (m.4 - other.4).abs() < ALIKE_NATS && self.is_alike(&m.0, &other.0)
+                (m.rank - other.rank).abs() < ALIKE_NATS && self.is_alike(&m.pose, &other.pose)
             };
             match groups.iter_mut().find(|g| alike(g)) {
                 Some((_, members)) => members.push(i),
@@ -321,21 +341,46 @@ impl<'a> MatingSearch<'a> {
         let report = |(_, members): &(usize, Vec<usize>)| {
             let mut members = members.clone();
             if let Some(present) = self.options.present {
-                let away = |i: &usize| self.contact.distance(&measured[*i].0, &present);
+                let away = |i: &usize| self.contact.distance(&measured[*i].pose, &present);
                 members.sort_by(|a, b| away(a).total_cmp(&away(b)));
             }
-            let (pose, hold, interference, overlap, rank) = measured[members[0]];
+            let first = &measured[members[0]];
             HeldPose {
-                pose,
-                hold,
-                interference,
-                overlap,
-                rank,
-                joint: self.contact.joint(&pose),
-                alike: members[1..].iter().map(|i| measured[*i].0).collect(),
+                joint: self.contact.joint(&first.pose),
+                alike: members[1..].iter().map(|i| measured[*i].pose).collect(),
+                ..first.clone()
             }
         };
         groups.par_iter().map(report).collect()
+    }
+
+    /// Hold, overlap and joint at given poses, in their order.
+    pub fn describe(&self, poses: &[Pose]) -> Vec<HeldPose> {
+        let query = InterferenceQuery::new(self.fixed, self.moving);
+        let describe = |pose: &Pose| HeldPose {
+            joint: self.contact.joint(pose),
+            ..self.measure(&query, pose)
+        };
+        poses.par_iter().map(describe).collect()
+    }
+
+    /// All but the joint, which is left undetermined.
+    fn measure(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
+        let interference = query.at(pose.rotation, pose.translation);
+        let hold = self.contact.hold(pose);
+        let overlap = (interference.volume / self.moving.volume()).clamp(0.0, 1.0);
+        let depth = interference.depth / self.contact.radius;
+        let cost =
+            OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p() + DEPTH * (depth - FACET_DEPTH).max(0.0);
+        HeldPose {
+            pose: *pose,
+            hold,
+            interference,
+            overlap,
+            rank: hold.hold - cost,
+            joint: Joint::default(),
+            alike: Vec::new(),
+        }
     }
 
     /// Whether the same contact holds the part at two poses, up to its own symmetry.
@@ -348,8 +393,7 @@ impl<'a> MatingSearch<'a> {
         let size = norm(&a).max(norm(&b));
         let alike = |g: &Matrix6| difference(&a, g) <= ALIKE_GRAMIAN * size;
         alike(&b)
-            || (self.options.symmetries.iter())
-                .any(|s| alike(&turned(&b, s.rotation.conjugate())))
+            || (self.options.symmetries.iter()).any(|s| alike(&turned(&b, s.rotation.conjugate())))
     }
 }
 
@@ -364,8 +408,11 @@ fn turned(m: &Matrix6, q: DQuat) -> Matrix6 {
         [a.x, a.y, a.z, b.x, b.y, b.z]
     };
     let rows = m.0.map(|row| turn(&row));
-    let columns: [[f64; 6]; 6] = std::array::from_fn(|j| turn(&std::array::from_fn(|i| rows[i][j])));
-    Matrix6(std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i])))
+    let columns: [[f64; 6]; 6] =
+        std::array::from_fn(|j| turn(&std::array::from_fn(|i| rows[i][j])));
+    Matrix6(std::array::from_fn(|i| {
+        std::array::from_fn(|j| columns[j][i])
+    }))
 }
 
 fn norm(m: &Matrix6) -> f64 {

@@ -38,7 +38,7 @@ impl MatingContact {
     fn approach(&self, samples: &[SurfacePoint], start: &Pose, clearances: &[f64]) -> Pose {
         let mut pose = *start;
         for share in clearances {
-            let clearance = share * self.coarse_clearance;
+            let clearance = share * 1.5 * self.clearance();
             for _ in 0..STEPS {
                 let Some((turn, shift)) = self.step(samples, &pose, clearance) else {
                     break;
@@ -110,7 +110,7 @@ impl MatingContact {
                 DVec3::new(m[0], m[1], m[2]),
             );
             let tries = [1.0, -1.0].map(|sense| {
-                let length = sense * stride * self.coarse_clearance;
+                let length = sense * stride * self.resolution;
                 let there = self.moved(&pose, length * turn, length * shift);
                 let [many, _] = self.samples();
                 let there = self.approach(many, &there, &NEARLY_RIGHT);

@@ -7,11 +7,9 @@
 //! entire function. Integrals over polygons follow from `K` by integrals along their edges.
 //!
 //! - [`samples`]: cuts a surface into small pieces;
-//! - [`sum`]: the sum over both surfaces;
-//! - [`mating`]: the area on which two parts lie against each other.
+//! - [`sum`]: the sum over both surfaces.
 
 pub(crate) mod error;
-pub(crate) mod mating;
 #[cfg(test)]
 mod reference;
 pub(crate) mod samples;

@@ -112,6 +112,7 @@ impl SurfaceSample {
 ///
 /// # Errors
 /// If the distance is not positive and finite, there would be too many, or no triangle has an area.
+#[cfg(test)]
 pub(crate) fn surface_samples(
     mesh: &TriangleMesh,
     distance: f64,

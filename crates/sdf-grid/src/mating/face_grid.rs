@@ -33,7 +33,7 @@ type Key = [i32; 3];
 /// // The upper face of a cube, from half a millimetre above it.
 /// let cube = shapes::cuboid(DVec3::splat(0.01)).unwrap();
 /// let grid = FaceGrid::new(&cube, 0.001);
-/// let met = grid.opposite_face(DVec3::new(0.001, 0.0, 0.0055), -DVec3::Z, 0.001, 0.9);
+/// let met = grid.opposite_face(DVec3::new(0.001, 0.0, 0.0055), -DVec3::Z, [0.001; 2], 0.9);
 /// assert!((met.unwrap().gap - 0.0005).abs() < 1e-12);
 /// assert!(grid.is_deeper(DVec3::new(0.0, 0.0, 0.0045), 0.0004));
 /// ```
@@ -136,18 +136,18 @@ impl FaceGrid {
         Some(&self.list[first as usize..last as usize])
     }
 
-    /// The nearest face that the line through `p` along `direction` (unit length) meets within
-    /// `clearance` of it, forwards or backwards, and whose normal has at least `cosine` in common
-    /// with the line's opposite. The clearance is at most the grid's reach. Allocates nothing.
+    /// The nearest face that the line through `p` along `direction` (unit length) meets, at most
+    /// `behind` it or `ahead` of it (metres, at most the grid's reach), and whose normal has at least
+    /// `cosine` in common with the line's opposite. Allocates nothing.
     pub fn opposite_face(
         &self,
         p: DVec3,
         direction: DVec3,
-        clearance: f64,
+        [behind, ahead]: [f64; 2],
         cosine: f64,
     ) -> Option<OppositeFace> {
         let mut best: Option<OppositeFace> = None;
-        let mut least = clearance;
+        let mut least = behind.max(ahead);
         for &index in self.near(&self.key(p))? {
             let face = &self.faces[index as usize];
             let along = face.normal.dot(direction);
@@ -155,7 +155,8 @@ impl FaceGrid {
                 continue;
             }
             let gap = -face.height(p) / along;
-            if gap.abs() <= least && face.covers(p + gap * direction, BESIDE * self.reach) {
+            let within = gap.abs() <= least && (-behind..=ahead).contains(&gap);
+            if within && face.covers(p + gap * direction, BESIDE * self.reach) {
                 least = gap.abs();
                 best = Some(OppositeFace {
                     gap,
@@ -282,7 +283,11 @@ mod tests {
             for depth in [0.0, 0.0005, 0.002] {
                 let distance = bvh.signed_distance(p);
                 if (distance + depth).abs() > 1e-9 {
-                    assert_eq!(grid.is_deeper(p, depth), distance < -depth, "{p} {distance}");
+                    assert_eq!(
+                        grid.is_deeper(p, depth),
+                        distance < -depth,
+                        "{p} {distance}"
+                    );
                 }
             }
             inside += usize::from(grid.is_deeper(p, 0.0));
@@ -301,17 +306,20 @@ mod tests {
         let mut met = 0;
         for _ in 0..2000 {
             let p = bounds.min + bounds.size() * DVec3::from_array(random.random());
-            let direction = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
+            let direction =
+                DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
             let direction = direction.normalize();
             let slow = block.faces().filter_map(|corners| {
                 let face = GridFace::new(corners);
                 let along = face.normal.dot(direction);
                 let gap = -face.height(p) / along;
-                let meets = along <= -0.8 && gap.abs() <= 0.002 && face.covers(p + gap * direction, 0.0);
+                let meets = along <= -0.8
+                    && (-0.001..=0.002).contains(&gap)
+                    && face.covers(p + gap * direction, 0.0);
                 meets.then_some(gap)
             });
             let slow = slow.min_by(|a, b| a.abs().total_cmp(&b.abs()));
-            let found = grid.opposite_face(p, direction, 0.002, 0.8);
+            let found = grid.opposite_face(p, direction, [0.001, 0.002], 0.8);
             assert_eq!(found.map(|f| f.gap), slow);
             met += usize::from(found.is_some());
         }

@@ -132,13 +132,18 @@ impl SurfaceFeatures {
                     && thickness > 0.0
                     && a.area.min(b.area) >= 0.5 * share * area
                     && beside.length() < a.radius.max(b.radius);
-                thinnest = if wall { thinnest.min(thickness) } else { thinnest };
+                thinnest = if wall {
+                    thinnest.min(thickness)
+                } else {
+                    thinnest
+                };
             }
         }
         for axis in &self.axes {
             for outer in axis.patches.iter().filter(|p| p.convex) {
                 for inner in axis.patches.iter().filter(|p| !p.convex) {
-                    let together = outer.span[1].min(inner.span[1]) - outer.span[0].max(inner.span[0]);
+                    let together =
+                        outer.span[1].min(inner.span[1]) - outer.span[0].max(inner.span[0]);
                     let wall = outer.radius > inner.radius
                         && together > 0.0
                         && outer.area.min(inner.area) >= 0.5 * share * area;
@@ -211,7 +216,8 @@ impl<'a> Surface<'a> {
             while next < faces.len() {
                 for face in self.topology.neighbours(faces[next]).into_iter().flatten() {
                     let face = face as usize;
-                    let off = self.corners[face].map(|p| (p - self.corners[seed][0]).dot(self.normals[seed]));
+                    let off = self.corners[face]
+                        .map(|p| (p - self.corners[seed][0]).dot(self.normals[seed]));
                     let flat = self.normals[seed].dot(self.normals[face]) > FLAT_COSINE
                         && off.iter().all(|h| h.abs() < FLAT * self.diagonal);
                     if of[face] == usize::MAX && flat {
@@ -239,7 +245,8 @@ impl<'a> Surface<'a> {
         for face in 0..self.corners.len() {
             let region = flat.of[face];
             for (side, other) in self.topology.neighbours(face).into_iter().enumerate() {
-                let Some(other) = other.map(|o| o as usize).filter(|o| flat.of[*o] != region) else {
+                let Some(other) = other.map(|o| o as usize).filter(|o| flat.of[*o] != region)
+                else {
                     continue;
                 };
                 let length = self.corners[face][side].distance(self.corners[face][(side + 1) % 3]);
@@ -258,7 +265,9 @@ impl<'a> Surface<'a> {
 
     /// The planes, regions in one plane together.
     fn planes(&self, flat: &FlatRegions) -> Vec<Plane> {
-        let mut regions: Vec<usize> = (0..flat.members.len()).filter(|r| flat.is_plane[*r]).collect();
+        let mut regions: Vec<usize> = (0..flat.members.len())
+            .filter(|r| flat.is_plane[*r])
+            .collect();
         regions.sort_by(|a, b| flat.areas[*b].total_cmp(&flat.areas[*a]).then(a.cmp(b)));
         let mut planes: Vec<(Plane, Vec<usize>)> = Vec::new();
         for region in regions {
@@ -282,7 +291,10 @@ impl<'a> Surface<'a> {
                 )),
             }
         }
-        let mut planes: Vec<Plane> = planes.into_iter().map(|(p, r)| self.sized(p, &r, flat)).collect();
+        let mut planes: Vec<Plane> = planes
+            .into_iter()
+            .map(|(p, r)| self.sized(p, &r, flat))
+            .collect();
         planes.retain(|p| p.area > SMALL * self.area);
         planes.sort_by(|a, b| b.area.total_cmp(&a.area));
         planes
@@ -342,9 +354,17 @@ impl<'a> Surface<'a> {
         }
         let middle = |f: usize| self.corners[f].iter().sum::<DVec3>() / 3.0;
         let mean = |value: &dyn Fn(usize) -> f64| {
-            faces.iter().map(|f| self.areas[*f] * value(*f)).sum::<f64>() / area
+            faces
+                .iter()
+                .map(|f| self.areas[*f] * value(*f))
+                .sum::<f64>()
+                / area
         };
-        let centre = faces.iter().map(|f| self.areas[*f] * middle(*f)).sum::<DVec3>() / area;
+        let centre = faces
+            .iter()
+            .map(|f| self.areas[*f] * middle(*f))
+            .sum::<DVec3>()
+            / area;
         let radius = mean(&|f| middle(f).distance_squared(centre)).sqrt();
         // Normals at the corners, means of the patch's faces around them: facets become round.
         let mut at_corner: HashMap<u32, DVec3> = HashMap::new();
@@ -352,7 +372,8 @@ impl<'a> Surface<'a> {
             for k in 0..3 {
                 let [p, q, r] = [0, 1, 2].map(|j| self.corners[f][(k + j) % 3]);
                 let angle = (q - p).angle_between(r - p);
-                *at_corner.entry(self.mesh.triangles()[f][k]).or_default() += angle * self.normals[f];
+                *at_corner.entry(self.mesh.triangles()[f][k]).or_default() +=
+                    angle * self.normals[f];
             }
         }
         let mut resistance = Matrix6::default();
@@ -381,11 +402,19 @@ impl<'a> Surface<'a> {
         if spin.length() * radius < 0.1 {
             return None;
         }
-        let (direction, slide) = (spin.normalize(), DVec3::new(motion[0], motion[1], motion[2]));
+        let (direction, slide) = (
+            spin.normalize(),
+            DVec3::new(motion[0], motion[1], motion[2]),
+        );
         let point = centre + spin.cross(slide) / spin.length_squared();
         let away = |p: DVec3| (p - point) - direction * (p - point).dot(direction);
-        let along = faces.iter().flat_map(|f| self.corners[*f]).map(|p| (p - point).dot(direction));
-        let span = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| [l.min(x), h.max(x)]);
+        let along = faces
+            .iter()
+            .flat_map(|f| self.corners[*f])
+            .map(|p| (p - point).dot(direction));
+        let span = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| {
+            [l.min(x), h.max(x)]
+        });
         let patch = RoundPatch {
             area,
             radius: mean(&|f| away(middle(f)).length_squared()).sqrt(),
@@ -393,7 +422,14 @@ impl<'a> Surface<'a> {
             span,
         };
         let patches = Vec::new();
-        Some(Round::About(PatchAxis { point, direction, patches }, patch))
+        Some(Round::About(
+            PatchAxis {
+                point,
+                direction,
+                patches,
+            },
+            patch,
+        ))
     }
 
     /// The sphere whose centre the normals of a patch pass by nearest.
@@ -408,7 +444,11 @@ impl<'a> Surface<'a> {
         }
         let centre = across.try_inverse()? * moment;
         let mean = |value: &dyn Fn(usize) -> f64| {
-            faces.iter().map(|f| self.areas[*f] * value(*f)).sum::<f64>() / area
+            faces
+                .iter()
+                .map(|f| self.areas[*f] * value(*f))
+                .sum::<f64>()
+                / area
         };
         let away = |f: usize| self.corners[f][0] - centre;
         Some(SpherePatch {
@@ -428,8 +468,14 @@ pub(crate) fn corner_normals(mesh: &TriangleMesh) -> Vec<[DVec3; 3]> {
     surface.remove_facets(&mut flat);
     let curved = |face: usize| !flat.is_plane[flat.of[face]];
     let mut faces_at: HashMap<u32, Vec<usize>> = HashMap::new();
-    for (face, t) in mesh.triangles().iter().enumerate().filter(|(f, _)| curved(*f)) {
-        t.iter().for_each(|v| faces_at.entry(*v).or_default().push(face));
+    for (face, t) in mesh
+        .triangles()
+        .iter()
+        .enumerate()
+        .filter(|(f, _)| curved(*f))
+    {
+        t.iter()
+            .for_each(|v| faces_at.entry(*v).or_default().push(face));
     }
     let at_corner = |face: usize, k: usize| {
         let own = surface.normals[face];
@@ -444,9 +490,15 @@ pub(crate) fn corner_normals(mesh: &TriangleMesh) -> Vec<[DVec3; 3]> {
             ((q - p).angle_between(r - p), surface.normals[*f])
         });
         let smooth = around.filter(|(_, n)| n.dot(own) > SMOOTH_COSINE);
-        smooth.map(|(angle, n)| angle * n).sum::<DVec3>().try_normalize().unwrap_or(own)
+        smooth
+            .map(|(angle, n)| angle * n)
+            .sum::<DVec3>()
+            .try_normalize()
+            .unwrap_or(own)
     };
-    (0..mesh.triangles().len()).map(|face| [0, 1, 2].map(|k| at_corner(face, k))).collect()
+    (0..mesh.triangles().len())
+        .map(|face| [0, 1, 2].map(|k| at_corner(face, k)))
+        .collect()
 }
 
 /// About what a patch turns in itself.
@@ -488,7 +540,9 @@ mod tests {
 
     fn circle(radius: f64, count: usize) -> Vec<glam::DVec2> {
         let angle = |i: usize| std::f64::consts::TAU * i as f64 / count as f64;
-        (0..count).map(|i| radius * glam::DVec2::from_angle(angle(i))).collect()
+        (0..count)
+            .map(|i| radius * glam::DVec2::from_angle(angle(i)))
+            .collect()
     }
 
     /// A tube, 10 mm high, between circles of these radii; turned and shifted.
@@ -517,7 +571,11 @@ mod tests {
             let turn = DQuat::from_scaled_axis(turn);
             let mesh = tube(0.008, 0.006, count, turn);
             let features = SurfaceFeatures::new(&mesh);
-            assert_eq!((features.planes.len(), features.axes.len()), (2, 1), "{count}");
+            assert_eq!(
+                (features.planes.len(), features.axes.len()),
+                (2, 1),
+                "{count}"
+            );
             let axis = &features.axes[0];
             assert!(axis.direction.cross(turn * DVec3::Z).length() < 1e-9);
             let off = axis.point - DVec3::new(0.02, -0.01, 0.03);

@@ -102,8 +102,15 @@ mod tests {
         for patch in 0..6 {
             let of: Vec<_> = points.iter().filter(|p| p.patch == patch).collect();
             let weight: f64 = of.iter().map(|p| p.weight).sum();
-            let expected = if of[0].normal.z.abs() > 0.5 { 1.0 } else { 0.01 } / 2.04;
-            assert!(of.len() >= 8 && (weight - expected).abs() < 1e-12, "{patch}");
+            let expected = if of[0].normal.z.abs() > 0.5 {
+                1.0
+            } else {
+                0.01
+            } / 2.04;
+            assert!(
+                of.len() >= 8 && (weight - expected).abs() < 1e-12,
+                "{patch}"
+            );
             let flat = of.iter().all(|p| p.normal.dot(of[0].normal) > 0.999);
             assert!(flat);
         }

@@ -49,6 +49,20 @@ impl TriangleMesh {
         Ok((mesh, report))
     }
 
+    /// All faces of some meshes as one mesh; where solids touch or overlap, their surfaces stay.
+    pub fn joined<'a>(meshes: impl IntoIterator<Item = &'a Self>) -> Self {
+        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        for mesh in meshes {
+            let first = vertices.len() as u32;
+            vertices.extend_from_slice(&mesh.vertices);
+            triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+        }
+        Self {
+            vertices,
+            triangles,
+        }
+    }
+
     /// Vertex positions, metres. Each is used by at least one triangle.
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices

@@ -102,7 +102,9 @@ pub struct HoldReport {
 /// Two parts whose contact is asked for at many poses.
 #[derive(Debug)]
 pub struct MatingContact {
+    /// The fixed part's faces, for opposite faces within the clearance, and for depths.
     fixed: FaceGrid,
+    fixed_depth: FaceGrid,
     moving: FaceGrid,
     samples: Vec<SurfacePoint>,
     few: Vec<SurfacePoint>,
@@ -152,6 +154,7 @@ impl MatingContact {
         }
         Self {
             fixed: FaceGrid::new(fixed, clearance),
+            fixed_depth: FaceGrid::new(fixed, resolution),
             moving: FaceGrid::new(moving, resolution),
             few: surface_points(moving, FEW_SAMPLES),
             patch_samples,
@@ -247,7 +250,7 @@ impl MatingContact {
         let mut inside = 0.0;
         for s in &self.few {
             let p = pose.apply(s.position);
-            if self.fixed.is_deeper(p, COARSELY_DEEP * self.resolution) {
+            if self.fixed_depth.is_deeper(p, COARSELY_DEEP * self.resolution) {
                 inside += s.weight;
                 if information - INSIDE * inside < LEAST {
                     return None;
@@ -292,7 +295,7 @@ impl MatingContact {
 
     /// Area of both surfaces deeper than `depth` in the other part, over the moving part's area.
     fn interpenetration(&self, pose: &Pose, depth: f64) -> f64 {
-        let inside = |s: &&SurfacePoint| self.fixed.is_deeper(pose.apply(s.position), depth);
+        let inside = |s: &&SurfacePoint| self.fixed_depth.is_deeper(pose.apply(s.position), depth);
         let moving: f64 = self.samples.iter().filter(inside).map(|s| s.weight).sum();
         let back = pose.inverse();
         let corners = self.corners.map(|c| pose.apply(c));

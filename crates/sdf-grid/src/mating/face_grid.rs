@@ -1,10 +1,10 @@
 //! A surface's faces in a uniform grid of cells, for thousands of questions about what lies near a
 //! point.
 
-use std::collections::HashMap;
 use std::sync::{PoisonError, RwLock};
 
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 
 use super::surface_points::normal;
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -15,6 +15,10 @@ const ENTRIES: f64 = 4e6;
 
 /// Cells whose side of the surface is remembered, at most.
 const REMEMBERED: usize = 1 << 22;
+
+/// Width of the cells in which a point far from the surface speaks for all others, reaches: their
+/// diagonal is shorter than the reach.
+const SMALL_CELL: f64 = 0.5;
 
 /// Parts of the memory that threads lock separately.
 const LOCKS: usize = 64;
@@ -44,12 +48,12 @@ pub struct FaceGrid {
     origin: DVec3,
     size: DVec3,
     /// Range of `list` of every cell with faces within reach.
-    cells: HashMap<Key, (u32, u32)>,
+    cells: FxHashMap<Key, (u32, u32)>,
     list: Vec<u32>,
     faces: Vec<GridFace>,
     bvh: Bvh,
-    /// Whether cells without faces lie inside.
-    inside: Vec<RwLock<HashMap<Key, bool>>>,
+    /// Whether small cells far from the surface lie inside.
+    inside: Vec<RwLock<FxHashMap<Key, bool>>>,
 }
 
 #[derive(Debug)]
@@ -80,7 +84,7 @@ impl FaceGrid {
             reach,
             origin: bounds.min,
             size: bounds.size(),
-            cells: HashMap::new(),
+            cells: FxHashMap::default(),
             list: Vec::new(),
             faces,
             bvh: Bvh::build(mesh),
@@ -126,6 +130,7 @@ impl FaceGrid {
         [cell.x as i32, cell.y as i32, cell.z as i32]
     }
 
+    /// The middle of a cell.
     fn middle(&self, [x, y, z]: Key) -> DVec3 {
         let cell = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
         self.origin + (cell + 0.5) * self.cell
@@ -174,13 +179,10 @@ impl FaceGrid {
         if from.min_element() < 0.0 || (self.size - from).min_element() < 0.0 {
             return false;
         }
-        let key = self.key(p);
-        let Some(faces) = self.near(&key) else {
-            return self.is_inside(key);
-        };
+        let faces = self.near(&self.key(p)).unwrap_or_default();
         match self.signed_distance_near(p, faces) {
             Some(distance) => distance < -depth,
-            None => self.bvh.winding_number(p) > 0.5,
+            None => self.is_inside(p),
         }
     }
 
@@ -206,8 +208,11 @@ impl FaceGrid {
         height.map(|above| least.copysign(above))
     }
 
-    /// Whether a cell that no face touches lies inside.
-    fn is_inside(&self, key: Key) -> bool {
+    /// Whether a point farther than the reach from the surface lies inside: as all of a small cell
+    /// around it does.
+    fn is_inside(&self, p: DVec3) -> bool {
+        let cell = ((p - self.origin) / (SMALL_CELL * self.reach)).floor();
+        let key = [cell.x as i32, cell.y as i32, cell.z as i32];
         let mix = key[0].wrapping_mul(7) ^ key[1].wrapping_mul(13) ^ key[2].wrapping_mul(29);
         let part = &self.inside[mix as usize % LOCKS];
         let known = part.read().unwrap_or_else(PoisonError::into_inner);
@@ -215,12 +220,23 @@ impl FaceGrid {
             return *inside;
         }
         drop(known);
-        let inside = self.bvh.winding_number(self.middle(key)) > 0.5;
+        let inside = self.find_inside(p);
         let mut known = part.write().unwrap_or_else(PoisonError::into_inner);
         if known.len() < REMEMBERED / LOCKS {
             known.insert(key, inside);
         }
         inside
+    }
+
+    /// Whether a point lies inside: above or below the nearest face, by the winding number where the
+    /// nearest point lies on an edge.
+    fn find_inside(&self, p: DVec3) -> bool {
+        let nearest = self.bvh.nearest(p);
+        let above = (p - nearest.point).dot(self.faces[nearest.triangle].normal);
+        match above.abs() > 0.999 * nearest.distance {
+            true => above < 0.0,
+            false => self.bvh.winding_number(p) > 0.5,
+        }
     }
 }
 

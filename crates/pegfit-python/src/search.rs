@@ -4,9 +4,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use fft_correlate::dock::Ranking;
+use fft_correlate::mating::JointKind;
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, Docking, DockingPose, DockingRequest, EnergySource,
-    Pose, TranslationWindow, top_peaks,
+    Placement, Pose, TranslationWindow, top_peaks,
 };
 use glam::{DQuat, DVec3};
 use ndarray::{Array1, Array2, Array3};
@@ -14,10 +16,11 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReado
 use pegfit::PathReport;
 use pegfit_path::{PathError, PathRequest, PathResult, PathSearch, Start};
 use pyo3::prelude::*;
-use sdf_grid::LengthUnit;
+use sdf_grid::{LengthUnit, TriangleMesh};
 
 use crate::failure::{Failure, Kind};
 use crate::pair_class::{Parts, PyPair};
+use crate::parts::Mesh;
 use crate::poses;
 use crate::work::{Watch, guarded, run};
 
@@ -133,67 +136,139 @@ type Found<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<bool>>,
     [f64; 2],
+    Vec<FoundJoint<'py>>,
 );
 
-/// Energy, depth, fit quality, mating area, energy under the pair's model, half width, overlap, depth of
-/// interference and condition of a pose.
-fn pose_numbers(pose: &DockingPose) -> [f64; 9] {
+/// A joint: kind, free motions, axis, point and pitch in the scene (NaN where it has none), travel along
+/// and about the axis, and the poses that are alike (n, 7).
+type FoundJoint<'py> = (
+    &'static str,
+    usize,
+    [f64; 3],
+    [f64; 3],
+    f64,
+    [f64; 2],
+    [f64; 2],
+    Bound<'py, PyArray2<f64>>,
+);
+
+/// Energy, fit quality, mating area, energy under the pair's model, half width, overlap, depth of
+/// interference, condition, hold, information, mating share and escape of a pose.
+fn pose_numbers(pose: &DockingPose) -> [f64; 12] {
     let found = &pose.found;
-    let width = found.half_width.unwrap_or(f64::INFINITY);
-    let condition = pose.condition.unwrap_or(f64::NAN);
     [
         found.energy,
-        pose.depth,
         pose.quality,
         pose.mating_area,
         pose.model_energy,
-        width,
+        found.half_width.unwrap_or(f64::NAN),
         pose.overlap,
         pose.interference.depth,
-        condition,
+        pose.condition.unwrap_or(f64::NAN),
+        pose.rank,
+        pose.hold.information,
+        pose.hold.share,
+        pose.hold.escape,
     ]
 }
 
-/// Poses in the scene (k, 7), their numbers (k, 9), whether each was refined, and the rotations
-/// scored and looked at.
+fn found_joint<'py>(py: Python<'py>, pose: &DockingPose, placement: &Placement) -> FoundJoint<'py> {
+    const NONE: [f64; 3] = [f64::NAN; 3];
+    let joint = &pose.joint;
+    let has_axis = joint.axis != DVec3::ZERO;
+    let has_point = has_axis || joint.kind == JointKind::Ball;
+    let axis = (placement.fixed.rotation * joint.axis).to_array();
+    let point = placement.fixed.apply(joint.point).to_array();
+    let alike = pose
+        .alike
+        .iter()
+        .map(|p| poses::row(&placement.to_scene(p)));
+    (
+        joint.kind.name(),
+        joint.kind.freedoms(),
+        if has_axis { axis } else { NONE },
+        if has_point { point } else { NONE },
+        joint.pitch,
+        joint.slide.map_or([f64::NAN; 2], |t| t.range),
+        joint.turn.map_or([f64::NAN; 2], |t| t.range),
+        poses::array(alike).into_pyarray(py),
+    )
+}
+
+/// Poses at most, tolerance of fields, whether all rotations are scored, state file, whether energy ranks.
+type DockSearch = (usize, Option<f64>, bool, Option<PathBuf>, bool);
+
+/// A pose nearby, an axis (point and direction), parts that are there already; in the scene.
+type DockKnown = (Option<[f64; 7]>, Option<[[f64; 3]; 2]>, Vec<Py<Mesh>>);
+
+/// Poses in the scene (k, 7), their numbers (k, 12), whether each was refined, the rotations scored and
+/// looked at, and the joints.
 #[pyfunction]
-#[pyo3(signature = (pair, top, tolerance, exhaustive, state, progress))]
+#[pyo3(signature = (pair, search, known, progress))]
 pub(crate) fn dock<'py>(
     py: Python<'py>,
     pair: &PyPair,
-    top: usize,
-    tolerance: Option<f64>,
-    exhaustive: bool,
-    state: Option<PathBuf>,
+    search: DockSearch,
+    known: DockKnown,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Found<'py>> {
+    let (top, tolerance, exhaustive, state, by_energy) = search;
+    let (near, axis, keep_apart) = known;
     if top == 0 || top > MOST {
         let expected = format!("1 to {MOST}");
         return Err(Failure::found(Kind::Scene, "top", expected, top).into());
     }
     let parts = Arc::clone(&pair.parts);
+    let near = near.map(|row| poses::pose(&row, 0)).transpose()?;
+    let others: Vec<_> = (keep_apart.iter())
+        .map(|m| Arc::clone(&m.get().mesh))
+        .collect();
     let (report, placement) = run(py, progress.as_ref(), move |watch| {
         let mut setup = parts.setup.clone();
         setup.builder.tolerance = tolerance.unwrap_or(setup.builder.tolerance);
-        let options = DockingRequest {
+        let placement = setup.placement;
+        let back = placement.fixed.inverse();
+        let there =
+            |m: &Arc<TriangleMesh>| Arc::new(m.transformed(back.rotation, back.translation));
+        let reach = 0.25 * setup.moving.bounds().diagonal();
+        let request = DockingRequest {
             top,
             exhaustive,
             rotations: parts.rotations_named.then(|| parts.rotations.clone()),
             state,
+            ranking: match by_energy {
+                true => Ranking::Energy,
+                false => Ranking::Contact,
+            },
+            near: near.map(|pose| (placement.to_shapes(&pose), reach, 30f64.to_radians())),
+            axis: axis.map(|given| {
+                let [point, direction] = given.map(DVec3::from_array);
+                (
+                    back.apply(point),
+                    back.rotation * direction.normalize_or_zero(),
+                )
+            }),
+            others: others.iter().map(there).collect(),
             ..DockingRequest::default()
         };
-        Ok((Docking::new(&setup, options).run(watch)?, setup.placement))
+        Ok((Docking::new(&setup, request).run(watch)?, placement))
     })?;
     let rows = report.poses.iter();
     let scene = rows
         .clone()
         .map(|p| poses::row(&placement.to_scene(&p.found.pose)));
     let refined: Array1<bool> = rows.clone().map(|p| p.found.refined).collect();
+    let joints = rows
+        .clone()
+        .map(|p| found_joint(py, p, &placement))
+        .collect();
+    let search = report.energy_search.as_ref();
     Ok((
         poses::array(scene).into_pyarray(py),
         poses::array(rows.map(pose_numbers)).into_pyarray(py),
         refined.into_pyarray(py),
-        [report.scored as f64, report.rotations as f64],
+        search.map_or([0.0; 2], |s| [s.scored as f64, s.rotations as f64]),
+        joints,
     ))
 }
 

@@ -332,16 +332,41 @@ pub(crate) struct DockArgs {
     /// Report to write: poses, model, rotations, times
     #[arg(long, value_name = "REPORT.json")]
     pub(crate) report: Option<PathBuf>,
-    /// Keep scored rotations in this file, and continue from it if it exists
+    /// Rank poses by how contact holds the part, or by energy
+    #[arg(long, value_enum, default_value_t = RankChoice::Contact, value_name = "BY")]
+    pub(crate) rank: RankChoice,
+    /// Only poses near this one, x,y,z,qx,qy,qz,qw in metres: within a quarter of the moving part's
+    /// size and 30 degrees
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pub(crate) near: Option<String>,
+    /// The moving part turns about this axis of the scene: a point in metres and a direction,
+    /// px,py,pz,dx,dy,dz
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub(crate) axis: Option<String>,
+    /// Parts that are there already, in the scene's frame and unit: the moving part may touch them but
+    /// does not overlap them
+    #[arg(long, value_name = "PART", num_args = 1..)]
+    pub(crate) keep_apart: Vec<PathBuf>,
+    /// Keep scored rotations of a search by energy in this file, and continue from it if it exists
     #[arg(long, value_name = "STATE.json")]
     pub(crate) state: Option<PathBuf>,
-    /// Score every rotation, not only those that a coarse screening on twice the spacing chooses
+    /// Search by energy: score every rotation, not only those that a coarse screening on twice the
+    /// spacing chooses
     #[arg(long)]
     pub(crate) exhaustive: bool,
-    /// Faces at most this far apart count as mating, in the scene's unit [default: the spacing on
-    /// which poses are ranked]
+    /// Faces at most this far apart count as mating, in the scene's unit [default: 4 % of the moving
+    /// part's root mean square radius]
     #[arg(long, value_name = "C")]
     pub(crate) mating_clearance: Option<f64>,
+}
+
+/// What ranks docked poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RankChoice {
+    /// How contact holds the part: the information of contact, less what interpenetrates
+    Contact,
+    /// The energy, lowest first
+    Energy,
 }
 
 /// Arguments of `pegfit feel`.

@@ -146,7 +146,10 @@ struct Table {
 /// Docking of an example.
 #[derive(Serialize)]
 struct Dock {
-    rotations: usize,
+    /// The joint that contact leaves.
+    joint: &'static str,
+    /// Of contact, nats.
+    information: f64,
     seconds: f64,
     best_energy: f64,
     from_fit_m: f64,
@@ -272,7 +275,8 @@ fn search(assembly: &Assembly, context: &Context) -> Result<Dock, CommandError> 
     let found = assembly.placement().to_scene(&best.found.pose);
     let (shift, turn) = assembly.from_fit(&found);
     Ok(Dock {
-        rotations: docking.rotations,
+        joint: best.joint.kind.name(),
+        information: best.hold.information,
         seconds,
         best_energy: best.found.energy,
         from_fit_m: shift,
@@ -497,7 +501,10 @@ const ROWS: [Row; 11] = [
         format!("{:.0e} %", 100.0 * e.quadrature_error)
     }),
     ("docking", |e| {
-        format!("{} rotations in {:.1} s", e.dock.rotations, e.dock.seconds)
+        format!(
+            "held as a {} joint does, {:.0} nats, in {:.1} s",
+            e.dock.joint, e.dock.information, e.dock.seconds
+        )
     }),
     ("best pose found, from the fit", |e| {
         let dock = &e.dock;

@@ -1,16 +1,23 @@
 //! `pegfit dock`: where does the moving part belong?
 
 use std::path::Path;
+use std::sync::Arc;
 
-use fft_correlate::{DockingPose, DockingRequest, DockingResult, Placement, ScoreModel, from_fit};
+use fft_correlate::dock::Ranking;
+use fft_correlate::mating::{Joint, JointKind};
+use fft_correlate::{
+    DockingPose, DockingRequest, DockingResult, Placement, Pose, ScoreModel, from_fit,
+};
+use glam::DVec3;
 use pegfit_scene::SceneSetup;
 use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
-use sdf_grid::atomic;
+use sdf_grid::{RepairOptions, atomic, mesh_io};
 use serde::Serialize;
 
+use super::path::pose as parse_pose;
 use super::scenes;
 
-use crate::args::DockArgs;
+use crate::args::{DockArgs, RankChoice};
 use crate::context::Context;
 use crate::error::{CommandError, refuse};
 use crate::report::output::{print_json, require_folder};
@@ -22,6 +29,21 @@ const MOST: usize = 100_000;
 
 #[derive(Serialize)]
 struct Summary {
+    /// `contact` or `energy`.
+    ranked_by: &'static str,
+    /// Of a search by energy; none without one.
+    #[serde(flatten)]
+    energy_search: Option<EnergySummary>,
+    /// Of the lattice whose energies are reported, metres.
+    energy_spacing: Option<f64>,
+    stages: Vec<fft_correlate::dock::SearchStage>,
+    field_seconds: f64,
+    seconds: f64,
+    poses: Vec<DockedPose>,
+}
+
+#[derive(Serialize)]
+struct EnergySummary {
     rotations: usize,
     /// By the sketch; all without one.
     rotations_chosen: usize,
@@ -31,36 +53,60 @@ struct Summary {
     transform_size: [usize; 3],
     spacings: [f64; 2],
     docking_model: ScoreModel,
-    stages: Vec<fft_correlate::dock::SearchStage>,
-    seconds: f64,
     milliseconds_per_rotation: f64,
-    poses: Vec<DockedPose>,
 }
 
 #[derive(Clone, Serialize)]
 struct DockedPose {
     position: [f64; 3],
     rotation: [f64; 4],
-    /// Under the docking weights, joules: the order of the list.
-    energy: f64,
-    /// Of the best pose's depth.
-    depth: f64,
+    /// What ranks poses by contact, nats.
+    hold: f64,
+    /// Information of contact, nats.
+    information: f64,
     /// Area of the moving part's faces that lie against opposite faces of the fixed one, square
-    /// metres.
+    /// metres, and its share of the moving part's surface.
     mating_area: f64,
-    /// Under the scene's model, joules.
-    model_energy: f64,
-    half_width: Option<f64>,
-    /// The score as a share of what the smaller part would score in a perfect mould of itself, 0 to 1.
-    quality: f64,
+    mating_share: f64,
+    /// Share of the directions in which nothing blocks a displacement.
+    escape: f64,
     /// Share of the moving part's volume that the fixed part fills as well.
     overlap: f64,
     /// How deep a point of either part lies in the other at most, metres.
     penetration: f64,
+    /// The score as a share of what the smaller part would score in a perfect mould of itself, 0 to 1.
+    quality: Option<f64>,
+    /// Under the docking weights, joules.
+    energy: Option<f64>,
+    /// Under the scene's model, joules.
+    model_energy: Option<f64>,
+    joint: DockedJoint,
+    /// Other poses in which the same contact holds the part: position and rotation of each.
+    alike: Vec<([f64; 3], [f64; 4])>,
+    half_width: Option<f64>,
     refined: bool,
     /// The sum of the absolute terms of the score under the docking weights over the score: how far
-    /// they cancel. Of the best poses only.
+    /// they cancel. Of the best poses of a search by energy only.
     condition: Option<f64>,
+}
+
+/// What contact leaves free.
+#[derive(Clone, Serialize)]
+struct DockedJoint {
+    kind: &'static str,
+    /// Motions that are free.
+    freedoms: usize,
+    /// In the scene: direction, and a point, metres; none of joints without an axis.
+    axis: Option<[f64; 3]>,
+    point: Option<[f64; 3]>,
+    /// The same in the moving part's frame, as it lies in the scene before it is moved.
+    moving_axis: Option<[f64; 3]>,
+    moving_point: Option<[f64; 3]>,
+    /// Metres per turn of a screw, positive if right-handed.
+    pitch: Option<f64>,
+    /// Travel along the axis, metres, and about it, radians, from the pose.
+    slide: Option<[f64; 2]>,
+    turn: Option<[f64; 2]>,
 }
 
 pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError> {
@@ -78,13 +124,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     }
     let scene = scenes::read(&args.scene.file, args.scene.fixed.as_deref())?;
     let setup = scenes::setup(scene, context)?;
-    let options = DockingRequest {
-        top: args.top,
-        exhaustive: args.exhaustive,
-        state: args.state.clone(),
-        mating_clearance: (args.mating_clearance).map(|c| c * setup.scene.unit.in_metres()),
-        ..setup.docking_options()
-    };
+    let options = request(args, &setup)?;
     let found = find_poses(&setup, options, context)?;
     if !to_stdout {
         atomic::write_with(&args.output, |out| {
@@ -122,132 +162,324 @@ pub(super) fn find_poses(
     let found = setup.dock(options, &context.progress);
     context.progress.finish();
     let report = found?;
-    if let Some(reason) = &report.undecided {
-        remark!("poses of nearly equal depth are not looked at closer: {reason}");
+    if let Some(search) = &report.energy_search {
+        if let Some(reason) = &search.undecided {
+            remark!("poses of nearly equal depth are not looked at closer: {reason}");
+        }
+        if let Some(reason) = &search.averaged {
+            remark!("energies are of cell averages, without contact: {reason}");
+        }
     }
-    if let Some(reason) = &report.averaged {
-        remark!("poses are ranked by cell averages, without contact: {reason}");
+    if let Some(reason) = &report.no_energies {
+        remark!("no energies: {reason}");
     }
     Ok(report)
 }
 
+/// Lengths become metres, poses those of the shapes.
+fn request(args: &DockArgs, setup: &SceneSetup) -> Result<DockingRequest, CommandError> {
+    let placement = setup.placement();
+    let near = match &args.near {
+        Some(text) => {
+            let pose = parse_pose("--near", "a pose", text)?;
+            let distance = 0.25 * setup.parts.moving.bounds().diagonal();
+            Some((placement.to_shapes(&pose), distance, 30f64.to_radians()))
+        }
+        None => None,
+    };
+    let axis = match &args.axis {
+        Some(text) => {
+            let (point, direction) = parse_axis(text)?;
+            let back = placement.fixed.inverse();
+            Some((back.apply(point), back.rotation * direction))
+        }
+        None => None,
+    };
+    let back = placement.fixed.inverse();
+    let mut others = Vec::new();
+    for path in &args.keep_apart {
+        let options = RepairOptions::default();
+        let (mesh, report) = mesh_io::read(path, setup.scene.unit, &options)?;
+        for warning in report.warnings() {
+            remark!("{warning}");
+        }
+        others.push(Arc::new(mesh.transformed(back.rotation, back.translation)));
+    }
+    Ok(DockingRequest {
+        top: args.top,
+        exhaustive: args.exhaustive,
+        state: args.state.clone(),
+        mating_clearance: (args.mating_clearance).map(|c| c * setup.scene.unit.in_metres()),
+        ranking: match args.rank {
+            RankChoice::Contact => Ranking::Contact,
+            RankChoice::Energy => Ranking::Energy,
+        },
+        near,
+        axis,
+        others,
+        ..setup.docking_options()
+    })
+}
+
+/// A point, metres, and a direction.
+fn parse_axis(text: &str) -> Result<(DVec3, DVec3), CommandError> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|t| t.trim().parse().ok())
+        .collect();
+    match numbers[..] {
+        [px, py, pz, dx, dy, dz] if numbers.iter().all(|v| v.is_finite()) => {
+            let direction = DVec3::new(dx, dy, dz).try_normalize();
+            direction.map(|d| (DVec3::new(px, py, pz), d))
+        }
+        _ => None,
+    }
+    .ok_or_else(|| {
+        let expected = "px,py,pz,dx,dy,dz: a point in metres and a direction";
+        CommandError::option("--axis", expected, text)
+    })
+}
+
 fn summary(report: &DockingResult, placement: &Placement) -> Summary {
+    let search = report.energy_search.as_ref();
     Summary {
-        rotations: report.rotations,
-        rotations_chosen: report.chosen,
-        rotations_scored: report.scored,
-        rotations_resumed: report.resumed,
-        displacements: report.window.iter().product(),
-        transform_size: report.transform_size,
-        spacings: [report.lattices.coarse, report.lattices.fine],
-        docking_model: report.model,
+        ranked_by: ranked_by(report.ranking),
+        energy_search: search.map(|s| EnergySummary {
+            rotations: s.rotations,
+            rotations_chosen: s.chosen,
+            rotations_scored: s.scored,
+            rotations_resumed: s.resumed,
+            displacements: s.window.iter().product(),
+            transform_size: s.transform_size,
+            spacings: [report.lattices.coarse, report.lattices.fine],
+            docking_model: s.model,
+            milliseconds_per_rotation: 1e3 * s.seconds_per_rotation,
+        }),
+        energy_spacing: report.energy_spacing,
         stages: report.stages.clone(),
+        field_seconds: report.field_seconds,
         seconds: report.seconds(),
-        milliseconds_per_rotation: 1e3 * report.seconds_per_rotation,
-        poses: report
-            .poses
-            .iter()
+        poses: (report.poses.iter())
             .map(|pose| DockedPose::new(pose, placement))
             .collect(),
+    }
+}
+
+fn ranked_by(ranking: Ranking) -> &'static str {
+    match ranking {
+        Ranking::Contact => "contact",
+        Ranking::Energy => "energy",
     }
 }
 
 impl DockedPose {
     fn new(pose: &DockingPose, placement: &Placement) -> Self {
         let found = &pose.found;
-        let at = placement.to_scene(&found.pose);
+        let row = |pose: &Pose| {
+            let at = placement.to_scene(pose);
+            (at.translation.to_array(), at.rotation.to_array())
+        };
+        let (position, rotation) = row(&found.pose);
+        let known = |v: f64| v.is_finite().then_some(v);
         Self {
-            position: at.translation.to_array(),
-            rotation: at.rotation.to_array(),
-            energy: found.energy,
-            depth: pose.depth,
+            position,
+            rotation,
+            hold: pose.rank,
+            information: pose.hold.information,
             mating_area: pose.mating_area,
-            model_energy: pose.model_energy,
-            half_width: found.half_width,
-            quality: pose.quality,
+            mating_share: pose.hold.share,
+            escape: pose.hold.escape,
             overlap: pose.overlap,
             penetration: pose.interference.depth,
+            quality: known(pose.quality),
+            energy: known(found.energy),
+            model_energy: known(pose.model_energy),
+            joint: DockedJoint::new(&pose.joint, &found.pose, placement),
+            alike: pose.alike.iter().map(row).collect(),
+            half_width: found.half_width,
             refined: found.refined,
             condition: pose.condition,
         }
     }
 }
 
-/// The poses in the scene that places the shapes so.
+impl DockedJoint {
+    fn new(joint: &Joint, pose: &Pose, placement: &Placement) -> Self {
+        let has_axis = joint.axis != DVec3::ZERO;
+        let has_point = has_axis || joint.kind == JointKind::Ball;
+        let fixed = placement.fixed;
+        let (axis, point) = joint.in_moving_frame(pose);
+        let moving = placement.moving;
+        Self {
+            kind: joint.kind.name(),
+            freedoms: joint.kind.freedoms(),
+            axis: has_axis.then(|| (fixed.rotation * joint.axis).to_array()),
+            point: has_point.then(|| fixed.apply(joint.point).to_array()),
+            moving_axis: has_axis.then(|| (moving.rotation * axis).to_array()),
+            moving_point: has_point.then(|| moving.apply(point).to_array()),
+            pitch: (joint.kind == JointKind::Screw).then_some(joint.pitch),
+            slide: joint.slide.map(|t| t.range),
+            turn: joint.turn.map(|t| t.range),
+        }
+    }
+}
+
+/// Columns behind those of the pose.
+const COLUMNS: [&str; 29] = [
+    "hold",
+    "information",
+    "mating_area",
+    "mating_share",
+    "escape",
+    "overlap",
+    "penetration",
+    "quality",
+    "energy",
+    "model_energy",
+    "alike",
+    "joint",
+    "freedoms",
+    "axis_x",
+    "axis_y",
+    "axis_z",
+    "point_x",
+    "point_y",
+    "point_z",
+    "pitch",
+    "slide_low",
+    "slide_high",
+    "turn_low",
+    "turn_high",
+    "moving_axis",
+    "moving_point",
+    "half_width",
+    "refined",
+    "condition",
+];
+
+/// The poses in the scene that places the shapes so; what is not known or does not apply is empty.
 fn write(
     report: &DockingResult,
     placement: &Placement,
     out: impl std::io::Write,
 ) -> csv::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
-    let more = [
-        "energy",
-        "depth",
-        "mating_area",
-        "model_energy",
-        "half_width",
-        "overlap",
-        "refined",
-        "condition",
-        "quality",
-        "penetration",
-    ];
-    rows.write_record(POSE_COLUMNS.iter().chain(&more))?;
+    rows.write_record(POSE_COLUMNS.iter().chain(&COLUMNS))?;
     for pose in &report.poses {
-        let found = &pose.found;
-        let mut numbers = pose_fields(&placement.to_scene(&found.pose)).to_vec();
-        let width = found.half_width.unwrap_or(f64::INFINITY);
-        numbers.extend([found.energy, pose.depth, pose.mating_area]);
-        numbers.extend([pose.model_energy, width, pose.overlap]);
-        let mut row: Vec<String> = numbers.iter().map(f64::to_string).collect();
-        row.push(found.refined.to_string());
-        row.push(pose.condition.map_or(String::new(), |c| c.to_string()));
-        row.extend([pose.quality, pose.interference.depth].map(|v| v.to_string()));
+        let docked = DockedPose::new(pose, placement);
+        let joint = &docked.joint;
+        let at = placement.to_scene(&pose.found.pose);
+        let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
+        let three = |v: Option<[f64; 3]>| [0, 1, 2].map(|k| number(v.map(|v| v[k])));
+        let joined =
+            |v: Option<[f64; 3]>| v.map_or(String::new(), |v| v.map(|x| x.to_string()).join(" "));
+        let two = |v: Option<[f64; 2]>| [0, 1].map(|k| number(v.map(|v| v[k])));
+        let mut row: Vec<String> = pose_fields(&at).iter().map(f64::to_string).collect();
+        let numbers = [
+            docked.hold,
+            docked.information,
+            docked.mating_area,
+            docked.mating_share,
+            docked.escape,
+            docked.overlap,
+            docked.penetration,
+        ];
+        row.extend(numbers.map(|v| v.to_string()));
+        row.extend([docked.quality, docked.energy, docked.model_energy].map(number));
+        row.push(docked.alike.len().to_string());
+        row.push(joint.kind.to_owned());
+        row.push(joint.freedoms.to_string());
+        row.extend(three(joint.axis));
+        row.extend(three(joint.point));
+        row.push(number(joint.pitch));
+        row.extend(two(joint.slide));
+        row.extend(two(joint.turn));
+        row.extend([joined(joint.moving_axis), joined(joint.moving_point)]);
+        row.push(number(docked.half_width));
+        row.push(docked.refined.to_string());
+        row.push(number(docked.condition));
         rows.write_record(&row)?;
     }
     Ok(rows.flush()?)
 }
 
 fn print(setup: &SceneSetup, report: &DockingResult) {
-    let sketch = report.stages.iter().find(|s| s.name == "sketch");
-    if let Some(stage) = sketch {
+    if let Some(search) = &report.energy_search {
         say!(
-            "sketched {} rotations, {:.2} ms each: {} chosen",
-            stage.items,
-            1e3 * stage.seconds / stage.items as f64,
-            report.chosen
+            "scored {} of {} rotations x {} displacements, {:.2} ms each",
+            search.scored,
+            search.rotations,
+            search.window.iter().product::<usize>(),
+            1e3 * search.seconds_per_rotation,
         );
     }
     say!(
-        "scored {} of {} rotations x {} displacements, {:.2} ms each; {:.2} s in all",
-        report.scored,
-        report.chosen,
-        report.window.iter().product::<usize>(),
-        1e3 * report.seconds_per_rotation,
-        report.seconds()
+        "ranked by {}; {:.1} s, of which {:.1} s for fields",
+        ranked_by(report.ranking),
+        report.seconds() + report.field_seconds,
+        report.field_seconds
     );
     let unit = setup.display_unit();
     let metre = unit.in_metres();
     say!(
-        "  depth   quality   mating (mm²)   energy (mJ), docking and scene's   overlap, deep (mm)   \
-         condition   from the fit ({unit}, degrees)"
+        "   hold   information   mating (mm², %)   overlap   quality   energy (mJ)   places   \
+         from the fit ({unit}, degrees)   joint"
     );
     for pose in report.poses.iter().take(10) {
         let (fit, pivot) = (&setup.parts.assembled, report.lattices.pivot);
         let (shift, turn) = from_fit(&pose.found.pose, fit, pivot, &report.symmetries);
+        let known = |v: f64, digits: usize| match v.is_finite() {
+            true => format!("{v:.digits$}"),
+            false => "-".to_owned(),
+        };
         say!(
-            "  {:>5.3}   {:>7.3}   {:>12.1}   {:>12.4}   {:>17.4}   {:>7.3}%  {:>8.4}   {:>9}   \
-             {:>9.4}  {:>8.3}",
-            pose.depth,
-            pose.quality,
+            "  {:>5.1}   {:>11.1}   {:>9.1}  {:>4.1}   {:>6.3}%   {:>7}   {:>11}   {:>6}   {:>12.4}  \
+             {:>8.3}   {}",
+            pose.rank,
+            pose.hold.information,
             1e6 * pose.mating_area,
-            1e3 * pose.found.energy,
-            1e3 * pose.model_energy,
+            100.0 * pose.hold.share,
             100.0 * pose.overlap,
-            1e3 * pose.interference.depth,
-            pose.condition.map_or("-".to_owned(), |c| format!("{c:.2}")),
+            known(pose.quality, 3),
+            known(1e3 * pose.model_energy, 4),
+            1 + pose.alike.len(),
             shift / metre,
-            turn.to_degrees()
+            turn.to_degrees(),
+            describe(&pose.joint, metre, unit.name())
         );
+    }
+    if let Some(best) = report.poses.first() {
+        say!("{}", conclusion(best));
+    }
+}
+
+/// A joint in a few words.
+fn describe(joint: &Joint, metre: f64, unit: &str) -> String {
+    let mut text = joint.kind.name().to_owned();
+    if let Some(slide) = joint.slide {
+        let [low, high] = slide.range.map(|v| v / metre);
+        text += &format!(", {low:.3} to {high:.3} {unit}");
+    }
+    if joint.kind == JointKind::Screw {
+        text += &format!(", {:.3} {unit} a turn", joint.pitch / metre);
+    }
+    if let Some(turn) = joint.turn {
+        let [low, high] = turn.range.map(f64::to_degrees);
+        text += &format!(", {low:.0} to {high:.0} degrees");
+    }
+    text
+}
+
+/// What contact says about the best pose.
+fn conclusion(best: &DockingPose) -> String {
+    let free = best.joint.kind.freedoms();
+    match best.joint.kind {
+        JointKind::Undetermined(_) => format!(
+            "Contact does not determine this pair: {free} motions are free; the poses are some of many."
+        ),
+        JointKind::Planar => "Contact does not determine this pair: the part slides on a plane; \
+             the poses are some of many."
+            .to_owned(),
+        kind => format!("Contact holds the part as a {} joint does.", kind.name()),
     }
 }

@@ -173,7 +173,7 @@ pub(crate) fn time_limit(seconds: f64) -> Result<Duration, CommandError> {
 }
 
 /// A pose written as seven numbers.
-fn pose(option: &str, words: &str, text: &str) -> Result<Pose, CommandError> {
+pub(super) fn pose(option: &str, words: &str, text: &str) -> Result<Pose, CommandError> {
     let refused = || {
         let expected = format!("{words}, or x,y,z,qx,qy,qz,qw in metres");
         CommandError::option(option, expected, text)

@@ -143,12 +143,10 @@ def correlate(
 def poses_at(pair: Pair, rotation: _Four, displacements: _F64) -> _F64: ...
 def dock(
     pair: Pair,
-    top: int,
-    tolerance: Optional[float],
-    exhaustive: bool,
-    state: Optional[_Path],
+    search: tuple[int, Optional[float], bool, Optional[_Path], bool],
+    known: tuple[Optional[list[float]], Optional[list[list[float]]], list[Mesh]],
     progress: _Progress,
-) -> tuple[_F64, _F64, NDArray[np.bool_], list[float]]: ...
+) -> tuple[_F64, _F64, NDArray[np.bool_], list[float], list[tuple[Any, ...]]]: ...
 def path(
     pair: Pair,
     goal: Optional[_F64],

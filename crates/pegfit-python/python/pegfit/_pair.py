@@ -6,7 +6,7 @@ import json
 import warnings
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,52 +120,92 @@ class Scores:
         )
 
 
+@dataclass(frozen=True)
+class Joint:
+    """What contact leaves free: the mate of two parts.
+
+    Attributes:
+        kind: `"fixed"`, `"prismatic"`, `"revolute"`, `"cylindrical"`, `"screw"`, `"planar"`, `"ball"`
+            or `"undetermined"`.
+        freedoms: Motions that are free.
+        axis: Direction in the fixed part's frame or the scene, `(3,)`; NaN without an axis.
+        point: A point of the axis, or the centre of a ball, metres, `(3,)`; NaN without one.
+        pitch: Metres per turn of a screw, positive if right-handed; else 0.
+        slide: Travel along the axis from the pose, metres, `(2,)`; NaN where there is none.
+        turn: Travel about the axis, radians, `(2,)`.
+    """
+
+    kind: str
+    freedoms: int
+    axis: Float
+    point: Float
+    pitch: float
+    slide: Float
+    turn: Float
+
+
 @dataclass(frozen=True, repr=False)
 class Docking:
-    """Poses where the moving part may belong, lowest energy first, unrefined ones last.
+    """Poses where the moving part may belong, the best first.
 
     Attributes:
         poses: `(k, 7)`, x y z qx qy qz qw, in the fixed part's frame or the scene.
-        energy: Under the docking weights, joules, `(k,)`.
-        depth: Energy as a share of the deepest pose's, `(k,)`.
-        quality: Score as a share of what the smaller part would score in a perfect mould of itself,
-            0 to 1, `(k,)`.
+        hold: What ranks poses by contact, nats, `(k,)`: how it holds the part, less what overlaps.
+        information: How much contact says about the pose, nats, `(k,)`.
         mating_area: Area of the moving part's faces that lie against opposite faces of the fixed one,
             square metres, `(k,)`.
-        model_energy: Energy under the pair's own model, joules, `(k,)`.
-        half_width: How far the energy takes to rise to half, metres, `(k,)`; infinite if it does not
-            within the moving part.
-        overlap: Share of the moving part's volume that the fixed one fills as well, measured from
-            the surfaces, `(k,)`.
+        mating_share: The same as a share of the moving part's surface, `(k,)`.
+        escape: Share of the directions in which nothing blocks a displacement, `(k,)`.
+        overlap: Share of the moving part's volume that the fixed one fills as well, `(k,)`.
         penetration: How deep a point of either part lies in the other at most, metres, `(k,)`.
-        condition: How far the terms of the score cancel, `(k,)`; NaN for all but the best.
+        joints: What contact leaves free, a `Joint` of each pose.
+        alike: Other poses in which the same contact holds the part, an array `(n, 7)` of each pose.
+        quality: Score as a share of what the smaller part would score in a perfect mould of itself,
+            0 to 1, `(k,)`.
+        energy: Under the docking weights, joules, `(k,)`; NaN if the fields cannot be computed.
+        model_energy: Energy under the pair's own model, joules, `(k,)`.
+        half_width: How far the energy takes to rise to half, metres, `(k,)`; NaN of poses that were
+            ranked by contact.
+        condition: How far the terms of the score cancel, `(k,)`; NaN for all but the best of a search
+            by energy.
         refined: False where downhill led out of the domain, `(k,)`.
-        scored: Rotations scored.
-        rotations: Rotations looked at.
+        scored: Rotations scored by energy; 0 without such a search.
+        rotations: Rotations looked at by energy.
     """
 
     poses: Float
-    energy: Float
-    depth: Float
-    quality: Float
+    hold: Float
+    information: Float
     mating_area: Float
-    model_energy: Float
-    half_width: Float
+    mating_share: Float
+    escape: Float
     overlap: Float
     penetration: Float
+    joints: list[Joint]
+    alike: list[Float]
+    quality: Float
+    energy: Float
+    model_energy: Float
+    half_width: Float
     condition: Float
     refined: NDArray[np.bool_]
     scored: int
     rotations: int
 
+    @property
+    def depth(self) -> Float:
+        """Energy as a share of the deepest pose's, `(k,)`."""
+        return np.asarray(self.energy / np.min(self.energy, initial=0.0))
+
     def __len__(self) -> int:
         return len(self.poses)
 
     def __repr__(self) -> str:
-        text = f"Docking: {len(self)} poses of {self.scored} of {self.rotations} rotations"
+        text = f"Docking: {len(self)} poses"
         if len(self) == 0:
             return text
-        return f"{text}, deepest {1e3 * self.energy[0]:.4g} mJ"
+        best = self.joints[0]
+        return f"{text}, best {best.kind}, {self.information[0]:.1f} nats"
 
 
 @dataclass(frozen=True)
@@ -417,6 +457,10 @@ class Pair:
         top: int = 10,
         tolerance: Optional[float] = None,
         *,
+        rank: str = "contact",
+        near: Optional[ArrayLike] = None,
+        axis: Optional[ArrayLike] = None,
+        keep_apart: Sequence[Mesh] = (),
         exhaustive: bool = False,
         state: Optional[Path] = None,
         progress: Progress = None,
@@ -426,8 +470,14 @@ class Pair:
         Args:
             top: Distinct poses to return, at most.
             tolerance: Relative L2 error allowed in the density fields, 1e-5 to 1e-2.
-            exhaustive: Score every rotation, without a coarse screening.
-            state: File that keeps what was scored; a later call goes on from there.
+            rank: `"contact"`: by how contact holds the part; or `"energy"`.
+            near: Only poses near this one, `(7,)`: within a quarter of the moving part's size and 30
+                degrees.
+            axis: A known axis of the moving part's turns, `(2, 3)`: a point, metres, and a direction.
+            keep_apart: Parts that are there already: the moving part may touch them but does not
+                overlap them.
+            exhaustive: By energy, score every rotation, without a coarse screening.
+            state: File that keeps what was scored by energy; a later call goes on from there.
             progress: `True` for a bar, or a function of the units done and their number.
 
         Raises:
@@ -437,28 +487,55 @@ class Pair:
 
         >>> from pegfit import peg_in_hole
         >>> found = Pair(*peg_in_hole("combined"), spacing=0.002).dock(top=1)
-        >>> bool(abs(found.poses[0, :3]).max() < 5e-4 and found.depth[0] == 1)
-        True
+        >>> found.joints[0].kind, bool(abs(found.poses[0, :3]).max() < 5e-4)
+        ('prismatic', True)
         """
         top = count(top, "top", SceneError)
+        if rank not in ("contact", "energy"):
+            raise _refused("rank", '"contact" or "energy"', repr(rank))
+        at = None if near is None else rows(np.asarray(near, dtype=np.float64)[None])[0].tolist()
+        line = None
+        if axis is not None:
+            given = np.asarray(axis, dtype=np.float64)
+            if given.shape != (2, 3) or not np.isfinite(given).all() or not given[1].any():
+                raise _refused("axis", "a point and a direction, (2, 3)", repr(axis))
+            line = given.tolist()
+        search = (top, tolerance, exhaustive, state, rank == "energy")
+        known = (at, line, [mesh._core for mesh in keep_apart])
         with Reporting(progress) as report:
-            poses, numbers, refined, counts = _core.dock(
-                self._core, top, tolerance, exhaustive, state, report
-            )
-        energy, depth, quality, mating, own, width, overlap, penetration, condition = (
-            numbers[:, k].copy() for k in range(9)
+            poses, values, refined, counts, mates = _core.dock(self._core, search, known, report)
+        energy, quality, mating, own, width, overlap, penetration, condition, hold = (
+            values[:, k].copy() for k in range(9)
         )
+        information, share, escape = (values[:, k].copy() for k in range(9, 12))
+        joints = [
+            Joint(
+                kind,
+                freedoms,
+                np.array(direction),
+                np.array(point),
+                pitch,
+                np.array(slide),
+                np.array(turn),
+            )
+            for kind, freedoms, direction, point, pitch, slide, turn, _ in mates
+        ]
         scored, rotations = (int(n) for n in counts)
         return Docking(
             poses,
-            energy,
-            depth,
-            quality,
+            hold,
+            information,
             mating,
-            own,
-            width,
+            share,
+            escape,
             overlap,
             penetration,
+            joints,
+            [mate[-1] for mate in mates],
+            quality,
+            energy,
+            own,
+            width,
             condition,
             refined,
             scored,

@@ -3,7 +3,9 @@
 use glam::DVec3;
 
 use super::error::ContactError;
+#[cfg(test)]
 use crate::mesh::triangle_mesh::TriangleMesh;
+#[cfg(test)]
 use crate::surface::coplanar::pieces::merge_coplanar;
 use crate::surface::face::Piece;
 

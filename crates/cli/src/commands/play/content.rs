@@ -231,7 +231,9 @@ impl Content for SceneContent {
             let at = setup.placement().to_scene(&pose.found.pose);
             let (shift, turn) = self.assembly.from_fit(&at);
             let note = format!(
-                "{:.1} mJ, {:.1} mm and {:.0}° from the fit",
+                "{} joint, {:.0} nats, {:.1} mJ, {:.1} mm and {:.0}° from the fit",
+                pose.joint.kind.name(),
+                pose.hold.information,
                 1e3 * source.evaluate(&at, &mut scratch).energy,
                 1e3 * shift,
                 turn.to_degrees()

@@ -129,16 +129,28 @@ fn joints(pair: &DockedPair, series: &Series) -> Vec<Element> {
     series.steps.iter().map(one).collect()
 }
 
-/// The constraint that makes a slide follow a turn.
+/// What makes a slide follow a turn: a tendon of both that keeps its length. (An equality of two joints
+/// would be soft: MuJoCo weighs it by the inverses of a mass and of a moment of inertia alike.)
 fn coupling(pair: &DockedPair, series: &Series) -> Vec<Element> {
     let follower = series.steps.iter().find_map(|s| Some((s, s.follows?)));
-    let coupled = follower.map(|(step, factor)| {
-        let joint = Element::new("joint")
-            .with("joint1", pair.labelled(step.name))
-            .with("joint2", pair.labelled(series.steps[0].name))
-            .numbers("polycoef", &[0.0, factor, 0.0, 0.0, 0.0])
-            .numbers("solimp", &[0.99, 0.999, 1e-4]);
-        Element::new("equality").child(joint)
-    });
-    coupled.into_iter().collect()
+    let Some((step, factor)) = follower else {
+        return Vec::new();
+    };
+    let part = |step: &Step, coefficient| {
+        Element::new("joint")
+            .with("joint", pair.labelled(step.name))
+            .numbers("coef", &[coefficient])
+    };
+    let thread = Element::new("fixed")
+        .with("name", pair.labelled("thread"))
+        .child(part(step, 1.0))
+        .child(part(&series.steps[0], -factor));
+    let kept = Element::new("tendon")
+        .with("tendon1", pair.labelled("thread"))
+        .numbers("solref", &[0.004, 1.0])
+        .numbers("solimp", &[0.99, 0.9999, 1e-5]);
+    vec![
+        Element::new("tendon").child(thread),
+        Element::new("equality").child(kept),
+    ]
 }

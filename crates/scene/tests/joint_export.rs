@@ -304,6 +304,28 @@ fn a_round_peg_in_its_hole_is_concentric_with_it() {
 }
 
 #[test]
+fn a_ball_in_its_pocket_is_concentric_with_it() {
+    let (fixed, moving) = pegfit_fixtures::captive_ball(1e-4, 5e-4).unwrap();
+    let joint = joint_of(&fixed, &moving, &Pose::IDENTITY);
+    assert_eq!(joint.kind, JointKind::Ball);
+    let pair = DockedPair {
+        name: "ball",
+        fixed: &fixed,
+        moving: &moving,
+        placed: Pose::IDENTITY,
+        pose: Pose::IDENTITY,
+        joint: &joint,
+        clearance: None,
+        kept: Vec::new(),
+    };
+    let found = mates(&pair);
+    assert_eq!(found.mates.len(), 1, "{:?}", found.mates);
+    assert_eq!(found.mates[0].kind, MateKind::ConcentricSpheres);
+    let radius = found.mates[0].moving.radius.unwrap();
+    assert!((radius - 0.004).abs() < 1e-5, "{radius}");
+}
+
+#[test]
 fn meshes_of_the_scene_are_not_replaced_and_a_path_without_a_name_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let meshes = parts();

@@ -20,9 +20,9 @@ const VELOCITY: f64 = 10.0;
 
 /// Writes a docked pair as URDF, and its meshes as `STEM-fixed.obj` and `STEM-moving.obj` beside it.
 ///
-/// The links are `NAME-scene` (the root), `NAME-fixed` and `NAME-moving`. URDF has neither cylinders,
-/// screws nor balls: these are joints in series through links of next to no mass, a screw's slide
-/// mimics its turn.
+/// The links are `NAME-root`, which is the scene, `NAME-fixed` and `NAME-moving`. URDF has neither
+/// cylindrical joints nor screws nor balls: these are joints in series through links of next to no
+/// mass, and a screw's slide mimics its turn.
 ///
 /// # Errors
 /// If a file cannot be written, or a mesh would replace one that the pair keeps.
@@ -40,7 +40,7 @@ fn text(pair: &DockedPair, names: &MeshNames) -> String {
     let placed = Element::new("joint")
         .with("name", pair.labelled("place"))
         .with("type", "fixed")
-        .child(Element::new("parent").with("link", pair.labelled("scene")))
+        .child(Element::new("parent").with("link", pair.labelled("root")))
         .child(Element::new("child").with("link", pair.labelled("fixed")))
         .child(origin(&pair.placed));
     Element::new("robot")
@@ -49,7 +49,7 @@ fn text(pair: &DockedPair, names: &MeshNames) -> String {
         .comment("Inertia at 1000 kg/m3; efforts and velocities are mere large numbers.")
         .comment("MuJoCo would let the convex hulls of both parts collide; others ignore this.")
         .child(mujoco)
-        .child(Element::new("link").with("name", pair.labelled("scene")))
+        .child(Element::new("link").with("name", pair.labelled("root")))
         .child(link(pair, "fixed", &names.fixed, &fixed, DVec3::ZERO))
         .child(placed)
         .children(between(pair, &series, &moving))

@@ -40,7 +40,7 @@ impl Element {
 
     /// With a vector.
     pub(super) fn vector(self, key: &'static str, value: DVec3) -> Self {
-        self.numbers(key, &value.to_array())
+        self.numbers(key, &value.to_array().map(cleared))
     }
 
     /// With an element in it.
@@ -98,10 +98,15 @@ pub(super) fn number(value: f64) -> String {
     format!("{:?}", value + 0.0)
 }
 
+/// Zero in the place of what rounding leaves of metres and directions.
+fn cleared(value: f64) -> f64 {
+    if value.abs() < 1e-15 { 0.0 } else { value }
+}
+
 /// `w x y z` of a pose, as MJCF has quaternions.
 pub(super) fn quaternion(pose: &Pose) -> [f64; 4] {
     let [x, y, z, w] = pose.rotation.to_array();
-    [w, x, y, z]
+    [w, x, y, z].map(cleared)
 }
 
 /// Roll, pitch and yaw of a pose, as URDF has rotations: about the fixed x axis, then y, then z.
@@ -113,7 +118,7 @@ pub(super) fn roll_pitch_yaw(pose: &Pose) -> [f64; 3] {
     // From what is left after yaw, so that it is exact where pitch is a right angle.
     let (sine, cosine) = yaw.sin_cos();
     let roll = (sine * z.x - cosine * z.y).atan2(cosine * y.y - sine * y.x);
-    [roll, pitch, yaw]
+    [roll, pitch, yaw].map(cleared)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use pegfit_path::PathError;
 use pegfit_pictures::{PictureError, SliceTextError};
 use pegfit_play::PlayError;
 use pegfit_scene::poses::PoseError;
-use pegfit_scene::{ImportError, LineError, SceneError};
+use pegfit_scene::{ExportError, ImportError, LineError, SceneError};
 use sdf_grid::MeshError;
 use sdf_grid::atomic::AtomicError;
 
@@ -138,6 +138,16 @@ impl From<ImportError> for CommandError {
             ImportError::Read { path, source } => Self::read(&path, source),
             ImportError::Mesh(e) => (*e).into(),
             ImportError::Write(e) => Self::write(&e.path, e.source),
+            other => Self::Refused(Box::new(other)),
+        }
+    }
+}
+
+impl From<ExportError> for CommandError {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Write(e) => Self::write(&e.path, e.source),
+            ExportError::Mesh(e) => Self::Failed(e),
             other => Self::Refused(Box::new(other)),
         }
     }

@@ -27,6 +27,7 @@
 mod assembly;
 mod error;
 mod file;
+mod joint_export;
 mod live;
 pub mod poses;
 mod scene;
@@ -36,6 +37,10 @@ mod solids;
 pub use assembly::{Assembly, Motion, ProfilePoint};
 
 pub use error::{LineError, Refusal, SceneError};
+pub use joint_export::{
+    DockedPair, ExportError, JointRecord, MateKind, MateRecord, MateSide, Mates, PartRecord,
+    PoseRecord, TravelRecord, mates, write_mates, write_mjcf, write_urdf,
+};
 pub use live::LivePairs;
 pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};
 pub use setup::parts::FitSolids;

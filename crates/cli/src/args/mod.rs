@@ -358,6 +358,17 @@ pub(crate) struct DockArgs {
     /// part's root mean square radius]
     #[arg(long, value_name = "C")]
     pub(crate) mating_clearance: Option<f64>,
+    /// Write the best pose as a robot description with its joint; meshes FILE-fixed.obj and
+    /// FILE-moving.obj appear beside it
+    #[arg(long, value_name = "FILE.urdf")]
+    pub(crate) urdf: Option<PathBuf>,
+    /// Write the best pose as a MuJoCo model with its joint, with meshes beside it as well
+    #[arg(long, value_name = "FILE.xml")]
+    pub(crate) mjcf: Option<PathBuf>,
+    /// Write the mates of the best pose for CAD: the faces that lie on each other, and the joint;
+    /// with meshes beside it as well
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) mates: Option<PathBuf>,
 }
 
 /// What ranks docked poses.

@@ -14,6 +14,7 @@ use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
 use sdf_grid::{RepairOptions, atomic, mesh_io};
 use serde::Serialize;
 
+use super::dock_export::write_exports;
 use super::path::pose as parse_pose;
 use super::scenes;
 
@@ -119,6 +120,9 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         (!to_stdout).then_some(&args.output),
         args.report.as_ref(),
         args.state.as_ref(),
+        args.urdf.as_ref(),
+        args.mjcf.as_ref(),
+        args.mates.as_ref(),
     ] {
         file.map_or(Ok(()), |f| require_folder(f))?;
     }
@@ -137,6 +141,9 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
         let text = serde_json::to_vec_pretty(&summary)
             .map_err(|e| CommandError::failure(path.display().to_string(), e))?;
         atomic::write(path, &text)?;
+    }
+    if let Some(best) = found.poses.first() {
+        write_exports(args, &setup, best)?;
     }
     if context.json {
         print_json(&summary)?;

@@ -12,6 +12,7 @@ mod demo;
 mod devices;
 mod disassemble;
 mod dock;
+mod dock_export;
 
 mod feel;
 mod field;

@@ -10,6 +10,7 @@ mod common;
 mod damage;
 mod devices;
 mod dock_and_feel;
+mod dock_export;
 mod interrupt;
 mod path;
 mod play;

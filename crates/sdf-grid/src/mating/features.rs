@@ -32,7 +32,7 @@ const SLIDES: f64 = 4e-3;
 const PARALLEL_COSINE: f64 = 0.9994;
 
 /// A flat region of a surface, or several in one plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Plane {
     /// Outward normal, unit length.
     pub normal: DVec3,
@@ -44,6 +44,8 @@ pub struct Plane {
     pub middle: DVec3,
     /// Radius of that ball, metres.
     pub radius: f64,
+    /// Its triangles.
+    pub faces: Vec<u32>,
 }
 
 /// An axis about which smooth patches of a surface turn in themselves: of cylinders, cones, rings,
@@ -59,7 +61,7 @@ pub struct PatchAxis {
 }
 
 /// A smooth patch around an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RoundPatch {
     /// Square metres.
     pub area: f64,
@@ -69,10 +71,12 @@ pub struct RoundPatch {
     pub convex: bool,
     /// Where it begins and ends along the axis, metres from the axis' point.
     pub span: [f64; 2],
+    /// Its triangles.
+    pub faces: Vec<u32>,
 }
 
 /// A smooth patch of a sphere.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SpherePatch {
     /// Its centre, metres.
     pub centre: DVec3,
@@ -82,6 +86,8 @@ pub struct SpherePatch {
     pub convex: bool,
     /// Square metres.
     pub area: f64,
+    /// Its triangles.
+    pub faces: Vec<u32>,
 }
 
 /// Planes, axes and spheres of a surface, the largest first.
@@ -286,6 +292,7 @@ impl<'a> Surface<'a> {
                         area: 0.0,
                         middle: DVec3::ZERO,
                         radius: 0.0,
+                        faces: Vec::new(),
                     },
                     vec![region],
                 )),
@@ -311,6 +318,7 @@ impl<'a> Surface<'a> {
             area: faces().map(|f| self.areas[*f]).sum(),
             middle,
             radius: points().map(|p| p.distance(middle)).fold(0.0, f64::max),
+            faces: faces().map(|f| *f as u32).collect(),
             ..plane
         }
     }
@@ -420,6 +428,7 @@ impl<'a> Surface<'a> {
             radius: mean(&|f| away(middle(f)).length_squared()).sqrt(),
             convex: mean(&|f| away(middle(f)).normalize_or_zero().dot(self.normals[f])) > 0.0,
             span,
+            faces: faces.iter().map(|f| *f as u32).collect(),
         };
         let patches = Vec::new();
         Some(Round::About(
@@ -456,6 +465,7 @@ impl<'a> Surface<'a> {
             radius: mean(&|f| away(f).length()),
             convex: mean(&|f| away(f).normalize_or_zero().dot(self.normals[f])) > 0.0,
             area,
+            faces: faces.iter().map(|f| *f as u32).collect(),
         })
     }
 }
@@ -597,6 +607,10 @@ mod tests {
         assert_eq!((block.planes.len(), block.axes.len()), (10, 0));
         let peg = SurfaceFeatures::new(&peg);
         assert_eq!((peg.planes.len(), peg.axes.len()), (6, 0));
+        // Twelve triangles, two to a plane.
+        let mut faces: Vec<u32> = peg.planes.iter().flat_map(|p| p.faces.clone()).collect();
+        faces.sort_unstable();
+        assert_eq!(faces, (0..12).collect::<Vec<u32>>());
         let area: f64 = peg.planes.iter().map(|p| p.area).sum();
         assert!((area - 6.0 * 0.02 * 0.02).abs() < 1e-3);
     }

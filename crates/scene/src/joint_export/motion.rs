@@ -1,0 +1,126 @@
+//! A joint as single motions in series.
+
+use std::f64::consts::{PI, TAU};
+
+use fft_correlate::mating::{Joint, JointKind, Travel};
+use glam::DVec3;
+
+use super::pair::DockedPair;
+
+/// A displacement along an axis, or a turn about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum StepKind {
+    Slide,
+    Turn,
+}
+
+/// One of the motions in series.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Step {
+    pub(super) kind: StepKind,
+    /// What its joint is called: `slide`, `turn-x`.
+    pub(super) name: &'static str,
+    /// Unit length, moving part's own frame.
+    pub(super) axis: DVec3,
+    /// Least and greatest position, metres or radians; without one it has no end.
+    pub(super) range: Option<[f64; 2]>,
+    /// Its position is this many times that of the first motion of the series.
+    pub(super) follows: Option<f64>,
+}
+
+/// The joint of a pair as motions in series.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Series {
+    /// The point that turns leave in its place, moving part's own frame, metres.
+    pub(super) anchor: DVec3,
+    /// Empty if nothing moves, or if contact does not determine the pose.
+    pub(super) steps: Vec<Step>,
+}
+
+impl Series {
+    pub(super) fn new(pair: &DockedPair) -> Self {
+        let joint = pair.joint;
+        let (axis, point) = joint.in_moving_frame(&pair.pose);
+        let axis = axis.normalize_or_zero();
+        let slide = || Step {
+            kind: StepKind::Slide,
+            name: "slide",
+            axis,
+            range: Some(slide_range(pair)),
+            follows: None,
+        };
+        let turn = || Step {
+            kind: StepKind::Turn,
+            name: "turn",
+            axis,
+            range: turn_range(joint),
+            follows: None,
+        };
+        let steps = match joint.kind {
+            JointKind::Fixed | JointKind::Undetermined(_) => Vec::new(),
+            JointKind::Prismatic => vec![slide()],
+            JointKind::Revolute => vec![turn()],
+            JointKind::Cylindrical => vec![slide(), turn()],
+            JointKind::Screw => {
+                let along = joint.pitch / TAU;
+                let range = turn().range.map(|r| r.map(|angle| angle * along));
+                let follower = Step {
+                    range: range.map(|[a, b]| [a.min(b), a.max(b)]),
+                    follows: Some(along),
+                    ..slide()
+                };
+                vec![turn(), follower]
+            }
+            JointKind::Planar => {
+                let (x, y) = axis.any_orthonormal_pair();
+                let across = |name, axis| Step {
+                    name,
+                    axis,
+                    range: None,
+                    ..slide()
+                };
+                vec![across("slide-x", x), across("slide-y", y), turn()]
+            }
+            JointKind::Ball => {
+                let about = |name, axis| Step {
+                    name,
+                    axis,
+                    range: None,
+                    ..turn()
+                };
+                vec![
+                    about("turn-x", DVec3::X),
+                    about("turn-y", DVec3::Y),
+                    about("turn-z", DVec3::Z),
+                ]
+            }
+        };
+        let turns = steps.iter().any(|s| s.kind == StepKind::Turn);
+        let anchor = if turns { point } else { DVec3::ZERO };
+        Self { anchor, steps }
+    }
+}
+
+/// How far the part slides; as far as both parts are long where that is not known.
+fn slide_range(pair: &DockedPair) -> [f64; 2] {
+    let reach = reach(pair);
+    pair.joint.slide.map_or([-reach, reach], |t| t.range)
+}
+
+/// More than any displacement along which the parts touch.
+pub(super) fn reach(pair: &DockedPair) -> f64 {
+    pair.fixed.bounds().diagonal() + pair.moving.bounds().diagonal()
+}
+
+/// How far the part turns, if there is an end.
+fn turn_range(joint: &Joint) -> Option<[f64; 2]> {
+    let travel = joint.turn?;
+    let endless = joint.kind != JointKind::Screw && is_whole_turn(&travel);
+    (!endless).then_some(travel.range)
+}
+
+/// Whether a turn goes half around both ways without being blocked.
+fn is_whole_turn(travel: &Travel) -> bool {
+    let half = PI - 1e-6;
+    travel.range[0] <= -half && travel.range[1] >= half && travel.blocked == [false; 2]
+}

@@ -56,7 +56,6 @@ pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 pub use dock::docking::{Docking, DockingPose, DockingRequest, DockingResult};
 pub use dock::error::DockingError;
 pub use dock::peaks::{Peak, top_peaks};
-pub use dock::rotations::symmetry_group;
 pub use energy::{EnergySource, InScene, Response, Scratch};
 pub use geometry::placement::Placement;
 pub use geometry::se3::{Pose, Twist, Wrench};
@@ -67,6 +66,7 @@ pub use pair::model::{ModelError, PairRecipe, ScoreModel};
 pub use pair::setup::{EnergyScale, EnergyScaleError, LatticeStep, PairSetup, PairSetupError};
 pub use rotations::domain::{AxisSymmetry, Part, RotationDomain, RotationError};
 pub use rotations::grid::RotationGrid;
+pub use rotations::search_rotations::symmetry_group;
 pub use rotations::symmetry::{from_fit, symmetry_on_lattice};
 pub use sweep::{NodeEnergies, PairEnergies};
 pub use table::accuracy::{ErrorReport, Excess, measure_error, typical_condition};
@@ -88,10 +88,10 @@ pub mod testing {
     pub use crate::direct::terms::{Blend, Term, score_terms};
     pub use crate::dock::options::{SearchDomain, SearchOptions, SearchPairs};
     pub use crate::dock::refine::Descent;
-    pub use crate::dock::rotations::search_rotations;
     pub use crate::dock::search::search;
     pub use crate::geometry::half_turn::half_turn_groups;
     pub use crate::pair::model::Side;
+    pub use crate::rotations::search_rotations::search_rotations;
     pub use crate::table::accuracy::random_pose;
     pub use crate::table::bake::bake_files;
 }

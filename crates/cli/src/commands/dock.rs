@@ -15,8 +15,7 @@ use sdf_grid::{RepairOptions, atomic, mesh_io};
 use serde::Serialize;
 
 use super::dock_export::write_exports;
-use super::path::pose as parse_pose;
-use super::scenes;
+use super::scenes::{self, parse_pose};
 
 use crate::args::{DockArgs, RankChoice};
 use crate::context::Context;

@@ -4,12 +4,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fft_correlate::{DirectEvaluator, DirectOptions, DockingRequest, EnergySource, Pose};
-use glam::{DQuat, DVec3};
 use pegfit_path::{Outcome, PathRequest, PathResult, PathSearch, Start, VisitedPoses};
 use pegfit_scene::SceneSetup;
 use sdf_grid::atomic;
 
 use crate::args::PathArgs;
+use crate::commands::scenes::parse_pose;
 use crate::commands::{dock, resume, scenes};
 use crate::context::Context;
 use crate::error::{CommandError, refuse};
@@ -117,7 +117,7 @@ impl Goal {
         match text {
             "fit" => Ok(Self::Fit),
             "best" => Ok(Self::Best),
-            _ => pose("--to", "fit, best", text).map(Self::Pose),
+            _ => parse_pose("--to", "fit, best", text).map(Self::Pose),
         }
     }
 
@@ -148,7 +148,7 @@ pub(super) fn request(args: &PathArgs, setup: &SceneSetup) -> Result<PathRequest
     let start = match args.from.as_str() {
         "outside" => Start::Outside,
         text => {
-            let pose = pose("--from", "outside", text)?;
+            let pose = parse_pose("--from", "outside", text)?;
             Start::Pose(setup.placement().to_shapes(&pose))
         }
     };
@@ -170,24 +170,6 @@ pub(crate) fn time_limit(seconds: f64) -> Result<Duration, CommandError> {
             refuse("--seconds", expected, seconds)
         }
     }
-}
-
-/// A pose written as seven numbers.
-pub(super) fn pose(option: &str, words: &str, text: &str) -> Result<Pose, CommandError> {
-    let refused = || {
-        let expected = format!("{words}, or x,y,z,qx,qy,qz,qw in metres");
-        CommandError::option(option, expected, text)
-    };
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse::<f64>()).collect();
-    let numbers = numbers.map_err(|_| refused())?;
-    let [x, y, z, qx, qy, qz, qw] = numbers[..] else {
-        return Err(refused());
-    };
-    let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
-    let usable = numbers.iter().all(|v| v.is_finite()) && (rotation.length() - 1.0).abs() < 1e-3;
-    usable
-        .then(|| Pose::new(rotation, DVec3::new(x, y, z)))
-        .ok_or_else(refused)
 }
 
 #[cfg(test)]

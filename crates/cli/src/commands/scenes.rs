@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use fft_correlate::Pose;
+use glam::{DQuat, DVec3};
 use pegfit_scene::{Assembly, Scene, SceneSetup, SceneWarning};
 
 use crate::context::Context;
@@ -41,4 +43,22 @@ pub(super) fn print_warnings(warnings: &[SceneWarning], context: &Context) {
 /// The subject of an error: the scene file and a part of it.
 pub(super) fn scene_item(assembly: &Assembly, item: &str) -> String {
     format!("{}: {item}", assembly.scene().path.display())
+}
+
+/// A pose written as seven numbers.
+pub(super) fn parse_pose(option: &str, words: &str, text: &str) -> Result<Pose, CommandError> {
+    let refused = || {
+        let expected = format!("{words}, or x,y,z,qx,qy,qz,qw in metres");
+        CommandError::option(option, expected, text)
+    };
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|_| refused())?;
+    let [x, y, z, qx, qy, qz, qw] = numbers[..] else {
+        return Err(refused());
+    };
+    let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
+    let usable = numbers.iter().all(|v| v.is_finite()) && (rotation.length() - 1.0).abs() < 1e-3;
+    usable
+        .then(|| Pose::new(rotation, DVec3::new(x, y, z)))
+        .ok_or_else(refused)
 }

@@ -22,7 +22,6 @@ use crate::dock::local_refinement::{FoundPose, SearchResult, SearchStage};
 use crate::dock::options::{
     SearchDomain, SearchOptions, SearchPairs, docking_weights, with_docking_weights,
 };
-use crate::dock::rotations::symmetry_group;
 use crate::dock::search::{needs_screening, rerank, search};
 use crate::geometry::se3::Pose;
 use crate::mating::{HeldPose, HoldReport, Joint, MatingSearch, MatingSearchOptions, SearchRegion};
@@ -31,6 +30,7 @@ use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
 use crate::pair::setup::{PairSetup, PairSetupError};
 use crate::rotations::domain::{RotationDomain, RotationError};
+use crate::rotations::search_rotations::symmetry_group;
 use crate::rotations::symmetry::symmetry_on_lattice;
 
 /// Angle between rotations where no domain is given, degrees.

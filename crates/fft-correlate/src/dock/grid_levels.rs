@@ -3,11 +3,11 @@
 use glam::DVec3;
 use sdf_grid::{Aabb, TriangleMesh};
 
-use crate::dock::rotations::search_rotations;
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::{RotationDomain, RotationError, check_range, quaternion};
 use crate::rotations::grid::RotationGrid;
+use crate::rotations::search_rotations::search_rotations;
 
 /// Cells across the narrow side of the moving part, fine lattice.
 const FINE_CELLS: f64 = 14.0;

@@ -8,7 +8,6 @@ pub(crate) mod local_refinement;
 pub(crate) mod options;
 pub(crate) mod peaks;
 pub(crate) mod refine;
-pub(crate) mod rotations;
 pub(crate) mod search;
 mod state;
 

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use std::convert::Infallible;
 use std::ops::Range;
 
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 use ndarray::ArrayView3;
 use sdf_grid::Monitor;
 use serde::{Deserialize, Serialize};
@@ -111,59 +111,6 @@ fn half_width(score: ArrayView3<f32>, peak: &Peak) -> Option<f64> {
     narrowest
 }
 
-/// When two poses count as the same.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PoseSpacing {
-    /// Rotations up to this angle apart, radians.
-    pub(crate) angle: f64,
-    /// Pivots up to this distance apart, metres.
-    pub(crate) distance: f64,
-    /// Point of the moving part whose positions are compared, metres in its frame.
-    pub(crate) pivot: DVec3,
-    /// Motions that map the moving part onto itself, in its own frame; the identity need not be
-    /// among them.
-    pub(crate) symmetries: Vec<Pose>,
-}
-
-impl PoseSpacing {
-    /// True if the rotations and the pivots are both close, for the part as it is or under one of
-    /// its symmetries.
-    fn is_same(&self, a: &Pose, b: &Pose) -> bool {
-        let close = |b: &Pose| {
-            (a.apply(self.pivot) - b.apply(self.pivot)).length() <= self.distance
-                && a.angle_to(b) <= self.angle
-        };
-        close(b) || self.symmetries.iter().any(|s| close(&(*b * *s)))
-    }
-
-    /// Indices of at most `count` poses, taken in order, none of which is the same as one taken
-    /// before.
-    pub(crate) fn distinct<'a>(
-        &self,
-        poses: impl IntoIterator<Item = &'a Pose>,
-        count: usize,
-    ) -> Vec<usize> {
-        // No symmetry moves the pivot farther than this: most pairs need no closer look.
-        let moved = |s: &Pose| s.apply(self.pivot).distance(self.pivot);
-        let reach = self.distance + self.symmetries.iter().map(moved).fold(0.0, f64::max);
-        let mut kept: Vec<(usize, &Pose, DVec3)> = Vec::new();
-        for (index, pose) in poses.into_iter().enumerate() {
-            if kept.len() == count {
-                break;
-            }
-            let place = pose.apply(self.pivot);
-            let near = |k: &DVec3| k.distance(place) <= reach;
-            if !kept
-                .iter()
-                .any(|(_, k, at)| near(at) && self.is_same(k, pose))
-            {
-                kept.push((index, pose, place));
-            }
-        }
-        kept.into_iter().map(|(index, ..)| index).collect()
-    }
-}
-
 /// A pose on the lattice, before refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Candidate {
@@ -265,9 +212,7 @@ impl Consumer<()> for BestMaxima<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DQuat;
     use ndarray::Array3;
-    use std::f64::consts::{FRAC_PI_2, TAU};
 
     fn hills(hills: &[([f64; 3], f64)]) -> Array3<f32> {
         Array3::from_shape_fn((20, 21, 22), |(i, j, k)| {
@@ -318,23 +263,5 @@ mod tests {
             half_width(flat.view(), &top_peaks(flat.view(), 1, 0.0)[0]),
             None
         );
-    }
-
-    #[test]
-    fn poses_equal_under_a_symmetry_are_the_same() {
-        let turn = |angle| Pose::new(DQuat::from_rotation_z(angle), DVec3::ZERO);
-        let mut spacing = PoseSpacing {
-            angle: 0.1,
-            distance: 0.01,
-            pivot: DVec3::new(0.0, 0.0, 0.5),
-            symmetries: vec![],
-        };
-        let poses = [turn(0.0), turn(FRAC_PI_2), turn(0.05), turn(TAU / 8.0)];
-        assert_eq!(spacing.distinct(&poses, 9), [0, 1, 3]);
-        spacing.symmetries = (1..4).map(|n| turn(n as f64 * FRAC_PI_2)).collect();
-        assert_eq!(spacing.distinct(&poses, 9), [0, 3]);
-        assert_eq!(spacing.distinct(&poses, 1), [0]);
-        let shifted = Pose::from_translation(DVec3::new(0.02, 0.0, 0.0));
-        assert!(!spacing.is_same(&shifted, &poses[0]));
     }
 }

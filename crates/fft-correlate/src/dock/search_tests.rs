@@ -10,12 +10,12 @@ use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
 use crate::dock::error::DockingError;
 use crate::dock::grid_levels::GridLevels;
 use crate::dock::options::DOCKING_RATIO;
-use crate::dock::rotations::{search_rotations, symmetry_group};
 use crate::dock::search::rerank;
 use crate::dock::state::BATCH;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::PairBuilder;
 use crate::pair::model::ScoreModel;
+use crate::rotations::search_rotations::{search_rotations, symmetry_group};
 
 fn rectangle(x: f64, y: f64) -> Vec<DVec2> {
     [(-x, -y), (x, -y), (x, y), (-x, y)]

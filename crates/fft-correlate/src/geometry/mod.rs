@@ -3,6 +3,7 @@
 
 pub(crate) mod half_turn;
 pub(crate) mod placement;
+pub(crate) mod pose_spacing;
 pub(crate) mod se3;
 pub(crate) mod taps;
 pub(crate) mod translation;

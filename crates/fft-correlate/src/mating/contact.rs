@@ -250,7 +250,10 @@ impl MatingContact {
         let mut inside = 0.0;
         for s in &self.few {
             let p = pose.apply(s.position);
-            if self.fixed_depth.is_deeper(p, COARSELY_DEEP * self.resolution) {
+            if self
+                .fixed_depth
+                .is_deeper(p, COARSELY_DEEP * self.resolution)
+            {
                 inside += s.weight;
                 if information - INSIDE * inside < LEAST {
                     return None;

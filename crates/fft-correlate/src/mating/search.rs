@@ -12,9 +12,9 @@ use sdf_grid::{
 use super::contact::{HoldReport, MatingContact};
 use super::hypotheses::{Family, Hypotheses};
 use super::joint::Joint;
-use crate::dock::peaks::PoseSpacing;
-use crate::dock::rotations::search_rotations;
+use crate::geometry::pose_spacing::PoseSpacing;
 use crate::geometry::se3::Pose;
+use crate::rotations::search_rotations::search_rotations;
 
 /// Poses of one family that go on, at most, and of all.
 const OF_A_FAMILY: usize = 40;

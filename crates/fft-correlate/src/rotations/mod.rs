@@ -5,4 +5,5 @@ mod build;
 pub(crate) mod chart;
 pub(crate) mod domain;
 pub(crate) mod grid;
+pub(crate) mod search_rotations;
 pub(crate) mod symmetry;

@@ -284,7 +284,7 @@ impl Symmetry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dock::rotations::symmetry_group;
+    use crate::rotations::search_rotations::symmetry_group;
     use glam::DQuat;
 
     fn axis(direction: DVec3, order: SymmetryOrder) -> SymmetryAxis {

@@ -6,7 +6,7 @@ use std::sync::{PoisonError, RwLock};
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 
-use super::surface_points::normal;
+use super::features::normal;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 

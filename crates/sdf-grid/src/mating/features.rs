@@ -5,10 +5,13 @@ use std::collections::HashMap;
 use glam::{DMat3, DVec3};
 
 use super::matrix6::Matrix6;
-use super::surface_points::{SMOOTH_COSINE, normal};
 use crate::mesh::measure::face_area;
 use crate::mesh::topology::{DisjointSets, Topology};
 use crate::mesh::triangle_mesh::TriangleMesh;
+
+/// Faces that turn from each other by less are of one smooth patch: 36 degrees, so that a circle of
+/// eleven segments is one.
+pub(crate) const SMOOTH_COSINE: f64 = 0.809;
 
 /// Faces that turn from each other by less lie in one plane: 0.3 degrees.
 const FLAT_COSINE: f64 = 0.999_986;
@@ -509,6 +512,10 @@ pub(crate) fn corner_normals(mesh: &TriangleMesh) -> Vec<[DVec3; 3]> {
     (0..mesh.triangles().len())
         .map(|face| [0, 1, 2].map(|k| at_corner(face, k)))
         .collect()
+}
+
+pub(crate) fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a).normalize_or_zero()
 }
 
 /// About what a patch turns in itself.

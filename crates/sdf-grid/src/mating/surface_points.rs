@@ -2,13 +2,9 @@
 
 use glam::DVec3;
 
-use super::features::corner_normals;
+use super::features::{SMOOTH_COSINE, corner_normals, normal};
 use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
-
-/// Faces that turn from each other by less are of one smooth patch: 36 degrees, so that a circle of
-/// eleven segments is one.
-pub(crate) const SMOOTH_COSINE: f64 = 0.809;
 
 /// Points of every patch, if there are enough.
 const OF_A_PATCH: usize = 8;
@@ -83,10 +79,6 @@ pub fn surface_points(mesh: &TriangleMesh, count: usize) -> Vec<SurfacePoint> {
         }
     }
     points
-}
-
-pub(crate) fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
-    (b - a).cross(c - a).normalize_or_zero()
 }
 
 #[cfg(test)]

@@ -170,6 +170,12 @@ report *ARGS:
     cargo build --release -p pegfit-benches
     cargo run --release -p pegfit-benches --bin report -- {{ARGS}}
 
+# Where generated joints of machines belong, and which joints they are: pairs as they lie and with each
+# part turned by itself, in ./out (`just docking-joints 1..4 --only nut`).
+docking-joints SEEDS="1..2" *ARGS:
+    cargo run --release -p pegfit-benches --bin docking -- --joints {{SEEDS}} --starts 1 \
+        --kinds "in place,both" {{ARGS}}
+
 # Contact without a lattice: long tests, then how sure it is (`just truth --write` keeps it instead).
 truth *ARGS:
     cargo test --release -p pegfit-truth -- --include-ignored

@@ -60,29 +60,40 @@ fn wrong(pair: &JointPair, seed: u64) -> Option<String> {
         .then(|| format!("axis off by {angle} rad, {across} m: {found:?}"))
 }
 
-#[test]
-fn parts_of_machines_find_their_places_and_joints_however_they_lie() {
-    let names = [
-        "tray-flush-lid",
-        "bricks-2x2-on-2x4",
-        "key-round-ends",
-        "spline-6",
-        "hexagon-bar-through",
-        "bearing-in-housing",
-        "dovetail-stop",
-        "pin-blind-one-of-four",
-        "connector-1x4-lock",
-        "bracket-three-pins",
-        "nut-m16",
-        "ball-in-cup",
-    ];
+/// Docks joints of the fixtures, each moved by motions that a seed draws.
+fn require_places_and_joints(names: &[&str]) {
     let mut failures = Vec::new();
     for (seed, name) in (0..).zip(names) {
         let began = std::time::Instant::now();
-        let index = joint_names().position(|n| n == name).unwrap();
+        let index = joint_names().position(|n| n == *name).unwrap();
         let failure = wrong(&joint(1, index).unwrap(), seed);
         println!("{name}: {:.1} s", began.elapsed().as_secs_f64());
         failures.extend(failure.map(|what| format!("{name}: {what}")));
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn parts_of_machines_find_their_places_and_joints_however_they_lie() {
+    require_places_and_joints(&[
+        "key-round-ends",
+        "hexagon-bar-through",
+        "bearing-in-housing",
+        "pin-blind-one-of-four",
+        "ball-in-cup",
+    ]);
+}
+
+#[test]
+#[ignore = "minutes; run by `just long`"]
+fn more_parts_of_machines_find_their_places_and_joints() {
+    require_places_and_joints(&[
+        "tray-flush-lid",
+        "bricks-2x2-on-2x4",
+        "spline-6",
+        "dovetail-stop",
+        "connector-1x4-lock",
+        "bracket-three-pins",
+        "nut-left-hand",
+    ]);
 }

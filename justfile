@@ -113,6 +113,7 @@ arm *ARGS:
 # Long tests that the suite leaves out: docking in more frames, accuracy in contact at more clearances.
 long:
     cargo test --release -p fft-correlate --lib -- --ignored --nocapture dock::
+    cargo test --release -p fft-correlate --test it -- --ignored --nocapture mating::
     cargo test --release -p pegfit-benches --bin contact -- --ignored --nocapture
 
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.
@@ -169,6 +170,12 @@ batch:
 report *ARGS:
     cargo build --release -p pegfit-benches
     cargo run --release -p pegfit-benches --bin report -- {{ARGS}}
+
+# Where generated joints of machines belong, and which joints they are: pairs as they lie and with each
+# part turned by itself, in ./out (`just docking-joints 1..4 --only nut`).
+docking-joints SEEDS="1..2" *ARGS:
+    cargo run --release -p pegfit-benches --bin docking -- --joints {{SEEDS}} --starts 1 \
+        --kinds "in place,both" {{ARGS}}
 
 # Contact without a lattice: long tests, then how sure it is (`just truth --write` keeps it instead).
 truth *ARGS:

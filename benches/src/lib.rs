@@ -15,6 +15,7 @@ use sdf_grid::Silent;
 use sdf_grid::shapes::PegInHole;
 
 pub mod assemblies;
+pub mod docking_cases;
 pub mod frames;
 pub mod frontier;
 pub mod known_paths;

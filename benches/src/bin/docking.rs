@@ -1,48 +1,34 @@
-//! Docking in every frame:
-//! `docking [--quick] [--out DIR] [--starts N] [--seeds A..B] [--only PAIR] [--kinds LIST]
+//! Docking in every frame: `docking [--quick] [--out DIR] [--starts N] [--seeds A..B]
+//! [--joints [A..B]] [--every N] [--folder DIR] [--only PAIR] [--kinds LIST] [--rank contact|energy]
 //! [--exhaustive] [PARTS_DIR]`.
 //!
-//! Whether docking finds a fit must not depend on how the parts lie in their frames. Both parts of
-//! every pair are docked as they are, shifted by fractions of a cell, turned together, with the
-//! moving part turned alone, and each turned by itself; the paper's pairs, generated ones
-//! (`--seeds`), and the parts of a folder. Asks where the modelled pose comes, and whether the first
-//! pose is the deepest: both go downhill on a lattice of half the spacing that docking ranks by, in
-//! a frame of its own. Prints a line per start; writes `docking.csv` (a line per pair and kind)
-//! and `docking-rankings.csv`.
+//! Whether docking finds where a part belongs must not depend on how the parts lie in their frames.
+//! Both parts of every pair are docked as they are, shifted by fractions of a cell, turned together,
+//! with the moving part turned alone, and each turned by itself: the paper's pairs, generated fits
+//! (`--seeds`), the parts of a folder; or the generated joints of `pegfit_fixtures` (`--joints`, one of
+//! `--every` so many), or pairs in folders with their right places (`--folder`). Prints a line per
+//! start; writes `docking.csv` (a line per pair or kind of pair, and start) and
+//! `docking-rankings.csv`.
 
-use std::path::Path;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fft_correlate::testing::Descent;
-use fft_correlate::{
-    DirectEvaluator, DirectOptions, Docking, DockingRequest, DockingResult, Pair, PairBuilder,
-    PairSetup, Pose,
-};
+use fft_correlate::dock::Ranking;
+use fft_correlate::{Docking, DockingPose, DockingRequest, DockingResult, PairSetup, Pose};
 use glam::DVec3;
-use pegfit_benches::assemblies::{Assembly, generated, in_own_frame, modelled, random_rotation};
-use pegfit_benches::frames::Frame;
+use pegfit_benches::assemblies::{generated, in_own_frame, modelled, random_rotation};
+use pegfit_benches::docking_cases::{Case, axis_error, folder, generated_joints};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::Silent;
+use sdf_grid::{Silent, TriangleMesh};
 
-/// A pose this near the modelled one is it: angle, radians, and distance of the pivots, metres.
-const SAME: (f64, f64) = (0.035, 5e-4);
+/// An axis this near the known one is it: radians (0.5 degrees), metres.
+const SAME_AXIS: (f64, f64) = (8.727e-3, 2e-4);
 
-/// A pose is as deep as the deepest within this share.
-const AS_DEEP: f64 = 0.01;
-
-/// A pose from which nothing on the way to the modelled one is shallower by more than this share of
-/// its depth is the same one, leaning or turned in its play.
-const PLAY: f64 = 0.1;
-
-/// Poses on that way that are looked at, and how far the play goes at most: angle, radians, and
-/// distance of the pivots, metres.
-const LOOKS: u32 = 12;
-const MOST_PLAY: (f64, f64) = (0.2, 1e-3);
-
-/// Points of the evaluator that goes downhill before the full one.
-const MERGED: usize = 40_000;
+/// Shifts of parts as they are, metres: fractions of a cell.
+const CELL: f64 = 1e-3;
 
 /// How both parts lie when docking begins.
 #[derive(Debug, Clone, Copy)]
@@ -63,14 +49,13 @@ const KINDS: [(&str, Kind); 5] = [
 ];
 
 impl Kind {
-    /// Motions of the fixed and the moving part before anything is computed. `cell` is that of the
-    /// lattice on which rotations are scored, metres.
-    fn motions(self, seed: u64, cell: f64) -> [Pose; 2] {
+    /// Motions of the fixed and the moving part before anything is computed.
+    fn motions(self, seed: u64) -> [Pose; 2] {
         let mut rng = SmallRng::seed_from_u64(seed);
         let mut place = |reach: f64| {
             reach * DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)))
         };
-        let (shift, far) = (place(cell), [place(0.05), place(0.05)]);
+        let (shift, far) = (place(CELL), [place(0.05), place(0.05)]);
         let turns = [random_rotation(&mut rng), random_rotation(&mut rng)];
         let [a, b] = [0, 1].map(|i| Pose::new(turns[i], far[i]));
         match self {
@@ -85,348 +70,386 @@ impl Kind {
 
 struct Wanted {
     starts: u64,
-    only: Option<String>,
+    only: String,
     kinds: Vec<(&'static str, Kind)>,
-    seeds: std::ops::Range<u64>,
-    exhaustive: bool,
+    /// Generated fits; with them the paper's.
+    seeds: Option<Range<u64>>,
+    joints: Option<Range<u64>>,
+    every: usize,
+    folder: Option<PathBuf>,
+    request: DockingRequest,
 }
+
+const USAGE: &str = "usage: docking [--quick] [--out DIR] [--starts N] [--seeds A..B] \
+    [--joints [A..B]] [--every N] [--folder DIR] [--only PAIR] [--kinds LIST] \
+    [--rank contact|energy] [--exhaustive] [PARTS_DIR]";
 
 fn main() -> Outcome<()> {
     let mut arguments = Arguments::parse_known()?;
     let wanted = wanted(&mut arguments)?;
-    let mut all = modelled(arguments.rest.first().map(Path::new))?;
-    all.extend(generated(wanted.seeds.clone())?);
-    let mut table = Table::new("docking", "Docking in every frame", ABOUT, &COLUMNS);
-    let mut everything = Vec::new();
-    for pair in &all {
-        let name = pair.name.as_str();
-        if wanted
-            .only
-            .as_ref()
-            .is_some_and(|part| !name.contains(part.as_str()))
-        {
-            continue;
-        }
-        println!("\n== {name}");
-        let mut truth = None;
+    let parts = arguments.rest.first().map(Path::new);
+    let mut rows = Rows::default();
+    for case in cases(&wanted, parts)? {
+        println!("\n== {}", case.name);
         for (kind, of) in &wanted.kinds {
-            let starts = if matches!(of, Kind::InPlace) {
-                1
-            } else {
-                wanted.starts
+            let starts = match of {
+                Kind::InPlace => 1,
+                _ => wanted.starts,
             };
-            let mut done = Vec::new();
             for start in 0..starts {
-                done.push(dock(pair, *of, start, wanted.exhaustive, &mut truth)?);
-                println!("   {kind} {start}: {}", done[start as usize]);
+                let done = dock(&case, of.motions(start), &wanted.request);
+                println!("   {kind} {start}: {done}");
+                rows.add([case.set, &case.group, kind], done);
             }
-            table.push(summary(&[name, kind], &done));
-            everything.append(&mut done);
         }
     }
-    table.push(summary(&["all", "all"], &everything));
-    arguments.publish(&table, None)?;
-    arguments.publish(&rankings(&everything), None)
+    arguments.publish(&rows.summary(), None)?;
+    arguments.publish(&rows.rankings(), None)
 }
 
 fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
-    let usage = "usage: docking [--quick] [--out DIR] [--starts N] [--seeds A..B] \
-                 [--only PAIR] [--kinds LIST] [--exhaustive] [PARTS_DIR]";
+    let quick = arguments.quick;
     let mut wanted = Wanted {
-        starts: if arguments.quick { 1 } else { 5 },
-        only: None,
+        starts: if quick { 1 } else { 5 },
+        only: String::new(),
         kinds: KINDS.to_vec(),
-        seeds: if arguments.quick { 0..4 } else { 0..50 },
-        exhaustive: false,
+        seeds: None,
+        joints: None,
+        every: 1,
+        folder: None,
+        request: DockingRequest::default(),
+    };
+    let range = |text: &str| -> Option<Range<u64>> {
+        let (a, b) = text.split_once("..")?;
+        Some(a.parse().ok()?..b.parse().ok()?)
     };
     let rest = &mut arguments.rest;
     while let Some(at) = rest.iter().position(|a| a.starts_with("--")) {
         let option = rest.remove(at);
-        if option == "--exhaustive" {
-            wanted.exhaustive = true;
-            continue;
+        match option.as_str() {
+            "--exhaustive" => {
+                wanted.request.exhaustive = true;
+                continue;
+            }
+            "--joints" => {
+                let given = rest.get(at).and_then(|text| range(text));
+                if given.is_some() {
+                    rest.remove(at);
+                }
+                wanted.joints = Some(given.unwrap_or(1..2));
+                continue;
+            }
+            _ => {}
         }
-        let value = if at < rest.len() {
-            rest.remove(at)
-        } else {
-            return Err(usage.into());
-        };
+        if at == rest.len() {
+            return Err(USAGE.into());
+        }
+        let value = rest.remove(at);
         match option.as_str() {
             "--starts" => wanted.starts = value.parse()?,
-            "--only" => wanted.only = Some(value),
+            "--only" => wanted.only = value,
+            "--every" => wanted.every = value.parse::<usize>()?.max(1),
+            "--folder" => wanted.folder = Some(value.into()),
+            "--seeds" => wanted.seeds = Some(range(&value).ok_or(USAGE)?),
+            "--rank" if value == "contact" => wanted.request.ranking = Ranking::Contact,
+            "--rank" if value == "energy" => wanted.request.ranking = Ranking::Energy,
             "--kinds" => wanted
                 .kinds
                 .retain(|(name, _)| value.split(',').any(|k| k == *name)),
-            "--seeds" => {
-                let (a, b) = value.split_once("..").ok_or(usage)?;
-                wanted.seeds = a.parse()?..b.parse()?;
-            }
-            _ => return Err(usage.into()),
+            _ => return Err(USAGE.into()),
         }
+    }
+    if wanted.joints.is_none() && wanted.folder.is_none() && wanted.seeds.is_none() {
+        wanted.seeds = Some(if quick { 0..4 } else { 0..50 });
     }
     Ok(wanted)
 }
 
+fn cases(wanted: &Wanted, parts: Option<&Path>) -> Outcome<Vec<Case>> {
+    let mut all = Vec::new();
+    if let Some(seeds) = &wanted.seeds {
+        let paper = modelled(parts)?.into_iter();
+        all.extend(paper.map(|pair| Case::assembled("paper and parts", pair)));
+        let fits = generated(seeds.clone())?.into_iter();
+        all.extend(fits.map(|pair| Case::assembled("generated fits", pair)));
+        all.retain(|case| case.name.contains(&wanted.only));
+    }
+    if let Some(seeds) = &wanted.joints {
+        all.extend(generated_joints(seeds.clone(), &wanted.only, wanted.every)?);
+    }
+    if let Some(path) = &wanted.folder {
+        all.extend(folder(path, &wanted.only)?);
+    }
+    match all.is_empty() {
+        true => Err("no such pair".into()),
+        false => Ok(all),
+    }
+}
+
+/// A name, and what a pose counts by it; the largest is first.
+type By = (&'static str, fn(&DockingPose) -> f64);
+
+/// Ways to rank the poses returned.
+const RANKINGS: [By; 6] = [
+    ("rank", |p| p.rank),
+    ("information", |p| p.hold.information),
+    ("energy", |p| -p.found.energy),
+    ("mating area", |p| p.mating_area),
+    ("least overlap", |p| -p.overlap),
+    ("hold alone", |p| p.hold.hold),
+];
+
+/// What one start came to.
+struct Start {
+    /// Why docking failed.
+    failure: Option<String>,
+    /// Place of a right pose among those returned, from 1.
+    rank: Option<usize>,
+    /// Where the first pose is right and its joint is known: whether the kind of joint, and the axis,
+    /// are as stated.
+    joint: Option<[bool; 2]>,
+    /// The best of the first five from the assembled pose, if that is one: metres, radians.
+    miss: Option<(f64, f64)>,
+    /// Whether a right pose is first by each ranking.
+    ranked_first: [bool; RANKINGS.len()],
+    seconds: f64,
+    /// What is said of the joint and, where the first pose is wrong, of the poses.
+    said: String,
+}
+
+impl std::fmt::Display for Start {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(failure) = &self.failure {
+            return write!(f, "FAILED: {failure}");
+        }
+        match self.rank {
+            Some(rank) => write!(f, "right {rank}")?,
+            None => write!(f, "MISSING")?,
+        }
+        if let Some((distance, angle)) = self.miss {
+            let (distance, angle) = (1e3 * distance, angle.to_degrees());
+            write!(f, ", off {distance:.2} mm {angle:.2}°")?;
+        }
+        write!(f, "{}", self.said)
+    }
+}
+
+fn dock(case: &Case, motions: [Pose; 2], request: &DockingRequest) -> Start {
+    let moved =
+        |part: &TriangleMesh, by: &Pose| Arc::new(part.transformed(by.rotation, by.translation));
+    let [fixed, moving] = [0, 1].map(|i| moved(&case.parts[i], &motions[i]));
+    let setup = PairSetup::new(fixed, moving);
+    match Docking::new(&setup, request.clone()).run(&Silent) {
+        Ok(report) => judged(case, motions, &report),
+        Err(error) => Start {
+            failure: Some(error.to_string()),
+            rank: None,
+            joint: None,
+            miss: None,
+            ranked_first: [false; RANKINGS.len()],
+            seconds: 0.0,
+            said: String::new(),
+        },
+    }
+}
+
+/// What a report came to whose parts were moved before.
+fn judged(case: &Case, [fixed, moving]: [Pose; 2], report: &DockingResult) -> Start {
+    let own = |pose: &Pose| fixed.inverse() * *pose * moving;
+    // The first right one among a pose and those alike, and the place where it is.
+    let right = |p: &DockingPose| {
+        let mut all = std::iter::once(&p.found.pose).chain(&p.alike).map(own);
+        all.find_map(|pose| {
+            let place = case.right.find((pose.rotation, pose.translation))?;
+            Some((pose, place))
+        })
+    };
+    let found: Vec<Option<(Pose, usize)>> = report.poses.iter().map(right).collect();
+    let is_right: Vec<bool> = found.iter().map(Option::is_some).collect();
+    let rank = is_right.iter().position(|right| *right).map(|i| i + 1);
+    let miss = case.assembly.as_ref().and_then(|pair| {
+        let group = in_own_frame(&report.symmetries, &moving);
+        let pivot = moving.inverse().apply(report.lattices.pivot);
+        let poses = report.poses.iter().take(5).map(|p| own(&p.found.pose));
+        let misses = poses.map(|pose| pair.miss(&pose, &group, pivot));
+        let far = |m: &(f64, f64)| m.0 + 0.02 * m.1;
+        misses.min_by(|a, b| far(a).total_cmp(&far(b)))
+    });
+    let mut said = String::new();
+    let first = found.first().copied().flatten();
+    let joint = first.zip(case.joint).map(|((pose, place), freedom)| {
+        let p = &report.poses[0];
+        let (turn, shift) = case.right.places()[place];
+        // From the pair as it lies to the first pose, by way of the pose that is right.
+        let to = p.found.pose * (pose * moving.inverse()).inverse() * Pose::new(turn, shift);
+        let (angle, distance) = axis_error(&freedom, &to, &p.joint);
+        let kind = p.joint.kind.name() == freedom.name();
+        let axis = angle < SAME_AXIS.0 && distance < SAME_AXIS.1;
+        if !(kind && axis) {
+            said += &format!(
+                ", {} for {}, axis off {:.2} mm {:.2}°",
+                p.joint.kind.name(),
+                freedom.name(),
+                1e3 * distance,
+                angle.to_degrees(),
+            );
+        }
+        [kind, axis]
+    });
+    let seconds = report.field_seconds + report.seconds();
+    let stages = report.stages.iter().map(|s| format!("{:.1}", s.seconds));
+    let stages: Vec<String> = stages.collect();
+    said += &format!(
+        "; {seconds:.1} s = {:.1} + {}",
+        report.field_seconds,
+        stages.join(" + ")
+    );
+    if rank != Some(1) {
+        let poses = report.poses.iter().zip(&is_right).take(5);
+        poses.for_each(|(p, right)| said += &described(p, *right));
+    }
+    Start {
+        failure: None,
+        rank,
+        joint,
+        miss,
+        ranked_first: RANKINGS.map(|(_, by)| is_first(&report.poses, &is_right, by)),
+        seconds,
+        said,
+    }
+}
+
+fn described(p: &DockingPose, right: bool) -> String {
+    let (place, area) = (if right { "right" } else { "wrong" }, 1e6 * p.mating_area);
+    format!(
+        "\n      {place}: rank {:.1}, hold {:.1}, {area:.1} mm², {:.2} % overlap, {}",
+        p.rank,
+        p.hold.hold,
+        100.0 * p.overlap,
+        p.joint.kind.name(),
+    )
+}
+
+/// Whether a right pose counts most, and more than any returned before it.
+fn is_first(poses: &[DockingPose], is_right: &[bool], by: fn(&DockingPose) -> f64) -> bool {
+    let (mut most, mut first) = (f64::NEG_INFINITY, false);
+    for (pose, right) in poses.iter().zip(is_right) {
+        if by(pose) > most {
+            (most, first) = (by(pose), *right);
+        }
+    }
+    first
+}
+
+/// Starts by set, group and kind of start, in the order in which they came.
+#[derive(Default)]
+struct Rows(Vec<([String; 3], Vec<Start>)>);
+
+impl Rows {
+    fn add(&mut self, names: [&str; 3], start: Start) {
+        match self.0.iter_mut().find(|(of, _)| *of == names) {
+            Some((_, starts)) => starts.push(start),
+            None => self.0.push((names.map(str::to_owned), vec![start])),
+        }
+    }
+
+    /// Names of all sets, and their starts.
+    fn sets(&self) -> Vec<(&str, Vec<&Start>)> {
+        let mut sets: Vec<(&str, Vec<&Start>)> = Vec::new();
+        for ([set, ..], starts) in &self.0 {
+            match sets.iter_mut().find(|(of, _)| of == set) {
+                Some((_, all)) => all.extend(starts),
+                None => sets.push((set, starts.iter().collect())),
+            }
+        }
+        sets
+    }
+
+    fn summary(&self) -> Table {
+        let mut table = Table::new("docking", "Docking in every frame", ABOUT, &COLUMNS);
+        for ([_, group, kind], starts) in &self.0 {
+            table.push(summary([group, kind], &starts.iter().collect::<Vec<_>>()));
+        }
+        for (set, starts) in self.sets() {
+            table.push(summary([&format!("all: {set}"), "all"], &starts));
+        }
+        table
+    }
+
+    fn rankings(&self) -> Table {
+        let about = "How often a right pose comes first among those returned, by each ranking (ties \
+             in the order returned): what docking ranks by; the information of contact; the lowest \
+             energy; the largest mating area; the least overlap; the hold without the overlap. And \
+             how often a right pose was returned at all.";
+        let columns = RANKINGS.iter().map(|by| by.0);
+        let columns = std::iter::once("set").chain(columns);
+        let columns: Vec<&str> = columns.chain(["returned", "starts"]).collect();
+        let mut table = Table::new("docking-rankings", "What to rank by", about, &columns);
+        for (set, starts) in self.sets() {
+            let returned = starts.iter().filter(|s| s.rank.is_some()).count();
+            let first = |i: usize| starts.iter().filter(|s| s.ranked_first[i]).count();
+            let counts = (0..RANKINGS.len()).map(first);
+            let counts = counts.chain([returned, starts.len()]);
+            table.push(std::iter::once(set.to_owned()).chain(counts.map(|n| n.to_string())));
+        }
+        table
+    }
+}
+
 const ABOUT: &str = "Fixed and moving part as they are, shifted by fractions of a cell, turned \
     together, the moving part turned alone, each turned by itself, then docked. First, among five: \
-    starts whose first pose, or one of the first five, is the modelled one up to the part's symmetry \
-    and the play of a slide, pivots within 0.5 mm and rotations within 2 degrees, or leaning or \
-    turned in its play, where nothing on the way to it is shallower by more than a tenth. Deepest: \
-    starts whose first pose is as deep, within 1 %, as the modelled one and all others returned, each gone \
-    downhill on half the spacing. Fit: the depth of the modelled pose as a share of the first one's, \
-    the median. Worst distance and angle of the best of the first five from the modelled pose. \
-    Median seconds.";
+    starts whose first pose, or one of the first five, or one that is held alike, is right: 99 % of \
+    the moving part's surface lies within 2 % of its diagonal of where it lies in a right place. \
+    Joint, axis: where the first is right and the joint is known, starts whose kind of joint is as \
+    stated, and whose axis is within 0.5 degrees and 0.2 mm of the stated one, of so many known. Off: \
+    worst distance and angle of the best of the first five from the modelled pose, up to the part's \
+    symmetry and the play of a slide. Median seconds.";
 
-const COLUMNS: [&str; 10] = [
+const COLUMNS: [&str; 11] = [
     "pair",
     "start",
     "first",
     "among five",
-    "deepest",
     "starts",
-    "fit",
+    "joint",
+    "axis",
+    "known",
     "off, mm",
     "off, degrees",
     "seconds",
 ];
 
-/// A name, and what a pose of a depth and a mating area counts.
-type Ranking = (&'static str, fn(f64, f64) -> f64);
-
-/// Ways to rank the poses returned, larger first: by their depth and their mating area, both as
-/// shares of the largest.
-const RANKINGS: [Ranking; 4] = [
-    ("energy", |depth, _| depth),
-    ("mating area", |_, area| area),
-    ("sum of both shares", |depth, area| depth + area),
-    ("product", |depth, area| depth * area),
-];
-
-/// The energies by which poses are judged, in a frame of their own.
-struct Truth {
-    frame: Frame,
-    pair: Pair,
-    sources: [DirectEvaluator; 2],
-    descent: Descent,
-    /// Of the modelled pose, joules.
-    fit: f64,
-}
-
-impl Truth {
-    fn new(pair: &Assembly, report: &DockingResult, motion: &Pose) -> Outcome<Self> {
-        let frame = Frame::turned();
-        let builder = PairBuilder {
-            spacing: Some(0.5 * report.lattices.fine),
-            halo: Some(report.lattices.halo),
-            ..PairBuilder::default()
-        };
-        let parts = [&pair.fixed, &pair.moving].map(|part| frame.part(part));
-        let built = builder.build(&parts[0], &parts[1], &report.model, &Silent)?;
-        let merged = DirectOptions {
-            max_points: Some(MERGED),
-            ..DirectOptions::FULL
-        };
-        let sources = [
-            DirectEvaluator::new(&built, &merged)?,
-            DirectEvaluator::new(&built, &DirectOptions::FULL)?,
-        ];
-        let descent = Descent {
-            pivot: (frame.motion * motion.inverse()).apply(report.lattices.pivot),
-            radius: report.lattices.radius,
-            first_step: built.spacing(),
-            last_step: 5e-3 * built.spacing(),
-            max_steps: 60,
-        };
-        let mut truth = Self {
-            frame,
-            pair: built,
-            sources,
-            descent,
-            fit: 0.0,
-        };
-        truth.fit = truth.depth(&Pose::IDENTITY);
-        Ok(truth)
-    }
-
-    /// Energy at the bottom below a pose of the parts as they were, joules.
-    fn depth(&self, pose: &Pose) -> f64 {
-        let [merged, full] = &self.sources;
-        let (pose, _) = self.descent.run(merged, &self.frame.pose(pose));
-        debug_assert!(self.pair.displacement(&pose).is_finite());
-        full.evaluate_full(&pose).response.energy
-    }
-
-    /// Whether two poses of the parts as they were are one in its play: on the way that turns about
-    /// `pivot` and leads it along a line.
-    fn play(&self, a: &Pose, b: &Pose, pivot: DVec3) -> bool {
-        let full = &self.sources[1];
-        let at = |i: u32| {
-            let share = f64::from(i) / f64::from(LOOKS);
-            let rotation = a.rotation.slerp(b.rotation, share);
-            let place = a.apply(pivot).lerp(b.apply(pivot), share);
-            Pose::new(rotation, place - rotation * pivot)
-        };
-        let energy = |p: Pose| full.evaluate_full(&self.frame.pose(&p)).response.energy;
-        (0..=LOOKS).all(|i| energy(at(i)) <= (1.0 - PLAY) * self.fit)
-    }
-}
-
-/// What one start came to.
-struct Start {
-    /// Place of the modelled pose among those returned, from 1.
-    rank: Option<usize>,
-    /// Of the first five, or of the first, from the modelled pose: metres, radians.
-    miss: (f64, f64),
-    first: (f64, f64),
-    deepest: bool,
-    /// Depth of the modelled pose, of the first one's.
-    fit: f64,
-    /// Whether the modelled pose is first by each ranking.
-    ranked_first: [bool; 4],
-    /// The first poses: distance, metres, angle, radians, depth, mating area, square metres.
-    poses: Vec<[f64; 4]>,
-    seconds: f64,
-    stages: Vec<f64>,
-}
-
-impl std::fmt::Display for Start {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let rank = self.rank.map_or("MISSING".into(), |r| format!("{r}"));
-        let of = |(d, a): (f64, f64)| format!("{:.2} mm {:.2}°", 1e3 * d, a.to_degrees());
-        let (first, best) = (of(self.first), of(self.miss));
-        let deepest = if self.deepest {
-            "deepest"
-        } else {
-            "NOT DEEPEST"
-        };
-        write!(
-            f,
-            "fit {rank}, {deepest}, fit/first {:.3}, first {first}, best {best}",
-            self.fit
-        )?;
-        let stages: Vec<_> = self.stages.iter().map(|s| format!("{s:.1}")).collect();
-        write!(f, "; {:.1} s = {}", self.seconds, stages.join(" + "))?;
-        let wrong = self.rank != Some(1) || !self.deepest;
-        for [d, a, depth, area] in self.poses.iter().filter(|_| wrong) {
-            let (d, a) = (1e3 * d, a.to_degrees());
-            write!(
-                f,
-                "\n      {d:.2} mm {a:.1}°, depth {depth:.3}, {:.1} mm²",
-                1e6 * area
-            )?;
-        }
-        Ok(())
-    }
-}
-
-fn dock(
-    pair: &Assembly,
-    kind: Kind,
-    seed: u64,
-    exhaustive: bool,
-    truth: &mut Option<Truth>,
-) -> Outcome<Start> {
-    let cell = 1e-3;
-    let [fixed, moving] = kind.motions(seed, cell);
-    let moved = |part: &sdf_grid::TriangleMesh, by: &Pose| {
-        Arc::new(part.transformed(by.rotation, by.translation))
+fn summary(names: [&str; 2], starts: &[&Start]) -> [String; 11] {
+    let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count();
+    let worst = |of: fn((f64, f64)) -> f64| {
+        let misses = starts.iter().filter_map(|s| s.miss).map(of);
+        let worst = misses.reduce(f64::max);
+        worst.map_or("-".into(), |off| significant(off, 2))
     };
-    let setup = PairSetup::new(moved(&pair.fixed, &fixed), moved(&pair.moving, &moving));
-    let options = DockingRequest {
-        exhaustive,
-        ..DockingRequest::default()
+    let known = count(&|s| s.joint.is_some());
+    let of_joint = |i: usize| match known {
+        0 => "-".into(),
+        _ => count(&|s| s.joint.is_some_and(|j| j[i])).to_string(),
     };
-    let report = Docking::new(&setup, options).run(&Silent)?;
-    let truth = match truth {
-        Some(truth) => truth,
-        None => truth.insert(Truth::new(pair, &report, &moving)?),
-    };
-    let group = in_own_frame(&report.symmetries, &moving);
-    let pivot = moving.inverse().apply(report.lattices.pivot);
-    let own = |pose: &Pose| fixed.inverse() * *pose * moving;
-    let poses: Vec<Pose> = report.poses.iter().map(|p| own(&p.found.pose)).collect();
-    let misses: Vec<_> = poses.iter().map(|p| pair.miss(p, &group, pivot)).collect();
-    let fits: Vec<bool> = (poses.iter().zip(&misses).enumerate())
-        .map(|(i, (pose, miss))| {
-            let near = |of: (f64, f64)| miss.0 < of.1 && miss.1 < of.0;
-            let seat = pair.nearest(pose, &group, pivot).0;
-            near(SAME) || (i < 5 && near(MOST_PLAY) && truth.play(pose, &seat, pivot))
-        })
-        .collect();
-    let far = |m: &(f64, f64)| m.0 + 0.02 * m.1;
-    let best = (misses.iter().take(5)).min_by(|a, b| far(a).total_cmp(&far(b)));
-    let depths: Vec<f64> = poses.iter().take(3).map(|p| truth.depth(p)).collect();
-    let deepest = depths.iter().copied().fold(truth.fit, f64::min);
-    Ok(Start {
-        rank: fits.iter().position(|f| *f).map(|i| i + 1),
-        miss: *best.ok_or("no pose")?,
-        first: misses[0],
-        deepest: depths[0] <= (1.0 - AS_DEEP) * deepest,
-        fit: truth.fit / depths[0],
-        ranked_first: ranked_first(&report, &fits),
-        poses: (report.poses.iter().zip(&misses).take(5))
-            .map(|(p, m)| [m.0, m.1, p.depth, p.mating_area])
-            .collect(),
-        seconds: report.field_seconds + report.seconds(),
-        stages: std::iter::once(report.field_seconds)
-            .chain(report.stages.iter().map(|s| s.seconds))
-            .collect(),
-    })
-}
-
-/// Whether a modelled pose is first by each ranking.
-fn ranked_first(report: &DockingResult, is_fit: &[bool]) -> [bool; 4] {
-    let widest = report
-        .poses
-        .iter()
-        .map(|p| p.mating_area)
-        .fold(1e-12, f64::max);
-    RANKINGS.map(|(_, of)| {
-        let marks = report
-            .poses
-            .iter()
-            .map(|p| of(p.depth, p.mating_area / widest));
-        let best = marks.zip(is_fit).max_by(|a, b| a.0.total_cmp(&b.0));
-        best.is_some_and(|(_, fit)| *fit)
-    })
-}
-
-fn rankings(starts: &[Start]) -> Table {
-    let about = "How often the modelled pose comes first among those returned, by each ranking; \
-                 and where it was returned at all.";
-    let mut table = Table::new(
-        "docking-rankings",
-        "What to rank by",
-        about,
-        &["by", "first", "returned", "starts"],
-    );
-    let returned = starts.iter().filter(|s| s.rank.is_some()).count();
-    for (i, (name, _)) in RANKINGS.iter().enumerate() {
-        let first = starts.iter().filter(|s| s.ranked_first[i]).count();
-        let counts = [first, returned, starts.len()].map(|n| n.to_string());
-        table.push(std::iter::once((*name).to_owned()).chain(counts));
-    }
-    table
-}
-
-fn summary(names: &[&str; 2], starts: &[Start]) -> [String; 10] {
-    let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count().to_string();
-    let worst = |of: fn(&Start) -> f64| starts.iter().map(of).fold(0.0, f64::max);
-    let median = |of: fn(&Start) -> f64| {
-        let mut values: Vec<f64> = starts.iter().map(of).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-    };
+    let done = starts.iter().filter(|s| s.failure.is_none());
+    let mut seconds: Vec<f64> = done.map(|s| s.seconds).collect();
+    seconds.sort_by(f64::total_cmp);
+    let median = seconds.get(seconds.len() / 2).copied();
     [
         names[0].to_owned(),
         names[1].to_owned(),
-        count(&|s| s.rank == Some(1)),
-        count(&|s| s.rank.is_some_and(|r| r <= 5)),
-        count(&|s| s.deepest),
+        count(&|s| s.rank == Some(1)).to_string(),
+        count(&|s| s.rank.is_some_and(|r| r <= 5)).to_string(),
         starts.len().to_string(),
-        significant(median(|s| s.fit), 3),
-        significant(worst(|s| 1e3 * s.miss.0), 2),
-        significant(worst(|s| s.miss.1.to_degrees()), 2),
-        significant(median(|s| s.seconds), 2),
+        of_joint(0),
+        of_joint(1),
+        if known == 0 {
+            "-".into()
+        } else {
+            known.to_string()
+        },
+        worst(|m| 1e3 * m.0),
+        worst(|m| m.1.to_degrees()),
+        median.map_or("-".into(), |s| significant(s, 2)),
     ]
 }

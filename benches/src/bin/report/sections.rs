@@ -99,11 +99,32 @@ pub(crate) const SECTIONS: [Section; 11] = [
     Section {
         key: "docking",
         title: "Docking",
-        about: "Whether docking finds the modelled fit however both parts lie in their frames, and \
-            how long it takes; [docking.md](docking.md) explains the stages.",
+        about: "Whether docking finds where parts belong however both lie in their frames, which \
+            joint they have there, and how long it takes; [docking.md](docking.md) explains the \
+            stages.",
         program: "docking",
-        quick: &[&["--quick", "--kinds", "shifted,both"]],
-        full: &[&["--starts", "50", "--seeds", "0..50"]],
+        quick: &[&[
+            "--quick",
+            "--kinds",
+            "shifted,both",
+            "--seeds",
+            "0..4",
+            "--joints",
+            "1..2",
+            "--every",
+            "6",
+        ]],
+        full: &[
+            &["--starts", "50", "--seeds", "0..50"],
+            &[
+                "--starts",
+                "3",
+                "--kinds",
+                "in place,both",
+                "--joints",
+                "1..3",
+            ],
+        ],
         parts: Some(""),
         needs_parts: false,
         own_page: None,

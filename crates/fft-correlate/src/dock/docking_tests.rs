@@ -30,9 +30,11 @@ fn a_correlation_beyond_the_limit_is_refused_before_any_field_is_computed() {
 fn refused_for_its_scores() {
     let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
     let mut setup = PairSetup::new(Arc::new(hole), Arc::new(peg));
-    let plan = Docking::new(&setup, DockingRequest::default())
-        .plan()
-        .unwrap();
+    let by_energy = DockingRequest {
+        ranking: Ranking::Energy,
+        ..DockingRequest::default()
+    };
+    let plan = Docking::new(&setup, by_energy.clone()).plan().unwrap();
     let needed = plan.scoring_bytes(rayon::current_num_threads());
     let said = plan.to_string();
     assert!(
@@ -43,7 +45,7 @@ fn refused_for_its_scores() {
     let limit = needed - 1;
     assert!(plan.pairs.iter().all(|p| p.bytes <= limit), "{said}");
     setup.builder.memory_limit = Some(limit);
-    let refused = Docking::new(&setup, DockingRequest::default()).run(&Nothing);
+    let refused = Docking::new(&setup, by_energy).run(&Nothing);
     match refused {
         Err(DockingError::Memory {
             needed: n,
@@ -55,14 +57,16 @@ fn refused_for_its_scores() {
 
 /// A generated peg and its hole, each moved, docked: how far the first pose is from the assembled
 /// one (metres, radians, up to the peg's symmetry), and the report.
-fn docked(seed: u64, [fixed, moving]: [Pose; 2]) -> (f64, f64, DockingResult) {
+fn docked(seed: u64, [fixed, moving]: [Pose; 2], ranking: Ranking) -> (f64, f64, DockingResult) {
     let fit = shapes::random_fit(seed).unwrap();
     let put =
         |part: &TriangleMesh, at: Pose| Arc::new(part.transformed(at.rotation, at.translation));
     let setup = PairSetup::new(put(&fit.fixed, fixed), put(&fit.moving, moving));
-    let report = Docking::new(&setup, DockingRequest::default())
-        .run(&Silent)
-        .unwrap();
+    let request = DockingRequest {
+        ranking,
+        ..DockingRequest::default()
+    };
+    let report = Docking::new(&setup, request).run(&Silent).unwrap();
     let (pose, pivot) = (report.poses[0].found.pose, report.lattices.pivot);
     let miss = |symmetry: &Pose| {
         let seat = fixed * moving.inverse() * *symmetry;
@@ -81,18 +85,21 @@ fn the_energy_of_a_pose_is_that_of_the_setups_own_pair() {
     let turn = DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.4));
     let fixed = Arc::new(fit.fixed.transformed(turn, DVec3::new(0.01, 0.0, -0.02)));
     let setup = PairSetup::new(fixed, Arc::new(fit.moving));
-    let options = DockingRequest {
-        top: 2,
-        ..DockingRequest::default()
-    };
-    let report = Docking::new(&setup, options).run(&Silent).unwrap();
-    let own = setup.load(&Silent).unwrap();
-    let source = DirectEvaluator::new(&own, &DirectOptions::FULL).unwrap();
-    for pose in &report.poses {
-        let energy = source.evaluate_full(&pose.found.pose).response.energy;
-        let error = (pose.model_energy - energy).abs() / energy.abs();
-        // Two lattices, and a scale of energy found on each.
-        assert!(error < 0.1, "{energy} J, not {} J", pose.model_energy);
+    for ranking in [Ranking::Contact, Ranking::Energy] {
+        let options = DockingRequest {
+            top: 2,
+            ranking,
+            ..DockingRequest::default()
+        };
+        let report = Docking::new(&setup, options).run(&Silent).unwrap();
+        let own = setup.load(&Silent).unwrap();
+        let source = DirectEvaluator::new(&own, &DirectOptions::FULL).unwrap();
+        for pose in &report.poses {
+            let energy = source.evaluate_full(&pose.found.pose).response.energy;
+            let error = (pose.model_energy - energy).abs() / energy.abs();
+            // Two lattices, and a scale of energy found on each.
+            assert!(error < 0.1, "{energy} J, not {} J", pose.model_energy);
+        }
     }
 }
 
@@ -101,28 +108,36 @@ fn turned(x: f64, y: f64, z: f64) -> Pose {
     Pose::new(rotation, 0.01 * DVec3::new(y, z, x))
 }
 
-fn require_fit(seed: u64, motions: [Pose; 2]) {
-    let (away, angle, report) = docked(seed, motions);
+fn require_fit(seed: u64, motions: [Pose; 2], ranking: Ranking) {
+    let (away, angle, report) = docked(seed, motions, ranking);
     // What counts as the same pose to somebody who looks at it.
     assert!(
         away < 5e-4 && angle < 0.035,
-        "{seed}: {away} m, {angle} rad"
+        "{seed}, {ranking:?}: {away} m, {angle} rad"
     );
     // More than any other way to lie against the hole.
     let areas = report.poses.iter().map(|p| p.mating_area);
     let widest = areas.fold(0.0, f64::max);
     assert_eq!(
         report.poses[0].mating_area, widest,
-        "{seed}: {:?}",
+        "{seed}, {ranking:?}: {:?}",
         report.poses
     );
+    let ranks: Vec<f64> = report.poses.iter().map(|p| p.rank).collect();
+    let ordered = match ranking {
+        Ranking::Contact => ranks.is_sorted_by(|a, b| a >= b),
+        Ranking::Energy => (report.poses).is_sorted_by_key(|p| p.found.energy),
+    };
+    assert!(ordered, "{seed}, {ranking:?}: {:?}", report.poses);
 }
 
 /// Both parts turned by themselves: a stepped peg, whose fit cell averages score below many poses
 /// that lean.
 #[test]
 fn a_fit_is_found_wherever_both_parts_lie() {
-    require_fit(3, [turned(0.7, -1.2, 0.5), turned(-1.9, 0.4, 1.1)]);
+    let motions = [turned(0.7, -1.2, 0.5), turned(-1.9, 0.4, 1.1)];
+    require_fit(3, motions, Ranking::Contact);
+    require_fit(3, motions, Ranking::Energy);
 }
 
 /// The same peg turned so that wide cells score most rotations above those next to the fit; both
@@ -131,8 +146,10 @@ fn a_fit_is_found_wherever_both_parts_lie() {
 #[ignore = "a minute; run by `just long`"]
 fn fits_are_found_in_other_frames() {
     let shift = Pose::from_translation(DVec3::new(3.1e-4, -1.7e-4, 4.3e-4));
-    require_fit(3, [Pose::IDENTITY, turned(-0.47, 0.567, 0.139)]);
-    require_fit(8, [shift, shift]);
+    for ranking in [Ranking::Contact, Ranking::Energy] {
+        require_fit(3, [Pose::IDENTITY, turned(-0.47, 0.567, 0.139)], ranking);
+        require_fit(8, [shift, shift], ranking);
+    }
 }
 
 #[test]

@@ -157,7 +157,10 @@ impl MatingContact {
     fn classify(&self, gramian: &ContactGramian, pose: &Pose) -> Joint {
         let centre = pose.apply(self.centre);
         let (values, vectors) = gramian.matrix.eigen();
-        let free = values.iter().filter(|v| **v < FREE * values[5]).count();
+        let free = match gramian.share {
+            0.0 => 6,
+            _ => values.iter().filter(|v| **v < FREE * values[5]).count(),
+        };
         let motions: Vec<Motion> = vectors[..free]
             .iter()
             .map(|v| Motion {

@@ -15,3 +15,6 @@ pub(crate) mod seat;
 pub use contact::{ContactGramian, HoldReport, MatingContact};
 pub use joint::{Joint, JointKind, Travel};
 pub use search::{HeldPose, MatingSearch, MatingSearchOptions, SearchRegion};
+
+#[cfg(test)]
+mod tests;

@@ -14,6 +14,7 @@ mod direct;
 mod direct_correlator;
 mod half_turns;
 mod held_out;
+mod mating;
 mod mould;
 mod physics;
 mod physics_well;

@@ -1,0 +1,192 @@
+//! Contact, seating and joints of shapes of which the answer is known.
+
+use glam::{DQuat, DVec3};
+use pegfit_fixtures::{JointPair, PegInHole, joint, joint_names};
+use sdf_grid::shapes::cuboid;
+use sdf_grid::{SurfaceFeatures, TriangleMesh};
+
+use super::{Joint, JointKind, MatingContact};
+use crate::geometry::se3::Pose;
+
+fn contact(fixed: &TriangleMesh, moving: &TriangleMesh) -> MatingContact {
+    let features = [fixed, moving].map(SurfaceFeatures::new);
+    MatingContact::new([fixed, moving], features.each_ref(), None)
+}
+
+/// A peg in its hole, 0.1 mm between the walls, and how long it is, metres.
+fn peg(which: PegInHole) -> (TriangleMesh, TriangleMesh, f64) {
+    let (hole, peg) = which.pair(1e-4).unwrap();
+    let long = peg.bounds().size().z;
+    (hole, peg, long)
+}
+
+/// A box on another one that is twice as wide.
+fn box_on_box() -> [TriangleMesh; 2] {
+    let lower = cuboid(DVec3::new(0.06, 0.06, 0.01)).unwrap();
+    let upper = cuboid(DVec3::new(0.03, 0.02, 0.01)).unwrap();
+    let lift = lower.bounds().max.z - upper.bounds().min.z;
+    let upper = upper.transformed(DQuat::IDENTITY, lift * DVec3::Z);
+    [lower, upper]
+}
+
+fn named(name: &str) -> JointPair {
+    let index = joint_names().position(|n| n == name).unwrap();
+    joint(1, index).unwrap()
+}
+
+fn joint_of(fixed: &TriangleMesh, moving: &TriangleMesh) -> Joint {
+    contact(fixed, moving).joint(&Pose::IDENTITY)
+}
+
+/// Motions that contact leaves free at the identity.
+fn free_motions(contact: &MatingContact) -> Vec<[f64; 6]> {
+    let gramian = contact.gramian(&Pose::IDENTITY, contact.clearance());
+    let (values, vectors) = gramian.matrix.eigen();
+    let free = values.iter().filter(|v| **v < 5e-4 * values[5]).count();
+    vectors[..free].to_vec()
+}
+
+#[test]
+fn contact_leaves_a_square_peg_one_motion_and_a_round_one_two() {
+    let (hole, square, _) = peg(PegInHole::Rectangular);
+    let free = free_motions(&contact(&hole, &square));
+    assert!(free.len() == 1 && free[0][2].abs() > 0.9999, "{free:?}");
+    let (hole, round, _) = peg(PegInHole::Circular);
+    let free = free_motions(&contact(&hole, &round));
+    assert_eq!(free.len(), 2, "{free:?}");
+    for motion in free {
+        // Along the axis and about it, however they are mixed.
+        let along = motion[2].hypot(motion[5]);
+        assert!(along > 0.9999, "{motion:?}");
+    }
+}
+
+#[test]
+fn a_part_on_a_plane_leaves_it_in_half_of_all_directions() {
+    let [lower, upper] = box_on_box();
+    let contact = contact(&lower, &upper);
+    let on = contact.hold(&Pose::IDENTITY);
+    assert!((0.5..0.6).contains(&on.escape), "{on:?}");
+    assert!((on.share - 6.0 / 22.0).abs() < 0.01, "{on:?}");
+    assert_eq!(on.interpenetration, 0.0);
+    // Away from it in all of them; a peg in its hole in nearly none.
+    let away = contact.hold(&Pose::from_translation(0.01 * DVec3::Z));
+    assert_eq!((away.escape, away.share, away.information), (1.0, 0.0, 0.0));
+    let (hole, square, _) = peg(PegInHole::Rectangular);
+    let held = self::contact(&hole, &square).hold(&Pose::IDENTITY);
+    assert!(held.escape < 0.1 && held.hold > on.hold, "{held:?}");
+}
+
+#[test]
+fn seating_brings_a_displaced_and_tilted_peg_back() {
+    let (hole, peg) = PegInHole::Rectangular.pair(0.0).unwrap();
+    let contact = contact(&hole, &peg);
+    let (size, middle) = (peg.bounds().diagonal(), peg.bounds().center());
+    let third = contact.clearance() / 3.0;
+    let tilt = third / (0.5 * PegInHole::HEIGHT);
+    for (axis, along) in [
+        (DVec3::X, DVec3::X),
+        (DVec3::Y, DVec3::X),
+        (DVec3::Z, DVec3::new(0.7, 0.7, 0.0)),
+        (DVec3::new(0.6, 0.8, 0.0), DVec3::new(0.6, -0.8, 0.0)),
+    ] {
+        let turn = DQuat::from_axis_angle(axis, tilt);
+        let start = Pose::new(turn, middle + third * along - turn * middle);
+        let (pose, hold) = contact.seat(&start);
+        // Along the hole it may lie anywhere.
+        let away = (pose.apply(middle) - middle).truncate().length();
+        let angle = pose.angle_to(&Pose::IDENTITY);
+        assert!(
+            away < 1e-3 * size && angle < 1e-3,
+            "{axis}: {away} m, {angle} rad"
+        );
+        assert!(hold > contact.hold(&start).hold, "{axis}");
+    }
+}
+
+#[test]
+fn simple_shapes_have_the_joints_that_they_look_like() {
+    let (hole, square, _) = peg(PegInHole::Rectangular);
+    let prismatic = joint_of(&hole, &square);
+    assert_eq!(prismatic.kind, JointKind::Prismatic);
+    let (hole, round, _) = peg(PegInHole::Circular);
+    let cylindrical = joint_of(&hole, &round);
+    assert_eq!(cylindrical.kind, JointKind::Cylindrical);
+    let [lower, upper] = box_on_box();
+    let planar = joint_of(&lower, &upper);
+    assert_eq!(planar.kind, JointKind::Planar);
+    for joint in [prismatic, cylindrical, planar] {
+        let off = joint.axis.cross(DVec3::Z).length();
+        assert!(off < 1e-3, "{joint:?}");
+    }
+    // Far away a part may do anything.
+    let far = Pose::from_translation(DVec3::Z);
+    let anything = contact(&lower, &upper).joint(&far).kind;
+    assert_eq!(anything, JointKind::Undetermined(6));
+}
+
+/// Kind, axis and point as the fixture states them.
+#[test]
+fn joints_of_machines_are_told_apart() {
+    for name in [
+        "mortise-blind",
+        "dovetail-open",
+        "bearing-in-housing",
+        "pin-plain-through",
+        "nut-left-hand",
+        "ball-in-cup",
+    ] {
+        let pair = named(name);
+        let (found, stated) = (joint_of(&pair.fixed, &pair.moving), pair.joint.unwrap());
+        assert_eq!(found.kind.name(), stated.name(), "{name}: {found:?}");
+        if let Some(axis) = stated.axis() {
+            let off = axis.cross(found.axis).length();
+            assert!(off < 8.7e-3, "{name}: {found:?}");
+        }
+        if let Some(point) = stated.point() {
+            let away = point - found.point;
+            let across = away - away.dot(found.axis) * found.axis;
+            assert!(across.length() < 2e-4, "{name}: {found:?}");
+        }
+        if let pegfit_fixtures::Freedom::Screw { pitch, .. } = stated {
+            let error = found.pitch / pitch - 1.0;
+            // The thread has facets.
+            assert!(
+                error.abs() < 0.05,
+                "{name}: {} m, not {pitch} m",
+                found.pitch
+            );
+        }
+    }
+}
+
+#[test]
+fn a_peg_travels_until_a_tenth_of_its_contact_is_left_or_a_plate_blocks_it() {
+    let (hole, square, long) = peg(PegInHole::Rectangular);
+    let through = joint_of(&hole, &square).slide.unwrap();
+    assert_eq!(through.blocked, [false, false]);
+    for reached in through.range {
+        let error = reached.abs() / long - 0.9;
+        assert!(error.abs() < 0.04, "{through:?}");
+    }
+    // A plate 5 mm below.
+    let plate = cuboid(DVec3::new(0.04, 0.04, 0.005)).unwrap();
+    let down = hole.bounds().min.z - plate.bounds().max.z - 0.005;
+    let plate = plate.transformed(DQuat::IDENTITY, down * DVec3::Z);
+    let joint = joint_of(&TriangleMesh::joined([&hole, &plate]), &square);
+    let stopped = joint.slide.unwrap();
+    let down = usize::from(joint.axis.z < 0.0);
+    assert!(stopped.blocked[down] && !stopped.blocked[1 - down]);
+    assert!(
+        (4.3e-3..5.5e-3).contains(&stopped.range[down].abs()),
+        "{stopped:?}"
+    );
+}
+
+#[test]
+fn a_round_peg_turns_all_around() {
+    let (hole, round, _) = peg(PegInHole::Circular);
+    let turn = joint_of(&hole, &round).turn.unwrap();
+    let half = std::f64::consts::PI;
+    assert_eq!((turn.range, turn.blocked), ([-half, half], [false; 2]));
+}

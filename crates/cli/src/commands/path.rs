@@ -174,6 +174,8 @@ pub(crate) fn time_limit(seconds: f64) -> Result<Duration, CommandError> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     #[test]

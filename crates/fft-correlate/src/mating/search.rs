@@ -24,7 +24,7 @@ const OF_ALL: usize = 800;
 const SCREENED_ALIKE: usize = 4;
 
 /// Angle between the rotations of balls in cups, radians: 30 degrees.
-const BALL_STEP: f64 = 0.5236;
+const BALL_STEP: f64 = std::f64::consts::FRAC_PI_6;
 
 /// Seated poses that slide home, and those whose overlap is measured.
 const SLIDING: usize = 60;

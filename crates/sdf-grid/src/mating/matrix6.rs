@@ -35,8 +35,8 @@ impl Matrix6 {
     pub fn ln_det_plus_identity(&self, floor: f64) -> f64 {
         let mut a = self.0.map(|row| row.map(|x| x / floor));
         let mut sum = 0.0;
-        for i in 0..6 {
-            a[i][i] += 1.0;
+        for (i, row) in a.iter_mut().enumerate() {
+            row[i] += 1.0;
         }
         for i in 0..6 {
             let below: f64 = a[i][..i].iter().map(|x| x * x).sum();
@@ -84,7 +84,7 @@ impl Matrix6 {
     /// Jacobi rotations.
     pub fn eigen(&self) -> (Vector6, [Vector6; 6]) {
         let mut a = self.0;
-        let mut rows: [Vector6; 6] = std::array::from_fn(|i| unit(i));
+        let mut rows: [Vector6; 6] = std::array::from_fn(unit);
         let size: f64 = a.iter().flatten().map(|x| x * x).sum();
         for _ in 0..SWEEPS {
             let mut off = 0.0;
@@ -122,10 +122,9 @@ fn rotate(a: &mut [Vector6; 6], rows: &mut [Vector6; 6], p: usize, q: usize) {
         (row[p], row[q]) = (cosine * x - sine * y, sine * x + cosine * y);
     }
     for matrix in [a, rows] {
-        for k in 0..6 {
-            let (x, y) = (matrix[p][k], matrix[q][k]);
-            (matrix[p][k], matrix[q][k]) = (cosine * x - sine * y, sine * x + cosine * y);
-        }
+        let (first, second) = (matrix[p], matrix[q]);
+        matrix[p] = std::array::from_fn(|k| cosine * first[k] - sine * second[k]);
+        matrix[q] = std::array::from_fn(|k| sine * first[k] + cosine * second[k]);
     }
 }
 

@@ -98,7 +98,9 @@ def test_docking_finds_where_a_part_that_was_moved_belongs(moved, tmp_path):
     told = []
     state = tmp_path / "state"
     found = pair.dock(3, state=state, progress=lambda done, total: told.append((done, total)))
-    assert len(found) >= 1 and found.depth[0] == 1 and found.energy[0] < 0 and found.refined[0]
+    assert len(found) >= 1 and found.energy[0] < 0 and found.refined[0] and found.scored > 0
+    assert found.joints[0].kind == "prismatic" and found.information[0] > 25 and found.overlap[0] < 1e-3
+    assert np.all(np.diff(found.hold) <= 0) and found.alike[0].shape[1:] == (7,)
     # Across the hole to a third of a cell; along it the ends alone hold the peg, to a cell.
     off = turned(pose[3:] * [-1, -1, -1, 1], found.poses[0, :3] - pose[:3])
     assert np.linalg.norm(off[:2]) < 5e-4 and abs(off[2]) < 1.5e-3, off
@@ -112,6 +114,7 @@ def test_docking_finds_where_a_part_that_was_moved_belongs(moved, tmp_path):
 
 
 def test_docking_refuses_what_it_cannot_do(pair, tmp_path):
-    for options in (dict(top=0), dict(top=-1), dict(tolerance=0.5), dict(state=tmp_path / "no" / "folder")):
+    for options in (dict(top=0), dict(top=-1), dict(tolerance=0.5), dict(state=tmp_path / "no" / "folder"),
+                    dict(rank="depth"), dict(axis=[0, 0, 1]), dict(near=[0, 0])):
         with pytest.raises(pegfit.PegfitError):
             pair.dock(**options)

@@ -23,7 +23,10 @@ fn docking_finds_the_fit() {
     let away = (best["x"].powi(2) + best["y"].powi(2) + best["z"].powi(2)).sqrt();
     assert!(away < 2.5e-3, "{best:?}");
     assert!(best["energy"] < 0.0);
-    assert!(rows.windows(2).all(|w| w[0]["energy"] <= w[1]["energy"]));
+    assert!(rows.windows(2).all(|w| w[0]["hold"] >= w[1]["hold"]));
+    // A square peg with play in a through hole slides, and nothing else.
+    assert_eq!((best["freedoms"], best["overlap"]), (1.0, 0.0));
+    assert!(best["slide_low"] < 0.0 && best["slide_high"] > 0.0 && best["axis_z"].abs() > 0.99);
 }
 
 /// A fixed part that lies obliquely is turned to fill its box; poses come back in the parts' frames.
@@ -44,9 +47,9 @@ fn docking_finds_the_fit_of_oblique_parts() {
     std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
     let said = succeed(
         folder.path(),
-        &["dock", "scene.toml", "--top", "2", "-o", "out.csv"],
+        &words("dock scene.toml --top 2 --rank energy -o out.csv"),
     );
-    assert!(said.contains("sketched"), "{said}");
+    assert!(said.contains("ranked by energy"), "{said}");
     // One of each part on each lattice, coarser ones for merged points among them: none of the hole
     // as it lies.
     let cache = std::fs::read_dir(folder.path().join(".pegfit-cache")).unwrap();
@@ -69,14 +72,46 @@ fn docking_reports_as_json() {
     let folder = scene_folder(BALL);
     let text = succeed(
         folder.path(),
-        &["dock", "scene.toml", "--top", "1", "--json", "-q"],
+        &words("dock scene.toml --top 1 --rank energy --json -q"),
     );
     let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["ranked_by"], "energy");
     assert_eq!(report["poses"].as_array().unwrap().len(), 1);
     assert_eq!(report["rotations_chosen"], report["rotations_scored"]);
     // With a millimetre of clearance nothing overlaps, but sharpening overshoots.
     let condition = report["poses"][0]["condition"].as_f64().unwrap();
     assert!((1.0..4.0).contains(&condition), "{condition}");
+}
+
+/// A known pose nearby, a known axis, and a part in the way.
+#[test]
+fn docking_uses_what_is_known() {
+    let folder = scene_folder("");
+    let dock = |more: &str| {
+        let said = format!("dock scene.toml --top 3 --json -q {more}");
+        let text = succeed(folder.path(), &words(said.trim_end()));
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let near = dock("--near 0.001,0,0,0,0,0,1");
+    let first = &near["poses"][0];
+    let rotation: Vec<f64> = (0..4)
+        .map(|k| first["rotation"][k].as_f64().unwrap())
+        .collect();
+    // Of four poses of a square peg, the one that is not turned.
+    assert!(rotation[3].abs() > 0.999, "{first}");
+    let (hole, _) = PegInHole::Rectangular.pair(1e-3).unwrap();
+    let lid = hole.transformed(DQuat::IDENTITY, DVec3::new(0.0, 0.0, 0.04));
+    mesh_io::write_obj(folder.path().join("lid.obj"), &lid).unwrap();
+    let apart = dock("--keep-apart lid.obj");
+    assert!(apart["poses"][0]["hold"].as_f64().unwrap() > 0.0);
+    for (option, value) in [
+        ("--near", "1,2"),
+        ("--axis", "0,0,0,0,0,0"),
+        ("--axis", "x"),
+    ] {
+        let said = refuse(folder.path(), &["dock", "scene.toml", option, value]);
+        assert!(said.contains(option), "{said}");
+    }
 }
 
 #[test]

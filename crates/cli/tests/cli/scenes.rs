@@ -330,6 +330,6 @@ fn docking_finds_poses_in_the_scene() {
         // Poses are printed in full; those of the scene are rounded at metres.
         assert!((expected.translation - found.translation).length() < 1e-12);
         assert!(expected.angle_to(&found) < 1e-7);
-        assert_eq!(own["energy"], placed["energy"]);
+        assert_eq!(own["hold"], placed["hold"]);
     }
 }

@@ -40,8 +40,10 @@ const STEP_DEG: f64 = 15.0;
 /// that lies on a face, or in a corner, has.
 const CONVINCING: f64 = 8.0;
 
-/// Bytes of the fields of which energies are reported; wider lattices are taken beyond.
-const ENERGY_BYTES: u64 = 1 << 30;
+/// Energies that are only reported are of a lattice this much wider than the pair's own, unless the
+/// scene states its spacing, and wider still where the fields would need more bytes than these.
+const ENERGY_SPACING: f64 = 1.7;
+const ENERGY_BYTES: u64 = 1 << 29;
 
 /// The options of a docking run.
 #[derive(Debug, Clone, PartialEq)]
@@ -233,6 +235,9 @@ impl<'a> Docking<'a> {
     fn run_by_contact(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         let setup = self.setup;
         let domain = self.domain()?;
+        // Refuses what energies would be refused for, before the search.
+        setup.plan()?;
+        setup.gamma()?;
         let began = Instant::now();
         let fixed = self.with_others();
         let search = MatingSearch::new(&fixed, &setup.moving, self.mating_options(&domain));
@@ -243,8 +248,10 @@ impl<'a> Docking<'a> {
             seconds: began.elapsed().as_secs_f64(),
         }];
         let (mut energy_search, mut field_seconds) = (None, 0.0);
+        // A state file and an exhaustive search are of energies: whoever asks for them gets both.
+        let asked = self.options.exhaustive || self.options.state.is_some();
         let convincing = held.first().is_some_and(|h| h.rank >= CONVINCING);
-        if !convincing && !monitor.cancelled() {
+        if (asked || !convincing) && !monitor.cancelled() {
             match self.run_by_energy(monitor) {
                 Ok(found) => {
                     let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
@@ -252,7 +259,7 @@ impl<'a> Docking<'a> {
                     stages.extend(found.stages);
                     (energy_search, field_seconds) = (found.energy_search, found.field_seconds);
                 }
-                Err(error) if held.is_empty() => return Err(error),
+                Err(error) if asked || held.is_empty() => return Err(error),
                 Err(error) => tracing::warn!(%error, "no search by energy"),
             }
         }
@@ -315,8 +322,7 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// Energies at poses in the fixed part's own frame, and the spacing of their lattice, metres: the
-    /// setup's own, or wider where its fields would need more than [`ENERGY_BYTES`].
+    /// Energies at poses in the fixed part's own frame, and the spacing of their lattice, metres.
     fn energies(
         &self,
         held: &[HeldPose],
@@ -324,12 +330,17 @@ impl<'a> Docking<'a> {
     ) -> Result<(Vec<PoseEnergies>, f64), PairSetupError> {
         let setup = self.setup;
         let mut plan = setup.plan()?;
-        while plan.bytes > ENERGY_BYTES && setup.builder.spacing.is_none() {
+        let mut wider = ENERGY_SPACING * plan.spacing();
+        while setup.builder.spacing.is_none() {
             let builder = PairBuilder {
-                spacing: Some(1.5 * plan.spacing()),
+                spacing: Some(wider),
                 ..setup.builder
             };
             plan = builder.plan(&setup.fixed, &setup.moving, &setup.model)?;
+            if plan.bytes <= ENERGY_BYTES {
+                break;
+            }
+            wider *= 1.5;
         }
         let pair = plan.build(&setup.fixed, &setup.moving, setup.cache.as_ref(), monitor)?;
         let pair = pair

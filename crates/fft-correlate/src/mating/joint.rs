@@ -7,7 +7,7 @@ use super::contact::{ContactGramian, MatingContact};
 use crate::geometry::se3::Pose;
 
 /// A motion is free if contact resists it by less than this share of what it resists most.
-const FREE: f64 = 5e-4;
+const FREE: f64 = 1e-3;
 
 /// Turns this small against displacements, or the other way round, are none.
 const NONE: f64 = 0.05;

@@ -10,7 +10,7 @@ from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, Scene
 from pegfit._insertion_path import InsertionPath
 from pegfit._loop import TICK, ForcePath, Run, feel
 from pegfit._mesh import Density, Mesh, MeshReport, density, peg_in_hole
-from pegfit._pair import Docking, Pair, Scores
+from pegfit._pair import Docking, Joint, Pair, Scores
 from pegfit._play import Page, play
 from pegfit._response import Response
 from pegfit._source import REAL_TIME_POINTS, Evaluator, Source, Table
@@ -24,6 +24,7 @@ __all__ = [
     "Evaluator",
     "ForcePath",
     "InsertionPath",
+    "Joint",
     "Mesh",
     "MeshError",
     "MeshReport",

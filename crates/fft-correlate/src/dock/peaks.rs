@@ -212,6 +212,7 @@ impl Consumer<()> for BestMaxima<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use ndarray::Array3;
 
     fn hills(hills: &[([f64; 3], f64)]) -> Array3<f32> {

@@ -112,13 +112,24 @@ impl FaceGrid {
         let low = self.key(a.min(b).min(c) - self.reach);
         let high = self.key(a.max(b).max(c) + self.reach);
         let far = self.reach + 0.5 * self.cell * 3f64.sqrt();
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                for z in low[2]..=high[2] {
-                    let middle = self.middle([x, y, z]);
+        // Columns along the axis that is most normal to the face meet its plane in few cells.
+        let steep = face.normal.abs();
+        let along = (0..3).fold(0, |k, i| if steep[i] > steep[k] { i } else { k });
+        let [u, v] = [(along + 1) % 3, (along + 2) % 3];
+        let mut key = [0; 3];
+        for x in low[u]..=high[u] {
+            for y in low[v]..=high[v] {
+                (key[along], key[u], key[v]) = (0, x, y);
+                let foot = face.height(self.middle(key)) / (self.cell * face.normal[along]);
+                let half = far / (self.cell * steep[along]);
+                let from = ((-foot - half).floor() as i32).max(low[along]);
+                let to = ((-foot + half).ceil() as i32).min(high[along]);
+                for z in from..=to {
+                    key[along] = z;
+                    let middle = self.middle(key);
                     let beside = |k: usize| (middle - face.corners[k]).dot(face.outward[k]) > far;
                     if face.height(middle).abs() <= far && !(0..3).any(beside) {
-                        found([x, y, z]);
+                        found(key);
                     }
                 }
             }

@@ -34,6 +34,11 @@ const SLIDES: f64 = 4e-3;
 /// Axes that turn from each other by less are parallel: 2 degrees.
 const PARALLEL_COSINE: f64 = 0.9994;
 
+/// Patches turn about one axis if theirs turn from each other by at most 3.5 degrees and pass each other
+/// at this share of the patch's radius.
+const SAME_AXIS_COSINE: f64 = 0.998;
+const SAME_AXIS: f64 = 0.1;
+
 /// A flat region of a surface, or several in one plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plane {
@@ -341,15 +346,19 @@ impl<'a> Surface<'a> {
             }
         }
         let (_, patches) = sets.numbered();
-        let (mut axes, mut spheres) = (Vec::new(), Vec::new());
+        let (mut found, mut spheres) = (Vec::new(), Vec::new());
         for faces in patches.iter().filter(|p| p.len() >= 4 && curved(p[0])) {
             match self.round_patch(faces) {
-                Some(Round::About(axis, patch)) => {
-                    add_patch(&mut axes, axis, patch, 1e-3 * self.diagonal);
-                }
+                Some(Round::About(axis, patch)) => found.push((axis, patch)),
                 Some(Round::Sphere(sphere)) => spheres.push(sphere),
                 None => {}
             }
+        }
+        // The largest patches find the axes; turns of a thread find theirs less exactly.
+        found.sort_by(|a, b| b.1.area.total_cmp(&a.1.area));
+        let mut axes = Vec::new();
+        for (axis, patch) in found {
+            add_patch(&mut axes, axis, patch, 1e-3 * self.diagonal);
         }
         axes.sort_by(|a, b| b.area().total_cmp(&a.area()));
         spheres.sort_by(|a: &SpherePatch, b| b.area.total_cmp(&a.area));
@@ -529,8 +538,8 @@ fn add_patch(axes: &mut Vec<PatchAxis>, axis: PatchAxis, patch: RoundPatch, near
     let same = axes.iter_mut().find(|known| {
         let apart = axis.point - known.point;
         let off = apart - known.direction * apart.dot(known.direction);
-        known.direction.dot(axis.direction).abs() > PARALLEL_COSINE
-            && off.length() < 0.05 * patch.radius.max(near)
+        known.direction.dot(axis.direction).abs() > SAME_AXIS_COSINE
+            && off.length() < SAME_AXIS * patch.radius.max(near)
     });
     match same {
         Some(known) => {

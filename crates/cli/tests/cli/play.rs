@@ -289,13 +289,13 @@ fn a_way_that_is_none_is_refused_by_its_file() {
 }
 
 #[test]
-fn a_way_that_was_found_can_be_followed() {
+fn a_path_that_was_found_can_be_followed() {
     let folder = scene_folder("");
     succeed(
         folder.path(),
-        &["path", "scene.toml", "--solids-only", "-o", "way.csv", "-q"],
+        &["path", "scene.toml", "--solids-only", "-o", "path.csv", "-q"],
     );
-    let play = Play::start(folder.path(), &["scene.toml", "--way", "way.csv"]);
+    let play = Play::start(folder.path(), &["scene.toml", "--path", "path.csv"]);
     let (origin, path) = (
         format!("http://{}", play.address),
         format!("{}ws", play.path),
@@ -314,7 +314,7 @@ fn a_way_that_was_found_can_be_followed() {
         .set_read_timeout(Some(Duration::from_secs(20)))
         .unwrap();
     let (mut said, mut piece) = (Vec::new(), [0; 4096]);
-    let words = b"\"way\":true";
+    let words = b"\"path\":true";
     while !said.windows(words.len()).any(|w| w == words) {
         let count = stream.read(&mut piece).unwrap();
         assert!(count > 0, "{}", String::from_utf8_lossy(&said));

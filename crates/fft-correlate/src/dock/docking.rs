@@ -235,8 +235,12 @@ impl<'a> Docking<'a> {
     fn run_by_contact(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         let setup = self.setup;
         let domain = self.domain()?;
-        // Refuses what energies would be refused for, before the search.
-        setup.plan()?;
+        // Refuses settings that energies would be refused for; for want of memory there are none.
+        let unlimited = PairBuilder {
+            memory_limit: None,
+            ..setup.builder
+        };
+        unlimited.plan(&setup.fixed, &setup.moving, &setup.model)?;
         setup.gamma()?;
         let began = Instant::now();
         let fixed = self.with_others();

@@ -331,7 +331,7 @@ mod tests {
         let mut random = SmallRng::seed_from_u64(2);
         let bounds = block.bounds();
         let mut met = 0;
-        for _ in 0..2000 {
+        for _ in 0..6000 {
             let p = bounds.min + bounds.size() * DVec3::from_array(random.random());
             let direction =
                 DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
@@ -350,6 +350,6 @@ mod tests {
             assert_eq!(found.map(|f| f.gap), slow);
             met += usize::from(found.is_some());
         }
-        assert!(met > 50);
+        assert!(met > 30);
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use fft_correlate::dock::Ranking;
 use fft_correlate::{DirectEvaluator, DirectOptions, DockingRequest, EnergySource, Pose};
 use pegfit_path::{Outcome, PathRequest, PathResult, PathSearch, Start, VisitedPoses};
 use pegfit_scene::SceneSetup;
@@ -127,8 +128,10 @@ impl Goal {
             Self::Fit => Ok(setup.scene.fit.assembled),
             Self::Pose(pose) => Ok(pose),
             Self::Best => {
+                // The deepest pose leans on no wall; one that contact holds may, within its play.
                 let options = DockingRequest {
                     top: 1,
+                    ranking: Ranking::Energy,
                     ..setup.docking_options()
                 };
                 let found = dock::find_poses(setup, options, context)?;

@@ -293,7 +293,14 @@ fn a_path_that_was_found_can_be_followed() {
     let folder = scene_folder("");
     succeed(
         folder.path(),
-        &["path", "scene.toml", "--solids-only", "-o", "path.csv", "-q"],
+        &[
+            "path",
+            "scene.toml",
+            "--solids-only",
+            "-o",
+            "path.csv",
+            "-q",
+        ],
     );
     let play = Play::start(folder.path(), &["scene.toml", "--path", "path.csv"]);
     let (origin, path) = (

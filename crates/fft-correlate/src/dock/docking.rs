@@ -260,6 +260,10 @@ impl<'a> Docking<'a> {
                 Ok(found) => {
                     let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
                     held = search.run(&poses, monitor);
+                    // Where contact holds none of them, or none where the scene looks.
+                    if held.is_empty() {
+                        return Ok(found);
+                    }
                     stages.extend(found.stages);
                     (energy_search, field_seconds) = (found.energy_search, found.field_seconds);
                 }

@@ -190,7 +190,7 @@ impl<'a> MatingSearch<'a> {
         let slide = |c: &Candidate| {
             let (pose, value) = match monitor.cancelled() {
                 true => (c.pose, c.value),
-                false => self.contact.slide((c.pose, c.value)),
+                false => self.contact.slide((c.pose, c.value), monitor),
             };
             Candidate { pose, value }
         };
@@ -273,15 +273,17 @@ impl<'a> MatingSearch<'a> {
         if monitor.cancelled() {
             return Vec::new();
         }
-        let screen = |pose: &Pose| {
-            let value = self.contact.screen(pose)?;
-            Some(Candidate { pose: *pose, value })
-        };
-        let found: Vec<Candidate> = poses
-            .iter()
-            .filter(|p| self.allows(p))
-            .filter_map(screen)
-            .collect();
+        let mut found: Vec<Candidate> = Vec::new();
+        // Between these many poses a search may stop.
+        for some in poses.chunks(64) {
+            if monitor.cancelled() {
+                return Vec::new();
+            }
+            for pose in some.iter().filter(|p| self.allows(p)) {
+                let value = self.contact.screen(pose);
+                found.extend(value.map(|value| Candidate { pose: *pose, value }));
+            }
+        }
         monitor.advance(1);
         self.distinct(found, self.contact.resolution, OF_A_FAMILY)
     }
@@ -346,7 +348,10 @@ impl<'a> MatingSearch<'a> {
             }
             let first = &measured[members[0]];
             HeldPose {
-                joint: self.contact.joint(&first.pose),
+                joint: match monitor.cancelled() {
+                    true => Joint::default(),
+                    false => self.contact.joint(&first.pose),
+                },
                 alike: members[1..].iter().map(|i| measured[*i].pose).collect(),
                 ..first.clone()
             }

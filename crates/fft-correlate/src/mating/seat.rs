@@ -1,7 +1,7 @@
 //! Seating: small motions that bring faces which nearly mate onto each other.
 
 use glam::{DQuat, DVec3};
-use sdf_grid::{Matrix6, SurfacePoint};
+use sdf_grid::{Matrix6, Monitor, SurfacePoint};
 
 use super::contact::MatingContact;
 use crate::geometry::se3::Pose;
@@ -97,12 +97,19 @@ impl MatingContact {
 
     /// Moves a seated part along the motion that contact resists least, as long as that holds it
     /// better: a pin goes home, a slide to where most of it is guided. Returns pose and hold.
-    pub(super) fn slide(&self, (mut pose, mut hold): (Pose, f64)) -> (Pose, f64) {
+    pub(super) fn slide(
+        &self,
+        (mut pose, mut hold): (Pose, f64),
+        monitor: &dyn Monitor,
+    ) -> (Pose, f64) {
         /// Moves, at most; the longest one, coarse clearances.
         const MOVES: usize = 24;
         const LONGEST: f64 = 16.0;
         let mut stride = 4.0;
         for _ in 0..MOVES {
+            if monitor.cancelled() {
+                break;
+            }
             let (_, motions) = self.gramian(&pose, self.clearance()).matrix.eigen();
             let m = motions[0];
             let (turn, shift) = (

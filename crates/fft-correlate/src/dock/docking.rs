@@ -235,7 +235,7 @@ impl<'a> Docking<'a> {
     fn run_by_contact(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         let setup = self.setup;
         let domain = self.domain()?;
-        // Refuses settings that energies would be refused for; for want of memory there are none.
+        // Settings that energies would be refused for; for want of memory there are none.
         let unlimited = PairBuilder {
             memory_limit: None,
             ..setup.builder
@@ -260,7 +260,6 @@ impl<'a> Docking<'a> {
                 Ok(found) => {
                     let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
                     held = search.run(&poses, monitor);
-                    // Where contact holds none of them, or none where the scene looks.
                     if held.is_empty() {
                         return Ok(found);
                     }
@@ -394,7 +393,6 @@ impl<'a> Docking<'a> {
             coarse: &coarse,
             fine: &finest,
         };
-        // Search; rank close poses anew on a finer lattice.
         let state = self.options.state.as_deref();
         let mut found = search(&pairs, &domain, &options, state, monitor)?;
         let close = found.close();

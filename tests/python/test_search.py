@@ -115,6 +115,7 @@ def test_docking_finds_where_a_part_that_was_moved_belongs(moved, tmp_path):
 
 def test_docking_refuses_what_it_cannot_do(pair, tmp_path):
     for options in (dict(top=0), dict(top=-1), dict(tolerance=0.5), dict(state=tmp_path / "no" / "folder"),
-                    dict(rank="depth"), dict(axis=[0, 0, 1]), dict(near=[0, 0])):
+                    dict(rank="depth"), dict(axis=[0, 0, 1]), dict(near=[0, 0]),
+                    dict(rank="energy", axis=[[0, 0, 0], [0, 0, 1]])):
         with pytest.raises(pegfit.PegfitError):
             pair.dock(**options)

@@ -99,11 +99,19 @@ fn docking_uses_what_is_known() {
         .collect();
     // Of four poses of a square peg, the one that is not turned.
     assert!(rotation[3].abs() > 0.999, "{first}");
-    let (hole, _) = PegInHole::Rectangular.pair(1e-3).unwrap();
-    let lid = hole.transformed(DQuat::IDENTITY, DVec3::new(0.0, 0.0, 0.04));
-    mesh_io::write_obj(folder.path().join("lid.obj"), &lid).unwrap();
-    let apart = dock("--keep-apart lid.obj");
-    assert!(apart["poses"][0]["hold"].as_f64().unwrap() > 0.0);
+    // Where another peg is there already, this one belongs somewhere else.
+    let (_, peg) = PegInHole::Rectangular.pair(1e-3).unwrap();
+    mesh_io::write_obj(folder.path().join("other.obj"), &peg).unwrap();
+    let overlap = |found: &serde_json::Value| found["poses"][0]["overlap"].as_f64().unwrap();
+    let place = |found: &serde_json::Value| {
+        let at = |k: usize| found["poses"][0]["position"][k].as_f64().unwrap();
+        DVec3::new(at(0), at(1), at(2)).length()
+    };
+    let (alone, apart) = (dock(""), dock("--keep-apart other.obj"));
+    assert!(place(&alone) < 2.5e-3 && place(&apart) > 5e-3, "{apart}");
+    assert!(overlap(&alone) < 1e-3 && overlap(&apart) < 1e-2, "{apart}");
+    let both = "dock scene.toml --rank energy --near 0,0,0,0,0,0,1";
+    assert!(refuse(folder.path(), &words(both)).contains("--near"));
     for (option, value) in [
         ("--near", "1,2"),
         ("--axis", "0,0,0,0,0,0"),

@@ -28,7 +28,7 @@ use crate::mating::{HeldPose, HoldReport, Joint, MatingSearch, MatingSearchOptio
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
-use crate::pair::setup::{PairSetup, PairSetupError};
+use crate::pair::setup::PairSetup;
 use crate::rotations::domain::{RotationDomain, RotationError};
 use crate::rotations::search_rotations::symmetry_group;
 use crate::rotations::symmetry::symmetry_on_lattice;
@@ -61,12 +61,12 @@ pub struct DockingRequest {
     pub state: Option<PathBuf>,
     /// What ranks the poses.
     pub ranking: Ranking,
-    /// Only poses near this one, fixed part's frame: the moving part's middle at most so far away
+    /// Ranked by contact, only poses near this one, fixed part's frame: the moving part's middle at most so far away
     /// (metres), turned by at most an angle (radians).
     pub near: Option<(Pose, f64, f64)>,
-    /// A known axis of the moving part's turns: a point, metres, and a direction, fixed part's frame.
+    /// Ranked by contact, a known axis of the moving part's turns: a point, metres, and a direction, fixed part's frame.
     pub axis: Option<(DVec3, DVec3)>,
-    /// Parts that are there already, in the fixed part's frame: the moving part touches them, but
+    /// Ranked by contact, parts that are there already, in the fixed part's frame: the moving part touches them, but
     /// does not overlap them.
     pub others: Vec<Arc<TriangleMesh>>,
 }
@@ -115,7 +115,7 @@ pub struct DockingResult {
     /// Spacing of the lattice that energies are of, metres; none if there are none.
     pub energy_spacing: Option<f64>,
     /// Why there are no energies, if the pair's fields cannot be computed.
-    pub no_energies: Option<PairSetupError>,
+    pub no_energies: Option<DockingError>,
     /// Wall time of the density fields, seconds.
     pub field_seconds: f64,
     /// The other stages, in order.
@@ -334,7 +334,7 @@ impl<'a> Docking<'a> {
         &self,
         held: &[HeldPose],
         monitor: &dyn Monitor,
-    ) -> Result<(Vec<PoseEnergies>, f64), PairSetupError> {
+    ) -> Result<(Vec<PoseEnergies>, f64), DockingError> {
         let setup = self.setup;
         let mut plan = setup.plan()?;
         let mut wider = ENERGY_SPACING * plan.spacing();
@@ -350,16 +350,10 @@ impl<'a> Docking<'a> {
             wider *= 1.5;
         }
         let pair = plan.build(&setup.fixed, &setup.moving, setup.cache.as_ref(), monitor)?;
-        let pair = pair
-            .with_gamma(setup.gamma()?)
-            .map_err(PairBuildError::from)?;
-        let weighed = with_docking_weights(&pair, self.search_options().ratio)
-            .map_err(PairBuildError::from)?;
-        let direct = |pair| DirectEvaluator::new(pair, &DirectOptions::FULL);
-        let sources = [direct(&pair), direct(&weighed)];
-        let [Ok(own), Ok(docking)] = sources else {
-            return Ok((vec![PoseEnergies::NONE; held.len()], plan.spacing()));
-        };
+        let pair = pair.with_gamma(setup.gamma()?)?;
+        let weighed = with_docking_weights(&pair, self.search_options().ratio)?;
+        let own = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+        let docking = DirectEvaluator::new(&weighed, &DirectOptions::FULL)?;
         let perfect = pair.model().gamma * pair.mould_score();
         let of = |h: &HeldPose| {
             let model = own.evaluate_full(&h.pose).response.energy;

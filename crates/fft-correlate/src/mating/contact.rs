@@ -324,7 +324,7 @@ impl MatingContact {
 }
 
 /// Nats that one part's whole surface inside the other costs a pose.
-const INSIDE: f64 = 100.0;
+pub(super) const INSIDE: f64 = 100.0;
 
 /// Nats that it costs to be free to leave in all directions.
 const ESCAPE: f64 = 80.0;

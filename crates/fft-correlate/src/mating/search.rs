@@ -9,7 +9,7 @@ use sdf_grid::{
     Aabb, Interference, InterferenceQuery, Matrix6, Monitor, SurfaceFeatures, TriangleMesh,
 };
 
-use super::contact::{HoldReport, MatingContact};
+use super::contact::{HoldReport, INSIDE, MatingContact};
 use super::hypotheses::{Family, Hypotheses};
 use super::joint::Joint;
 use crate::geometry::pose_spacing::PoseSpacing;
@@ -30,7 +30,8 @@ const BALL_STEP: f64 = std::f64::consts::FRAC_PI_6;
 const SLIDING: usize = 60;
 const MEASURED: usize = 40;
 
-/// Nats that overlap costs: this for every factor e of `1 + overlap / slight`.
+/// Nats that overlap costs: this for every factor e of `1 + overlap / slight`, and as much as surface
+/// inside the other part for its share of the volume.
 const OVERLAP: f64 = 8.0;
 const SLIGHT_OVERLAP: f64 = 3e-3;
 
@@ -375,8 +376,9 @@ impl<'a> MatingSearch<'a> {
         let hold = self.contact.hold(pose);
         let overlap = (interference.volume / self.moving.volume()).clamp(0.0, 1.0);
         let depth = interference.depth / self.contact.radius;
-        let cost =
-            OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p() + DEPTH * (depth - FACET_DEPTH).max(0.0);
+        let cost = OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p()
+            + INSIDE * overlap
+            + DEPTH * (depth - FACET_DEPTH).max(0.0);
         HeldPose {
             pose: *pose,
             hold,

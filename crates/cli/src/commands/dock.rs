@@ -184,16 +184,6 @@ pub(super) fn find_poses(
 
 /// Lengths become metres, poses those of the shapes.
 fn request(args: &DockArgs, setup: &SceneSetup) -> Result<DockingRequest, CommandError> {
-    let known = [
-        ("--near", args.near.is_some()),
-        ("--axis", args.axis.is_some()),
-        ("--keep-apart", !args.keep_apart.is_empty()),
-    ];
-    if let Some((option, _)) = known.iter().find(|(_, given)| *given)
-        && args.rank == RankChoice::Energy
-    {
-        return refuse(*option, "--rank contact beside it", "--rank energy");
-    }
     let placement = setup.placement();
     let near = match &args.near {
         Some(text) => {

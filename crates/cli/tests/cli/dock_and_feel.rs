@@ -107,11 +107,21 @@ fn docking_uses_what_is_known() {
         let at = |k: usize| found["poses"][0]["position"][k].as_f64().unwrap();
         DVec3::new(at(0), at(1), at(2)).length()
     };
+    let scene = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    let everywhere = scene.replace("[window]\nhalf_extent = 0.005\n", "");
+    std::fs::write(folder.path().join("scene.toml"), everywhere).unwrap();
     let (alone, apart) = (dock(""), dock("--keep-apart other.obj"));
     assert!(place(&alone) < 2.5e-3 && place(&apart) > 5e-3, "{apart}");
     assert!(overlap(&alone) < 1e-3 && overlap(&apart) < 1e-2, "{apart}");
     let both = "dock scene.toml --rank energy --near 0,0,0,0,0,0,1";
-    assert!(refuse(folder.path(), &words(both)).contains("--near"));
+    assert!(refuse(folder.path(), &words(both)).contains("near"));
+    // Within the window there is no other place.
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let said = refuse(
+        folder.path(),
+        &words("dock scene.toml --keep-apart other.obj"),
+    );
+    assert!(said.contains("no pose in which faces"), "{said}");
     for (option, value) in [
         ("--near", "1,2"),
         ("--axis", "0,0,0,0,0,0"),

@@ -225,6 +225,7 @@ impl<'a> Docking<'a> {
     /// any pose is found.
     pub fn run(&self, monitor: &dyn Monitor) -> Result<DockingResult, DockingError> {
         self.require_clearance()?;
+        self.require_use()?;
         match self.options.ranking {
             Ranking::Contact => self.run_by_contact(monitor),
             Ranking::Energy => self.run_by_energy(monitor),
@@ -255,7 +256,8 @@ impl<'a> Docking<'a> {
         // A state file and an exhaustive search are of energies: whoever asks for them gets both.
         let asked = self.options.exhaustive || self.options.state.is_some();
         let convincing = held.first().is_some_and(|h| h.rank >= CONVINCING);
-        if (asked || !convincing) && !monitor.cancelled() {
+        let allowed = self.unknown_to_energy().is_none();
+        if allowed && (asked || !convincing) && !monitor.cancelled() {
             match self.run_by_energy(monitor) {
                 Ok(found) => {
                     let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
@@ -271,7 +273,10 @@ impl<'a> Docking<'a> {
             }
         }
         if held.is_empty() {
-            return Err(DockingError::Cancelled);
+            return Err(match monitor.cancelled() {
+                true => DockingError::Cancelled,
+                false => DockingError::NothingMates,
+            });
         }
         let began = Instant::now();
         let energies = self.energies(&held, monitor);
@@ -611,6 +616,27 @@ impl<'a> Docking<'a> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// What is known that energies do not know.
+    fn unknown_to_energy(&self) -> Option<&'static str> {
+        let options = &self.options;
+        let kept_apart = (!options.others.is_empty()).then_some("keep apart");
+        options.axis.map(|_| "axis").or(kept_apart)
+    }
+
+    /// Refuses what is known where the search asked for would not use it.
+    fn require_use(&self) -> Result<(), DockingError> {
+        let options = &self.options;
+        let near = options.near.map(|_| "near");
+        let known = match options.ranking {
+            Ranking::Energy => near.or(self.unknown_to_energy()),
+            Ranking::Contact if options.exhaustive || options.state.is_some() => {
+                self.unknown_to_energy()
+            }
+            Ranking::Contact => None,
+        };
+        known.map_or(Ok(()), |known| Err(DockingError::Unused { known }))
     }
 
     /// Refuses a window whose correlation might not fit in memory.

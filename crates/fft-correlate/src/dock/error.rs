@@ -97,6 +97,21 @@ pub enum DockingError {
         /// The first key that differs.
         difference: Difference,
     },
+    /// What is known of the answer is of no use to a search by energy.
+    #[error(
+        "{known}: expected ranking by contact, without a state file or an exhaustive search, found \
+         a search by energy, which does not know it"
+    )]
+    Unused {
+        /// What is known: `near`, `axis` or `keep apart`.
+        known: &'static str,
+    },
+    /// No face of one part meets a face of the other anywhere that was asked for.
+    #[error(
+        "no pose in which faces of the two parts meet: widen the window, the rotations or what is \
+         near, or rank by energy"
+    )]
+    NothingMates,
     /// The monitor asked to stop before any rotation was scored.
     #[error("cancelled")]
     Cancelled,

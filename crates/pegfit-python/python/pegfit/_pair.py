@@ -493,8 +493,6 @@ class Pair:
         top = count(top, "top", SceneError)
         if rank not in ("contact", "energy"):
             raise _refused("rank", '"contact" or "energy"', repr(rank))
-        if rank == "energy" and (near is not None or axis is not None or len(keep_apart) > 0):
-            raise _refused("rank", '"contact" beside near, axis or keep_apart', repr(rank))
         at = None if near is None else rows(np.asarray(near, dtype=np.float64)[None])[0].tolist()
         line = None
         if axis is not None:

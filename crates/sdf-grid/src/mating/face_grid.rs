@@ -1,7 +1,8 @@
 //! A surface's faces in a uniform grid of cells, for thousands of questions about what lies near a
 //! point.
 
-use std::sync::{PoisonError, RwLock};
+use std::sync::atomic::{AtomicI8, Ordering::Relaxed};
+use std::sync::{OnceLock, PoisonError, RwLock};
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
@@ -16,9 +17,12 @@ const ENTRIES: f64 = 4e6;
 /// Cells whose side of the surface is remembered, at most.
 const REMEMBERED: usize = 1 << 22;
 
-/// Width of the cells in which a point far from the surface speaks for all others, reaches: their
-/// diagonal is shorter than the reach.
-const SMALL_CELL: f64 = 0.5;
+/// Parts of a cell along each axis, each with its middle's distance from the surface.
+const PARTS: usize = 4;
+
+/// Such distances are kept as multiples of this share of the reach, and up to 127 of these.
+const UNIT: f64 = 1.0 / 32.0;
+const UNKNOWN: i8 = i8::MIN;
 
 /// Parts of the memory that threads lock separately.
 const LOCKS: usize = 64;
@@ -47,13 +51,22 @@ pub struct FaceGrid {
     reach: f64,
     origin: DVec3,
     size: DVec3,
-    /// Range of `list` of every cell with faces within reach.
-    cells: FxHashMap<Key, (u32, u32)>,
+    /// Every cell with faces within reach.
+    cells: FxHashMap<Key, Cell>,
     list: Vec<u32>,
     faces: Vec<GridFace>,
     bvh: Bvh,
-    /// Whether small cells far from the surface lie inside.
+    /// Whether cells without faces within reach lie inside.
     inside: Vec<RwLock<FxHashMap<Key, bool>>>,
+}
+
+#[derive(Debug)]
+struct Cell {
+    /// Range of the grid's list of faces within reach.
+    first: u32,
+    last: u32,
+    /// Signed distances of the middles of its parts, units, as far as they have been asked for.
+    distances: OnceLock<Box<[AtomicI8; PARTS * PARTS * PARTS]>>,
 }
 
 #[derive(Debug)]
@@ -78,7 +91,7 @@ impl FaceGrid {
     pub fn new(mesh: &TriangleMesh, reach: f64) -> Self {
         let faces: Vec<GridFace> = mesh.faces().map(GridFace::new).collect();
         let bounds = mesh.bounds();
-        let cell = (2.0 * reach).max((3.0 * mesh.area() / ENTRIES).sqrt());
+        let cell = reach.max((3.0 * mesh.area() / ENTRIES).sqrt());
         let mut grid = Self {
             cell,
             reach,
@@ -100,7 +113,12 @@ impl FaceGrid {
         while first < entries.len() {
             let key = entries[first].0;
             let last = first + entries[first..].partition_point(|e| e.0 == key);
-            grid.cells.insert(key, (first as u32, last as u32));
+            let cell = Cell {
+                first: first as u32,
+                last: last as u32,
+                distances: OnceLock::new(),
+            };
+            grid.cells.insert(key, cell);
             first = last;
         }
         grid
@@ -147,9 +165,51 @@ impl FaceGrid {
         self.origin + (cell + 0.5) * self.cell
     }
 
-    fn near(&self, key: &Key) -> Option<&[u32]> {
-        let &(first, last) = self.cells.get(key)?;
-        Some(&self.list[first as usize..last as usize])
+    fn faces(&self, cell: &Cell) -> &[u32] {
+        &self.list[cell.first as usize..cell.last as usize]
+    }
+
+    /// The least and the largest signed distance that a point of a cell may have, metres.
+    fn bounds(&self, key: Key, cell: &Cell, p: DVec3) -> [f64; 2] {
+        let unknown = || Box::new(std::array::from_fn(|_| AtomicI8::new(UNKNOWN)));
+        let distances = cell.distances.get_or_init(unknown);
+        let width = self.cell / PARTS as f64;
+        let corner = self.middle(key) - 0.5 * self.cell;
+        let last = DVec3::splat((PARTS - 1) as f64);
+        let part = ((p - corner) / width).floor().clamp(DVec3::ZERO, last);
+        let index = (part.x as usize * PARTS + part.y as usize) * PARTS + part.z as usize;
+        let middle = corner + (part + 0.5) * width;
+        let unit = UNIT * self.reach;
+        let units = match distances[index].load(Relaxed) {
+            UNKNOWN => {
+                let found = (self.signed_distance(middle, cell) / unit).round();
+                let found = found.clamp(-127.0, 127.0) as i8;
+                distances[index].store(found, Relaxed);
+                found
+            }
+            known => known,
+        };
+        let room = p.distance(middle) + 0.5 * unit;
+        let distance = f64::from(units) * unit;
+        // Of the largest ones, only that they are at least so large is known.
+        match units {
+            127 => [distance - room, f64::INFINITY],
+            -127 => [f64::NEG_INFINITY, distance + room],
+            _ => [distance - room, distance + room],
+        }
+    }
+
+    /// Signed distance of a cell's point, metres, or as much as can be kept.
+    fn signed_distance(&self, p: DVec3, cell: &Cell) -> f64 {
+        if let Some(distance) = self.signed_distance_near(p, self.faces(cell)) {
+            return distance;
+        }
+        let far = 128.0 * UNIT * self.reach;
+        let distance = self.bvh.nearest_within(p, far).map_or(far, |n| n.distance);
+        match self.find_inside(p) {
+            true => -distance,
+            false => distance,
+        }
     }
 
     /// The nearest face that the line through `p` along `direction` (unit length) meets, at most
@@ -164,7 +224,13 @@ impl FaceGrid {
     ) -> Option<OppositeFace> {
         let mut best: Option<OppositeFace> = None;
         let mut least = behind.max(ahead);
-        for &index in self.near(&self.key(p))? {
+        let key = self.key(p);
+        let cell = self.cells.get(&key)?;
+        let [low, high] = self.bounds(key, cell, p);
+        if low > least || high < -least {
+            return None;
+        }
+        for &index in self.faces(cell) {
             let face = &self.faces[index as usize];
             let along = face.normal.dot(direction);
             if along > -cosine {
@@ -190,11 +256,15 @@ impl FaceGrid {
         if from.min_element() < 0.0 || (self.size - from).min_element() < 0.0 {
             return false;
         }
-        let faces = self.near(&self.key(p)).unwrap_or_default();
-        match self.signed_distance_near(p, faces) {
-            Some(distance) => distance < -depth,
-            None => self.is_inside(p),
+        let key = self.key(p);
+        let Some(cell) = self.cells.get(&key) else {
+            return self.is_inside(key, p);
+        };
+        let [low, high] = self.bounds(key, cell, p);
+        if high < -depth || low > -depth {
+            return high < -depth;
         }
+        self.signed_distance(p, cell) < -depth
     }
 
     /// Signed distance of `p` from the nearest of these faces, metres, negative inside; none if it is
@@ -219,11 +289,8 @@ impl FaceGrid {
         height.map(|above| least.copysign(above))
     }
 
-    /// Whether a point farther than the reach from the surface lies inside: as all of a small cell
-    /// around it does.
-    fn is_inside(&self, p: DVec3) -> bool {
-        let cell = ((p - self.origin) / (SMALL_CELL * self.reach)).floor();
-        let key = [cell.x as i32, cell.y as i32, cell.z as i32];
+    /// Whether a point of a cell without faces within reach lies inside: as all of the cell does.
+    fn is_inside(&self, key: Key, p: DVec3) -> bool {
         let mix = key[0].wrapping_mul(7) ^ key[1].wrapping_mul(13) ^ key[2].wrapping_mul(29);
         let part = &self.inside[mix as usize % LOCKS];
         let known = part.read().unwrap_or_else(PoisonError::into_inner);
@@ -239,15 +306,13 @@ impl FaceGrid {
         inside
     }
 
-    /// Whether a point lies inside: above or below the nearest face, by the winding number where the
-    /// nearest point lies on an edge.
+    /// Whether a point lies inside: as all points between it and the nearest one of the surface do.
     fn find_inside(&self, p: DVec3) -> bool {
         let nearest = self.bvh.nearest(p);
-        let above = (p - nearest.point).dot(self.faces[nearest.triangle].normal);
-        match above.abs() > 0.999 * nearest.distance {
-            true => above < 0.0,
-            false => self.bvh.winding_number(p) > 0.5,
-        }
+        let away = (p - nearest.point).clamp_length_max(0.5 * self.reach);
+        let q = nearest.point + away;
+        let faces = self.cells.get(&self.key(q)).map(|cell| self.faces(cell));
+        (self.signed_distance_near(q, faces.unwrap_or_default())).is_some_and(|d| d < 0.0)
     }
 }
 

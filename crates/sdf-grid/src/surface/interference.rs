@@ -85,14 +85,15 @@ impl<'a> InterferenceQuery<'a> {
                 }
             }
             None => {
-                let inside = |p: &DVec3| {
-                    fixed
-                        .signed_distance(*p)
-                        .max(moving.signed_distance(back(*p)))
-                };
-                let mut points = points_on(self.fixed.faces());
-                points.extend(points_on(placed.faces()));
-                points.retain(|p| inside(p) <= 0.0);
+                // Points of one surface that lie inside the other solid.
+                let (fixed_box, moving_box) = (self.fixed.bounds(), placed.bounds());
+                let in_moving =
+                    |p: &DVec3| moving_box.contains(*p) && moving.signed_distance(back(*p)) <= 0.0;
+                let in_fixed =
+                    |p: &DVec3| fixed_box.contains(*p) && fixed.signed_distance(*p) <= 0.0;
+                let of_fixed = points_on(self.fixed.faces()).into_iter().filter(in_moving);
+                let of_moving = points_on(placed.faces()).into_iter().filter(in_fixed);
+                let points = of_fixed.chain(of_moving).collect();
                 Interference {
                     volume: shared_volume(self.fixed, &placed),
                     depth: deepest(points),

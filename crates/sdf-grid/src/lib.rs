@@ -29,6 +29,7 @@ pub use field::recipe::{FIELD_VERSION, FieldRecipe};
 pub use field::sampling::signed_distance::signed_distances;
 pub use frame::minimum_box::minimum_box_rotation;
 pub use frame::symmetry::{SymmetryAxis, SymmetryOrder};
+pub use mating::enclosure::Enclosure;
 pub use mating::face_grid::{FaceGrid, OppositeFace};
 pub use mating::features::{PatchAxis, Plane, RoundPatch, SpherePatch, SurfaceFeatures};
 pub use mating::matrix6::{Matrix6, Vector6};

@@ -360,20 +360,28 @@ impl<'a> Hypotheses<'a> {
         if self.round.is_some_and(|r| r.cross(axis).length() < 0.02) {
             return vec![0.0];
         }
+        let aligned = self.aligned_spins(base, along);
+        let even = (0..SPINS).map(|k| TAU * k as f64 / SPINS as f64);
+        aligned.into_iter().map(|s| s.0).chain(even).collect()
+    }
+
+    /// Turns (radians, 0 to a full one) about an axis `along` of the moving part, which lies at
+    /// `base`, that make planes along the axis parallel, and how much they do, those that do most
+    /// first.
+    pub(super) fn aligned_spins(&self, base: DQuat, along: DVec3) -> Vec<(f64, f64)> {
         let first = along.any_orthonormal_vector();
         let second = along.cross(first);
         let angle = |v: DVec3| v.dot(second).atan2(v.dot(first));
         let [fixed, moving] = &self.directions;
         let mut spins = Vec::new();
-        for m in moving.iter().filter(|m| m.normal.dot(axis).abs() < 0.05) {
+        let turned = moving.iter().map(|m| (base * m.normal, m.area));
+        for (m, area) in turned.filter(|(m, _)| m.dot(along).abs() < 0.05) {
             for f in fixed.iter().filter(|f| f.normal.dot(along).abs() < 0.05) {
-                let spin = angle(-f.normal) - angle(base * m.normal);
-                spins.push((spin.rem_euclid(TAU), m.area.min(f.area).sqrt()));
+                let spin = angle(-f.normal) - angle(m);
+                spins.push((spin.rem_euclid(TAU), area.min(f.area).sqrt()));
             }
         }
-        let aligned = clustered(spins, 0.02, ALIGNED_SPINS);
-        let even = (0..SPINS).map(|k| TAU * k as f64 / SPINS as f64);
-        aligned.into_iter().map(|s| s.0).chain(even).collect()
+        clustered(spins, 0.02, ALIGNED_SPINS)
     }
 
     /// Balls in cups, in these rotations.

@@ -9,6 +9,7 @@
 pub(crate) mod contact;
 pub(crate) mod hypotheses;
 pub(crate) mod joint;
+pub(crate) mod representative;
 pub(crate) mod search;
 pub(crate) mod seat;
 

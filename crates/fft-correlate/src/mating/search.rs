@@ -6,10 +6,10 @@ use std::sync::OnceLock;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{
-    Aabb, Interference, InterferenceQuery, Matrix6, Monitor, SurfaceFeatures, TriangleMesh,
+    Aabb, Enclosure, Interference, InterferenceQuery, Monitor, SurfaceFeatures, TriangleMesh,
 };
 
-use super::contact::{HoldReport, INSIDE, MatingContact};
+use super::contact::{HoldReport, INFORMATION_FLOOR, INSIDE, MatingContact};
 use super::hypotheses::{Family, Hypotheses};
 use super::joint::Joint;
 use crate::geometry::pose_spacing::PoseSpacing;
@@ -39,10 +39,13 @@ const SLIGHT_OVERLAP: f64 = 3e-3;
 const DEPTH: f64 = 60.0;
 const FACET_DEPTH: f64 = 0.02;
 
-/// Places are alike if the part is held in them by the same contact: information within this many
-/// nats, Gramians within this share.
+/// Nats that it is worth to close a space as large as the moving part's radius cubed.
+const CLOSES: f64 = 10.0;
+
+/// Places are alike if the part is held alike in them: ranks within this many nats, each eigenvalue
+/// of the Gramian within this factor's logarithm.
 const ALIKE_NATS: f64 = 1.0;
-const ALIKE_GRAMIAN: f64 = 0.1;
+const ALIKE_RATIO: f64 = 0.4;
 
 /// What is known beforehand about where the moving part belongs.
 #[derive(Debug, Clone, Default)]
@@ -108,7 +111,10 @@ pub struct HeldPose {
     pub interference: Interference,
     /// Share of the moving part's volume that the fixed part fills as well.
     pub overlap: f64,
-    /// What ranks it, nats: the hold, less what overlap costs.
+    /// Volume that both parts enclose together and neither alone, cubic metres: the inside of a box
+    /// that a lid closes.
+    pub enclosed: f64,
+    /// What ranks it, nats: the hold, less what overlap costs, more for what it encloses.
     pub rank: f64,
     /// The joint that contact leaves.
     pub joint: Joint,
@@ -121,8 +127,9 @@ pub struct MatingSearch<'a> {
     fixed: &'a TriangleMesh,
     moving: &'a TriangleMesh,
     features: [SurfaceFeatures; 2],
-    contact: MatingContact,
-    options: MatingSearchOptions,
+    pub(super) contact: MatingContact,
+    enclosure: Enclosure<'a>,
+    pub(super) options: MatingSearchOptions,
     same: PoseSpacing,
     /// The best hypotheses, found once.
     screened: OnceLock<Vec<Candidate>>,
@@ -155,6 +162,7 @@ impl<'a> MatingSearch<'a> {
             moving,
             features,
             contact,
+            enclosure: Enclosure::new(fixed, moving),
             options,
             same,
             screened: OnceLock::new(),
@@ -191,7 +199,7 @@ impl<'a> MatingSearch<'a> {
         let slide = |c: &Candidate| {
             let (pose, value) = match monitor.cancelled() {
                 true => (c.pose, c.value),
-                false => self.contact.slide((c.pose, c.value), monitor),
+                false => (self.contact).centred(self.contact.slide((c.pose, c.value), monitor)),
             };
             Candidate { pose, value }
         };
@@ -201,11 +209,14 @@ impl<'a> MatingSearch<'a> {
         self.ranked(&homes, monitor)
     }
 
+    fn hypotheses(&self) -> Hypotheses<'_> {
+        let [fixed, moving] = &self.features;
+        Hypotheses::new([fixed, moving], self.contact.resolution, self.options.round)
+    }
+
     /// The best hypotheses of every family.
     fn screen(&self, monitor: &dyn Monitor) -> Vec<Candidate> {
-        let [fixed, moving] = &self.features;
-        let hypotheses =
-            Hypotheses::new([fixed, moving], self.contact.resolution, self.options.round);
+        let (hypotheses, moving) = (self.hypotheses(), &self.features[1]);
         let rotations = match self.options.axis {
             // A known axis leaves no other rotations.
             Some(_) => Vec::new(),
@@ -341,6 +352,7 @@ impl<'a> MatingSearch<'a> {
             }
         }
         groups.truncate(self.options.top);
+        let hypotheses = self.hypotheses();
         let report = |(_, members): &(usize, Vec<usize>)| {
             let mut members = members.clone();
             if let Some(present) = self.options.present {
@@ -348,13 +360,17 @@ impl<'a> MatingSearch<'a> {
                 members.sort_by(|a, b| away(a).total_cmp(&away(b)));
             }
             let first = &measured[members[0]];
-            HeldPose {
+            let found = HeldPose {
                 joint: match monitor.cancelled() {
                     true => Joint::default(),
                     false => self.contact.joint(&first.pose),
                 },
                 alike: members[1..].iter().map(|i| measured[*i].pose).collect(),
                 ..first.clone()
+            };
+            match monitor.cancelled() {
+                true => found,
+                false => self.representative(&query, &hypotheses, found),
             }
         };
         groups.par_iter().map(report).collect()
@@ -371,11 +387,13 @@ impl<'a> MatingSearch<'a> {
     }
 
     /// All but the joint, which is left undetermined.
-    fn measure(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
+    pub(super) fn measure(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
         let interference = query.at(pose.rotation, pose.translation);
         let hold = self.contact.hold(pose);
         let overlap = (interference.volume / self.moving.volume()).clamp(0.0, 1.0);
         let depth = interference.depth / self.contact.radius;
+        let enclosed = self.enclosure.volume(pose.rotation, pose.translation);
+        let share = enclosed / self.contact.radius.powi(3);
         let cost = OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p()
             + INSIDE * overlap
             + DEPTH * (depth - FACET_DEPTH).max(0.0);
@@ -384,49 +402,26 @@ impl<'a> MatingSearch<'a> {
             hold,
             interference,
             overlap,
-            rank: hold.hold - cost,
+            enclosed,
+            rank: hold.hold - cost + CLOSES * share.min(1.0),
             joint: Joint::default(),
             alike: Vec::new(),
         }
     }
 
-    /// Whether the same contact holds the part at two poses, up to its own symmetry.
+    /// Whether contact holds the part alike at two poses: as well along its strongest, its second and
+    /// all other motions.
     fn is_alike(&self, a: &Pose, b: &Pose) -> bool {
         let clearance = self.contact.clearance();
-        let [a, b] = [a, b].map(|pose| {
-            let gramian = self.contact.gramian(pose, clearance);
-            turned(&gramian.matrix, pose.rotation.conjugate())
-        });
-        let size = norm(&a).max(norm(&b));
-        let alike = |g: &Matrix6| difference(&a, g) <= ALIKE_GRAMIAN * size;
-        alike(&b)
-            || (self.options.symmetries.iter()).any(|s| alike(&turned(&b, s.rotation.conjugate())))
+        let [a, b] = [a, b].map(|pose| self.contact.gramian(pose, clearance).matrix.eigen().0);
+        let ratio = |(x, y): (&f64, &f64)| {
+            let [x, y] = [x, y].map(|v| v.max(0.0) + INFORMATION_FLOOR);
+            (x / y).ln().abs()
+        };
+        a.iter().zip(&b).map(ratio).fold(0.0, f64::max) < ALIKE_RATIO
     }
 }
 
 fn shifted(pose: &Pose, by: DVec3) -> Pose {
     Pose::new(pose.rotation, pose.translation + by)
-}
-
-/// A Gramian in axes turned by `q`.
-fn turned(m: &Matrix6, q: DQuat) -> Matrix6 {
-    let turn = |v: &[f64; 6]| {
-        let [a, b] = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])].map(|v| q * v);
-        [a.x, a.y, a.z, b.x, b.y, b.z]
-    };
-    let rows = m.0.map(|row| turn(&row));
-    let columns: [[f64; 6]; 6] =
-        std::array::from_fn(|j| turn(&std::array::from_fn(|i| rows[i][j])));
-    Matrix6(std::array::from_fn(|i| {
-        std::array::from_fn(|j| columns[j][i])
-    }))
-}
-
-fn norm(m: &Matrix6) -> f64 {
-    m.0.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn difference(a: &Matrix6, b: &Matrix6) -> f64 {
-    let pairs = a.0.iter().flatten().zip(b.0.iter().flatten());
-    pairs.map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt()
 }

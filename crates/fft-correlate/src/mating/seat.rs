@@ -9,8 +9,13 @@ use crate::geometry::se3::Pose;
 /// Steps at each clearance, at most.
 const STEPS: usize = 3;
 
-/// Weight of a sample inside the other part against one outside.
+/// Weight of a sample inside the other part against one outside: while seating, and in the middle of
+/// what play there is.
 const INSIDE: f64 = 3.0;
+const EVEN: f64 = 1.0;
+
+/// Nats of hold that a part in the middle of its play may lose.
+const MIDDLE: f64 = 0.5;
 
 /// Holds motions in place that no sample speaks for.
 const DAMPING: f64 = 1e-3;
@@ -40,7 +45,7 @@ impl MatingContact {
         for share in clearances {
             let clearance = share * 1.5 * self.clearance();
             for _ in 0..STEPS {
-                let Some((turn, shift)) = self.step(samples, &pose, clearance) else {
+                let Some((turn, shift)) = self.step(samples, &pose, clearance, INSIDE) else {
                     break;
                 };
                 pose = self.moved(&pose, turn, shift);
@@ -52,6 +57,24 @@ impl MatingContact {
         pose
     }
 
+    /// The pose in the middle of the play around one, if that holds the part as well: faces on both
+    /// sides within the clearance count, however close one of them is.
+    pub(super) fn centred(&self, (start, hold): (Pose, f64)) -> (Pose, f64) {
+        let [many, _] = self.samples();
+        let mut pose = start;
+        for _ in 0..2 * STEPS {
+            let Some((turn, shift)) = self.step(many, &pose, self.clearance(), EVEN) else {
+                break;
+            };
+            pose = self.moved(&pose, turn, shift);
+        }
+        let there = self.hold(&pose).hold;
+        match there > hold - MIDDLE {
+            true => (pose, there),
+            false => (start, hold),
+        }
+    }
+
     /// Turn (radians) and displacement (metres) that close the gaps within a clearance; none if there
     /// are none.
     fn step(
@@ -59,6 +82,7 @@ impl MatingContact {
         samples: &[SurfacePoint],
         pose: &Pose,
         clearance: f64,
+        inside: f64,
     ) -> Option<(DVec3, DVec3)> {
         let centre = pose.apply(self.centre);
         let (mut normal_matrix, mut right, mut count) = (Matrix6::default(), [0.0; 6], 0);
@@ -66,7 +90,7 @@ impl MatingContact {
             count += 1;
             let height = gap * -face.dot(n);
             let near = 1.0 - (gap / clearance).powi(2);
-            let weight = s.weight * near * if height < 0.0 { INSIDE } else { 1.0 };
+            let weight = s.weight * near * if height < 0.0 { inside } else { 1.0 };
             let row = self.row(centre, p, face);
             normal_matrix.add_outer(weight, &row);
             for (sum, r) in right.iter_mut().zip(&row) {
